@@ -1,0 +1,74 @@
+"""The exception tree: every error that a user may see, carrying the values that failed.
+
+Exit statuses follow sysexits.h, so that a service manager can tell a mistake in a file (never worth a restart) from a
+bus that is away (always worth one).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class ExitCode(IntEnum):
+    """Exit statuses of every command; documented in the README."""
+
+    OK = 0
+    FAILURE = 1
+    USAGE = 2
+    UNAVAILABLE = 69
+    SOFTWARE = 70
+    IO = 74
+    CONFIG = 78
+
+
+class PositionerError(Exception):
+    """Base of all errors of the project; `exit_code` is what the command ends with."""
+
+    exit_code: ExitCode = ExitCode.FAILURE
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One mistake in a configuration: where it stands, what it is, and what to do."""
+
+    where: str
+    line: int | None
+    message: str
+
+    def __str__(self) -> str:
+        """One line: `line 12: valve.mass_kg = 1361: must be at most 200`."""
+        return f"line {self.line}: {self.where}: {self.message}" if self.line else f"{self.where}: {self.message}"
+
+
+class ConfigurationError(PositionerError):
+    """A configuration that cannot be used; `problems` holds every mistake found, `source` the file."""
+
+    exit_code = ExitCode.CONFIG
+
+    def __init__(self, source: str, problems: tuple[Problem, ...]) -> None:
+        self.source = source
+        self.problems = problems
+        super().__init__("\n".join(f"{source}: {problem}" for problem in problems))
+
+
+class BusError(PositionerError):
+    """The CAN bus cannot be used; the message says which and what to do."""
+
+    exit_code = ExitCode.UNAVAILABLE
+
+
+class AlreadyRunningError(PositionerError):
+    """Another daemon holds this valve."""
+
+    exit_code = ExitCode.UNAVAILABLE
+
+
+class StateError(PositionerError):
+    """The state directory or its table cannot be used."""
+
+    exit_code = ExitCode.IO
+
+
+class BenchError(PositionerError):
+    """A bench run could not be completed."""

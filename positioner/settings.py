@@ -1,0 +1,131 @@
+"""TOML in, frozen dataclass out: every mistake at once, with its line, its limits and the nearest known key.
+
+Shell. Plumbing that the positioner and the plant emulator share; it knows no physics. Limits stand beside the
+parameters, as `Annotated[float, Interval(gt=0.0, le=200.0)]`, and pydantic checks them.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import re
+import tomllib
+from dataclasses import fields, is_dataclass
+from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
+
+from pydantic import TypeAdapter, ValidationError
+
+from positioner.errors import ConfigurationError, Problem
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pydantic_core import ErrorDetails
+
+T = TypeVar("T")
+
+_LINE_IN_TOML_ERROR = re.compile(r"\(at line (\d+)")
+_EQUATION = re.compile(r"\s*([A-Za-z0-9_\-]+|\"[^\"]*\")\s*=")
+
+
+def load(path: Path, kind: type[T]) -> T:
+    """Return the settings in the TOML file `path` as a `kind`.
+
+    Raises:
+        ConfigurationError: the file cannot be read, is not TOML, or any value in it is unknown or out of its limits.
+    """
+    return parse(read_text(path), kind, str(path))
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a settings file.
+
+    Raises:
+        ConfigurationError: the file cannot be read, or is not UTF-8 text.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigurationError(str(path), (Problem("file", None, f"cannot be read: {error.strerror}"),)) from error
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(str(path), (Problem("file", None, f"is not UTF-8 text: {error}"),)) from error
+
+
+def parse(text: str, kind: type[T], source: str) -> T:
+    """Return the settings in `text` as a `kind`; `source` names the text in the messages.
+
+    Raises:
+        ConfigurationError: as `load`.
+    """
+    return build(tables(text, source), kind, source, text)
+
+
+def tables(text: str, source: str) -> dict[str, Any]:
+    """Return the TOML `text` as nested dictionaries.
+
+    Raises:
+        ConfigurationError: the text is not TOML; the message gives the line.
+    """
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        found = _LINE_IN_TOML_ERROR.search(str(error))
+        line = int(found.group(1)) if found else None
+        raise ConfigurationError(source, (Problem("TOML", line, str(error)),)) from error
+
+
+def build(values: dict[str, Any], kind: type[T], source: str, text: str = "") -> T:
+    """Return `values` as a `kind`; lines are looked up in `text`.
+
+    Raises:
+        ConfigurationError: any value is unknown or out of its limits; every mistake is in `problems`.
+    """
+    try:
+        # JSON in between: its strict mode takes tables as dataclasses and still refuses "1.361" as a number
+        return TypeAdapter(kind).validate_json(json.dumps(values, default=str), strict=True)
+    except ValidationError as error:
+        problems = tuple(_problem(item, kind, text) for item in error.errors(include_url=False))
+        raise ConfigurationError(source, tuple(sorted(problems, key=lambda p: p.line or 0))) from error
+
+
+def line_of(text: str, path: tuple[str, ...]) -> int | None:
+    """Return the 1-based line on which the key `path` is set in the TOML `text`, or its table's line, or None."""
+    table: tuple[str, ...] = ()
+    table_line: int | None = None
+    for number, line in enumerate(text.splitlines(), start=1):
+        stripped = line.strip()
+        if stripped.startswith("["):
+            table = tuple(part.strip().strip('"') for part in stripped.split("]")[0].strip("[ ").split("."))
+            if table == path[: len(table)]:
+                table_line = number
+        elif (match := _EQUATION.match(line)) and (*table, match.group(1).strip('"')) == path:
+            return number
+    return table_line
+
+
+def _problem(item: ErrorDetails, kind: type[Any], text: str) -> Problem:
+    path = tuple(str(part) for part in item["loc"] if not isinstance(part, int))
+    key = ".".join(path) or "file"
+    line = line_of(text, path)
+    if item["type"] == "unexpected_keyword_argument":
+        return Problem(key, line, f"unknown key{_nearest(path, kind)}")
+    if item["type"] in {"missing", "missing_argument"}:
+        return Problem(key, line_of(text, path[:-1]), "is required and missing")
+    message = item["msg"].replace("Input should be", "must be")
+    return Problem(f"{key} = {item['input']!r}", line, message)
+
+
+def _nearest(path: tuple[str, ...], kind: type[Any]) -> str:
+    known = [field.name for field in fields(owner)] if (owner := _owner(path[:-1], kind)) else []
+    close = difflib.get_close_matches(path[-1], known, n=1, cutoff=0.5)
+    return f"; did you mean {close[0]!r}?" if close else f"; known here: {', '.join(known)}"
+
+
+def _owner(path: tuple[str, ...], kind: Any) -> Any:
+    """Return the dataclass that the table `path` is read into, or None."""
+    for part in path:
+        if not is_dataclass(kind):
+            return None
+        hint = get_type_hints(kind, include_extras=False).get(part)
+        kind = next((arg for arg in (hint, *get_args(hint)) if is_dataclass(arg)), None)
+    return kind if is_dataclass(kind) else None

@@ -1,0 +1,1 @@
+"""The wire: typed messages, their DBC and their end-to-end protection. Pure; shared with the plant emulator."""

@@ -1,0 +1,145 @@
+"""What crosses the bus, as typed messages. Pure.
+
+SI units here (the loop current in mA is the one exception); the DBC scales to mm, kPa and mA on the wire. A counter
+echo is the 8-bit counter of the frame that the sender last accepted from the other side, or None where a foreign
+DBC has no signal for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+@dataclass(frozen=True, slots=True)
+class CanFrame:
+    """One classic CAN frame, as read from or written to a bus; `received_ns` is monotonic, 0 when not received."""
+
+    arbitration_id: int
+    data: bytes
+    is_extended: bool = False
+    is_error: bool = False
+    is_remote: bool = False
+    received_ns: int = 0
+
+
+class Mode(IntEnum):
+    """Modes of the positioner's guard."""
+
+    INIT = 0
+    READY = 1
+    ACTIVE = 2
+    HOLD = 3
+    FAILSAFE = 4
+
+
+class Motion(IntEnum):
+    """What the control law is doing with the stem."""
+
+    NONE = 0
+    HOLD = 1
+    MOVE = 2
+    SETTLE = 3
+
+
+class Quality(IntEnum):
+    """What the position sensor says of its own value."""
+
+    VALID = 0
+    SUSPECT = 1
+    FAULT = 2
+
+
+class HostRequest(IntEnum):
+    """What the host asks for beside the setpoint."""
+
+    NONE = 0
+    ARM = 1
+    DISARM = 2
+
+
+class Health(IntEnum):
+    """NAMUR NE 107 status signals."""
+
+    GOOD = 0
+    MAINTENANCE_REQUIRED = 1
+    OUT_OF_SPECIFICATION = 2
+    FUNCTION_CHECK = 3
+    FAILURE = 4
+
+
+class Cause(IntEnum):
+    """Why the positioner is in its mode, or what ails it."""
+
+    NONE = 0
+    WAITING_FOR_FEEDBACK = 1
+    WAITING_FOR_ARM = 2
+    FEEDBACK_STALE = 3
+    FEEDBACK_IMPLAUSIBLE = 4
+    SETPOINT_STALE = 5
+    FOREIGN_COMMAND = 6
+    LAW_FAILED = 7
+    BUS_DOWN = 8
+    STOPPED = 9
+    DISARMED = 10
+    TABLE_NOT_SAVED = 11
+
+
+@dataclass(frozen=True, slots=True)
+class StemPosition:
+    """STEM_POSITION, plant → positioner: the measured stem position x."""
+
+    position_m: float
+    command_counter: int | None = None
+    quality: Quality = Quality.VALID
+
+
+@dataclass(frozen=True, slots=True)
+class ActuatorState:
+    """ACTUATOR_STATE, plant → positioner, optional: the measured actuator pressure P."""
+
+    pressure_pa: float
+
+
+@dataclass(frozen=True, slots=True)
+class Setpoint:
+    """SETPOINT, host → positioner: the wanted stem position r, and a request."""
+
+    setpoint_m: float
+    request: HostRequest = HostRequest.NONE
+
+
+@dataclass(frozen=True, slots=True)
+class CurrentCommand:
+    """CURRENT_COMMAND, positioner → plant: the loop current u."""
+
+    current_ma: float
+    position_counter: int | None = None
+    setpoint_counter: int | None = None
+    mode: Mode = Mode.ACTIVE
+    motion: Motion = Motion.NONE
+
+
+@dataclass(frozen=True, slots=True)
+class PositionerStatus:
+    """POSITIONER_STATUS, positioner → host, 10 Hz; the three counts wrap at 256."""
+
+    mode: Mode
+    cause: Cause
+    health: Health
+    armed: bool
+    table_saved: bool
+    fallback_count: int
+    rejected_count: int
+    learned_count: int
+
+
+@dataclass(frozen=True, slots=True)
+class PlantTruth:
+    """PLANT_TRUTH, emulator only: the true stem position and speed, without noise."""
+
+    position_m: float
+    velocity_m_per_s: float
+
+
+Message = StemPosition | ActuatorState | Setpoint | CurrentCommand | PositionerStatus | PlantTruth

@@ -11,6 +11,7 @@ import json
 import re
 import tomllib
 from dataclasses import fields, is_dataclass
+from itertools import takewhile
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
@@ -25,7 +26,10 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 _LINE_IN_TOML_ERROR = re.compile(r"\(at line (\d+)")
-_EQUATION = re.compile(r"\s*([A-Za-z0-9_\-]+|\"[^\"]*\")\s*=")
+_KEY = r"(?:[A-Za-z0-9_\-]+|\"[^\"]*\"|'[^']*')"
+_KEYS = rf"({_KEY}(?:\s*\.\s*{_KEY})*)"
+_HEADER = re.compile(rf"\s*\[\[?\s*{_KEYS}\s*\]")
+_EQUATION = re.compile(rf"\s*{_KEYS}\s*=")
 
 
 def load(path: Path, kind: type[T]) -> T:
@@ -89,18 +93,28 @@ def build(values: dict[str, Any], kind: type[T], source: str, text: str = "") ->
 
 
 def line_of(text: str, path: tuple[str, ...]) -> int | None:
-    """Return the 1-based line on which the key `path` is set in the TOML `text`, or its table's line, or None."""
+    """Return the 1-based line in the TOML `text` that comes nearest to setting the key `path`, or None.
+
+    That is the key's own line, dotted or not; inside an inline table the line of that table; for a table its header.
+    """
     table: tuple[str, ...] = ()
-    table_line: int | None = None
+    nearest: int | None = None
+    most_shared = 0
     for number, line in enumerate(text.splitlines(), start=1):
-        stripped = line.strip()
-        if stripped.startswith("["):
-            table = tuple(part.strip().strip('"') for part in stripped.split("]")[0].strip("[ ").split("."))
-            if table == path[: len(table)]:
-                table_line = number
-        elif (match := _EQUATION.match(line)) and (*table, match.group(1).strip('"')) == path:
-            return number
-    return table_line
+        if header := _HEADER.match(line):
+            key = table = _parts(header.group(1))
+        elif equation := _EQUATION.match(line):
+            key = (*table, *_parts(equation.group(1)))
+        else:
+            continue
+        shared = len(tuple(takewhile(lambda pair: pair[0] == pair[1], zip(key, path, strict=False))))
+        if shared > most_shared:
+            nearest, most_shared = number, shared
+    return nearest
+
+
+def _parts(keys: str) -> tuple[str, ...]:
+    return tuple(part.strip("\"'") for part in re.findall(_KEY, keys))
 
 
 def _problem(item: ErrorDetails, kind: type[Any], text: str) -> Problem:

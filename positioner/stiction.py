@@ -59,6 +59,16 @@ class CellKey:
 
 
 @dataclass(frozen=True, slots=True)
+class LearnedSample:
+    """One thing that a stop or a slip taught: the quantity, where, in which direction, its value in its unit."""
+
+    quantity: Quantity
+    position_m: float
+    direction: Direction
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
 class Cell:
     """Samples of one quantity at one place: the newest last, at most `SAMPLES_KEPT`.
 

@@ -1,0 +1,1 @@
+"""The command `plant-emulator`: one file per sub-command. Shell."""

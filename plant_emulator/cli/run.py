@@ -1,0 +1,59 @@
+"""`plant-emulator run`: the valve on a bus. Shell."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from plant_emulator.daemon import EmulatorDaemon, RunOptions
+from plant_emulator.presets import load_plant, plant_settings
+from positioner.bus import parse_address
+from positioner.wire.codec import WireSettings, make_codec
+
+if TYPE_CHECKING:
+    from positioner.errors import ExitCode
+
+_EXAMPLE = """\
+example:
+  plant-emulator run --preset paper --bus socketcan:vcan0 --period 0.001
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the sub-command."""
+    parser = subparsers.add_parser(
+        "run",
+        help="put the valve on a CAN bus",
+        description="Put the valve on a CAN bus: it sends its position every period and obeys command frames.",
+        epilog=_EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--preset", default="paper", help="valve by name (see `plant-emulator presets`; %(default)s)")
+    which.add_argument("--config", type=Path, metavar="FILE", help="valve in a TOML file")
+    parser.add_argument("--bus", default="socketcan:vcan0", metavar="INTERFACE:CHANNEL", help="the bus (%(default)s)")
+    parser.add_argument("--period", type=float, default=0.001, metavar="S", help="period of the frames (%(default)s s)")
+    parser.add_argument("--seed", type=int, default=1, help="seed of noise and stochastic friction (%(default)s)")
+    parser.add_argument(
+        "--clock",
+        choices=("realtime", "lockstep"),
+        default="realtime",
+        help="send whatever comes back, or advance only when the positioner has answered (%(default)s)",
+    )
+    parser.add_argument("--setpoint-every", type=int, default=0, metavar="N", help=argparse.SUPPRESS)
+    parser.add_argument("--id-offset", type=int, default=0, metavar="N", help="added to all identifiers (%(default)s)")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> ExitCode:
+    settings = load_plant(arguments.config) if arguments.config else plant_settings(arguments.preset)
+    options = RunOptions(
+        bus=parse_address(arguments.bus),
+        period_s=arguments.period,
+        seed=arguments.seed,
+        lockstep=arguments.clock == "lockstep",
+        setpoint_every=arguments.setpoint_every,
+    )
+    codec = make_codec(WireSettings(id_offset=arguments.id_offset), span_m=settings.valve.span_m)
+    return EmulatorDaemon(settings, codec, options).run()

@@ -1,0 +1,175 @@
+"""`plant-emulator simulate`: a current waveform in, the valve's motion out, as CSV. Shell."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import math
+import sys
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tqdm import tqdm
+
+from plant_emulator import valve
+from plant_emulator.cli.waveforms import HIGHEST_CURRENT_MA, Shape, Waveform, from_file, shaped
+from plant_emulator.presets import overridden, preset_names
+from positioner.errors import ConfigurationError, ExitCode, PositionerError, Problem
+from positioner.settings import read_text, tables
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from contextlib import AbstractContextManager
+    from typing import TextIO
+
+    from plant_emulator.parameters import PlantSettings
+
+_HEADER = ("time_s", "current_ma", "pressure_pa", "position_m", "velocity_m_per_s", "friction_n")
+_PROGRESS_AFTER_S = 2.0
+_DEFAULT_DURATION_S = 60.0
+
+
+class OutputError(PositionerError):
+    """The result cannot be written."""
+
+    exit_code = ExitCode.IO
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the sub-command."""
+    parser = subparsers.add_parser(
+        "simulate",
+        help="drive a valve with a current waveform and write its motion as CSV",
+        description="Drive a valve with a current waveform and write its motion as CSV, one row per period. "
+        "current_ma is the current that was held during the period that ends at time_s.",
+        epilog="example: plant-emulator simulate --preset paper --set valve.mass_kg=2 --input step --duration 1 "
+        "--low-ma 8 --high-ma 14 --out step.csv",
+    )
+    add_plant_options(parser)
+    parser.add_argument(
+        "--input", default="triangle", metavar="ramp|step|triangle|FILE.csv",
+        help="waveform, or a file with the columns time_s,current_ma (default: triangle)",
+    )  # fmt: skip
+    parser.add_argument("--out", default="-", metavar="FILE.csv", help="where to write (default: standard output)")
+    parser.add_argument(
+        "--duration", type=_seconds, metavar="S",
+        help=f"simulated time (default: {_DEFAULT_DURATION_S:g} s, or all of FILE.csv)",
+    )  # fmt: skip
+    parser.add_argument("--period", type=_seconds, default=0.001, metavar="S", help="time per row (default: 0.001)")
+    parser.add_argument("--seed", type=_seed, default=0, metavar="N", help="of the friction's chance (default: 0)")
+    parser.add_argument("--low-ma", type=_current, default=4.0, metavar="MA", help="lowest current (default: 4)")
+    parser.add_argument("--high-ma", type=_current, default=20.0, metavar="MA", help="highest current (default: 20)")
+    parser.set_defaults(run=_run)
+
+
+def add_plant_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that choose a plant; `plant_of` reads them."""
+    plant = parser.add_mutually_exclusive_group()
+    plant.add_argument("--preset", default="paper", choices=preset_names(), metavar="NAME",
+                       help="plant to emulate (default: paper; see `plant-emulator presets`)")  # fmt: skip
+    plant.add_argument("--config", type=Path, metavar="PLANT.toml", help="plant file, which may rest on a preset")
+    parser.add_argument("--set", action="append", default=[], dest="changes", metavar="KEY=VALUE",
+                        help="change one parameter, such as valve.mass_kg=2 (repeatable)")  # fmt: skip
+
+
+def plant_of(options: argparse.Namespace) -> PlantSettings:
+    """Return the plant that the options of `add_plant_options` describe.
+
+    Raises:
+        ConfigurationError: a file, a key or a value is wrong.
+    """
+    if options.config is None:
+        source, text, base = "--set", "", {"preset": options.preset}
+    else:
+        source, text = str(options.config), read_text(options.config)
+        base = tables(text, source)
+    return overridden(base, _changes(options.changes), source, text)
+
+
+def _run(options: argparse.Namespace) -> ExitCode:
+    settings = plant_of(options)
+    waveform = _waveform(options)
+    try:
+        with _opened(options.out) as file:
+            writer = csv.writer(file)
+            writer.writerow(_HEADER)
+            writer.writerows(_rows(settings, waveform, options))
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise OutputError(f"{options.out}: cannot be written: {error.strerror}") from error
+    return ExitCode.OK
+
+
+def _rows(settings: PlantSettings, waveform: Waveform, options: argparse.Namespace) -> Iterator[tuple[float, ...]]:
+    duration_s = options.duration or waveform.duration_s
+    state = valve.initial_state(settings, options.seed)
+    yield _row(state, state.line.current_ma)
+    steps = math.ceil(duration_s / options.period - 1e-9)
+    for index in tqdm(range(steps), unit="step", delay=_PROGRESS_AFTER_S, leave=False, disable=None):
+        current_ma = waveform.current_ma(index * options.period)
+        state = valve.step(settings, state, current_ma, options.period)
+        yield _row(state, current_ma)
+
+
+def _row(state: valve.PlantState, current_ma: float) -> tuple[float, ...]:
+    return (
+        round(state.time_s, 9),
+        current_ma,
+        state.pressure_pa,
+        state.position_m,
+        state.velocity_m_per_s,
+        state.friction_n,
+    )
+
+
+def _waveform(options: argparse.Namespace) -> Waveform:
+    if options.input in tuple(Shape):
+        duration_s = options.duration or _DEFAULT_DURATION_S
+        return shaped(Shape(options.input), options.low_ma, options.high_ma, duration_s)
+    return from_file(Path(options.input))
+
+
+def _opened(out: str) -> AbstractContextManager[TextIO]:
+    return nullcontext(sys.stdout) if out == "-" else Path(out).open("w", newline="", encoding="utf-8")
+
+
+def _changes(pairs: list[str]) -> dict[str, Any]:
+    """Return the `KEY=VALUE` pairs as nested tables; a value that is no TOML is taken as a word."""
+    return tables("\n".join(map(_toml_line, pairs)), "--set")
+
+
+def _toml_line(pair: str) -> str:
+    key, equals, value = pair.partition("=")
+    if not equals:
+        raise ConfigurationError("--set", (Problem(pair, None, "is no KEY=VALUE; write it like valve.mass_kg=2"),))
+    try:
+        tables(pair, "--set")
+    except ConfigurationError:
+        return f'{key} = "{value}"'
+    return pair
+
+
+def _seconds(text: str) -> float:
+    return _in_range(text, 1e-6, 1e6, "seconds from 1e-6 to 1e6")
+
+
+def _current(text: str) -> float:
+    return _in_range(text, 0.0, HIGHEST_CURRENT_MA, f"mA from 0 to {HIGHEST_CURRENT_MA:g}")
+
+
+def _seed(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 on")
+    return int(text)
+
+
+def _in_range(text: str, lowest: float, highest: float, wanted: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not lowest <= value <= highest:
+        raise argparse.ArgumentTypeError(f"{text!r} is not {wanted}")
+    return value

@@ -1,0 +1,125 @@
+"""The valve as a node on the bus: frames in, frames out. Pure.
+
+It takes over every valid command, reports the measured and the true position, and does by itself what a real actuator
+does when commands stay away: after `deadman_s` it goes to its fail position.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from plant_emulator import sensor, valve
+from plant_emulator.parameters import FailPosition, PlantSettings
+from positioner.wire.e2e import CounterCheck, Sequence
+from positioner.wire.formats import FrameRejectedError
+from positioner.wire.messages import CanFrame, CurrentCommand, PlantTruth, Setpoint, StemPosition
+
+if TYPE_CHECKING:
+    from plant_emulator.sensor import SensorState
+    from plant_emulator.valve import PlantState
+    from positioner.wire.codec import Codec
+
+_NO_SIGNAL_MA = 0.0
+_FULL_SIGNAL_MA = 20.0
+_SPEED_LIMIT_M_PER_S = 8.19
+_TRUTH_RANGE_M = (-0.01, 0.661)
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceState:
+    """The node's state.
+
+    current_ma: the command in force; None until the first one, while the actuator holds the pressure it has.
+    position_counter: the counter of the next position frame.
+    answered: the counter of the position frame that the command in force answers.
+    setpoints: how many fresh setpoint frames were seen.
+    """
+
+    plant: PlantState
+    sensor: SensorState
+    current_ma: float | None = None
+    commanded_s: float = 0.0
+    command_counter: int = 0
+    position_counter: int = 0
+    answered: int | None = None
+    setpoints: int = 0
+    command_check: CounterCheck = field(default_factory=CounterCheck)
+    setpoint_check: CounterCheck = field(default_factory=CounterCheck)
+    failed: bool = False
+
+
+def initial_device(settings: PlantSettings, seed: int) -> DeviceState:
+    """Return a node that has sent and received nothing, its valve at rest."""
+    return DeviceState(valve.initial_state(settings, seed), sensor.initial_state(seed))
+
+
+def take(codec: Codec, state: DeviceState, frames: tuple[CanFrame, ...]) -> DeviceState:
+    """Return the state after `frames`; whatever is damaged, repeated or not for an actuator is passed over."""
+    for frame in frames:
+        try:
+            message, counter = codec.decode(frame)
+        except FrameRejectedError:
+            continue
+        if isinstance(message, CurrentCommand):
+            state = _take_command(state, message, counter)
+        elif isinstance(message, Setpoint):
+            check, verdict, _ = state.setpoint_check.check(counter or 0)
+            fresh = counter is None or verdict is Sequence.FRESH
+            state = replace(state, setpoint_check=check, setpoints=state.setpoints + fresh)
+    return state
+
+
+def _take_command(state: DeviceState, message: CurrentCommand, counter: int | None) -> DeviceState:
+    if counter is not None:
+        check, verdict, _ = state.command_check.check(counter)
+        state = replace(state, command_check=check, command_counter=counter)
+        if verdict is not Sequence.FRESH:
+            return state
+    return replace(
+        state,
+        current_ma=message.current_ma,
+        commanded_s=state.plant.time_s,
+        answered=message.position_counter,
+        failed=False,
+    )
+
+
+def advance(settings: PlantSettings, state: DeviceState, duration_s: float) -> DeviceState:
+    """Return the state `duration_s` later, under the command in force or, when that is too old, failed safe."""
+    plant = state.plant
+    if state.current_ma is None:
+        held_ma = plant.pressure_pa / settings.valve.pressure_gain_pa_per_ma
+        return replace(state, plant=valve.step(settings, plant, held_ma, duration_s))
+    alive_s = max(0.0, min(duration_s, state.commanded_s + settings.deadman_s - plant.time_s))
+    if alive_s >= duration_s - 1e-12:
+        return replace(state, plant=valve.step(settings, plant, state.current_ma, duration_s))
+    if alive_s > 0.0:
+        plant = valve.step(settings, plant, state.current_ma, alive_s)
+    plant = valve.step(settings, plant, _fail_current_ma(settings, state.current_ma), duration_s - alive_s)
+    return replace(state, plant=plant, failed=True)
+
+
+def _fail_current_ma(settings: PlantSettings, last_ma: float) -> float:
+    match settings.fail_position:
+        case FailPosition.CLOSE:
+            return _NO_SIGNAL_MA
+        case FailPosition.OPEN:
+            return _FULL_SIGNAL_MA
+        case FailPosition.CURRENT:
+            return settings.fail_current_ma
+        case FailPosition.HOLD:
+            return last_ma
+
+
+def publish(codec: Codec, settings: PlantSettings, state: DeviceState) -> tuple[DeviceState, tuple[CanFrame, ...]]:
+    """Return the state and the frames of this sample: the truth for benches, then the reading for the positioner."""
+    plant = state.plant
+    sensed, measured_m = sensor.measure(settings, state.sensor, plant.position_m, plant.time_s)
+    speed = min(max(plant.velocity_m_per_s, -_SPEED_LIMIT_M_PER_S), _SPEED_LIMIT_M_PER_S)
+    true_m = min(max(plant.position_m, _TRUTH_RANGE_M[0]), _TRUTH_RANGE_M[1])
+    frames = (
+        codec.encode(PlantTruth(true_m, speed), state.position_counter),
+        codec.encode(StemPosition(measured_m, state.command_counter), state.position_counter),
+    )
+    return replace(state, sensor=sensed, position_counter=state.position_counter + 1), frames

@@ -1,0 +1,74 @@
+"""Karnopp's friction (paper eqs 3-5), and how it varies from place to place and from stop to stop. Pure.
+
+Deviation from the paper: its eq. 4 has e^(+(v/V_s)²), which grows without bound; Stribeck's curve falls, e^(-(v/V_s)²).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from plant_emulator.draws import Stream, uniform
+
+if TYPE_CHECKING:
+    from plant_emulator.parameters import PlantSettings
+
+CELL_WIDTH_M = 0.00025
+"""Friction is constant inside a cell, so that the motion there keeps its closed form."""
+
+_WAVELENGTHS_M = (0.011, 0.0037)
+"""Of the two waves of the friction field; incommensurable, so that no two strokes are alike."""
+
+
+@dataclass(frozen=True, slots=True)
+class Packing:
+    """Dry friction where the stem is now: F_s and F_c, the cell of the field, and the draws behind them."""
+
+    static_n: float
+    coulomb_n: float
+    cell: int
+    seed: int
+    draw: float
+
+
+def stribeck_n(speed_m_per_s: float, static_n: float, coulomb_n: float, stribeck_velocity_m_per_s: float) -> float:
+    """Return γ of eq. 4 in N, the dry friction at a speed of at least DV."""
+    ratio = speed_m_per_s / stribeck_velocity_m_per_s
+    return coulomb_n + (static_n - coulomb_n) * math.exp(-ratio * ratio)
+
+
+def initial_packing(settings: PlantSettings, seed: int) -> Packing:
+    """Return the friction at the start of a plant."""
+    cell = math.floor(settings.valve.initial_position_m / CELL_WIDTH_M)
+    draw = uniform(seed, Stream.FRICTION, 1)
+    return _packed(settings, Packing(0.0, 0.0, cell, seed, draw))
+
+
+def after_crossing(settings: PlantSettings, packing: Packing, direction: int) -> Packing:
+    """Return the friction behind the next cell border in `direction`, +1 or -1."""
+    return _packed(settings, replace(packing, cell=packing.cell + direction))
+
+
+def after_stop(settings: PlantSettings, packing: Packing, stops: int) -> Packing:
+    """Return the friction after the stop number `stops`, whose random half is drawn anew."""
+    if settings.stochastic.friction_fraction == 0.0:
+        return packing
+    return _packed(settings, replace(packing, draw=uniform(packing.seed, Stream.FRICTION, stops + 1)))
+
+
+def _packed(settings: PlantSettings, packing: Packing) -> Packing:
+    fraction = settings.stochastic.friction_fraction
+    phase = math.pi * uniform(packing.seed, Stream.FRICTION, 0)
+    factor = 1.0 + fraction * 0.5 * (_field(packing.cell, phase) + packing.draw)
+    valve = settings.valve
+    return replace(packing, static_n=valve.static_friction_n * factor, coulomb_n=valve.coulomb_friction_n * factor)
+
+
+def _field(cell: int, phase: float) -> float:
+    """Return the friction field of a cell, from -1 to 1."""
+    centre_m = (cell + 0.5) * CELL_WIDTH_M
+    long, short = _WAVELENGTHS_M
+    return 0.5 * math.sin(math.tau * centre_m / long + phase) + 0.5 * math.sin(
+        math.tau * centre_m / short + 2.3 * phase
+    )

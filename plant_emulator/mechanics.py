@@ -1,0 +1,57 @@
+"""The constants of a valve that its motion needs at every step, worked out once per settings. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+from plant_emulator.oscillator import Oscillator
+
+if TYPE_CHECKING:
+    from plant_emulator.parameters import PlantSettings
+
+FORCE_MARGIN_N = 1e-7
+"""A stem at rest slips this much above F_s, so that a force rounded to F_s does not slip and stop without end."""
+
+_FLAT = 5.0
+"""Times V_s: from this speed on the Stribeck term is below 1.4e-11 of F_s - F_c, and the closed form holds."""
+_FLAT_AGAIN = 6.0
+"""Times V_s: slow sliding is left at this speed, later than it is entered."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mechanics:
+    """A valve, ready to move."""
+
+    settings: PlantSettings
+    sliding: Oscillator
+    """Mass and spring with F_v."""
+    breaking: Oscillator
+    """Mass and spring inside the zero-speed band, where eq. 3 knows no F_v."""
+    band_m_per_s: float
+    """DV, or 0 without dry friction: a valve that cannot stick has no band."""
+    flat_m_per_s: float
+    """Sliding faster than this has a closed form."""
+    flat_again_m_per_s: float
+    sticks: bool
+    is_stochastic: bool
+
+
+@lru_cache(maxsize=32)
+def mechanics(settings: PlantSettings) -> Mechanics:
+    """Return the constants of the valve in `settings`."""
+    valve = settings.valve
+    sticks = valve.static_friction_n > 0.0
+    band = valve.stick_velocity_m_per_s if sticks else 0.0
+    curved = valve.static_friction_n > valve.coulomb_friction_n
+    return Mechanics(
+        settings=settings,
+        sliding=Oscillator(valve.mass_kg, valve.viscous_friction_n_s_per_m, valve.spring_rate_n_per_m),
+        breaking=Oscillator(valve.mass_kg, 0.0, valve.spring_rate_n_per_m),
+        band_m_per_s=band,
+        flat_m_per_s=max(band, _FLAT * valve.stribeck_velocity_m_per_s) if curved else band,
+        flat_again_m_per_s=max(band, _FLAT_AGAIN * valve.stribeck_velocity_m_per_s),
+        sticks=sticks,
+        is_stochastic=settings.stochastic.friction_fraction > 0.0,
+    )

@@ -1,0 +1,195 @@
+"""Motion between two events, in closed form: a mass on a spring, damped, pushed by a settling pressure. Pure.
+
+    m·ẍ + c·ẋ + K·x = f_∞ + f_Δ·e^(-ρt)
+
+With y = x - f_∞/K, and y(0), v(0) the start, x = f_∞/K + y(0)·g₀ + v(0)·g₁ + (f_Δ/m)·φ: g₁ answers an impulse, g₀ a
+displacement and φ the exponential. φ is the divided difference of e^(λt) over the poles λ₁, λ₂ and -ρ, which has a
+value at resonance too, where the usual formula divides 0 by 0.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+_NEAR = 1e-6
+"""Relative to K/m: below it, poles count as coincident. Rounding stays below 1e-11 m on either side."""
+
+
+_APART = 0.5
+"""Half the difference of the poles times t: above it their exponentials may be subtracted, far below overflow."""
+
+
+class PushingForce(NamedTuple):
+    """Force of the actuator pressure, final_n + deviation_n·e^(-rate_per_s·t)."""
+
+    final_n: float
+    deviation_n: float = 0.0
+    rate_per_s: float = 0.0
+
+    def at(self, time_s: float) -> float:
+        """Return the force in N, `time_s` from now."""
+        if self.deviation_n == 0.0:
+            return self.final_n
+        return self.final_n + self.deviation_n * math.exp(-self.rate_per_s * time_s)
+
+    def slope(self, time_s: float) -> float:
+        """Return the rate of change of the force in N/s, `time_s` from now."""
+        if self.deviation_n == 0.0:
+            return 0.0
+        return -self.rate_per_s * self.deviation_n * math.exp(-self.rate_per_s * time_s)
+
+    def time_above(self, bound_n: float) -> float:
+        """Return the time in s until the force is above `bound_n`; 0 when it is, infinite when it never will be."""
+        if self.final_n + self.deviation_n > bound_n:
+            return 0.0
+        return math.inf if self.final_n <= bound_n else self._time_at(bound_n)
+
+    def time_below(self, bound_n: float) -> float:
+        """Return the time in s until the force is below `bound_n`; 0 when it is, infinite when it never will be."""
+        if self.final_n + self.deviation_n < bound_n:
+            return 0.0
+        return math.inf if self.final_n >= bound_n else self._time_at(bound_n)
+
+    def _time_at(self, bound_n: float) -> float:
+        return math.log(self.deviation_n / (bound_n - self.final_n)) / self.rate_per_s
+
+    def after(self, time_s: float) -> PushingForce:
+        """Return the same force, with `time_s` from now as its new start."""
+        if self.deviation_n == 0.0:
+            return self
+        return PushingForce(self.final_n, self.deviation_n * math.exp(-self.rate_per_s * time_s), self.rate_per_s)
+
+
+class Oscillator:
+    """Mass, damping and spring, with everything that depends on them alone; immutable by convention."""
+
+    __slots__ = (
+        "damping",
+        "decay",
+        "fast",
+        "mass",
+        "root",
+        "slow",
+        "split",
+        "spring",
+        "square",
+        "stiffness",
+        "wildness",
+    )
+
+    def __init__(self, mass_kg: float, damping_n_s_per_m: float, spring_n_per_m: float) -> None:
+        self.mass = mass_kg
+        self.damping = damping_n_s_per_m
+        self.spring = spring_n_per_m
+        self.stiffness = spring_n_per_m / mass_kg
+        self.decay = damping_n_s_per_m / (2.0 * mass_kg)
+        self.square = self.decay * self.decay - self.stiffness
+        self.root = math.sqrt(abs(self.square))
+        self.fast = -(self.decay + self.root)
+        # the product of the poles is K/m: no cancellation in the slow one
+        self.slow = self.stiffness / self.fast
+        self.split = self.square > 0.0
+        self.wildness = math.sqrt(spring_n_per_m + damping_n_s_per_m * damping_n_s_per_m / mass_kg)
+
+    def responses(self, t: float) -> tuple[float, float, float]:
+        """Return g₀(t), g₁(t) in s, and dg₁/dt."""
+        if self.split and self.root * t > _APART:
+            slow, fast = math.exp(self.slow * t), math.exp(self.fast * t)
+            even, odd = 0.5 * (slow + fast), 0.5 * (slow - fast) / self.root
+        else:
+            envelope, angle = math.exp(-self.decay * t), self.root * t
+            if angle == 0.0:
+                even, odd = envelope, envelope * t
+            elif self.split:
+                even, odd = envelope * math.cosh(angle), envelope * math.sinh(angle) / self.root
+            else:
+                even, odd = envelope * math.cos(angle), envelope * math.sin(angle) / self.root
+        swing = self.decay * odd
+        return even + swing, odd, even - swing
+
+    def exponential_response(self, t: float, rate: float, g0: float, g1: float) -> float:
+        """Return φ(t) in s², the answer from rest to a unit of acceleration that dies as e^(-rate·t)."""
+        distance = rate * rate - 2.0 * self.decay * rate + self.stiffness
+        if abs(distance) > _NEAR * self.stiffness:
+            return (math.exp(-rate * t) - g0 + rate * g1) / distance
+        if self.square > _NEAR * self.stiffness:
+            near, far = sorted((self.slow, self.fast), key=lambda pole: abs(pole + rate))
+            half = 0.5 * (near + rate) * t
+            pair = math.exp(0.5 * (near - rate) * t) * t * (math.sinh(half) / half if half else 1.0)
+            return (pair - g1) / (-rate - far)
+        # all three poles coincide: the first terms of the series of the divided difference about their mean
+        mean = -(2.0 * self.decay + rate) / 3.0
+        spread = 2.0 * (mean + self.decay) ** 2 + 2.0 * self.square + (mean + rate) ** 2
+        return math.exp(mean * t) * 0.5 * t * t * (1.0 + spread * t * t / 24.0)
+
+
+class Glide:
+    """One stretch of motion under constant friction, from position_m and velocity_m_per_s on."""
+
+    __slots__ = ("force", "load", "offset", "oscillator", "rest", "velocity")
+
+    def __init__(
+        self, oscillator: Oscillator, position_m: float, velocity_m_per_s: float, force: PushingForce, load_n: float
+    ) -> None:
+        """Prepare the motion; `load_n` is the constant force against the push: preload and dry friction."""
+        self.oscillator = oscillator
+        self.force = force
+        self.load = load_n
+        self.rest = (force.final_n - load_n) / oscillator.spring
+        self.offset = position_m - self.rest
+        self.velocity = velocity_m_per_s
+
+    def at(self, t: float) -> tuple[float, float]:
+        """Return the position in m and the velocity in m/s after `t` seconds."""
+        oscillator = self.oscillator
+        g0, g1, g1_rate = oscillator.responses(t)
+        position = self.rest + self.offset * g0 + self.velocity * g1
+        velocity = self.velocity * g1_rate - oscillator.stiffness * self.offset * g1
+        if self.force.deviation_n:
+            rate = self.force.rate_per_s
+            gain = self.force.deviation_n / oscillator.mass
+            answer = oscillator.exponential_response(t, rate, g0, g1)
+            position += gain * answer
+            velocity += gain * (g1 - rate * answer)
+        return position, velocity
+
+    def acceleration(self, t: float, position_m: float, velocity_m_per_s: float) -> float:
+        """Return the acceleration in m/s² in the state that `at(t)` gave."""
+        oscillator = self.oscillator
+        net = self.force.at(t) - self.load - oscillator.spring * position_m - oscillator.damping * velocity_m_per_s
+        return net / oscillator.mass
+
+    def jerk(self, t: float, velocity_m_per_s: float, acceleration_m_per_s2: float) -> float:
+        """Return the jerk in m/s³ in the state that `at(t)` gave."""
+        oscillator = self.oscillator
+        slowing = oscillator.spring * velocity_m_per_s + oscillator.damping * acceleration_m_per_s2
+        return (self.force.slope(t) - slowing) / oscillator.mass
+
+    def jerk_bound(self, t: float, velocity_m_per_s: float, acceleration_m_per_s2: float, left_s: float) -> float:
+        """Return what the size of the jerk in m/s³ cannot exceed from `t` until `left_s` later."""
+        oscillator = self.oscillator
+        swing = self._swing(t, velocity_m_per_s, acceleration_m_per_s2, left_s)
+        return (abs(self.force.slope(t)) + swing * oscillator.wildness) / oscillator.mass
+
+    def snap_bound(self, t: float, velocity_m_per_s: float, acceleration_m_per_s2: float, left_s: float) -> float:
+        """Return what the size of the snap in m/s⁴ cannot exceed from `t` until `left_s` later."""
+        oscillator = self.oscillator
+        swing = self._swing(t, velocity_m_per_s, acceleration_m_per_s2, left_s)
+        jerk_bound = (abs(self.force.slope(t)) + swing * oscillator.wildness) / oscillator.mass
+        slowing = oscillator.spring * swing / math.sqrt(oscillator.mass) + oscillator.damping * jerk_bound
+        return (abs(self.force.slope(t)) * self.force.rate_per_s + slowing) / oscillator.mass
+
+    def _swing(self, t: float, velocity_m_per_s: float, acceleration_m_per_s2: float, left_s: float) -> float:
+        """Return a bound of W = √(m·a² + K·v²), which only the force feeds: dW/dt ≤ |df/dt|/√m.
+
+        W bounds a and v, and by Cauchy and Schwarz K·v + c·a, at most W·√(K + c²/m).
+        """
+        oscillator, rate = self.oscillator, self.force.rate_per_s
+        swing = math.sqrt(
+            oscillator.mass * acceleration_m_per_s2 * acceleration_m_per_s2
+            + oscillator.spring * velocity_m_per_s * velocity_m_per_s
+        )
+        if not rate:
+            return swing
+        return swing + abs(self.force.slope(t)) * min(1.0 / rate, left_s) / math.sqrt(oscillator.mass)

@@ -1,0 +1,127 @@
+"""What a plant is made of, with the limits of every parameter. Pure.
+
+SI inside; mA for the loop current. The limits are wide enough for any control valve and narrow enough to catch a slip
+of a unit or of a decimal point, as in "a mass of 1361 kg".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Annotated, Any, ClassVar
+
+from annotated_types import Interval
+
+_STRICT = {"extra": "forbid", "allow_inf_nan": False}
+
+
+class FailPosition(StrEnum):
+    """Where the emulated I/P converter takes the valve when its commands stop coming."""
+
+    CLOSE = "close"
+    OPEN = "open"
+    HOLD = "hold"
+    CURRENT = "current"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ValveSettings:
+    """Stem, spring, packing and diaphragm (paper Table 3); the travel is bounded by two inelastic stops."""
+
+    __pydantic_config__: ClassVar[Any] = _STRICT
+
+    mass_kg: Annotated[float, Interval(ge=0.01, le=200.0)]
+    """m."""
+    diaphragm_area_m2: Annotated[float, Interval(ge=1e-4, le=2.0)]
+    """S_a."""
+    pressure_gain_pa_per_ma: Annotated[float, Interval(ge=100.0, le=1e5)]
+    """K_p of eq. 10."""
+    spring_rate_n_per_m: Annotated[float, Interval(ge=100.0, le=1e8)]
+    """K_m."""
+    static_friction_n: Annotated[float, Interval(ge=0.0, le=1e5)]
+    """F_s; 0 makes the valve frictionless but for F_v, without a zero-speed band."""
+    coulomb_friction_n: Annotated[float, Interval(ge=0.0, le=1e5)]
+    """F_c, at most F_s."""
+    viscous_friction_n_s_per_m: Annotated[float, Interval(ge=0.0, le=1e7)]
+    """F_v."""
+    stribeck_velocity_m_per_s: Annotated[float, Interval(ge=1e-6, le=0.1)]
+    """V_s."""
+    stick_velocity_m_per_s: Annotated[float, Interval(ge=1e-7, le=0.01)]
+    """DV, half the width of Karnopp's zero-speed band."""
+    travel_min_m: Annotated[float, Interval(ge=-1.0, le=1.0)] = 0.0
+    travel_max_m: Annotated[float, Interval(ge=-1.0, le=1.0)] = 0.1397
+    bench_set_n: Annotated[float, Interval(ge=-1e5, le=1e5)] = 0.0
+    """Force of the spring's preload at position 0."""
+    span_m: Annotated[float, Interval(ge=1e-3, le=1.0)] = 0.127
+    """Travel that counts as 100 %."""
+    initial_position_m: Annotated[float, Interval(ge=-1.0, le=1.0)] = 0.01
+
+    def __post_init__(self) -> None:
+        """Check what no single limit can.
+
+        Raises:
+            ValueError: F_c above F_s, no travel between the stops, or a start beyond them.
+        """
+        if self.coulomb_friction_n > self.static_friction_n:
+            raise ValueError("coulomb_friction_n must not be above static_friction_n")
+        if self.travel_min_m >= self.travel_max_m:
+            raise ValueError("travel_min_m must be below travel_max_m")
+        if not self.travel_min_m <= self.initial_position_m <= self.travel_max_m:
+            raise ValueError("initial_position_m must be from travel_min_m to travel_max_m")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ActuatorSettings:
+    """I/P converter and air line: dead time, then a first-order lag; all 0 is eq. 10 (P = K_p·u at once)."""
+
+    __pydantic_config__: ClassVar[Any] = _STRICT
+
+    fill_time_constant_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 0.0
+    """Lag while the pressure rises."""
+    vent_time_constant_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 0.0
+    """Lag while the pressure falls."""
+    dead_time_s: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorSettings:
+    """Position sensor: Gaussian noise, then quantisation."""
+
+    __pydantic_config__: ClassVar[Any] = _STRICT
+
+    noise_of_reading: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0
+    """Standard deviation as a fraction of the reading; the paper's "2 %" is 0.02."""
+    noise_of_span: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0
+    """Standard deviation as a fraction of the span; adds to the other in power."""
+    noise_hold_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 0.0
+    """How long one draw of the noise lasts; 0 is white, a draw per sample."""
+    resolution_m: Annotated[float, Interval(ge=0.0, le=0.01)] = 0.0
+    """Step of the quantisation; 0 is none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StochasticSettings:
+    """Friction that varies: half of it with the position, half redrawn at every stop."""
+
+    __pydantic_config__: ClassVar[Any] = _STRICT
+
+    friction_fraction: Annotated[float, Interval(ge=0.0, le=0.9)] = 0.0
+    """Largest deviation of F_s and F_c, as a fraction of each."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlantSettings:
+    """One emulated valve; `preset` names the settings that the rest was laid over."""
+
+    __pydantic_config__: ClassVar[Any] = _STRICT
+
+    preset: str | None = None
+    valve: ValveSettings
+    actuator: ActuatorSettings = field(default_factory=ActuatorSettings)
+    sensor: SensorSettings = field(default_factory=SensorSettings)
+    stochastic: StochasticSettings = field(default_factory=StochasticSettings)
+    fail_position: FailPosition = FailPosition.CLOSE
+    fail_current_ma: Annotated[float, Interval(ge=0.0, le=25.0)] = 4.0
+    """Current that `fail_position = "current"` falls back to."""
+    deadman_s: Annotated[float, Interval(ge=0.001, le=60.0)] = 0.1
+    """How old the last command may grow before `fail_position` is taken."""

@@ -1,0 +1,93 @@
+"""Ready-made plants, and plant files that lay their own values over one. Shell: reads files.
+
+A preset is itself a plant file, so a preset may rest on another: `spring-10` is `paper` and one line.
+"""
+
+from __future__ import annotations
+
+from importlib import resources
+from typing import TYPE_CHECKING, Any
+
+from plant_emulator.parameters import PlantSettings
+from positioner.errors import ConfigurationError, Problem
+from positioner.settings import build, line_of, read_text, tables
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+
+def preset_names() -> tuple[str, ...]:
+    """Return the names of the presets, sorted."""
+    files = resources.files("plant_emulator").joinpath("presets").iterdir()
+    return tuple(sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml")))
+
+
+def preset_summary(name: str) -> str:
+    """Return the first comment line of the preset `name`: what it is, in a few words."""
+    return _preset_text(name).partition("\n")[0].removeprefix("#").strip()
+
+
+def load_plant(path: Path) -> PlantSettings:
+    """Return the plant in the TOML file `path`.
+
+    Raises:
+        ConfigurationError: the file cannot be read, names an unknown preset, or holds an unknown key or a value out
+            of its limits.
+    """
+    return parse_plant(read_text(path), str(path))
+
+
+def parse_plant(text: str, source: str) -> PlantSettings:
+    """Return the plant in the TOML `text`: its tables, laid over the preset that it names; `source` is for messages.
+
+    Raises:
+        ConfigurationError: as `load_plant`.
+    """
+    return build(_resolved(tables(text, source), source, text), PlantSettings, source, text)
+
+
+def plant_settings(preset: str = "paper", overrides: str | Mapping[str, Any] = "") -> PlantSettings:
+    """Return the plant `preset` with `overrides` (TOML text, or nested mappings) laid over it.
+
+    Raises:
+        ConfigurationError: as `load_plant`.
+    """
+    text = overrides if isinstance(overrides, str) else ""
+    values = tables(overrides, "overrides") if isinstance(overrides, str) else dict(overrides)
+    return overridden({"preset": preset}, values, "overrides", text)
+
+
+def overridden(base: Mapping[str, Any], changes: Mapping[str, Any], source: str, text: str = "") -> PlantSettings:
+    """Return the plant file `base`, already read as tables, with `changes` laid over it.
+
+    Raises:
+        ConfigurationError: as `load_plant`.
+    """
+    return build(_resolved(_laid_over(base, changes), source, text), PlantSettings, source, text)
+
+
+def _resolved(values: Mapping[str, Any], source: str, text: str) -> dict[str, Any]:
+    if "preset" not in values:
+        return dict(values)
+    name = values["preset"]
+    if name not in preset_names():
+        message = f"is no preset; known: {', '.join(preset_names())}"
+        raise ConfigurationError(source, (Problem(f"preset = {name!r}", line_of(text, ("preset",)), message),))
+    below = _preset_text(name)
+    return _laid_over(_resolved(tables(below, name), name, below), values)
+
+
+def _laid_over(base: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(base)
+    for key, value in top.items():
+        below = merged.get(key)
+        if isinstance(below, dict) and isinstance(value, dict):
+            merged[key] = _laid_over(below, value)
+        else:
+            merged[key] = value
+    return merged
+
+
+def _preset_text(name: str) -> str:
+    return resources.files("plant_emulator").joinpath("presets", f"{name}.toml").read_text(encoding="utf-8")

@@ -1,0 +1,1 @@
+"""The bench: a scenario in, its figures and its picture out."""

@@ -1,0 +1,38 @@
+"""Long records made drawable: the envelope of a curve, and the stretches of a mode. Pure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from positioner.wire.messages import Mode
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+MOST_POINTS = 20_000
+"""Points of a line in the picture; a longer one is drawn as its envelope."""
+
+
+def envelope(
+    time_s: NDArray[np.float64], values: NDArray[np.float64], most_points: int = MOST_POINTS
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the line, or for more than `most_points` the least and largest value of equal stretches of it.
+
+    No peak is lost: each stretch gives two points at its beginning, shape (2 * stretches). NaN stands for no value.
+    """
+    if len(values) <= most_points:
+        return time_s, values
+    first = np.linspace(0, len(values), most_points // 2, endpoint=False).astype(np.intp)
+    both = np.column_stack((np.fmin.reduceat(values, first), np.fmax.reduceat(values, first)))
+    return np.repeat(time_s[first], 2), both.ravel()
+
+
+def mode_spans(time_s: NDArray[np.float64], mode: NDArray[np.int_]) -> tuple[tuple[Mode, float, float], ...]:
+    """Return the stretches of one mode: the mode, its first instant and the first of the next, in s."""
+    first = np.flatnonzero(np.diff(mode, prepend=-1))
+    ends_s = np.append(time_s[first[1:]], time_s[-1])
+    return tuple(
+        (Mode(int(mode[index])), float(time_s[index]), float(end_s)) for index, end_s in zip(first, ends_s, strict=True)
+    )

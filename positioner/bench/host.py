@@ -1,0 +1,112 @@
+"""The host of a bench: it plays a scenario's setpoints as frames and records what the others say. Shell."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from tqdm import tqdm
+
+from positioner.errors import BenchError
+from positioner.wire.messages import Setpoint
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from positioner.bench.recording import Recording
+    from positioner.bench.scenario import Scenario
+    from positioner.bus import BusPort
+    from positioner.wire.codec import Codec
+    from positioner.wire.messages import CanFrame
+
+_NS = 1_000_000_000
+_SILENCE_S = 30.0
+_WAIT_S = 0.25
+
+
+class Host:
+    """Plays one scenario on one bus."""
+
+    def __init__(
+        self, scenario: Scenario, codec: Codec, bus: BusPort, recording: Recording, check: Callable[[], None]
+    ) -> None:
+        """Prepare; `check` raises where a process of the bench has ended."""
+        self._scenario = scenario
+        self._codec = codec
+        self._bus = bus
+        self._recording = recording
+        self._check = check
+        self._sent = 0
+        self._start_ns = time.monotonic_ns()
+
+    def play_lockstep(self) -> None:
+        """Send each setpoint when every sample before it is answered: nothing depends on the machine's speed.
+
+        Raises:
+            BenchError: nobody answers, or the bus lost a frame.
+        """
+        every = self._scenario.samples_per_setpoint
+        with self._progress() as bar:
+            for sample in range(0, self._recording.samples, every):
+                self._send_setpoint(sample)
+                due = min(sample + every, self._recording.samples)
+                heard_s = time.monotonic()
+                while self._recording.commands < due:
+                    if self._listen(_WAIT_S):
+                        heard_s = time.monotonic()
+                    else:
+                        self._check()
+                        if time.monotonic() - heard_s > _SILENCE_S:
+                            raise BenchError(f"nobody answers sample {self._recording.commands} on {self._bus.address}")
+                bar.update(due - sample)
+        lost = self._recording.lost + self._recording.unanswered
+        if lost:
+            raise BenchError(f"the bus lost {lost} frame(s): this run is not reproducible, repeat it")
+
+    def play_real_time(self) -> None:
+        """Send a setpoint every period of the host's clock, and listen in between.
+
+        Raises:
+            BenchError: a process of the bench has ended.
+        """
+        every, period_s = self._scenario.samples_per_setpoint, self._scenario.sample_period_s
+        self._start_ns = time.monotonic_ns()
+        with self._progress() as bar:
+            for sample in range(0, self._recording.samples, every):
+                self._send_setpoint(sample)
+                end_ns = self._start_ns + round((sample + every) * period_s * _NS)
+                while (left_ns := end_ns - time.monotonic_ns()) > 0:
+                    self._listen(left_ns / _NS)
+                self._check()
+                bar.update(min(every, self._recording.samples - sample))
+
+    def _send_setpoint(self, sample: int) -> None:
+        scenario = self._scenario
+        dwell = min(sample // scenario.samples_per_dwell, len(scenario.visited_mm) - 1)
+        setpoint_m = scenario.visited_mm[dwell] * 1e-3
+        self._recording.setpoint_m[sample : sample + scenario.samples_per_setpoint] = setpoint_m
+        frame = self._codec.encode(Setpoint(setpoint_m), self._sent)
+        self._sent += 1
+        self._record(frame, time.monotonic_ns())
+        if not self._bus.send(frame):
+            raise BenchError(f"bus {self._bus.address} did not take a setpoint frame")
+
+    def _listen(self, timeout_s: float) -> bool:
+        frames = self._bus.receive(timeout_s)
+        for frame in frames:
+            self._record(frame, frame.received_ns)
+        return bool(frames)
+
+    def _record(self, frame: CanFrame, received_ns: int) -> None:
+        self._recording.hear(frame, (received_ns - self._start_ns) / _NS)
+
+    def _progress(self) -> tqdm[int]:
+        seconds = self._scenario.duration_s
+        return tqdm(
+            total=self._recording.samples,
+            desc=f"{self._scenario.name}, {seconds:g} s",
+            unit=" samples",
+            mininterval=0.2,
+            leave=False,
+            disable=None,
+        )

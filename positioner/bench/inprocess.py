@@ -1,0 +1,98 @@
+"""The same closed loop without processes or bus: `cycle.step` and the emulated device exchange frames in memory. Pure.
+
+The frames are those of a lockstep bench, to the bit: what differs is only who carries them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from plant_emulator.device import advance, initial_device, publish, take
+from plant_emulator.presets import plant_settings
+from positioner import cycle
+from positioner.bench.configure import configuration_text
+from positioner.bench.recording import Recording
+from positioner.bus import BusAddress
+from positioner.config import Configuration, parse_config
+from positioner.events import Controlled
+from positioner.stiction import StictionTable
+from positioner.wire.messages import Setpoint
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from plant_emulator.parameters import PlantSettings
+    from positioner.bench.scenario import Scenario
+    from positioner.events import Event
+    from positioner.wire.messages import CanFrame
+
+_NS = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class InProcessRun:
+    """What a run leaves: the recording, every closed cycle, every other event, and the learned table."""
+
+    recording: Recording
+    cycles: tuple[Controlled, ...]
+    events: tuple[Event, ...]
+    table: StictionTable
+
+
+def configure(scenario: Scenario) -> Configuration:
+    """Return the daemon's configuration for `scenario`; its bus and state directory are never used.
+
+    Raises:
+        ConfigurationError: the scenario's tables do not make a positioner.
+    """
+    return parse_config(configuration_text(scenario, BusAddress(), Path("unused")), scenario.name, Path())
+
+
+def run_in_process(
+    scenario: Scenario,
+    table: StictionTable | None = None,
+    progress: Callable[[int], None] = lambda _samples: None,
+) -> InProcessRun:
+    """Return the run of `scenario`, starting from `table`; `progress` hears how many samples are done.
+
+    Raises:
+        ConfigurationError: the scenario's tables do not make a valve or a positioner.
+    """
+    configuration = configure(scenario)
+    settings: PlantSettings = plant_settings(overrides=scenario.plant)
+    codec = configuration.make_codec()
+    period_s = scenario.sample_period_s
+    setup = cycle.Setup(codec, configuration.valve, configuration.guard, configuration.make_law(), period_s)
+    state = cycle.CycleState(table=table or StictionTable(cell_width_m=configuration.control.table_cell_m))
+    device = initial_device(settings, scenario.seed)
+    samples = round(scenario.duration_s / period_s)
+    recording = Recording(codec, samples, period_s, lockstep=True)
+    cycles: list[Controlled] = []
+    events: list[Event] = []
+    for sample in range(samples):
+        inbox: list[CanFrame] = []
+        if sample % scenario.samples_per_setpoint == 0:
+            inbox.append(_setpoint(scenario, codec.encode, sample, recording))
+        device, published = publish(codec, settings, device)
+        inbox += published
+        # the daemon's clock in lockstep: one period with each position frame
+        state, outbox, happened = cycle.step(setup, state, inbox, round((sample + 1) * period_s * _NS))
+        for frame in (*inbox, *outbox):
+            recording.hear(frame, sample * period_s)
+        device = advance(settings, take(codec, device, outbox), period_s)
+        for event in happened:
+            (cycles if isinstance(event, Controlled) else events).append(event)  # type: ignore[arg-type]
+        progress(sample + 1)
+    return InProcessRun(recording, tuple(cycles), tuple(events), state.table)
+
+
+def _setpoint(
+    scenario: Scenario, encode: Callable[[Setpoint, int], CanFrame], sample: int, recording: Recording
+) -> CanFrame:
+    dwell = min(sample // scenario.samples_per_dwell, len(scenario.visited_mm) - 1)
+    setpoint_m = scenario.visited_mm[dwell] * 1e-3
+    every = scenario.samples_per_setpoint
+    recording.setpoint_m[sample : sample + every] = setpoint_m
+    return encode(Setpoint(setpoint_m), sample // every)

@@ -1,0 +1,140 @@
+"""What a bench heard on the bus: the arrays for the figures, and `bus.log`. Shell.
+
+In lockstep every frame belongs to a sample, and the log lists a sample's frames in the order in which they cause each
+other (setpoint, truth, reading, command, status), whatever order the sockets of three processes delivered them in.
+Its time is then the plant's, and two runs write the same bytes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import can
+import numpy as np
+from can.io.canutils import CanutilsLogWriter
+
+from positioner.wire.formats import FrameRejectedError
+from positioner.wire.messages import CurrentCommand, Message, Mode, PlantTruth, PositionerStatus, Setpoint, StemPosition
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from positioner.wire.codec import Codec
+    from positioner.wire.messages import CanFrame
+
+LOG_CHANNEL = "vcan0"
+"""The name in the log, whatever bus it was recorded on: canplayer plays it there by default."""
+
+_RANK = {Setpoint: 0, PlantTruth: 1, StemPosition: 2, CurrentCommand: 3, PositionerStatus: 4}
+_COUNTER = 256
+
+
+@dataclass(slots=True)
+class Recording:
+    """Samples by number; `commands` is how many samples are answered."""
+
+    codec: Codec
+    samples: int
+    period_s: float
+    lockstep: bool
+    truth: int = 0
+    readings: int = 0
+    commands: int = 0
+    frames: list[tuple[float, int, CanFrame]] = field(default_factory=list)
+    true_position_m: NDArray[np.float64] = field(init=False)
+    true_velocity_m_per_s: NDArray[np.float64] = field(init=False)
+    measured_m: NDArray[np.float64] = field(init=False)
+    current_ma: NDArray[np.float64] = field(init=False)
+    setpoint_m: NDArray[np.float64] = field(init=False)
+    mode: NDArray[np.int_] = field(init=False)
+    lost: int = 0
+    unanswered: int = 0
+    origin: int | None = None
+
+    def __post_init__(self) -> None:
+        """Make room for every sample."""
+        for name in ("true_position_m", "true_velocity_m_per_s", "measured_m", "current_ma", "setpoint_m"):
+            setattr(self, name, np.full(self.samples, np.nan))
+        self.mode = np.full(self.samples, int(Mode.INIT))
+
+    def hear(self, frame: CanFrame, time_s: float) -> None:
+        """Take a frame that arrived `time_s` after the start; in lockstep its sample's time counts instead."""
+        try:
+            message, counter = self.codec.decode(frame)
+        except FrameRejectedError:
+            self.frames.append((time_s, len(_RANK), frame))
+            return
+        sample = self._sample_of(message, counter)
+        stamp_s = sample * self.period_s if self.lockstep else time_s
+        self.frames.append((stamp_s, _RANK.get(type(message), len(_RANK)), frame))
+        if not 0 <= sample < self.samples:
+            return
+        match message:
+            case PlantTruth():
+                self.true_position_m[sample] = message.position_m
+                self.true_velocity_m_per_s[sample] = message.velocity_m_per_s
+            case StemPosition():
+                self.measured_m[sample] = message.position_m
+            case CurrentCommand():
+                self.current_ma[sample] = message.current_ma
+                self.mode[sample] = int(message.mode)
+            case _:
+                pass
+
+    def _sample_of(self, message: Message, counter: int | None) -> int:
+        """Return the sample that a frame belongs to; -1 for frames from before the first truth."""
+        match message:
+            case PlantTruth():
+                if self.origin is None:
+                    self.origin = 0 if self.lockstep else counter or 0
+                steps = self._steps(counter, self.truth)
+                self.lost += max(steps - 1, 0)
+                self.truth += steps
+                return self.truth - 1
+            case StemPosition():
+                self.readings += self._steps(counter, self.readings)
+                return self.readings - 1
+            case CurrentCommand():
+                steps = self._steps(message.position_counter, self.commands)
+                self.unanswered += max(steps - 1, 0)
+                self.commands += steps
+                return self.commands - 1
+            case Setpoint():
+                return self.readings
+            case _:
+                return max(self.commands - 1, 0)
+
+    def _steps(self, counter: int | None, expected: int) -> int:
+        """Return by how many samples `counter` is past the last one, 0 for an echo of an older one."""
+        if self.origin is None:
+            return 0
+        step = ((counter or 0) - self.origin - expected) % _COUNTER + 1
+        return step if step <= _COUNTER // 2 else 0
+
+    def fill_gaps(self) -> None:
+        """Carry the last known value over samples of which a frame is missing, as a real-time run may have."""
+        for values in (self.true_position_m, self.true_velocity_m_per_s, self.measured_m, self.current_ma):
+            known = np.flatnonzero(np.isfinite(values))
+            if known.size:
+                last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(values.size), known[0]))
+                values[:] = values[last]
+
+    def write_log(self, path: Path) -> None:
+        """Write every frame as a candump log, which `canplayer -I` and `positioner replay` read."""
+        order = sorted(range(len(self.frames)), key=lambda index: self.frames[index][: 2 if self.lockstep else 1])
+        with CanutilsLogWriter(path, channel=LOG_CHANNEL) as log:
+            for index in order:
+                stamp_s, _, frame = self.frames[index]
+                log.on_message_received(
+                    can.Message(
+                        timestamp=stamp_s,
+                        arbitration_id=frame.arbitration_id,
+                        data=frame.data,
+                        is_extended_id=frame.is_extended,
+                        is_rx=True,
+                        channel=LOG_CHANNEL,
+                    )
+                )

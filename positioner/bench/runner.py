@@ -1,0 +1,183 @@
+"""`positioner bench`: emulator and daemon as processes on one bus, a scenario played, numbers and pictures left. Shell."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+import numpy as np
+import tomli_w
+
+from positioner.bench import metrics
+from positioner.bench.configure import configuration_text
+from positioner.bench.host import Host
+from positioner.bench.processes import Child
+from positioner.bench.recording import Recording
+from positioner.bench.result import Result, RunInfo, TableSummary, installed_versions, summary_of, to_json
+from positioner.bench.trace_data import trend_data
+from positioner.bench.trend import draw_trend
+from positioner.bus import BusAddress, BusPort, embedded_address, find_vcan
+from positioner.config import Configuration, parse_config
+from positioner.errors import StateError
+from positioner.stiction import StictionTable
+from positioner.store import access
+from positioner.wire.messages import CurrentCommand, PlantTruth, PositionerStatus, StemPosition
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from positioner.bench.scenario import Scenario
+
+_HEARD = (StemPosition, PlantTruth, CurrentCommand, PositionerStatus)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchOptions:
+    """How a bench runs: where (None: find a bus), in which time, and where its files and its table go."""
+
+    bus: BusAddress | None
+    lockstep: bool
+    out: Path
+    state: Path | None
+
+
+def choose_bus(address: BusAddress | None) -> tuple[BusAddress, str]:
+    """Return the bus to use, and a line that says why."""
+    if address is not None:
+        return address, f"bus {address}, as asked"
+    vcan = find_vcan()
+    if vcan is not None:
+        return vcan, f"bus {vcan}: a virtual CAN interface of this machine"
+    embedded = embedded_address(os.getpid())
+    advice = "for a vcan: sudo modprobe vcan && sudo ip link add dev vcan0 type vcan && sudo ip link set vcan0 up"
+    return embedded, f"bus {embedded}: embedded, never leaves this machine ({advice})"
+
+
+def run_bench(scenario: Scenario, options: BenchOptions, say: Callable[[str], None]) -> Result:
+    """Play `scenario` and leave `result.json`, `trend.png` and `bus.log` in the output directory.
+
+    Raises:
+        ConfigurationError: the scenario's tables do not make a valve or a positioner.
+        BenchError: a process failed, or frames were lost.
+        StateError: the table cannot be used.
+    """
+    address, reason = choose_bus(options.bus)
+    say(reason)
+    out = options.out
+    out.mkdir(parents=True, exist_ok=True)
+    state = options.state or _fresh_state(out / "state", say)
+    configuration = _write_configuration(scenario, options, address, state)
+    started, begun_s = datetime.now(UTC), time.monotonic()
+    before = _table(state, configuration)
+    recording = _play(scenario, options, configuration, state)
+    if not options.lockstep:
+        recording.fill_gaps()
+    after = _table(state, configuration)
+
+    run = metrics.Trace(
+        time_s=np.arange(recording.samples) * recording.period_s,
+        position_m=recording.true_position_m,
+        setpoint_m=recording.setpoint_m,
+        current_ma=recording.current_ma,
+    )
+    span_m = configuration.valve.span_m
+    dwells = metrics.dwell_metrics(run, scenario.dwell_edges_s, span_m)
+    result = Result(
+        scenario=scenario,
+        span_mm=span_m * 1e3,
+        totals=metrics.totals(dwells),
+        dwells=dwells,
+        table_before=before,
+        table_after=after,
+        run=RunInfo(
+            bus=str(address),
+            clock="lockstep" if options.lockstep else "real-time",
+            started_at=started.isoformat(timespec="seconds"),
+            wall_s=time.monotonic() - begun_s,
+            machine=f"{platform.machine()}, {os.cpu_count()} cores",
+            versions=installed_versions(),
+        ),
+    )
+    (out / "result.json").write_text(to_json(result), encoding="utf-8")
+    recording.write_log(out / "bus.log")
+    draw_trend(out / "trend.png", trend_data(result, recording, out / "trace.csv"))
+    return result
+
+
+def _fresh_state(directory: Path, say: Callable[[str], None]) -> Path:
+    """Return the run's own state directory with an empty table; what an earlier run left there is backed up."""
+    if directory.exists():
+        backup = access.reset(directory)
+        if backup:
+            say(f"the table of the last run is kept in {backup}; --state {directory} would start from it")
+    return directory
+
+
+def _write_configuration(
+    scenario: Scenario, options: BenchOptions, address: BusAddress, state: Path
+) -> Configuration:
+    path = options.out / "valve.toml"
+    text = configuration_text(scenario, address, state)
+    path.write_text(text, encoding="utf-8")
+    (options.out / "plant.toml").write_text(tomli_w.dumps(scenario.plant), encoding="utf-8")
+    return parse_config(text, str(path), options.out)
+
+
+def _play(
+    scenario: Scenario, options: BenchOptions, configuration: Configuration, state: Path
+) -> Recording:
+    out, clock = options.out, "lockstep" if options.lockstep else "realtime"
+    codec = configuration.make_codec()
+    samples = round(scenario.duration_s / scenario.sample_period_s)
+    recording = Recording(codec, samples, scenario.sample_period_s, options.lockstep)
+    forms = [codec.by_kind[kind] for kind in _HEARD]
+    bus = BusPort(configuration.bus, [(form.arbitration_id, form.dbc.is_extended_frame) for form in forms])
+    bus.open()
+    for name in ("plant-emulator.log", "positioner.log"):
+        (out / name).unlink(missing_ok=True)
+    daemon_arguments = ["run", "--config", str(out / "valve.toml"), "--state", str(state), "--clock", clock]
+    daemon_arguments += ["--trace", str(out / "trace.csv")]
+    plant_arguments = ["run", "--config", str(out / "plant.toml"), "--bus", str(configuration.bus), "--clock", clock]
+    plant_arguments += ["--period", repr(scenario.sample_period_s), "--seed", str(scenario.seed)]
+    plant_arguments += ["--setpoint-every", str(scenario.samples_per_setpoint)]
+    try:
+        with Child("positioner.cli.main", daemon_arguments, out / "positioner.log") as daemon:
+            daemon.wait_for("waiting for position frames")
+            with Child("plant_emulator.cli.main", plant_arguments, out / "plant-emulator.log") as plant:
+                plant.wait_for("READY=1")
+                children = (daemon, plant)
+                host = Host(scenario, codec, bus, recording, lambda: _check(children))
+                if options.lockstep:
+                    host.play_lockstep()
+                else:
+                    host.play_real_time()
+                code = daemon.stop()
+                if code:
+                    raise StateError(f"the positioner ended with status {code}; see {daemon.log}")
+    finally:
+        bus.close()
+    return recording
+
+
+def _check(children: tuple[Child, ...]) -> None:
+    for child in children:
+        child.drain()
+        child.check()
+
+
+def _table(state: Path, configuration: Configuration) -> TableSummary:
+    empty = StictionTable(cell_width_m=configuration.control.table_cell_m)
+    try:
+        return summary_of(access.dump(state).table)
+    except StateError:
+        return summary_of(empty)
+
+
+def with_law(scenario: Scenario, law: str | None, seed: int | None) -> Scenario:
+    """Return the scenario with another law or seed, where one is given."""
+    return replace(scenario, law=law or scenario.law, seed=scenario.seed if seed is None else seed)

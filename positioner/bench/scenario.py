@@ -1,0 +1,136 @@
+"""Scenarios: what a bench run plays, as a TOML file with a name.
+
+Shell, for it reads files. The tables `[plant]`, `[valve]`, `[control]`, `[estimator]` and `[guard]` pass through unread: the plant
+emulator and the daemon know their own keys and check them, so a scenario cannot disagree with them.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+from annotated_types import Interval, Len
+
+from positioner import settings
+from positioner.errors import ConfigurationError, Problem
+
+_MULTIPLES = (
+    ("setpoint_period_s", "sample_period_s"),
+    ("dwell_s", "setpoint_period_s"),
+)
+"""The first of each pair is a whole multiple of the second: a new setpoint then falls on a sample, never between."""
+
+_MULTIPLE_TOLERANCE = 1e-9
+"""Relative; decimal fractions such as 0.01 / 0.0001 are not exact in binary."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """One bench run: which valve, which law, which setpoints, for how long, and which random numbers."""
+
+    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
+
+    name: Annotated[str, Len(1, 40)]
+    title: Annotated[str, Len(1, 80)]
+    description: str = ""
+    law: Annotated[str, Len(1)] = "paper"
+    seed: Annotated[int, Interval(ge=0, le=2**32 - 1)] = 1
+    sample_period_s: Annotated[float, Interval(ge=1e-4, le=0.1)] = 0.001
+    """Period of the plant's position frames and of the control cycle, T_s of the paper."""
+    setpoint_period_s: Annotated[float, Interval(ge=1e-3, le=1.0)] = 0.01
+    """Period of the host's setpoint frames."""
+    setpoints_mm: Annotated[tuple[Annotated[float, Interval(ge=0.0, le=661.0)], ...], Len(1)]
+    """Setpoints of one visit, in order; the upper limit is the range of the PLANT_TRUTH frame."""
+    visits: Annotated[int, Interval(ge=1, le=10_000)] = 1
+    """How many times the whole sequence is played."""
+    dwell_s: Annotated[float, Interval(gt=0.0, le=3600.0)]
+    """How long each setpoint is held."""
+    table_from_s: Annotated[float, Interval(ge=0.0)] | None = None
+    """When the law begins to use the stiction table; None from the start. It learns from the start in any case."""
+    plant: dict[str, Any] = field(default_factory=dict)
+    valve: dict[str, Any] = field(default_factory=dict)
+    control: dict[str, Any] = field(default_factory=dict)
+    estimator: dict[str, Any] = field(default_factory=dict)
+    guard: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def visited_mm(self) -> tuple[float, ...]:
+        """Every setpoint of the run in mm, one per dwell."""
+        return self.setpoints_mm * self.visits
+
+    @property
+    def dwell_edges_s(self) -> tuple[float, ...]:
+        """The instants in s at which dwells begin and, last, at which the run ends; shape (dwells + 1)."""
+        return tuple(index * self.dwell_s for index in range(len(self.visited_mm) + 1))
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the run in s, in the plant's time."""
+        return self.dwell_edges_s[-1]
+
+    @property
+    def samples_per_dwell(self) -> int:
+        """Control cycles in one dwell."""
+        return round(self.dwell_s / self.sample_period_s)
+
+    @property
+    def samples_per_setpoint(self) -> int:
+        """Control cycles from one setpoint frame to the next."""
+        return round(self.setpoint_period_s / self.sample_period_s)
+
+
+def scenario_names() -> tuple[str, ...]:
+    """Return the names of the packaged scenarios, sorted."""
+    files = resources.files(__package__).joinpath("scenarios").iterdir()
+    return tuple(sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml")))
+
+
+def load_scenario(name_or_path: str) -> Scenario:
+    """Return the packaged scenario of that name, or the one in that file: a path has a slash or ends in `.toml`.
+
+    Raises:
+        ConfigurationError: no scenario has the name, the file cannot be read, or something in it is wrong.
+    """
+    if "/" in name_or_path or name_or_path.endswith(".toml"):
+        return parse_scenario(settings.read_text(Path(name_or_path)), name_or_path)
+    if name_or_path not in scenario_names():
+        raise ConfigurationError("scenario", (Problem(repr(name_or_path), None, _unknown(name_or_path)),))
+    file = resources.files(__package__).joinpath("scenarios", f"{name_or_path}.toml")
+    return parse_scenario(file.read_text(encoding="utf-8"), f"{name_or_path}.toml")
+
+
+def parse_scenario(text: str, source: str) -> Scenario:
+    """Return the scenario in the TOML `text`; `source` names it in the messages.
+
+    Raises:
+        ConfigurationError: a key is unknown, a value out of its limits, or the periods do not fit into each other.
+    """
+    scenario = settings.parse(text, Scenario, source)
+    problems = tuple(
+        Problem(
+            f"{longer} = {getattr(scenario, longer)}",
+            settings.line_of(text, (longer,)),
+            f"must be a whole multiple of {shorter} = {getattr(scenario, shorter)}",
+        )
+        for longer, shorter in _MULTIPLES
+        if not _is_multiple(getattr(scenario, longer), getattr(scenario, shorter))
+    )
+    if problems:
+        raise ConfigurationError(source, problems)
+    return scenario
+
+
+def _is_multiple(longer_s: float, shorter_s: float) -> bool:
+    ratio = longer_s / shorter_s
+    return math.isclose(ratio, round(ratio), rel_tol=_MULTIPLE_TOLERANCE)
+
+
+def _unknown(name: str) -> str:
+    known = scenario_names()
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"unknown scenario; {hint}known: {', '.join(known)}; or give the path of a .toml file"

@@ -1,0 +1,72 @@
+"""From a recording and the daemon's trace to what the picture shows. Shell."""
+
+from __future__ import annotations
+
+import csv
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from positioner.bench.trend import TrendData
+from positioner.stiction import Quantity
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from positioner.bench.recording import Recording
+    from positioner.bench.result import Result
+
+_BOUNDS = ("current_low_ma", "current_high_ma", "speed_low_m_per_s", "speed_high_m_per_s", "velocity_m_per_s")
+
+
+def trend_data(result: Result, recording: Recording, trace: Path) -> TrendData:
+    """Return the picture's data: the bus tells what happened, the trace what the law believed and allowed."""
+    scenario = result.scenario
+    time_s = np.arange(recording.samples) * recording.period_s
+    with trace.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    believed_s = np.array([float(row["time_s"]) for row in rows]) - recording.period_s
+    columns = {name: _at(time_s, believed_s, [float(row[name]) for row in rows]) for name in _BOUNDS}
+    learned = {
+        quantity: np.array([t for t, row in zip(believed_s, rows, strict=True) if row["learned"] == quantity])
+        for quantity in Quantity
+    }
+    loop_low, loop_high = np.nanmin(columns["current_low_ma"]), np.nanmax(columns["current_high_ma"])
+    widest = float(np.nanmax(columns["speed_high_m_per_s"]))
+    return TrendData(
+        scenario=scenario,
+        span_m=result.span_mm * 1e-3,
+        dwells=result.dwells,
+        totals=result.totals,
+        time_s=time_s,
+        mode=recording.mode,
+        position_m=recording.true_position_m,
+        measured_m=recording.measured_m,
+        setpoint_m=recording.setpoint_m,
+        current_ma=recording.current_ma,
+        current_lower_ma=_active(columns["current_low_ma"], float(loop_low)),
+        current_upper_ma=_active(columns["current_high_ma"], float(loop_high)),
+        velocity_m_per_s=recording.true_velocity_m_per_s,
+        velocity_estimate_m_per_s=columns["velocity_m_per_s"],
+        velocity_lower_m_per_s=_active(columns["speed_low_m_per_s"], -widest),
+        velocity_upper_m_per_s=_active(columns["speed_high_m_per_s"], widest),
+        stick_speed_learned_at_s=learned[Quantity.STICK_SPEED],
+        breakaway_current_learned_at_s=learned[Quantity.BREAKAWAY_CURRENT],
+        landing_bias_learned_at_s=learned[Quantity.LANDING_BIAS],
+    )
+
+
+def _at(time_s: NDArray[np.float64], known_s: NDArray[np.float64], values: list[float]) -> NDArray[np.float64]:
+    """Return `values`, known at the cycles `known_s`, at the samples `time_s`: the last one known."""
+    if not values:
+        return np.full_like(time_s, np.nan)
+    index = np.searchsorted(known_s, time_s + 1e-9, side="right") - 1
+    return np.where(index >= 0, np.array(values)[np.maximum(index, 0)], np.nan)
+
+
+def _active(bound: NDArray[np.float64], free: float) -> NDArray[np.float64] | None:
+    """Return the bound where it is tighter than `free`, NaN elsewhere; None where it never is."""
+    active = np.where(np.abs(bound - free) > 1e-9, bound, np.nan)
+    return active if np.isfinite(active).any() else None

@@ -1,0 +1,74 @@
+"""`positioner bench`: the loop closed with an emulated valve. Shell."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from positioner.bench.scenario import load_scenario, scenario_names
+from positioner.bus import parse_address
+from positioner.errors import ExitCode
+from positioner.laws.registry import LAWS
+
+_EPILOG = f"""\
+examples:
+  positioner bench                                      the paper's valve, three setpoints visited three times
+  positioner bench --scenario noise-free --out noise-free
+  positioner bench --state bench-paper-valve/state      start from the table that an earlier run left
+
+It starts the plant emulator and the daemon as processes on one bus, plays the scenario's setpoints as frames, and
+leaves in the output directory: result.json (the figures), trend.png (the picture), bus.log (candump format, for
+canplayer), trace.csv (what the law believed), both configurations and both logs.
+
+scenarios: {", ".join(scenario_names())}
+laws:      {", ".join(LAWS)}
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the sub-command."""
+    parser = subparsers.add_parser(
+        "bench",
+        help="close the loop with an emulated valve",
+        description="Close the loop with an emulated valve, and measure it.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--scenario", default="paper-valve", metavar="NAME|FILE", help="what is played (%(default)s)")
+    parser.add_argument("--law", choices=tuple(LAWS), help="control law instead of the scenario's")
+    parser.add_argument("--seed", type=int, help="seed instead of the scenario's")
+    parser.add_argument(
+        "--bus",
+        default="auto",
+        metavar="auto|INTERFACE:CHANNEL",
+        help="auto: a vcan of this machine, else the embedded bus (%(default)s)",
+    )
+    parser.add_argument(
+        "--clock",
+        choices=("lockstep", "realtime"),
+        default="lockstep",
+        help="lockstep: as fast as the machine allows and the same to the bit; realtime: as on hardware (%(default)s)",
+    )
+    parser.add_argument("--out", type=Path, metavar="DIR", help="output directory (bench-SCENARIO)")
+    parser.add_argument("--state", type=Path, metavar="DIR", help="start from the stiction table in DIR, and save there")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> ExitCode:
+    # the runner draws pictures: its imports would slow every other command down
+    from positioner.bench.result import to_text  # noqa: PLC0415
+    from positioner.bench.runner import BenchOptions, run_bench, with_law  # noqa: PLC0415
+
+    scenario = with_law(load_scenario(arguments.scenario), arguments.law, arguments.seed)
+    out = arguments.out or Path(f"bench-{scenario.name}")
+    options = BenchOptions(
+        bus=None if arguments.bus == "auto" else parse_address(arguments.bus),
+        lockstep=arguments.clock == "lockstep",
+        out=out,
+        state=arguments.state,
+    )
+    result = run_bench(scenario, options, lambda line: print(line, file=sys.stderr))
+    sys.stdout.write(to_text(result))
+    sys.stdout.write(f"\n{out}: result.json, trend.png, bus.log; the learned table is in {arguments.state or out / 'state'}\n")
+    return ExitCode.OK

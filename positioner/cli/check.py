@@ -1,0 +1,66 @@
+"""`positioner check`: every mistake of a configuration at once. Shell."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from importlib import resources
+from pathlib import Path
+
+from positioner.config import Configuration, load_config
+from positioner.errors import ExitCode
+
+_EPILOG = """\
+examples:
+  positioner check /etc/positioner/fv101.toml
+  positioner check --example > fv101.toml       a commented configuration to start from
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the sub-command."""
+    parser = subparsers.add_parser(
+        "check",
+        help="validate a configuration",
+        description="Validate a configuration: every mistake at once, with its line, its limits and the nearest key.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    which = parser.add_mutually_exclusive_group(required=True)
+    which.add_argument("config", nargs="?", type=Path, metavar="valve.toml", help="the configuration")
+    which.add_argument("--example", action="store_true", help="print a commented configuration and end")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> ExitCode:
+    if arguments.example:
+        sys.stdout.write(example_text())
+        return ExitCode.OK
+    configuration = load_config(arguments.config)
+    sys.stdout.write(f"{arguments.config}: good\n{summary(configuration)}")
+    return ExitCode.OK
+
+
+def example_text() -> str:
+    """Return the commented example configuration."""
+    return resources.files("positioner").joinpath("example.toml").read_text(encoding="utf-8")
+
+
+def summary(configuration: Configuration) -> str:
+    """Return what the configuration means in the units of a workshop, a line each."""
+    valve, guard = configuration.valve, configuration.guard
+    gain, rate = valve.force_gain_n_per_ma, valve.spring_rate_n_per_m
+    low_n = gain * guard.current_low_ma - valve.bench_set_n
+    high_n = gain * guard.current_high_ma - valve.bench_set_n
+    friction_n = valve.static_friction_n
+    span_force_n = gain * (guard.current_high_ma - guard.current_low_ma)
+    rows = (
+        ("valve", f"{valve.id}, span {valve.span_m * 1e3:g} mm"),
+        ("restartable both ways", f"{(low_n + friction_n) / rate * 1e3:.1f} to {(high_n - friction_n) / rate * 1e3:.1f} mm"),
+        ("stiction", f"F_s {100 * friction_n / span_force_n:.1f} % of the span force"),
+        ("slip jump", f"{(friction_n - valve.coulomb_friction_n) / rate * 1e3:.2f} mm"),
+        ("law", f"{configuration.control.law}, every {configuration.control.sample_period_s * 1e3:g} ms"),
+        ("bus", str(configuration.bus)),
+        ("state", str(configuration.state_directory)),
+    )
+    return "".join(f"  {name:<22} {value}\n" for name, value in rows)

@@ -1,0 +1,63 @@
+# PYTHON_ARGCOMPLETE_OK
+"""`positioner`: the commands, their help, and how errors end. Shell."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+
+import argcomplete
+
+import positioner
+from positioner.cli import bench, check, run, table
+from positioner.errors import ExitCode, PositionerError
+
+_DESCRIPTION = "A positioner for sticking control valves: predictive control with a learned stiction table, over CAN."
+_EPILOG = """\
+examples:
+  positioner bench                              the loop closed with an emulated valve, no hardware needed
+  positioner check /etc/positioner/fv101.toml   every mistake of a configuration at once
+  positioner run --config fv101.toml            control the valve
+  positioner table dump --config fv101.toml     what was learned about its stiction
+
+exit status: 0 done, 2 usage, 69 bus or valve not available, 70 internal error, 74 state not saved, 78 configuration
+completion:  eval "$(register-python-argcomplete positioner)"
+"""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser with every command."""
+    parser = argparse.ArgumentParser(
+        prog="positioner",
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"positioner {positioner.__version__}")
+    subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    for command in (run, bench, table, check):
+        command.add_parser(subparsers)
+    return parser
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line and return its exit status."""
+    parser = build_parser()
+    argcomplete.autocomplete(parser)
+    parsed = parser.parse_args(arguments)
+    command: Callable[[argparse.Namespace], ExitCode] = parsed.run
+    try:
+        return int(command(parsed))
+    except PositionerError as error:
+        sys.stderr.write(f"positioner: {error}\n")
+        return int(error.exit_code)
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        sys.stderr.close()  # the reader has gone; nobody is left to tell
+        return int(ExitCode.OK)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

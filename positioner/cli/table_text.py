@@ -1,0 +1,70 @@
+"""The stiction table as text for people, and as rows for spreadsheets. Pure."""
+
+from __future__ import annotations
+
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+from positioner.stiction import Cell, CellKey, Direction, Quantity
+from positioner.store.document import utc_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from positioner.store.content import StoredTable
+
+_MM = 1e3
+_COLUMNS = (
+    (Quantity.STICK_SPEED, "stick speed, mm/s", _MM, 1),
+    (Quantity.BREAKAWAY_CURRENT, "breakaway Γ, mA", 1.0, 3),
+    (Quantity.LANDING_BIAS, "landing bias, mm", _MM, 3),
+)
+_LEGEND = "Mean ± spread of the last ten; n: how many ever; age: samples learned anywhere since the newest here."
+
+
+def summary(stored: StoredTable) -> str:
+    """Return whose table it is and how much is in it, in one line."""
+    table = stored.table
+    samples = sum(cell.count for _, cell in table)
+    return f"valve {stored.valve_id}: {samples} samples in {len(table)} cells of {table.cell_width_m * _MM:g} mm"
+
+
+def table(stored: StoredTable) -> str:
+    """Return the table, a line for each position and direction."""
+    if not len(stored.table):
+        return f"{summary(stored)}: the table is empty\n"
+    heads = [f"{title:>17} {'n':>5}" for _, title, _, _ in _COLUMNS]
+    header = " | ".join([f"{'position, mm':>12} {'direction':<9}", *heads, f"{'age':>6} {'newest':<20}"])
+    rule = "-+-".join("-" * len(part) for part in header.split(" | "))
+    return "\n".join([summary(stored), "", header, rule, *_lines(stored), "", _LEGEND, ""])
+
+
+def csv_rows(stored: StoredTable) -> Iterator[tuple[str, ...]]:
+    """Yield a row of titles and one for each cell, in SI units and mA as the quantity's name says."""
+    yield "quantity", "position_m", "direction", "mean", "spread", "count", "age", "recorded", "samples"
+    for key, cell in stored.table:
+        position = f"{key.index * stored.table.cell_width_m:.6g}"
+        numbers = (repr(cell.mean), repr(cell.spread), str(cell.count), str(stored.table.age(cell)))
+        samples = " ".join(map(repr, cell.samples))
+        yield str(key.quantity), position, str(key.direction), *numbers, utc_text(stored.recorded_s[key]), samples
+
+
+def _lines(stored: StoredTable) -> Iterator[str]:
+    def place(item: tuple[CellKey, Cell]) -> tuple[int, Direction]:
+        return item[0].index, item[0].direction
+
+    for (index, direction), group in groupby(sorted(stored.table, key=place), key=place):
+        cells = {key.quantity: cell for key, cell in group}
+        newest = max(cells.values(), key=lambda cell: cell.sequence)
+        recorded = max(stored.recorded_s[CellKey(quantity, index, direction)] for quantity in cells)
+        position_mm = index * stored.table.cell_width_m * _MM
+        parts = [_part(cells.get(quantity), scale, digits) for quantity, _, scale, digits in _COLUMNS]
+        last = f"{stored.table.age(newest):>6} {utc_text(recorded)}"
+        yield " | ".join([f"{position_mm:>12.1f} {direction:<9}", *parts, last])
+
+
+def _part(cell: Cell | None, scale: float, digits: int) -> str:
+    if cell is None:
+        return f"{'-':>17} {'-':>5}"
+    value = f"{cell.mean * scale:.{digits}f} ± {cell.spread * scale:.{digits}f}"
+    return f"{value:>17} {cell.count:>5}"

@@ -1,0 +1,69 @@
+"""Kinds of time: real, and lockstep with an emulated plant. Shell.
+
+In lockstep the plant's frames are the clock: each step of the position frame's counter is one sample period, and
+nothing else makes time pass. Two runs are then the same to the bit, however fast or noisy the machine.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Protocol
+
+from positioner.wire.formats import FrameRejectedError
+from positioner.wire.messages import StemPosition
+
+if TYPE_CHECKING:
+    from positioner.wire.codec import Codec
+    from positioner.wire.messages import CanFrame
+
+_NS = 1_000_000_000
+
+
+class Clock(Protocol):
+    """Tells the instant of a batch of frames."""
+
+    def now_ns(self, frames: tuple[CanFrame, ...]) -> int:
+        """Return the monotonic instant at which `frames` are handled."""
+
+
+class RealClock:
+    """The machine's monotonic clock; a stepped wall clock does not move it."""
+
+    def now_ns(self, frames: tuple[CanFrame, ...]) -> int:
+        """Return the present instant."""
+        del frames
+        return time.monotonic_ns()
+
+
+class LockstepClock:
+    """Virtual time, driven by the counters of the position frames."""
+
+    def __init__(self, codec: Codec, period_s: float) -> None:
+        """Start at zero; the first position frame makes the first period pass."""
+        self._codec = codec
+        self._form = codec.by_kind[StemPosition]
+        self._period_ns = round(period_s * _NS)
+        self._counter: int | None = None
+        self._now_ns = 0
+
+    def now_ns(self, frames: tuple[CanFrame, ...]) -> int:
+        """Return the virtual instant after `frames`."""
+        for frame in frames:
+            if (frame.arbitration_id, frame.is_extended) == (
+                self._form.arbitration_id,
+                self._form.dbc.is_extended_frame,
+            ):
+                self._advance(frame)
+        return self._now_ns
+
+    def _advance(self, frame: CanFrame) -> None:
+        try:
+            _, counter = self._form.decode(frame)
+        except FrameRejectedError:
+            return
+        if counter is None or self._counter is None:
+            steps = 1
+        else:
+            steps = (counter - self._counter) % self._form.counter_modulus
+        self._counter = counter
+        self._now_ns += steps * self._period_ns

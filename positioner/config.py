@@ -1,0 +1,137 @@
+"""The configuration of one positioner: `valve.toml` in, frozen dataclasses out. Shell."""
+
+from __future__ import annotations
+
+import difflib
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from positioner import settings
+from positioner.bus import BusAddress
+from positioner.errors import ConfigurationError, Problem
+from positioner.estimate import EstimatorSettings
+from positioner.guard import GuardSettings
+from positioner.laws.registry import LAWS, Ingredients
+from positioner.laws.settings import ControlSettings
+from positioner.model import ValveParameters  # noqa: TC001 - pydantic reads this hint at run time
+from positioner.solver import QpSolver
+from positioner.wire.codec import Codec, WireSettings, make_codec
+
+if TYPE_CHECKING:
+    from positioner.laws.law import Law
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StateSettings:
+    """The `[state]` table: where the stiction table is kept.
+
+    Without `directory` it is $STATE_DIRECTORY (which systemd sets), or else ~/.local/state/positioner/<valve id>.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
+
+    directory: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Configuration:
+    """Everything a positioner is told; one field a table of the file."""
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "allow_inf_nan": False}
+
+    valve: ValveParameters
+    bus: BusAddress = field(default_factory=BusAddress)
+    wire: WireSettings = field(default_factory=WireSettings)
+    control: ControlSettings = field(default_factory=ControlSettings)
+    estimator: EstimatorSettings = field(default_factory=EstimatorSettings)
+    guard: GuardSettings = field(default_factory=GuardSettings)
+    state: StateSettings = field(default_factory=StateSettings)
+
+    @property
+    def state_directory(self) -> Path:
+        """Where the stiction table of this valve is kept."""
+        if self.state.directory is not None:
+            return self.state.directory
+        if given := os.environ.get("STATE_DIRECTORY"):
+            return Path(given.split(":", maxsplit=1)[0])
+        home = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+        return Path(home) / "positioner" / self.valve.id
+
+    def make_codec(self) -> Codec:
+        """Return the codec of this valve's bus.
+
+        Raises:
+            ConfigurationError: the user's DBC does not hold what the file names.
+        """
+        return make_codec(self.wire, span_m=self.valve.span_m)
+
+    def make_law(self) -> Law[Any]:
+        """Return a new instance of the chosen law, with a solver of its own."""
+        _, make = LAWS[self.control.law]
+        return make(Ingredients(self.control, self.valve, self.estimator, self.guard, QpSolver))
+
+
+def load_config(path: Path) -> Configuration:
+    """Return the configuration in `path`, with a relative DBC path taken from beside it.
+
+    Raises:
+        ConfigurationError: with every mistake in the file, of its values, its DBC and its names alike.
+    """
+    text = settings.read_text(path)
+    return parse_config(text, str(path), path.parent)
+
+
+def parse_config(text: str, source: str, base: Path) -> Configuration:
+    """Return the configuration in `text`; relative paths start at `base`.
+
+    Raises:
+        ConfigurationError: as `load_config`.
+    """
+    tables = settings.tables(text, source)
+    problems: list[Problem] = []
+    found: Configuration | None = None
+    _anchor_dbc(tables, base)
+    try:
+        found = settings.build(tables, Configuration, source, text)
+    except ConfigurationError as error:
+        problems += error.problems
+    problems += _wire_problems(tables, text)
+    problems += _law_problems(tables, text)
+    if problems or found is None:
+        raise ConfigurationError(source, tuple(sorted(problems, key=lambda problem: problem.line or 0)))
+    return found
+
+
+def _anchor_dbc(tables: dict[str, Any], base: Path) -> None:
+    wire = tables.get("wire")
+    if isinstance(wire, dict) and isinstance(wire.get("dbc"), str):
+        wire["dbc"] = str(base / wire["dbc"])
+
+
+def _wire_problems(tables: dict[str, Any], text: str) -> list[Problem]:
+    """Return what is wrong with the DBC, where the [wire] table itself can be read."""
+    try:
+        make_codec(settings.build(tables.get("wire", {}), WireSettings, "[wire]"))
+    except ConfigurationError as error:
+        if error.source == "[wire]" and any(problem.where.startswith("wire.") for problem in error.problems):
+            return [
+                Problem(problem.where, settings.line_of(text, _key(problem.where)), problem.message)
+                for problem in error.problems
+            ]
+    return []
+
+
+def _law_problems(tables: dict[str, Any], text: str) -> list[Problem]:
+    control = tables.get("control")
+    law = control.get("law") if isinstance(control, dict) else None
+    if not isinstance(law, str) or law in LAWS:
+        return []
+    close = difflib.get_close_matches(law, LAWS, n=1, cutoff=0.4)
+    advice = f"did you mean '{close[0]}'?" if close else f"known: {', '.join(LAWS)}"
+    return [Problem(f"control.law = '{law}'", settings.line_of(text, ("control", "law")), f"is no law; {advice}")]
+
+
+def _key(where: str) -> tuple[str, ...]:
+    return tuple(where.split(" = ", maxsplit=1)[0].split("."))

@@ -1,0 +1,201 @@
+"""The daemon: the only loop. It moves frames between the bus and `cycle.step`, and tells everybody else. Shell."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import signal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, assert_never
+
+from positioner import cycle
+from positioner.bus import BusPort
+from positioner.clock import Clock, LockstepClock, RealClock
+from positioner.errors import AlreadyRunningError, ExitCode
+from positioner.events import Controlled, Event, FeedbackRefused, ForeignCommand, LawFellBack, Learned, ModeChanged
+from positioner.journal import Throttle, logger
+from positioner.notify import Notifier
+from positioner.store.client import TableKeeper
+from positioner.store.messages import Notice, Replaced, Saved, SavingFailed, SavingWorks
+from positioner.trace import TraceWriter
+from positioner.wire.messages import ActuatorState, Cause, CurrentCommand, Mode, Setpoint, StemPosition
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from types import FrameType
+
+    from positioner.config import Configuration
+    from positioner.store.client import KeeperEvent
+    from positioner.wire.codec import Codec
+
+_RECEIVED = (StemPosition, ActuatorState, Setpoint, CurrentCommand)
+_IDLE_WAIT_S = 0.1
+_SHORTEST_WAIT_S = 0.01
+_CLOSE_TIMEOUT_S = 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOptions:
+    """How a daemon runs, beside its configuration."""
+
+    lockstep: bool = False
+    dry_run: bool = False
+    trace: Path | None = None
+
+
+class Daemon:
+    """One valve, one bus, one loop."""
+
+    def __init__(self, configuration: Configuration, options: RunOptions) -> None:
+        """Take the table over from the state directory.
+
+        Raises:
+            AlreadyRunningError: another daemon holds this valve.
+            StateError: the state directory cannot be used.
+        """
+        self._options = options
+        self._throttle = Throttle()
+        self._notifier = Notifier()
+        self._stopping = False
+        codec = configuration.make_codec()
+        control = configuration.control
+        self._keeper, table, notices = TableKeeper.open(
+            configuration.state_directory, configuration.valve.id, control.table_cell_m
+        )
+        for notice in notices:
+            logger.warning("%s", notice)
+        held = sum(len(cell.samples) for _, cell in table)
+        logger.info("table of %s: %d samples in %d cells", configuration.valve.id, held, len(table))
+        self._period_s = control.sample_period_s
+        self._bus = BusPort(configuration.bus, _identifiers(codec), self._report)
+        self._clock: Clock = LockstepClock(codec, self._period_s) if options.lockstep else RealClock()
+        self._setup = cycle.Setup(
+            codec,
+            configuration.valve,
+            configuration.guard,
+            configuration.make_law(),
+            self._period_s,
+            learns=not options.dry_run,
+        )
+        self._state = cycle.CycleState(table=table)
+        self._trace = TraceWriter(options.trace) if options.trace else None
+        self._ready = False
+
+    def run(self) -> ExitCode:
+        """Run until SIGTERM or SIGINT; return how it ended.
+
+        Raises:
+            AlreadyRunningError: another controller commands this valve on the bus.
+        """
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._stop)
+        gc.freeze()
+        gc.disable()  # the cycle makes no reference cycles, and a collection would be a late command
+        try:
+            while not self._stopping:
+                self._turn()
+        finally:
+            code = self._close()
+        return code
+
+    def _turn(self) -> None:
+        """Close one cycle, or let time pass."""
+        armed = self._state.guard.armed
+        frames = self._bus.receive(max(self._period_s, _SHORTEST_WAIT_S) if armed else _IDLE_WAIT_S)
+        if self._bus.is_open and not self._ready:
+            self._notifier.send(STATUS=f"waiting for position frames on {self._bus.address}")
+        now_ns = self._clock.now_ns(frames)
+        self._state, outbox, events = cycle.step(self._setup, self._state, frames, now_ns)
+        if not self._options.dry_run:
+            for frame in outbox:
+                self._bus.send(frame)
+        self._tell(events)
+        self._keep(events)
+
+    def _tell(self, events: tuple[Event, ...]) -> None:
+        learned = next((event for event in events if isinstance(event, Learned)), None)
+        for event in events:
+            match event:
+                case Controlled():
+                    if self._trace:
+                        self._trace.write(event, learned)
+                    self._notifier.send(WATCHDOG="1")
+                case ModeChanged():
+                    self._announce(event)
+                case Learned():
+                    logger.debug("%s", event)
+                case FeedbackRefused() | LawFellBack():
+                    self._throttle.log(logging.WARNING, type(event).__name__, str(event))
+                case ForeignCommand():
+                    self._throttle.log(logging.ERROR, type(event).__name__, str(event))
+                    if not self._state.guard.ever_armed:
+                        raise AlreadyRunningError(f"not started: {event}")
+                case _:
+                    self._throttle.log(logging.WARNING, _kind(event), str(event))
+
+    def _announce(self, event: ModeChanged) -> None:
+        serious = event.after in {Mode.HOLD, Mode.FAILSAFE} and event.cause is not Cause.NONE
+        self._throttle.log(logging.WARNING if serious else logging.INFO, f"mode {event.after.name}", str(event))
+        cause = event.cause.name.lower().replace("_", " ")
+        status = f"{event.after.name}: {cause}" if event.cause is not Cause.NONE else event.after.name
+        if event.after is not Mode.INIT and not self._ready:
+            self._ready = True
+            self._notifier.send(READY="1", STATUS=status)
+        else:
+            self._notifier.send(STATUS=status)
+
+    def _keep(self, events: tuple[Event, ...]) -> None:
+        """Hand over what was learned; take over what was reset or imported meanwhile."""
+        self._keeper.record([event.sample for event in events if isinstance(event, Learned)])
+        for heard in self._keeper.poll():
+            self._hear(heard)
+        saved = self._keeper.problem is None
+        if saved is not self._state.table_saved:
+            self._state = replace(self._state, table_saved=saved)
+
+    def _hear(self, heard: KeeperEvent) -> None:
+        match heard:
+            case Replaced():
+                self._state = replace(self._state, table=heard.stored.table)
+                logger.info("the stiction table was replaced: %s", heard.reason)
+            case SavingFailed():
+                logger.error("%s", heard.reason)
+            case SavingWorks():
+                logger.info("the stiction table is saved again")
+            case Notice():
+                logger.warning("%s", heard)
+            case Saved():
+                pass
+            case _:
+                assert_never(heard)
+
+    def _close(self) -> ExitCode:
+        self._notifier.send(STOPPING="1")
+        problem = self._keeper.close(_CLOSE_TIMEOUT_S)
+        if self._trace:
+            self._trace.close()
+        self._bus.close()
+        self._notifier.close()
+        if problem:
+            logger.error("%s", problem)
+            return ExitCode.IO
+        logger.info("stopped; the stiction table is saved")
+        return ExitCode.OK
+
+    def _stop(self, number: int, frame: FrameType | None) -> None:
+        del number, frame
+        self._stopping = True
+
+    def _report(self, line: str) -> None:
+        self._throttle.log(logging.WARNING, f"bus {line[:24]}", line)
+
+
+def _kind(event: Event) -> str:
+    """Return what counts as one kind of line: refused frames are told apart by their reason."""
+    reason = getattr(event, "reason", None)
+    return f"{type(event).__name__} {reason.value}" if reason is not None else type(event).__name__
+
+
+def _identifiers(codec: Codec) -> list[tuple[int, bool]]:
+    forms = [codec.by_kind[kind] for kind in _RECEIVED]
+    return [(form.arbitration_id, form.dbc.is_extended_frame) for form in forms]

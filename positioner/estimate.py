@@ -1,0 +1,138 @@
+"""Position and speed of the stem from noisy positions: a Kalman filter with stick logic. Pure.
+
+While the stem slides, the model is the closed form of `model.slide`, which stops the stem inside a sample when its
+speed runs out. While it sticks, speed and its variance are zero and nothing drives the covariance: the filter becomes
+a plain average. It leaves the stick when the model says the spring loses to the current, or when the innovations say
+that the stem has left without the model's consent.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar
+
+from annotated_types import Interval
+
+from positioner.model import ValveParameters, slide
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EstimatorSettings:
+    """The `[estimator]` table of a configuration.
+
+    noise_of_reading, noise_of_span: σ of the position sensor, as a fraction (0.02 = 2 %).
+    force_noise_n: σ of the force the model does not know, white per sample, while sliding.
+    slip_threshold_sigma: smoothed innovation, in its own σ, that ends a stick the model would keep.
+    slip_smoothing: weight of the newest innovation in that smoothing.
+    """
+
+    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
+
+    noise_of_reading: Annotated[float, Interval(ge=0.0, le=0.5)] = 0.02
+    noise_of_span: Annotated[float, Interval(ge=0.0, le=0.5)] = 0.0
+    force_noise_n: Annotated[float, Interval(ge=0.0, le=1e5)] = 400.0
+    slip_threshold_sigma: Annotated[float, Interval(ge=2.0, le=20.0)] = 4.5
+    slip_smoothing: Annotated[float, Interval(gt=0.0, le=1.0)] = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class StemState:
+    """The estimate after a measurement: position x (m), speed v (m/s), their covariance, and whether the stem sticks.
+
+    `direction` is that of the present or last move (±1); `drift` the smoothed innovation in σ while stuck.
+    """
+
+    position_m: float
+    velocity_m_per_s: float
+    stuck: bool
+    direction: float
+    p_xx: float
+    p_xv: float
+    p_vv: float
+    drift: float = 0.0
+
+    @property
+    def position_sigma_m(self) -> float:
+        """Standard deviation of the position in m."""
+        return math.sqrt(max(self.p_xx, 0.0))
+
+
+_NOISE_FLOOR_M = 1e-6
+_SPEED_AT_SURPRISE_M_PER_S = 0.3
+"""σ of the speed after a slip that the model did not foresee: the peak speed of the natural slip jump."""
+
+
+def measurement_sigma_m(settings: EstimatorSettings, valve: ValveParameters, position_m: float) -> float:
+    """Return σ of one position reading in m, at least 1 µm."""
+    own = settings.noise_of_reading * abs(position_m) + settings.noise_of_span * valve.span_m
+    return max(own, _NOISE_FLOOR_M)
+
+
+def first_estimate(settings: EstimatorSettings, valve: ValveParameters, measured_m: float) -> StemState:
+    """Return the estimate from a single reading: at rest where it was measured."""
+    sigma = measurement_sigma_m(settings, valve, measured_m)
+    return StemState(measured_m, 0.0, valve.static_friction_n > 0.0, 1.0, sigma * sigma, 0.0, 0.0)
+
+
+def estimate(
+    settings: EstimatorSettings,
+    valve: ValveParameters,
+    state: StemState,
+    measured_m: float,
+    applied_ma: float,
+    period_s: float,
+) -> StemState:
+    """Return the estimate after `period_s` under `applied_ma`, corrected by the reading `measured_m`."""
+    return _correct(settings, valve, _predict(settings, valve, state, applied_ma, period_s), measured_m, applied_ma)
+
+
+def _predict(
+    settings: EstimatorSettings, valve: ValveParameters, state: StemState, applied_ma: float, period_s: float
+) -> StemState:
+    push_n = valve.net_force_n(state.position_m, applied_ma)
+    if state.stuck:
+        if abs(push_n) <= valve.static_friction_n:
+            return state
+        state = replace(state, stuck=False, direction=math.copysign(1.0, push_n), drift=0.0)
+    direction = state.direction if state.velocity_m_per_s else math.copysign(1.0, push_n)
+    motion = slide(valve, state.position_m, state.velocity_m_per_s, applied_ma, direction, period_s)
+    a, b, c, d = motion.dx_dx, motion.dx_dv, motion.dv_dx, motion.dv_dv
+    p_xx = a * a * state.p_xx + 2.0 * a * b * state.p_xv + b * b * state.p_vv
+    p_xv = a * c * state.p_xx + (a * d + b * c) * state.p_xv + b * d * state.p_vv
+    p_vv = c * c * state.p_xx + 2.0 * c * d * state.p_xv + d * d * state.p_vv
+    if not motion.stopped:
+        kick = settings.force_noise_n / valve.mass_kg * period_s
+        p_vv += kick * kick
+    velocity = motion.v
+    if motion.stopped and abs(valve.net_force_n(motion.x, applied_ma)) > valve.static_friction_n:
+        # the stem only turns round here: it has no speed, and is not stuck
+        return StemState(motion.x, 0.0, False, -direction, p_xx, 0.0, p_vv)
+    return StemState(motion.x, velocity, motion.stopped, direction, p_xx, p_xv, p_vv)
+
+
+def _correct(
+    settings: EstimatorSettings, valve: ValveParameters, state: StemState, measured_m: float, applied_ma: float
+) -> StemState:
+    sigma = measurement_sigma_m(settings, valve, state.position_m)
+    variance = state.p_xx + sigma * sigma
+    innovation = measured_m - state.position_m
+    gain_x, gain_v = state.p_xx / variance, state.p_xv / variance
+    position = state.position_m + gain_x * innovation
+    p_xx = (1.0 - gain_x) * state.p_xx
+    if state.stuck:
+        weight = settings.slip_smoothing
+        drift = state.drift + weight * (innovation / math.sqrt(variance) - state.drift)
+        if abs(drift) <= settings.slip_threshold_sigma * math.sqrt(weight / (2.0 - weight)):
+            return StemState(position, 0.0, True, state.direction, p_xx, 0.0, 0.0, drift)
+        # the stem has left without the model's consent: believe the reading, keep the speed open
+        speed_variance = _SPEED_AT_SURPRISE_M_PER_S**2
+        return StemState(measured_m, 0.0, False, math.copysign(1.0, drift), sigma * sigma, 0.0, speed_variance)
+    velocity = state.velocity_m_per_s + gain_v * innovation
+    p_xv, p_vv = (1.0 - gain_x) * state.p_xv, state.p_vv - gain_v * state.p_xv
+    if valve.static_friction_n > 0.0 and velocity * state.direction <= 0.0 and state.velocity_m_per_s:
+        # friction stops the stem before its speed can change sign
+        stuck = abs(valve.net_force_n(position, applied_ma)) <= valve.static_friction_n
+        return StemState(position, 0.0, stuck, state.direction, p_xx, 0.0, 0.0 if stuck else p_vv)
+    direction = math.copysign(1.0, velocity) if velocity else state.direction
+    return StemState(position, velocity, False, direction, p_xx, p_xv, p_vv)

@@ -1,0 +1,167 @@
+"""From frames to what they mean: the newest valid reading, the newest usable setpoint, and everything refused. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from positioner.events import Event, FeedbackRefused, ForeignCommand, FrameRefused, FramesLost, SetpointRefused
+from positioner.guard import GuardSettings, Sighting
+from positioner.wire.e2e import CounterCheck, Sequence
+from positioner.wire.formats import FrameRejectedError, Reason
+from positioner.wire.messages import (
+    ActuatorState,
+    CurrentCommand,
+    HostRequest,
+    Message,
+    Quality,
+    Setpoint,
+    StemPosition,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from positioner.model import ValveParameters
+    from positioner.wire.codec import Codec
+    from positioner.wire.messages import CanFrame
+
+
+@dataclass(frozen=True, slots=True)
+class LinkState:
+    """What is remembered of the other nodes between cycles."""
+
+    counters: Mapping[type[Message], CounterCheck] = field(default_factory=dict)
+    last_position_m: float | None = None
+    jumps: int = 0
+    setpoint_m: float | None = None
+    setpoint_counter: int | None = None
+    pressure_pa: float | None = None
+    rejected_count: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A plausible position reading: its frame's counter, and how many sample periods lie between it and the last."""
+
+    position_m: float
+    counter: int | None
+    command_counter: int | None
+    periods: int
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """What a batch of frames amounts to."""
+
+    link: LinkState
+    reading: Reading | None
+    seen: Sighting
+    events: tuple[Event, ...]
+
+
+_IGNORED = frozenset({Reason.UNKNOWN_ID})
+"""Other nodes' traffic is nobody's mistake."""
+_COUNTED = (StemPosition, Setpoint, ActuatorState)
+_JUMPS_BELIEVED = 3
+"""As many implausible jumps in a row are a new truth: the stem was moved while nobody watched."""
+
+
+def receive(
+    codec: Codec, guard: GuardSettings, valve: ValveParameters, link: LinkState, frames: tuple[CanFrame, ...]
+) -> Received:
+    """Return what `frames`, oldest first, amount to; the newest reading counts, no frame is lost to the checks."""
+    batch = _Batch(guard, valve, link)
+    for frame in frames:
+        try:
+            message, counter = codec.decode(frame)
+            lost = batch.in_sequence(message, counter, codec.by_kind[type(message)].counter_modulus)
+        except FrameRejectedError as error:
+            if error.reason not in _IGNORED:
+                batch.link = replace(batch.link, rejected_count=batch.link.rejected_count + 1)
+                batch.events.append(FrameRefused(error.reason, str(error)))
+        else:
+            batch.take(message, counter, lost)
+    seen = Sighting(batch.reading is not None, batch.setpoint, batch.request, batch.foreign)
+    return Received(batch.link, batch.reading, seen, tuple(batch.events))
+
+
+class _Batch:
+    """A batch of frames on its way to being understood."""
+
+    def __init__(self, guard: GuardSettings, valve: ValveParameters, link: LinkState) -> None:
+        self.guard = guard
+        self.valve = valve
+        self.link = link
+        self.reading: Reading | None = None
+        self.setpoint = False
+        self.request: HostRequest | None = None
+        self.foreign = False
+        self.events: list[Event] = []
+        self._periods = 0
+
+    def in_sequence(self, message: Message, counter: int | None, modulus: int) -> int:
+        """Take the counter over and return how many frames were lost before it.
+
+        Raises:
+            FrameRejectedError: the counter is repeated or out of order.
+        """
+        if counter is None or not isinstance(message, _COUNTED):
+            return 0
+        known = self.link.counters.get(type(message), CounterCheck(modulus=modulus))
+        check, verdict, lost = known.check(counter)
+        # kept even when refused: the frame may be the first of a restarted sender
+        self.link = replace(self.link, counters={**self.link.counters, type(message): check})
+        if verdict is not Sequence.FRESH:
+            reason = Reason.REPEATED if verdict is Sequence.REPEATED else Reason.OUT_OF_ORDER
+            raise FrameRejectedError(reason, f"{type(message).__name__} counter {counter} after {known.last}")
+        if lost:
+            self.events.append(FramesLost(type(message).__name__, lost))
+        return lost
+
+    def take(self, message: Message, counter: int | None, lost: int) -> None:
+        """Take a message whose frame is in order."""
+        match message:
+            case StemPosition():
+                self._take_position(message, counter, lost)
+            case Setpoint():
+                self._take_setpoint(message, counter)
+            case ActuatorState():
+                self.link = replace(self.link, pressure_pa=message.pressure_pa)
+            case CurrentCommand():
+                self.foreign = True
+                self.events.append(ForeignCommand(message.current_ma))
+            case _:
+                pass  # the emulator's truth and other positioners' status are not ours to read
+
+    def _take_position(self, message: StemPosition, counter: int | None, lost: int) -> None:
+        self._periods += lost + 1
+        self.link, why = _plausible(self.guard, self.valve, self.link, message)
+        if why:
+            self.events.append(FeedbackRefused(message.position_m, why))
+        else:
+            self.reading = Reading(message.position_m, counter, message.command_counter, self._periods)
+
+    def _take_setpoint(self, message: Setpoint, counter: int | None) -> None:
+        self.request = message.request
+        if self.valve.travel_min_m <= message.setpoint_m <= self.valve.travel_max_m:
+            self.setpoint = True
+            self.link = replace(self.link, setpoint_m=message.setpoint_m, setpoint_counter=counter)
+        else:
+            refused = SetpointRefused(message.setpoint_m, self.valve.travel_min_m, self.valve.travel_max_m)
+            self.events.append(refused)
+
+
+def _plausible(
+    guard: GuardSettings, valve: ValveParameters, link: LinkState, message: StemPosition
+) -> tuple[LinkState, str]:
+    """Return the link with the reading in it, and why it is not plausible, empty when it is."""
+    position, last = message.position_m, link.last_position_m
+    if message.quality is Quality.FAULT:
+        return link, "the sensor reports a fault"
+    low, high = valve.travel_min_m - guard.position_margin_m, valve.travel_max_m + guard.position_margin_m
+    if not low <= position <= high:
+        return link, f"outside the travel ({low * 1e3:g} to {high * 1e3:g} mm with its margin)"
+    if last is not None and abs(position - last) > guard.max_jump_m and link.jumps + 1 < _JUMPS_BELIEVED:
+        return replace(link, jumps=link.jumps + 1), f"a jump of {abs(position - last) * 1e3:.1f} mm"
+    return replace(link, last_position_m=position, jumps=0), ""

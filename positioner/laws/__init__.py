@@ -1,0 +1,1 @@
+"""Control laws: one interface, one file a law, one registry. Pure."""

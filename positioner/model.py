@@ -1,0 +1,140 @@
+"""The controller's model of the valve: classic friction, free motion, and the paper's discretisation. Pure.
+
+Shares nothing with the plant emulator. Scalars throughout: the state has two entries, and the same lines compile ahead
+of time. `x` is the position in m, `v` the speed in m/s, `u` the loop current in mA.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+from annotated_types import Interval
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ValveParameters:
+    """Nominal parameters of the valve (paper Table 3), the `[valve]` table of a configuration.
+
+    id: identity of the valve; the stiction table belongs to it.
+    mass_kg: m, moving mass.
+    diaphragm_area_m2: S_a.
+    pressure_gain_pa_per_ma: K_p of eq. 9.
+    spring_rate_n_per_m: K_m.
+    static_friction_n, coulomb_friction_n, viscous_friction_n_s_per_m: F_s, F_c, F_v.
+    stribeck_velocity_m_per_s: V_s.
+    stick_velocity_m_per_s: DV, below which the stem counts as resting.
+    bench_set_n: spring force at position 0 (preload), 0 in the paper.
+    span_m: what errors in percent refer to; travel_min_m, travel_max_m: the hard stops.
+    """
+
+    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
+
+    id: str
+    mass_kg: Annotated[float, Interval(ge=0.01, le=200.0)] = 1.361
+    diaphragm_area_m2: Annotated[float, Interval(ge=1e-4, le=2.0)] = 0.06452
+    pressure_gain_pa_per_ma: Annotated[float, Interval(ge=10.0, le=1e5)] = 0.75 * 6894.757
+    spring_rate_n_per_m: Annotated[float, Interval(ge=100.0, le=1e8)] = 52538.0
+    static_friction_n: Annotated[float, Interval(ge=0.0, le=1e5)] = 1707.7
+    coulomb_friction_n: Annotated[float, Interval(ge=0.0, le=1e5)] = 1423.0
+    viscous_friction_n_s_per_m: Annotated[float, Interval(ge=0.1, le=1e6)] = 612.9
+    stribeck_velocity_m_per_s: Annotated[float, Interval(ge=1e-6, le=0.1)] = 0.000254
+    stick_velocity_m_per_s: Annotated[float, Interval(ge=1e-6, le=0.1)] = 0.0001524
+    bench_set_n: Annotated[float, Interval(ge=0.0, le=1e5)] = 0.0
+    span_m: Annotated[float, Interval(ge=1e-3, le=1.3)] = 0.127
+    travel_min_m: Annotated[float, Interval(ge=-0.1, le=1.0)] = 0.0
+    travel_max_m: Annotated[float, Interval(ge=1e-3, le=1.3)] = 0.1397
+
+    def __post_init__(self) -> None:
+        """Refuse what no single limit can."""
+        if self.coulomb_friction_n > self.static_friction_n:
+            raise ValueError("coulomb_friction_n exceeds static_friction_n: sliding friction is never the larger")
+        if self.travel_max_m <= self.travel_min_m:
+            raise ValueError("travel_max_m must be greater than travel_min_m")
+
+    @property
+    def force_gain_n_per_ma(self) -> float:
+        """S_a K_p in N/mA, the force of one mA (eqs 7 and 10)."""
+        return self.diaphragm_area_m2 * self.pressure_gain_pa_per_ma
+
+    def balance_current_ma(self, position_m: float) -> float:
+        """Return the current in mA that balances the spring at rest: the middle of the stick band."""
+        return (self.spring_rate_n_per_m * position_m + self.bench_set_n) / self.force_gain_n_per_ma
+
+    def net_force_n(self, position_m: float, current_ma: float) -> float:
+        """Return F_e = F_pressure - F_spring in N (eqs 3 and 7)."""
+        return self.force_gain_n_per_ma * (current_ma - self.balance_current_ma(position_m))
+
+    def kinetic_friction_n(self, speed_m_per_s: float) -> float:
+        """Return γ = F_c + (F_s - F_c) exp(-(v/V_s)²) in N (eq. 4, D1: the exponent is negative)."""
+        ratio = speed_m_per_s / self.stribeck_velocity_m_per_s
+        excess = self.static_friction_n - self.coulomb_friction_n
+        return self.coulomb_friction_n + excess * math.exp(-min(ratio * ratio, 700.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Free motion over one sample: where it ends, and its derivatives to the start (2x2, row-major)."""
+
+    x: float
+    v: float
+    stopped: bool
+    dx_dx: float
+    dx_dv: float
+    dv_dx: float
+    dv_dv: float
+
+
+def slide(valve: ValveParameters, x: float, v: float, u: float, direction: float, duration_s: float) -> Motion:
+    """Return the motion in `direction` (±1) under constant u and kinetic friction F_c, ending where the stem stops.
+
+    Closed form of m·v̇ = B·u - K·x - F_v·v - s·F_c (eq. 11 without the Stribeck term, which matters below a few V_s
+    only). When s·v reaches 0 within the sample, the stem stops there and stays.
+    """
+    mass, rate, viscous = valve.mass_kg, valve.spring_rate_n_per_m, valve.viscous_friction_n_s_per_m
+    push = valve.net_force_n(0.0, u) - direction * valve.coulomb_friction_n
+    rest = push / rate
+    half = viscous / (2.0 * mass)
+    omega2 = rate / mass - half * half
+    z, stop_s = x - rest, _stop_time_s(x - rest, v, half, omega2, rate / mass, direction)
+    t = min(duration_s, stop_s)
+    decay, even, odd = _modes(half, omega2, t)
+    # z(t) = e^(-ht) [z (c + h s) + v s], v(t) = e^(-ht) [v (c - h s) - z (K/m) s]
+    dx_dx, dx_dv = decay * (even + half * odd), decay * odd
+    dv_dx, dv_dv = -decay * (rate / mass) * odd, decay * (even - half * odd)
+    end_x, end_v = rest + dx_dx * z + dx_dv * v, dv_dx * z + dv_dv * v
+    if stop_s <= duration_s:
+        return Motion(end_x, 0.0, True, dx_dx, dx_dv, 0.0, 0.0)
+    return Motion(end_x, end_v, False, dx_dx, dx_dv, dv_dx, dv_dv)
+
+
+def _modes(half: float, omega2: float, t: float) -> tuple[float, float, float]:
+    """Return e^(-h t), cosine and sine-over-ω of the damped mode; hyperbolic when overdamped."""
+    decay = math.exp(-half * t)
+    if omega2 > 1e-9 * half * half:
+        omega = math.sqrt(omega2)
+        return decay, math.cos(omega * t), math.sin(omega * t) / omega
+    if omega2 < -1e-9 * half * half:
+        sigma = math.sqrt(-omega2)
+        return decay, math.cosh(sigma * t), math.sinh(sigma * t) / sigma
+    return decay, 1.0, t
+
+
+def _stop_time_s(z: float, v: float, half: float, omega2: float, stiffness: float, direction: float) -> float:
+    """Return when v(t) = e^(-ht) [v (c - h s) - z (K/m) s] first reaches zero, infinity if never.
+
+    0 for a stem that rests and is not pushed in `direction`, or that already moves against it.
+    """
+    if direction * v < 0.0 or (v == 0.0 and direction * z >= 0.0):
+        return 0.0
+    slope = half * v + stiffness * z
+    if omega2 > 1e-9 * half * half:
+        omega = math.sqrt(omega2)
+        angle = math.atan2(v * omega, slope)
+        return (angle if angle > 0.0 else angle + math.pi) / omega
+    if omega2 < -1e-9 * half * half:
+        sigma = math.sqrt(-omega2)
+        ratio = v * sigma / slope if slope else math.inf
+        return math.atanh(ratio) / sigma if 0.0 < ratio < 1.0 else math.inf
+    return v / slope if v / slope > 0.0 else math.inf

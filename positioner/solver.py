@@ -1,0 +1,79 @@
+"""The persistent OSQP workspace: one per law, set up once, updated every cycle. Stateful; no I/O, no clock.
+
+OSQP accepts arrays of a wrong length in silence and aliases the caller's matrices, so every shape is checked here and
+every array is copied in the order of its own sparsity pattern. Results are bit-identical for the same sequence of
+problems: no time limit is ever set, and the default adaptive rho counts iterations.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import osqp
+from scipy import sparse
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from positioner.qp import QuadraticProgram
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """The minimiser z (n,) and the multipliers y (m,) of a solved programme, and what it cost."""
+
+    z: NDArray[np.float64]
+    y: NDArray[np.float64]
+    iterations: int
+
+
+class QpSolver:
+    """Solves programmes of one size, warm-started from the last one."""
+
+    def __init__(self, variables: int, constraints: int, *, tolerance: float = 1e-5, max_iterations: int = 400) -> None:
+        self._shapes = ((variables, variables), (variables,), (constraints, variables), (constraints,), (constraints,))
+        self._upper = np.triu_indices(variables)
+        order = np.lexsort(self._upper)  # column by column, as OSQP's compressed columns want it
+        self._upper = (self._upper[0][order], self._upper[1][order])
+        self._solver: Any = osqp.OSQP()
+        # set up with every entry present, so that any later matrix fits the sparsity pattern
+        self._solver.setup(
+            P=sparse.csc_matrix(np.triu(np.full((variables, variables), 0.1) + np.eye(variables) * variables)),
+            q=np.zeros(variables),
+            A=sparse.csc_matrix(np.ones((constraints, variables))),
+            l=np.full(constraints, -1.0),
+            u=np.full(constraints, 1.0),
+            verbose=False,
+            scaling=0,
+            eps_abs=tolerance,
+            eps_rel=tolerance,
+            max_iter=max_iterations,
+            check_termination=5,
+        )
+
+    def solve(self, program: QuadraticProgram) -> Solution | None:
+        """Return the solution, or None where there is none: infeasible, not converged, or a value not finite.
+
+        Raises:
+            ValueError: an array of the programme does not have the size of the workspace.
+        """
+        arrays = (program.P, program.q, program.A, program.l, program.u)
+        if tuple(array.shape for array in arrays) != self._shapes:
+            raise ValueError(f"programme of shapes {[a.shape for a in arrays]} in a workspace of {self._shapes}")
+        if not all(math.isfinite(float(array.sum())) for array in arrays) or bool((program.l > program.u).any()):
+            return None
+        self._solver.update(
+            Px=program.P[self._upper],
+            Ax=np.ravel(program.A, order="F").copy(),
+            q=program.q.copy(),
+            l=program.l.copy(),
+            u=program.u.copy(),
+        )
+        result = self._solver.solve(raise_error=False)
+        if result.info.status_val != osqp.SolverStatus.OSQP_SOLVED:
+            self._solver.warm_start(x=np.zeros_like(program.q), y=np.zeros_like(program.l))
+            return None
+        return Solution(np.array(result.x), np.array(result.y), int(result.info.iter))

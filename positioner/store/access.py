@@ -1,0 +1,146 @@
+"""The table for the command line: through the keeper while a daemon runs, on the files while none does."""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+from typing import TYPE_CHECKING
+
+from positioner.errors import AlreadyRunningError, StateError
+from positioner.stiction import StictionTable
+from positioner.store import control, database, lock, messages, requests
+from positioner.store.content import StoredTable
+from positioner.store.database import Fault, TableRejectedError
+from positioner.store.vault import GOOD_COPY, TABLE, WRITING_FAILED, Vault, remedy
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+_PATIENCE_S = 5.0
+"""How long to wait for a daemon that is starting or ending, or for another command."""
+_RETRY_S = 0.02
+_ANSWER_S = 30.0
+
+
+def dump(directory: Path) -> StoredTable:
+    """Return the table in the state directory, which need only be readable.
+
+    Raises:
+        StateError: there is none, or it cannot be read.
+    """
+    answer = _ask(directory, messages.DumpRequest())
+    if isinstance(answer, messages.Dumped):
+        return answer.stored
+    raise StateError(f"{directory}: {answer}")
+
+
+def reset(directory: Path) -> str | None:
+    """Empty the table; return the path of the backup, or None where the table was empty already.
+
+    Raises:
+        StateError: nothing was changed; the message says why.
+    """
+    return _backup(_ask(directory, messages.ResetRequest()))
+
+
+def replace(directory: Path, stored: StoredTable, *, force: bool) -> str | None:
+    """Put `stored` in the table's place; return the path of the former one's backup, or None where it was empty.
+
+    With `force` another valve's table is taken too.
+
+    Raises:
+        StateError: nothing was changed; the message says why.
+    """
+    return _backup(_ask(directory, messages.ImportRequest(stored, force)))
+
+
+def _backup(answer: messages.Answer) -> str | None:
+    if isinstance(answer, messages.Done):
+        return answer.backup
+    raise StateError(answer.reason if isinstance(answer, messages.Refused) else f"unexpected answer: {answer}")
+
+
+def _ask(directory: Path, request: messages.Request) -> messages.Answer:
+    deadline_s = time.monotonic() + _PATIENCE_S
+    while True:
+        try:
+            with lock.held(directory, patience_s=0.0):
+                return _directly(directory, request)
+        except AlreadyRunningError as occupied:
+            try:
+                return _of_keeper(directory, request)
+            except (FileNotFoundError, ConnectionError, PermissionError) as error:
+                if isinstance(request, messages.DumpRequest):
+                    return _beside_the_keeper(directory)
+                if isinstance(error, PermissionError):
+                    message = f"{directory / control.NAME}: {error.strerror}; become the daemon's user or its group's"
+                    raise StateError(message) from error
+                if time.monotonic() > deadline_s:
+                    raise occupied from error
+        time.sleep(_RETRY_S)
+
+
+def _of_keeper(directory: Path, request: messages.Request) -> messages.Answer:
+    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
+            connection.settimeout(_ANSWER_S)
+            connection.connect(control.address(descriptor))
+            connection.sendall(messages.encode(request) + b"\n")
+            with connection.makefile("rb") as answers:
+                line = answers.readline()
+    except TimeoutError as error:
+        raise StateError(f"{directory}: the keeper of the stiction table does not answer") from error
+    finally:
+        os.close(descriptor)
+    if not line.endswith(b"\n"):
+        raise ConnectionAbortedError
+    answer = messages.decode(line)
+    if isinstance(answer, messages.Dumped | messages.Done | messages.Refused):
+        return answer
+    raise StateError(f"{directory}: unexpected answer of the keeper: {answer}")
+
+
+def _beside_the_keeper(directory: Path) -> messages.Answer:
+    """Return what the last transaction left: whoever may only read the directory has no way to the keeper."""
+    return messages.Dumped(database.read(directory / TABLE))
+
+
+def _directly(directory: Path, request: messages.Request) -> messages.Answer:
+    if isinstance(request, messages.DumpRequest):
+        return messages.Dumped(_readable(directory))
+    owner = _owner(directory, request)
+    vault = Vault(directory, owner.valve_id, owner.table.cell_width_m)
+    try:
+        done = requests.replaced(vault, vault.load(), request)
+        vault.copy(done.stored)
+    except WRITING_FAILED as error:
+        raise error if isinstance(error, StateError) else StateError(f"{directory}: {remedy(error)}") from error
+    finally:
+        vault.close()
+    return messages.Done(done.backup)
+
+
+def _readable(directory: Path) -> StoredTable:
+    """Return the table, or its good copy where the table is missing or damaged."""
+    try:
+        return database.read(directory / TABLE)
+    except TableRejectedError as rejected:
+        try:
+            return database.read(directory / GOOD_COPY)
+        except TableRejectedError:
+            raise rejected from None
+
+
+def _owner(directory: Path, request: messages.Request) -> StoredTable:
+    """Return the table that says whose directory this is: the one in it, or else the one to import."""
+    try:
+        return _readable(directory)
+    except TableRejectedError as rejected:
+        if not isinstance(request, messages.ImportRequest):
+            raise
+        if rejected.fault in {Fault.FOREIGN, Fault.NEWER_SCHEMA}:
+            raise
+        empty = StictionTable(cell_width_m=request.stored.table.cell_width_m)
+        return StoredTable(request.stored.valve_id, empty)

@@ -1,0 +1,96 @@
+"""The keeper's process, as its parent holds it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from positioner.errors import StateError
+from positioner.store import messages
+from positioner.store.lines import Lines
+
+_START_S = 15.0
+_SHIELDED = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+_PACKAGES = str(Path(__file__).resolve().parents[2])
+
+
+@dataclass(frozen=True, slots=True)
+class Child:
+    """The keeper's process and the daemon's end of the channel to it."""
+
+    process: subprocess.Popen[bytes]
+    channel: Lines
+
+    def send(self, message: messages.ToKeeper) -> None:
+        """Queue a message."""
+        self.channel.send(messages.encode(message))
+
+    def heard(self) -> list[messages.Message]:
+        """Return the messages that have come; after one that cannot be understood the channel counts as ended."""
+        try:
+            return [messages.decode(line) for line in self.channel.receive()]
+        except StateError:
+            self.channel.ended = True
+            return []
+
+    def end(self) -> None:
+        """Kill the process, and return when it is gone."""
+        self.channel.close()
+        self.process.kill()
+        self.process.wait()
+
+
+def start(lock_descriptor: int, opening: messages.Open) -> Child:
+    """Return the keeper, started but not waited for, with its first message on the way.
+
+    Raises:
+        OSError: it cannot be started.
+    """
+    ours, theirs = socket.socketpair()
+    descriptors = theirs.fileno(), lock_descriptor
+    path = os.pathsep.join(filter(None, (_PACKAGES, os.environ.get("PYTHONPATH"))))
+    # Blocked signals stay blocked in the child: Ctrl-C or a stop of the whole service must not end it first.
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, _SHIELDED)
+    try:
+        process = subprocess.Popen(  # noqa: S603, our own interpreter and module
+            [sys.executable, "-m", "positioner.store.keeper", *map(str, descriptors)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            pass_fds=descriptors,
+            env={**os.environ, "PYTHONPATH": path},
+        )
+    except OSError:
+        ours.close()
+        raise
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        theirs.close()
+    child = Child(process, Lines(ours))
+    child.send(opening)
+    return child
+
+
+def opened(child: Child) -> messages.Opened:
+    """Return the keeper's first answer.
+
+    Raises:
+        StateError: there is none, or it is a refusal.
+    """
+    deadline_s = time.monotonic() + _START_S
+    reason = "the keeper of the stiction table does not start"
+    while (left_s := deadline_s - time.monotonic()) > 0.0 and not child.channel.ended:
+        child.channel.wait(left_s)
+        child.channel.flush()
+        for message in child.heard():
+            if isinstance(message, messages.Opened):
+                return message
+            if isinstance(message, messages.Closed):
+                reason = str(message.problem)
+    child.end()
+    raise StateError(reason)

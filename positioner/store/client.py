@@ -1,0 +1,188 @@
+"""The daemon's side of the keeper: start it, hand it samples, hear from it, close it, and never wait in between."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import time
+from typing import TYPE_CHECKING, Self, TypeAlias
+
+from positioner.errors import StateError
+from positioner.store import child, lock, messages
+from positioner.store.messages import Notice, Replaced, Saved, SavingFailed, SavingWorks
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from positioner.stiction import LearnedSample, StictionTable
+    from positioner.store.child import Child
+    from positioner.store.content import StoredTable
+
+KeeperEvent: TypeAlias = Saved | Replaced | SavingFailed | SavingWorks | Notice
+
+_PATIENCE_S = 3.0
+"""How long to wait for the lock: an earlier daemon's keeper, or a command, is done by then."""
+_RESTART_FIRST_S, _RESTART_LONGEST_S = 0.1, 30.0
+
+
+class TableKeeper:
+    """The keeper as the daemon sees it; `problem` says in one line why the table is not being saved, or is None.
+
+    In each cycle call `record` before `poll`: then samples taught before a reset go to the table that was reset.
+    """
+
+    def __init__(self, directory: Path, lock_descriptor: int, process: Child, stored: StoredTable) -> None:
+        self._directory = directory
+        self._lock = lock_descriptor
+        self._child = process
+        self._stored = stored
+        self._saved = Saved(-1, -1)
+        self._behind = False
+        self._restart_s = _RESTART_FIRST_S
+        self._restart_at_s: float | None = None
+        self.problem: str | None = None
+
+    @classmethod
+    def open(
+        cls, state_dir: Path, valve_id: str, cell_width_m: float, patience_s: float = _PATIENCE_S
+    ) -> tuple[Self, StictionTable, tuple[str, ...]]:
+        """Return the running keeper, the valve's table, and what was noteworthy about it, a line each.
+
+        Raises:
+            AlreadyRunningError: another process uses the directory, and still did after `patience_s`.
+            StateError: the directory or its table cannot be used.
+        """
+        directory = state_dir.absolute()
+        try:
+            directory.mkdir(mode=0o750, parents=True, exist_ok=True)
+        except OSError as error:
+            message = f"{directory}: the state directory cannot be made: {error.strerror}; choose another or make it"
+            raise StateError(message) from error
+        descriptor = lock.acquire(directory, patience_s)
+        try:
+            process = child.start(descriptor, messages.Open(str(directory), valve_id, cell_width_m, None))
+            opened = child.opened(process)
+        except (OSError, StateError) as error:
+            os.close(descriptor)
+            raise StateError(f"the stiction table cannot be opened: {error}") from error
+        keeper = cls(directory, descriptor, process, opened.stored)
+        return keeper, opened.stored.table, opened.notices
+
+    @property
+    def saved(self) -> bool:
+        """True while every recorded sample is on the disk."""
+        now = Saved(self._stored.generation, self._stored.table.sequence)
+        return self.problem is None and self._saved == now
+
+    def record(self, samples: Sequence[LearnedSample]) -> None:
+        """Hand over samples in the order in which the daemon recorded them; never waits, never raises."""
+        if not samples:
+            return
+        seconds = int(time.time())
+        for sample in samples:
+            self._stored = self._stored.learned(sample, seconds)
+        if self._behind or self._child.channel.pending or self._child.channel.ended:
+            self._behind = True  # the keeper is slow or gone: it gets the whole table later, so nothing piles up here
+        else:
+            self._child.send(messages.Learn(self._stored.generation, tuple(samples)))
+
+    def poll(self) -> tuple[KeeperEvent, ...]:
+        """Return what has happened since the last call; never waits."""
+        channel = self._child.channel
+        events = [event for message in self._child.heard() for event in self._hear(message)]
+        if channel.ended:
+            events.extend(self._revive(time.monotonic()))
+        else:
+            channel.flush()
+            self._catch_up()
+        return tuple(events)
+
+    def close(self, timeout_s: float) -> str | None:
+        """Save everything and end the keeper; return why that failed, or None.
+
+        Within `timeout_s`; a keeper that needs longer goes on without the daemon, and so does its lock.
+        """
+        deadline_s = time.monotonic() + timeout_s
+        try:
+            if self._child.channel.ended:
+                self._child.end()
+                self._child = child.start(self._lock, self._opening())
+            elif self._behind:
+                self._child.send(messages.Adopt(self._stored))
+            self._child.send(messages.Close())
+            problem = self._farewell(deadline_s)
+        except OSError as error:
+            problem = f"the stiction table is not saved: its keeper cannot be started: {error}"
+        self._child.channel.close()
+        os.close(self._lock)
+        try:
+            self._child.process.wait(max(0.0, deadline_s - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            return problem or f"the keeper of the stiction table (process {self._child.process.pid}) does not end"
+        return problem
+
+    def _farewell(self, deadline_s: float) -> str | None:
+        channel = self._child.channel
+        while (left_s := deadline_s - time.monotonic()) > 0.0 and not channel.ended:
+            channel.wait(left_s)
+            channel.flush()
+            for message in self._child.heard():
+                if isinstance(message, messages.Closed):
+                    return message.problem
+                tuple(self._hear(message))
+        if self.saved:
+            return None
+        unsaved = self._stored.table.sequence - max(0, self._saved.sequence)
+        return f"the stiction table's newest samples (up to {unsaved}) are not known to be saved: its keeper is silent"
+
+    def _opening(self) -> messages.Open:
+        table = self._stored.table
+        return messages.Open(str(self._directory), self._stored.valve_id, table.cell_width_m, self._stored)
+
+    def _catch_up(self) -> None:
+        if self._behind and not self._child.channel.pending:
+            self._child.send(messages.Adopt(self._stored))
+            self._behind = False
+
+    def _hear(self, message: messages.Message) -> Iterator[KeeperEvent]:
+        match message:
+            case Saved():
+                self._saved = message
+                self._restart_s = _RESTART_FIRST_S
+                yield message
+            case SavingWorks():
+                self.problem = None
+                yield message
+            case Replaced():
+                self._stored, self._behind = message.stored, False
+                yield message
+            case SavingFailed(reason) | messages.Closed(str(reason)):
+                self.problem = reason
+                yield SavingFailed(reason)
+            case Notice():
+                yield message
+            case messages.Opened(stored, notices):
+                yield from map(Notice, notices)
+                if stored.generation > self._stored.generation:
+                    self._stored, self._behind = stored, False
+                    yield Replaced(stored, "the stiction table was reset or imported just before its keeper ended")
+
+    def _revive(self, now_s: float) -> Iterator[KeeperEvent]:
+        """Start the keeper again once it is surely gone: there must never be two."""
+        if self._restart_at_s is None:
+            self._child.process.kill()
+            self._restart_at_s = now_s + self._restart_s
+            self._restart_s = min(2.0 * self._restart_s, _RESTART_LONGEST_S)
+            if self.problem is None:
+                self.problem = "the keeper of the stiction table ended unexpectedly; it is being started again"
+                yield SavingFailed(self.problem)
+        elif now_s >= self._restart_at_s and self._child.process.poll() is not None:
+            self._restart_at_s = None
+            self._child.channel.close()
+            try:
+                self._child = child.start(self._lock, self._opening())
+                self._behind = False
+            except OSError as error:
+                self._restart_at_s = now_s + self._restart_s
+                yield Notice(f"the keeper of the stiction table cannot be started: {error}")

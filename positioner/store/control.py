@@ -1,0 +1,97 @@
+"""`control.sock`, the keeper's door for the command line: one request a line, one answer a line."""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+from contextlib import suppress
+from typing import TYPE_CHECKING, Self
+
+from positioner.errors import PositionerError
+from positioner.store import messages
+from positioner.store.lines import Lines
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+NAME = "control.sock"
+_WAITING_CLIENTS = 16
+
+
+def address(directory: int) -> str:
+    """Return the socket's address under a directory's descriptor: a path of its own may exceed 107 bytes."""
+    return f"/proc/self/fd/{directory}/{NAME}"
+
+
+class ControlSocket:
+    """The listening socket and its connections; `notices` says so where it cannot be made."""
+
+    def __init__(self, directory: int) -> None:
+        self._directory = directory
+        self._clients: list[Lines] = []
+        self._listening: socket.socket | None = None
+        self.notices: tuple[str, ...] = ()
+        try:
+            self._listening = _listen(directory)
+        except OSError as error:
+            self.notices = (f"no {NAME}: {error.strerror}; `table reset` and `table import` need the daemon stopped",)
+
+    def __enter__(self) -> Self:
+        """Return the socket itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close all connections and remove the socket."""
+        for client in self._clients:
+            client.close()
+        if self._listening:
+            with suppress(OSError):
+                os.unlink(NAME, dir_fd=self._directory)
+            self._listening.close()
+
+    def waiting(self) -> tuple[list[socket.socket | Lines], list[Lines]]:
+        """Return what to wait on for reading and for writing."""
+        listening = [self._listening] if self._listening else []
+        return [*listening, *self._clients], [client for client in self._clients if client.pending]
+
+    def serve(
+        self, ready: Iterable[socket.socket | Lines], answer: Callable[[messages.Message, float], messages.Answer]
+    ) -> None:
+        """Accept, read, answer and hang up, on what is ready and without waiting."""
+        for one in ready:
+            if isinstance(one, Lines):
+                _converse(one, answer)
+            else:
+                with suppress(OSError):  # the client may have gone again
+                    self._clients.append(Lines(one.accept()[0]))
+        for client in [client for client in self._clients if client.ended]:
+            self._clients.remove(client)
+            client.close()
+
+
+def _listen(directory: int) -> socket.socket:
+    with suppress(FileNotFoundError):
+        os.unlink(NAME, dir_fd=directory)  # left by a keeper that was killed: the lock says that there is no other
+    listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    mask = os.umask(0o117)
+    try:
+        listening.bind(address(directory))
+    except OSError:
+        listening.close()
+        raise
+    finally:
+        os.umask(mask)
+    listening.listen(_WAITING_CLIENTS)
+    listening.setblocking(False)
+    return listening
+
+
+def _converse(client: Lines, answer: Callable[[messages.Message, float], messages.Answer]) -> None:
+    client.flush()
+    for line in client.receive():
+        try:
+            reply = answer(messages.decode(line), time.monotonic())
+        except PositionerError as error:
+            reply = messages.Refused(str(error))
+        client.send(messages.encode(reply))

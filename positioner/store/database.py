@@ -1,0 +1,174 @@
+"""The table as one SQLite file: read with every check, created whole, updated in one transaction.
+
+The rollback journal, not WAL: SQLite before 3.51.3 can corrupt a WAL database that two connections use.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sqlite3
+import tempfile
+from contextlib import closing
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from positioner.errors import StateError
+from positioner.store import schema
+
+if TYPE_CHECKING:
+    from positioner.store.content import StoredTable
+
+SIDECARS = ("-journal", "-wal", "-shm")
+_MAGIC = b"SQLite format 3\0"
+_HEADER_BYTES = 100
+_ROLLBACK_JOURNAL = b"\x01\x01"
+_BUSY_S = 1.0
+
+
+class Fault(StrEnum):
+    """Why a file is not this valve's table; the value is part of the name under which it is set aside."""
+
+    MISSING = "missing"
+    DAMAGED = "damaged"
+    FOREIGN = "foreign"
+    NEWER_SCHEMA = "newer-schema"
+    OTHER_VALVE = "other-valve"
+    OTHER_CELL_WIDTH = "other-cell-width"
+    UNEXPECTED = "unexpected"
+
+
+class TableRejectedError(StateError):
+    """A file that must not be used as the table: `path`, and `fault` and `detail` saying why."""
+
+    def __init__(self, path: Path, fault: Fault, detail: str) -> None:
+        self.path, self.fault, self.detail = path, fault, detail
+        super().__init__(f"{path} {detail}")
+
+
+def create(path: Path, stored: StoredTable) -> None:
+    """Write the table to `path` as a new file, replacing what is there at once or not at all.
+
+    Raises:
+        OSError: it cannot be written; `path` is as before.
+        sqlite3.Error: the same.
+    """
+    fresh = path.with_name(f"{path.name}.new")
+    for suffix in ("", *SIDECARS):
+        Path(f"{fresh}{suffix}").unlink(missing_ok=True)
+    with closing(connect(fresh)) as connection, schema.transaction(connection):
+        connection.execute(f"PRAGMA application_id = {schema.APPLICATION_ID}")
+        schema.migrate(connection)
+        schema.write(connection, None, stored)
+    fresh.replace(path)
+    sync_directory(path.parent)
+
+
+def connect(path: Path) -> sqlite3.Connection:
+    """Return a connection for writing; a transaction that a crash left unfinished is rolled back."""
+    connection = sqlite3.connect(path, timeout=_BUSY_S, isolation_level=None)
+    connection.execute("PRAGMA journal_mode = DELETE")
+    connection.execute("PRAGMA synchronous = EXTRA")
+    return connection
+
+
+def update(connection: sqlite3.Connection, before: StoredTable, after: StoredTable) -> None:
+    """Commit the difference between what the file holds and what it shall hold.
+
+    Raises:
+        sqlite3.Error: it cannot be committed.
+    """
+    with schema.transaction(connection):
+        schema.migrate(connection)
+        schema.write(connection, before, after)
+
+
+def read(path: Path) -> StoredTable:
+    """Return the table in the file, which stays as it is.
+
+    Raises:
+        TableRejectedError: the file is missing, damaged, or not a table of this program.
+        StateError: the file cannot be read; the message says what to do.
+    """
+    _check_header(path)
+    try:
+        return _read(path, f"{path.absolute().as_uri()}?mode=ro")
+    except sqlite3.OperationalError as error:
+        code = getattr(error, "sqlite_errorcode", None)  # text that is not UTF-8 raises the same error without a code
+        if code in {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}:
+            raise StateError(f"{path}: in use by another program; close it") from error
+        if not Path(f"{path}-journal").exists():
+            raise TableRejectedError(path, Fault.DAMAGED, f"is damaged: {error}") from error
+    return _read_interrupted(path)
+
+
+def sync_directory(directory: Path) -> None:
+    """Make renames in the directory last through a power cut."""
+    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _read_interrupted(path: Path) -> StoredTable:
+    """Return the table as it was before an unfinished transaction, rolled back in a copy."""
+    shared_memory = Path("/dev/shm")  # noqa: S108, memory works with a full disk, and the name below is unguessable
+    place = shared_memory if os.access(shared_memory, os.W_OK) else None
+    with tempfile.TemporaryDirectory(dir=place) as directory:
+        copy = Path(directory) / path.name
+        shutil.copyfile(path, copy)
+        shutil.copyfile(f"{path}-journal", f"{copy}-journal")
+        try:
+            return _read(path, f"{copy.as_uri()}?mode=rw")
+        except sqlite3.OperationalError as error:
+            raise TableRejectedError(path, Fault.DAMAGED, f"is damaged: {error}") from error
+
+
+def _check_header(path: Path) -> None:
+    try:
+        with path.open("rb") as file:
+            header = file.read(_HEADER_BYTES)
+    except FileNotFoundError as error:
+        raise TableRejectedError(path, Fault.MISSING, "does not exist") from error
+    except PermissionError as error:
+        raise StateError(f"{path}: cannot be read: {error.strerror}; make it readable for this user") from error
+    except OSError as error:
+        raise TableRejectedError(path, Fault.DAMAGED, f"cannot be read: {error.strerror}") from error
+    if len(header) < _HEADER_BYTES or not header.startswith(_MAGIC):
+        raise TableRejectedError(path, Fault.DAMAGED, "is not an SQLite database")
+    if header[18:20] != _ROLLBACK_JOURNAL:  # anything else would make SQLite create files, or refuse to write later
+        raise TableRejectedError(path, Fault.DAMAGED, "is damaged: unknown journal format in its header")
+
+
+def _read(path: Path, uri: str) -> StoredTable:
+    try:
+        with closing(sqlite3.connect(uri, uri=True, timeout=_BUSY_S, isolation_level=None)) as connection:
+            connection.execute("BEGIN")  # one snapshot for all that follows
+            _verify(path, connection)
+            if schema.version_of(connection) == len(schema.MIGRATIONS):
+                return schema.stored_in(connection)
+            with closing(sqlite3.connect(":memory:", isolation_level=None)) as copy:
+                connection.backup(copy)
+                with schema.transaction(copy):
+                    schema.migrate(copy)
+                return schema.stored_in(copy)
+    except sqlite3.OperationalError:
+        raise
+    except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
+        raise TableRejectedError(path, Fault.DAMAGED, f"is damaged: {error}") from error
+
+
+def _verify(path: Path, connection: sqlite3.Connection) -> None:
+    faults = [str(row[0]) for row in connection.execute("PRAGMA integrity_check(1)")]
+    if faults != ["ok"]:
+        raise TableRejectedError(path, Fault.DAMAGED, f"is damaged: {' '.join(faults[0].split())}")
+    if not schema.is_ours(connection):
+        raise TableRejectedError(path, Fault.FOREIGN, "is a database of another program")
+    if not schema.is_whole(connection):
+        raise TableRejectedError(path, Fault.DAMAGED, "is damaged: its content does not fit its digest")
+    if (version := schema.version_of(connection)) > len(schema.MIGRATIONS):
+        known = len(schema.MIGRATIONS)
+        detail = f"has schema {version}, this version knows {known}: a newer positioner wrote it"
+        raise TableRejectedError(path, Fault.NEWER_SCHEMA, detail)

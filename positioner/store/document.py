@@ -1,0 +1,214 @@
+"""The stiction table as a JSON document: the format of `table export`, of backups and of the keeper's sockets. Pure.
+
+    {"format": "positioner-stiction-table", "schema": 1, "valve": "FV-101", "cell_width_m": 0.005,
+     "generation": 0, "sequence": 12, "cells": [
+      {"quantity": "breakaway_current_ma", "index": 14, "direction": "opening", "samples": [8.91, 8.87],
+       "count": 2, "sequence": 12, "recorded": "2026-05-09T07:35:25Z"}]}
+
+The centre of a cell is `index * cell_width_m`; `samples` has the newest last; `count` is how many the cell ever saw.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from datetime import UTC, datetime
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from positioner.errors import ConfigurationError, Problem
+from positioner.stiction import SAMPLES_KEPT, Cell, CellKey, Direction, Quantity, StictionTable
+from positioner.store.content import StoredTable
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+FORMAT = "positioner-stiction-table"
+SCHEMA = 1
+_LARGEST_WHOLE = 2**53
+_LARGEST_NUMBER = sys.float_info.max  # NaN, infinities and endless integers all fail a comparison with it
+_LATEST_S = 253_402_300_799  # the last second of the year 9999, where ISO dates end
+
+
+def dumps(stored: StoredTable) -> str:
+    """Return the document as text: a line for the table and one for each cell."""
+    plain = as_plain(stored)
+    cells = ",\n ".join(json.dumps(cell) for cell in plain.pop("cells"))
+    return f'{json.dumps(plain)[:-1]}, "cells": [\n {cells}]}}\n'
+
+
+def as_plain(stored: StoredTable) -> dict[str, Any]:
+    """Return the document as what `json.dumps` takes."""
+    return {
+        "format": FORMAT,
+        "schema": SCHEMA,
+        "valve": stored.valve_id,
+        "cell_width_m": stored.table.cell_width_m,
+        "generation": stored.generation,
+        "sequence": stored.table.sequence,
+        "cells": [
+            {
+                "quantity": str(key.quantity),
+                "index": key.index,
+                "direction": str(key.direction),
+                "samples": list(cell.samples),
+                "count": cell.count,
+                "sequence": cell.sequence,
+                "recorded": utc_text(stored.recorded_s[key]),
+            }
+            for key, cell in stored.table
+        ],
+    }
+
+
+def utc_text(seconds: int) -> str:
+    """Return seconds since 1970 as `2026-05-09T07:35:25Z`."""
+    return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def loads(text: str, source: str) -> StoredTable:
+    """Return the table in a document; `source` names it in the messages.
+
+    Raises:
+        ConfigurationError: the text is not such a document; every mistake is in `problems`.
+    """
+    try:
+        plain = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ConfigurationError(source, (Problem("file", None, f"is not JSON: {error}"),)) from error
+    return from_plain(plain, source)
+
+
+def from_plain(plain: Any, source: str) -> StoredTable:
+    """Return the table in a document that `json.loads` has read.
+
+    Raises:
+        ConfigurationError: as `loads`.
+    """
+    reader = _Reader()
+    stored = reader.stored(plain)
+    if reader.problems or stored is None:
+        raise ConfigurationError(source, tuple(reader.problems))
+    return stored
+
+
+class _Reader:
+    """Reads a document and collects every mistake in it."""
+
+    def __init__(self) -> None:
+        self.problems: list[Problem] = []
+
+    def stored(self, plain: Any) -> StoredTable | None:
+        if not isinstance(plain, dict) or plain.get("format") != FORMAT:
+            self._wrong("file", f'is not a stiction table: "format" must be "{FORMAT}"')
+            return None
+        if plain.get("schema") != SCHEMA:
+            self._wrong("schema", f"must be {SCHEMA}, not {plain.get('schema')!r}")
+            return None
+        self._only(plain, "", ("format", "schema", "valve", "cell_width_m", "generation", "sequence", "cells"))
+        valve_id = self._text(plain, "", "valve")
+        width_m = self._number(plain.get("cell_width_m"), "cell_width_m", lambda value: value > 0.0, "above 0")
+        generation = self._whole(plain, "", "generation", 0)
+        sequence = self._whole(plain, "", "sequence", 0)
+        found = plain.get("cells")
+        if not isinstance(found, list):
+            self._wrong("cells", "must be a list")
+            return None
+        cells: dict[CellKey, Cell] = {}
+        recorded_s: dict[CellKey, int] = {}
+        for number, item in enumerate(found):
+            where = f"cells[{number}]"
+            if not isinstance(item, dict):
+                self._wrong(where, "must be an object")
+                continue
+            key, cell, seconds = self._key(item, where), self._cell(item, where), self._recorded(item, where)
+            if key in cells:
+                self._wrong(where, f"is a second cell for {key.quantity}, index {key.index}, {key.direction}")
+            if key and cell and seconds is not None:
+                cells[key], recorded_s[key] = cell, seconds
+        newest = max((cell.sequence for cell in cells.values()), default=0)
+        least = max(newest, sum(cell.count for cell in cells.values()))
+        if sequence is not None and sequence < least:
+            self._wrong("sequence", f"must be at least {least}, as the cells say, not {sequence}")
+        if self.problems or valve_id is None or width_m is None or generation is None or sequence is None:
+            return None
+        table = StictionTable(width_m, sequence, MappingProxyType(cells))
+        return StoredTable(valve_id, table, generation, MappingProxyType(recorded_s))
+
+    def _key(self, item: dict[str, Any], where: str) -> CellKey | None:
+        self._only(item, where, ("quantity", "index", "direction", "samples", "count", "sequence", "recorded"))
+        quantity = self._one_of(item, where, "quantity", tuple(str(one) for one in Quantity))
+        index = self._whole(item, where, "index", -_LARGEST_WHOLE)
+        direction = self._one_of(item, where, "direction", tuple(str(one) for one in Direction))
+        if quantity is None or index is None or direction is None:
+            return None
+        return CellKey(Quantity(quantity), index, Direction(direction))
+
+    def _cell(self, item: dict[str, Any], where: str) -> Cell | None:
+        count = self._whole(item, where, "count", 1)
+        sequence = self._whole(item, where, "sequence", 1)
+        values = item.get("samples")
+        if not isinstance(values, list) or not 1 <= len(values) <= SAMPLES_KEPT:
+            self._wrong(f"{where}.samples", f"must be a list of 1 to {SAMPLES_KEPT} numbers")
+            return None
+        lowest = 0.0 if item.get("quantity") == Quantity.STICK_SPEED else -math.inf
+        samples = [
+            self._number(value, f"{where}.samples[{number}]", lambda value: value >= lowest, "at least 0")
+            for number, value in enumerate(values)
+        ]
+        if count is not None and len(samples) != min(count, SAMPLES_KEPT):
+            self._wrong(f"{where}.count", f"must fit the {len(samples)} samples: the last {SAMPLES_KEPT} are kept")
+        if count is None or sequence is None:
+            return None
+        return Cell(tuple(value for value in samples if value is not None), count, sequence)
+
+    def _recorded(self, item: dict[str, Any], where: str) -> int | None:
+        text = item.get("recorded")
+        try:
+            seconds = int(datetime.strptime(str(text), "%Y-%m-%dT%H:%M:%S%z").timestamp())
+        except ValueError:
+            self._wrong(f"{where}.recorded", f"must be a UTC time like 2026-05-09T07:35:25Z, not {text!r}")
+            return None
+        if not 0 <= seconds <= _LATEST_S:
+            self._wrong(f"{where}.recorded", f"must be between 1970 and 9999, not {text!r}")
+            return None
+        return seconds
+
+    def _wrong(self, where: str, message: str) -> None:
+        self.problems.append(Problem(where, None, message))
+
+    def _only(self, item: dict[str, Any], where: str, known: Iterable[str]) -> None:
+        for name in item.keys() - set(known):
+            self._wrong(_join(where, name), f"unknown key; known here: {', '.join(known)}")
+
+    def _text(self, item: dict[str, Any], where: str, name: str) -> str | None:
+        value = item.get(name)
+        if isinstance(value, str) and value and value.isprintable():
+            return value
+        self._wrong(_join(where, name), f"must be a printable text, not {value!r}")
+        return None
+
+    def _one_of(self, item: dict[str, Any], where: str, name: str, choices: tuple[str, ...]) -> str | None:
+        value = item.get(name)
+        if value in choices:
+            return str(value)
+        self._wrong(_join(where, name), f"must be one of {', '.join(choices)}, not {value!r}")
+        return None
+
+    def _whole(self, item: dict[str, Any], where: str, name: str, lowest: int) -> int | None:
+        value = item.get(name)
+        if type(value) is int and lowest <= value <= _LARGEST_WHOLE:
+            return value
+        self._wrong(_join(where, name), f"must be a whole number of at least {lowest}, not {value!r}")
+        return None
+
+    def _number(self, value: Any, where: str, fits: Callable[[float], bool], limit: str) -> float | None:
+        if type(value) in {int, float} and abs(value) <= _LARGEST_NUMBER and fits(value):
+            return float(value)
+        self._wrong(where, f"must be a number {limit}, not {value!r}")
+        return None
+
+
+def _join(where: str, name: str) -> str:
+    return f"{where}.{name}" if where else name

@@ -1,0 +1,204 @@
+"""The keeper: the process that owns the stiction table's files, so that no disk ever delays a control cycle.
+
+The daemon starts it and talks to it over a socket pair; `positioner table` talks to it over `control.sock`. It ends
+when the daemon's end of the pair closes, however the daemon ended, and saves before. It holds a copy of the
+descriptor that holds the directory's lock, so that the next daemon finds a table that nobody writes any more.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from positioner.errors import PositionerError, StateError
+from positioner.store import messages, requests
+from positioner.store.control import ControlSocket
+from positioner.store.lines import Lines
+from positioner.store.vault import WRITING_FAILED, Vault, remedy
+
+if TYPE_CHECKING:
+    from positioner.store.content import StoredTable
+
+COMMIT_AFTER_S = 0.2
+"""Longest time that a sample waits for others to share its transaction."""
+_COPY_AFTER_S = 600.0
+_RETRY_FIRST_S, _RETRY_LONGEST_S = 0.25, 30.0
+_LAST_TRIES_S = 2.0
+_RESTARTED = "restarted"
+
+
+class Keeper:
+    """One valve's table in memory and its way to the disk.
+
+    `now_s` is monotonic; `problem` says why saving fails, or failed before this keeper was started.
+    """
+
+    def __init__(self, channel: Lines, vault: Vault, stored: StoredTable, now_s: float, problem: str | None) -> None:
+        self.stored = stored
+        self._channel = channel
+        self._vault = vault
+        self._acknowledged = (-1, -1)
+        self._commit_at_s: float | None = now_s
+        self._copy_at_s = now_s
+        self._retry_s = _RETRY_FIRST_S
+        self.problem = problem
+
+    def due_in(self, now_s: float) -> float | None:
+        """Return the seconds until `work` has something to do, or None."""
+        return None if self._commit_at_s is None else max(0.0, self._commit_at_s - now_s)
+
+    def handle(self, message: messages.Message, now_s: float) -> None:
+        """Take samples from the daemon into memory; those of another generation are void."""
+        before = self.stored
+        if isinstance(message, messages.Learn) and message.generation == self.stored.generation:
+            seconds = int(time.time())
+            for sample in message.samples:
+                self.stored = self.stored.learned(sample, seconds)
+        elif isinstance(message, messages.Adopt) and message.stored.generation == self.stored.generation:
+            self.stored = message.stored
+        if self.stored is not before and self._commit_at_s is None:
+            self._commit_at_s = now_s + COMMIT_AFTER_S
+
+    def work(self, now_s: float) -> None:
+        """Save what is due."""
+        if self._commit_at_s is not None and now_s >= self._commit_at_s:
+            self.save(now_s)
+
+    def save(self, now_s: float) -> None:
+        """Commit the table, and copy it from time to time; tell the daemon when this fails or works again."""
+        try:
+            self._vault.save(self.stored)
+            self._acknowledge()
+            if now_s >= self._copy_at_s:
+                self._vault.copy(self.stored)
+                self._copy_at_s = now_s + _COPY_AFTER_S
+        except WRITING_FAILED as error:
+            self._fail(error, now_s)
+        else:
+            self._succeed()
+        for notice in self._vault.take_notices():
+            self._tell(messages.Notice(notice))
+
+    def answer(self, request: messages.Message, now_s: float) -> messages.Answer:
+        """Return the answer to a command; a reset or an import is on the disk before it is answered."""
+        if isinstance(request, messages.DumpRequest):
+            return messages.Dumped(self.stored)
+        try:
+            replaced = requests.replaced(self._vault, self.stored, request)
+        except StateError as error:
+            return messages.Refused(str(error))
+        self.stored = replaced.stored
+        self._tell(messages.Replaced(replaced.stored, replaced.reason))
+        self._copy_at_s = now_s
+        self.save(now_s)
+        return messages.Done(replaced.backup)
+
+    def finish(self) -> None:
+        """Save a last time, trying again for a while."""
+        deadline_s = time.monotonic() + _LAST_TRIES_S
+        while True:
+            self._copy_at_s = 0.0
+            self.save(time.monotonic())
+            if self.problem is None or time.monotonic() >= deadline_s:
+                self._vault.close()
+                return
+            time.sleep(_RETRY_FIRST_S)
+
+    def _acknowledge(self) -> None:
+        saved = (self.stored.generation, self.stored.table.sequence)
+        if saved != self._acknowledged:
+            self._acknowledged = saved
+            self._tell(messages.Saved(*saved))
+
+    def _fail(self, error: Exception, now_s: float) -> None:
+        problem = f"the stiction table cannot be saved: {remedy(error)}"
+        if problem != self.problem:
+            self.problem = problem
+            self._tell(messages.SavingFailed(self.problem))
+        self._commit_at_s = now_s + self._retry_s
+        self._retry_s = min(2.0 * self._retry_s, _RETRY_LONGEST_S)
+
+    def _succeed(self) -> None:
+        if self.problem is not None:
+            self.problem = None
+            self._tell(messages.SavingWorks())
+        self._commit_at_s = None
+        self._retry_s = _RETRY_FIRST_S
+
+    def _tell(self, message: messages.FromKeeper) -> None:
+        self._channel.send(messages.encode(message))
+
+
+def serve(channel: Lines, keeper: Keeper, control: ControlSocket, lines: list[bytes]) -> None:
+    """Handle `lines`, and then messages and commands as they come, until the daemon closes or is gone."""
+    ready: list[socket.socket | Lines] = []
+    while True:
+        for line in lines:
+            message = messages.decode(line)
+            if isinstance(message, messages.Close):
+                keeper.finish()
+                channel.send(messages.encode(messages.Closed(keeper.problem)))
+                return
+            keeper.handle(message, time.monotonic())
+        channel.flush()
+        control.serve(ready, keeper.answer)
+        keeper.work(time.monotonic())
+        if channel.ended:
+            keeper.finish()
+            return
+        readers, writers = control.waiting()
+        writers = [*writers, *([channel] if channel.pending else [])]
+        readable, writable, _ = select.select([channel, *readers], writers, [], keeper.due_in(time.monotonic()))
+        lines = channel.receive() if channel in readable else []
+        ready = [one for one in (*readable, *writable) if one is not channel]
+
+
+def run(channel: Lines, lock: int) -> None:
+    """Open what the daemon asks for, and serve it.
+
+    Raises:
+        StateError: the daemon's first message is missing or wrong.
+    """
+    lines: list[bytes] = []
+    while not lines and not channel.ended:
+        channel.wait(None)
+        lines = channel.receive()
+    if not lines:
+        return
+    first = messages.decode(lines[0])
+    if not isinstance(first, messages.Open):
+        raise StateError(f"not an opening message: {first}")
+    vault = Vault(Path(first.directory), first.valve_id, first.cell_width_m)
+    try:
+        stored = vault.load()
+    except (PositionerError, OSError) as error:
+        channel.send(messages.encode(messages.Closed(str(error))))
+        return
+    if first.known and first.known.generation >= stored.generation:
+        stored = first.known
+    with ControlSocket(lock) as control:
+        notices = (*vault.take_notices(), *control.notices)
+        channel.send(messages.encode(messages.Opened(stored, notices)))
+        keeper = Keeper(channel, vault, stored, time.monotonic(), _RESTARTED if first.known else None)
+        serve(channel, keeper, control, lines[1:])
+    while channel.pending and not channel.ended:
+        channel.wait(_LAST_TRIES_S)
+        channel.flush()
+        channel.receive()
+
+
+def main() -> None:
+    """Run on the descriptors that the daemon handed over: the channel and the lock."""
+    channel, lock = int(sys.argv[1]), int(sys.argv[2])
+    if os.sched_getscheduler(0) != os.SCHED_OTHER:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # the disk's work yields to the cycle
+    run(Lines(socket.socket(fileno=channel)), lock)
+
+
+if __name__ == "__main__":
+    main()

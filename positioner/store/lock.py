@@ -1,0 +1,86 @@
+"""The lock on a state directory: an flock on the directory itself, so that it works where nothing can be written."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import time
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from positioner.errors import AlreadyRunningError, StateError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_RETRY_S = 0.02
+
+
+def acquire(directory: Path, patience_s: float) -> int:
+    """Return a descriptor of the directory that holds its lock, waiting up to `patience_s` for another's end.
+
+    Whoever inherits the descriptor holds the lock too; it is free when the last copy is closed.
+
+    Raises:
+        AlreadyRunningError: another process holds it; the message names it where the system tells.
+        StateError: the directory cannot be opened or locked.
+    """
+    try:
+        descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError as error:
+        message = f"{directory}: the state directory cannot be opened: {error.strerror}"
+        raise StateError(message) from error
+    deadline_s = time.monotonic() + patience_s
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            if time.monotonic() >= deadline_s:
+                message = _occupied(directory, descriptor)
+                os.close(descriptor)
+                raise AlreadyRunningError(message) from error
+            time.sleep(_RETRY_S)
+        except OSError as error:
+            os.close(descriptor)
+            message = f"{directory}: the state directory cannot be locked: {error.strerror}; use a local file system"
+            raise StateError(message) from error
+        else:
+            return descriptor
+
+
+@contextmanager
+def held(directory: Path, patience_s: float) -> Iterator[None]:
+    """Hold the lock of the directory inside a `with` block.
+
+    Raises:
+        AlreadyRunningError: as `acquire`.
+        StateError: as `acquire`.
+    """
+    descriptor = acquire(directory, patience_s)
+    try:
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _occupied(directory: Path, descriptor: int) -> str:
+    pid = _holder(descriptor)
+    if pid is None:
+        return f"{directory}: in use by another process; stop it, or choose another state directory"
+    if not Path(f"/proc/{pid}").exists():
+        return f"{directory}: process {pid} has ended, but its table is still being written; try again shortly"
+    return f"{directory}: in use by process {pid}; stop it, or choose another state directory"
+
+
+def _holder(descriptor: int) -> int | None:
+    """Return the process that took the flock, as /proc/locks tells it, or None."""
+    status = os.fstat(descriptor)
+    inode = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}:{status.st_ino}"
+    try:
+        lines = Path("/proc/locks").read_text(encoding="ascii").splitlines()
+    except OSError:
+        return None
+    # number, kind, mode, type, process, device:inode, start, end
+    fields = (line.split() for line in lines)
+    return next((int(one[4]) for one in fields if len(one) > 5 and one[1] == "FLOCK" and one[5] == inode), None)  # noqa: PLR2004, the columns above

@@ -1,0 +1,200 @@
+"""The codec: frames to typed messages and back, for our own DBC or a user's. Pure.
+
+Our frames are described by `dbc/positioner.dbc` alone. A user whose hardware speaks other frames names his DBC, his
+messages and his signals in `[wire]` (see `foreign`); what he does not name stays ours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import resources
+from itertools import combinations
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import cantools.database
+from annotated_types import Interval, MultipleOf
+from cantools.database.can import Database
+
+from positioner.errors import ConfigurationError, Problem
+from positioner.wire import foreign, messages
+from positioner.wire.formats import FrameFormat, FrameRejectedError, Reason, field_format, field_names
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from positioner.wire.messages import CanFrame, Message
+
+_OWN_NAMES: Mapping[type[Message], tuple[str, Mapping[str, str]]] = {
+    messages.StemPosition: (
+        "STEM_POSITION",
+        {"position_m": "Position_mm", "command_counter": "CommandCounter", "quality": "Quality"},
+    ),
+    messages.ActuatorState: ("ACTUATOR_STATE", {"pressure_pa": "Pressure_kPa"}),
+    messages.Setpoint: ("SETPOINT", {"setpoint_m": "Setpoint_mm", "request": "Request"}),
+    messages.CurrentCommand: (
+        "CURRENT_COMMAND",
+        {
+            "current_ma": "Current_mA",
+            "position_counter": "PositionCounter",
+            "setpoint_counter": "SetpointCounter",
+            "mode": "Mode",
+            "motion": "Motion",
+        },
+    ),
+    messages.PositionerStatus: (
+        "POSITIONER_STATUS",
+        {
+            "mode": "Mode",
+            "cause": "Cause",
+            "health": "Health",
+            "armed": "Armed",
+            "table_saved": "TableSaved",
+            "fallback_count": "FallbackCount",
+            "rejected_count": "RejectedCount",
+            "learned_count": "LearnedCount",
+        },
+    ),
+    messages.PlantTruth: (
+        "PLANT_TRUTH",
+        {"position_m": "TruePosition_mm", "velocity_m_per_s": "TrueVelocity_mm_per_s"},
+    ),
+}
+
+
+ID_OFFSETS = range(0, 0x500, 0x80)
+"""What may be added to our identifiers, 0x100 to 0x17F: no frame of one valve then passes for one of another."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MessageSettings:
+    """A message of the user's DBC: its name, its signals by field, its counter signal, if any."""
+
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
+    message: str
+    signals: dict[str, str]
+    counter: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WireSettings:
+    """The `[wire]` table: everything ours by default.
+
+    `id_offset` is added to the identifiers and data IDs of our frames, so that several valves share one bus; one of
+    `ID_OFFSETS`.
+    """
+
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
+    id_offset: Annotated[int, Interval(ge=ID_OFFSETS[0], le=ID_OFFSETS[-1]), MultipleOf(ID_OFFSETS.step)] = 0
+    dbc: Path | None = None
+    stem_position: MessageSettings | None = None
+    actuator_state: MessageSettings | None = None
+    setpoint: MessageSettings | None = None
+    current_command: MessageSettings | None = None
+
+
+_USER_KINDS: Mapping[str, type[Message]] = {
+    "stem_position": messages.StemPosition,
+    "actuator_state": messages.ActuatorState,
+    "setpoint": messages.Setpoint,
+    "current_command": messages.CurrentCommand,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Codec:
+    """Formats by kind of message and by identifier (with its extended flag)."""
+
+    by_kind: Mapping[type[Message], FrameFormat]
+    by_id: Mapping[tuple[int, bool], FrameFormat] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Index the formats by identifier."""
+        by_id = {(form.arbitration_id, form.dbc.is_extended_frame): form for form in self.by_kind.values()}
+        object.__setattr__(self, "by_id", MappingProxyType(by_id))
+
+    def decode(self, frame: CanFrame) -> tuple[Message, int | None]:
+        """Return the message in `frame` and its counter.
+
+        Raises:
+            FrameRejectedError: the frame is unknown, damaged or out of range.
+        """
+        if frame.is_error:
+            raise FrameRejectedError(Reason.ERROR_FRAME, f"id {frame.arbitration_id:X}")
+        form = self.by_id.get((frame.arbitration_id, frame.is_extended))
+        if form is None:
+            raise FrameRejectedError(Reason.UNKNOWN_ID, f"id {frame.arbitration_id:X}")
+        if frame.is_remote:
+            raise FrameRejectedError(Reason.REMOTE_FRAME, form.dbc.name)
+        return form.decode(frame)
+
+    def encode(self, message: Message, counter: int) -> CanFrame:
+        """Return the frame of `message`.
+
+        Raises:
+            EncodingError: a value does not fit its signal.
+        """
+        return self.by_kind[type(message)].encode(message, counter)
+
+
+def packaged_dbc_text() -> str:
+    """Return the text of our DBC: from the installed package, or from the source tree's `dbc/`."""
+    packaged = resources.files("positioner.wire") / "positioner.dbc"
+    if packaged.is_file():
+        return packaged.read_text(encoding="utf-8")
+    return (Path(__file__).resolve().parents[2] / "dbc" / "positioner.dbc").read_text(encoding="utf-8")
+
+
+@cache
+def own_database() -> Database:
+    """Return our DBC, parsed."""
+    database = cantools.database.load_string(packaged_dbc_text(), "dbc")
+    assert isinstance(database, Database)  # noqa: S101 - for the type checker: "dbc" gives no other kind
+    return database
+
+
+def make_codec(settings: WireSettings | None = None, *, span_m: float = 0.127) -> Codec:
+    """Return the codec for `settings`; `span_m` is what 100 % of a signal in percent means.
+
+    Raises:
+        ConfigurationError: the user's DBC is missing or does not hold what the settings name; every mistake at once.
+    """
+    settings = settings or WireSettings()
+    formats = {kind: _own_format(kind, settings.id_offset) for kind in _OWN_NAMES}
+    wanted = {name: chosen for name in _USER_KINDS if (chosen := getattr(settings, name)) is not None}
+    problems: list[Problem] = []
+    if settings.id_offset not in ID_OFFSETS:  # settings that no file reader has checked
+        allowed = f"must be a multiple of {ID_OFFSETS.step} up to {ID_OFFSETS[-1]}"
+        problems.append(Problem(f"wire.id_offset = {settings.id_offset}", None, allowed))
+    if settings.dbc is not None:
+        user_messages = foreign.read_messages(settings.dbc, problems)
+        for name, chosen in wanted.items() if user_messages else ():
+            form = foreign.frame_format(_USER_KINDS[name], f"wire.{name}", chosen, user_messages, span_m, problems)
+            if form is not None:
+                formats[form.kind] = form
+    elif wanted:
+        problems.append(Problem("wire.dbc", None, "is missing: name the DBC file that holds your messages"))
+    problems += _shared_identifiers(tuple(formats.values()))
+    if problems:
+        raise ConfigurationError("[wire]", tuple(problems))
+    return Codec(MappingProxyType(formats))
+
+
+def _own_format(kind: type[Message], id_offset: int) -> FrameFormat:
+    name, signals = _OWN_NAMES[kind]
+    dbc = own_database().get_message_by_name(name)
+    assert dbc.dbc is not None  # noqa: S101 - for the type checker: a message read from a DBC has its DBC part
+    data_id = int(dbc.dbc.attributes["E2eDataId"].value) + id_offset
+    made = tuple(field_format(kind, each, dbc.get_signal_by_name(signals[each]), 1.0) for each in field_names(kind))
+    return FrameFormat(kind, dbc, dbc.frame_id + id_offset, made, data_id, "Counter")
+
+
+def _shared_identifiers(formats: tuple[FrameFormat, ...]) -> list[Problem]:
+    """Return a problem for every two messages under one identifier: a frame holds one message."""
+    return [
+        Problem("wire.dbc", None, f"{one.dbc.name} and {other.dbc.name} share the identifier {one.arbitration_id:X}")
+        for one, other in combinations(formats, 2)
+        if (one.arbitration_id, one.dbc.is_extended_frame) == (other.arbitration_id, other.dbc.is_extended_frame)
+    ]

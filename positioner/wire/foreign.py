@@ -1,0 +1,104 @@
+"""Frames of a user's DBC: what `[wire]` names, found and checked, with every mistake collected. Pure but for the file.
+
+A user's frame carries no protection of ours; its counter signal, if it has one, may be of any length.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cantools.database
+from cantools.database.can import Database
+from cantools.database.errors import Error as CantoolsError
+
+from positioner.errors import Problem
+from positioner.wire.formats import FrameFormat, UnfitSignalError, field_format, field_names, is_plain_integer
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cantools.database.can.message import Message as DbcMessage
+
+    from positioner.wire.codec import MessageSettings
+    from positioner.wire.messages import Message
+
+_CLASSIC_LENGTH = 8
+
+
+def read_messages(path: Path, problems: list[Problem]) -> tuple[DbcMessage, ...]:
+    """Return the messages of the DBC in `path` or none and one more of `problems`."""
+    where = f"wire.dbc = '{path}'"
+    try:
+        database = cantools.database.load_string(_text(path.read_bytes()), "dbc")
+    except OSError as error:
+        problems.append(Problem(where, None, f"cannot be read: {error.strerror}"))
+        return ()
+    except (CantoolsError, ValueError) as error:
+        problems.append(Problem(where, None, f"is no DBC: {error}"))
+        return ()
+    assert isinstance(database, Database)  # noqa: S101 - for the type checker: "dbc" gives no other kind
+    if not database.messages:
+        problems.append(Problem(where, None, "holds no message"))
+    return tuple(database.messages)
+
+
+def frame_format(
+    kind: type[Message],
+    where: str,
+    chosen: MessageSettings,
+    user_messages: tuple[DbcMessage, ...],
+    span_m: float,
+    problems: list[Problem],
+) -> FrameFormat | None:
+    """Return the format of `kind` that the user has `chosen` in the table `where`, or None and more `problems`."""
+    before = len(problems)
+    by_name = {message.name: message for message in user_messages}
+    dbc = by_name.get(chosen.message)
+    if dbc is None:
+        key = f"{where}.message = '{chosen.message}'"
+        problems.append(Problem(key, None, f"is not in the DBC, which has: {', '.join(by_name)}"))
+        return None
+    if dbc.length > _CLASSIC_LENGTH:
+        problems.append(Problem(f"{where}.message", None, f"{dbc.name} is longer than the 8 bytes of classic CAN"))
+    if dbc.is_multiplexed():
+        problems.append(Problem(f"{where}.message", None, f"{dbc.name} is multiplexed, which is not supported"))
+    required = field_names(kind)[0]
+    if required not in chosen.signals:
+        problems.append(Problem(f"{where}.signals", None, f"{required} is required and missing"))
+    _check_counter(where, chosen, dbc, problems)
+    signals = {signal.name: signal for signal in dbc.signals}
+    made = []
+    for name, signal_name in chosen.signals.items():
+        key = f"{where}.signals.{name} = '{signal_name}'"
+        if name not in field_names(kind):
+            problems.append(Problem(key, None, f"no such field; known: {', '.join(field_names(kind))}"))
+        elif signal_name not in signals:
+            problems.append(Problem(key, None, f"is not in {dbc.name}, which has: {', '.join(signals)}"))
+        else:
+            try:
+                made.append(field_format(kind, name, signals[signal_name], span_m))
+            except UnfitSignalError as error:
+                problems.append(Problem(key, None, str(error)))
+    if len(problems) > before:
+        return None
+    return FrameFormat(kind, dbc, dbc.frame_id, tuple(made), None, chosen.counter)
+
+
+def _check_counter(where: str, chosen: MessageSettings, dbc: DbcMessage, problems: list[Problem]) -> None:
+    if chosen.counter is None:
+        return
+    key = f"{where}.counter = '{chosen.counter}'"
+    signals = {signal.name: signal for signal in dbc.signals}
+    signal = signals.get(chosen.counter)
+    if signal is None:
+        problems.append(Problem(key, None, f"is not in {dbc.name}, which has: {', '.join(signals)}"))
+    elif signal.is_signed or not is_plain_integer(signal):
+        problems.append(Problem(key, None, "is signed, scaled or fractional, and a counter needs whole numbers from 0"))
+
+
+def _text(content: bytes) -> str:
+    """Return the text of a DBC: UTF-8 as modern editors write it, or else the format's own Windows-1252."""
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError:
+        return content.decode("cp1252")

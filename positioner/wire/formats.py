@@ -1,0 +1,227 @@
+"""How a typed message stands in a DBC: which message, which signals, which units, which protection. Pure.
+
+`FrameFormat` translates one kind of message in both directions. cantools moves the bits; the checks it leaves out on
+decoding (length, range, meaning) and the SI conversion are here, from numbers worked out once, at construction.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, field, fields
+from enum import Enum, IntEnum
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, get_args, get_type_hints
+
+from positioner.errors import PositionerError
+from positioner.wire import e2e
+from positioner.wire.messages import CanFrame, Message
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from cantools.database.can.message import Message as DbcMessage
+    from cantools.database.can.signal import Signal
+
+SI_PER_UNIT: Mapping[str, Mapping[str, float]] = {
+    "m_per_s": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3},
+    "ma": {"mA": 1.0, "uA": 1e-3, "µA": 1e-3, "A": 1e3},
+    "pa": {"Pa": 1.0, "kPa": 1e3, "hPa": 1e2, "mbar": 1e2, "bar": 1e5, "psi": 6894.757},
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6},
+}
+"""Unit of a field (its suffix) → unit of a DBC signal → factor from the second to the first."""
+
+_MARGIN_BITS = 0.25
+"""How far beyond its range a value may lie: enough for rounding errors, too little for the next bit."""
+
+_LARGEST_FLOAT = {16: 65504.0, 32: 3.4028234e38, 64: sys.float_info.max}
+"""Largest finite value of a floating-point signal, by its length in bits."""
+
+
+class Reason(Enum):
+    """Why a frame was not taken."""
+
+    UNKNOWN_ID = "unknown identifier"
+    ERROR_FRAME = "error frame"
+    REMOTE_FRAME = "remote frame"
+    WRONG_LENGTH = "wrong length"
+    WRONG_CRC = "wrong CRC"
+    OUT_OF_RANGE = "value out of range"
+    UNDEFINED_VALUE = "undefined value"
+    REPEATED = "repeated counter"
+    OUT_OF_ORDER = "counter out of order"
+
+
+class FrameRejectedError(PositionerError):
+    """A frame that is not taken: `reason` for the counts, the text for the log."""
+
+    def __init__(self, reason: Reason, detail: str) -> None:
+        self.reason = reason
+        super().__init__(f"{reason.value}: {detail}")
+
+
+class EncodingError(PositionerError):
+    """A message that does not fit its frame: a value that is not finite or out of the signal's range."""
+
+
+class UnfitSignalError(PositionerError):
+    """A signal that cannot carry a field; the text says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class FieldFormat:
+    """One field of a message in one signal: value = raw * `si_per_bit` + `si_offset`, in the unit of its suffix.
+
+    `lowest` and `highest` are the signal's range in the same unit, with a margin for rounding. `choices` maps the
+    value to the member of an enumeration or a bool; None for a plain number.
+    """
+
+    name: str
+    signal: str
+    si_per_bit: float
+    si_offset: float
+    lowest: float
+    highest: float
+    choices: Mapping[float, IntEnum | bool] | None
+
+
+def field_format(kind: type[Message], name: str, signal: Signal, span_m: float) -> FieldFormat:
+    """Return how field `name` of `kind` stands in `signal`; `span_m` is what 100 % of a position means.
+
+    Raises:
+        UnfitSignalError: the signal's unit does not fit the field, or its scale does not fit a count or a state.
+    """
+    meaning = _meaning_of(kind, name)
+    low_raw, high_raw = _raw_range(signal)
+    margin = 0.0 if signal.is_float else _MARGIN_BITS
+    if meaning is not float:
+        if not is_plain_integer(signal):
+            raise UnfitSignalError(f"is scaled or fractional, and {name} needs whole numbers")
+        choices = None if meaning is int else MappingProxyType(_choices(meaning))
+        # integers on purpose: a raw integer times 1 plus 0 stays one
+        return FieldFormat(name, signal.name, 1, 0, low_raw - margin, high_raw + margin, choices)
+    factor, offset = _si_of_unit(name, signal.unit or "", span_m)
+    si_per_bit, si_offset = signal.scale * factor, signal.offset * factor + offset
+    ends = [raw * si_per_bit + si_offset for raw in (low_raw - margin, high_raw + margin)]
+    return FieldFormat(name, signal.name, si_per_bit, si_offset, min(ends), max(ends), None)
+
+
+@dataclass(frozen=True, slots=True)
+class FrameFormat:
+    """One kind of message in one DBC frame.
+
+    `data_id` is None where the frame carries no protection; `counter` names its counter signal, None without one.
+    `counter_modulus` is where the counter wraps: 256 in our frames, what the signal's length allows in a user's.
+    """
+
+    kind: type[Message]
+    dbc: DbcMessage
+    arbitration_id: int
+    fields: tuple[FieldFormat, ...]
+    data_id: int | None
+    counter: str | None
+    counter_modulus: int = field(init=False)
+    _idle_raw: dict[str, float] = field(init=False, repr=False, compare=False)
+    """Raw value of every signal before the fields are filled in: the DBC's start value, or 0. Only ever copied."""
+
+    def __post_init__(self) -> None:
+        """Work out what every frame needs."""
+        modulus = 1 << self.dbc.get_signal_by_name(self.counter).length if self.counter else e2e.COUNTER_MODULUS
+        object.__setattr__(self, "counter_modulus", modulus)
+        idle_raw = {signal.name: signal.raw_initial or 0 for signal in self.dbc.signals}
+        object.__setattr__(self, "_idle_raw", idle_raw)
+
+    def decode(self, frame: CanFrame) -> tuple[Message, int | None]:
+        """Return the message and its counter.
+
+        Raises:
+            FrameRejectedError: wrong length, CRC, range or meaning.
+        """
+        data = frame.data
+        if len(data) != self.dbc.length:
+            raise FrameRejectedError(
+                Reason.WRONG_LENGTH, f"{self.dbc.name} has {len(data)} bytes instead of {self.dbc.length}"
+            )
+        if self.data_id is not None and not e2e.is_intact(data, self.data_id):
+            raise FrameRejectedError(Reason.WRONG_CRC, f"{self.dbc.name} data {data.hex(' ')}")
+        raw: dict[str, Any] = self.dbc.decode(data, decode_choices=False, scaling=False)  # type: ignore[assignment]
+        values = {}
+        for form in self.fields:
+            value = raw[form.signal] * form.si_per_bit + form.si_offset
+            if not form.lowest <= value <= form.highest:  # NaN fails as well
+                raise self._rejected(Reason.OUT_OF_RANGE, form, value)
+            if form.choices is not None:
+                if value not in form.choices:
+                    raise self._rejected(Reason.UNDEFINED_VALUE, form, value)
+                value = form.choices[value]
+            values[form.name] = value
+        return self.kind(**values), raw[self.counter] if self.counter else None
+
+    def encode(self, message: Message, counter: int) -> CanFrame:
+        """Return the frame of `message` under the running `counter` (taken modulo `counter_modulus`).
+
+        A value is rounded to the nearest bit; None becomes 0.
+
+        Raises:
+            EncodingError: a value that is not finite or out of its signal's range.
+        """
+        raw = self._idle_raw.copy()
+        for form in self.fields:
+            value = getattr(message, form.name) or 0
+            if not form.lowest <= value <= form.highest:  # NaN fails as well
+                raise EncodingError(f"{self.dbc.name}.{form.signal}: {form.name} = {value:g} is out of range")
+            raw[form.signal] = (value - form.si_offset) / form.si_per_bit
+        if self.counter:
+            raw[self.counter] = counter % self.counter_modulus
+        payload = self.dbc.encode(raw, scaling=False, strict=False)
+        if self.data_id is not None:
+            payload = e2e.protect(payload, self.data_id)
+        return CanFrame(self.arbitration_id, payload, self.dbc.is_extended_frame)
+
+    def _rejected(self, reason: Reason, form: FieldFormat, value: float) -> FrameRejectedError:
+        return FrameRejectedError(reason, f"{self.dbc.name}.{form.signal}: {form.name} = {value:g}")
+
+
+def field_names(kind: type[Message]) -> tuple[str, ...]:
+    """Return the names of a message's fields."""
+    return tuple(each.name for each in fields(kind))
+
+
+def is_plain_integer(signal: Signal) -> bool:
+    """Return whether the raw value of `signal` is its meaning: no scale, no offset, no fraction."""
+    return not signal.is_float and signal.scale == 1 and signal.offset == 0
+
+
+def _meaning_of(kind: type[Message], name: str) -> type[Any]:
+    """Return the type of a message's field: float, int, bool or an enumeration (without its None)."""
+    hint = get_type_hints(kind)[name]
+    return next(arg for arg in (get_args(hint) or (hint,)) if arg is not type(None))  # type: ignore[no-any-return]
+
+
+def _choices(meaning: type[Any]) -> dict[float, IntEnum | bool]:
+    return {int(member): member for member in ((False, True) if meaning is bool else meaning)}
+
+
+def _si_of_unit(name: str, unit: str, span_m: float) -> tuple[float, float]:
+    """Return factor and offset from `unit` to the unit in the suffix of field `name`."""
+    if unit == "%" and name.endswith("_ma"):
+        return 0.16, 4.0
+    if unit == "%" and name.endswith("_m"):
+        return span_m / 100.0, 0.0
+    suffix = next(suffix for suffix in SI_PER_UNIT if name.endswith(f"_{suffix}"))
+    if unit not in SI_PER_UNIT[suffix]:
+        raise UnfitSignalError(f"has the unit '{unit}', which does not fit {name}")
+    return SI_PER_UNIT[suffix][unit], 0.0
+
+
+def _raw_range(signal: Signal) -> tuple[float, float]:
+    """Return the lowest and highest raw value that the signal's length and its range in the DBC, if any, allow."""
+    if signal.is_float:
+        low, high = -_LARGEST_FLOAT[signal.length], _LARGEST_FLOAT[signal.length]
+    elif signal.is_signed:
+        low, high = -(2.0 ** (signal.length - 1)), 2.0 ** (signal.length - 1) - 1.0
+    else:
+        low, high = 0.0, 2.0**signal.length - 1.0
+    ends = (signal.minimum, signal.maximum)
+    limits = [None if end is None else (end - signal.offset) / signal.scale for end in ends]
+    lower, upper = limits if signal.scale > 0 else reversed(limits)
+    return low if lower is None else max(low, lower), high if upper is None else min(high, upper)

@@ -1,0 +1,71 @@
+"""Tables to store, and how to wait for a keeper."""
+
+from __future__ import annotations
+
+import select
+import time
+from typing import TYPE_CHECKING
+
+from hypothesis import strategies as st
+
+from positioner.stiction import Direction, LearnedSample, Quantity, StictionTable
+from positioner.store.content import StoredTable
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+    from pathlib import Path
+
+    from positioner.store.client import KeeperEvent, TableKeeper
+
+VALVE = "FV-101"
+WIDTH_M = 0.005
+NOW_S = 1_778_312_125
+
+
+def sample(number: int) -> LearnedSample:
+    """The `number`-th of an endless series that visits 90 cells and never repeats a value."""
+    quantity = tuple(Quantity)[number % 3]
+    direction = tuple(Direction)[number // 3 % 2]
+    return LearnedSample(quantity, WIDTH_M * (number % 15), direction, 1.0 + number / 1024)
+
+
+def series(count: int, start: int = 0) -> list[LearnedSample]:
+    return [sample(number) for number in range(start, start + count)]
+
+
+def taught(samples: Iterable[LearnedSample], valve_id: str = VALVE, width_m: float = WIDTH_M) -> StoredTable:
+    stored = StoredTable(valve_id, StictionTable(cell_width_m=width_m))
+    for one in samples:
+        stored = stored.learned(one, NOW_S)
+    return stored
+
+
+def tables() -> st.SearchStrategy[StoredTable]:
+    values = st.floats(allow_nan=False, allow_infinity=False)
+    speeds = values.map(abs)
+    positions = st.floats(-0.1, 0.2)
+    samples = st.one_of(
+        st.builds(LearnedSample, st.just(Quantity.STICK_SPEED), positions, st.sampled_from(Direction), speeds),
+        st.builds(LearnedSample, st.just(Quantity.LANDING_BIAS), positions, st.sampled_from(Direction), values),
+    )
+    names = st.text(st.characters(codec="utf-8"), min_size=1).filter(str.isprintable)
+    widths = st.floats(1e-4, 0.1)
+    return st.builds(taught, st.lists(samples, max_size=40), names, widths)
+
+
+def wait_for(keeper: TableKeeper, done: Callable[[], bool], timeout_s: float = 10.0) -> list[KeeperEvent]:
+    """Return the events up to the moment at which `done` holds."""
+    events: list[KeeperEvent] = []
+    deadline_s = time.monotonic() + timeout_s
+    while True:
+        events.extend(keeper.poll())
+        if done():
+            return events
+        assert time.monotonic() < deadline_s, events
+        select.select([keeper._child.channel] if keeper._child.channel.fileno() >= 0 else [], [], [], 0.02)
+
+
+def opened(directory: Path, valve_id: str = VALVE) -> tuple[TableKeeper, StictionTable, tuple[str, ...]]:
+    from positioner.store.client import TableKeeper
+
+    return TableKeeper.open(directory, valve_id, WIDTH_M)

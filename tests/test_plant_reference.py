@@ -1,0 +1,107 @@
+"""The emulator against an independent integration of Karnopp's valve: SciPy, with its own event location."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from plant_emulator import valve
+from plant_emulator.parameters import PlantSettings
+from plant_emulator.presets import plant_settings
+
+
+@dataclass
+class Reference:
+    """Karnopp's valve, written down a second time: states x, v and the force of the pressure, all in one integration."""
+
+    settings: PlantSettings
+    method: str
+    x: float
+    force: float
+    v: float = 0.0
+    way: int = 0
+
+    def step(self, target: float, duration: float) -> None:
+        act = self.settings.actuator
+        tau = act.fill_time_constant_s if target > self.force else act.vent_time_constant_s
+        if tau == 0.0:
+            self.force = target
+        left = duration
+        while left > 1e-13:
+            left -= self._phase(target, tau, left)
+
+    def _phase(self, target: float, tau: float, left: float) -> float:
+        v = self.settings.valve
+        static, coulomb = v.static_friction_n, v.coulomb_friction_n
+        band, stribeck = v.stick_velocity_m_per_s, v.stribeck_velocity_m_per_s
+        pull = self.force - v.spring_rate_n_per_m * self.x
+        if abs(self.v) <= band * (1 + 1e-9) and abs(pull) <= static * (1 + 1e-12):
+            self.v, mode, way = 0.0, "rest", 0
+        elif abs(self.v) < band * (1 - 1e-9) or self.v * pull < 0.0 and abs(self.v) <= band * (1 + 1e-9):
+            mode, way = "band", int(math.copysign(1, pull))
+        else:
+            mode, way = "slide", int(math.copysign(1, self.v))
+
+        def rates(_t: float, y: np.ndarray) -> list[float]:
+            x, speed, force = y
+            pressure_rate = (target - force) / tau if tau else 0.0
+            pull = force - v.spring_rate_n_per_m * x
+            if mode == "rest":
+                return [0.0, 0.0, pressure_rate]
+            if mode == "band":
+                return [speed, (pull - way * static) / v.mass_kg, pressure_rate]
+            dry = coulomb + (static - coulomb) * math.exp(-((speed / stribeck) ** 2))
+            return [speed, (pull - way * dry - v.viscous_friction_n_s_per_m * speed) / v.mass_kg, pressure_rate]
+
+        def slips(_t: float, y: np.ndarray) -> float:
+            return float(abs(y[2] - v.spring_rate_n_per_m * y[0]) - static)
+
+        def leaves(_t: float, y: np.ndarray) -> float:
+            return float(way * y[1] - band)
+
+        events = {"rest": [slips], "band": [leaves], "slide": [leaves]}[mode]
+        for event in events:
+            event.terminal = True  # type: ignore[attr-defined]
+            event.direction = -1.0 if mode == "slide" else 1.0  # type: ignore[attr-defined]
+        run = solve_ivp(
+            rates, (0.0, left), [self.x, self.v, self.force], method=self.method, events=events, rtol=1e-12,
+            atol=[1e-15, 1e-14, 1e-10],
+        )  # fmt: skip
+        self.x, self.v, self.force = (float(value) for value in run.y[:, -1])
+        if run.status == 1:
+            if mode == "rest":
+                self.v = math.copysign(1e-12, self.force - v.spring_rate_n_per_m * self.x)
+            else:
+                self.v = way * band
+        return float(run.t[-1])
+
+
+@pytest.mark.parametrize(
+    ("overrides", "method"),
+    [
+        ("", "DOP853"),
+        ("actuator.fill_time_constant_s = 0.004\nactuator.vent_time_constant_s = 0.009", "DOP853"),
+        ("valve.viscous_friction_n_s_per_m = 300.0", "DOP853"),  # complex poles
+        ("valve.stribeck_velocity_m_per_s = 0.01", "DOP853"),  # a curve that bends the whole motion
+        ("valve.stick_velocity_m_per_s = 0.002", "DOP853"),  # a band wider than the curve
+    ],
+)
+def test_the_emulator_agrees_with_an_independent_integration(overrides: str, method: str) -> None:
+    settings = plant_settings("paper", overrides)
+    v = settings.valve
+    gain = v.diaphragm_area_m2 * v.pressure_gain_pa_per_ma
+    state = valve.initial_state(settings, 0)
+    reference = Reference(settings, method, state.position_m, v.spring_rate_n_per_m * state.position_m)
+    moved = 0
+    for current, duration in ((6.9, 0.08), (9.0, 0.004), (3.0, 0.006), (12.0, 0.01), (7.5, 0.05), (14.0, 0.1)):
+        state = valve.step(settings, state, current, duration)
+        reference.step(gain * current, duration)
+        assert state.position_m == pytest.approx(reference.x, abs=2e-9)
+        assert state.velocity_m_per_s == pytest.approx(reference.v, abs=1e-6)
+        assert state.pressure_pa * v.diaphragm_area_m2 == pytest.approx(reference.force, rel=1e-9)
+        moved += state.velocity_m_per_s != 0.0
+    assert moved >= 2  # some comparisons were made in flight

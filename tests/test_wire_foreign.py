@@ -1,0 +1,293 @@
+"""A user's DBC: extended identifiers, percent, big-endian, floats, no protection; and every mistake in `[wire]`."""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from positioner.errors import ConfigurationError
+from positioner.settings import parse
+from positioner.wire.codec import Codec, MessageSettings, WireSettings, make_codec
+from positioner.wire.formats import EncodingError, FrameRejectedError, Reason
+from positioner.wire.messages import ActuatorState, CanFrame, CurrentCommand, Quality, Setpoint, StemPosition
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+USER_DBC = """VERSION ""
+NS_ :
+BS_:
+BU_: PLC VALVE
+
+BO_ 2566834688 Travel: 6 VALVE
+ SG_ Alive : 3|4@0+ (1,0) [0|15] "" PLC
+ SG_ Travel : 15|16@0+ (0.01,-10) [-10|110] "%" PLC
+ SG_ Health : 24|8@1+ (1,0) [0|0] "" PLC
+ SG_ Temperature : 39|16@0- (0.1,0) [-400|1500] "degC" PLC
+
+BO_ 512 Drive: 4 PLC
+ SG_ Demand : 7|16@0+ (0.01,0) [0|100] "%" VALVE
+ SG_ Alive : 16|4@1+ (1,0) [0|15] "" VALVE
+ SG_ Spare : 24|8@1+ (1,-40) [-40|215] "" VALVE
+
+BO_ 513 Pressure: 4 VALVE
+ SG_ Supply : 0|32@1- (1,0) [0|0] "bar" PLC
+
+BO_ 514 Target: 2 PLC
+ SG_ Target : 0|16@1- (-0.01,0) [-100|100] "mm" VALVE
+
+BO_ 515 Wide: 16 VALVE
+ SG_ Travel : 0|16@1+ (0.01,0) [0|100] "mm" PLC
+
+BO_ 516 Mixed: 8 VALVE
+ SG_ Page M : 0|8@1+ (1,0) [0|3] "" PLC
+ SG_ Travel m0 : 8|16@1+ (0.01,0) [0|100] "mm" PLC
+
+BO_ 272 Clash: 2 PLC
+ SG_ Target : 0|16@1+ (0.01,0) [0|100] "mm" VALVE
+
+BO_ 517 Tail: 4 PLC
+ SG_ Target : 0|16@1+ (0.01,0) [0|100] "mm" VALVE
+ SG_ Signed : 16|4@1- (1,0) [0|0] "" VALVE
+ SG_ Scaled : 20|4@1+ (0.5,0) [0|0] "" VALVE
+
+BA_DEF_ SG_ "GenSigStartValue" FLOAT 0 65535;
+BA_DEF_DEF_ "GenSigStartValue" 0;
+BA_ "GenSigStartValue" SG_ 512 Spare 60;
+SIG_VALTYPE_ 513 Supply : 1;
+"""
+
+NO_COUNTER = "is signed, scaled or fractional, and a counter needs whole numbers from 0"
+TRAVEL_ID = 2566834688 - (1 << 31)
+ALL = WireSettings(
+    stem_position=MessageSettings(
+        message="Travel", signals={"position_m": "Travel", "quality": "Health"}, counter="Alive"
+    ),
+    actuator_state=MessageSettings(message="Pressure", signals={"pressure_pa": "Supply"}),
+    setpoint=MessageSettings(message="Target", signals={"setpoint_m": "Target"}),
+    current_command=MessageSettings(message="Drive", signals={"current_ma": "Demand"}, counter="Alive"),
+)
+
+
+@pytest.fixture
+def dbc(tmp_path: Path) -> Path:
+    path = tmp_path / "user.dbc"
+    path.write_text(USER_DBC, encoding="cp1252")
+    return path
+
+
+@pytest.fixture
+def codec(dbc: Path) -> Codec:
+    return make_codec(replace(ALL, dbc=dbc), span_m=0.1)
+
+
+def near(message: Any, counter: int | None) -> Any:
+    """What `decode` gives for a message, but for rounding in its one fractional field."""
+    name = fields(message)[0].name
+    return replace(message, **{name: pytest.approx(getattr(message, name))}), counter
+
+
+def problems(settings: WireSettings) -> list[str]:
+    with pytest.raises(ConfigurationError) as caught:
+        make_codec(settings)
+    assert caught.value.source == "[wire]"
+    return [str(problem) for problem in caught.value.problems]
+
+
+def rejected(codec: Codec, frame: CanFrame) -> Reason:
+    with pytest.raises(FrameRejectedError) as caught:
+        codec.decode(frame)
+    return caught.value.reason
+
+
+def test_a_big_endian_percent_position_under_an_extended_identifier_is_decoded(codec: Codec) -> None:
+    # 60 % of 0.1 m: raw (60 + 10) / 0.01 = 7000, high byte first; the counter in the low nibble of byte 0
+    frame = CanFrame(TRAVEL_ID, bytes([0xFD]) + (7000).to_bytes(2, "big") + bytes([1, 0, 0]), is_extended=True)
+    assert codec.decode(frame) == near(StemPosition(0.06, None, Quality.SUSPECT), 13)
+    assert rejected(codec, replace(frame, is_extended=False)) is Reason.UNKNOWN_ID
+
+
+def test_ranges_enumerations_and_lengths_of_a_user_are_checked(codec: Codec) -> None:
+    def travel(raw: int, health: int = 0, tail: bytes = b"\0\0") -> CanFrame:
+        return CanFrame(TRAVEL_ID, b"\0" + raw.to_bytes(2, "big") + bytes([health]) + tail, is_extended=True)
+
+    assert codec.decode(travel(12000)) == near(StemPosition(0.11), 0)
+    assert rejected(codec, travel(12001)) is Reason.OUT_OF_RANGE
+    assert rejected(codec, travel(7000, health=3)) is Reason.UNDEFINED_VALUE
+    assert rejected(codec, travel(7000, tail=b"\0")) is Reason.WRONG_LENGTH
+    assert rejected(codec, travel(7000, tail=b"\0\0\0")) is Reason.WRONG_LENGTH
+
+
+def test_a_command_in_percent_is_4_to_20_ma_and_spare_signals_have_their_start_value(codec: Codec) -> None:
+    frame = codec.encode(CurrentCommand(8.0, 200, 201), 16 + 5)
+    assert frame == CanFrame(0x200, (2500).to_bytes(2, "big") + bytes([5, 60]))
+    assert codec.decode(frame) == near(CurrentCommand(8.0), 5)
+    assert codec.encode(CurrentCommand(4.0), 0).data[:2] == b"\0\0"
+    assert codec.encode(CurrentCommand(20.0), 0).data[:2] == (10000).to_bytes(2, "big")
+
+
+@pytest.mark.parametrize("current_ma", [3.99, 20.01, math.nan, math.inf])
+def test_a_command_outside_the_percent_range_is_not_sent(codec: Codec, current_ma: float) -> None:
+    with pytest.raises(EncodingError, match=r"Drive\.Demand: current_ma"):
+        codec.encode(CurrentCommand(current_ma), 0)
+
+
+def test_a_floating_point_signal_is_read_and_one_that_is_not_finite_refused(codec: Codec) -> None:
+    assert codec.decode(CanFrame(0x201, struct.pack("<f", 1.5))) == near(ActuatorState(1.5e5), None)
+    for value in (math.nan, math.inf, -math.inf):
+        assert rejected(codec, CanFrame(0x201, struct.pack("<f", value))) is Reason.OUT_OF_RANGE
+        with pytest.raises(EncodingError):
+            codec.encode(ActuatorState(value), 0)
+    assert codec.encode(ActuatorState(2e5), 0).data == struct.pack("<f", 2.0)
+    with pytest.raises(EncodingError):
+        codec.encode(ActuatorState(1e44), 0)
+
+
+def test_a_signal_with_a_negative_scale_keeps_its_range(codec: Codec) -> None:
+    assert codec.encode(Setpoint(0.025), 0).data == struct.pack("<h", -2500)
+    for raw in (10000, -10000):
+        assert codec.decode(CanFrame(0x202, struct.pack("<h", raw))) == near(Setpoint(raw * -1e-5), None)
+    for raw in (10001, -10001):
+        assert rejected(codec, CanFrame(0x202, struct.pack("<h", raw))) is Reason.OUT_OF_RANGE
+    for setpoint_m in (0.10001, -0.10001):
+        with pytest.raises(EncodingError):
+            codec.encode(Setpoint(setpoint_m), 0)
+
+
+def test_a_counter_wraps_where_its_signal_does(codec: Codec) -> None:
+    moduli = {kind.__name__: form.counter_modulus for kind, form in codec.by_kind.items()}
+    assert moduli["StemPosition"] == moduli["CurrentCommand"] == 16
+    assert moduli["Setpoint"] == moduli["PositionerStatus"] == 256
+
+
+def test_what_a_user_does_not_name_stays_ours(dbc: Path) -> None:
+    codec = make_codec(WireSettings(dbc=dbc, id_offset=0x80, setpoint=ALL.setpoint))
+    ours = codec.encode(StemPosition(0.05, 7), 3)
+    assert ours.arbitration_id == 0x190
+    assert codec.decode(ours) == near(StemPosition(0.05, 7), 3)
+    assert codec.encode(Setpoint(0.025), 0).arbitration_id == 0x202
+    assert rejected(codec, replace(ours, arbitration_id=0x1A0)) is Reason.UNKNOWN_ID
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252"])
+def test_a_unit_beyond_ascii_is_read_in_both_encodings(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "micro.dbc"
+    path.write_text(USER_DBC.replace('"mm"', '"µm"'), encoding=encoding)
+    codec = make_codec(WireSettings(dbc=path, setpoint=ALL.setpoint))
+    assert codec.encode(Setpoint(25e-6), 0).data == struct.pack("<h", -2500)
+
+
+def test_the_wire_table_of_a_settings_file_is_read() -> None:
+    text = """
+        dbc = "user.dbc"
+        [stem_position]
+        message = "Travel"
+        signals = { position_m = "Travel", quality = "Health" }
+        counter = "Alive"
+    """
+    settings = parse(text, WireSettings, "wire.toml")
+    assert settings.stem_position == ALL.stem_position
+
+
+def test_a_message_without_a_dbc_is_told() -> None:
+    assert problems(WireSettings(setpoint=ALL.setpoint)) == [
+        "wire.dbc: is missing: name the DBC file that holds your messages"
+    ]
+
+
+def test_a_dbc_that_is_not_there_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "gone.dbc"
+    assert problems(WireSettings(dbc=path, setpoint=ALL.setpoint)) == [
+        f"wire.dbc = '{path}': cannot be read: No such file or directory"
+    ]
+    assert problems(WireSettings(dbc=tmp_path))[0].endswith("cannot be read: Is a directory")
+
+
+OUTSIDE_ITS_FRAME = b'VERSION ""\nBU_: X\nBO_ 1 A: 1 X\n SG_ S : 0|16@1+ (1,0) [0|1] "" X\n'
+
+
+@pytest.mark.parametrize("content", [b"mass_kg = 1361\n", b"\x81\x8d\x00", OUTSIDE_ITS_FRAME])
+def test_a_file_that_is_no_dbc_is_told(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "other.dbc"
+    path.write_bytes(content)
+    (problem,) = problems(WireSettings(dbc=path, setpoint=ALL.setpoint))
+    assert problem.startswith(f"wire.dbc = '{path}': is no DBC: ")
+
+
+def test_a_dbc_without_messages_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "empty.dbc"
+    path.write_text('VERSION ""\n', encoding="cp1252")
+    assert problems(WireSettings(dbc=path, setpoint=ALL.setpoint)) == [f"wire.dbc = '{path}': holds no message"]
+
+
+def test_every_mistake_in_the_wire_table_has_its_line_at_once(dbc: Path) -> None:
+    settings = WireSettings(
+        dbc=dbc,
+        stem_position=MessageSettings(
+            message="Travel", signals={"position_m": "Temperature", "qualty": "Health", "quality": "Travel"}
+        ),
+        actuator_state=MessageSettings(message="Presure", signals={"pressure_pa": "Supply"}),
+        setpoint=MessageSettings(message="Tail", signals={"request": "Missing"}, counter="Scaled"),
+        current_command=MessageSettings(message="Drive", signals={"current_ma": "Demand"}, counter="Alife"),
+    )
+    names = "Travel, Drive, Pressure, Target, Wide, Mixed, Clash, Tail"
+    expected = [
+        "wire.stem_position.signals.position_m = 'Temperature': has the unit 'degC', which does not fit position_m",
+        "wire.stem_position.signals.qualty = 'Health': no such field; known: position_m, command_counter, quality",
+        "wire.stem_position.signals.quality = 'Travel': is scaled or fractional, and quality needs whole numbers",
+        f"wire.actuator_state.message = 'Presure': is not in the DBC, which has: {names}",
+        "wire.setpoint.signals: setpoint_m is required and missing",
+        f"wire.setpoint.counter = 'Scaled': {NO_COUNTER}",
+        "wire.setpoint.signals.request = 'Missing': is not in Tail, which has: Target, Signed, Scaled",
+        "wire.current_command.counter = 'Alife': is not in Drive, which has: Demand, Alive, Spare",
+    ]
+    assert sorted(_with_sorted_names(problem) for problem in problems(settings)) == sorted(
+        _with_sorted_names(problem) for problem in expected
+    )
+
+
+def _with_sorted_names(problem: str) -> str:
+    """The problem with the names it lists in a fixed order: cantools sorts messages and signals its own way."""
+    head, separator, names = problem.partition("which has: ")
+    return head + separator + ", ".join(sorted(names.split(", ")))
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        (
+            WireSettings(stem_position=MessageSettings(message="Wide", signals={"position_m": "Travel"})),
+            "wire.stem_position.message: Wide is longer than the 8 bytes of classic CAN",
+        ),
+        (
+            WireSettings(stem_position=MessageSettings(message="Mixed", signals={"position_m": "Travel"})),
+            "wire.stem_position.message: Mixed is multiplexed, which is not supported",
+        ),
+        (
+            WireSettings(setpoint=MessageSettings(message="Clash", signals={"setpoint_m": "Target"})),
+            "wire.dbc: STEM_POSITION and Clash share the identifier 110",
+        ),
+        (
+            WireSettings(setpoint=MessageSettings(message="Tail", signals={"setpoint_m": "Target"}, counter="Signed")),
+            f"wire.setpoint.counter = 'Signed': {NO_COUNTER}",
+        ),
+        (
+            WireSettings(actuator_state=MessageSettings(message="Drive", signals={"pressure_pa": "Demand"})),
+            "wire.actuator_state.signals.pressure_pa = 'Demand': has the unit '%', which does not fit pressure_pa",
+        ),
+    ],
+)
+def test_a_frame_that_cannot_carry_the_message_is_told(dbc: Path, settings: WireSettings, expected: str) -> None:
+    assert problems(replace(settings, dbc=dbc)) == [expected]
+
+
+def test_two_messages_in_one_frame_of_the_user_are_told(dbc: Path) -> None:
+    tail = MessageSettings(message="Tail", signals={"setpoint_m": "Target"})
+    also = MessageSettings(message="Tail", signals={"position_m": "Target"})
+    assert problems(WireSettings(dbc=dbc, setpoint=tail, stem_position=also)) == [
+        "wire.dbc: Tail and Tail share the identifier 205"
+    ]

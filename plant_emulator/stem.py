@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from plant_emulator.oscillator import PushingForce
 
 
+_SETTLED_M_PER_S = 1e-10
+"""Speed at which a frictionless stem in balance is at rest: what is left of its way is lost in rounding."""
+
+
 @dataclass(slots=True)
 class Stem:
     """A moving stem; mutable, and alive only while one step is worked out."""
@@ -74,9 +78,11 @@ class Stem:
         if self.direction == 0:
             return self._rest(force, left_s)
         speed, band = abs(v), mechanics.band_m_per_s
+        pull = self._pull(force.at(0.0))
+        if not mechanics.sticks and speed < _SETTLED_M_PER_S and abs(pull) <= FORCE_MARGIN_N:
+            return Leg(0.0, x, 0.0, Ending.BALANCE)
         if speed > band:
             return self._slide(force, left_s)
-        pull = self._pull(force.at(0.0))
         if abs(pull) <= max(self.packing.static_n, FORCE_MARGIN_N):
             return Leg(0.0, x, 0.0, Ending.BALANCE)
         along = 1 if pull > 0.0 else -1

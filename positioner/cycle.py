@@ -95,7 +95,7 @@ def step(
 
     decision: Decision | None = None
     if not watch.controls:
-        state = replace(state, memory=None, stem=None)
+        state = replace(state, memory=None, stem=None) if state.memory is not None else state
     elif received.reading is not None:
         state, decision = _control(setup, state, received.reading, events)
 
@@ -156,7 +156,7 @@ def _control(
         table=table,
         setpoint_m=setpoint_m,
         control_s=state.control_s + elapsed_s,
-        guard=replace(state.guard, law_failures=0),
+        guard=replace(state.guard, law_failures=0) if state.guard.law_failures else state.guard,
         fallback_count=state.fallback_count + bool(decision.fallback),
         learned_count=state.learned_count + (table.sequence - state.table.sequence),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import logging
 import signal
+import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, assert_never
 
@@ -32,6 +33,8 @@ _RECEIVED = (StemPosition, ActuatorState, Setpoint, CurrentCommand)
 _IDLE_WAIT_S = 0.1
 _SHORTEST_WAIT_S = 0.01
 _CLOSE_TIMEOUT_S = 5.0
+_WATCHDOG_EVERY_S = 0.1
+_POLL_EVERY_S = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,6 +83,8 @@ class Daemon:
         self._state = cycle.CycleState(table=table)
         self._trace = TraceWriter(options.trace) if options.trace else None
         self._ready = False
+        self._watchdog_due_s = 0.0
+        self._poll_due_s = 0.0
 
     def run(self) -> ExitCode:
         """Run until SIGTERM or SIGINT; return how it ended.
@@ -114,12 +119,13 @@ class Daemon:
 
     def _tell(self, events: tuple[Event, ...]) -> None:
         learned = next((event for event in events if isinstance(event, Learned)), None)
+        closed = False
         for event in events:
             match event:
                 case Controlled():
                     if self._trace:
                         self._trace.write(event, learned)
-                    self._notifier.send(WATCHDOG="1")
+                    closed = True
                 case ModeChanged():
                     self._announce(event)
                 case Learned():
@@ -132,6 +138,10 @@ class Daemon:
                         raise AlreadyRunningError(f"not started: {event}")
                 case _:
                     self._throttle.log(logging.WARNING, _kind(event), str(event))
+
+        if closed and time.monotonic() >= self._watchdog_due_s:
+            self._watchdog_due_s = time.monotonic() + _WATCHDOG_EVERY_S
+            self._notifier.send(WATCHDOG="1")
 
     def _announce(self, event: ModeChanged) -> None:
         serious = event.after in {Mode.HOLD, Mode.FAILSAFE} and event.cause is not Cause.NONE
@@ -146,7 +156,11 @@ class Daemon:
 
     def _keep(self, events: tuple[Event, ...]) -> None:
         """Hand over what was learned; take over what was reset or imported meanwhile."""
-        self._keeper.record([event.sample for event in events if isinstance(event, Learned)])
+        samples = [event.sample for event in events if isinstance(event, Learned)]
+        self._keeper.record(samples)
+        if time.monotonic() < self._poll_due_s:
+            return
+        self._poll_due_s = time.monotonic() + _POLL_EVERY_S
         for heard in self._keeper.poll():
             self._hear(heard)
         saved = self._keeper.problem is None

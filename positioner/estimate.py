@@ -92,7 +92,7 @@ def _predict(
 ) -> StemState:
     push_n = valve.net_force_n(state.position_m, applied_ma)
     if state.stuck:
-        if abs(push_n) <= valve.static_friction_n:
+        if _holds(valve, state.position_m, applied_ma):
             return state
         state = replace(state, stuck=False, direction=math.copysign(1.0, push_n), drift=0.0)
     direction = state.direction if state.velocity_m_per_s else math.copysign(1.0, push_n)
@@ -104,11 +104,15 @@ def _predict(
     if not motion.stopped:
         kick = settings.force_noise_n / valve.mass_kg * period_s
         p_vv += kick * kick
-    velocity = motion.v
-    if motion.stopped and abs(valve.net_force_n(motion.x, applied_ma)) > valve.static_friction_n:
+    if motion.stopped and not _holds(valve, motion.x, applied_ma):
         # the stem only turns round here: it has no speed, and is not stuck
         return StemState(motion.x, 0.0, False, -direction, p_xx, 0.0, p_vv)
-    return StemState(motion.x, velocity, motion.stopped, direction, p_xx, p_xv, p_vv)
+    return StemState(motion.x, motion.v, motion.stopped, direction, p_xx, p_xv, p_vv)
+
+
+def _holds(valve: ValveParameters, position_m: float, applied_ma: float) -> bool:
+    """Return whether static friction holds a resting stem; a valve without it never sticks, not even in balance."""
+    return 0.0 < valve.static_friction_n >= abs(valve.net_force_n(position_m, applied_ma))
 
 
 def _correct(
@@ -132,7 +136,7 @@ def _correct(
     p_xv, p_vv = (1.0 - gain_x) * state.p_xv, state.p_vv - gain_v * state.p_xv
     if valve.static_friction_n > 0.0 and velocity * state.direction <= 0.0 and state.velocity_m_per_s:
         # friction stops the stem before its speed can change sign
-        stuck = abs(valve.net_force_n(position, applied_ma)) <= valve.static_friction_n
+        stuck = _holds(valve, position, applied_ma)
         return StemState(position, 0.0, stuck, state.direction, p_xx, 0.0, 0.0 if stuck else p_vv)
     direction = math.copysign(1.0, velocity) if velocity else state.direction
     return StemState(position, velocity, False, direction, p_xx, p_xv, p_vv)

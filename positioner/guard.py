@@ -135,21 +135,27 @@ def supervise(settings: GuardSettings, state: GuardState, seen: Sighting, period
     foreign_ns = now_ns if seen.foreign_command else state.foreign_ns
     if foreign_ns is not None and now_ns - foreign_ns > _FOREIGN_MEMORY_NS:
         foreign_ns = None
-    state = replace(
-        state,
-        feedback_ns=now_ns if seen.feedback else state.feedback_ns,
-        setpoint_ns=now_ns if seen.setpoint else state.setpoint_ns,
-        foreign_ns=foreign_ns,
+    state = GuardState(
+        state.mode,
+        state.cause,
+        state.armed,
+        state.ever_armed,
+        state.request,
+        now_ns if seen.feedback else state.feedback_ns,
+        now_ns if seen.setpoint else state.setpoint_ns,
+        foreign_ns,
+        state.law_failures,
     )
     state = _arm(settings, state, seen, settings.feedback_hold_periods * period_s * _NS, now_ns)
     mode, cause = _mode(settings, state, period_s, now_ns)
-    return replace(state, mode=mode, cause=cause)
+    return state if (mode, cause) == (state.mode, state.cause) else replace(state, mode=mode, cause=cause)
 
 
 def _arm(settings: GuardSettings, state: GuardState, seen: Sighting, hold_ns: float, now_ns: int) -> GuardState:
     """Apply a request of the host, which counts when it changes, and the automatic arming, which happens once."""
     asked = seen.request is not None and seen.request is not state.request
-    state = replace(state, request=seen.request if seen.request is not None else state.request)
+    if asked and seen.request is not None:
+        state = replace(state, request=seen.request)
     if asked and state.request is HostRequest.DISARM:
         return replace(state, armed=False, mode=Mode.READY, cause=Cause.DISARMED)
     wanted = (asked and state.request is HostRequest.ARM) or (settings.auto_arm and not state.ever_armed)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from positioner.events import Event, FeedbackRefused, ForeignCommand, FrameRefused, FramesLost, SetpointRefused
@@ -78,27 +78,46 @@ def receive(
             lost = batch.in_sequence(message, counter, codec.by_kind[type(message)].counter_modulus)
         except FrameRejectedError as error:
             if error.reason not in _IGNORED:
-                batch.link = replace(batch.link, rejected_count=batch.link.rejected_count + 1)
+                batch.rejected_count += 1
                 batch.events.append(FrameRefused(error.reason, str(error)))
         else:
             batch.take(message, counter, lost)
-    seen = Sighting(batch.reading is not None, batch.setpoint, batch.request, batch.foreign)
-    return Received(batch.link, batch.reading, seen, tuple(batch.events))
+    return batch.result()
 
 
 class _Batch:
-    """A batch of frames on its way to being understood."""
+    """A batch of frames on its way to being understood: the link's fields, writable until `result`."""
 
     def __init__(self, guard: GuardSettings, valve: ValveParameters, link: LinkState) -> None:
         self.guard = guard
         self.valve = valve
-        self.link = link
+        self.counters = dict(link.counters)
+        self.last_position_m = link.last_position_m
+        self.jumps = link.jumps
+        self.setpoint_m = link.setpoint_m
+        self.setpoint_counter = link.setpoint_counter
+        self.pressure_pa = link.pressure_pa
+        self.rejected_count = link.rejected_count
         self.reading: Reading | None = None
         self.setpoint = False
         self.request: HostRequest | None = None
         self.foreign = False
         self.events: list[Event] = []
         self._periods = 0
+
+    def result(self) -> Received:
+        """Return what the batch amounts to."""
+        link = LinkState(
+            self.counters,
+            self.last_position_m,
+            self.jumps,
+            self.setpoint_m,
+            self.setpoint_counter,
+            self.pressure_pa,
+            self.rejected_count,
+        )
+        seen = Sighting(self.reading is not None, self.setpoint, self.request, self.foreign)
+        return Received(link, self.reading, seen, tuple(self.events))
 
     def in_sequence(self, message: Message, counter: int | None, modulus: int) -> int:
         """Take the counter over and return how many frames were lost before it.
@@ -108,10 +127,9 @@ class _Batch:
         """
         if counter is None or not isinstance(message, _COUNTED):
             return 0
-        known = self.link.counters.get(type(message), CounterCheck(modulus=modulus))
-        check, verdict, lost = known.check(counter)
+        known = self.counters.get(type(message)) or CounterCheck(modulus=modulus)
         # kept even when refused: the frame may be the first of a restarted sender
-        self.link = replace(self.link, counters={**self.link.counters, type(message): check})
+        self.counters[type(message)], verdict, lost = known.check(counter)
         if verdict is not Sequence.FRESH:
             reason = Reason.REPEATED if verdict is Sequence.REPEATED else Reason.OUT_OF_ORDER
             raise FrameRejectedError(reason, f"{type(message).__name__} counter {counter} after {known.last}")
@@ -127,7 +145,7 @@ class _Batch:
             case Setpoint():
                 self._take_setpoint(message, counter)
             case ActuatorState():
-                self.link = replace(self.link, pressure_pa=message.pressure_pa)
+                self.pressure_pa = message.pressure_pa
             case CurrentCommand():
                 self.foreign = True
                 self.events.append(ForeignCommand(message.current_ma))
@@ -136,32 +154,30 @@ class _Batch:
 
     def _take_position(self, message: StemPosition, counter: int | None, lost: int) -> None:
         self._periods += lost + 1
-        self.link, why = _plausible(self.guard, self.valve, self.link, message)
+        why = self._implausible(message)
         if why:
             self.events.append(FeedbackRefused(message.position_m, why))
         else:
+            self.last_position_m, self.jumps = message.position_m, 0
             self.reading = Reading(message.position_m, counter, message.command_counter, self._periods)
 
     def _take_setpoint(self, message: Setpoint, counter: int | None) -> None:
         self.request = message.request
         if self.valve.travel_min_m <= message.setpoint_m <= self.valve.travel_max_m:
-            self.setpoint = True
-            self.link = replace(self.link, setpoint_m=message.setpoint_m, setpoint_counter=counter)
+            self.setpoint, self.setpoint_m, self.setpoint_counter = True, message.setpoint_m, counter
         else:
             refused = SetpointRefused(message.setpoint_m, self.valve.travel_min_m, self.valve.travel_max_m)
             self.events.append(refused)
 
-
-def _plausible(
-    guard: GuardSettings, valve: ValveParameters, link: LinkState, message: StemPosition
-) -> tuple[LinkState, str]:
-    """Return the link with the reading in it, and why it is not plausible, empty when it is."""
-    position, last = message.position_m, link.last_position_m
-    if message.quality is Quality.FAULT:
-        return link, "the sensor reports a fault"
-    low, high = valve.travel_min_m - guard.position_margin_m, valve.travel_max_m + guard.position_margin_m
-    if not low <= position <= high:
-        return link, f"outside the travel ({low * 1e3:g} to {high * 1e3:g} mm with its margin)"
-    if last is not None and abs(position - last) > guard.max_jump_m and link.jumps + 1 < _JUMPS_BELIEVED:
-        return replace(link, jumps=link.jumps + 1), f"a jump of {abs(position - last) * 1e3:.1f} mm"
-    return replace(link, last_position_m=position, jumps=0), ""
+    def _implausible(self, message: StemPosition) -> str:
+        """Return why a reading is not plausible, empty when it is."""
+        position, last, margin = message.position_m, self.last_position_m, self.guard.position_margin_m
+        if message.quality is Quality.FAULT:
+            return "the sensor reports a fault"
+        low, high = self.valve.travel_min_m - margin, self.valve.travel_max_m + margin
+        if not low <= position <= high:
+            return f"outside the travel ({low * 1e3:g} to {high * 1e3:g} mm with its margin)"
+        if last is not None and abs(position - last) > self.guard.max_jump_m and self.jumps + 1 < _JUMPS_BELIEVED:
+            self.jumps += 1
+            return f"a jump of {abs(position - last) * 1e3:.1f} mm"
+        return ""

@@ -99,26 +99,28 @@ def slide(valve: ValveParameters, x: float, v: float, u: float, direction: float
     omega2 = rate / mass - half * half
     z, stop_s = x - rest, _stop_time_s(x - rest, v, half, omega2, rate / mass, direction)
     t = min(duration_s, stop_s)
-    decay, even, odd = _modes(half, omega2, t)
-    # z(t) = e^(-ht) [z (c + h s) + v s], v(t) = e^(-ht) [v (c - h s) - z (K/m) s]
-    dx_dx, dx_dv = decay * (even + half * odd), decay * odd
-    dv_dx, dv_dv = -decay * (rate / mass) * odd, decay * (even - half * odd)
+    even, odd = _modes(half, omega2, rate / mass, t)
+    # z(t) = z (c + h s) + v s, v(t) = v (c - h s) - z (K/m) s, both c and s with their decay e^(-ht)
+    dx_dx, dx_dv = even + half * odd, odd
+    dv_dx, dv_dv = -(rate / mass) * odd, even - half * odd
     end_x, end_v = rest + dx_dx * z + dx_dv * v, dv_dx * z + dv_dv * v
     if stop_s <= duration_s:
         return Motion(end_x, 0.0, True, dx_dx, dx_dv, 0.0, 0.0)
     return Motion(end_x, end_v, False, dx_dx, dx_dv, dv_dx, dv_dv)
 
 
-def _modes(half: float, omega2: float, t: float) -> tuple[float, float, float]:
-    """Return e^(-h t), cosine and sine-over-ω of the damped mode; hyperbolic when overdamped."""
+def _modes(half: float, omega2: float, stiffness: float, t: float) -> tuple[float, float]:
+    """Return e^(-h t) times cosine and sine-over-ω of the damped mode; hyperbolic when overdamped."""
+    if omega2 < -1e-9 * half * half:
+        # by its two real poles: cosh alone overflows for a long sample
+        sigma = math.sqrt(-omega2)
+        slow, fast = math.exp(-stiffness / (half + sigma) * t), math.exp(-(half + sigma) * t)
+        return (slow + fast) / 2.0, (slow - fast) / (2.0 * sigma)
     decay = math.exp(-half * t)
     if omega2 > 1e-9 * half * half:
         omega = math.sqrt(omega2)
-        return decay, math.cos(omega * t), math.sin(omega * t) / omega
-    if omega2 < -1e-9 * half * half:
-        sigma = math.sqrt(-omega2)
-        return decay, math.cosh(sigma * t), math.sinh(sigma * t) / sigma
-    return decay, 1.0, t
+        return decay * math.cos(omega * t), decay * math.sin(omega * t) / omega
+    return decay, decay * t
 
 
 def _stop_time_s(z: float, v: float, half: float, omega2: float, stiffness: float, direction: float) -> float:
@@ -137,4 +139,4 @@ def _stop_time_s(z: float, v: float, half: float, omega2: float, stiffness: floa
         sigma = math.sqrt(-omega2)
         ratio = v * sigma / slope if slope else math.inf
         return math.atanh(ratio) / sigma if 0.0 < ratio < 1.0 else math.inf
-    return v / slope if v / slope > 0.0 else math.inf
+    return v / slope if v * slope > 0.0 else math.inf

@@ -66,17 +66,12 @@ def predict(horizon: Horizon, start: NDArray[np.float64], control_steps: int) ->
 
 
 def tracking_cost(
-    prediction: Prediction,
-    reference: float,
-    error_weight: NDArray[np.float64],
-    input_weight: float,
+    position: NDArray[np.float64], error_weight: NDArray[np.float64], input_weight: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return P and q of Σ error_weight[i] (r - x_1(i+1))² + input_weight Σ z² (eq. 17), halved and constant dropped.
+    """Return P (H_u, H_u) and G (H_u, H_p) of eq. 17: ½ z'Pz - z'G (r - free) is its cost, but for a constant.
 
-    error_weight (H_p,); the result is divided by `input_weight`, so that P is 1 plus something: well scaled.
+    The cost is Σ error_weight[i] (r - x_1(i+1))² + input_weight Σ z², with the positions x_1 = free + `position` z;
+    position (H_p, H_u), error_weight (H_p,). It is divided by 2 `input_weight`: P is then 1 plus something.
     """
-    position = prediction.forced[:, 0, :]
-    weighted = position * (error_weight / input_weight)[:, None]
-    P = weighted.T @ position + np.eye(position.shape[1])
-    q = -weighted.T @ (reference - prediction.free[:, 0])
-    return P, q
+    gradient = position.T * (error_weight / input_weight)
+    return gradient @ position + np.eye(position.shape[1]), gradient

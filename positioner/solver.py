@@ -35,6 +35,7 @@ class QpSolver:
 
     def __init__(self, variables: int, constraints: int, *, tolerance: float = 1e-5, max_iterations: int = 400) -> None:
         self._shapes = ((variables, variables), (variables,), (constraints, variables), (constraints,), (constraints,))
+        self._matrices: tuple[NDArray[np.float64] | None, NDArray[np.float64] | None] = (None, None)
         self._upper = np.triu_indices(variables)
         order = np.lexsort(self._upper)  # column by column, as OSQP's compressed columns want it
         self._upper = (self._upper[0][order], self._upper[1][order])
@@ -63,17 +64,22 @@ class QpSolver:
         arrays = (program.P, program.q, program.A, program.l, program.u)
         if tuple(array.shape for array in arrays) != self._shapes:
             raise ValueError(f"programme of shapes {[a.shape for a in arrays]} in a workspace of {self._shapes}")
-        if not all(math.isfinite(float(array.sum())) for array in arrays) or bool((program.l > program.u).any()):
+        finite = math.isfinite(float(program.q.sum() + program.l.sum() + program.u.sum()))
+        if not finite or bool((program.l > program.u).any()) or not self._take_matrices(program):
             return None
-        self._solver.update(
-            Px=program.P[self._upper],
-            Ax=np.ravel(program.A, order="F").copy(),
-            q=program.q.copy(),
-            l=program.l.copy(),
-            u=program.u.copy(),
-        )
+        self._solver.update(q=program.q.copy(), l=program.l.copy(), u=program.u.copy())
         result = self._solver.solve(raise_error=False)
         if result.info.status_val != osqp.SolverStatus.OSQP_SOLVED:
             self._solver.warm_start(x=np.zeros_like(program.q), y=np.zeros_like(program.l))
             return None
         return Solution(np.array(result.x), np.array(result.y), int(result.info.iter))
+
+    def _take_matrices(self, program: QuadraticProgram) -> bool:
+        """Hand P and A to the workspace unless they are the very objects it has; False where they are not finite."""
+        if program.P is self._matrices[0] and program.A is self._matrices[1]:
+            return True
+        if not math.isfinite(float(program.P.sum() + program.A.sum())):
+            return False
+        self._solver.update(Px=program.P[self._upper], Ax=np.ravel(program.A, order="F").copy())
+        self._matrices = (program.P, program.A)
+        return True

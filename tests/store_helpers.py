@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 from hypothesis import strategies as st
 
 from positioner.stiction import Direction, LearnedSample, Quantity, StictionTable
+from positioner.store.client import TableKeeper
 from positioner.store.content import StoredTable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from pathlib import Path
 
-    from positioner.store.client import KeeperEvent, TableKeeper
+    from positioner.store.client import KeeperEvent
 
 VALVE = "FV-101"
 WIDTH_M = 0.005
@@ -66,6 +67,4 @@ def wait_for(keeper: TableKeeper, done: Callable[[], bool], timeout_s: float = 1
 
 
 def opened(directory: Path, valve_id: str = VALVE) -> tuple[TableKeeper, StictionTable, tuple[str, ...]]:
-    from positioner.store.client import TableKeeper
-
     return TableKeeper.open(directory, valve_id, WIDTH_M)

@@ -118,8 +118,8 @@ def test_free_decay_with_coulomb_friction_alone_loses_the_same_in_every_half_cyc
 
 
 def test_a_triangle_shows_the_deadband_and_the_slip_jump_of_the_signature() -> None:
-    state = valve.step(PAPER, valve.initial_state(PAPER, 0), 8.0, 0.5)
-    up = np.arange(8.0, 14.0, 0.002)
+    state = valve.initial_state(PAPER, 0)
+    up = np.arange(8.0, 20.0, 0.002)
     currents = np.concatenate([up, up[::-1]])
     rows = []
     for current in currents.tolist():
@@ -127,7 +127,7 @@ def test_a_triangle_shows_the_deadband_and_the_slip_jump_of_the_signature() -> N
         rows.append((current, state.position_m, state.slips))
     u, x, slips = np.array(rows).T
     top = len(up)
-    back = int(np.flatnonzero(slips > slips[top + 500])[0])
+    back = int(np.flatnonzero(slips > slips[top])[0])
     span_n = GAIN_N_PER_MA * 16.0
     deadband = (u[top] - u[back]) * GAIN_N_PER_MA / span_n
     assert deadband == pytest.approx((STATIC + COULOMB) / span_n, rel=0.005)
@@ -140,21 +140,22 @@ def test_a_triangle_shows_the_deadband_and_the_slip_jump_of_the_signature() -> N
 
 @pytest.mark.parametrize("lag_s", [0.0, 0.01])
 def test_the_work_of_the_pressure_is_found_again_in_spring_motion_and_friction(lag_s: float) -> None:
-    settings = plant_settings("paper", {"actuator": {"fill_time_constant_s": lag_s, "vent_time_constant_s": lag_s}})
+    lags = {"fill_time_constant_s": lag_s, "vent_time_constant_s": lag_s}
+    settings = plant_settings("paper", {"actuator": lags, "valve": {"initial_position_m": 0.06}})
     state = valve.initial_state(settings, 0)
     area = settings.valve.diaphragm_area_m2
-    work = spring = kinetic = dissipated = 0.0
+    work = dissipated = 0.0
     for index in range(16000):
         before = state
         pull = 1.2 * STATIC if index < 8000 else -1.3 * STATIC
-        state = valve.step(settings, state, current_for(settings, 0.012, pull), 5e-6)
+        state = valve.step(settings, state, current_for(settings, 0.062, pull), 5e-6)
         moved = state.position_m - before.position_m
         push = state.pressure_pa if lag_s == 0.0 else 0.5 * (before.pressure_pa + state.pressure_pa)
         work += area * push * moved
         dissipated += 0.5 * (before.friction_n + state.friction_n) * moved
-    spring = 0.5 * RATE * (state.position_m**2 - 0.01**2)
+    spring = 0.5 * RATE * (state.position_m**2 - 0.06**2)
     kinetic = 0.5 * settings.valve.mass_kg * state.velocity_m_per_s**2
-    assert abs(state.position_m - 0.012) > 1e-4
+    assert 0.01 < state.position_m < 0.05  # it went there and back, and met no travel stop
     assert dissipated > 10.0
     assert work - spring - kinetic - dissipated == pytest.approx(0.0, abs=2e-4 * dissipated)
 

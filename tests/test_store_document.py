@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import given, settings
@@ -9,7 +9,9 @@ from store_helpers import series, tables, taught
 
 from positioner.errors import ConfigurationError
 from positioner.store import document, messages
-from positioner.store.content import StoredTable
+
+if TYPE_CHECKING:
+    from positioner.store.content import StoredTable
 
 
 @given(tables())
@@ -98,7 +100,7 @@ def test_a_negative_stick_speed_is_refused_and_a_negative_landing_bias_is_not() 
     document.from_plain(plain, "x")
     speed = next(cell for cell in plain["cells"] if cell["quantity"] == "stick_speed_m_per_s")
     speed["samples"] = [-0.1]
-    with pytest.raises(ConfigurationError, match="must be a number at least 0, not -0.1"):
+    with pytest.raises(ConfigurationError, match=r"must be a number at least 0, not -0\.1"):
         document.from_plain(plain, "x")
 
 

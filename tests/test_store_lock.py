@@ -3,12 +3,15 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 from positioner.errors import AlreadyRunningError, StateError
 from positioner.store import lock
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 _HOLDER = """
 import sys

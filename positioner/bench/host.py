@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from tqdm import tqdm
 
@@ -100,7 +100,7 @@ class Host:
     def _record(self, frame: CanFrame, received_ns: int) -> None:
         self._recording.hear(frame, (received_ns - self._start_ns) / _NS)
 
-    def _progress(self) -> tqdm[int]:
+    def _progress(self) -> tqdm[NoReturn]:
         seconds = self._scenario.duration_s
         return tqdm(
             total=self._recording.samples,

@@ -114,6 +114,11 @@ class Recording:
         step = ((counter or 0) - self.origin - expected) % _COUNTER + 1
         return step if step <= _COUNTER // 2 else 0
 
+    @property
+    def time_s(self) -> NDArray[np.float64]:
+        """The plant's time of each sample, shape (samples,)."""
+        return np.arange(self.samples, dtype=np.float64) * np.float64(self.period_s)
+
     def fill_gaps(self) -> None:
         """Carry the last known value over samples of which a frame is missing, as a real-time run may have."""
         for values in (self.true_position_m, self.true_velocity_m_per_s, self.measured_m, self.current_ma):

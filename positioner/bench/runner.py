@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-import numpy as np
 import tomli_w
 
 from positioner.bench import metrics
@@ -80,7 +79,7 @@ def run_bench(scenario: Scenario, options: BenchOptions, say: Callable[[str], No
     after = _table(state, configuration)
 
     run = metrics.Trace(
-        time_s=np.arange(recording.samples) * recording.period_s,
+        time_s=recording.time_s,
         position_m=recording.true_position_m,
         setpoint_m=recording.setpoint_m,
         current_ma=recording.current_ma,

@@ -24,10 +24,10 @@ _BOUNDS = ("current_low_ma", "current_high_ma", "speed_low_m_per_s", "speed_high
 def trend_data(result: Result, recording: Recording, trace: Path) -> TrendData:
     """Return the picture's data: the bus tells what happened, the trace what the law believed and allowed."""
     scenario = result.scenario
-    time_s = np.arange(recording.samples) * recording.period_s
+    time_s = recording.time_s
     with trace.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    believed_s = np.array([float(row["time_s"]) for row in rows]) - recording.period_s
+    believed_s = np.array([float(row["time_s"]) - recording.period_s for row in rows])
     columns = {name: _at(time_s, believed_s, [float(row[name]) for row in rows]) for name in _BOUNDS}
     learned = {
         quantity: np.array([t for t, row in zip(believed_s, rows, strict=True) if row["learned"] == quantity])

@@ -166,7 +166,7 @@ class TableKeeper:
                 yield from map(Notice, notices)
                 if stored.generation > self._stored.generation:
                     self._stored, self._behind = stored, False
-                    yield Replaced(stored, "the stiction table was reset or imported just before its keeper ended")
+                    yield Replaced(stored, "reset or import, just before the keeper ended")
 
     def _revive(self, now_s: float) -> Iterator[KeeperEvent]:
         """Start the keeper again once it is surely gone: there must never be two."""

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 NAME = "control.sock"
 _WAITING_CLIENTS = 16
+_MOST_CLIENTS = 64
 
 
 def address(directory: int) -> str:
@@ -64,10 +65,16 @@ class ControlSocket:
                 _converse(one, answer)
             else:
                 with suppress(OSError):  # the client may have gone again
-                    self._clients.append(Lines(one.accept()[0]))
+                    self._welcome(one.accept()[0])
         for client in [client for client in self._clients if client.ended]:
             self._clients.remove(client)
             client.close()
+
+    def _welcome(self, connection: socket.socket) -> None:
+        if len(self._clients) < _MOST_CLIENTS:
+            self._clients.append(Lines(connection))
+        else:
+            connection.close()  # nobody opens that many in good faith; the daemon's samples come first
 
 
 def _listen(directory: int) -> socket.socket:

@@ -73,6 +73,7 @@ class Keeper:
         """Commit the table, and copy it from time to time; tell the daemon when this fails or works again."""
         try:
             self._vault.save(self.stored)
+            self._tell_notices()
             self._acknowledge()
             if now_s >= self._copy_at_s:
                 self._vault.copy(self.stored)
@@ -81,8 +82,7 @@ class Keeper:
             self._fail(error, now_s)
         else:
             self._succeed()
-        for notice in self._vault.take_notices():
-            self._tell(messages.Notice(notice))
+        self._tell_notices()
 
     def answer(self, request: messages.Message, now_s: float) -> messages.Answer:
         """Return the answer to a command; a reset or an import is on the disk before it is answered."""
@@ -108,6 +108,10 @@ class Keeper:
                 self._vault.close()
                 return
             time.sleep(_RETRY_FIRST_S)
+
+    def _tell_notices(self) -> None:
+        for notice in self._vault.take_notices():
+            self._tell(messages.Notice(notice))
 
     def _acknowledge(self) -> None:
         saved = (self.stored.generation, self.stored.table.sequence)

@@ -70,7 +70,7 @@ class Saved:
 
 @dataclass(frozen=True, slots=True)
 class Replaced:
-    """Keeper → daemon: the table was reset or imported by command; `reason` says so in words."""
+    """Keeper → daemon: the table was replaced by command; `reason` says by which and where the former one is."""
 
     stored: StoredTable
     reason: str

@@ -29,10 +29,10 @@ def replaced(vault: Vault, stored: StoredTable, request: messages.Message) -> Re
         StateError: it was refused or could not be saved; nothing was changed.
     """
     if isinstance(request, messages.ResetRequest):
-        occasion, done, successor = "reset", "was reset", stored.emptied()
+        occasion, successor = "reset", stored.emptied()
     elif isinstance(request, messages.ImportRequest):
         _check(stored, request)
-        occasion, done, successor = "import", "was imported", stored.succeeded_by(request.stored)
+        occasion, successor = "import", stored.succeeded_by(request.stored)
     else:
         raise StateError(f"not a request: {request}")
     try:
@@ -41,7 +41,7 @@ def replaced(vault: Vault, stored: StoredTable, request: messages.Message) -> Re
     except WRITING_FAILED as error:
         raise StateError(f"nothing was changed, since the table cannot be saved: {remedy(error)}") from error
     suffix = f"; the former one is in {backup}" if backup else ""
-    return Replacement(successor, f"the stiction table {done}{suffix}", str(backup) if backup else None)
+    return Replacement(successor, f"{occasion}{suffix}", str(backup) if backup else None)
 
 
 def _check(stored: StoredTable, request: messages.ImportRequest) -> None:

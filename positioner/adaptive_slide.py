@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 _DEGENERATE = 1e-9
 """|ω²| below this part of h² counts as critical damping."""
 
+_SERIES = 1e-2
+"""|ω² t²| below which a derivative is taken from its series."""
+
 STOPPING_TIME_S = 60.0
 """Longer than any stop takes; a frictionless stem, which never stops, has then come to its rest."""
 
@@ -67,7 +70,7 @@ class Slider:
         stop_s = _stop_time_s(z, v, half, omega2, stiffness, direction)
         stopped = stop_s <= duration_s
         t = stop_s if stopped else duration_s
-        even, odd, odd_slope = _modes(half, omega2, t)
+        even, odd, odd_slope = _modes(half, omega2, stiffness, t)
         # z(t) = a z + b v and v(t) = c z + d v
         a, b = even + half * odd, odd
         c, d = -stiffness * odd, even - half * odd
@@ -90,19 +93,20 @@ def slider_of(valve: ValveParameters) -> Slider:
     )
 
 
-def _modes(half: float, omega2: float, t: float) -> tuple[float, float, float]:
+def _modes(half: float, omega2: float, stiffness: float, t: float) -> tuple[float, float, float]:
     """Return e^(-ht) cos ωt, e^(-ht) sin(ωt)/ω and the latter's derivative to ω²; hyperbolic when overdamped."""
-    if abs(omega2) <= _DEGENERATE * half * half:
-        decay = math.exp(-half * t)
-        return decay, decay * t, -decay * t * t * t / 6.0
-    if omega2 > 0.0:
-        omega, decay = math.sqrt(omega2), math.exp(-half * t)
-        even, odd = decay * math.cos(omega * t), decay * math.sin(omega * t) / omega
-    else:
-        # two decaying exponentials: cosh alone would overflow in a long slide
+    if omega2 < -_DEGENERATE * half * half:
+        # by its two real poles: cosh alone overflows in a long slide
         sigma = math.sqrt(-omega2)
-        slow, fast = math.exp((sigma - half) * t), math.exp(-(sigma + half) * t)
-        even, odd = 0.5 * (slow + fast), 0.5 * (slow - fast) / sigma
+        slow, fast = math.exp(-stiffness / (half + sigma) * t), math.exp(-(half + sigma) * t)
+        even, odd = (slow + fast) / 2.0, (slow - fast) / (2.0 * sigma)
+    else:
+        omega, decay = math.sqrt(max(omega2, 0.0)), math.exp(-half * t)
+        even, odd = decay * math.cos(omega * t), decay * (math.sin(omega * t) / omega if omega else t)
+    turn = omega2 * t * t
+    if abs(turn) < _SERIES:
+        # the difference below would cancel
+        return even, odd, -math.exp(-half * t) * t**3 * (1.0 / 6.0 - turn / 60.0 + turn * turn / 1680.0)
     return even, odd, (t * even - odd) / (2.0 * omega2)
 
 

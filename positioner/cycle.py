@@ -7,6 +7,7 @@ Time is an argument. The same function runs in the daemon, in tests, in replay a
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -136,13 +137,9 @@ def _control(
             state.link.pressure_pa,
         )
         memory, stem = setup.law.estimate(state.memory, observation)
-        table = state.table
-        if setup.learns and state.stem is not None:
-            sample = detect(state.stem, stem, observation.applied_ma)
-            if sample is not None:
-                table = table.record(sample.quantity, sample.position_m, sample.direction, sample.value)
-                events.append(Learned(sample, table.sequence))
-        memory, decision = setup.law.decide(memory, stem, observation, table)
+        state = _learn(setup, state, stem, observation.applied_ma, events)
+        memory, decision = setup.law.decide(memory, stem, observation, state.table)
+        _check(decision)
     except Exception as error:  # noqa: BLE001 - whatever a law does, the valve gets a command that somebody chose
         watch = replace(state.guard, law_failures=state.guard.law_failures + 1)
         events.append(LawFellBack(f"{setup.law.name} failed: {type(error).__name__}: {error}"))
@@ -153,14 +150,28 @@ def _control(
         state,
         memory=memory,
         stem=stem,
-        table=table,
         setpoint_m=setpoint_m,
         control_s=state.control_s + elapsed_s,
         guard=replace(state.guard, law_failures=0) if state.guard.law_failures else state.guard,
         fallback_count=state.fallback_count + bool(decision.fallback),
-        learned_count=state.learned_count + (table.sequence - state.table.sequence),
     )
     return state, decision
+
+
+def _learn(setup: Setup, state: CycleState, stem: StemState, applied_ma: float, events: list[Event]) -> CycleState:
+    """Return the state with what the edge to `stem`, if there is one, teaches its table."""
+    sample = detect(state.stem, stem, applied_ma) if setup.learns and state.stem is not None else None
+    if sample is None:
+        return state
+    table = state.table.record(sample.quantity, sample.position_m, sample.direction, sample.value)
+    events.append(Learned(sample, table.sequence))
+    return replace(state, table=table, learned_count=state.learned_count + 1)
+
+
+def _check(decision: Decision) -> None:
+    """Raise ValueError where a law's answer is no current: it then counts as a failure of the law."""
+    if not math.isfinite(decision.current_ma):
+        raise ValueError(f"a current of {decision.current_ma} mA")
 
 
 def _applied_ma(setup: Setup, state: CycleState, reading: Reading) -> float:

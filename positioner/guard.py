@@ -208,7 +208,7 @@ def admit(
     if not state.transmits:
         return None
     if state.mode is Mode.FAILSAFE:
-        return settings.failsafe_ma(last_ma)
+        return settings.failsafe_ma(min(max(last_ma, settings.current_low_ma), settings.current_high_ma))
     current = last_ma if wanted_ma is None or not math.isfinite(wanted_ma) else wanted_ma
     if settings.max_rate_ma_per_s > 0.0:
         step = settings.max_rate_ma_per_s * elapsed_s

@@ -38,6 +38,7 @@ class LinkState:
     setpoint_counter: int | None = None
     pressure_pa: float | None = None
     rejected_count: int = 0
+    periods_unread: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +104,7 @@ class _Batch:
         self.request: HostRequest | None = None
         self.foreign = False
         self.events: list[Event] = []
-        self._periods = 0
+        self._periods = link.periods_unread
 
     def result(self) -> Received:
         """Return what the batch amounts to."""
@@ -115,6 +116,7 @@ class _Batch:
             self.setpoint_counter,
             self.pressure_pa,
             self.rejected_count,
+            self._periods - (self.reading.periods if self.reading else 0),
         )
         seen = Sighting(self.reading is not None, self.setpoint, self.request, self.foreign)
         return Received(link, self.reading, seen, tuple(self.events))
@@ -162,7 +164,8 @@ class _Batch:
             self.reading = Reading(message.position_m, counter, message.command_counter, self._periods)
 
     def _take_setpoint(self, message: Setpoint, counter: int | None) -> None:
-        self.request = message.request
+        if self.request is not HostRequest.DISARM:  # no later frame of the batch makes it unsaid
+            self.request = message.request
         if self.valve.travel_min_m <= message.setpoint_m <= self.valve.travel_max_m:
             self.setpoint, self.setpoint_m, self.setpoint_counter = True, message.setpoint_m, counter
         else:

@@ -4,9 +4,11 @@ import os
 import resource
 import select
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -261,6 +263,17 @@ def test_a_directory_that_cannot_be_made_is_refused_in_one_line(tmp_path: Path) 
     (tmp_path / "file").touch()
     with pytest.raises(StateError, match=r"^[^\n]*cannot be made: Not a directory; choose another or make it$"):
         opened(tmp_path / "file" / "state")
+
+
+def test_a_table_that_cannot_be_read_now_is_refused_and_neither_touched_nor_locked(tmp_path: Path) -> None:
+    database.create(tmp_path / TABLE, taught(series(8)))
+    with closing(sqlite3.connect(tmp_path / TABLE, isolation_level=None)) as other:
+        other.execute("BEGIN EXCLUSIVE")
+        with pytest.raises(StateError, match=r"cannot be opened: [^\n]*in use by another program; close it$"):
+            opened(tmp_path)
+    keeper, table, notices = opened(tmp_path)
+    assert (table, notices) == (taught(series(8)).table, ())
+    assert keeper.close(10.0) is None
 
 
 def test_values_that_are_not_finite_are_counted_by_nobody(keeper: TableKeeper) -> None:

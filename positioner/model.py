@@ -133,7 +133,7 @@ def _stop_time_s(z: float, v: float, half: float, omega2: float, stiffness: floa
     slope = half * v + stiffness * z
     if omega2 > 1e-9 * half * half:
         omega = math.sqrt(omega2)
-        angle = math.atan2(v * omega, slope)
+        angle = math.atan2(v * omega + 0.0, slope)  # + 0.0: a speed of -0.0 is none
         return (angle if angle > 0.0 else angle + math.pi) / omega
     if omega2 < -1e-9 * half * half:
         sigma = math.sqrt(-omega2)

@@ -23,7 +23,7 @@ class Reference:
     x: float
     force: float
     v: float = 0.0
-    way: int = 0
+    slipped: bool = False
 
     def step(self, target: float, duration: float) -> None:
         act = self.settings.actuator
@@ -39,7 +39,9 @@ class Reference:
         static, coulomb = v.static_friction_n, v.coulomb_friction_n
         band, stribeck = v.stick_velocity_m_per_s, v.stribeck_velocity_m_per_s
         pull = self.force - v.spring_rate_n_per_m * self.x
-        if abs(self.v) <= band * (1 + 1e-9) and abs(pull) <= static * (1 + 1e-12):
+        if self.slipped:
+            self.slipped, mode, way = False, "band", int(math.copysign(1, pull))
+        elif abs(self.v) <= band * (1 + 1e-9) and abs(pull) <= static * (1 + 1e-12):
             self.v, mode, way = 0.0, "rest", 0
         elif abs(self.v) < band * (1 - 1e-9) or self.v * pull < 0.0 and abs(self.v) <= band * (1 + 1e-9):
             mode, way = "band", int(math.copysign(1, pull))
@@ -74,7 +76,7 @@ class Reference:
         self.x, self.v, self.force = (float(value) for value in run.y[:, -1])
         if run.status == 1:
             if mode == "rest":
-                self.v = math.copysign(1e-12, self.force - v.spring_rate_n_per_m * self.x)
+                self.slipped = True
             else:
                 self.v = way * band
         return float(run.t[-1])

@@ -155,7 +155,7 @@ def test_the_work_of_the_pressure_is_found_again_in_spring_motion_and_friction(l
         dissipated += 0.5 * (before.friction_n + state.friction_n) * moved
     spring = 0.5 * RATE * (state.position_m**2 - 0.06**2)
     kinetic = 0.5 * settings.valve.mass_kg * state.velocity_m_per_s**2
-    assert 0.01 < state.position_m < 0.05  # it went there and back, and met no travel stop
+    assert 0.01 < state.position_m < 0.055  # it went there and back, and met no travel stop
     assert dissipated > 10.0
     assert work - spring - kinetic - dissipated == pytest.approx(0.0, abs=2e-4 * dissipated)
 
@@ -245,7 +245,7 @@ def test_the_spring_preload_shifts_the_balance() -> None:
 
 def test_a_turn_of_the_force_while_sliding_reverses_the_stem_without_a_stick() -> None:
     moving = valve.step(PAPER, valve.initial_state(PAPER, 0), current_for(PAPER, 0.02, 2.0 * STATIC), 0.01)
-    turned = valve.step(PAPER, moving, current_for(PAPER, 0.0, -2.0 * STATIC), 0.01)
+    turned = valve.step(PAPER, moving, current_for(PAPER, 0.0, -2.0 * STATIC), 0.005)
     assert turned.velocity_m_per_s < -0.1
     assert (turned.slips, turned.stops, turned.reversals) == (1, 0, 1)
     assert turned.travel_m > abs(turned.position_m - 0.01) + 1e-4

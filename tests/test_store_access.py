@@ -235,7 +235,7 @@ def _as_nobody() -> Iterator[None]:
 
 @pytest.fixture
 def read_only() -> Iterator[Path]:
-    """A state directory that may only be read; under /tmp, where everybody may go."""
+    """A state directory that may only be read, and not below a directory that only its owner may enter."""
     with tempfile.TemporaryDirectory() as name:
         place = Path(name)
         keeper, _, _ = opened(place)

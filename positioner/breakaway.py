@@ -1,0 +1,133 @@
+"""The breakaway current Γ, from the stiction table where it knows and from the model elsewhere (paper §5.2). Pure.
+
+Inside a cell of the table Γ rises with the spring by K·(cell width)/B, more than a tenth of F_s. So what is recorded,
+and what is read, is Γ at the centre of the cell; the spring carries it to where the stem stands.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+from annotated_types import Interval
+
+from positioner.stiction import LearnedSample, Quantity, direction_of
+
+if TYPE_CHECKING:
+    from positioner.adaptive_slide import Slider
+    from positioner.stiction import StictionTable
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BreakawaySettings:
+    """The `[control.nmpc.breakaway]` table of a configuration; forces as fractions of F_s.
+
+    margin: what is pushed beyond F_s.
+    least_count, largest_age, largest_spread: a cell with fewer samples, an older newest one (in learned samples), or
+        samples further apart than that is not used.
+    rise, fall: how F_s/F_c follows a stem that did not move, and one that did under no more than Γ.
+    """
+
+    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
+
+    margin: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.02
+    least_count: Annotated[int, Interval(ge=1, le=1000)] = 3
+    largest_age: Annotated[int, Interval(ge=1, le=1_000_000)] = 500
+    largest_spread: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.06
+    rise: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.03
+    fall: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.003
+
+
+@dataclass(frozen=True, slots=True)
+class Breakaway:
+    """Γ in mA, and how many samples of the table it rests on; 0 when it is the model's."""
+
+    current_ma: float
+    samples: int
+
+
+def breakaway(
+    settings: BreakawaySettings,
+    slider: Slider,
+    table: StictionTable,
+    position_m: float,
+    direction: float,
+    spring_n_per_m: float,
+    static_n: float,
+) -> Breakaway:
+    """Return Γ for a stem resting at `position_m` that is to move in `direction` (±1): (K·x ± F_s)/B, or the table's.
+
+    The table's is its mean and one spread, so that most pushes free the stem, and never less than its newest sample.
+    """
+    spare_n = direction * settings.margin * static_n
+    cell = table.cell(Quantity.BREAKAWAY_CURRENT, position_m, direction_of(direction))
+    if (
+        cell is None
+        or cell.count < settings.least_count
+        or table.age(cell) > settings.largest_age
+        or cell.spread * slider.gain_n_per_ma > settings.largest_spread * static_n
+    ):
+        return Breakaway(slider.current_ma(spring_n_per_m * position_m + direction * static_n + spare_n), 0)
+    pushes = (cell.mean + direction * cell.spread, cell.samples[-1])
+    centre_m = table.index_of(position_m) * table.cell_width_m
+    carried_n = spring_n_per_m * (position_m - centre_m) + spare_n
+    return Breakaway(
+        (max(pushes) if direction > 0.0 else min(pushes)) + carried_n / slider.gain_n_per_ma, len(cell.samples)
+    )
+
+
+def lesson(
+    slider: Slider, cell_width_m: float, position_m: float, direction: float, spring_n_per_m: float, static_n: float
+) -> LearnedSample:
+    """Return the sample for the table: Γ in mA at the centre of the cell that holds `position_m`."""
+    centre_m = round(position_m / cell_width_m) * cell_width_m
+    current_ma = slider.current_ma(spring_n_per_m * centre_m + direction * static_n)
+    return LearnedSample(Quantity.BREAKAWAY_CURRENT, centre_m, direction_of(direction), current_ma)
+
+
+@dataclass(frozen=True, slots=True)
+class Recollection:
+    """K (N/m) and F_s (N) with their standard deviations, as a table of breakaway currents remembers them."""
+
+    spring_n_per_m: float
+    static_n: float
+    spring_sigma: float
+    static_sigma: float
+
+
+_SAMPLES_PER_CELL = 4
+"""Samples of a cell that count as independent: what errs in one, errs in its neighbours."""
+
+
+def recollect(
+    settings: BreakawaySettings, slider: Slider, table: StictionTable, prior: Recollection
+) -> Recollection:
+    """Return K and F_s of the least squares B·Γ = K·x ± F_s over all breakaway cells, weighed against `prior`.
+
+    Cells that are stale or scattered are left out. A table without any gives `prior` back.
+    """
+    # information matrix [[a, b], [b, c]] and vector (d, e) of the deviations from the prior
+    a, b, c, d, e = prior.spring_sigma**-2, 0.0, prior.static_sigma**-2, 0.0, 0.0
+    for key, cell in table:
+        spread_n = cell.spread * slider.gain_n_per_ma
+        if (
+            key.quantity is not Quantity.BREAKAWAY_CURRENT
+            or table.age(cell) > settings.largest_age
+            or spread_n > settings.largest_spread * prior.static_n
+        ):
+            continue
+        x, s = key.index * table.cell_width_m, key.direction.sign
+        force_n = slider.push_n(cell.mean, 0.0, 0.0)
+        error_n = force_n - prior.spring_n_per_m * x - s * prior.static_n
+        # a margin's worth of doubt for each sample, and the cell's own spread
+        doubt_n2 = (2.0 * settings.margin * prior.static_n) ** 2 + spread_n * spread_n
+        weight = min(len(cell.samples), _SAMPLES_PER_CELL) / doubt_n2
+        a, b, c = a + weight * x * x, b + weight * x * s, c + weight
+        d, e = d + weight * x * error_n, e + weight * s * error_n
+    det = a * c - b * b
+    return Recollection(
+        prior.spring_n_per_m + (c * d - b * e) / det,
+        prior.static_n + (a * e - b * d) / det,
+        (c / det) ** 0.5,
+        (a / det) ** 0.5,
+    )

@@ -1,0 +1,75 @@
+"""How noisy the position sensor is, learned while the stem rests. Pure.
+
+An average over n readings is only as good as the noise is white. Differences of successive batch means, of 1, 2, 4, ...
+readings (Allan's variance in octaves), tell both: b times the variance of means of b readings is the same at every b
+for white noise, and grows with b where the noise is held or wanders. What counts is the largest.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+OCTAVES = 9
+"""The largest batch is 2^(OCTAVES - 1) readings."""
+_PRIOR_PAIRS = 20.0
+"""What the configured noise weighs, in pairs of readings."""
+_PAIRS_KEPT = 4000.0
+"""The sums are halved at this many pairs, so that the estimate follows a sensor that ages."""
+_CONFIDENCE = 2.0
+"""σ of its own error that a batch's variance must rise above the single readings' to count."""
+_PAIRS_TO_COUNT = 16.0
+"""Fewer pairs of batches say nothing."""
+
+
+class Octave(NamedTuple):
+    """Batches of one length: the mean that waits for its partner, the last mean, and the sums over pairs."""
+
+    waiting: float | None = None
+    previous: float | None = None
+    squares: float = 0.0
+    pairs: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseLevel:
+    """Variance of the sensor relative to the configured one, as if its noise were white; 1 before anything is learned.
+
+    It errs on the high side: assuming half the true noise ruins an average's claim, twice costs a little time.
+    """
+
+    octaves: tuple[Octave, ...] = (Octave(None, None, _PRIOR_PAIRS, _PRIOR_PAIRS), *(Octave(),) * (OCTAVES - 1))
+    ratio: float = 1.0
+
+    def heard(self, reading: float) -> NoiseLevel:
+        """Return the level after one more reading of a resting stem, in units of its configured σ."""
+        octaves = list(self.octaves)
+        value, weight = reading, 1.0
+        for index, (waiting, previous, squares, pairs) in enumerate(self.octaves):
+            if previous is not None:
+                difference = value - previous
+                squares, pairs = squares + 0.5 * weight * difference * difference, pairs + 1.0
+                if pairs > _PAIRS_KEPT:
+                    squares, pairs = 0.5 * squares, 0.5 * pairs
+            if waiting is None:
+                octaves[index] = Octave(value, value, squares, pairs)
+                break
+            octaves[index] = Octave(None, value, squares, pairs)
+            value, weight = 0.5 * (waiting + value), 2.0 * weight
+        return NoiseLevel(tuple(octaves), _ratio(octaves))
+
+    def moved(self) -> NoiseLevel:
+        """Return the level for a stem that rests elsewhere: what is learned stays, no pair spans the move."""
+        return NoiseLevel(tuple(Octave(None, None, each.squares, each.pairs) for each in self.octaves), self.ratio)
+
+
+def _ratio(octaves: list[Octave]) -> float:
+    """Return the largest of the octaves' variances, those of batches less the error they may have."""
+    _, _, squares, pairs = octaves[0]
+    largest = squares / pairs
+    for _, _, squares, pairs in octaves[1:]:
+        if pairs > _PAIRS_TO_COUNT:
+            # successive pairs share a mean: their relative error is √(3/n)
+            largest = max(largest, squares / pairs * (1.0 - _CONFIDENCE * math.sqrt(3.0 / pairs)))
+    return largest

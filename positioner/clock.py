@@ -10,7 +10,7 @@ import time
 from typing import TYPE_CHECKING, Protocol
 
 from positioner.wire.formats import FrameRejectedError
-from positioner.wire.messages import StemPosition
+from positioner.wire.messages import Setpoint, StemPosition
 
 if TYPE_CHECKING:
     from positioner.wire.codec import Codec
@@ -67,3 +67,38 @@ class LockstepClock:
             steps = (counter - self._counter) % self._form.counter_modulus
         self._counter = counter
         self._now_ns += steps * self._period_ns
+
+
+class LockstepGate:
+    """Holds a position frame back until the setpoint frame that belongs to it is there, and puts that first.
+
+    Position and setpoint come from two senders, and nothing keeps a bus of datagrams from swapping them on the way to
+    one of its listeners. The host sends a setpoint every `setpoint_every` samples, before the sample; 0 waits for none.
+    """
+
+    def __init__(self, codec: Codec, setpoint_every: int) -> None:
+        """Start before the first sample."""
+        self._every = setpoint_every
+        self._position = _address(codec, StemPosition)
+        self._setpoint = _address(codec, Setpoint)
+        self._positions = 0
+        self._setpoints = 0
+        self._waiting: list[CanFrame] = []
+
+    def admit(self, frames: tuple[CanFrame, ...]) -> tuple[CanFrame, ...]:
+        """Return what may be handled now, setpoints first; the rest is returned by a later call."""
+        for frame in frames:
+            address = (frame.arbitration_id, frame.is_extended)
+            self._positions += address == self._position
+            self._setpoints += address == self._setpoint
+        self._waiting += frames
+        if self._every and self._positions > self._setpoints * self._every:
+            return ()
+        ready = sorted(self._waiting, key=lambda frame: (frame.arbitration_id, frame.is_extended) != self._setpoint)
+        self._waiting = []
+        return tuple(ready)
+
+
+def _address(codec: Codec, kind: type[StemPosition | Setpoint]) -> tuple[int, bool]:
+    form = codec.by_kind[kind]
+    return form.arbitration_id, form.dbc.is_extended_frame

@@ -16,7 +16,7 @@ from positioner.events import Controlled, Event, LawFellBack, Learned, ModeChang
 from positioner.guard import GuardSettings, GuardState
 from positioner.inbox import LinkState, Reading, receive
 from positioner.laws.law import Decision, Observation
-from positioner.stick_slip import detect
+from positioner.stick_slip import lessons
 from positioner.stiction import StictionTable
 from positioner.wire.messages import CanFrame, CurrentCommand, Motion, PositionerStatus
 
@@ -160,12 +160,14 @@ def _control(
 
 def _learn(setup: Setup, state: CycleState, stem: StemState, applied_ma: float, events: list[Event]) -> CycleState:
     """Return the state with what the edge to `stem`, if there is one, teaches its table."""
-    sample = detect(state.stem, stem, applied_ma) if setup.learns and state.stem is not None else None
-    if sample is None:
+    if not setup.learns or state.stem is None:
         return state
-    table = state.table.record(sample.quantity, sample.position_m, sample.direction, sample.value)
-    events.append(Learned(sample, table.sequence))
-    return replace(state, table=table, learned_count=state.learned_count + 1)
+    table = state.table
+    for sample in lessons(state.stem, stem, applied_ma):
+        table = table.record(sample.quantity, sample.position_m, sample.direction, sample.value)
+        events.append(Learned(sample, table.sequence))
+    learned = table.sequence - state.table.sequence
+    return replace(state, table=table, learned_count=state.learned_count + learned) if learned else state
 
 
 def _check(decision: Decision) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, assert_never
 
 from positioner import cycle
 from positioner.bus import BusPort
-from positioner.clock import Clock, LockstepClock, RealClock
+from positioner.clock import Clock, LockstepClock, LockstepGate, RealClock
 from positioner.errors import AlreadyRunningError, ExitCode
 from positioner.events import Controlled, Event, FeedbackRefused, ForeignCommand, LawFellBack, Learned, ModeChanged
 from positioner.journal import Throttle, logger
@@ -39,9 +39,13 @@ _POLL_EVERY_S = 0.02
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOptions:
-    """How a daemon runs, beside its configuration."""
+    """How a daemon runs, beside its configuration.
+
+    setpoint_every: in lockstep, samples between two setpoint frames; 0 where the host keeps no such pace.
+    """
 
     lockstep: bool = False
+    setpoint_every: int = 0
     dry_run: bool = False
     trace: Path | None = None
 
@@ -71,6 +75,7 @@ class Daemon:
         logger.info("table of %s: %d samples in %d cells", configuration.valve.id, held, len(table))
         self._period_s = control.sample_period_s
         self._bus = BusPort(configuration.bus, _identifiers(codec), self._report)
+        self._gate = LockstepGate(codec, options.setpoint_every)
         self._clock: Clock = LockstepClock(codec, self._period_s) if options.lockstep else RealClock()
         self._setup = cycle.Setup(
             codec,
@@ -109,6 +114,7 @@ class Daemon:
         frames = self._bus.receive(max(self._period_s, _SHORTEST_WAIT_S) if armed else _IDLE_WAIT_S)
         if self._bus.is_open and not self._ready:
             self._notifier.send(STATUS=f"waiting for position frames on {self._bus.address}")
+        frames = self._gate.admit(frames)
         now_ns = self._clock.now_ns(frames)
         self._state, outbox, events = cycle.step(self._setup, self._state, frames, now_ns)
         if not self._options.dry_run:

@@ -10,11 +10,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from annotated_types import Interval
 
 from positioner.model import ValveParameters, slide
+
+if TYPE_CHECKING:
+    from positioner.stiction import LearnedSample
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +44,7 @@ class StemState:
     """The estimate after a measurement: position x (m), speed v (m/s), their covariance, and whether the stem sticks.
 
     `direction` is that of the present or last move (±1); `drift` the smoothed innovation in σ while stuck.
+    `learned` is what the reading taught, where the law finds that out by itself; None leaves it to the edges.
     """
 
     position_m: float
@@ -51,6 +55,7 @@ class StemState:
     p_xv: float
     p_vv: float
     drift: float = 0.0
+    learned: tuple[LearnedSample, ...] | None = None
 
     @property
     def position_sigma_m(self) -> float:
@@ -101,13 +106,14 @@ def _predict(
     p_xx = a * a * state.p_xx + 2.0 * a * b * state.p_xv + b * b * state.p_vv
     p_xv = a * c * state.p_xx + (a * d + b * c) * state.p_xv + b * d * state.p_vv
     p_vv = c * c * state.p_xx + 2.0 * c * d * state.p_xv + d * d * state.p_vv
-    if not motion.stopped:
-        kick = settings.force_noise_n / valve.mass_kg * period_s
-        p_vv += kick * kick
-    if motion.stopped and not _holds(valve, motion.x, applied_ma):
+    resting = motion.stopped or abs(motion.v) < valve.stick_velocity_m_per_s
+    if resting and _holds(valve, motion.x, applied_ma):
+        return StemState(motion.x, 0.0, True, direction, p_xx, 0.0, 0.0)
+    if motion.stopped:
         # the stem only turns round here: it has no speed, and is not stuck
         return StemState(motion.x, 0.0, False, -direction, p_xx, 0.0, p_vv)
-    return StemState(motion.x, motion.v, motion.stopped, direction, p_xx, p_xv, p_vv)
+    kick = settings.force_noise_n / valve.mass_kg * period_s
+    return StemState(motion.x, motion.v, False, direction, p_xx, p_xv, p_vv + kick * kick)
 
 
 def _holds(valve: ValveParameters, position_m: float, applied_ma: float) -> bool:
@@ -134,9 +140,12 @@ def _correct(
         return StemState(measured_m, 0.0, False, math.copysign(1.0, drift), sigma * sigma, 0.0, speed_variance)
     velocity = state.velocity_m_per_s + gain_v * innovation
     p_xv, p_vv = (1.0 - gain_x) * state.p_xv, state.p_vv - gain_v * state.p_xv
-    if valve.static_friction_n > 0.0 and velocity * state.direction <= 0.0 and state.velocity_m_per_s:
-        # friction stops the stem before its speed can change sign
-        stuck = _holds(valve, position, applied_ma)
-        return StemState(position, 0.0, stuck, state.direction, p_xx, 0.0, 0.0 if stuck else p_vv)
+    if valve.static_friction_n > 0.0 and state.velocity_m_per_s:
+        forward = velocity * state.direction
+        if forward < valve.stick_velocity_m_per_s and _holds(valve, position, applied_ma):
+            return StemState(position, 0.0, True, state.direction, p_xx, 0.0, 0.0)
+        if forward <= 0.0:
+            # friction stops the stem before its speed can change sign, though it cannot hold it here
+            return StemState(position, 0.0, False, state.direction, p_xx, 0.0, p_vv)
     direction = math.copysign(1.0, velocity) if velocity else state.direction
     return StemState(position, velocity, False, direction, p_xx, p_xv, p_vv)

@@ -14,6 +14,14 @@ if TYPE_CHECKING:
     from positioner.estimate import StemState
 
 
+def lessons(before: StemState, after: StemState, applied_ma: float) -> tuple[LearnedSample, ...]:
+    """Return what the step from `before` to `after` teaches: what the estimate itself has learned, else its edges."""
+    if after.learned is not None:
+        return after.learned
+    sample = detect(before, after, applied_ma)
+    return (sample,) if sample is not None else ()
+
+
 def detect(before: StemState, after: StemState, applied_ma: float) -> LearnedSample | None:
     """Return what the step from `before` to `after` under `applied_ma` teaches, or None between edges.
 

@@ -159,9 +159,9 @@ def test_a_stem_that_turns_round_rests_for_an_instant_without_sticking() -> None
 
 def test_a_correction_that_stops_the_stem_sticks_it_only_where_friction_holds() -> None:
     moving = StemState(0.08, 0.001, False, 1.0, 1e-6, 9e-5, 0.01)
-    sticking = estimate(EVEN_NOISE, VALVE, moving, 0.070, pull_ma(0.08, VALVE.coulomb_friction_n + 10.0), 1e-4)
+    sticking = estimate(EVEN_NOISE, VALVE, moving, 0.0785, pull_ma(0.08, VALVE.coulomb_friction_n + 10.0), 1e-4)
     assert (sticking.velocity_m_per_s, sticking.stuck, sticking.p_vv) == (0.0, True, 0.0)
-    pulled = estimate(EVEN_NOISE, VALVE, moving, 0.070, pull_ma(0.08, VALVE.static_friction_n + 100.0), 1e-4)
+    pulled = estimate(EVEN_NOISE, VALVE, moving, 0.0785, pull_ma(0.08, VALVE.static_friction_n + 100.0), 1e-4)
     assert (pulled.velocity_m_per_s, pulled.stuck, pulled.direction) == (0.0, False, 1.0)
     assert pulled.p_vv > 0.0
 
@@ -189,14 +189,14 @@ def follow(noise: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray,
 def test_without_noise_the_estimate_follows_the_emulated_valve() -> None:
     # the emulator knows Karnopp's band and the Stribeck term, the model does not: that is what the bands allow
     error_x, error_v, stuck, found = follow(0.0, 1)
-    assert np.abs(error_x).max() < 20e-6
-    assert np.abs(error_v).max() < 0.05
-    assert 1e-5 < np.sqrt(np.mean(error_v**2)) < 5e-3
-    assert np.mean(stuck != found) < 0.05
+    assert 1e-8 < np.abs(error_x).max() < 1e-6
+    assert 1e-5 < np.abs(error_v).max() < 2e-3
+    # both slips end without a reversal: a stem below DV counts as resting, as in the plant
+    assert np.mean(stuck != found) < 0.01
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_with_two_percent_of_noise_the_estimate_is_far_better_than_a_reading(seed: int) -> None:
     error_x, _, _, _ = follow(0.02, seed)
     reading_sigma_m = 0.02 * 0.06
-    assert 0.02 * reading_sigma_m < np.sqrt(np.mean(error_x**2)) < 0.35 * reading_sigma_m
+    assert 0.1 * reading_sigma_m < np.sqrt(np.mean(error_x**2)) < 0.3 * reading_sigma_m

@@ -21,6 +21,10 @@ _STEP_AFTER = 0.1
 """Of the duration: where the step stands."""
 
 
+_ROUNDING = 1e-9
+"""Of an instant or a part: a sample that falls on an edge but for rounding has passed it."""
+
+
 class Shape(StrEnum):
     """The waveforms that need no file."""
 
@@ -43,7 +47,7 @@ def shaped(shape: Shape, low_ma: float, high_ma: float, duration_s: float) -> Wa
     def current_ma(time_s: float) -> float:
         part = time_s / duration_s
         if shape is Shape.STEP:
-            part = float(part >= _STEP_AFTER)
+            part = float(part >= _STEP_AFTER - _ROUNDING)
         elif shape is Shape.TRIANGLE:
             part = 1.0 - abs(1.0 - 2.0 * part)
         return low_ma + (high_ma - low_ma) * part
@@ -68,7 +72,7 @@ def from_file(path: Path) -> Waveform:
         problem = Problem("file", None, "holds fewer than two rows; give at least a start and an end")
         raise ConfigurationError(str(path), (problem,))
     times, currents = zip(*rows, strict=True)
-    return Waveform(times[-1], lambda time_s: currents[max(bisect_right(times, time_s) - 1, 0)])
+    return Waveform(times[-1], lambda time_s: currents[max(bisect_right(times, time_s + _ROUNDING) - 1, 0)])
 
 
 def _rows(lines: Iterator[str], source: str) -> Iterator[tuple[float, float]]:

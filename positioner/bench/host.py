@@ -51,7 +51,7 @@ class Host:
                 self._send_setpoint(sample)
                 due = min(sample + every, self._recording.samples)
                 heard_s = time.monotonic()
-                while self._recording.commands < due:
+                while self._recording.complete < due:
                     if self._listen(_WAIT_S):
                         heard_s = time.monotonic()
                     else:

@@ -11,7 +11,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 from positioner.errors import BenchError
 
@@ -87,7 +87,7 @@ class Child:
         self._folder.cleanup()
         return code
 
-    def __enter__(self) -> Child:
+    def __enter__(self) -> Self:
         """Return the running child."""
         return self
 

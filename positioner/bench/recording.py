@@ -7,6 +7,7 @@ Its time is then the plant's, and two runs write the same bytes.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ import can
 import numpy as np
 from can.io.canutils import CanutilsLogWriter
 
+from positioner.cycle import STATUS_PERIOD_NS
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import CurrentCommand, Message, Mode, PlantTruth, PositionerStatus, Setpoint, StemPosition
 
@@ -103,9 +105,9 @@ class Recording:
                 self.commands += steps
                 return self.commands - 1
             case Setpoint():
-                return self.readings
+                return self.commands  # the host sends it when every sample before it is answered
             case _:
-                return max(self.commands - 1, 0)
+                return (counter or 0) * self._samples_per_status if self.lockstep else max(self.commands - 1, 0)
 
     def _steps(self, counter: int | None, expected: int) -> int:
         """Return by how many samples `counter` is past the last one, 0 for an echo of an older one."""
@@ -113,6 +115,15 @@ class Recording:
             return 0
         step = ((counter or 0) - self.origin - expected) % _COUNTER + 1
         return step if step <= _COUNTER // 2 else 0
+
+    @property
+    def _samples_per_status(self) -> int:
+        return math.ceil(STATUS_PERIOD_NS / (self.period_s * 1e9) - 1e-9)
+
+    @property
+    def complete(self) -> int:
+        """How many samples are known from end to end: truth, reading and command."""
+        return min(self.truth, self.readings, self.commands)
 
     @property
     def time_s(self) -> NDArray[np.float64]:

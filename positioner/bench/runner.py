@@ -1,4 +1,4 @@
-"""`positioner bench`: emulator and daemon as processes on one bus, a scenario played, numbers and pictures left. Shell."""
+"""`positioner bench`: emulator and daemon as processes on one bus; it leaves numbers and a picture. Shell."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def choose_bus(address: BusAddress | None) -> tuple[BusAddress, str]:
     return embedded, f"bus {embedded}: embedded, never leaves this machine ({advice})"
 
 
-def run_bench(scenario: Scenario, options: BenchOptions, say: Callable[[str], None]) -> Result:
+def run_bench(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]) -> Result:
     """Play `scenario` and leave `result.json`, `trend.png` and `bus.log` in the output directory.
 
     Raises:
@@ -108,7 +108,7 @@ def run_bench(scenario: Scenario, options: BenchOptions, say: Callable[[str], No
     return result
 
 
-def _fresh_state(directory: Path, say: Callable[[str], None]) -> Path:
+def _fresh_state(directory: Path, say: Callable[[str], object]) -> Path:
     """Return the run's own state directory with an empty table; what an earlier run left there is backed up."""
     if directory.exists():
         backup = access.reset(directory)
@@ -117,9 +117,7 @@ def _fresh_state(directory: Path, say: Callable[[str], None]) -> Path:
     return directory
 
 
-def _write_configuration(
-    scenario: Scenario, options: BenchOptions, address: BusAddress, state: Path
-) -> Configuration:
+def _write_configuration(scenario: Scenario, options: BenchOptions, address: BusAddress, state: Path) -> Configuration:
     path = options.out / "valve.toml"
     text = configuration_text(scenario, address, state)
     path.write_text(text, encoding="utf-8")
@@ -127,9 +125,7 @@ def _write_configuration(
     return parse_config(text, str(path), options.out)
 
 
-def _play(
-    scenario: Scenario, options: BenchOptions, configuration: Configuration, state: Path
-) -> Recording:
+def _play(scenario: Scenario, options: BenchOptions, configuration: Configuration, state: Path) -> Recording:
     out, clock = options.out, "lockstep" if options.lockstep else "realtime"
     codec = configuration.make_codec()
     samples = round(scenario.duration_s / scenario.sample_period_s)
@@ -140,7 +136,7 @@ def _play(
     for name in ("plant-emulator.log", "positioner.log"):
         (out / name).unlink(missing_ok=True)
     daemon_arguments = ["run", "--config", str(out / "valve.toml"), "--state", str(state), "--clock", clock]
-    daemon_arguments += ["--trace", str(out / "trace.csv")]
+    daemon_arguments += ["--trace", str(out / "trace.csv"), "--setpoint-every", str(scenario.samples_per_setpoint)]
     plant_arguments = ["run", "--config", str(out / "plant.toml"), "--bus", str(configuration.bus), "--clock", clock]
     plant_arguments += ["--period", repr(scenario.sample_period_s), "--seed", str(scenario.seed)]
     plant_arguments += ["--setpoint-every", str(scenario.samples_per_setpoint)]

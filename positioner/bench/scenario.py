@@ -1,7 +1,7 @@
 """Scenarios: what a bench run plays, as a TOML file with a name.
 
-Shell, for it reads files. The tables `[plant]`, `[valve]`, `[control]`, `[estimator]` and `[guard]` pass through unread: the plant
-emulator and the daemon know their own keys and check them, so a scenario cannot disagree with them.
+Shell, for it reads files. The tables `[plant]`, `[valve]`, `[control]`, `[estimator]` and `[guard]` pass through
+unread: the plant emulator and the daemon know their own keys and check them, so a scenario cannot disagree with them.
 """
 
 from __future__ import annotations

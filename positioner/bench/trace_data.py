@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from positioner.bench.recording import Recording
     from positioner.bench.result import Result
 
+_TOLERANCE = 1e-9
 _BOUNDS = ("current_low_ma", "current_high_ma", "speed_low_m_per_s", "speed_high_m_per_s", "velocity_m_per_s")
 
 
@@ -68,5 +69,5 @@ def _at(time_s: NDArray[np.float64], known_s: NDArray[np.float64], values: list[
 
 def _active(bound: NDArray[np.float64], free: float) -> NDArray[np.float64] | None:
     """Return the bound where it is tighter than `free`, NaN elsewhere; None where it never is."""
-    active = np.where(np.abs(bound - free) > 1e-9, bound, np.nan)
+    active = np.where(np.abs(bound - free) > _TOLERANCE, bound, np.nan)
     return active if np.isfinite(active).any() else None

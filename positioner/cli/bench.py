@@ -51,7 +51,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="lockstep: as fast as the machine allows and the same to the bit; realtime: as on hardware (%(default)s)",
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="output directory (bench-SCENARIO)")
-    parser.add_argument("--state", type=Path, metavar="DIR", help="start from the stiction table in DIR, and save there")
+    parser.add_argument("--state", type=Path, metavar="DIR", help="start from the table in DIR, and save it there")
     parser.set_defaults(run=_run)
 
 
@@ -68,7 +68,8 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         out=out,
         state=arguments.state,
     )
-    result = run_bench(scenario, options, lambda line: print(line, file=sys.stderr))
+    result = run_bench(scenario, options, lambda line: sys.stderr.write(f"{line}\n"))
     sys.stdout.write(to_text(result))
-    sys.stdout.write(f"\n{out}: result.json, trend.png, bus.log; the learned table is in {arguments.state or out / 'state'}\n")
+    state = arguments.state or out / "state"
+    sys.stdout.write(f"\n{out}: result.json, trend.png, bus.log; the learned table is in {state}\n")
     return ExitCode.OK

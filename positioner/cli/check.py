@@ -54,9 +54,10 @@ def summary(configuration: Configuration) -> str:
     high_n = gain * guard.current_high_ma - valve.bench_set_n
     friction_n = valve.static_friction_n
     span_force_n = gain * (guard.current_high_ma - guard.current_low_ma)
+    lowest_mm, highest_mm = (low_n + friction_n) / rate * 1e3, (high_n - friction_n) / rate * 1e3
     rows = (
         ("valve", f"{valve.id}, span {valve.span_m * 1e3:g} mm"),
-        ("restartable both ways", f"{(low_n + friction_n) / rate * 1e3:.1f} to {(high_n - friction_n) / rate * 1e3:.1f} mm"),
+        ("restartable both ways", f"{lowest_mm:.1f} to {highest_mm:.1f} mm"),
         ("stiction", f"F_s {100 * friction_n / span_force_n:.1f} % of the span force"),
         ("slip jump", f"{(friction_n - valve.coulomb_friction_n) / rate * 1e3:.2f} mm"),
         ("law", f"{configuration.control.law}, every {configuration.control.sample_period_s * 1e3:g} ms"),

@@ -5,13 +5,16 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import argcomplete
 
 import positioner
 from positioner.cli import bench, check, run, table
 from positioner.errors import ExitCode, PositionerError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 _DESCRIPTION = "A positioner for sticking control valves: predictive control with a learned stiction table, over CAN."
 _EPILOG = """\

@@ -46,6 +46,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         default="realtime",
         help="the machine's clock, or the plant's frames (%(default)s)",
     )
+    parser.add_argument("--setpoint-every", type=int, default=0, metavar="N", help=argparse.SUPPRESS)
     parser.add_argument("--verbose", action="store_true", help="log what is learned, too")
     parser.set_defaults(run=_run)
 
@@ -58,6 +59,9 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.state:
         configuration = replace(configuration, state=StateSettings(directory=arguments.state))
     options = RunOptions(
-        lockstep=arguments.clock == "lockstep", dry_run=arguments.dry_run, trace=arguments.trace
+        lockstep=arguments.clock == "lockstep",
+        setpoint_every=arguments.setpoint_every,
+        dry_run=arguments.dry_run,
+        trace=arguments.trace,
     )
     return Daemon(configuration, options).run()

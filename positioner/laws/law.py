@@ -46,7 +46,8 @@ class Observation:
 class Decision:
     """What a law answers: the current in mA, the bounds that were in force, what it is doing, and why.
 
-    `fallback` names the reason where the law could not do what it wanted, else it is empty.
+    `fallback` names the reason where the law could not do what it wanted, else it is empty; `reason` says in words
+    why a move begins, and what its first current rests on.
     """
 
     current_ma: float
@@ -54,6 +55,7 @@ class Decision:
     motion: Motion = Motion.NONE
     passes: int = 0
     fallback: str = ""
+    reason: str = ""
 
 
 class Law(Protocol, Generic[M]):

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from positioner.adaptive_estimate import AdaptiveFilter
+from positioner.adaptive_slide import slider_of
+from positioner.laws.nmpc import NmpcLaw
 from positioner.laws.paper import PaperLaw
 
 if TYPE_CHECKING:
@@ -47,8 +50,31 @@ def _paper(name: str, parts: Ingredients, *, use_table: bool) -> PaperLaw:
     )
 
 
+def _nmpc(parts: Ingredients) -> NmpcLaw:
+    settings, valve = parts.control.nmpc, parts.valve
+    steps = settings.approach
+    return NmpcLaw(
+        name="nmpc",
+        valve=valve,
+        settings=settings,
+        estimator=parts.estimator,
+        filter=AdaptiveFilter(
+            settings.adaptation, slider_of(valve), valve.spring_rate_n_per_m, valve.coulomb_friction_n
+        ),
+        solver=parts.make_solver(steps.control_steps, steps.control_steps + steps.prediction_steps),
+        current_low_ma=parts.guard.current_low_ma,
+        current_high_ma=parts.guard.current_high_ma,
+        period_s=parts.control.sample_period_s,
+        table_cell_m=parts.control.table_cell_m,
+    )
+
+
 LAWS: Mapping[str, tuple[str, Callable[[Ingredients], Law[Any]]]] = MappingProxyType(
     {
+        "nmpc": (
+            "NMPC with an adaptive filter, the movable bound as the exact stopping point, and averaging at rest",
+            _nmpc,
+        ),
         "paper": (
             "the paper's NMPC with movable speed bound and breakaway bound from the stiction table",
             lambda parts: _paper("paper", parts, use_table=True),

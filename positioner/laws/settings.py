@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar
 from annotated_types import Interval
 
 from positioner.bounds import BoundSettings
+from positioner.laws.nmpc_settings import NmpcSettings
 from positioner.planner import PlannerSettings
 
 
@@ -20,6 +21,7 @@ class ControlSettings:
     table_from_s: time since control began from which the stiction table is used (paper §6.3); it always learns.
     table_cell_m: width of a cell of the stiction table.
     planner, bounds: the paper's controller (Table 5, eqs 21-26).
+    nmpc: the law of that name.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "allow_inf_nan": False}
@@ -30,3 +32,4 @@ class ControlSettings:
     table_cell_m: Annotated[float, Interval(ge=1e-5, le=0.1)] = 0.005
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     bounds: BoundSettings = field(default_factory=BoundSettings)
+    nmpc: NmpcSettings = field(default_factory=NmpcSettings)

@@ -1,0 +1,84 @@
+"""Karnopp's friction and its variation: curve, bounds, spread, seeds."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from plant_emulator import valve
+from plant_emulator.friction import CELL_WIDTH_M, after_crossing, after_stop, initial_packing, stribeck_n
+from plant_emulator.presets import plant_settings
+
+STOCHASTIC = plant_settings("stochastic")
+STATIC = STOCHASTIC.valve.static_friction_n
+
+
+def test_stribecks_curve_falls_from_static_to_coulomb_friction() -> None:
+    assert stribeck_n(0.0, 1707.7, 1423.0, 0.000254) == 1707.7
+    assert stribeck_n(0.000254, 1707.7, 1423.0, 0.000254) == pytest.approx(1423.0 + 284.7 / math.e)
+    assert stribeck_n(0.1, 1707.7, 1423.0, 0.000254) == 1423.0
+
+
+def test_friction_without_chance_is_the_same_everywhere_and_always() -> None:
+    settings = plant_settings("paper")
+    packing = initial_packing(settings, 5)
+    assert (packing.static_n, packing.coulomb_n) == (1707.7, 1423.0)
+    assert after_stop(settings, packing, 1) == packing
+
+
+def test_stochastic_friction_stays_in_its_bounds_and_fills_them() -> None:
+    factors = np.array([initial_packing(STOCHASTIC, seed).static_n / STATIC - 1.0 for seed in range(1500)])
+    assert np.abs(factors).max() <= 0.1
+    # half a uniform draw (variance 1/3), half the mean of two sines of random phase (variance 1/4)
+    expected = 0.1 * 0.5 * math.sqrt(1 / 3 + 1 / 4)
+    assert factors.std() == pytest.approx(expected, rel=0.08)
+    assert factors.mean() == pytest.approx(0.0, abs=4.0 * expected / math.sqrt(len(factors)))
+
+
+def test_the_position_half_changes_at_cell_borders_and_the_other_half_at_stops() -> None:
+    packing = initial_packing(STOCHASTIC, 7)
+    moved = after_crossing(STOCHASTIC, packing, 1)
+    assert moved.cell == packing.cell + 1
+    assert moved.draw == packing.draw
+    assert 0.0 < abs(moved.static_n - packing.static_n) < 0.1 * STATIC * 0.15
+    assert after_crossing(STOCHASTIC, moved, -1) == packing
+    stopped = after_stop(STOCHASTIC, packing, 1)
+    assert stopped.cell == packing.cell
+    assert stopped.draw != packing.draw
+    assert stopped.static_n - packing.static_n == pytest.approx(0.05 * STATIC * (stopped.draw - packing.draw))
+
+
+def test_coulomb_friction_varies_with_static_friction() -> None:
+    packing = initial_packing(STOCHASTIC, 11)
+    assert packing.coulomb_n / STOCHASTIC.valve.coulomb_friction_n == pytest.approx(packing.static_n / STATIC)
+
+
+def test_a_sliding_stem_keeps_count_of_its_cell() -> None:
+    state = valve.initial_state(STOCHASTIC, 2)
+    for current in (9.0, 2.0, 12.0, 7.0):
+        state = valve.step(STOCHASTIC, state, current, 0.0213)
+        assert state.packing.cell * CELL_WIDTH_M <= state.position_m <= (state.packing.cell + 1) * CELL_WIDTH_M
+    assert state.stops >= 1
+
+
+def test_the_breakaway_force_is_the_static_friction_of_the_place() -> None:
+    state = valve.initial_state(STOCHASTIC, 4)
+    v = STOCHASTIC.valve
+    breakaway_ma = (v.spring_rate_n_per_m * state.position_m + state.packing.static_n) / (
+        v.diaphragm_area_m2 * v.pressure_gain_pa_per_ma
+    )
+    assert valve.step(STOCHASTIC, state, breakaway_ma - 1e-6, 1.0).slips == 0
+    assert valve.step(STOCHASTIC, state, breakaway_ma + 1e-6, 1.0).slips >= 1
+
+
+def test_a_seed_repeats_its_plant_to_the_bit_and_another_does_not() -> None:
+    def end(seed: int) -> float:
+        state = valve.initial_state(STOCHASTIC, seed)
+        for current in (7.5, 4.0, 9.0):
+            state = valve.step(STOCHASTIC, state, current, 0.2)
+        return state.position_m
+
+    assert end(1) == end(1)
+    assert abs(end(1) - end(2)) > 1e-6

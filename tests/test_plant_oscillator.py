@@ -1,0 +1,101 @@
+"""The closed form of the motion, against the matrix exponential, in every arrangement of the poles; and the root finders."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from plant_emulator.oscillator import Glide, Oscillator, PushingForce
+from plant_emulator.roots import clear_time, crossing, first_event
+
+MASS, SPRING = 1.361, 52538.0
+CRITICAL = 2.0 * math.sqrt(SPRING * MASS)
+
+
+def reference(damping: float, force: PushingForce, load: float, t: float) -> tuple[float, float]:
+    """Return x and v after `t` from x = 0.03, v = -0.4, by the exponential of the system with its force as a state."""
+    system = np.zeros((4, 4))
+    system[0, 1] = 1.0
+    system[1] = [-SPRING / MASS, -damping / MASS, 1.0 / MASS, 1.0 / MASS]
+    system[2, 2] = -force.rate_per_s
+    end = expm(system * t) @ [0.03, -0.4, force.deviation_n, force.final_n - load]
+    return float(end[0]), float(end[1])
+
+
+@pytest.mark.parametrize("damping", [0.0, 50.0, CRITICAL * (1 - 1e-9), CRITICAL, CRITICAL * (1 + 1e-4), 612.9, 70501.0])
+@pytest.mark.parametrize("rate", [0.0, 5.0, 115.3387, 335.0, 1e4, "slow", "fast", "beside", "mean"])
+def test_the_glide_is_the_matrix_exponential_of_the_motion(damping: float, rate: float | str) -> None:
+    oscillator = Oscillator(MASS, damping, SPRING)
+    resonances = {
+        "slow": -oscillator.slow,
+        "fast": -oscillator.fast,
+        "beside": -oscillator.slow * (1 + 1e-9),
+        "mean": oscillator.decay,
+    }
+    rate_per_s = resonances[rate] if isinstance(rate, str) else rate
+    force = PushingForce(3000.0, -1800.0 if rate_per_s else 0.0, rate_per_s)
+    glide = Glide(oscillator, 0.03, -0.4, force, 1423.0)
+    for t in (1e-7, 1e-4, 2e-3, 0.03):
+        x, v = glide.at(t)
+        expected_x, expected_v = reference(damping, force, 1423.0, t)
+        assert x == pytest.approx(expected_x, abs=1e-10)
+        assert v == pytest.approx(expected_v, abs=2e-8)
+
+
+def test_jerk_and_snap_stay_within_their_bounds() -> None:
+    for damping in (0.0, 100.0, 612.9, 5000.0):
+        glide = Glide(Oscillator(MASS, damping, SPRING), 0.03, -0.4, PushingForce(3000.0, -1800.0, 90.0), 1423.0)
+        for t in (0.0, 0.004, 0.02):
+            x, v = glide.at(t)
+            a = glide.acceleration(t, x, v)
+            jerk_bound, snap_bound = glide.jerk_bound(t, v, a, 0.05), glide.snap_bound(t, v, a, 0.05)
+            jerks = []
+            for later in np.linspace(t, t + 0.05, 2001).tolist():
+                at_x, at_v = glide.at(later)
+                jerks.append(glide.jerk(later, at_v, glide.acceleration(later, at_x, at_v)))
+            assert max(map(abs, jerks)) <= jerk_bound * (1 + 1e-12)
+            assert np.abs(np.gradient(jerks, 0.05 / 2000)).max() <= snap_bound * (1 + 1e-6)
+            assert t > 0.0 or jerk_bound < 100.0 * max(map(abs, jerks))  # a bound that allows no stride is none
+
+
+def test_a_settling_force_says_when_it_passes_a_bound() -> None:
+    rising = PushingForce(100.0, -80.0, 10.0)
+    assert rising.time_above(60.0) == pytest.approx(math.log(2.0) / 10.0)
+    assert rising.at(rising.time_above(60.0)) == pytest.approx(60.0)
+    assert rising.time_above(100.0) == math.inf
+    assert rising.time_above(19.0) == 0.0
+    assert rising.time_below(30.0) == 0.0
+    falling = PushingForce(-100.0, 80.0, 10.0)
+    assert falling.time_below(-60.0) == pytest.approx(math.log(2.0) / 10.0)
+    assert falling.time_below(-100.0) == math.inf
+    assert rising.after(0.05).at(0.02) == pytest.approx(rising.at(0.07), rel=1e-14)
+    assert rising.slope(0.03) == pytest.approx((rising.at(0.03 + 1e-6) - rising.at(0.03 - 1e-6)) / 2e-6, rel=1e-6)
+
+
+def test_the_first_of_two_brief_zeros_is_never_passed_over() -> None:
+    # cos(t) + 0.99999 is below zero for 9 ms around t = π only
+    def clear(t: float) -> float:
+        return clear_time(math.cos(t) + 0.99999, -math.sin(t), 1.0)
+
+    t, found = first_event(clear, 10.0)
+    assert found
+    assert t == pytest.approx(math.acos(-0.99999), abs=1e-9)
+    assert first_event(clear, 3.0) == (3.0, False)
+
+
+def test_a_quantity_that_falls_straight_is_clear_until_its_zero() -> None:
+    assert clear_time(2.0, -4.0, 0.0) == 0.5
+    assert clear_time(2.0, 4.0, 0.0) == math.inf
+    assert clear_time(0.0, 3.0, 6.0) == 1.0
+    assert clear_time(0.0, -3.0, 6.0) == 0.0
+    assert clear_time(0.5, -1.0, 1.0) == pytest.approx(math.sqrt(2.0) - 1.0)
+
+
+def test_a_crossing_is_found_to_a_rounding_error() -> None:
+    assert crossing(lambda t: t**3 - 2.0, 0.0, 2.0) == pytest.approx(2.0 ** (1 / 3), abs=1e-12)
+    assert crossing(lambda t: 1.0 - math.exp(t - 1.0), 0.0, 3.0) == pytest.approx(1.0, abs=1e-12)
+    assert crossing(lambda t: t, 0.0, 1.0) == 0.0
+    assert crossing(lambda t: t - 1.0, 0.0, 1.0) == 1.0

@@ -1,0 +1,119 @@
+"""Presets, overrides, limits, and how mistakes are told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from plant_emulator.parameters import FailPosition
+from plant_emulator.presets import load_plant, parse_plant, plant_settings, preset_names, preset_summary
+from positioner.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+PAPER = plant_settings("paper")
+
+
+def test_the_presets_are_these_and_all_can_be_read() -> None:
+    assert preset_names() == (
+        "friction+10", "friction+20", "friction-20", "frictionless", "graphite", "paper", "spring-10", "spring-20",
+        "stochastic",
+    )  # fmt: skip
+    for name in preset_names():
+        assert plant_settings(name).preset == name
+        assert preset_summary(name).endswith(".")
+
+
+def test_the_paper_preset_is_table_3_and_equation_10() -> None:
+    v = PAPER.valve
+    assert (v.mass_kg, v.diaphragm_area_m2, v.spring_rate_n_per_m) == (1.361, 0.06452, 52538.0)
+    assert (v.static_friction_n, v.coulomb_friction_n, v.viscous_friction_n_s_per_m) == (1707.7, 1423.0, 612.9)
+    assert (v.stribeck_velocity_m_per_s, v.stick_velocity_m_per_s) == (0.000254, 0.0001524)
+    assert v.pressure_gain_pa_per_ma == pytest.approx(0.75 * 6894.757, rel=1e-15)
+    assert (v.bench_set_n, PAPER.sensor.noise_of_reading, PAPER.sensor.noise_hold_s) == (0.0, 0.02, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "spring", "friction"),
+    [
+        ("spring-10", 0.9, 1.0),
+        ("spring-20", 0.8, 1.0),
+        ("friction+10", 1.0, 1.1),
+        ("friction+20", 1.0, 1.2),
+        ("friction-20", 1.0, 0.8),
+    ],
+)
+def test_a_mismatched_preset_differs_from_the_paper_in_what_it_says_only(
+    name: str, spring: float, friction: float
+) -> None:
+    v = PAPER.valve
+    settings = plant_settings(name)
+    scaled = {
+        "spring_rate_n_per_m": spring * v.spring_rate_n_per_m,
+        "static_friction_n": friction * v.static_friction_n,
+        "coulomb_friction_n": friction * v.coulomb_friction_n,
+        "viscous_friction_n_s_per_m": friction * v.viscous_friction_n_s_per_m,
+    }
+    for key, value in scaled.items():
+        assert getattr(settings.valve, key) == pytest.approx(value, rel=1e-12)
+    unscaled = replace(settings.valve, **{key: getattr(v, key) for key in scaled})
+    assert replace(settings, preset="paper", valve=unscaled) == PAPER
+
+
+def test_the_graphite_preset_is_slow_and_440_newtons_per_milliampere() -> None:
+    settings = plant_settings("graphite")
+    assert settings.valve.diaphragm_area_m2 * settings.valve.pressure_gain_pa_per_ma == pytest.approx(440.0)
+    assert settings.valve.span_m == 0.025
+    assert settings.actuator.fill_time_constant_s == 0.1
+
+
+def test_a_plant_file_lays_its_tables_over_its_preset(tmp_path: Path) -> None:
+    path = tmp_path / "plant.toml"
+    path.write_text(
+        'preset = "spring-20"\nfail_position = "hold"\n\n[valve]\nmass_kg = 2.0\n\n[sensor]\nresolution_m = 1e-5\n',
+        encoding="utf-8",
+    )
+    settings = load_plant(path)
+    assert settings.preset == "spring-20"
+    assert (settings.valve.mass_kg, settings.valve.spring_rate_n_per_m) == (2.0, 42030.4)
+    assert (settings.sensor.resolution_m, settings.sensor.noise_of_reading) == (1e-5, 0.02)
+    assert settings.fail_position is FailPosition.HOLD
+
+
+def test_a_plant_file_without_a_preset_stands_alone() -> None:
+    with pytest.raises(ConfigurationError, match=r"plant\.toml: .*valve.*required and missing"):
+        parse_plant("deadman_s = 0.2\n", "plant.toml")
+
+
+def test_overrides_may_be_text_or_tables() -> None:
+    assert plant_settings("paper", "valve.mass_kg = 2.0") == plant_settings("paper", {"valve": {"mass_kg": 2.0}})
+
+
+def test_an_unknown_preset_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(ConfigurationError, match=r"line 2: preset = 'papr': is no preset; known: .*graphite, paper"):
+        parse_plant('# mine\npreset = "papr"\n', "plant.toml")
+
+
+@pytest.mark.parametrize(
+    ("overrides", "told"),
+    [
+        ({"valve": {"mass_kg": 1361.0}}, r"valve\.mass_kg = 1361.0: must be less than or equal to 200"),
+        ({"valve": {"mass": 1.0}}, r"valve\.mass: unknown key; did you mean 'mass_kg'\?"),
+        ({"valve": {"mass_kg": "1"}}, r"valve\.mass_kg = '1': must be a valid number"),
+        ({"valve": {"mass_kg": float("inf")}}, r"valve\.mass_kg"),
+        ({"valve": {"coulomb_friction_n": 1800.0}}, "coulomb_friction_n must not be above static_friction_n"),
+        ({"valve": {"travel_max_m": 0.0}}, "travel_min_m must be below travel_max_m"),
+        ({"valve": {"initial_position_m": 0.2}}, "initial_position_m must be from travel_min_m to travel_max_m"),
+        ({"actuator": {"dead_time_s": -0.1}}, r"actuator\.dead_time_s = -0.1: must be greater than or equal to 0"),
+        ({"sensor": {"noise_of_reading": 2.0}}, r"sensor\.noise_of_reading = 2.0: must be less than or equal to 1"),
+        ({"stochastic": {"friction_fraction": 1.0}}, r"friction_fraction = 1.0: must be less than or equal to 0\.9"),
+        ({"fail_position": "ajar"}, "fail_position = 'ajar': must be 'close', 'open', 'hold' or 'current'"),
+        ({"deadman_s": 0.0}, "deadman_s = 0.0: must be greater than or equal to 0.001"),
+    ],
+)
+def test_a_value_out_of_its_limits_is_refused_by_name(overrides: dict[str, Any], told: str) -> None:
+    with pytest.raises(ConfigurationError, match=told):
+        plant_settings("paper", overrides)

@@ -1,0 +1,67 @@
+"""The sensor: the size of its noise, its colour, its steps, its seed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from plant_emulator import sensor
+from plant_emulator.parameters import PlantSettings
+from plant_emulator.presets import plant_settings
+
+COUNT = 20_000
+
+
+def readings(settings: PlantSettings, position_m: float, seed: int = 1, period_s: float = 0.001) -> np.ndarray:
+    state, values = sensor.initial_state(seed), []
+    for index in range(COUNT):
+        state, measured_m = sensor.measure(settings, state, position_m, index * period_s)
+        values.append(measured_m)
+    return np.array(values)
+
+
+def test_a_sensor_without_noise_tells_the_truth() -> None:
+    quiet = plant_settings("paper", "sensor.noise_of_reading = 0.0")
+    assert (readings(quiet, 0.0712) == 0.0712).all()
+
+
+@pytest.mark.parametrize(
+    ("overrides", "deviation_m"),
+    [
+        ("", 0.02 * 0.08),
+        ("sensor.noise_of_reading = 0.0\nsensor.noise_of_span = 0.0005", 0.0005 * 0.127),
+        ("sensor.noise_of_reading = 0.003\nsensor.noise_of_span = 0.004", np.hypot(0.003 * 0.08, 0.004 * 0.127)),
+    ],
+)
+def test_the_noise_is_gaussian_white_and_of_the_stated_size(overrides: str, deviation_m: float) -> None:
+    noise = readings(plant_settings("paper", overrides), 0.08) - 0.08
+    assert noise.std() == pytest.approx(deviation_m, rel=0.02)  # four sigma of a deviation from 20000
+    assert noise.mean() == pytest.approx(0.0, abs=4.0 * deviation_m / np.sqrt(COUNT))
+    assert np.mean(np.abs(noise) < deviation_m) == pytest.approx(0.6827, abs=0.014)
+    assert np.corrcoef(noise[1:], noise[:-1])[0, 1] == pytest.approx(0.0, abs=4.0 / np.sqrt(COUNT))
+
+
+def test_held_noise_changes_once_per_hold_and_only_then() -> None:
+    noise = readings(plant_settings("paper", "sensor.noise_hold_s = 0.01"), 0.08)
+    blocks = noise.reshape(-1, 10)
+    assert (blocks == blocks[:, :1]).all()
+    assert len(set(blocks[:, 0])) == len(blocks)
+    assert (blocks[:, 0] - 0.08).std() == pytest.approx(0.0016, rel=0.07)
+
+
+def test_held_noise_does_not_depend_on_how_often_it_is_read() -> None:
+    settings = plant_settings("paper", "sensor.noise_hold_s = 0.01")
+    assert (readings(settings, 0.08)[:1000:10] == readings(settings, 0.08, period_s=0.01)[:100]).all()
+
+
+def test_quantisation_rounds_to_the_nearest_step() -> None:
+    settings = plant_settings("paper", "sensor.noise_of_reading = 0.0\nsensor.resolution_m = 0.0001")
+    for position_m, expected_m in ((0.01234, 0.0123), (0.01236, 0.0124), (-0.00004, 0.0)):
+        assert sensor.measure(settings, sensor.initial_state(0), position_m, 0.0)[1] == pytest.approx(expected_m)
+
+
+def test_a_seed_repeats_its_noise_and_another_does_not() -> None:
+    settings = plant_settings("paper")
+    first, again, other = (readings(settings, 0.08, seed) for seed in (3, 3, 4))
+    assert (first == again).all()
+    assert np.corrcoef(first, other)[0, 1] == pytest.approx(0.0, abs=4.0 / np.sqrt(COUNT))

@@ -6,15 +6,18 @@ import signal
 import sys
 import time
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from plant_emulator.device import advance, initial_device, publish, take
 from positioner.bus import BusPort
 from positioner.errors import BenchError, ExitCode
 from positioner.notify import Notifier
+from positioner.wire.e2e import COUNTER_MODULUS
 from positioner.wire.messages import CurrentCommand, Setpoint
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from types import FrameType
 
     from plant_emulator.device import DeviceState
@@ -83,9 +86,9 @@ class EmulatorDaemon:
         while not self._stopping:
             sample = self._state.position_counter
             if every and sample % every == 0:
-                self._await(lambda state: state.setpoints > sample // every, "setpoint frame")
+                self._await(partial(_has_setpoint, number=sample // every), "setpoint frame")
             self._publish()
-            self._await(lambda state: state.answered == sample % 256 and state.current_ma is not None, "command frame")
+            self._await(partial(_is_answered, sample=sample), "command frame")
             if not self._stopping:
                 self._state = advance(self._settings, self._state, self._options.period_s)
 
@@ -129,6 +132,14 @@ class EmulatorDaemon:
     def _stop(self, number: int, frame: FrameType | None) -> None:
         del number, frame
         self._stopping = True
+
+
+def _has_setpoint(state: DeviceState, *, number: int) -> bool:
+    return state.setpoints > number
+
+
+def _is_answered(state: DeviceState, *, sample: int) -> bool:
+    return state.current_ma is not None and state.answered == sample % COUNTER_MODULUS
 
 
 def _say(line: str) -> None:

@@ -1,9 +1,9 @@
-"""Sliding with a spring rate and a friction that are estimates themselves: closed form and every derivative. Pure.
+"""Sliding with a spring rate and friction that are estimates themselves: closed form and every derivative. Pure.
 
-The motion of `model.slide`, m·v̇ = q - K·x - F_v·v with the net push q = B·u - bench set - s·F, for any K and q, with
-its derivatives to all that it depends on. A stop inside the sample is part of the flow, so that where the stem comes to
-rest tells of K and F. At the stop v = 0: the instant of the stop moves, the place does not, to first order, and the
-derivatives of the place are those at a fixed time.
+The motion of `model.slide`, m·v̇ = q - K·x - F_v·v with the net push q = B·u - bench set - s·F_c, for any q, K and
+F_v, with its derivatives to all that it depends on. A stop inside the sample is part of the flow, so that where the
+stem comes to rest tells of K, F_c and F_v. At the stop v = 0: its instant moves, its place does not, to first order,
+and the derivatives of the place are those at a fixed time.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ STOPPING_TIME_S = 60.0
 
 
 class Flow(NamedTuple):
-    """Where a slide ends: x (m), v (m/s), whether it stopped, and derivatives to x, v, the net push q and K."""
+    """Where a slide ends: x (m), v (m/s), whether it stopped, and derivatives to x, v, the net push q, K and F_v."""
 
     x: float
     v: float
@@ -35,18 +35,27 @@ class Flow(NamedTuple):
     dx_dv: float
     dx_dq: float
     dx_dk: float
+    dx_dc: float
     dv_dx: float
     dv_dv: float
     dv_dq: float
     dv_dk: float
+    dv_dc: float
+
+
+class Load(NamedTuple):
+    """What resists the motion: K (N/m), F_c (N) and F_v (N s/m)."""
+
+    spring_n_per_m: float
+    friction_n: float
+    viscous_n_s_per_m: float
 
 
 @dataclass(frozen=True, slots=True)
 class Slider:
-    """What the motion needs of the valve, and takes as known: m, F_v, B and the bench set."""
+    """What the motion needs of the valve, and takes as known: m, B and the bench set."""
 
     mass_kg: float
-    viscous_n_s_per_m: float
     gain_n_per_ma: float
     bench_set_n: float
 
@@ -58,12 +67,14 @@ class Slider:
         """Return the current in mA whose force, less the preload, is `force_n`."""
         return (force_n + self.bench_set_n) / self.gain_n_per_ma
 
-    def flow(self, x: float, v: float, q: float, rate: float, direction: float, duration_s: float) -> Flow:
-        """Return the motion in `direction` (±1) under the net push q (N) and the spring rate K, at most `duration_s`.
+    def flow(self, x: float, v: float, current_ma: float, load: Load, direction: float, duration_s: float) -> Flow:
+        """Return the motion in `direction` (±1) under `current_ma`, at most `duration_s`.
 
         A stem that rests, unpushed, or that moves against `direction`, has stopped at once.
         """
-        half = self.viscous_n_s_per_m / (2.0 * self.mass_kg)
+        rate, friction_n, viscous = load
+        q = self.push_n(current_ma, direction, friction_n)
+        half = viscous / (2.0 * self.mass_kg)
         stiffness = rate / self.mass_kg
         omega2 = stiffness - half * half
         z = x - q / rate
@@ -74,23 +85,29 @@ class Slider:
         # z(t) = a z + b v and v(t) = c z + d v
         a, b = even + half * odd, odd
         c, d = -stiffness * odd, even - half * odd
-        # ω² grows with K by 1/m
-        a_k, b_k = (half * odd_slope - 0.5 * t * odd) / self.mass_kg, odd_slope / self.mass_kg
+        # ω² grows with K by 1/m, and falls with h by 2h; h grows with F_v by 1/2m
+        even_slope, mass = -0.5 * t * odd, self.mass_kg
+        b_k, b_h = odd_slope / mass, -t * odd - 2.0 * half * odd_slope
+        even_h = -t * even - 2.0 * half * even_slope
         tilt = q / (rate * rate)
-        dx_dk = (a - 1.0) * tilt + a_k * z + b_k * v
-        dx_dq = (1.0 - a) / rate
+        x_end, dx_dq = q / rate + a * z + b * v, (1.0 - a) / rate
+        dx_dk = (a - 1.0) * tilt + (even_slope / mass + half * b_k) * z + b_k * v
+        dx_dc = ((even_h + odd + half * b_h) * z + b_h * v) / (2.0 * mass)
         if stopped:
-            return Flow(q / rate + a * z + b * v, 0.0, True, a, b, dx_dq, dx_dk, 0.0, 0.0, 0.0, 0.0)
-        c_k, d_k = -odd / self.mass_kg - stiffness * b_k, -0.5 * t * odd / self.mass_kg - half * b_k
-        dv_dk = c * tilt + c_k * z + d_k * v
-        return Flow(q / rate + a * z + b * v, c * z + d * v, False, a, b, dx_dq, dx_dk, c, d, -c / rate, dv_dk)
+            return Flow(x_end, 0.0, True, a, b, dx_dq, dx_dk, dx_dc, 0.0, 0.0, 0.0, 0.0, 0.0)
+        dv_dk = c * tilt - (odd / mass + stiffness * b_k) * z + (even_slope / mass - half * b_k) * v
+        dv_dc = ((even_h - odd - half * b_h) * v - stiffness * b_h * z) / (2.0 * mass)
+        return Flow(x_end, c * z + d * v, False, a, b, dx_dq, dx_dk, dx_dc, c, d, -c / rate, dv_dk, dv_dc)
 
 
 def slider_of(valve: ValveParameters) -> Slider:
     """Return the slider of `valve`."""
-    return Slider(
-        valve.mass_kg, valve.viscous_friction_n_s_per_m, valve.force_gain_n_per_ma, valve.bench_set_n
-    )
+    return Slider(valve.mass_kg, valve.force_gain_n_per_ma, valve.bench_set_n)
+
+
+def load_of(valve: ValveParameters) -> Load:
+    """Return the nominal load of `valve`."""
+    return Load(valve.spring_rate_n_per_m, valve.coulomb_friction_n, valve.viscous_friction_n_s_per_m)
 
 
 def _modes(half: float, omega2: float, stiffness: float, t: float) -> tuple[float, float, float]:

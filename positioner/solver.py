@@ -64,7 +64,7 @@ class QpSolver:
         arrays = (program.P, program.q, program.A, program.l, program.u)
         if tuple(array.shape for array in arrays) != self._shapes:
             raise ValueError(f"programme of shapes {[a.shape for a in arrays]} in a workspace of {self._shapes}")
-        finite = math.isfinite(float(program.q.sum() + program.l.sum() + program.u.sum()))
+        finite = _are_finite(program.q, program.l, program.u)
         if not finite or bool((program.l > program.u).any()) or not self._take_matrices(program):
             return None
         self._solver.update(q=program.q.copy(), l=program.l.copy(), u=program.u.copy())
@@ -78,8 +78,13 @@ class QpSolver:
         """Hand P and A to the workspace unless they are the very objects it has; False where they are not finite."""
         if program.P is self._matrices[0] and program.A is self._matrices[1]:
             return True
-        if not math.isfinite(float(program.P.sum() + program.A.sum())):
+        if not _are_finite(program.P, program.A):
             return False
         self._solver.update(Px=program.P[self._upper], Ax=np.ravel(program.A, order="F").copy())
         self._matrices = (program.P, program.A)
         return True
+
+
+def _are_finite(*arrays: NDArray[np.float64]) -> bool:
+    """Return whether every value is finite; by sums of squares, in which opposite infinities cannot cancel."""
+    return math.isfinite(sum(float(np.vdot(array, array)) for array in arrays))

@@ -117,7 +117,11 @@ def test_a_current_file_that_is_no_text_is_told(tmp_path: Path, capsys: Output) 
         (["--set", "a b=1"], ExitCode.CONFIG, "--set: line 1: TOML"),
         (["--config", "absent.toml"], ExitCode.CONFIG, "absent.toml: file: cannot be read: No such file or directory"),
         (["--input", "absent.csv"], ExitCode.CONFIG, "absent.csv: file: cannot be read: No such file or directory"),
-        (["--duration", "0.001", "--out", "absent/x.csv"], ExitCode.IO, "absent/x.csv: cannot be written: No such file"),
+        (
+            ["--duration", "0.001", "--out", "absent/x.csv"],
+            ExitCode.IO,
+            "absent/x.csv: cannot be written: No such file",
+        ),
     ],
 )
 def test_a_mistake_ends_in_one_line_and_its_exit_status(

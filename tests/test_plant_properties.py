@@ -13,9 +13,7 @@ from plant_emulator.valve import PlantState
 PRESETS = ("paper", "frictionless", "spring-20", "friction+20", "stochastic", "graphite")
 LAGS = (0.0, 0.001, 0.0086701, 0.1)
 
-commands = st.lists(
-    st.tuples(st.floats(0.0, 24.0), st.sampled_from([1e-4, 1e-3, 5e-3, 0.05])), min_size=1, max_size=12
-)
+commands = st.lists(st.tuples(st.floats(0.0, 24.0), st.sampled_from([1e-4, 1e-3, 5e-3, 0.05])), min_size=1, max_size=12)
 lagging_plants = st.builds(
     lambda preset, fill_s, vent_s, dead_s, bench_n, viscous: plant_settings(
         preset,

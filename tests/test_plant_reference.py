@@ -42,7 +42,7 @@ class Reference:
             self.slipped, mode, way = False, "band", int(math.copysign(1, pull))
         elif abs(self.v) <= band * (1 + 1e-9) and abs(pull) <= static * (1 + 1e-12):
             self.v, mode, way = 0.0, "rest", 0
-        elif abs(self.v) < band * (1 - 1e-9) or self.v * pull < 0.0 and abs(self.v) <= band * (1 + 1e-9):
+        elif abs(self.v) < band * (1 - 1e-9) or (self.v * pull < 0.0 and abs(self.v) <= band * (1 + 1e-9)):
             mode, way = "band", int(math.copysign(1, pull))
         else:
             mode, way = "slide", int(math.copysign(1, self.v))

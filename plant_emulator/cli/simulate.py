@@ -8,15 +8,14 @@ import math
 import sys
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
 from plant_emulator import valve
+from plant_emulator.cli.plant_options import add_plant_options, plant_of
 from plant_emulator.cli.waveforms import HIGHEST_CURRENT_MA, Shape, Waveform, from_file, shaped
-from plant_emulator.presets import overridden, preset_names
-from positioner.errors import ConfigurationError, ExitCode, PositionerError, Problem
-from positioner.settings import read_text, tables
+from positioner.errors import ExitCode, PositionerError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -61,30 +60,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--low-ma", type=_current, default=4.0, metavar="MA", help="lowest current (default: 4)")
     parser.add_argument("--high-ma", type=_current, default=20.0, metavar="MA", help="highest current (default: 20)")
     parser.set_defaults(run=_run)
-
-
-def add_plant_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that choose a plant; `plant_of` reads them."""
-    plant = parser.add_mutually_exclusive_group()
-    plant.add_argument("--preset", default="paper", choices=preset_names(), metavar="NAME",
-                       help="plant to emulate (default: paper; see `plant-emulator presets`)")  # fmt: skip
-    plant.add_argument("--config", type=Path, metavar="PLANT.toml", help="plant file, which may rest on a preset")
-    parser.add_argument("--set", action="append", default=[], dest="changes", metavar="KEY=VALUE",
-                        help="change one parameter, such as valve.mass_kg=2 (repeatable)")  # fmt: skip
-
-
-def plant_of(options: argparse.Namespace) -> PlantSettings:
-    """Return the plant that the options of `add_plant_options` describe.
-
-    Raises:
-        ConfigurationError: a file, a key or a value is wrong.
-    """
-    if options.config is None:
-        source, text, base = "--set", "", {"preset": options.preset}
-    else:
-        source, text = str(options.config), read_text(options.config)
-        base = tables(text, source)
-    return overridden(base, _changes(options.changes), source, text)
 
 
 def _run(options: argparse.Namespace) -> ExitCode:
@@ -133,22 +108,6 @@ def _waveform(options: argparse.Namespace) -> Waveform:
 
 def _opened(out: str) -> AbstractContextManager[TextIO]:
     return nullcontext(sys.stdout) if out == "-" else Path(out).open("w", newline="", encoding="utf-8")
-
-
-def _changes(pairs: list[str]) -> dict[str, Any]:
-    """Return the `KEY=VALUE` pairs as nested tables; a value that is no TOML is taken as a word."""
-    return tables("\n".join(map(_toml_line, pairs)), "--set")
-
-
-def _toml_line(pair: str) -> str:
-    key, equals, value = pair.partition("=")
-    if not equals:
-        raise ConfigurationError("--set", (Problem(pair, None, "is no KEY=VALUE; write it like valve.mass_kg=2"),))
-    try:
-        tables(pair, "--set")
-    except ConfigurationError:
-        return f'{key} = "{value}"'
-    return pair
 
 
 def _seconds(text: str) -> float:

@@ -1,0 +1,67 @@
+"""The options that choose a plant: a preset or a file, and single changes. Shell."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from plant_emulator.presets import overridden, preset_names
+from positioner.errors import ConfigurationError, Problem
+from positioner.settings import read_text, tables
+
+if TYPE_CHECKING:
+    import argparse
+
+    from plant_emulator.parameters import PlantSettings
+
+_DEFAULT = "paper"
+
+
+def add_plant_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options to `parser`; `plant_of` reads them."""
+    plant = parser.add_mutually_exclusive_group()
+    plant.add_argument(
+        "--preset",
+        choices=preset_names(),
+        metavar="NAME",
+        help=f"plant to emulate (default: {_DEFAULT}; see `plant-emulator presets`)",
+    )
+    plant.add_argument("--config", type=Path, metavar="PLANT.toml", help="plant file, which may rest on a preset")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="changes",
+        metavar="KEY=VALUE",
+        help="change one parameter, such as valve.mass_kg=2 (repeatable)",
+    )
+
+
+def plant_of(options: argparse.Namespace) -> PlantSettings:
+    """Return the plant that the options of `add_plant_options` describe.
+
+    Raises:
+        ConfigurationError: a file, a key or a value is wrong.
+    """
+    changes = _changes(options.changes)
+    if options.config is None:
+        return overridden({"preset": options.preset or _DEFAULT}, changes, "--set")
+    text = read_text(options.config)
+    source = f"{options.config} with --set" if changes else str(options.config)
+    return overridden(tables(text, str(options.config)), changes, source, text)
+
+
+def _changes(pairs: list[str]) -> dict[str, Any]:
+    """Return the `KEY=VALUE` pairs as nested tables; a value that is no TOML is taken as a word."""
+    return tables("\n".join(map(_toml_line, pairs)), "--set")
+
+
+def _toml_line(pair: str) -> str:
+    key, equals, value = pair.partition("=")
+    if not equals:
+        raise ConfigurationError("--set", (Problem(pair, None, "is no KEY=VALUE; write it like valve.mass_kg=2"),))
+    try:
+        tables(pair, "--set")
+    except ConfigurationError:
+        return f'{key} = "{value}"'
+    return pair

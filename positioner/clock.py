@@ -7,6 +7,7 @@ nothing else makes time pass. Two runs are then the same to the bit, however fas
 from __future__ import annotations
 
 import time
+from collections import deque
 from typing import TYPE_CHECKING, Protocol
 
 from positioner.wire.formats import FrameRejectedError
@@ -70,10 +71,11 @@ class LockstepClock:
 
 
 class LockstepGate:
-    """Holds a position frame back until the setpoint frame that belongs to it is there, and puts that first.
+    """Gives every sample the setpoint frames that belong to it, whatever order the bus delivers them in.
 
-    Position and setpoint come from two senders, and nothing keeps a bus of datagrams from swapping them on the way to
-    one of its listeners. The host sends a setpoint every `setpoint_every` samples, before the sample; 0 waits for none.
+    Position and setpoint come from two senders: nothing keeps a bus of datagrams from swapping them on the way to one
+    of its listeners, and the host may send ahead. Setpoint n belongs to sample n * `setpoint_every`, and goes before
+    its position frame; with 0 frames pass as they come.
     """
 
     def __init__(self, codec: Codec, setpoint_every: int) -> None:
@@ -81,22 +83,25 @@ class LockstepGate:
         self._every = setpoint_every
         self._position = _address(codec, StemPosition)
         self._setpoint = _address(codec, Setpoint)
-        self._positions = 0
-        self._setpoints = 0
+        self._setpoints: deque[CanFrame] = deque()
         self._waiting: list[CanFrame] = []
+        self._samples = 0
+        self._given = 0
 
     def admit(self, frames: tuple[CanFrame, ...]) -> tuple[CanFrame, ...]:
-        """Return what may be handled now, setpoints first; the rest is returned by a later call."""
+        """Return what may be handled now; the rest is returned by a later call."""
+        if not self._every:
+            return frames
         for frame in frames:
             address = (frame.arbitration_id, frame.is_extended)
-            self._positions += address == self._position
-            self._setpoints += address == self._setpoint
-        self._waiting += frames
-        if self._every and self._positions > self._setpoints * self._every:
+            self._samples += address == self._position
+            (self._setpoints if address == self._setpoint else self._waiting).append(frame)
+        due = -(-self._samples // self._every)
+        if self._given + len(self._setpoints) < due:
             return ()
-        ready = sorted(self._waiting, key=lambda frame: (frame.arbitration_id, frame.is_extended) != self._setpoint)
-        self._waiting = []
-        return tuple(ready)
+        given = [self._setpoints.popleft() for _ in range(due - self._given)]
+        ready, self._waiting, self._given = (*given, *self._waiting), [], due
+        return ready
 
 
 def _address(codec: Codec, kind: type[StemPosition | Setpoint]) -> tuple[int, bool]:

@@ -68,7 +68,7 @@ def run_in_process(
     state = cycle.CycleState(table=table or StictionTable(cell_width_m=configuration.control.table_cell_m))
     device = initial_device(settings, scenario.seed)
     samples = round(scenario.duration_s / period_s)
-    recording = Recording(codec, samples, period_s, lockstep=True)
+    recording = Recording(codec, samples, period_s, scenario.samples_per_setpoint, lockstep=True)
     cycles: list[Controlled] = []
     events: list[Event] = []
     for sample in range(samples):

@@ -36,12 +36,14 @@ _COUNTER = 256
 
 @dataclass(slots=True)
 class Recording:
-    """Samples by number; `commands` is how many samples are answered."""
+    """Samples by number; `setpoints`, `truth`, `readings` and `commands` count the frames of each kind."""
 
     codec: Codec
     samples: int
     period_s: float
+    samples_per_setpoint: int
     lockstep: bool
+    setpoints: int = 0
     truth: int = 0
     readings: int = 0
     commands: int = 0
@@ -105,7 +107,8 @@ class Recording:
                 self.commands += steps
                 return self.commands - 1
             case Setpoint():
-                return self.commands  # the host sends it when every sample before it is answered
+                self.setpoints += 1
+                return (self.setpoints - 1) * self.samples_per_setpoint if self.lockstep else self.readings
             case _:
                 return (counter or 0) * self._samples_per_status if self.lockstep else max(self.commands - 1, 0)
 

@@ -129,7 +129,7 @@ def _play(scenario: Scenario, options: BenchOptions, configuration: Configuratio
     out, clock = options.out, "lockstep" if options.lockstep else "realtime"
     codec = configuration.make_codec()
     samples = round(scenario.duration_s / scenario.sample_period_s)
-    recording = Recording(codec, samples, scenario.sample_period_s, options.lockstep)
+    recording = Recording(codec, samples, scenario.sample_period_s, scenario.samples_per_setpoint, options.lockstep)
     forms = [codec.by_kind[kind] for kind in _HEARD]
     bus = BusPort(configuration.bus, [(form.arbitration_id, form.dbc.is_extended_frame) for form in forms])
     bus.open()

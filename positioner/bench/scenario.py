@@ -24,6 +24,9 @@ _MULTIPLES = (
 )
 """The first of each pair is a whole multiple of the second: a new setpoint then falls on a sample, never between."""
 
+MOST_SAMPLES_PER_SETPOINT = 60
+"""In lockstep up to this many samples run unheard by the host; with three frames each, a raw CAN socket holds them."""
+
 _MULTIPLE_TOLERANCE = 1e-9
 """Relative; decimal fractions such as 0.01 / 0.0001 are not exact in binary."""
 
@@ -119,6 +122,10 @@ def parse_scenario(text: str, source: str) -> Scenario:
         for longer, shorter in _MULTIPLES
         if not _is_multiple(getattr(scenario, longer), getattr(scenario, shorter))
     )
+    if scenario.samples_per_setpoint > MOST_SAMPLES_PER_SETPOINT:
+        where = f"setpoint_period_s = {scenario.setpoint_period_s}"
+        told = f"must be at most {MOST_SAMPLES_PER_SETPOINT} sample periods: the sockets have no room for more frames"
+        problems = (*problems, Problem(where, settings.line_of(text, ("setpoint_period_s",)), told))
     if problems:
         raise ConfigurationError(source, problems)
     return scenario

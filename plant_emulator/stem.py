@@ -74,27 +74,34 @@ class Stem:
 
     def _leg(self, force: PushingForce, left_s: float) -> Leg:
         """Return the next stretch of motion; what it is depends on the speed and on the pull."""
-        mechanics, x, v = self.mechanics, self.position_m, self.velocity_m_per_s
         if self.direction == 0:
             return self._rest(force, left_s)
-        speed, band = abs(v), mechanics.band_m_per_s
         pull = self._pull(force.at(0.0))
-        if not mechanics.sticks and speed < _SETTLED_M_PER_S and abs(pull) <= FORCE_MARGIN_N:
-            return Leg(0.0, x, 0.0, Ending.BALANCE)
-        if speed > band:
+        if self._is_balanced(pull):
+            return Leg(0.0, self.position_m, 0.0, Ending.BALANCE)
+        if abs(self.velocity_m_per_s) > self.mechanics.band_m_per_s:
             return self._slide(force, left_s)
-        if abs(pull) <= max(self.packing.static_n, FORCE_MARGIN_N):
-            return Leg(0.0, x, 0.0, Ending.BALANCE)
-        along = 1 if pull > 0.0 else -1
+        return self._start(force, left_s, pull)
+
+    def _is_balanced(self, pull: float) -> bool:
+        """Return whether static friction holds the stem, or nothing moves a frictionless one any more."""
+        speed, band = abs(self.velocity_m_per_s), self.mechanics.band_m_per_s
+        enough_n = max(self.packing.static_n, FORCE_MARGIN_N)
+        return abs(pull) <= enough_n and speed <= (band if self.mechanics.sticks else _SETTLED_M_PER_S)
+
+    def _start(self, force: PushingForce, left_s: float, pull: float) -> Leg:
+        """Return the stretch inside the zero-speed band or from its edge, of a stem that `pull` does not let rest."""
+        mechanics, packing, x, v = self.mechanics, self.packing, self.position_m, self.velocity_m_per_s
+        band, along = mechanics.band_m_per_s, 1 if pull > 0.0 else -1
         if v == 0.0:
             self._turn(along)
         border_m = self._border_m()
-        if speed < band or along != self.direction:
-            return break_away(mechanics, x, v, along, force, self.packing.static_n, left_s, border_m)
+        if abs(v) < band or along != self.direction:
+            return break_away(mechanics, x, v, along, force, packing.static_n, left_s, border_m)
         edge_n = self._sliding_n(band)
         if abs(pull) > edge_n + 0.5 * FORCE_MARGIN_N:
             return self._slide(force, left_s)
-        return creep(mechanics, x, along, force, self.packing.static_n, edge_n, left_s, border_m)
+        return creep(mechanics, x, along, force, packing.static_n, edge_n, left_s, border_m)
 
     def _rest(self, force: PushingForce, left_s: float) -> Leg:
         """Return the rest until the pressure overcomes static friction; the travel stops hold any force."""

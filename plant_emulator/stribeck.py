@@ -74,10 +74,11 @@ class StribeckSlide:
     def _event(self, t: float, start: _Point, h: float, end: _Point, low: float, border_m: float) -> Leg | None:
         """Return the leg up to the first event inside the step from `start` to `end`, or None."""
         sign, until = self.sign, h
-        lowest_h = h
+        lowest_h, lowest = h, end
         if sign * start.a < 0.0 < sign * end.a:
             lowest_h = crossing(lambda part: self._step(t, start, part).a, 0.0, h)
-        slow = sign * self._step(t, start, lowest_h).v < low if lowest_h < h else sign * end.v < low
+            lowest = self._step(t, start, lowest_h)
+        slow = sign * lowest.v < low
         if slow:
             until = crossing(lambda part: sign * self._step(t, start, part).v - low, 0.0, lowest_h)
             end = self._step(t, start, until)

@@ -6,16 +6,19 @@ and what is read, is Γ at the centre of the cell; the spring carries it to wher
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from annotated_types import Interval
 
+from positioner.adaptive_slide import Load
 from positioner.stiction import LearnedSample, Quantity, direction_of
 
 if TYPE_CHECKING:
     from positioner.adaptive_slide import Slider
-    from positioner.stiction import StictionTable
+    from positioner.adaptive_slide import Load
+from positioner.stiction import StictionTable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +28,6 @@ class BreakawaySettings:
     margin: what is pushed beyond F_s.
     least_count, largest_age, largest_spread: a cell with fewer samples, an older newest one (in learned samples), or
         samples further apart than that is not used.
-    rise, fall: how F_s/F_c follows a stem that did not move, and one that did under no more than Γ.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
@@ -34,8 +36,6 @@ class BreakawaySettings:
     least_count: Annotated[int, Interval(ge=1, le=1000)] = 3
     largest_age: Annotated[int, Interval(ge=1, le=1_000_000)] = 500
     largest_spread: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.06
-    rise: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.03
-    fall: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.003
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +44,11 @@ class Breakaway:
 
     current_ma: float
     samples: int
+
+    @property
+    def source(self) -> str:
+        """Where it comes from, in words."""
+        return f"the table ({self.samples} samples)" if self.samples else "the model"
 
 
 def breakaway(
@@ -85,49 +90,43 @@ def lesson(
     return LearnedSample(Quantity.BREAKAWAY_CURRENT, centre_m, direction_of(direction), current_ma)
 
 
-@dataclass(frozen=True, slots=True)
-class Recollection:
-    """K (N/m) and F_s (N) with their standard deviations, as a table of breakaway currents remembers them."""
-
-    spring_n_per_m: float
-    static_n: float
-    spring_sigma: float
-    static_sigma: float
-
-
 _SAMPLES_PER_CELL = 4
 """Samples of a cell that count as independent: what errs in one, errs in its neighbours."""
 
 
 def recollect(
-    settings: BreakawaySettings, slider: Slider, table: StictionTable, prior: Recollection
-) -> Recollection:
-    """Return K and F_s of the least squares B·Γ = K·x ± F_s over all breakaway cells, weighed against `prior`.
+    settings: BreakawaySettings, slider: Slider, table: StictionTable, prior: Load, sigmas: Load, ratio: float
+) -> tuple[Load, Load]:
+    """Return the load and its standard deviations that a table remembers, `prior` and `sigmas` without any cell.
 
-    Cells that are stale or scattered are left out. A table without any gives `prior` back.
+    K and F_s are the least squares of B·Γ = K·x ± F_s over all breakaway cells but stale and scattered ones, weighed
+    against the prior; F_c follows as F_s/`ratio`. F_v is taken to have changed as F_c: packing that grips harder does
+    so at every speed.
     """
+    static_n = ratio * prior.friction_n
     # information matrix [[a, b], [b, c]] and vector (d, e) of the deviations from the prior
-    a, b, c, d, e = prior.spring_sigma**-2, 0.0, prior.static_sigma**-2, 0.0, 0.0
+    a, b, c = max(sigmas.spring_n_per_m, _SURE) ** -2, 0.0, max(ratio * sigmas.friction_n, _SURE) ** -2
+    d, e = 0.0, 0.0
     for key, cell in table:
         spread_n = cell.spread * slider.gain_n_per_ma
         if (
             key.quantity is not Quantity.BREAKAWAY_CURRENT
             or table.age(cell) > settings.largest_age
-            or spread_n > settings.largest_spread * prior.static_n
+            or spread_n > settings.largest_spread * static_n
         ):
             continue
         x, s = key.index * table.cell_width_m, key.direction.sign
-        force_n = slider.push_n(cell.mean, 0.0, 0.0)
-        error_n = force_n - prior.spring_n_per_m * x - s * prior.static_n
-        # a margin's worth of doubt for each sample, and the cell's own spread
-        doubt_n2 = (2.0 * settings.margin * prior.static_n) ** 2 + spread_n * spread_n
+        error_n = slider.push_n(cell.mean, s, static_n) - prior.spring_n_per_m * x
+        doubt_n2 = (2.0 * settings.margin * static_n) ** 2 + spread_n * spread_n
         weight = min(len(cell.samples), _SAMPLES_PER_CELL) / doubt_n2
         a, b, c = a + weight * x * x, b + weight * x * s, c + weight
         d, e = d + weight * x * error_n, e + weight * s * error_n
     det = a * c - b * b
-    return Recollection(
-        prior.spring_n_per_m + (c * d - b * e) / det,
-        prior.static_n + (a * e - b * d) / det,
-        (c / det) ** 0.5,
-        (a / det) ** 0.5,
-    )
+    friction_n = prior.friction_n + (a * e - b * d) / (det * ratio)
+    grip = friction_n / prior.friction_n if prior.friction_n else 1.0
+    load = Load(prior.spring_n_per_m + (c * d - b * e) / det, friction_n, prior.viscous_n_s_per_m * grip)
+    return load, Load(math.sqrt(c / det), math.sqrt(a / det) / ratio, sigmas.viscous_n_s_per_m)
+
+
+_SURE = 1e-3
+"""N/m or N: no prior is surer than that."""

@@ -61,9 +61,10 @@ def parse_address(text: str) -> BusAddress:
         BusError: the text has another form.
     """
     found = re.fullmatch(r"([a-z_]+):([^@]+)(?:@(\d{1,5}))?", text)
-    if not found:
-        raise BusError(f"bus '{text}' is not INTERFACE:CHANNEL, for example socketcan:vcan0")
-    return BusAddress(interface=found[1], channel=found[2], port=int(found[3] or EMBEDDED_PORT))
+    port = int(found[3] or EMBEDDED_PORT) if found else 0
+    if not found or not 1 <= port <= 65535:  # noqa: PLR2004 - the ports there are
+        raise BusError(f"bus '{text}' is not INTERFACE:CHANNEL[@PORT], for example socketcan:vcan0")
+    return BusAddress(interface=found[1], channel=found[2], port=port)
 
 
 def find_vcan() -> BusAddress | None:

@@ -70,5 +70,11 @@ class StateError(PositionerError):
     exit_code = ExitCode.IO
 
 
+class UsageError(PositionerError):
+    """An argument of a command that cannot be used."""
+
+    exit_code = ExitCode.USAGE
+
+
 class BenchError(PositionerError):
     """A bench run could not be completed."""

@@ -125,6 +125,8 @@ def _problem(item: ErrorDetails, kind: type[Any], text: str) -> Problem:
         return Problem(key, line, f"unknown key{_nearest(path, kind)}")
     if item["type"] in {"missing", "missing_argument"}:
         return Problem(key, line_of(text, path[:-1]), "is required and missing")
+    if item["type"] == "value_error":  # a rule between several keys: its own words say which
+        return Problem(key, line, item["msg"].removeprefix("Value error, "))
     message = item["msg"].replace("Input should be", "must be")
     return Problem(f"{key} = {item['input']!r}", line, message)
 

@@ -66,7 +66,8 @@ def test_a_command_acts_after_the_dead_time_wherever_the_steps_end(step_s: float
 
 
 def test_commands_on_their_way_arrive_in_order_and_none_is_lost() -> None:
-    line, acted = AirLine(4.0), []
+    line = AirLine(4.0)
+    acted: list[tuple[float, float]] = []
     for index in range(10):
         line, stretches = commanded(line, 0.0025, float(5 + index), index * 0.001, 0.001)
         acted.extend(stretches)
@@ -86,3 +87,14 @@ def test_a_repeated_command_puts_no_edge_on_the_line() -> None:
     line, _ = commanded(AirLine(4.0), 0.01, 5.0, 0.0, 0.001)
     again, _ = commanded(line, 0.01, 5.0, 0.001, 0.001)
     assert len(again.pending) == 1
+
+
+def test_an_edge_on_the_border_of_two_steps_belongs_to_the_later_one_however_it_is_rounded() -> None:
+    line, now_s, acted = AirLine(4.0), 0.0, []
+    for _ in range(4):
+        line, stretches = commanded(line, 0.3, 5.0, now_s, 0.1)
+        now_s += 0.1  # 0.1 + 0.1 + 0.1 is above 0.3
+        acted.append(stretches)
+    assert [len(stretches) for stretches in acted[:3]] == [1, 1, 1]
+    assert [current for current, _ in acted[3]] == [4.0, 5.0]
+    assert [seconds for _, seconds in acted[3]] == pytest.approx([0.0, 0.1])

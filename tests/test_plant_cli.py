@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
+import subprocess
+import sys
 from typing import TYPE_CHECKING
 
 import pytest
@@ -120,7 +122,7 @@ def test_a_current_file_that_is_no_text_is_told(tmp_path: Path, capsys: Output) 
         (
             ["--duration", "0.001", "--out", "absent/x.csv"],
             ExitCode.IO,
-            "absent/x.csv: cannot be written: No such file",
+            "absent/x.csv: cannot be written: No such",
         ),
     ],
 )
@@ -174,3 +176,18 @@ def test_the_version_is_told(capsys: Output) -> None:
     with pytest.raises(SystemExit):
         main(["--version"])
     assert capsys.readouterr().out == f"plant-emulator {__version__}\n"
+
+
+def test_an_interrupt_ends_as_shells_expect(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted() -> tuple[str, ...]:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("plant_emulator.cli.presets.preset_names", interrupted)
+    assert main(["presets"]) == 130
+
+
+def test_a_reader_that_has_gone_is_no_error() -> None:
+    command = f"{sys.executable} -m plant_emulator.cli.main simulate --duration 2 | head -n 2"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
+    assert len(done.stdout.splitlines()) == 2
+    assert done.stderr == ""

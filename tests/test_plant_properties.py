@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plant_emulator import valve
-from plant_emulator.parameters import PlantSettings
 from plant_emulator.presets import plant_settings
-from plant_emulator.valve import PlantState
+
+if TYPE_CHECKING:
+    from plant_emulator.parameters import PlantSettings
+    from plant_emulator.valve import PlantState
 
 PRESETS = ("paper", "frictionless", "spring-20", "friction+20", "stochastic", "graphite")
 LAGS = (0.0, 0.001, 0.0086701, 0.1)

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from plant_emulator import valve
-from plant_emulator.parameters import PlantSettings
 from plant_emulator.presets import plant_settings
+
+if TYPE_CHECKING:
+    from plant_emulator.parameters import PlantSettings
+
+Vector = np.ndarray[Any, np.dtype[np.float64]]
 
 
 @dataclass
 class Reference:
-    """Karnopp's valve, written down a second time: states x, v and the force of the pressure, all in one integration."""
+    """Karnopp's valve, written down a second time: the pressure is integrated along with the motion."""
 
     settings: PlantSettings
     x: float
@@ -34,59 +39,68 @@ class Reference:
             left -= self._phase(target, tau, left)
 
     def _phase(self, target: float, tau: float, left: float) -> float:
+        """Integrate up to the next change of regime, and return how long that took."""
         v = self.settings.valve
-        static, coulomb = v.static_friction_n, v.coulomb_friction_n
         band, stribeck = v.stick_velocity_m_per_s, v.stribeck_velocity_m_per_s
-        pull = self.force - v.spring_rate_n_per_m * self.x
-        if self.slipped:
-            self.slipped, mode, way = False, "band", int(math.copysign(1, pull))
-        elif abs(self.v) <= band * (1 + 1e-9) and abs(pull) <= static * (1 + 1e-12):
-            self.v, mode, way = 0.0, "rest", 0
-        elif abs(self.v) < band * (1 - 1e-9) or (self.v * pull < 0.0 and abs(self.v) <= band * (1 + 1e-9)):
-            mode, way = "band", int(math.copysign(1, pull))
-        else:
-            mode, way = "slide", int(math.copysign(1, self.v))
-
-        def rates(_t: float, y: np.ndarray) -> list[float]:
-            x, speed, force = y
-            pressure_rate = (target - force) / tau if tau else 0.0
-            pull = force - v.spring_rate_n_per_m * x
-            if mode == "rest":
-                return [0.0, 0.0, pressure_rate]
-            if mode == "band":
-                return [speed, (pull - way * static) / v.mass_kg, pressure_rate]
-            dry = coulomb + (static - coulomb) * math.exp(-((speed / stribeck) ** 2))
-            return [speed, (pull - way * dry - v.viscous_friction_n_s_per_m * speed) / v.mass_kg, pressure_rate]
-
-        def slips(_t: float, y: np.ndarray) -> float:
-            return float(abs(y[2] - v.spring_rate_n_per_m * y[0]) - static)
-
+        mode, way = self._mode()
         # an adaptive step would leap over the whole of Stribeck's curve, so it stops before, and goes on in small ones
         curved = max(10.0 * stribeck, 2.0 * band)
         slow = mode == "slide" and abs(self.v) <= curved * (1 + 1e-9)
         level = curved if mode == "slide" and not slow else band
 
-        def passes(_t: float, y: np.ndarray) -> float:
+        def rates(_t: float, y: Vector) -> list[float]:
+            x, speed, force = y
+            dry = v.static_friction_n
+            if mode == "slide":
+                bend = math.exp(-((speed / stribeck) ** 2))
+                dry = v.coulomb_friction_n + (v.static_friction_n - v.coulomb_friction_n) * bend
+                dry += v.viscous_friction_n_s_per_m * abs(speed)
+            net = 0.0 if mode == "rest" else force - v.spring_rate_n_per_m * x - way * dry
+            return [speed, net / v.mass_kg, (target - force) / tau if tau else 0.0]
+
+        def slips(_t: float, y: Vector) -> float:
+            return float(abs(y[2] - v.spring_rate_n_per_m * y[0]) - v.static_friction_n)
+
+        def passes(_t: float, y: Vector) -> float:
             return float(way * y[1] - level)
 
-        def hurries(_t: float, y: np.ndarray) -> float:
+        def hurries(_t: float, y: Vector) -> float:
             return float(way * y[1] - 1.2 * curved)
 
-        events = [slips] if mode == "rest" else [passes, hurries] if slow else [passes]
+        events: list[Any] = [slips] if mode == "rest" else [passes, hurries] if slow else [passes]
         for event in events:
-            event.terminal = True  # type: ignore[attr-defined]
-            event.direction = -1.0 if event is passes and mode == "slide" else 1.0  # type: ignore[attr-defined]
+            event.terminal = True
+            event.direction = -1.0 if event is passes and mode == "slide" else 1.0
         run = solve_ivp(
-            rates, (0.0, left), [self.x, self.v, self.force], method="DOP853", events=events, rtol=1e-12,
-            atol=[1e-15, 1e-14, 1e-10], max_step=2e-5 if slow else np.inf,
-        )  # fmt: skip
+            rates,
+            (0.0, left),
+            [self.x, self.v, self.force],
+            method="DOP853",
+            events=events,
+            rtol=1e-12,
+            atol=[1e-15, 1e-14, 1e-10],
+            max_step=2e-5 if slow else np.inf,
+        )
         self.x, self.v, self.force = (float(value) for value in run.y[:, -1])
         if run.status == 1 and len(run.t_events[0]):
-            if mode == "rest":
-                self.slipped = True
-            else:
-                self.v = way * level
+            self.slipped = mode == "rest"
+            self.v = 0.0 if self.slipped else way * level
         return float(run.t[-1])
+
+    def _mode(self) -> tuple[str, int]:
+        """Return the regime of eq. 3, and the sign of its friction; at rest, stop."""
+        v = self.settings.valve
+        pull = self.force - v.spring_rate_n_per_m * self.x
+        in_band = abs(self.v) <= v.stick_velocity_m_per_s * (1 + 1e-9)
+        if self.slipped:
+            self.slipped = False
+            return "band", int(math.copysign(1, pull))
+        if in_band and abs(pull) <= v.static_friction_n * (1 + 1e-12):
+            self.v = 0.0
+            return "rest", 0
+        if abs(self.v) < v.stick_velocity_m_per_s * (1 - 1e-9) or (in_band and self.v * pull < 0.0):
+            return "band", int(math.copysign(1, pull))
+        return "slide", int(math.copysign(1, self.v))
 
 
 @pytest.mark.parametrize(
@@ -109,7 +123,7 @@ def test_the_emulator_agrees_with_an_independent_integration(overrides: str) -> 
     for current, duration in ((6.9, 0.08), (9.0, 0.004), (3.0, 0.006), (12.0, 0.01), (7.5, 0.05), (14.0, 0.1)):
         state = valve.step(settings, state, current, duration)
         reference.step(gain * current, duration)
-        assert state.position_m == pytest.approx(reference.x, abs=2e-9)
+        assert state.position_m == pytest.approx(reference.x, abs=1e-9)
         assert state.velocity_m_per_s == pytest.approx(reference.v, abs=1e-6)
         assert state.pressure_pa * v.diaphragm_area_m2 == pytest.approx(reference.force, rel=1e-9)
         moved += state.velocity_m_per_s != 0.0

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 
 from plant_emulator import sensor
-from plant_emulator.parameters import PlantSettings
 from plant_emulator.presets import plant_settings
+
+if TYPE_CHECKING:
+    from plant_emulator.parameters import PlantSettings
 
 COUNT = 20_000
 

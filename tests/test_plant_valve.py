@@ -74,7 +74,8 @@ def test_the_slip_reaches_the_published_peak_speed() -> None:
 
 def test_a_slow_ramp_gives_equal_jumps() -> None:
     state = valve.initial_state(PAPER, 0)
-    current, landings = state.line.current_ma, []
+    current = state.line.current_ma
+    landings: list[float] = []
     while len(landings) < 5:
         before = state
         state = valve.step(PAPER, state, current, 0.01)
@@ -249,3 +250,29 @@ def test_a_turn_of_the_force_while_sliding_reverses_the_stem_without_a_stick() -
     assert turned.velocity_m_per_s < -0.1
     assert (turned.slips, turned.stops, turned.reversals) == (1, 0, 1)
     assert turned.travel_m > abs(turned.position_m - 0.01) + 1e-4
+
+
+def test_no_time_leaves_a_valve_as_it_is() -> None:
+    moving = valve.step(PAPER, valve.initial_state(PAPER, 0), 9.0, 0.01)
+    assert valve.step(PAPER, moving, 9.0, 0.0) == moving
+
+
+@pytest.mark.parametrize("distance_m", [1e-9, 5e-8, 1e-6, 1e-4])
+def test_a_travel_stop_is_met_in_every_kind_of_motion(distance_m: float) -> None:
+    # in the zero-speed band, on Stribeck's curve, and beyond it
+    start_m = PAPER.valve.travel_max_m - distance_m
+    settings = plant_settings("paper", {"valve": {"initial_position_m": start_m}})
+    end = valve.step(settings, valve.initial_state(settings, 0), current_for(settings, start_m, 1.001 * STATIC), 0.1)
+    assert end.position_m == PAPER.valve.travel_max_m
+    assert end.stuck
+    assert end.travel_m == pytest.approx(distance_m, rel=1e-6)
+    assert (end.slips, end.stops) == (1, 1)
+
+
+def test_a_travel_stop_ends_creep() -> None:
+    settings = plant_settings("graphite", {"valve": {"initial_position_m": 0.03 - 1e-6}})
+    start = valve.initial_state(settings, 0)
+    pull_n = settings.valve.static_friction_n + 5.0  # lag is 0.1 s: it creeps for long before this is reached
+    end = valve.step(settings, start, current_for(settings, 0.03, pull_n), 2.0)
+    assert end.position_m == 0.03
+    assert end.stuck

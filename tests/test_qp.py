@@ -73,5 +73,5 @@ def test_the_cost_is_equation_17_but_for_a_constant(
     difference = (written_out(one) - written_out(other)) / (2.0 * input_weight)
     scale = (written_out(one) + written_out(other)) / input_weight
     assert condensed(one) - condensed(other) == pytest.approx(difference, rel=1e-9, abs=1e-12 * scale)
-    np.testing.assert_array_equal(P, P.T)
+    np.testing.assert_allclose(P, P.T, rtol=1e-12, atol=1e-15 * P.max())
     assert np.linalg.eigvalsh(P)[0] >= 1.0 - 1e-9 * np.linalg.eigvalsh(P)[-1]

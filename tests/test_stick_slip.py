@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from positioner.estimate import StemState
-from positioner.stick_slip import detect
+from positioner.stick_slip import detect, lessons
 from positioner.stiction import Direction, LearnedSample, Quantity
 
 
@@ -35,3 +37,16 @@ def test_a_slip_teaches_the_current_that_caused_it_at_the_place_of_rest(sign: fl
 @pytest.mark.parametrize("stuck", [True, False])
 def test_nothing_is_learned_between_edges(stuck: bool) -> None:  # noqa: FBT001 - the parameter of the test
     assert detect(stem(0.08, 0.0, stuck=stuck), stem(0.08, 0.0, stuck=stuck), 12.0) is None
+
+
+def test_an_estimate_that_learned_by_itself_overrules_the_edges() -> None:
+    own = (LearnedSample(Quantity.LANDING_BIAS, 0.08, Direction.OPENING, 1e-4),)
+    moving = stem(0.079, 0.02, stuck=False)
+    assert lessons(moving, replace(stem(0.080, 0.0, stuck=True), learned=own), 12.0) == own
+    assert lessons(moving, replace(stem(0.080, 0.0, stuck=True), learned=()), 12.0) == ()
+
+
+def test_edges_teach_where_the_estimate_does_not() -> None:
+    moving, resting = stem(0.079, 0.02, stuck=False), stem(0.080, 0.0, stuck=True)
+    assert lessons(moving, resting, 12.0) == (detect(moving, resting, 12.0),)
+    assert lessons(resting, resting, 12.0) == ()

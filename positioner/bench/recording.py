@@ -36,7 +36,7 @@ _COUNTER = 256
 
 @dataclass(slots=True)
 class Recording:
-    """Samples by number; `setpoints`, `truth`, `readings` and `commands` count the frames of each kind."""
+    """Samples by number; `setpoints`, `truth`, `readings`, `commands` and `statuses` count the frames."""
 
     codec: Codec
     samples: int
@@ -47,6 +47,7 @@ class Recording:
     truth: int = 0
     readings: int = 0
     commands: int = 0
+    statuses: int = 0
     frames: list[tuple[float, int, CanFrame]] = field(default_factory=list)
     true_position_m: NDArray[np.float64] = field(init=False)
     true_velocity_m_per_s: NDArray[np.float64] = field(init=False)
@@ -63,6 +64,8 @@ class Recording:
         for name in ("true_position_m", "true_velocity_m_per_s", "measured_m", "current_ma", "setpoint_m"):
             setattr(self, name, np.full(self.samples, np.nan))
         self.mode = np.full(self.samples, int(Mode.INIT))
+        if self.lockstep:  # the host is there before the first sample, and hears it in any order
+            self.origin = 0
 
     def hear(self, frame: CanFrame, time_s: float) -> None:
         """Take a frame that arrived `time_s` after the start; in lockstep its sample's time counts instead."""
@@ -93,7 +96,7 @@ class Recording:
         match message:
             case PlantTruth():
                 if self.origin is None:
-                    self.origin = 0 if self.lockstep else counter or 0
+                    self.origin = counter or 0
                 steps = self._steps(counter, self.truth)
                 self.lost += max(steps - 1, 0)
                 self.truth += steps
@@ -109,8 +112,11 @@ class Recording:
             case Setpoint():
                 self.setpoints += 1
                 return (self.setpoints - 1) * self.samples_per_setpoint if self.lockstep else self.readings
+            case PositionerStatus() if self.lockstep:
+                self.statuses += ((counter or 0) - self.statuses) % _COUNTER + 1
+                return (self.statuses - 1) * self._samples_per_status
             case _:
-                return (counter or 0) * self._samples_per_status if self.lockstep else max(self.commands - 1, 0)
+                return max(self.commands - 1, 0)
 
     def _steps(self, counter: int | None, expected: int) -> int:
         """Return by how many samples `counter` is past the last one, 0 for an echo of an older one."""

@@ -1,10 +1,11 @@
-"""The law `nmpc`: predictive control that knows when the stem stops, learns why it did not stop where meant, and waits.
-
-Pure, but for the solver inside. Three motions:
+"""The law `nmpc`: as fast as the stem can still stop, and then patience. Pure, but for the solver inside.
 
     HOLD    the stem rests in the middle of its stick band; readings are averaged until an error is beyond doubt
-    MOVE    Γ frees the stem, then the LTV-QP of `nmpc_plan` takes it to the setpoint as fast as it can still stop
+    MOVE    Γ frees the stem, then the LTV-QP of `nmpc_plan` takes it to the setpoint
     SETTLE  the model says it has stopped: the middle of the stick band for some milliseconds, then HOLD
+
+Where the stem comes to rest corrects what the filter believes of spring and friction; whether a push freed it corrects
+Γ. Both go into the stiction table, and from the table they come back after a restart.
 """
 
 from __future__ import annotations
@@ -13,15 +14,14 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from positioner.adaptive_estimate import Resting, Sliding, average
+from positioner.adaptive_estimate import Resting, Sliding, average, spread_of
 from positioner.bounds import Bounds
-from positioner.breakaway import Recollection, breakaway, lesson, recollect
+from positioner.breakaway import breakaway, lesson, recollect
 from positioner.estimate import StemState, measurement_sigma_m
 from positioner.laws.law import Decision
 from positioner.laws.nmpc_plan import Course, approach
-from positioner.laws.nmpc_trial import Trial, Verdict, judge
-from positioner.sensor_noise import NoiseLevel
-from positioner.stiction import LearnedSample, Quantity, direction_of
+from positioner.laws.nmpc_watch import Trial, Watch, judge, watch
+from positioner.stiction import LearnedSample, Quantity, StictionTable, direction_of
 from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from positioner.laws.nmpc_settings import NmpcSettings
     from positioner.model import ValveParameters
     from positioner.planner import Solver
-    from positioner.stiction import StictionTable
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,30 +38,25 @@ class NmpcMemory:
     """What the law carries.
 
     stem: the estimate, of a sliding stem while motion is MOVE, else of a resting one.
-    noise: what is known of the sensor. drift: smoothed innovation of a resting stem, in σ.
-    ratio: F_s/F_c. trial: the last move, while it is not sure that it happened.
     settle_s: what is left of SETTLE. hold_ma: the current that is held, None to choose one.
-    plan_ma: the last plan, shifted. setpoint_m, corrections: the setpoint pursued, and moves made for it.
-    recalled: whether the table has been asked for K and F.
+    plan_ma: the last plan, shifted by one, empty before a move.
+    setpoint_m: the setpoint pursued, corrections: moves made for it, refused: it was found out of reach.
     """
 
     stem: Resting | Sliding
+    watch: Watch
     motion: Motion = Motion.HOLD
-    noise: NoiseLevel = NoiseLevel()  # noqa: RUF009 - immutable
-    drift: float = 0.0
-    ratio: float = 1.0
-    trial: Trial | None = None
     settle_s: float = 0.0
     hold_ma: float | None = None
     plan_ma: tuple[float, ...] = ()
-    setpoint_m: float = math.nan
+    setpoint_m: float | None = None
     corrections: int = 0
-    recalled: bool = False
+    refused: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class NmpcLaw:
-    """Our law. `solver` takes H_u variables and H_u + H_p rows."""
+    """The law; `solver` takes H_u variables and H_u + H_p rows."""
 
     name: str
     valve: ValveParameters
@@ -73,196 +67,200 @@ class NmpcLaw:
     current_low_ma: float
     current_high_ma: float
     period_s: float
+    table_from_s: float
     table_cell_m: float
 
     def begin(self, measured_m: float) -> NmpcMemory:
-        """Return the memory of a stem somewhere on its travel; the first `estimate` takes the reading itself."""
-        ratio = self.valve.static_friction_n / max(self.valve.coulomb_friction_n, 1e-9)
-        return NmpcMemory(self.filter.first(measured_m, self.valve.span_m), ratio=max(ratio, 1.0))
-
-    # ------------------------------------------------------------------------------------------------- estimate
+        """Return the memory of a stem that rests somewhere; the first `estimate` takes in the reading itself."""
+        nominal = self.filter.nominal
+        stem = self.filter.at_rest(measured_m, self.valve.span_m**2, nominal, self.filter.prior_sigmas())
+        ratio = self.valve.static_friction_n / nominal.friction_n if nominal.friction_n else 1.0
+        return NmpcMemory(stem, Watch(ratio))
 
     def estimate(self, memory: NmpcMemory, observation: Observation) -> tuple[NmpcMemory, StemState]:
         """Return the memory and the stem after this cycle's reading: a Kalman filter in motion, an average at rest."""
         stem = memory.stem
-        sigma = measurement_sigma_m(self.estimator, self.valve, stem.x)
-        variance = max(memory.noise.ratio, _LEAST_NOISE) * sigma * sigma
+        sigma_m = measurement_sigma_m(self.estimator, self.valve, stem.x)
+        variance_m2 = max(memory.watch.noise.ratio, _LEAST_NOISE) * sigma_m * sigma_m
         if isinstance(stem, Sliding):
-            return self._slide(memory, stem, observation, variance)
-        return self._rest(memory, stem, observation, variance, sigma)
-
-    def _slide(
-        self, memory: NmpcMemory, stem: Sliding, observation: Observation, variance: float
-    ) -> tuple[NmpcMemory, StemState]:
-        ahead = self.filter.advance(stem, observation.applied_ma, observation.elapsed_s)
-        after = self.filter.correct(ahead, observation.measured_m, variance)
-        if not after.stopped:
-            return replace(memory, stem=after), _report(after, ())
-        taught = LearnedSample(Quantity.STICK_SPEED, after.x, direction_of(stem.direction), abs(stem.v))
-        rest = self.filter.rest(after)
-        memory = replace(
-            memory,
-            stem=rest,
-            motion=Motion.SETTLE,
-            settle_s=self.settings.settle_s,
-            hold_ma=None,
-            noise=memory.noise.moved(),
-            drift=0.0,
-        )
-        return memory, _report(rest, (taught,))
-
-    def _rest(
-        self, memory: NmpcMemory, stem: Resting, observation: Observation, variance: float, sigma: float
-    ) -> tuple[NmpcMemory, StemState]:
-        measured = observation.measured_m
-        innovation = (measured - stem.x) / math.sqrt(stem.variance_m2 + variance)
-        after, taught = average(stem, measured, variance), ()
-        if memory.motion is Motion.SETTLE:
-            left = memory.settle_s - observation.elapsed_s
-            motion = Motion.SETTLE if left > _INSTANT_S else Motion.HOLD
-            return replace(memory, stem=after, settle_s=left, motion=motion), _report(after, ())
-        weight = self.settings.surprise_smoothing
-        drift = memory.drift + weight * (innovation - memory.drift)
-        noise, ratio, trial = memory.noise.heard(measured / sigma), memory.ratio, memory.trial
-        if trial is not None:
-            trial, after, ratio, taught = self._judge(trial, stem, after, ratio, measured, variance)
-            if trial is None:
-                drift = 0.0
-        if abs(drift) > self.settings.surprise_sigma * math.sqrt(weight / (2.0 - weight)):
-            # a stem that should rest has moved: begin its average anew
-            after, drift, noise = self._surprised(stem, drift, variance), 0.0, memory.noise.moved()
-        memory = replace(memory, stem=after, drift=drift, noise=noise, ratio=ratio, trial=trial)
-        return memory, _report(after, taught)
-
-    def _judge(
-        self, trial: Trial, before: Resting, after: Resting, ratio: float, measured: float, variance: float
-    ) -> tuple[Trial | None, Resting, float, tuple[LearnedSample, ...]]:
-        """Return the trial, the estimate, F_s/F_c and what was learned, after weighing one more reading."""
-        trial, verdict = judge(trial, before, measured, variance, self.settings.verdict)
-        if verdict is Verdict.OPEN:
-            return trial, after, ratio, ()
-        own, slider = self.settings.breakaway, self.filter.slider
-        if verdict is Verdict.STUCK:
-            after = trial.origin
-            ratio = max(ratio, trial.push_n / after.F) * (1.0 + own.rise)
-        elif trial.at_limit:
-            ratio = max(1.0, ratio * (1.0 - own.fall))
-        taught = lesson(
-            slider, self.table_cell_m, trial.origin.x, trial.direction, after.K, ratio * after.F
-        )
-        return None, after, ratio, (taught,)
-
-    def _surprised(self, stem: Resting, drift: float, variance: float) -> Resting:
-        shift = drift * math.sqrt(stem.variance_m2 + variance)
-        sigmas = (math.sqrt(stem.anchor.covariance[2, 2]), math.sqrt(stem.anchor.covariance[3, 3]))
-        return self.filter.informed(stem.x + shift, shift * shift + variance, (stem.K, stem.F), sigmas)
-
-    # --------------------------------------------------------------------------------------------------- decide
+            return self._track(memory, stem, observation, variance_m2)
+        after = average(stem, observation.measured_m, variance_m2)
+        if memory.motion is Motion.HOLD:
+            return self._watch(memory, stem, after, observation.measured_m, variance_m2, sigma_m)
+        left_s = memory.settle_s - observation.elapsed_s
+        motion = Motion.SETTLE if left_s > _INSTANT_S else Motion.HOLD
+        return replace(memory, stem=after, settle_s=left_s, motion=motion), _report(after)
 
     def decide(
         self, memory: NmpcMemory, stem: StemState, observation: Observation, table: StictionTable
     ) -> tuple[NmpcMemory, Decision]:
-        """Return the current that holds, that frees, or that the plan begins with."""
-        if not memory.recalled:
+        """Return the current that holds the stem, that frees it, or that the plan begins with."""
+        if observation.time_s < self.table_from_s:
+            table = StictionTable(table.cell_width_m)
+        if memory.setpoint_m is None:
             memory = self._recalled(memory, table)
         if observation.setpoint_m != memory.setpoint_m:
-            memory = replace(memory, setpoint_m=observation.setpoint_m, corrections=0)
-        here = memory.stem
+            memory = replace(memory, setpoint_m=observation.setpoint_m, corrections=0, refused=False)
+        here, setpoint_m = memory.stem, observation.setpoint_m
         if isinstance(here, Sliding):
-            return self._move(memory, here)
-        if memory.motion is Motion.HOLD and self._is_worth_a_move(memory, here):
-            return self._start(memory, here, table)
+            course = self._course(memory, here, setpoint_m)
+            return self._follow(memory, course, memory.plan_ma)
+        if stem.stuck and memory.motion is Motion.HOLD and self._is_worth_a_move(memory, here, setpoint_m):
+            return self._start(memory, here, setpoint_m, table)
         return self._hold(memory, here)
 
-    def _is_worth_a_move(self, memory: NmpcMemory, here: Resting) -> bool:
-        """Whether the error is beyond tolerance and doubt; an undecided trial is waited for, but not a new setpoint."""
-        own = self.settings
-        if memory.corrections and memory.trial is not None:
-            return False
-        tolerance = own.tolerance_m * (1.0 + own.patience * min(memory.corrections, own.patience_limit))
-        return abs(memory.setpoint_m - here.x) > tolerance + own.doubt_sigma * here.sigma_m
+    def _track(
+        self, memory: NmpcMemory, stem: Sliding, observation: Observation, variance_m2: float
+    ) -> tuple[NmpcMemory, StemState]:
+        """Return the memory and the sliding stem; when the model or the reading has stopped it, it settles."""
+        ahead = self.filter.advance(stem, observation.applied_ma, observation.elapsed_s)
+        after = self.filter.correct(ahead, observation.measured_m, variance_m2)
+        if not after.stopped:
+            return replace(memory, stem=after), _report(after)
+        rest = self.filter.rest(after)
+        lesson_m_per_s = LearnedSample(Quantity.STICK_SPEED, rest.x, direction_of(stem.direction), abs(stem.v))
+        memory = replace(
+            memory,
+            stem=rest,
+            watch=memory.watch.elsewhere(),
+            motion=Motion.SETTLE,
+            settle_s=self.settings.settle_s,
+            hold_ma=None,
+        )
+        return memory, _report(rest, lesson_m_per_s)
 
-    def _hold(self, memory: NmpcMemory, here: Resting) -> tuple[NmpcMemory, Decision]:
-        """Return the middle of the stick band, followed in steps only."""
-        middle = self._clamp(self.filter.slider.current_ma(here.K * here.x))
-        held = memory.hold_ma
-        if held is None or abs(middle - held) > self.settings.hold_step_ma:
-            memory, held = replace(memory, hold_ma=middle), middle
-        return memory, Decision(held, Bounds(0.0, 0.0, self.current_low_ma, self.current_high_ma), memory.motion)
-
-    def _start(self, memory: NmpcMemory, here: Resting, table: StictionTable) -> tuple[NmpcMemory, Decision]:
-        """Return the first current of a move: at least Γ, for one sample (eqs 25, 26; D8)."""
-        direction = math.copysign(1.0, memory.setpoint_m - here.x)
-        slider, static_n = self.filter.slider, memory.ratio * here.F
-        gamma = breakaway(self.settings.breakaway, slider, table, here.x, direction, here.K, static_n)
-        release = self._clamp(gamma.current_ma)
-        sliding = self.filter.depart(here, direction)
-        memory = replace(memory, motion=Motion.MOVE, stem=sliding, plan_ma=(), corrections=memory.corrections + 1)
-        memory, decision = self._move(memory, sliding, release)
-        push_n = direction * slider.push_n(decision.current_ma, 0.0, 0.0) - direction * here.K * here.x
-        at_limit = direction * (decision.current_ma - release) <= _SAME_MA
-        trial = Trial(here, direction, push_n, at_limit)
-        source = f"table, {gamma.samples} samples" if gamma.samples else "model"
-        why = f"error {1e3 * (memory.setpoint_m - here.x):+.3f} mm; breakaway {gamma.current_ma:.3f} mA ({source})"
-        return replace(memory, trial=trial), replace(decision, reason=why)
-
-    def _move(
-        self, memory: NmpcMemory, here: Sliding, release_ma: float | None = None
-    ) -> tuple[NmpcMemory, Decision]:
-        """Return the first current of the plan; `release_ma` is Γ while the stem still sticks."""
-        s, own, slider = here.direction, self.settings, self.filter.slider
-        # a setpoint that has come to lie behind is for the next move: this one stops where it can
-        target = memory.setpoint_m if s * (memory.setpoint_m - here.x) > 0.0 else here.x
-        middle_n, static_n = here.K * target, memory.ratio * here.F
-        brake = self._clamp(slider.current_ma(middle_n - s * own.brake_share * static_n))
-        weakest = self._clamp(slider.current_ma(middle_n - s * own.brake_limit * here.F))
-        strongest = self.current_high_ma if s > 0.0 else self.current_low_ma
-        release = weakest if release_ma is None else s * max(s * release_ma, s * weakest)
-        course = Course(here.x, here.v, s, target, here.K, here.F, brake, weakest, strongest, release)
-        guess = memory.plan_ma or (release, *(brake,) * (own.approach.control_steps - 1))
-        found = approach(own.approach, slider, self.solver, course, guess, self.period_s)
-        low, high = sorted((release, strongest))
-        if found is None:
-            bounds = Bounds(-math.inf, math.inf, low, high)
-            return replace(memory, plan_ma=()), Decision(release, bounds, Motion.MOVE, 0, "no plan: full braking")
-        limit = found.speed_limit_m_per_s
-        bounds = Bounds(0.0, limit, low, high) if s > 0.0 else Bounds(limit, 0.0, low, high)
-        memory = replace(memory, plan_ma=(*found.inputs_ma[1:], found.inputs_ma[-1]))
-        return memory, Decision(found.inputs_ma[0], bounds, Motion.MOVE, found.passes)
+    def _watch(
+        self,
+        memory: NmpcMemory,
+        before: Resting,
+        after: Resting,
+        measured_m: float,
+        variance_m2: float,
+        sigma_m: float,
+    ) -> tuple[NmpcMemory, StemState]:
+        """Return the memory and the resting stem, with what this reading teaches beside the average."""
+        own = self.settings.watch
+        seen = watch(own, memory.watch, before, measured_m, variance_m2, sigma_m)
+        seen, after, decided = judge(own, seen, before, after, measured_m, variance_m2)
+        if seen.is_surprised(own):
+            # begin the average anew from where the innovations point
+            shift_m = seen.drift * math.sqrt(before.variance_m2 + variance_m2)
+            spread = spread_of(before)
+            after = self.filter.at_rest(before.x + shift_m, shift_m * shift_m + variance_m2, before.load, spread)
+            seen = seen.elsewhere()
+        memory = replace(memory, stem=after, watch=seen)
+        if decided is None:
+            return memory, _report(after)
+        spring, friction_n, _ = after.load
+        taught = lesson(
+            self.filter.slider,
+            self.table_cell_m,
+            decided.origin.x,
+            decided.direction,
+            spring,
+            seen.ratio * friction_n,
+        )
+        return memory, _report(after, taught)
 
     def _recalled(self, memory: NmpcMemory, table: StictionTable) -> NmpcMemory:
         """Return the memory with what the table remembers of K and F_s: after a restart the law is what it was."""
-        stem, own, valve = memory.stem, self.settings.adaptation, self.valve
-        if not isinstance(stem, Resting):
-            return replace(memory, recalled=True)
-        prior = Recollection(
-            valve.spring_rate_n_per_m,
-            valve.static_friction_n,
-            max(own.spring_sigma, 1e-3) * valve.spring_rate_n_per_m,
-            max(own.friction_sigma * valve.static_friction_n, 1.0),
+        stem, sigmas = memory.stem, self.filter.prior_sigmas()
+        assert isinstance(stem, Resting)  # noqa: S101 - control begins at rest
+        load, sigmas = recollect(
+            self.settings.breakaway, self.filter.slider, table, self.filter.nominal, sigmas, memory.watch.ratio
         )
-        past = recollect(self.settings.breakaway, self.filter.slider, table, prior)
-        values = (past.spring_n_per_m, past.static_n / memory.ratio)
-        sigmas = (past.spring_sigma, past.static_sigma / memory.ratio)
-        return replace(memory, stem=self.filter.informed(stem.x, stem.variance_m2, values, sigmas), recalled=True)
+        return replace(memory, stem=self.filter.at_rest(stem.x, stem.variance_m2, load, sigmas))
+
+    def _is_worth_a_move(self, memory: NmpcMemory, here: Resting, setpoint_m: float) -> bool:
+        """Whether the error is beyond tolerance and doubt. A trial is waited for, but not with a new setpoint."""
+        own = self.settings
+        if memory.corrections and memory.watch.trial is not None:
+            return False
+        tolerance_m = own.tolerance_m * (1.0 + own.patience * min(memory.corrections, own.patience_limit))
+        return abs(setpoint_m - here.x) > tolerance_m + own.doubt_sigma * here.sigma_m
+
+    def _hold(self, memory: NmpcMemory, here: Resting, fallback: str = "") -> tuple[NmpcMemory, Decision]:
+        """Return the middle of the stick band, followed in steps only."""
+        middle_ma = self._clamp(self.filter.slider.current_ma(here.load.spring_n_per_m * here.x))
+        held_ma = memory.hold_ma
+        if held_ma is None or abs(middle_ma - held_ma) > self.settings.hold_step_ma:
+            memory, held_ma = replace(memory, hold_ma=middle_ma), middle_ma
+        bounds = Bounds(0.0, 0.0, self.current_low_ma, self.current_high_ma)
+        return memory, Decision(held_ma, bounds, memory.motion, 0, fallback)
+
+    def _start(
+        self, memory: NmpcMemory, here: Resting, setpoint_m: float, table: StictionTable
+    ) -> tuple[NmpcMemory, Decision]:
+        """Return the first current of a move, at least Γ, for one sample (eqs 25, 26; D8).
+
+        The stem stays where no current in the loop frees it, or where the smallest push carries it too far past.
+        """
+        error_m = setpoint_m - here.x
+        direction = math.copysign(1.0, error_m)
+        slider, (spring, friction_n, _) = self.filter.slider, here.load
+        static_n = memory.watch.ratio * friction_n
+        gamma = breakaway(self.settings.breakaway, slider, table, here.x, direction, spring, static_n)
+        if self._clamp(gamma.current_ma) != gamma.current_ma:
+            why = f"setpoint {1e3 * setpoint_m:.2f} mm out of reach: the stem needs {gamma.current_ma:.2f} mA to leave"
+            return self._hold(replace(memory, refused=True), here, "" if memory.refused else why)
+        sliding = self.filter.depart(here, direction)
+        course = self._course(memory, sliding, setpoint_m, gamma.current_ma)
+        if abs(setpoint_m - course.smallest_m(slider, self.period_s)) >= abs(error_m):
+            return self._hold(memory, here)
+        memory = replace(memory, stem=sliding, motion=Motion.MOVE, corrections=memory.corrections + 1)
+        memory, decision = self._follow(memory, course, ())
+        at_limit = direction * (decision.current_ma - gamma.current_ma) <= _SAME_MA
+        memory = replace(memory, watch=replace(memory.watch, trial=Trial(here, direction, at_limit)))
+        why = f"error {1e3 * error_m:+.3f} mm; breakaway {gamma.current_ma:.3f} mA from {gamma.source}"
+        return memory, replace(decision, reason=why)
+
+    def _course(
+        self, memory: NmpcMemory, here: Sliding, setpoint_m: float, release_ma: float | None = None
+    ) -> Course:
+        """Return what the plan is asked for; `release_ma` is Γ while the stem still sticks."""
+        s, (spring, friction_n, _), slider = here.direction, here.load, self.filter.slider
+        # a setpoint that has come to lie behind is for the next move: this one stops where it can
+        target_m = setpoint_m if s * (setpoint_m - here.x) > 0.0 else here.x
+        middle_n, static_n = spring * target_m, memory.watch.ratio * friction_n
+        brake_ma = self._clamp(slider.current_ma(middle_n - s * self.settings.brake_share * static_n))
+        weakest_ma = self._clamp(slider.current_ma(middle_n - s * self.settings.brake_limit * friction_n))
+        strongest_ma = self.current_high_ma if s > 0.0 else self.current_low_ma
+        first_ma = weakest_ma if release_ma is None else s * max(s * release_ma, s * weakest_ma)
+        return Course(here.x, here.v, s, target_m, here.load, brake_ma, weakest_ma, strongest_ma, first_ma)
+
+    def _follow(
+        self, memory: NmpcMemory, course: Course, plan_ma: tuple[float, ...]
+    ) -> tuple[NmpcMemory, Decision]:
+        """Return the first current of the plan for `course`; without a solution the last plan goes on."""
+        own = self.settings.approach
+        guess_ma = plan_ma or (course.release_ma, *(course.brake_ma,) * (own.control_steps - 1))
+        found = approach(own, self.filter.slider, self.solver, course, guess_ma, self.period_s)
+        low_ma, high_ma = sorted((course.release_ma, course.strongest_ma))
+        if found is None:
+            bounds = Bounds(-math.inf, math.inf, low_ma, high_ma)
+            first_ma = min(max(guess_ma[0], low_ma), high_ma)
+            memory = replace(memory, plan_ma=(*guess_ma[1:], course.brake_ma))
+            return memory, Decision(first_ma, bounds, Motion.MOVE, 0, "no plan: the last one goes on")
+        limit = found.speed_limit_m_per_s
+        speeds = (0.0, limit) if course.direction > 0.0 else (limit, 0.0)
+        memory = replace(memory, plan_ma=(*found.inputs_ma[1:], found.inputs_ma[-1]))
+        return memory, Decision(found.inputs_ma[0], Bounds(*speeds, low_ma, high_ma), Motion.MOVE, found.passes)
 
     def _clamp(self, current_ma: float) -> float:
         return min(max(current_ma, self.current_low_ma), self.current_high_ma)
 
 
 _LEAST_NOISE = 1e-6
-"""Of the configured variance: what is never believed of a sensor."""
+"""Of the configured variance: less is never believed of a sensor."""
 _INSTANT_S = 1e-9
 """Rounding of a sum of periods."""
 _SAME_MA = 0.05
 """Currents closer than this push alike."""
 
 
-def _report(stem: Resting | Sliding, taught: tuple[LearnedSample, ...]) -> StemState:
-    """Return the estimate as every other part of the positioner knows it."""
+def _report(stem: Resting | Sliding, *learned: LearnedSample) -> StemState:
+    """Return the estimate as the rest of the positioner knows it."""
     if isinstance(stem, Resting):
-        return StemState(stem.x, 0.0, True, stem.anchor.direction, stem.variance_m2, 0.0, 0.0, 0.0, taught)
-    p = stem.covariance
-    return StemState(
-        stem.x, stem.v, False, stem.direction, float(p[0, 0]), float(p[0, 1]), float(p[1, 1]), 0.0, taught
-    )
+        return StemState(stem.x, 0.0, True, stem.anchor.direction, stem.variance_m2, 0.0, 0.0, 0.0, learned)
+    (xx, xv), (_, vv) = stem.covariance[:2, :2].tolist()
+    return StemState(stem.x, stem.v, False, stem.direction, xx, xv, vv, 0.0, learned)

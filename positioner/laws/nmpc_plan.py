@@ -18,7 +18,9 @@ from positioner.adaptive_slide import STOPPING_TIME_S
 from positioner.qp import QuadraticProgram
 
 if TYPE_CHECKING:
-    from positioner.adaptive_slide import Slider
+    from numpy.typing import NDArray
+
+    from positioner.adaptive_slide import Load, Slider
     from positioner.planner import Solver
 
 
@@ -37,7 +39,7 @@ class ApproachSettings:
     prediction_steps: Annotated[int, Interval(ge=1, le=100)] = 4
     control_steps: Annotated[int, Interval(ge=1, le=100)] = 4
     terminal_factor: Annotated[float, Interval(ge=0.0, le=1e3)] = 3.0
-    input_weight: Annotated[float, Interval(gt=0.0, le=1e3)] = 1e-3
+    input_weight: Annotated[float, Interval(gt=0.0, le=1e3)] = 0.03
     max_passes: Annotated[int, Interval(ge=1, le=50)] = 6
     pass_tolerance_ma: Annotated[float, Interval(gt=0.0, le=1.0)] = 5e-3
 
@@ -48,7 +50,7 @@ class ApproachSettings:
 
 
 class Course(NamedTuple):
-    """A move to be planned: from x (m) and v (m/s) in `direction` (±1) to the target, with K (N/m) and F (N).
+    """A move to be planned: from x (m) and v (m/s) in `direction` (±1) to the target, against `load`.
 
     brake_ma: the current that the stem is to stop under, in the stick band of the target.
     weakest_ma, strongest_ma: the least and the most current, seen in the direction of the move.
@@ -59,25 +61,29 @@ class Course(NamedTuple):
     v: float
     direction: float
     target_m: float
-    spring_n_per_m: float
-    friction_n: float
+    load: Load
     brake_ma: float
     weakest_ma: float
     strongest_ma: float
     release_ma: float
 
+    def smallest_m(self, slider: Slider, period_s: float) -> float:
+        """Return where the smallest push ends: one sample of the least current, then braking."""
+        s, load = self.direction, self.load
+        pushed = slider.flow(self.x, self.v, self.release_ma, load, s, period_s)
+        return slider.flow(pushed.x, pushed.v, self.brake_ma, load, s, STOPPING_TIME_S).x
+
 
 @dataclass(frozen=True, slots=True)
 class Approach:
-    """The plan: inputs (H_u) in mA, the speed bound of the first step in m/s, passes, and whether they converged."""
+    """The plan: inputs (H_u) in mA, the speed bound after the first step in m/s, and the passes it took."""
 
     inputs_ma: tuple[float, ...]
     speed_limit_m_per_s: float
     passes: int
-    converged: bool
 
 
-class _Line(NamedTuple):
+class Line(NamedTuple):
     """The prediction along given inputs: positions (H_p), stopping points (H_p), and their derivatives (H_p, H_u)."""
 
     positions: list[float]
@@ -96,39 +102,38 @@ def approach(
     period_s: float,
 ) -> Approach | None:
     """Return the plan for `course`, or None when a programme was not solved; guess_ma (H_u) starts the passes."""
-    low, high = sorted((course.weakest_ma, course.strongest_ma))
-    first_low, first_high = sorted((course.release_ma, course.strongest_ma))
+    low, high = _limits(course, len(guess_ma))
+    braking = [course.release_ma, *(course.weakest_ma,) * (len(guess_ma) - 1)]
+    if course.direction * (course.smallest_m(slider, period_s) - course.target_m) >= 0.0:
+        # not even the least current stops before the target: a programme would have this one solution
+        line = predict(settings, slider, course, braking, period_s)
+        return Approach(tuple(braking), line.speed_limit, 0)
     inputs = np.clip(guess_ma, low, high)
-    inputs[0] = min(max(inputs[0], first_low), first_high)
-    passes, change = 0, np.inf
-    line = predict(settings, slider, course, inputs.tolist(), period_s)
-    while passes < settings.max_passes and change >= settings.pass_tolerance_ma:
+    for passes in range(1, settings.max_passes + 1):
+        line = predict(settings, slider, course, inputs.tolist(), period_s)
         solution = solver.solve(program(settings, course, line, inputs))
         if solution is None:
             return None
         found = np.clip(solution.z, low, high)
-        found[0] = min(max(found[0], first_low), first_high)
-        passes, change, inputs = passes + 1, abs(float(found[0] - inputs[0])), found
-        if change >= settings.pass_tolerance_ma:
-            line = predict(settings, slider, course, inputs.tolist(), period_s)
-    return Approach(tuple(inputs.tolist()), line.speed_limit, passes, change < settings.pass_tolerance_ma)
+        change, inputs = abs(float(found[0] - inputs[0])), found
+        if change < settings.pass_tolerance_ma:
+            break
+    return Approach(tuple(inputs.tolist()), line.speed_limit, passes)
 
 
 def predict(
     settings: ApproachSettings, slider: Slider, course: Course, inputs_ma: list[float], period_s: float
-) -> _Line:
+) -> Line:
     """Return the exact motion under `inputs_ma` (H_u), the last one held, linearised step by step."""
-    s, K, F, gain = course.direction, course.spring_n_per_m, course.friction_n, slider.gain_n_per_ma
-    count = len(inputs_ma)
-    brake_n = slider.push_n(course.brake_ma, s, F)
+    s, load, gain, count = course.direction, course.load, slider.gain_n_per_ma, len(inputs_ma)
     x, v = course.x, course.v
     x_row, v_row = [0.0] * count, [0.0] * count
-    line = _Line([], [], [], [], 0.0)
+    line = Line([], [], [], [], 0.0)
     limit = 0.0
     for step in range(settings.prediction_steps):
         # Loop invariant: x_row and v_row are the derivatives of x and v to the inputs
         index = min(step, count - 1)
-        move = slider.flow(x, v, slider.push_n(inputs_ma[index], s, F), K, s, period_s)
+        move = slider.flow(x, v, inputs_ma[index], load, s, period_s)
         x_row, v_row = (
             [move.dx_dx * a + move.dx_dv * b for a, b in zip(x_row, v_row, strict=True)],
             [move.dv_dx * a + move.dv_dv * b for a, b in zip(x_row, v_row, strict=True)],
@@ -136,7 +141,7 @@ def predict(
         x_row[index] += move.dx_dq * gain
         v_row[index] += move.dv_dq * gain
         x, v = move.x, move.v
-        stop = slider.flow(x, v, brake_n, K, s, STOPPING_TIME_S)
+        stop = slider.flow(x, v, course.brake_ma, load, s, STOPPING_TIME_S)
         line.positions.append(x)
         line.stops.append(stop.x)
         line.position_rows.append(x_row)
@@ -147,7 +152,7 @@ def predict(
 
 
 def program(
-    settings: ApproachSettings, course: Course, line: _Line, inputs_ma: np.ndarray[tuple[int], np.dtype[np.float64]]
+    settings: ApproachSettings, course: Course, line: Line, inputs_ma: NDArray[np.float64]
 ) -> QuadraticProgram:
     """Return the programme in the inputs (H_u): tracking, the limits of the current, and the H_p stopping points.
 
@@ -160,24 +165,31 @@ def program(
     weights = np.ones(settings.prediction_steps)
     weights[-1] = settings.terminal_factor
     weighted = rows.T * weights
-    errors = (course.target_m - np.array(line.positions)) / unit + rows @ inputs_ma
+    # a target beyond the reach of all currents is nearer for the solver, and the plan is the same
+    wanted = np.clip((course.target_m - np.array(line.positions)) / unit, -_REACH_MA, _REACH_MA)
+    errors = wanted + rows @ inputs_ma
     P = weighted @ rows + settings.input_weight * np.eye(count)
     q = -(weighted @ errors) - settings.input_weight * course.brake_ma
 
     stops = s * np.array(line.stop_rows)
     scale = abs(stops[0, 0]) or 1.0
     stops /= scale
-    low, high = sorted((course.weakest_ma, course.strongest_ma))
-    first_low, first_high = sorted((course.release_ma, course.strongest_ma))
-    braking = np.full(count, course.weakest_ma)
-    braking[0] = course.release_ma
     room = s * (course.target_m - np.array(line.stops)) / scale + stops @ inputs_ma
-    lower, upper = np.full(count + len(stops), -_FREE), np.empty(count + len(stops))
-    lower[:count], upper[:count] = low, high
-    lower[0], upper[0] = first_low, first_high
-    upper[count:] = np.maximum(room, stops @ braking)
+    low, high = _limits(course, count)
+    braking = low if s > 0.0 else high
+    lower = np.concatenate([low, np.full(len(stops), -_FREE)])
+    upper = np.concatenate([high, np.maximum(room, stops @ braking)])
     return QuadraticProgram(P, q, np.vstack([np.eye(count), stops]), lower, upper)
 
 
+def _limits(course: Course, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the lowest and the highest inputs (count,) in mA; the first one starts at Γ."""
+    braking, driving = np.full(count, course.weakest_ma), np.full(count, course.strongest_ma)
+    braking[0] = course.release_ma
+    return (braking, driving) if course.direction > 0.0 else (driving, braking)
+
+
+_REACH_MA = 20.0
+"""No error is worth more current than this."""
 _FREE = 1e6
 """A bound that no row of the programme comes near."""

@@ -10,6 +10,7 @@ from annotated_types import Interval
 from positioner.adaptive_estimate import AdaptationSettings
 from positioner.breakaway import BreakawaySettings
 from positioner.laws.nmpc_plan import ApproachSettings
+from positioner.laws.nmpc_watch import WatchSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,24 +25,19 @@ class NmpcSettings:
     brake_limit: the strongest braking, in F_c: inside the stick band, or the valve would reverse.
     hold_step_ma: change of the middle of the stick band that the held current follows.
     settle_s: after a stop, until readings count as of a resting stem.
-    verdict: log likelihood ratio that decides whether a move has happened.
-    surprise_sigma, surprise_smoothing: smoothed innovation, in its own σ, at which a resting stem must have moved,
-        and the weight of the newest innovation in it.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
-    tolerance_m: Annotated[float, Interval(ge=1e-6, le=0.05)] = 1.5e-4
-    doubt_sigma: Annotated[float, Interval(ge=0.0, le=20.0)] = 2.5
+    tolerance_m: Annotated[float, Interval(ge=1e-6, le=0.05)] = 5e-5
+    doubt_sigma: Annotated[float, Interval(ge=0.0, le=20.0)] = 3.5
     patience: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.15
     patience_limit: Annotated[int, Interval(ge=0, le=1000)] = 10
     brake_share: Annotated[float, Interval(ge=0.0, lt=1.0)] = 0.25
     brake_limit: Annotated[float, Interval(ge=0.0, lt=1.0)] = 0.8
     hold_step_ma: Annotated[float, Interval(ge=0.0, le=16.0)] = 0.4
     settle_s: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.003
-    verdict: Annotated[float, Interval(gt=0.0, le=100.0)] = 4.0
-    surprise_sigma: Annotated[float, Interval(ge=3.0, le=20.0)] = 5.0
-    surprise_smoothing: Annotated[float, Interval(gt=0.0, le=1.0)] = 0.1
     approach: ApproachSettings = field(default_factory=ApproachSettings)
     adaptation: AdaptationSettings = field(default_factory=AdaptationSettings)
     breakaway: BreakawaySettings = field(default_factory=BreakawaySettings)
+    watch: WatchSettings = field(default_factory=WatchSettings)

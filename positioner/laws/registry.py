@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from positioner.adaptive_estimate import AdaptiveFilter
-from positioner.adaptive_slide import slider_of
+from positioner.adaptive_slide import load_of, slider_of
 from positioner.laws.nmpc import NmpcLaw
 from positioner.laws.paper import PaperLaw
 
@@ -58,13 +58,12 @@ def _nmpc(parts: Ingredients) -> NmpcLaw:
         valve=valve,
         settings=settings,
         estimator=parts.estimator,
-        filter=AdaptiveFilter(
-            settings.adaptation, slider_of(valve), valve.spring_rate_n_per_m, valve.coulomb_friction_n
-        ),
+        filter=AdaptiveFilter(settings.adaptation, slider_of(valve), load_of(valve)),
         solver=parts.make_solver(steps.control_steps, steps.control_steps + steps.prediction_steps),
         current_low_ma=parts.guard.current_low_ma,
         current_high_ma=parts.guard.current_high_ma,
         period_s=parts.control.sample_period_s,
+        table_from_s=parts.control.table_from_s,
         table_cell_m=parts.control.table_cell_m,
     )
 

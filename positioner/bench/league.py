@@ -1,0 +1,161 @@
+"""The league: every law on every plant with every seed, in process, on all cores, resumable. Shell.
+
+A bout is one law on one plant with one seed. It runs `run_in_process`, that is the daemon's own cycle on the daemon's
+own frames, and its result is kept in a file: a league that was interrupted goes on where it stopped, and a bout whose
+code has changed since is played again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tqdm import tqdm
+
+import plant_emulator
+import positioner
+from positioner.bench import metrics
+from positioner.bench.conditions import CONDITIONS, Condition, check_setpoints
+from positioner.bench.inprocess import run_in_process
+from positioner.bench.scenario import Scenario
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+SETPOINTS_MM = (73.0, 87.0, 80.0, 73.0, 87.0, 80.0, 73.5, 81.5, 83.0, 75.0, 85.5, 77.0)
+"""Large, middling and small steps in both directions, all of them where every plant can restart both ways."""
+
+SPAN_M = 0.127
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeagueSettings:
+    """What is played: laws × conditions × seeds, with these setpoints, this long each, at this period."""
+
+    laws: tuple[str, ...]
+    conditions: tuple[str, ...]
+    seeds: tuple[int, ...]
+    setpoints_mm: tuple[float, ...] = SETPOINTS_MM
+    dwell_s: float = 5.0
+    period_s: float = 0.001
+
+    def bouts(self) -> Iterator[Bout]:
+        """Yield every bout, the slow laws first, so that the cores end together."""
+        for law in sorted(self.laws, key=lambda name: not name.startswith(("paper", "nmpc"))):
+            for condition in self.conditions:
+                for seed in self.seeds:
+                    yield Bout(law, condition, seed, self.setpoints_mm, self.dwell_s, self.period_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Bout:
+    """One law on one plant with one seed."""
+
+    law: str
+    condition: str
+    seed: int
+    setpoints_mm: tuple[float, ...]
+    dwell_s: float
+    period_s: float
+
+    @property
+    def key(self) -> str:
+        """A name for the file of its result, which changes with everything that the result depends on but the code."""
+        told = json.dumps(asdict(self)).encode()
+        return f"{self.law}-{self.condition}-{self.seed}-{hashlib.sha256(told).hexdigest()[:10]}"
+
+    @property
+    def scenario(self) -> Scenario:
+        """The bout as a bench would play it."""
+        return Scenario(
+            name=f"league-{self.condition}"[:40],
+            title=f"{self.law} on {self.condition}",
+            law=self.law,
+            seed=self.seed,
+            sample_period_s=self.period_s,
+            setpoint_period_s=10.0 * self.period_s,
+            setpoints_mm=self.setpoints_mm,
+            dwell_s=self.dwell_s,
+            plant=condition_named(self.condition).overrides,
+        )
+
+
+def condition_named(name: str) -> Condition:
+    """Return the condition of that name."""
+    return next(condition for condition in CONDITIONS if condition.name == name)
+
+
+def play(bout: Bout) -> tuple[metrics.DwellMetrics, ...]:
+    """Return the figures of every dwell of a bout."""
+    scenario = bout.scenario
+    recording = run_in_process(scenario).recording
+    trace = metrics.Trace(
+        time_s=recording.time_s,
+        position_m=recording.true_position_m,
+        setpoint_m=recording.setpoint_m,
+        current_ma=recording.current_ma,
+    )
+    return metrics.dwell_metrics(trace, scenario.dwell_edges_s, SPAN_M)
+
+
+def play_league(
+    settings: LeagueSettings, folder: Path, workers: int | None = None
+) -> dict[Bout, tuple[metrics.DwellMetrics, ...]]:
+    """Return the figures of every bout; those already in `folder` for this very code are not played again.
+
+    Raises:
+        ConfigurationError: a setpoint from which some plant cannot be restarted.
+    """
+    check_setpoints(settings.setpoints_mm, tuple(condition_named(name) for name in settings.conditions))
+    folder.mkdir(parents=True, exist_ok=True)
+    code = code_digest()
+    played: dict[Bout, tuple[metrics.DwellMetrics, ...]] = {}
+    open_bouts: list[Bout] = []
+    for bout in settings.bouts():
+        known = _stored(folder / f"{bout.key}.json", code)
+        if known is None:
+            open_bouts.append(bout)
+        else:
+            played[bout] = known
+    with tqdm(total=len(played) + len(open_bouts), initial=len(played), unit=" bouts", disable=None) as bar:
+        context = get_context("spawn")  # a fork would copy the solver's and the threads' state
+        with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=context) as pool:
+            waiting = {pool.submit(play, bout): bout for bout in open_bouts}
+            for future in as_completed(waiting):
+                bout = waiting[future]
+                played[bout] = future.result()
+                _store(folder / f"{bout.key}.json", code, played[bout])
+                bar.set_postfix_str(f"{bout.law} on {bout.condition}")
+                bar.update()
+    return {bout: played[bout] for bout in settings.bouts()}
+
+
+def code_digest() -> str:
+    """Return a digest of everything that a bout's result depends on: our sources, presets and tuned parameters."""
+    digest = hashlib.sha256()
+    for package in (positioner, plant_emulator):
+        root = Path(str(package.__file__)).parent
+        for path in sorted(root.rglob("*")):
+            if path.suffix in {".py", ".toml", ".dbc"} and not {"cli", "store"} & set(path.relative_to(root).parts):
+                digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+def _stored(path: Path, code: str) -> tuple[metrics.DwellMetrics, ...] | None:
+    try:
+        stored: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        if stored["code"] != code:
+            return None
+        return tuple(metrics.DwellMetrics(**dwell) for dwell in stored["dwells"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None  # not played yet, or cut off while it was written
+
+
+def _store(path: Path, code: str, dwells: tuple[metrics.DwellMetrics, ...]) -> None:
+    path.write_text(json.dumps({"code": code, "dwells": [asdict(dwell) for dwell in dwells]}), encoding="utf-8")

@@ -1,0 +1,136 @@
+"""The league's standings: figures of each law on each plant, with their uncertainty. Pure.
+
+The interval is a percentile bootstrap over dwells (Efron and Tibshirani, 1993), 95 %, with a fixed seed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from statistics import fmean, median
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from positioner.bench.limit import optimal_move
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from plant_emulator.parameters import PlantSettings
+    from positioner.bench.league import Bout
+    from positioner.bench.metrics import DwellMetrics
+
+_RESAMPLES = 2000
+_NEVER_S = 1e9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Standing:
+    """One law on one plant, over all seeds and dwells; errors in percent of span, see `metrics` for definitions."""
+
+    law: str
+    condition: str
+    dwells: int
+    mean_error_pct: float
+    mean_error_low_pct: float
+    mean_error_high_pct: float
+    worst_dwell_pct: float
+    median_settle_1pct_s: float | None
+    unsettled: int
+    limit_cycles: int
+    travel_ratio: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LawSummary:
+    """One law over all plants; `error_ratio` is its worst plant's mean error over that of the reference law."""
+
+    law: str
+    nominal_error_pct: float
+    worst_condition: str
+    worst_condition_error_pct: float
+    worst_dwell_pct: float
+    unsettled: int
+    limit_cycles: int
+    median_settle_1pct_s: float | None
+    settle_ratio: float | None
+    travel_ratio: float
+    error_ratio: float | None
+
+
+def standings(played: Mapping[Bout, Sequence[DwellMetrics]]) -> tuple[Standing, ...]:
+    """Return one standing for each law and plant, in the order in which they were played."""
+    cells: dict[tuple[str, str], list[DwellMetrics]] = {}
+    for bout, dwells in played.items():
+        cells.setdefault((bout.law, bout.condition), []).extend(dwells)
+    return tuple(_standing(law, condition, dwells) for (law, condition), dwells in cells.items())
+
+
+def _standing(law: str, condition: str, dwells: list[DwellMetrics]) -> Standing:
+    errors = np.array([dwell.mean_abs_error_pct for dwell in dwells])
+    low, high = bootstrap_interval(errors)
+    return Standing(
+        law=law,
+        condition=condition,
+        dwells=len(dwells),
+        mean_error_pct=float(errors.mean()),
+        mean_error_low_pct=low,
+        mean_error_high_pct=high,
+        worst_dwell_pct=float(errors.max()),
+        median_settle_1pct_s=_median_settle_s(dwells),
+        unsettled=sum(dwell.settle_1pct_s is None for dwell in dwells),
+        limit_cycles=sum(dwell.limit_cycle for dwell in dwells),
+        travel_ratio=sum(dwell.travel_mm for dwell in dwells) / sum(dwell.ideal_travel_mm for dwell in dwells),
+    )
+
+
+def bootstrap_interval(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> tuple[float, float]:
+    """Return the 95 % percentile bootstrap interval of the mean of `values` (n,)."""
+    rng = np.random.default_rng(0)
+    means = rng.choice(values, size=(_RESAMPLES, values.size)).mean(axis=1)
+    low, high = np.percentile(means, (2.5, 97.5))
+    return float(low), float(high)
+
+
+def summaries(
+    table: Sequence[Standing], optimal_rest_s: float | None, reference: str = "nmpc"
+) -> tuple[LawSummary, ...]:
+    """Return one summary for each law, the best first; `optimal_rest_s` is the limit's nominal median time."""
+    laws = dict.fromkeys(standing.law for standing in table)
+    worst = {law: max((s for s in table if s.law == law), key=lambda s: s.mean_error_pct) for law in laws}
+    ours = worst[reference].mean_error_pct if reference in worst else None
+    found = []
+    for law in laws:
+        rows = [standing for standing in table if standing.law == law]
+        nominal = next((row for row in rows if row.condition == "nominal"), rows[0])
+        settle_s = nominal.median_settle_1pct_s
+        found.append(
+            LawSummary(
+                law=law,
+                nominal_error_pct=nominal.mean_error_pct,
+                worst_condition=worst[law].condition,
+                worst_condition_error_pct=worst[law].mean_error_pct,
+                worst_dwell_pct=max(row.worst_dwell_pct for row in rows),
+                unsettled=sum(row.unsettled for row in rows),
+                limit_cycles=sum(row.limit_cycles for row in rows),
+                median_settle_1pct_s=settle_s,
+                settle_ratio=settle_s / optimal_rest_s if settle_s and optimal_rest_s else None,
+                travel_ratio=fmean(row.travel_ratio for row in rows),
+                error_ratio=worst[law].mean_error_pct / ours if ours else None,
+            )
+        )
+    return tuple(sorted(found, key=lambda summary: summary.worst_condition_error_pct))
+
+
+def optimal_median_s(settings: PlantSettings, setpoints_mm: Sequence[float]) -> tuple[float, float]:
+    """Return the time-optimal medians over the dwells on a plant, in s: until the 1 % band, and until rest."""
+    starts = (settings.valve.initial_position_m * 1e3, *setpoints_mm[:-1])
+    pairs = zip(starts, setpoints_mm, strict=True)
+    moves = [optimal_move(settings, start * 1e-3, end * 1e-3) for start, end in pairs if start != end]
+    return median(move.settle_1pct_s for move in moves), median(move.rest_s for move in moves)
+
+
+def _median_settle_s(dwells: Sequence[DwellMetrics]) -> float | None:
+    """Return the median settling time in s; a dwell that never settles counts as later than all others."""
+    middle = median(_NEVER_S if dwell.settle_1pct_s is None else dwell.settle_1pct_s for dwell in dwells)
+    return None if middle >= _NEVER_S / 2.0 else middle

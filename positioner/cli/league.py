@@ -1,0 +1,99 @@
+"""`positioner league`: all laws on all plants. Shell."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from positioner.errors import ExitCode, UsageError
+from positioner.laws.registry import LAWS
+
+_EPILOG = """\
+examples:
+  positioner league                                    every law, every plant, seeds 101 to 103, 1 kHz
+  positioner league --short                            a minute's worth of it
+  positioner league --laws nmpc,paper --period 0.0001 --seeds 101 --dwell 2
+
+An interrupted league goes on where it stopped. It leaves league.json, league.md and league.png in the output directory.
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the sub-command."""
+    parser = subparsers.add_parser(
+        "league",
+        help="compare all laws on all plants",
+        description="Compare control laws on the nominal valve and on valves that differ from what the laws believe.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--laws", metavar="A,B,…", help=f"laws (all: {', '.join(LAWS)})")
+    parser.add_argument("--scenarios", metavar="A,B,…", help="plants (all)")
+    parser.add_argument("--seeds", metavar="N,M,…", default="101,102,103", help="seeds (%(default)s)")
+    parser.add_argument("--setpoints", metavar="MM,MM,…", help="setpoints in mm instead of the usual twelve")
+    parser.add_argument("--dwell", type=float, default=5.0, metavar="S", help="length of a dwell (%(default)s s)")
+    parser.add_argument("--period", type=float, default=0.001, metavar="S", help="sample period (%(default)s s)")
+    parser.add_argument("--short", action="store_true", help="three laws, two plants, one seed, four dwells of 1 s")
+    parser.add_argument("--workers", type=int, metavar="N", help="processes (one a core)")
+    parser.add_argument(
+        "--out", type=Path, default=Path("league"), metavar="DIR", help="output directory (%(default)s)"
+    )
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> ExitCode:
+    # matplotlib and the plant are needed here only
+    from positioner.bench.conditions import CONDITIONS  # noqa: PLC0415
+    from positioner.bench.league import SETPOINTS_MM, LeagueSettings, condition_named, play_league  # noqa: PLC0415
+    from positioner.bench.league_page import LeaguePage, to_markdown, write_page  # noqa: PLC0415
+    from positioner.bench.standings import optimal_median_s, standings, summaries  # noqa: PLC0415
+
+    names = tuple(condition.name for condition in CONDITIONS)
+    settings = LeagueSettings(
+        laws=_chosen("law", arguments.laws, tuple(LAWS)),
+        conditions=_chosen("scenario", arguments.scenarios, names),
+        seeds=tuple(int(_number("seed", seed)) for seed in arguments.seeds.split(",")),
+        setpoints_mm=tuple(_number("setpoint", value) for value in arguments.setpoints.split(","))
+        if arguments.setpoints
+        else SETPOINTS_MM,
+        dwell_s=arguments.dwell,
+        period_s=arguments.period,
+    )
+    if arguments.short:
+        settings = LeagueSettings(
+            laws=("nmpc", "paper", "pi"),
+            conditions=("nominal", "friction+20"),
+            seeds=(101,),
+            setpoints_mm=SETPOINTS_MM[:4],
+            dwell_s=1.0,
+        )
+    played = play_league(settings, arguments.out / "bouts", arguments.workers)
+    table = standings(played)
+    settle_s, rest_s = optimal_median_s(condition_named("nominal").settings, settings.setpoints_mm)
+    page = LeaguePage(
+        settings=settings,
+        summaries=summaries(table, rest_s),
+        standings=table,
+        optimal_settle_1pct_s=settle_s,
+        optimal_rest_s=rest_s,
+    )
+    write_page(arguments.out, page)
+    sys.stdout.write(to_markdown(page))
+    sys.stdout.write(f"\n{arguments.out}: league.json, league.md, league.png\n")
+    return ExitCode.OK
+
+
+def _chosen(what: str, given: str | None, known: tuple[str, ...]) -> tuple[str, ...]:
+    names = tuple(given.split(",")) if given else known
+    for name in names:
+        if name not in known:
+            raise UsageError(f"{what} '{name}' is unknown; known: {', '.join(known)}")
+    return names
+
+
+def _number(what: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"{what} '{text}' is no number") from None

@@ -1,0 +1,588 @@
+"""The guard: every transition and its cause, arming, ages, and the last word on the current, whatever the law says."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+
+from positioner import cycle
+from positioner.bounds import Bounds
+from positioner.errors import ConfigurationError
+from positioner.estimate import StemState
+from positioner.guard import (
+    FailsafeAction,
+    GuardSettings,
+    GuardState,
+    Sighting,
+    admit,
+    is_feedback_stale,
+    supervise,
+)
+from positioner.laws.law import Decision, Observation
+from positioner.model import ValveParameters
+from positioner.settings import build
+from positioner.wire.codec import make_codec
+from positioner.wire.messages import (
+    CanFrame,
+    Cause,
+    CurrentCommand,
+    Health,
+    HostRequest,
+    Mode,
+    PositionerStatus,
+    Quality,
+    Setpoint,
+    StemPosition,
+)
+
+if TYPE_CHECKING:
+    from positioner.stiction import StictionTable
+
+PERIOD_S = 0.001
+MS = 1_000_000
+SECOND = 1000 * MS
+SETTINGS = GuardSettings()
+EVERYTHING = Sighting(feedback=True, setpoint=True)
+ARM = Sighting(feedback=True, setpoint=True, request=HostRequest.ARM)
+DISARM = Sighting(feedback=True, setpoint=True, request=HostRequest.DISARM)
+NOTHING = Sighting()
+
+
+def watch(
+    state: GuardState, seen: Sighting, now_ns: int, tuning: GuardSettings = SETTINGS, period_s: float = PERIOD_S
+) -> GuardState:
+    return supervise(tuning, state, seen, period_s, now_ns)
+
+
+def ready_at(now_ns: int, tuning: GuardSettings = SETTINGS) -> GuardState:
+    return watch(GuardState(), EVERYTHING, now_ns, tuning)
+
+
+def active_at(now_ns: int, tuning: GuardSettings = SETTINGS) -> GuardState:
+    return watch(ready_at(now_ns, tuning), ARM, now_ns, tuning)
+
+
+def told(state: GuardState) -> tuple[Mode, Cause]:
+    return state.mode, state.cause
+
+
+# modes and causes
+
+
+def test_it_boots_silent_and_waits_for_feedback() -> None:
+    state = watch(GuardState(), Sighting(setpoint=True), SECOND)
+    assert told(state) == (Mode.INIT, Cause.WAITING_FOR_FEEDBACK)
+    assert not state.transmits
+    assert not state.controls
+
+
+def test_feedback_makes_it_ready_and_nothing_more() -> None:
+    state = ready_at(SECOND)
+    assert told(state) == (Mode.READY, Cause.WAITING_FOR_ARM)
+    assert not state.transmits
+
+
+def test_arming_makes_it_active() -> None:
+    state = active_at(SECOND)
+    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+    assert state.transmits
+    assert state.controls
+
+
+def test_feedback_that_ends_before_arming_leads_back_to_the_beginning() -> None:
+    state = ready_at(SECOND)
+    assert told(watch(state, NOTHING, SECOND + 10 * MS)) == (Mode.READY, Cause.WAITING_FOR_ARM)
+    assert told(watch(state, NOTHING, SECOND + 10 * MS + 1)) == (Mode.INIT, Cause.WAITING_FOR_FEEDBACK)
+
+
+@pytest.mark.parametrize(
+    ("age_ns", "expected"),
+    [
+        (3 * MS, (Mode.ACTIVE, Cause.NONE)),
+        (3 * MS + 1, (Mode.HOLD, Cause.FEEDBACK_STALE)),
+        (10 * MS, (Mode.HOLD, Cause.FEEDBACK_STALE)),
+        (10 * MS + 1, (Mode.FAILSAFE, Cause.FEEDBACK_STALE)),
+    ],
+)
+def test_feedback_ages_in_sample_periods(age_ns: int, expected: tuple[Mode, Cause]) -> None:
+    assert told(watch(active_at(SECOND), Sighting(setpoint=True), SECOND + age_ns)) == expected
+    # the same number of longer periods
+    state = supervise(SETTINGS, active_at(SECOND), Sighting(setpoint=True), 0.1, SECOND + 100 * age_ns)
+    assert told(state) == expected
+
+
+@pytest.mark.parametrize(
+    ("age_ns", "expected"),
+    [
+        (500 * MS, (Mode.ACTIVE, Cause.NONE)),
+        (500 * MS + 1, (Mode.HOLD, Cause.SETPOINT_STALE)),
+        (10 * SECOND, (Mode.HOLD, Cause.SETPOINT_STALE)),
+        (10 * SECOND + 1, (Mode.FAILSAFE, Cause.SETPOINT_STALE)),
+    ],
+)
+def test_the_setpoint_ages_in_seconds(age_ns: int, expected: tuple[Mode, Cause]) -> None:
+    assert told(watch(active_at(SECOND), Sighting(feedback=True), SECOND + age_ns)) == expected
+
+
+def test_a_hold_ends_when_what_was_missing_comes_back() -> None:
+    held = watch(active_at(SECOND), NOTHING, SECOND + 5 * MS)
+    assert held.mode is Mode.HOLD
+    assert told(watch(held, EVERYTHING, SECOND + 6 * MS)) == (Mode.ACTIVE, Cause.NONE)
+
+
+def test_zero_means_that_a_setpoint_never_ages() -> None:
+    for tuning, expected in (
+        (GuardSettings(setpoint_hold_s=0.0, setpoint_failsafe_s=0.0), Mode.ACTIVE),
+        (GuardSettings(setpoint_failsafe_s=0.0), Mode.HOLD),
+        (GuardSettings(setpoint_hold_s=0.0), Mode.FAILSAFE),
+    ):
+        assert watch(active_at(SECOND, tuning), Sighting(feedback=True), 10**13, tuning).mode is expected
+
+
+def test_a_law_that_keeps_failing_fails_safe() -> None:
+    almost = replace(active_at(SECOND), law_failures=9)
+    assert watch(almost, EVERYTHING, SECOND + MS).mode is Mode.ACTIVE
+    enough = replace(almost, law_failures=10)
+    assert told(watch(enough, EVERYTHING, SECOND + MS)) == (Mode.FAILSAFE, Cause.LAW_FAILED)
+
+
+def test_failsafe_is_latched_with_its_cause() -> None:
+    state = watch(active_at(SECOND), NOTHING, SECOND + 11 * MS)
+    for later in range(12, 2000, 7):
+        state = watch(state, EVERYTHING, SECOND + later * MS)
+        assert told(state) == (Mode.FAILSAFE, Cause.FEEDBACK_STALE)
+    assert state.transmits
+    assert not state.controls
+
+
+def test_what_is_missing_longest_is_not_what_counts_but_what_is_worst() -> None:
+    late = SECOND + 11 * SECOND
+    state = watch(active_at(SECOND), NOTHING, late)
+    assert told(state) == (Mode.FAILSAFE, Cause.FEEDBACK_STALE)
+    state = watch(active_at(SECOND), Sighting(feedback=True), SECOND + 600 * MS)
+    assert told(watch(state, NOTHING, SECOND + 604 * MS)) == (Mode.HOLD, Cause.FEEDBACK_STALE)
+
+
+# arming
+
+
+def test_a_request_counts_when_it_changes() -> None:
+    state = watch(active_at(SECOND), DISARM, SECOND + MS)
+    assert told(state) == (Mode.READY, Cause.DISARMED)
+    assert not state.armed
+    state = watch(state, DISARM, SECOND + 2 * MS)
+    state = watch(state, ARM, SECOND + 3 * MS)
+    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+    state = watch(state, ARM, SECOND + 4 * MS)
+    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+
+
+def test_a_request_that_is_held_does_not_rearm_after_a_failsafe() -> None:
+    state = watch(active_at(SECOND), NOTHING, SECOND + 11 * MS)
+    state = watch(state, ARM, SECOND + 12 * MS)
+    assert state.mode is Mode.FAILSAFE
+    released = Sighting(feedback=True, setpoint=True, request=HostRequest.NONE)
+    state = watch(state, released, SECOND + 13 * MS)
+    assert state.mode is Mode.FAILSAFE
+    state = watch(state, ARM, SECOND + 14 * MS)
+    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+
+
+def test_a_batch_without_a_request_changes_no_request() -> None:
+    state = watch(active_at(SECOND), EVERYTHING, SECOND + MS)
+    assert state.request is HostRequest.ARM
+
+
+def test_arming_needs_fresh_feedback() -> None:
+    state = ready_at(SECOND)
+    asked = Sighting(setpoint=True, request=HostRequest.ARM)
+    assert watch(state, asked, SECOND + 3 * MS).armed
+    assert not watch(state, asked, SECOND + 3 * MS + 1).armed
+    assert not watch(GuardState(), asked, SECOND).armed
+
+
+def test_arming_starts_the_age_of_the_setpoint_anew() -> None:
+    quiet = Sighting(feedback=True)
+    state = watch(ready_at(SECOND), quiet, SECOND + 60 * SECOND)
+    state = watch(state, Sighting(feedback=True, request=HostRequest.ARM), 61 * SECOND + MS)
+    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+    assert told(watch(state, quiet, 61 * SECOND + 502 * MS)) == (Mode.HOLD, Cause.SETPOINT_STALE)
+
+
+def test_asking_again_while_armed_does_not_refresh_the_setpoint() -> None:
+    held = watch(active_at(SECOND), Sighting(feedback=True, request=HostRequest.NONE), SECOND + 600 * MS)
+    assert held.mode is Mode.HOLD
+    again = watch(held, Sighting(feedback=True, request=HostRequest.ARM), SECOND + 601 * MS)
+    assert told(again) == (Mode.HOLD, Cause.SETPOINT_STALE)
+
+
+def test_disarming_works_in_every_mode_and_silences() -> None:
+    held = watch(active_at(SECOND), NOTHING, SECOND + 5 * MS)
+    failed = watch(active_at(SECOND), NOTHING, SECOND + 11 * MS)
+    for state in (ready_at(SECOND), active_at(SECOND), held, failed):
+        off = watch(state, DISARM, SECOND + 12 * MS)
+        assert not off.armed
+        assert not off.transmits
+        assert off.mode is Mode.READY
+
+
+def test_a_disarmed_positioner_says_so() -> None:
+    state = watch(active_at(SECOND), DISARM, SECOND + MS)
+    assert told(watch(state, EVERYTHING, SECOND + 2 * MS)) == (Mode.READY, Cause.DISARMED)
+    assert told(watch(state, NOTHING, SECOND + 20 * MS)) == (Mode.INIT, Cause.WAITING_FOR_FEEDBACK)
+
+
+def test_auto_arm_arms_once_at_the_first_feedback() -> None:
+    tuning = GuardSettings(auto_arm=True)
+    assert not watch(GuardState(), Sighting(setpoint=True), SECOND, tuning).armed
+    state = watch(GuardState(), Sighting(feedback=True), SECOND, tuning)
+    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+    failed = watch(state, NOTHING, SECOND + 11 * MS, tuning)
+    assert watch(failed, EVERYTHING, SECOND + 12 * MS, tuning).mode is Mode.FAILSAFE
+    off = watch(state, DISARM, SECOND + MS, tuning)
+    assert watch(off, EVERYTHING, SECOND + 2 * MS, tuning).mode is Mode.READY
+
+
+# foreign commands
+
+
+FOREIGN = Sighting(feedback=True, setpoint=True, foreign_command=True)
+
+
+def test_a_foreign_command_forbids_the_first_arming_for_a_second() -> None:
+    tuning = GuardSettings(auto_arm=True)
+    state = watch(GuardState(), FOREIGN, SECOND, tuning)
+    assert told(state) == (Mode.READY, Cause.FOREIGN_COMMAND)
+    assert watch(state, EVERYTHING, 2 * SECOND, tuning).mode is Mode.READY
+    assert watch(state, EVERYTHING, 2 * SECOND + 1, tuning).mode is Mode.ACTIVE
+
+
+def test_a_foreign_command_while_armed_is_told_and_does_not_stop_control() -> None:
+    state = watch(active_at(SECOND), FOREIGN, SECOND + MS)
+    assert told(state) == (Mode.ACTIVE, Cause.FOREIGN_COMMAND)
+    assert state.health(table_saved=True) is Health.FAILURE
+    state = watch(state, EVERYTHING, 2 * SECOND + MS)
+    assert state.cause is Cause.FOREIGN_COMMAND
+    assert told(watch(state, EVERYTHING, 2 * SECOND + MS + 1)) == (Mode.ACTIVE, Cause.NONE)
+
+
+# health
+
+
+@pytest.mark.parametrize(
+    ("mode", "saved", "expected"),
+    [
+        (Mode.INIT, True, Health.FUNCTION_CHECK),
+        (Mode.READY, True, Health.FUNCTION_CHECK),
+        (Mode.ACTIVE, True, Health.GOOD),
+        (Mode.ACTIVE, False, Health.MAINTENANCE_REQUIRED),
+        (Mode.HOLD, False, Health.OUT_OF_SPECIFICATION),
+        (Mode.FAILSAFE, True, Health.FAILURE),
+    ],
+)
+def test_health_is_the_ne_107_signal_of_the_mode(mode: Mode, saved: bool, expected: Health) -> None:  # noqa: FBT001
+    assert GuardState(mode).health(table_saved=saved) is expected
+
+
+# staleness
+
+
+def test_feedback_is_stale_after_what_hold_tolerates() -> None:
+    state = ready_at(SECOND)
+    assert not is_feedback_stale(SETTINGS, state, PERIOD_S, SECOND + 3 * MS)
+    assert is_feedback_stale(SETTINGS, state, PERIOD_S, SECOND + 3 * MS + 1)
+    assert not is_feedback_stale(SETTINGS, GuardState(), PERIOD_S, 10**15)
+
+
+# the last word
+
+
+@pytest.mark.parametrize("mode", [Mode.INIT, Mode.READY])
+def test_nothing_leaves_before_arming(mode: Mode) -> None:
+    assert admit(SETTINGS, GuardState(mode), 12.0, 12.0, PERIOD_S) is None
+
+
+@pytest.mark.parametrize("mode", [Mode.ACTIVE, Mode.HOLD])
+def test_a_current_inside_the_limits_passes(mode: Mode) -> None:
+    assert admit(SETTINGS, GuardState(mode), 12.345, 4.0, PERIOD_S) == 12.345
+
+
+@pytest.mark.parametrize(("wanted_ma", "expected_ma"), [(20.1, 20.0), (3.9, 4.0), (-1e300, 4.0), (1e300, 20.0)])
+def test_a_current_beyond_the_limits_is_cut_off(wanted_ma: float, expected_ma: float) -> None:
+    assert admit(SETTINGS, GuardState(Mode.ACTIVE), wanted_ma, 12.0, PERIOD_S) == expected_ma
+
+
+@pytest.mark.parametrize("wanted_ma", [None, math.nan, math.inf, -math.inf])
+def test_without_a_number_the_last_current_stays(wanted_ma: float | None) -> None:
+    assert admit(SETTINGS, GuardState(Mode.ACTIVE), wanted_ma, 12.0, PERIOD_S) == 12.0
+    assert admit(SETTINGS, GuardState(Mode.ACTIVE), wanted_ma, 1.57, PERIOD_S) == 4.0
+
+
+@pytest.mark.parametrize(
+    ("wanted_ma", "elapsed_s", "expected_ma"),
+    [(20.0, 0.001, 12.5), (4.0, 0.001, 11.5), (12.4, 0.001, 12.4), (20.0, 0.01, 17.0), (20.0, 1.0, 20.0), (20.0, 0.0, 12.0)],
+)
+def test_a_rate_limit_holds_both_ways(wanted_ma: float, elapsed_s: float, expected_ma: float) -> None:
+    tuning = GuardSettings(max_rate_ma_per_s=500.0)
+    assert admit(tuning, GuardState(Mode.ACTIVE), wanted_ma, 12.0, elapsed_s) == pytest.approx(expected_ma)
+
+
+@pytest.mark.parametrize(
+    ("action", "expected_ma"),
+    [
+        (FailsafeAction.LOW, 4.0),
+        (FailsafeAction.HIGH, 20.0),
+        (FailsafeAction.CURRENT, 7.5),
+        (FailsafeAction.HOLD, 12.0),
+    ],
+)
+def test_failsafe_commands_what_was_chosen_whatever_the_law_wants(action: FailsafeAction, expected_ma: float) -> None:
+    tuning = GuardSettings(failsafe_action=action, failsafe_current_ma=7.5, max_rate_ma_per_s=1.0)
+    assert admit(tuning, GuardState(Mode.FAILSAFE), 18.0, 12.0, PERIOD_S) == expected_ma
+
+
+def test_a_failsafe_that_holds_stays_inside_the_limits() -> None:
+    tuning = GuardSettings(failsafe_action=FailsafeAction.HOLD)
+    assert admit(tuning, GuardState(Mode.FAILSAFE), None, 1.57, PERIOD_S) == 4.0
+    assert admit(tuning, GuardState(Mode.FAILSAFE), None, 25.0, PERIOD_S) == 20.0
+
+
+@given(
+    st.sampled_from(list(Mode)),
+    st.one_of(st.none(), st.floats()),
+    st.floats(0.0, 25.0),
+    st.floats(0.0, 1.0),
+    st.sampled_from([0.0, 10.0]),
+    st.sampled_from(list(FailsafeAction)),
+)
+def test_what_leaves_is_inside_the_limits_whatever_happens(
+    mode: Mode, wanted_ma: float | None, last_ma: float, elapsed_s: float, rate: float, action: FailsafeAction
+) -> None:
+    tuning = GuardSettings(
+        current_low_ma=3.9, current_high_ma=20.4, max_rate_ma_per_s=rate, failsafe_action=action, failsafe_current_ma=9.0
+    )
+    left_ma = admit(tuning, GuardState(mode), wanted_ma, last_ma, elapsed_s)
+    if left_ma is None:
+        assert mode in {Mode.INIT, Mode.READY}
+    else:
+        assert mode not in {Mode.INIT, Mode.READY}
+        assert 3.9 <= left_ma <= 20.4
+
+
+# settings
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"current_low_ma": 12.0, "current_high_ma": 12.0}, "current_low_ma must be below"),
+        ({"feedback_hold_periods": 10}, "feedback_failsafe_periods must exceed"),
+        ({"setpoint_hold_s": 10.0}, "setpoint_failsafe_s must exceed"),
+        ({"current_high_ma": 21.0}, "20.5"),
+        ({"failsafe_action": "middle"}, "'4 mA', '20 mA', 'hold' or 'current'"),
+    ],
+)
+def test_limits_that_make_no_sense_are_refused(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        build(values, GuardSettings, "guard")
+
+
+# everything at once, at the level of a whole cycle
+
+CODEC = make_codec()
+VALVE = ValveParameters(id="any")
+LIMITS = GuardSettings(
+    current_low_ma=3.9,
+    current_high_ma=20.2,
+    law_failsafe_cycles=3,
+    setpoint_hold_s=0.05,
+    setpoint_failsafe_s=0.2,
+    failsafe_action=FailsafeAction.HOLD,
+)
+WIDE = Bounds(-10.0, 10.0, 4.0, 20.0)
+
+
+class WhimsicalLaw:
+    """A law without manners: it raises, or answers with whatever it was told to."""
+
+    name = "whimsical"
+
+    def __init__(self, answer: object = 12.0) -> None:
+        self.answer: Any = answer
+
+    def begin(self, measured_m: float) -> float:
+        return measured_m
+
+    def estimate(self, memory: float, observation: Observation) -> tuple[float, StemState]:
+        if self.answer == "raise early":
+            raise ZeroDivisionError
+        return memory, StemState(observation.measured_m, 0.0, True, 1.0, 1e-6, 0.0, 0.0)
+
+    def decide(
+        self, memory: float, stem: StemState, observation: Observation, table: StictionTable
+    ) -> tuple[float, Any]:
+        del stem, observation, table
+        if self.answer == "raise late":
+            raise RuntimeError("no idea")
+        if self.answer == "nothing":
+            return memory, None
+        if self.answer == "half an answer":
+            return memory, SimpleNamespace(current_ma=None)
+        return memory, Decision(self.answer, WIDE)
+
+
+class AnythingOnTheBus(RuleBasedStateMachine):
+    """Frames, faults, silences and laws in any order; the invariants are the guard's promises."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.law = WhimsicalLaw()
+        self.setup = cycle.Setup(CODEC, VALVE, LIMITS, self.law, PERIOD_S)
+        self.state = cycle.CycleState()
+        self.now_ns = SECOND
+        self.counters = {StemPosition: 0, Setpoint: 0, CurrentCommand: 0}
+        self.was_armed = False
+        self.feedback_ns: int | None = None
+        self.usable_ns: int | None = None
+        self.failures = 0
+
+    def turn(self, *frames: CanFrame, good: bool = False) -> None:
+        """Let a cycle pass and check what left."""
+        self.state, outbox, _ = cycle.step(self.setup, self.state, frames, self.now_ns)
+        guard = self.state.guard
+        self.was_armed |= guard.armed
+        if good:
+            self.feedback_ns = self.now_ns
+        sent = [CODEC.decode(frame)[0] for frame in outbox]
+        assert all(isinstance(message, CurrentCommand | PositionerStatus) for message in sent)
+        commands = [message for message in sent if isinstance(message, CurrentCommand)]
+        assert len(commands) <= 1
+        if not self.was_armed:
+            assert not sent
+        for command in commands:
+            assert guard.armed
+            assert LIMITS.current_low_ma - 5e-4 <= command.current_ma <= LIMITS.current_high_ma + 5e-4
+            assert command.mode is guard.mode
+
+    def next_counter(self, kind: type[StemPosition | Setpoint | CurrentCommand], step: int = 1) -> int:
+        self.counters[kind] += step
+        return self.counters[kind]
+
+    @rule(
+        position_m=st.floats(0.0, 0.1397),
+        lost=st.integers(0, 3),
+        quality=st.sampled_from([Quality.VALID, Quality.VALID, Quality.SUSPECT, Quality.FAULT]),
+        echo=st.integers(0, 255),
+        request=st.sampled_from([None, None, None, *HostRequest]),
+        setpoint_m=st.floats(-0.05, 0.2),
+        elapsed_ns=st.integers(0, 2 * MS),
+    )
+    def sample(
+        self,
+        position_m: float,
+        lost: int,
+        quality: Quality,
+        echo: int,
+        request: HostRequest | None,
+        setpoint_m: float,
+        elapsed_ns: int,
+    ) -> None:
+        self.now_ns += elapsed_ns
+        frames = [CODEC.encode(StemPosition(position_m, echo, quality), self.next_counter(StemPosition, lost + 1))]
+        if request is not None:
+            frames.append(CODEC.encode(Setpoint(setpoint_m, request), self.next_counter(Setpoint)))
+        self.turn(*frames, good=quality is not Quality.FAULT)
+
+    @rule(data=st.binary(max_size=8), identifier=st.sampled_from([0x100, 0x110, 0x120, 0x111, 0x7FF]), kind=st.integers(0, 3))
+    def garbage(self, data: bytes, identifier: int, kind: int) -> None:
+        self.turn(CanFrame(identifier, data, is_error=kind == 1, is_remote=kind == 2, is_extended=kind == 3))
+
+    @rule(current_ma=st.floats(0.0, 25.0))
+    def foreign_command(self, current_ma: float) -> None:
+        self.turn(CODEC.encode(CurrentCommand(current_ma), self.next_counter(CurrentCommand)))
+
+    @rule(repeat=st.integers(1, 30), elapsed_ns=st.integers(MS // 10, 5 * MS))
+    def silence(self, repeat: int, elapsed_ns: int) -> None:
+        for _ in range(repeat):
+            self.now_ns += elapsed_ns
+            self.turn()
+
+    @rule(
+        answer=st.one_of(
+            st.sampled_from(["raise early", "raise late", "nothing", "half an answer", math.nan, math.inf, -math.inf]),
+            st.floats(-1e9, 1e9),
+            st.just(12.0),
+        )
+    )
+    def change_of_mind(self, answer: object) -> None:
+        self.law.answer = answer
+
+    @rule(repeat=st.integers(1, 12), setpoint_m=st.floats(0.0, 0.1397))
+    def regular_life(self, repeat: int, setpoint_m: float) -> None:
+        """Feedback and setpoints as they should be, with an edge that arms: also the way back from FAILSAFE."""
+        here_m = self.state.link.last_position_m or 0.08
+        for request in (HostRequest.NONE, *[HostRequest.ARM] * repeat):
+            self.now_ns += MS
+            self.turn(
+                CODEC.encode(StemPosition(here_m), self.next_counter(StemPosition)),
+                CODEC.encode(Setpoint(setpoint_m, request), self.next_counter(Setpoint)),
+                good=True,
+            )
+
+    @invariant()
+    def it_fails_safe_in_time(self) -> None:
+        """Assert the ages that the settings promise; `feedback_ns` errs on the young side."""
+        guard = self.state.guard
+        if not guard.armed:
+            assert not guard.transmits
+            return
+        assert guard.feedback_ns is not None
+        age_ns = self.now_ns - guard.feedback_ns
+        assert self.feedback_ns is not None
+        assert guard.feedback_ns <= self.feedback_ns
+        if age_ns > 10 * MS:
+            assert guard.mode is Mode.FAILSAFE
+        elif age_ns > 3 * MS:
+            assert guard.mode in {Mode.HOLD, Mode.FAILSAFE}
+        assert guard.setpoint_ns is not None
+        if self.now_ns - guard.setpoint_ns > 0.2 * SECOND:
+            assert guard.mode is Mode.FAILSAFE
+        # one cycle more than allowed: the guard judges at the beginning of the next one
+        assert guard.law_failures <= LIMITS.law_failsafe_cycles
+
+    @invariant()
+    def a_control_law_counts_only_where_it_may(self) -> None:
+        if not self.state.guard.controls:
+            assert self.state.memory is None
+
+
+TestAnythingOnTheBus = AnythingOnTheBus.TestCase
+TestAnythingOnTheBus.settings = settings(
+    max_examples=60, stateful_step_count=40, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
+
+
+@pytest.mark.parametrize(
+    "answer", ["raise early", "raise late", "nothing", "half an answer", math.nan, math.inf, -math.inf]
+)
+def test_a_law_without_a_usable_answer_keeps_the_last_current_and_then_fails_safe(answer: object) -> None:
+    law = WhimsicalLaw()
+    tuning = GuardSettings(auto_arm=True, law_failsafe_cycles=3)
+    setup = cycle.Setup(CODEC, VALVE, tuning, law, PERIOD_S)
+    state, commands = cycle.CycleState(), []
+    for sample in range(8):
+        law.answer = 13.0 if sample < 2 else answer
+        frame = CODEC.encode(StemPosition(0.08), sample)
+        state, outbox, _ = cycle.step(setup, state, (frame,), (1000 + sample) * MS)
+        (command,) = [m for m, _ in map(CODEC.decode, outbox) if isinstance(m, CurrentCommand)]
+        commands.append((command.current_ma, command.mode))
+    assert commands == [(13.0, Mode.ACTIVE)] * 5 + [(4.0, Mode.FAILSAFE)] * 3
+    assert told(state.guard) == (Mode.FAILSAFE, Cause.LAW_FAILED)
+    assert state.fallback_count == 3

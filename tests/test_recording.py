@@ -1,0 +1,193 @@
+"""What a bench heard: samples by their counters, losses, gaps, and a log that other tools read."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import can
+import numpy as np
+import pytest
+
+from positioner.bench.recording import LOG_CHANNEL, Recording
+from positioner.wire.codec import make_codec
+from positioner.wire.messages import (
+    CanFrame,
+    Cause,
+    CurrentCommand,
+    Health,
+    Mode,
+    PlantTruth,
+    PositionerStatus,
+    Setpoint,
+    StemPosition,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+CODEC = make_codec()
+PERIOD_S = 0.001
+STATUS = PositionerStatus(Mode.ACTIVE, Cause.NONE, Health.GOOD, True, True, 0, 0, 0)
+
+
+def recording(samples: int, *, lockstep: bool = True, samples_per_setpoint: int = 10) -> Recording:
+    return Recording(CODEC, samples, PERIOD_S, samples_per_setpoint, lockstep)
+
+
+def truth(counter: int, position_m: float = 0.08, velocity_m_per_s: float = 0.1) -> CanFrame:
+    return CODEC.encode(PlantTruth(position_m, velocity_m_per_s), counter)
+
+
+def reading(counter: int, position_m: float = 0.0801) -> CanFrame:
+    return CODEC.encode(StemPosition(position_m), counter)
+
+
+def command(answers: int, current_ma: float = 12.0, mode: Mode = Mode.ACTIVE) -> CanFrame:
+    return CODEC.encode(CurrentCommand(current_ma, position_counter=answers % 256, mode=mode), answers)
+
+
+def sample_of(counter: int) -> tuple[CanFrame, ...]:
+    return truth(counter, 0.08 + 1e-5 * counter), reading(counter), command(counter, 4.0 + 0.01 * (counter % 1000))
+
+
+def test_every_frame_goes_to_its_sample_beyond_the_wrap_of_the_counters() -> None:
+    heard = recording(600)
+    for counter in range(600):
+        for frame in sample_of(counter):
+            heard.hear(frame, 0.0)
+    assert heard.true_position_m == pytest.approx(0.08 + 1e-5 * np.arange(600), abs=1e-8)
+    assert heard.current_ma == pytest.approx(4.0 + 0.01 * np.arange(600), abs=1e-6)
+    assert heard.measured_m == pytest.approx(np.full(600, 0.0801))
+    assert heard.true_velocity_m_per_s == pytest.approx(np.full(600, 0.1))
+    assert set(heard.mode) == {int(Mode.ACTIVE)}
+    assert (heard.truth, heard.readings, heard.commands, heard.complete) == (600, 600, 600, 600)
+    assert (heard.lost, heard.unanswered) == (0, 0)
+    assert heard.time_s == pytest.approx(np.arange(600) * PERIOD_S)
+
+
+def test_what_was_never_heard_is_not_a_number() -> None:
+    heard = recording(3)
+    assert np.isnan(heard.true_position_m).all()
+    assert np.isnan(heard.current_ma).all()
+    assert set(heard.mode) == {int(Mode.INIT)}
+    assert heard.complete == 0
+
+
+def test_lost_frames_are_counted_and_the_others_keep_their_samples() -> None:
+    heard = recording(6)
+    for counter in (0, 1, 4, 5):
+        heard.hear(truth(counter), 0.0)
+        heard.hear(reading(counter), 0.0)
+    for counter in (0, 3, 5):
+        heard.hear(command(counter), 0.0)
+    assert (heard.lost, heard.unanswered) == (2, 3)
+    assert np.isfinite(heard.true_position_m).tolist() == [True, True, False, False, True, True]
+    assert np.isfinite(heard.current_ma).tolist() == [True, False, False, True, False, True]
+
+
+def test_a_command_that_repeats_its_answer_is_no_new_sample() -> None:
+    heard = recording(5)
+    for frame in (*sample_of(0), *sample_of(1), command(1, 9.0), command(0, 8.0)):
+        heard.hear(frame, 0.0)
+    assert (heard.commands, heard.unanswered) == (2, 0)
+
+
+def test_samples_beyond_the_end_are_logged_and_not_kept() -> None:
+    heard = recording(2)
+    for counter in range(4):
+        for frame in sample_of(counter):
+            heard.hear(frame, 0.0)
+    assert len(heard.frames) == 12
+    assert heard.true_position_m.shape == (2,)
+
+
+def test_in_real_time_the_first_truth_is_the_first_sample_and_what_comes_before_belongs_to_none() -> None:
+    heard = recording(4, lockstep=False)
+    heard.hear(reading(40), 0.1)
+    heard.hear(command(40), 0.1)
+    for counter in range(41, 44):
+        for frame in sample_of(counter):
+            heard.hear(frame, 0.1)
+    assert heard.origin == 41
+    assert np.isfinite(heard.true_position_m).tolist() == [True, True, True, False]
+    assert np.isfinite(heard.measured_m).tolist() == [True, True, True, False]
+    assert heard.complete == 3
+
+
+def test_gaps_carry_the_last_value_on_and_the_first_one_back() -> None:
+    heard = recording(6, lockstep=False)
+    heard.true_position_m[:] = [np.nan, 1.0, np.nan, np.nan, 2.0, np.nan]
+    heard.fill_gaps()
+    assert heard.true_position_m.tolist() == [1.0, 1.0, 1.0, 1.0, 2.0, 2.0]
+    assert np.isnan(heard.current_ma).all()
+
+
+def lines(path: Path) -> list[str]:
+    return [line.split()[2].split("#")[0] for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def test_in_lockstep_the_log_has_the_order_of_cause_and_effect_and_the_plants_time(tmp_path: Path) -> None:
+    frames = [
+        CODEC.encode(Setpoint(0.08), 0),
+        *(frame for counter in range(3) for frame in sample_of(counter)),
+        CODEC.encode(STATUS, 0),
+    ]
+    logs = []
+    # each sender's frames keep their order, the senders' order is any
+    for number, order in enumerate((frames, sorted(frames, key=lambda frame: frame.arbitration_id))):
+        heard = recording(3)
+        for frame in order:
+            heard.hear(frame, 123.0 + number)
+        heard.write_log(tmp_path / f"{number}.log")
+        logs.append((tmp_path / f"{number}.log").read_bytes())
+    assert lines(tmp_path / "0.log") == ["120", "170", "110", "100", "140"] + ["170", "110", "100"] * 2
+    assert logs[0] == logs[1]
+
+
+def test_the_log_reads_back_frame_by_frame(tmp_path: Path) -> None:
+    heard = recording(3)
+    for counter in range(3):
+        for frame in sample_of(counter):
+            heard.hear(frame, 0.0)
+    heard.write_log(tmp_path / "bus.log")
+    read = list(can.LogReader(tmp_path / "bus.log"))
+    assert [(message.arbitration_id, bytes(message.data)) for message in read] == [
+        (frame.arbitration_id, frame.data) for counter in range(3) for frame in sample_of(counter)
+    ]
+    assert [message.timestamp for message in read] == pytest.approx(np.repeat([0.0, 0.001, 0.002], 3))
+    assert {message.channel for message in read} == {LOG_CHANNEL}
+
+
+def test_in_real_time_the_log_has_the_order_and_time_of_arrival(tmp_path: Path) -> None:
+    heard = recording(2, lockstep=False)
+    for instant_s, frame in ((0.1, truth(0)), (0.3, command(0)), (0.2, reading(0))):
+        heard.hear(frame, instant_s)
+    heard.write_log(tmp_path / "bus.log")
+    assert lines(tmp_path / "bus.log") == ["170", "110", "100"]
+
+
+def test_a_frame_of_nobody_is_logged_as_it_came(tmp_path: Path) -> None:
+    heard = recording(1)
+    heard.hear(CanFrame(0x7DF, b"\x02\x01"), 0.5)
+    heard.hear(CanFrame(0x18FF0102, b"\x03", is_extended=True), 0.6)
+    heard.write_log(tmp_path / "bus.log")
+    assert [line.split()[2] for line in (tmp_path / "bus.log").read_text(encoding="utf-8").splitlines()] == [
+        "7DF#0201",
+        "18FF0102#03",
+    ]
+    assert heard.complete == 0
+
+
+def test_statuses_keep_their_time_beyond_the_wrap_of_their_counter() -> None:
+    # at ten a second the counter wraps after 25.6 s
+    heard = recording(40_000)
+    for number in range(300):
+        heard.hear(CODEC.encode(STATUS, number), 0.0)
+    assert [stamp_s for stamp_s, _, _ in heard.frames] == pytest.approx(np.arange(300) * 0.1)
+
+
+def test_setpoints_stand_at_the_samples_they_belong_to() -> None:
+    heard = recording(100, samples_per_setpoint=20)
+    for number in range(5):
+        heard.hear(CODEC.encode(Setpoint(0.08), number), 0.0)
+    assert [stamp_s for stamp_s, _, _ in heard.frames] == pytest.approx(np.arange(5) * 0.02)

@@ -13,7 +13,7 @@ from plant_emulator import sensor, valve
 from plant_emulator.parameters import FailPosition, PlantSettings
 from positioner.wire.e2e import CounterCheck, Sequence
 from positioner.wire.formats import FrameRejectedError
-from positioner.wire.messages import CanFrame, CurrentCommand, PlantTruth, Setpoint, StemPosition
+from positioner.wire.messages import ActuatorState, CanFrame, CurrentCommand, PlantTruth, Setpoint, StemPosition
 
 if TYPE_CHECKING:
     from plant_emulator.sensor import SensorState
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 _NO_SIGNAL_MA = 0.0
 _FULL_SIGNAL_MA = 20.0
 _SPEED_LIMIT_M_PER_S = 8.19
+_PRESSURE_LIMIT_PA = 16e6
 _TRUTH_RANGE_M = (-0.01, 0.661)
 
 
@@ -118,8 +119,11 @@ def publish(codec: Codec, settings: PlantSettings, state: DeviceState) -> tuple[
     sensed, measured_m = sensor.measure(settings, state.sensor, plant.position_m, plant.time_s)
     speed = min(max(plant.velocity_m_per_s, -_SPEED_LIMIT_M_PER_S), _SPEED_LIMIT_M_PER_S)
     true_m = min(max(plant.position_m, _TRUTH_RANGE_M[0]), _TRUTH_RANGE_M[1])
-    frames = (
+    frames: tuple[CanFrame, ...] = (
         codec.encode(PlantTruth(true_m, speed), state.position_counter),
         codec.encode(StemPosition(measured_m, state.command_counter), state.position_counter),
     )
+    if settings.sensor.reports_pressure:
+        pressure_pa = min(max(plant.pressure_pa, 0.0), _PRESSURE_LIMIT_PA)
+        frames = (codec.encode(ActuatorState(pressure_pa), state.position_counter), *frames)
     return replace(state, sensor=sensed, position_counter=state.position_counter + 1), frames

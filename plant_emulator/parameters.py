@@ -97,6 +97,8 @@ class SensorSettings:
     """How long one draw of the noise lasts; 0 is white, a draw per sample."""
     resolution_m: Annotated[float, Interval(ge=0.0, le=0.01)] = 0.0
     """Step of the quantisation; 0 is none."""
+    reports_pressure: bool = False
+    """Whether the plant has a pressure sensor, without noise, and sends ACTUATOR_STATE."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

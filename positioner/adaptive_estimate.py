@@ -38,9 +38,9 @@ class AdaptationSettings:
     spring_sigma: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.12
     friction_sigma: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.12
     viscous_sigma: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.12
-    friction_per_move: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.03
-    friction_per_m: Annotated[float, Interval(ge=0.0, le=100.0)] = 0.3
-    force_noise_n: Annotated[float, Interval(ge=0.0, le=1e5)] = 60.0
+    friction_per_move: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.02
+    friction_per_m: Annotated[float, Interval(ge=0.0, le=100.0)] = 0.1
+    force_noise_n: Annotated[float, Interval(ge=0.0, le=1e5)] = 30.0
     landing_noise_m: Annotated[float, Interval(ge=0.0, le=0.01)] = 2e-4
     least: Annotated[float, Interval(gt=0.0, le=1.0)] = 0.4
     most: Annotated[float, Interval(ge=1.0, le=10.0)] = 2.5

@@ -1,15 +1,18 @@
-"""Position and speed of the stem from noisy positions: a Kalman filter with stick logic. Pure.
+"""Position and speed of the stem from noisy positions: a Kalman filter with stick logic, or nothing at all. Pure.
 
 While the stem slides, the model is the closed form of `model.slide`, which stops the stem inside a sample when its
 speed runs out. While it sticks, speed and its variance are zero and nothing drives the covariance: the filter becomes
 a plain average. It leaves the stick when the model says the spring loses to the current, or when the innovations say
 that the stem has left without the model's consent.
+
+The method "raw" is the paper read literally: each reading is the position, and its difference quotient the speed.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from annotated_types import Interval
@@ -20,10 +23,20 @@ if TYPE_CHECKING:
     from positioner.stiction import LearnedSample
 
 
+class EstimationMethod(StrEnum):
+    """How position and speed come from the readings."""
+
+    KALMAN = "kalman"
+    """The filter of this module (D11)."""
+    RAW = "raw"
+    """Readings and their differences, as the paper has it; for readings without noise, or to see why not."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EstimatorSettings:
     """The `[estimator]` table of a configuration.
 
+    method: how the paper's law estimates; "raw" makes no use of what follows.
     noise_of_reading, noise_of_span: σ of the position sensor, as a fraction (0.02 = 2 %).
     force_noise_n: σ of the force the model does not know, white per sample, while sliding.
     slip_threshold_sigma: smoothed innovation, in its own σ, that ends a stick the model would keep.
@@ -32,6 +45,7 @@ class EstimatorSettings:
 
     __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
+    method: EstimationMethod = EstimationMethod.KALMAN
     noise_of_reading: Annotated[float, Interval(ge=0.0, le=0.5)] = 0.02
     noise_of_span: Annotated[float, Interval(ge=0.0, le=0.5)] = 0.0
     force_noise_n: Annotated[float, Interval(ge=0.0, le=1e5)] = 400.0
@@ -89,7 +103,23 @@ def estimate(
     period_s: float,
 ) -> StemState:
     """Return the estimate after `period_s` under `applied_ma`, corrected by the reading `measured_m`."""
+    if settings.method is EstimationMethod.RAW:
+        return _differentiate(settings, valve, state, measured_m, period_s)
     return _correct(settings, valve, _predict(settings, valve, state, applied_ma, period_s), measured_m, applied_ma)
+
+
+def _differentiate(
+    settings: EstimatorSettings, valve: ValveParameters, state: StemState, measured_m: float, period_s: float
+) -> StemState:
+    """Return the reading and its difference quotient; below DV, in Karnopp's band, a stem with friction sticks."""
+    velocity = (measured_m - state.position_m) / period_s
+    variance = measurement_sigma_m(settings, valve, measured_m) ** 2
+    if valve.static_friction_n > 0.0 and abs(velocity) < valve.stick_velocity_m_per_s:
+        return StemState(measured_m, 0.0, True, state.direction, variance, 0.0, 0.0)
+    direction = math.copysign(1.0, velocity) if velocity else state.direction
+    # the difference of two readings, each with this variance
+    covariance, speed_variance = variance / period_s, 2.0 * variance / period_s**2
+    return StemState(measured_m, velocity, False, direction, variance, covariance, speed_variance)
 
 
 def _predict(

@@ -77,7 +77,7 @@ class GuardSettings:
                 return 20.0
             case FailsafeAction.CURRENT:
                 return self.failsafe_current_ma
-            case FailsafeAction.HOLD:
+            case _:  # HOLD
                 return last_ma
 
 

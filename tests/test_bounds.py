@@ -93,7 +93,7 @@ def test_both_directions_are_mirror_images(settings: BoundSettings, error_m: flo
 def test_the_bound_never_exceeds_the_fastest_speed(settings: BoundSettings, error_m: float, speed: float) -> None:
     low, high = speed_bounds_m_per_s(settings, error_m, speed)
     assert -10.0 <= low <= 0.0 <= high <= 10.0
-    assert -10.0 == low or high == 10.0
+    assert low == -10.0 or high == 10.0
 
 
 def test_a_bound_beyond_the_fastest_speed_is_the_fastest_speed() -> None:

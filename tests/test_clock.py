@@ -5,12 +5,14 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from itertools import permutations
-
-import pytest
+from typing import TYPE_CHECKING
 
 from positioner.clock import LockstepClock, LockstepGate, RealClock
 from positioner.wire.codec import WireSettings, make_codec
 from positioner.wire.messages import CanFrame, CurrentCommand, Setpoint, StemPosition
+
+if TYPE_CHECKING:
+    import pytest
 
 CODEC = make_codec()
 PERIOD_S = 1e-4
@@ -75,7 +77,9 @@ def test_a_setpoint_goes_before_the_reading_it_belongs_to_in_whatever_order_they
     frames = (setpoint(0), position(0))
     for order in permutations(frames):
         assert passed(LockstepGate(CODEC, 2), order) == [frames]
-    late = passed(LockstepGate(CODEC, 2), (position(0),), (setpoint(0),), (position(1),), (position(2),), (setpoint(1),))
+    late = passed(
+        LockstepGate(CODEC, 2), (position(0),), (setpoint(0),), (position(1),), (position(2),), (setpoint(1),)
+    )
     assert late == [(), (setpoint(0), position(0)), (position(1),), (), (setpoint(1), position(2))]
 
 

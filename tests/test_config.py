@@ -56,23 +56,20 @@ def test_the_commented_example_shows_the_defaults() -> None:
 
 
 def test_every_mistake_is_told_at_once_with_its_line() -> None:
-    text = "\n".join(
-        (
-            "[valve]",
-            'id = "v"',
-            "mass_kg = 1361.0",
-            "spring_rate_n_per_mm = 52.5",
-            "[control]",
-            'law = "papr"',
-            "sample_period_s = 0.0",
-            "[guard]",
-            "current_low_ma = 3.0",
-            "[wire]",
-            'dbc = "missing.dbc"',
-            "[buss]",
-            'channel = "can0"',
-        )
-    )
+    text = """[valve]
+id = "v"
+mass_kg = 1361.0
+spring_rate_n_per_mm = 52.5
+[control]
+law = "papr"
+sample_period_s = 0.0
+[guard]
+current_low_ma = 3.0
+[wire]
+dbc = "missing.dbc"
+[buss]
+channel = "can0"
+"""
     told = problems_of(text)
     assert [line.split(":")[1].strip() for line in told] == [f"line {n}" for n in (3, 4, 6, 7, 9, 11, 12)]
     assert "valve.mass_kg = 1361.0: must be less than or equal to 200" in told[0]

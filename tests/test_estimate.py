@@ -12,7 +12,14 @@ from hypothesis import strategies as st
 
 from plant_emulator import valve as plant
 from plant_emulator.presets import plant_settings
-from positioner.estimate import EstimatorSettings, StemState, estimate, first_estimate, measurement_sigma_m
+from positioner.estimate import (
+    EstimationMethod,
+    EstimatorSettings,
+    StemState,
+    estimate,
+    first_estimate,
+    measurement_sigma_m,
+)
 from positioner.model import ValveParameters
 
 VALVE = ValveParameters(id="paper")
@@ -200,3 +207,27 @@ def test_with_two_percent_of_noise_the_estimate_is_far_better_than_a_reading(see
     error_x, _, _, _ = follow(0.02, seed)
     reading_sigma_m = 0.02 * 0.06
     assert 0.1 * reading_sigma_m < np.sqrt(np.mean(error_x**2)) < 0.3 * reading_sigma_m
+
+
+RAW = EstimatorSettings(method=EstimationMethod.RAW, noise_of_reading=0.02)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_raw_method_believes_each_reading_and_takes_the_difference_for_the_speed(sign: float) -> None:
+    state = estimate(RAW, VALVE, first_estimate(RAW, VALVE, 0.08), 0.08 + sign * 1e-4, 12.0, PERIOD_S)
+    assert (state.position_m, state.stuck, state.direction) == (0.08 + sign * 1e-4, False, sign)
+    assert state.velocity_m_per_s == pytest.approx(sign * 0.1)
+    sigma_m = 0.02 * state.position_m
+    assert state.p_xx == pytest.approx(sigma_m**2)
+    assert state.p_vv == pytest.approx(2.0 * (sigma_m / PERIOD_S) ** 2)
+    assert state.p_xv == pytest.approx(sigma_m**2 / PERIOD_S)
+
+
+def test_the_raw_method_takes_a_stem_below_dv_for_stuck_where_there_is_friction() -> None:
+    moving = StemState(0.08, -0.1, False, -1.0, 1e-6, 0.0, 0.0)
+    just_m = VALVE.stick_velocity_m_per_s * PERIOD_S
+    stuck = estimate(RAW, VALVE, moving, 0.08 + 0.99 * just_m, 12.0, PERIOD_S)
+    assert (stuck.stuck, stuck.velocity_m_per_s, stuck.direction, stuck.p_vv) == (True, 0.0, -1.0, 0.0)
+    assert not estimate(RAW, VALVE, moving, 0.08 + 1.01 * just_m, 12.0, PERIOD_S).stuck
+    still = estimate(RAW, FRICTIONLESS, moving, 0.08, 12.0, PERIOD_S)
+    assert (still.stuck, still.velocity_m_per_s, still.direction) == (False, 0.0, -1.0)

@@ -287,7 +287,7 @@ def test_a_foreign_command_while_armed_is_told_and_does_not_stop_control() -> No
         (Mode.FAILSAFE, True, Health.FAILURE),
     ],
 )
-def test_health_is_the_ne_107_signal_of_the_mode(mode: Mode, saved: bool, expected: Health) -> None:  # noqa: FBT001
+def test_health_is_the_ne_107_signal_of_the_mode(mode: Mode, saved: bool, expected: Health) -> None:
     assert GuardState(mode).health(table_saved=saved) is expected
 
 
@@ -327,7 +327,14 @@ def test_without_a_number_the_last_current_stays(wanted_ma: float | None) -> Non
 
 @pytest.mark.parametrize(
     ("wanted_ma", "elapsed_s", "expected_ma"),
-    [(20.0, 0.001, 12.5), (4.0, 0.001, 11.5), (12.4, 0.001, 12.4), (20.0, 0.01, 17.0), (20.0, 1.0, 20.0), (20.0, 0.0, 12.0)],
+    [
+        (20.0, 0.001, 12.5),
+        (4.0, 0.001, 11.5),
+        (12.4, 0.001, 12.4),
+        (20.0, 0.01, 17.0),
+        (20.0, 1.0, 20.0),
+        (20.0, 0.0, 12.0),
+    ],
 )
 def test_a_rate_limit_holds_both_ways(wanted_ma: float, elapsed_s: float, expected_ma: float) -> None:
     tuning = GuardSettings(max_rate_ma_per_s=500.0)
@@ -366,7 +373,11 @@ def test_what_leaves_is_inside_the_limits_whatever_happens(
     mode: Mode, wanted_ma: float | None, last_ma: float, elapsed_s: float, rate: float, action: FailsafeAction
 ) -> None:
     tuning = GuardSettings(
-        current_low_ma=3.9, current_high_ma=20.4, max_rate_ma_per_s=rate, failsafe_action=action, failsafe_current_ma=9.0
+        current_low_ma=3.9,
+        current_high_ma=20.4,
+        max_rate_ma_per_s=rate,
+        failsafe_action=action,
+        failsafe_current_ma=9.0,
     )
     left_ma = admit(tuning, GuardState(mode), wanted_ma, last_ma, elapsed_s)
     if left_ma is None:
@@ -385,6 +396,7 @@ def test_what_leaves_is_inside_the_limits_whatever_happens(
         ({"current_low_ma": 12.0, "current_high_ma": 12.0}, "current_low_ma must be below"),
         ({"feedback_hold_periods": 10}, "feedback_failsafe_periods must exceed"),
         ({"setpoint_hold_s": 10.0}, "setpoint_failsafe_s must exceed"),
+        ({"setpoint_hold_s": 0.5, "setpoint_failsafe_s": 0.4}, "setpoint_failsafe_s must exceed"),
         ({"current_high_ma": 21.0}, "20.5"),
         ({"failsafe_action": "middle"}, "'4 mA', '20 mA', 'hold' or 'current'"),
     ],
@@ -500,7 +512,11 @@ class AnythingOnTheBus(RuleBasedStateMachine):
             frames.append(CODEC.encode(Setpoint(setpoint_m, request), self.next_counter(Setpoint)))
         self.turn(*frames, good=quality is not Quality.FAULT)
 
-    @rule(data=st.binary(max_size=8), identifier=st.sampled_from([0x100, 0x110, 0x120, 0x111, 0x7FF]), kind=st.integers(0, 3))
+    @rule(
+        data=st.binary(max_size=8),
+        identifier=st.sampled_from([0x100, 0x110, 0x120, 0x111, 0x7FF]),
+        kind=st.integers(0, 3),
+    )
     def garbage(self, data: bytes, identifier: int, kind: int) -> None:
         self.turn(CanFrame(identifier, data, is_error=kind == 1, is_remote=kind == 2, is_extended=kind == 3))
 

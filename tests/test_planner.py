@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -13,8 +14,10 @@ from scipy.optimize import LinearConstraint, linprog, minimize
 from positioner.bounds import Bounds
 from positioner.model import ValveParameters
 from positioner.planner import PlannerSettings, condense, free_response, plan, program
-from positioner.qp import QuadraticProgram
 from positioner.solver import QpSolver, Solution
+
+if TYPE_CHECKING:
+    from positioner.qp import QuadraticProgram
 
 VALVE = ValveParameters(id="paper")
 FREE = Bounds(-10.0, 10.0, 4.0, 20.0)
@@ -218,7 +221,7 @@ def test_a_plan_is_what_an_independent_solver_makes_of_the_same_programme(
     target = np.concatenate([100.0 * np.sqrt(weight) * (setpoint_m - free[:, 0]), np.zeros(count)])
 
     def states(inputs: np.ndarray) -> np.ndarray:
-        return free + forced @ inputs
+        return np.asarray(free + forced @ inputs)
 
     def objective(inputs: np.ndarray) -> float:
         return 1e5 * cost(tuning, states(inputs), inputs, setpoint_m)

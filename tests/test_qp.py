@@ -60,10 +60,10 @@ def test_the_cost_is_equation_17_but_for_a_constant(
     random = np.random.default_rng(seed)
     position, free = random.normal(size=(steps, control_steps)), random.normal(size=steps)
     weight = random.uniform(0.0, 5.0, size=steps)
-    P, gradient = tracking_cost(position, weight, input_weight)
+    hessian, gradient = tracking_cost(position, weight, input_weight)
 
     def condensed(z: np.ndarray) -> float:
-        return float(0.5 * z @ P @ z - z @ gradient @ (reference - free))
+        return float(0.5 * z @ hessian @ z - z @ gradient @ (reference - free))
 
     def written_out(z: np.ndarray) -> float:
         error = reference - free - position @ z
@@ -73,5 +73,6 @@ def test_the_cost_is_equation_17_but_for_a_constant(
     difference = (written_out(one) - written_out(other)) / (2.0 * input_weight)
     scale = (written_out(one) + written_out(other)) / input_weight
     assert condensed(one) - condensed(other) == pytest.approx(difference, rel=1e-9, abs=1e-12 * scale)
-    np.testing.assert_allclose(P, P.T, rtol=1e-12, atol=1e-15 * P.max())
-    assert np.linalg.eigvalsh(P)[0] >= 1.0 - 1e-9 * np.linalg.eigvalsh(P)[-1]
+    np.testing.assert_allclose(hessian, hessian.T, rtol=1e-12, atol=1e-15 * hessian.max())
+    eigenvalues = np.linalg.eigvalsh(hessian)
+    assert eigenvalues[0] >= 1.0 - 1e-9 * eigenvalues[-1]

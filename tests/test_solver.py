@@ -1,4 +1,4 @@
-"""The quadratic programme solver: its answers judged by their optimality conditions, its refusals, its repeatability."""
+"""The quadratic programme solver: its answers against their optimality conditions, its refusals, its repeatability."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ def random_program(seed: int, *, variables: int = VARIABLES, constraints: int = 
     """Return a convex programme that has a solution: a random point is inside its constraints."""
     random = np.random.default_rng(seed)
     root = random.normal(size=(variables, variables))
-    A = random.normal(size=(constraints, variables))
-    inside = A @ random.normal(size=variables)
+    rows = random.normal(size=(constraints, variables))
+    inside = rows @ random.normal(size=variables)
     return QuadraticProgram(
         root.T @ root + np.eye(variables),
         5.0 * random.normal(size=variables),
-        A,
+        rows,
         inside - random.uniform(0.0, 1.0, size=constraints),
         inside + random.uniform(0.0, 1.0, size=constraints),
     )

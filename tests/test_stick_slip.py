@@ -35,7 +35,7 @@ def test_a_slip_teaches_the_current_that_caused_it_at_the_place_of_rest(sign: fl
 
 
 @pytest.mark.parametrize("stuck", [True, False])
-def test_nothing_is_learned_between_edges(stuck: bool) -> None:  # noqa: FBT001 - the parameter of the test
+def test_nothing_is_learned_between_edges(stuck: bool) -> None:
     assert detect(stem(0.08, 0.0, stuck=stuck), stem(0.08, 0.0, stuck=stuck), 12.0) is None
 
 

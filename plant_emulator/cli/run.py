@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from plant_emulator.cli.plant_options import add_plant_options, plant_of
 from plant_emulator.daemon import EmulatorDaemon, RunOptions
-from plant_emulator.presets import load_plant, plant_settings
 from positioner.bus import parse_address
 from positioner.wire.codec import WireSettings, make_codec
 
@@ -29,9 +28,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    which = parser.add_mutually_exclusive_group()
-    which.add_argument("--preset", default="paper", help="valve by name (see `plant-emulator presets`; %(default)s)")
-    which.add_argument("--config", type=Path, metavar="FILE", help="valve in a TOML file")
+    add_plant_options(parser)
     parser.add_argument("--bus", default="socketcan:vcan0", metavar="INTERFACE:CHANNEL", help="the bus (%(default)s)")
     parser.add_argument("--period", type=float, default=0.001, metavar="S", help="period of the frames (%(default)s s)")
     parser.add_argument("--seed", type=int, default=1, help="seed of noise and stochastic friction (%(default)s)")
@@ -42,12 +39,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="send whatever comes back, or advance only when the positioner has answered (%(default)s)",
     )
     parser.add_argument("--setpoint-every", type=int, default=0, metavar="N", help=argparse.SUPPRESS)
-    parser.add_argument("--id-offset", type=int, default=0, metavar="N", help="added to all identifiers (%(default)s)")
+    parser.add_argument(
+        "--id-offset", type=int, default=0, metavar="N", help="added to all identifiers; a multiple of 128"
+    )
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
-    settings = load_plant(arguments.config) if arguments.config else plant_settings(arguments.preset)
+    settings = plant_of(arguments)
     options = RunOptions(
         bus=parse_address(arguments.bus),
         period_s=arguments.period,

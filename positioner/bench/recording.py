@@ -17,7 +17,16 @@ from can.io.canutils import CanutilsLogWriter
 
 from positioner.cycle import STATUS_PERIOD_NS
 from positioner.wire.formats import FrameRejectedError
-from positioner.wire.messages import CurrentCommand, Message, Mode, PlantTruth, PositionerStatus, Setpoint, StemPosition
+from positioner.wire.messages import (
+    ActuatorState,
+    CurrentCommand,
+    Message,
+    Mode,
+    PlantTruth,
+    PositionerStatus,
+    Setpoint,
+    StemPosition,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -30,7 +39,7 @@ if TYPE_CHECKING:
 LOG_CHANNEL = "vcan0"
 """The name in the log, whatever bus it was recorded on: canplayer plays it there by default."""
 
-_RANK = {Setpoint: 0, PlantTruth: 1, StemPosition: 2, CurrentCommand: 3, PositionerStatus: 4}
+_RANK = {Setpoint: 0, ActuatorState: 1, PlantTruth: 2, StemPosition: 3, CurrentCommand: 4, PositionerStatus: 5}
 _COUNTER = 256
 
 
@@ -96,27 +105,27 @@ class Recording:
         match message:
             case PlantTruth():
                 if self.origin is None:
-                    self.origin = counter or 0
+                    self.origin = 0 if self.lockstep else counter or 0
                 steps = self._steps(counter, self.truth)
                 self.lost += max(steps - 1, 0)
                 self.truth += steps
-                return self.truth - 1
+                sample = self.truth - 1
+            case ActuatorState():
+                sample = self.truth  # it goes before the truth of its sample
             case StemPosition():
                 self.readings += self._steps(counter, self.readings)
-                return self.readings - 1
+                sample = self.readings - 1
             case CurrentCommand():
                 steps = self._steps(message.position_counter, self.commands)
                 self.unanswered += max(steps - 1, 0)
                 self.commands += steps
-                return self.commands - 1
+                sample = self.commands - 1
             case Setpoint():
                 self.setpoints += 1
-                return (self.setpoints - 1) * self.samples_per_setpoint if self.lockstep else self.readings
-            case PositionerStatus() if self.lockstep:
-                self.statuses += ((counter or 0) - self.statuses) % _COUNTER + 1
-                return (self.statuses - 1) * self._samples_per_status
+                sample = (self.setpoints - 1) * self.samples_per_setpoint if self.lockstep else self.readings
             case _:
-                return max(self.commands - 1, 0)
+                sample = (counter or 0) * self._samples_per_status if self.lockstep else max(self.commands - 1, 0)
+        return sample
 
     def _steps(self, counter: int | None, expected: int) -> int:
         """Return by how many samples `counter` is past the last one, 0 for an echo of an older one."""

@@ -24,7 +24,7 @@ from positioner.config import Configuration, parse_config
 from positioner.errors import StateError
 from positioner.stiction import StictionTable
 from positioner.store import access
-from positioner.wire.messages import CurrentCommand, PlantTruth, PositionerStatus, StemPosition
+from positioner.wire.messages import ActuatorState, CurrentCommand, PlantTruth, PositionerStatus, StemPosition
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from positioner.bench.scenario import Scenario
 
-_HEARD = (StemPosition, PlantTruth, CurrentCommand, PositionerStatus)
+_HEARD = (StemPosition, ActuatorState, PlantTruth, CurrentCommand, PositionerStatus)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,6 +19,7 @@ from positioner.bounds import Bounds
 from positioner.breakaway import breakaway, lesson, recollect
 from positioner.estimate import StemState, measurement_sigma_m
 from positioner.laws.law import Decision
+from positioner.laws.nmpc_landing import Landing, landing_bias_m
 from positioner.laws.nmpc_plan import Course, approach
 from positioner.laws.nmpc_watch import Trial, Watch, judge, watch
 from positioner.stiction import LearnedSample, Quantity, StictionTable, direction_of
@@ -40,7 +41,7 @@ class NmpcMemory:
     stem: the estimate, of a sliding stem while motion is MOVE, else of a resting one.
     settle_s: what is left of SETTLE. hold_ma: the current that is held, None to choose one.
     plan_ma: the last plan, shifted by one, empty before a move.
-    setpoint_m: the setpoint pursued, corrections: moves made for it, refused: it was found out of reach.
+    setpoint_m: the setpoint pursued, aim_m: where the move is aimed to end there, corrections: moves made for it, refused: it was found out of reach.
     """
 
     stem: Resting | Sliding
@@ -50,6 +51,7 @@ class NmpcMemory:
     hold_ma: float | None = None
     plan_ma: tuple[float, ...] = ()
     setpoint_m: float | None = None
+    aim_m: float = 0.0
     corrections: int = 0
     refused: bool = False
 
@@ -100,10 +102,10 @@ class NmpcLaw:
         if memory.setpoint_m is None:
             memory = self._recalled(memory, table)
         if observation.setpoint_m != memory.setpoint_m:
-            memory = replace(memory, setpoint_m=observation.setpoint_m, corrections=0, refused=False)
+            memory = replace(memory, setpoint_m=observation.setpoint_m, aim_m=observation.setpoint_m, corrections=0, refused=False)
         here, setpoint_m = memory.stem, observation.setpoint_m
         if isinstance(here, Sliding):
-            course = self._course(memory, here, setpoint_m)
+            course = self._course(memory, here, memory.aim_m)
             return self._follow(memory, course, memory.plan_ma)
         if stem.stuck and memory.motion is Motion.HOLD and self._is_worth_a_move(memory, here, setpoint_m):
             return self._start(memory, here, setpoint_m, table)
@@ -147,12 +149,15 @@ class NmpcLaw:
             shift_m = seen.drift * math.sqrt(before.variance_m2 + variance_m2)
             spread = spread_of(before)
             after = self.filter.at_rest(before.x + shift_m, shift_m * shift_m + variance_m2, before.load, spread)
-            seen = seen.elsewhere()
+            seen = replace(seen.elsewhere(), landing=None)
+        taught: tuple[LearnedSample, ...] = ()
+        if seen.landing is not None and seen.trial is None and after.sigma_m < self.settings.landing_sigma_m:
+            taught, seen = (seen.landing.sample(after),), replace(seen, landing=None)
         memory = replace(memory, stem=after, watch=seen)
         if decided is None:
-            return memory, _report(after)
+            return memory, _report(after, *taught)
         spring, friction_n, _ = after.load
-        taught = lesson(
+        push = lesson(
             self.filter.slider,
             self.table_cell_m,
             decided.origin.x,
@@ -160,7 +165,7 @@ class NmpcLaw:
             spring,
             seen.ratio * friction_n,
         )
-        return memory, _report(after, taught)
+        return memory, _report(after, *taught, push)
 
     def _recalled(self, memory: NmpcMemory, table: StictionTable) -> NmpcMemory:
         """Return the memory with what the table remembers of K and F_s: after a restart the law is what it was."""
@@ -203,24 +208,23 @@ class NmpcLaw:
         if self._clamp(gamma.current_ma) != gamma.current_ma:
             why = f"setpoint {1e3 * setpoint_m:.2f} mm out of reach: the stem needs {gamma.current_ma:.2f} mA to leave"
             return self._hold(replace(memory, refused=True), here, "" if memory.refused else why)
+        aim_m = setpoint_m - landing_bias_m(table, setpoint_m, direction)
         sliding = self.filter.depart(here, direction)
-        course = self._course(memory, sliding, setpoint_m, gamma.current_ma)
+        course = self._course(memory, sliding, aim_m, gamma.current_ma)
         if abs(setpoint_m - course.smallest_m(slider, self.period_s)) >= abs(error_m):
             return self._hold(memory, here)
-        memory = replace(memory, stem=sliding, motion=Motion.MOVE, corrections=memory.corrections + 1)
+        memory = replace(memory, stem=sliding, motion=Motion.MOVE, aim_m=aim_m, corrections=memory.corrections + 1)
         memory, decision = self._follow(memory, course, ())
         at_limit = direction * (decision.current_ma - gamma.current_ma) <= _SAME_MA
-        memory = replace(memory, watch=replace(memory.watch, trial=Trial(here, direction, at_limit)))
+        memory = replace(memory, watch=replace(memory.watch, trial=Trial(here, direction, at_limit), landing=Landing(aim_m, direction)))
         why = f"error {1e3 * error_m:+.3f} mm; breakaway {gamma.current_ma:.3f} mA from {gamma.source}"
         return memory, replace(decision, reason=why)
 
-    def _course(
-        self, memory: NmpcMemory, here: Sliding, setpoint_m: float, release_ma: float | None = None
-    ) -> Course:
+    def _course(self, memory: NmpcMemory, here: Sliding, aim_m: float, release_ma: float | None = None) -> Course:
         """Return what the plan is asked for; `release_ma` is Γ while the stem still sticks."""
         s, (spring, friction_n, _), slider = here.direction, here.load, self.filter.slider
-        # a setpoint that has come to lie behind is for the next move: this one stops where it can
-        target_m = setpoint_m if s * (setpoint_m - here.x) > 0.0 else here.x
+        # an aim that has come to lie behind is for the next move: this one stops where it can
+        target_m = aim_m if s * (aim_m - here.x) > 0.0 else here.x
         middle_n, static_n = spring * target_m, memory.watch.ratio * friction_n
         brake_ma = self._clamp(slider.current_ma(middle_n - s * self.settings.brake_share * static_n))
         weakest_ma = self._clamp(slider.current_ma(middle_n - s * self.settings.brake_limit * friction_n))
@@ -228,9 +232,7 @@ class NmpcLaw:
         first_ma = weakest_ma if release_ma is None else s * max(s * release_ma, s * weakest_ma)
         return Course(here.x, here.v, s, target_m, here.load, brake_ma, weakest_ma, strongest_ma, first_ma)
 
-    def _follow(
-        self, memory: NmpcMemory, course: Course, plan_ma: tuple[float, ...]
-    ) -> tuple[NmpcMemory, Decision]:
+    def _follow(self, memory: NmpcMemory, course: Course, plan_ma: tuple[float, ...]) -> tuple[NmpcMemory, Decision]:
         """Return the first current of the plan for `course`; without a solution the last plan goes on."""
         own = self.settings.approach
         guess_ma = plan_ma or (course.release_ma, *(course.brake_ma,) * (own.control_steps - 1))

@@ -151,9 +151,7 @@ def predict(
     return line._replace(speed_limit=limit)
 
 
-def program(
-    settings: ApproachSettings, course: Course, line: Line, inputs_ma: NDArray[np.float64]
-) -> QuadraticProgram:
+def program(settings: ApproachSettings, course: Course, line: Line, inputs_ma: NDArray[np.float64]) -> QuadraticProgram:
     """Return the programme in the inputs (H_u): tracking, the limits of the current, and the H_p stopping points.
 
     Positions are scaled so that the first input moves the last one by 1; stopping points, by the first one.

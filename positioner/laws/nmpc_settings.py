@@ -24,6 +24,7 @@ class NmpcSettings:
     brake_share: the braking current rests so far from the middle of the stick band of the target, in F_s.
     brake_limit: the strongest braking, in F_c: inside the stick band, or the valve would reverse.
     hold_step_ma: change of the middle of the stick band that the held current follows.
+    landing_sigma_m: how well the end of a move must be known to teach the table.
     settle_s: after a stop, until readings count as of a resting stem.
     """
 
@@ -37,6 +38,7 @@ class NmpcSettings:
     brake_limit: Annotated[float, Interval(ge=0.0, lt=1.0)] = 0.8
     hold_step_ma: Annotated[float, Interval(ge=0.0, le=16.0)] = 0.4
     settle_s: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.003
+    landing_sigma_m: Annotated[float, Interval(gt=0.0, le=0.05)] = 1.5e-4
     approach: ApproachSettings = field(default_factory=ApproachSettings)
     adaptation: AdaptationSettings = field(default_factory=AdaptationSettings)
     breakaway: BreakawaySettings = field(default_factory=BreakawaySettings)

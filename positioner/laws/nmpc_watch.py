@@ -17,6 +17,7 @@ from positioner.sensor_noise import NoiseLevel
 
 if TYPE_CHECKING:
     from positioner.adaptive_estimate import Resting
+    from positioner.laws.nmpc_landing import Landing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,13 +59,14 @@ class Watch:
     """What is known beside the estimate.
 
     ratio: F_s/F_c. noise: variance of the sensor. drift: smoothed innovation of the resting stem, in σ.
-    trial: the last move, while it is on trial.
+    trial: the last move, while it is on trial. landing: the last move, until it is known where it ended.
     """
 
     ratio: float
     noise: NoiseLevel = field(default_factory=NoiseLevel)
     drift: float = 0.0
     trial: Trial | None = None
+    landing: Landing | None = None
 
     def elsewhere(self) -> Watch:
         """Return the watch over a stem that has come to rest at another place."""
@@ -82,7 +84,7 @@ def watch(
     """Return the watch after a reading with `variance_m2`; `sigma_m` is the sensor's configured σ."""
     innovation = (measured_m - stem.x) / math.sqrt(stem.variance_m2 + variance_m2)
     drift = state.drift + settings.surprise_weight * (innovation - state.drift)
-    return Watch(state.ratio, state.noise.heard(measured_m / sigma_m), drift, state.trial)
+    return Watch(state.ratio, state.noise.heard(measured_m / sigma_m), drift, state.trial, state.landing)
 
 
 def judge(
@@ -107,11 +109,10 @@ def judge(
     if abs(evidence) < settings.verdict:
         trial = None if alike else Trial(origin, trial.direction, trial.at_limit, evidence)
         return replace(state, trial=trial), after, None
-    ratio = state.ratio
     if evidence < 0.0:
-        after, ratio = origin, ratio * (1.0 + settings.ratio_rise)
-    elif trial.at_limit:
-        ratio = max(1.0, ratio * (1.0 - settings.ratio_fall))
+        ratio = state.ratio * (1.0 + settings.ratio_rise)
+        return replace(state, trial=None, landing=None, ratio=ratio, drift=0.0), origin, trial
+    ratio = max(1.0, state.ratio * (1.0 - settings.ratio_fall)) if trial.at_limit else state.ratio
     return replace(state, trial=None, ratio=ratio, drift=0.0), after, trial
 
 

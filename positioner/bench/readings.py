@@ -1,0 +1,85 @@
+"""How the paper may be read where it leaves a choice: its noise, and the units of α and β. Pure.
+
+| noise | sensor | position and speed |
+|---|---|---|
+| A | 2 % of the reading, white: one draw a sample | Kalman filter (D11) |
+| B | 2 % of the reading, each draw held for 10 ms | the reading, and its difference quotient |
+
+| units | α of eq. 22 | β of eq. 22 |
+|---|---|---|
+| SI | 5 m/s | 150 1/m (D6) |
+| cm | 5 cm/s | 150 1/cm, the units of the paper's Table 2 |
+
+Held noise is that of a simulation whose noise block has a sample time of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any
+
+from positioner.estimate import EstimationMethod
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from positioner.bench.scenario import Scenario
+
+NOISE_HOLD_S = 0.01
+"""How long reading B holds a draw of the noise."""
+
+
+class NoiseReading(StrEnum):
+    """What "a random signal with a mean power of 2 %" is, and what the controller makes of it."""
+
+    FILTERED = "A"
+    RAW = "B"
+
+
+class UnitReading(StrEnum):
+    """Units of α = 5 and β = 150."""
+
+    SI = "SI"
+    CENTIMETRES = "cm"
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One reading of the paper."""
+
+    noise: NoiseReading
+    units: UnitReading
+
+    def __str__(self) -> str:
+        """Name of a column or of a heading."""
+        return f"{self.noise}, {self.units}"
+
+
+def readings(noises: tuple[NoiseReading, ...]) -> tuple[Reading, ...]:
+    """Return every reading with one of `noises`."""
+    return tuple(Reading(noise, units) for noise in noises for units in UnitReading)
+
+
+def read_as(scenario: Scenario, reading: Reading, *, noisy: bool = True) -> Scenario:
+    """Return `scenario` with the sensor, the estimator and the bounds of `reading`; not `noisy`: without any noise."""
+    raw = reading.noise is NoiseReading.RAW
+    sensor: dict[str, Any] = {"noise_hold_s": NOISE_HOLD_S if raw else 0.0}
+    estimator: dict[str, Any] = {"method": str(EstimationMethod.RAW if raw else EstimationMethod.KALMAN)}
+    if not noisy:
+        sensor["noise_of_reading"] = estimator["noise_of_reading"] = 0.0
+    in_si = reading.units is UnitReading.SI
+    bounds = {
+        "approach_span_m_per_s": 5.0 if in_si else 0.05,
+        "approach_decay_per_m": 150.0 if in_si else 15000.0,
+    }
+    return replace(
+        scenario,
+        plant=_with(scenario.plant, "sensor", sensor),
+        control=_with(scenario.control, "bounds", bounds),
+        estimator={**scenario.estimator, **estimator},
+    )
+
+
+def _with(table: Mapping[str, Any], key: str, changes: Mapping[str, Any]) -> dict[str, Any]:
+    return {**table, key: {**table.get(key, {}), **changes}}

@@ -42,8 +42,8 @@ class AdaptationSettings:
     friction_per_m: Annotated[float, Interval(ge=0.0, le=100.0)] = 0.1
     force_noise_n: Annotated[float, Interval(ge=0.0, le=1e5)] = 30.0
     landing_noise_m: Annotated[float, Interval(ge=0.0, le=0.01)] = 2e-4
-    least: Annotated[float, Interval(gt=0.0, le=1.0)] = 0.4
-    most: Annotated[float, Interval(ge=1.0, le=10.0)] = 2.5
+    least: Annotated[float, Interval(gt=0.0, le=1.0)] = 0.6
+    most: Annotated[float, Interval(ge=1.0, le=10.0)] = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +77,8 @@ class Resting:
     @property
     def load(self) -> Load:
         """The load in SI units."""
-        (K, F, C), (K_x, F_x, C_x), moved = self.anchor.load, self.slopes, self.x - self.anchor.x
-        return Load(K + K_x * moved, F + F_x * moved, C + C_x * moved)
+        moved = self.x - self.anchor.x
+        return Load(*(own + slope * moved for own, slope in zip(self.anchor.load, self.slopes, strict=True)))
 
     @property
     def sigma_m(self) -> float:

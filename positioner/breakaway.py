@@ -17,8 +17,7 @@ from positioner.stiction import LearnedSample, Quantity, direction_of
 
 if TYPE_CHECKING:
     from positioner.adaptive_slide import Slider
-    from positioner.adaptive_slide import Load
-from positioner.stiction import StictionTable
+    from positioner.stiction import StictionTable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,8 +99,8 @@ def recollect(
     """Return the load and its standard deviations that a table remembers, `prior` and `sigmas` without any cell.
 
     K and F_s are the least squares of B·Γ = K·x ± F_s over all breakaway cells but stale and scattered ones, weighed
-    against the prior; F_c follows as F_s/`ratio`. F_v is taken to have changed as F_c: packing that grips harder does so at
-    every speed.
+    against the prior; F_c follows as F_s/`ratio`. F_v is taken to have changed as F_c: packing that grips harder does
+    so at every speed.
     """
     static_n = ratio * prior.friction_n
     # information matrix [[a, b], [b, c]] and vector (d, e) of the deviations from the prior

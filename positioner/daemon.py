@@ -207,7 +207,8 @@ class Daemon:
         self._stopping = True
 
     def _report(self, line: str) -> None:
-        self._throttle.log(logging.WARNING, f"bus {line[:24]}", line)
+        # told apart by what happened, not by the bus that all lines name first
+        self._throttle.log(logging.WARNING, line.replace(str(self._bus.address), "")[:16], line)
 
 
 def _kind(event: Event) -> str:

@@ -31,6 +31,16 @@ class Octave(NamedTuple):
     squares: float = 0.0
     pairs: float = 0.0
 
+    def followed_by(self, value: float, weight: float) -> Octave:
+        """Return the octave after one more batch of `weight` readings with the mean `value`."""
+        squares, pairs = self.squares, self.pairs
+        if self.previous is not None:
+            difference = value - self.previous
+            squares, pairs = squares + 0.5 * weight * difference * difference, pairs + 1.0
+            if pairs > _PAIRS_KEPT:
+                squares, pairs = 0.5 * squares, 0.5 * pairs
+        return Octave(value if self.waiting is None else None, value, squares, pairs)
+
 
 @dataclass(frozen=True, slots=True)
 class NoiseLevel:
@@ -46,17 +56,11 @@ class NoiseLevel:
         """Return the level after one more reading of a resting stem, in units of its configured σ."""
         octaves = list(self.octaves)
         value, weight = reading, 1.0
-        for index, (waiting, previous, squares, pairs) in enumerate(self.octaves):
-            if previous is not None:
-                difference = value - previous
-                squares, pairs = squares + 0.5 * weight * difference * difference, pairs + 1.0
-                if pairs > _PAIRS_KEPT:
-                    squares, pairs = 0.5 * squares, 0.5 * pairs
-            if waiting is None:
-                octaves[index] = Octave(value, value, squares, pairs)
+        for index, octave in enumerate(self.octaves):
+            octaves[index] = octave.followed_by(value, weight)
+            if octave.waiting is None:
                 break
-            octaves[index] = Octave(None, value, squares, pairs)
-            value, weight = 0.5 * (waiting + value), 2.0 * weight
+            value, weight = 0.5 * (octave.waiting + value), 2.0 * weight
         return NoiseLevel(tuple(octaves), _ratio(octaves))
 
     def moved(self) -> NoiseLevel:

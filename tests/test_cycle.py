@@ -238,6 +238,17 @@ def test_a_setpoint_is_held_until_the_next_one() -> None:
     assert [seen.setpoint_m for seen in exchange.law.shown] == pytest.approx([0.0795, 0.087, 0.087, 0.087, 0.073])
 
 
+def test_in_hold_the_law_goes_on_with_the_setpoint_it_has() -> None:
+    exchange = Exchange()
+    exchange.sample(0.08, setpoint=Setpoint(0.087))
+    for _ in range(600):
+        ((command, _),) = commands(exchange.sample())
+    assert (command.mode, command.motion) == (Mode.HOLD, Motion.MOVE)
+    assert command.current_ma == pytest.approx(10.6)
+    assert exchange.law.shown[-1].setpoint_m == pytest.approx(0.087)
+    assert len(exchange.law.begun_m) == 1
+
+
 @pytest.mark.parametrize(("position_m", "held_m"), [(-0.01, 0.0), (0.15, 0.1397)])
 def test_where_control_begins_beyond_the_travel_its_end_is_the_setpoint(position_m: float, held_m: float) -> None:
     exchange = Exchange()

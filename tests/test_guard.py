@@ -134,6 +134,7 @@ def test_the_setpoint_ages_in_seconds(age_ns: int, expected: tuple[Mode, Cause])
 def test_a_hold_ends_when_what_was_missing_comes_back() -> None:
     held = watch(active_at(SECOND), NOTHING, SECOND + 5 * MS)
     assert held.mode is Mode.HOLD
+    assert held.controls  # towards the setpoint it has
     assert told(watch(held, EVERYTHING, SECOND + 6 * MS)) == (Mode.ACTIVE, Cause.NONE)
 
 
@@ -142,6 +143,7 @@ def test_zero_means_that_a_setpoint_never_ages() -> None:
         (GuardSettings(setpoint_hold_s=0.0, setpoint_failsafe_s=0.0), Mode.ACTIVE),
         (GuardSettings(setpoint_failsafe_s=0.0), Mode.HOLD),
         (GuardSettings(setpoint_hold_s=0.0), Mode.FAILSAFE),
+        (GuardSettings(setpoint_hold_s=0.0, setpoint_failsafe_s=0.2), Mode.FAILSAFE),
     ):
         assert watch(active_at(SECOND, tuning), Sighting(feedback=True), 10**13, tuning).mode is expected
 
@@ -339,6 +341,9 @@ def test_without_a_number_the_last_current_stays(wanted_ma: float | None) -> Non
 def test_a_rate_limit_holds_both_ways(wanted_ma: float, elapsed_s: float, expected_ma: float) -> None:
     tuning = GuardSettings(max_rate_ma_per_s=500.0)
     assert admit(tuning, GuardState(Mode.ACTIVE), wanted_ma, 12.0, elapsed_s) == pytest.approx(expected_ma)
+    # a slower one, in as much more time
+    slower = GuardSettings(max_rate_ma_per_s=0.5)
+    assert admit(slower, GuardState(Mode.ACTIVE), wanted_ma, 12.0, 1000.0 * elapsed_s) == pytest.approx(expected_ma)
 
 
 @pytest.mark.parametrize(

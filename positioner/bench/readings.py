@@ -4,6 +4,7 @@
 |---|---|---|
 | A | 2 % of the reading, white: one draw a sample | Kalman filter (D11) |
 | B | 2 % of the reading, each draw held for 10 ms | the reading, and its difference quotient |
+| noise-free | none: the control run of both | the reading, and its difference quotient |
 
 | units | α of eq. 22 | β of eq. 22 |
 |---|---|---|
@@ -35,6 +36,7 @@ class NoiseReading(StrEnum):
 
     FILTERED = "A"
     RAW = "B"
+    FREE = "noise-free"
 
 
 class UnitReading(StrEnum):
@@ -57,17 +59,21 @@ class Reading:
 
 
 def readings(noises: tuple[NoiseReading, ...]) -> tuple[Reading, ...]:
-    """Return every reading with one of `noises`."""
-    return tuple(Reading(noise, units) for noise in noises for units in UnitReading)
+    """Return every reading with one of `noises`, and the noise-free control runs."""
+    return tuple(Reading(noise, units) for noise in (*noises, NoiseReading.FREE) for units in UnitReading)
 
 
-def read_as(scenario: Scenario, reading: Reading, *, noisy: bool = True) -> Scenario:
-    """Return `scenario` with the sensor, the estimator and the bounds of `reading`; not `noisy`: without any noise."""
-    raw = reading.noise is NoiseReading.RAW
-    sensor: dict[str, Any] = {"noise_hold_s": NOISE_HOLD_S if raw else 0.0}
-    estimator: dict[str, Any] = {"method": str(EstimationMethod.RAW if raw else EstimationMethod.KALMAN)}
-    if not noisy:
-        sensor["noise_of_reading"] = estimator["noise_of_reading"] = 0.0
+def read_as(scenario: Scenario, reading: Reading) -> Scenario:
+    """Return `scenario` with the sensor, the estimator and the bounds of `reading`."""
+    sensor: dict[str, Any] = {}
+    estimator: dict[str, Any] = {"method": str(EstimationMethod.RAW)}
+    match reading.noise:
+        case NoiseReading.FILTERED:
+            estimator["method"] = str(EstimationMethod.KALMAN)
+        case NoiseReading.RAW:
+            sensor["noise_hold_s"] = NOISE_HOLD_S
+        case NoiseReading.FREE:
+            sensor["noise_of_reading"] = 0.0
     in_si = reading.units is UnitReading.SI
     bounds = {
         "approach_span_m_per_s": 5.0 if in_si else 0.05,

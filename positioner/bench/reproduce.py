@@ -1,4 +1,4 @@
-"""The paper's five simulations, in every reading of it, with and without noise, in process, on all cores. Shell."""
+"""The paper's five simulations, in every reading of it, in process, on all cores. Shell."""
 
 from __future__ import annotations
 
@@ -41,17 +41,16 @@ _CURVE_POINTS = 6000
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One simulation in one reading, with or without noise."""
+    """One simulation in one reading."""
 
     simulation: int
     reading: Reading
-    noisy: bool
     short: bool = False
 
     @property
     def scenario(self) -> Scenario:
         """The packaged scenario, changed as the reading asks."""
-        scenario = read_as(load_scenario(f"paper-{self.simulation}"), self.reading, noisy=self.noisy)
+        scenario = read_as(load_scenario(f"paper-{self.simulation}"), self.reading)
         if not self.short:
             return scenario
         shrink = SHORT_DWELL_S / scenario.dwell_s
@@ -104,10 +103,9 @@ class Outcome:
 def all_runs(readings: Sequence[Reading], *, short: bool) -> tuple[Run, ...]:
     """Return every run; without a table α and β play no part, so simulations 1 and 2 are played in one unit."""
     return tuple(
-        Run(simulation, reading, noisy, short)
+        Run(simulation, reading, short)
         for simulation in SIMULATIONS
         for reading in readings
-        for noisy in (True, False)
         if simulation in WITH_TABLE or reading.units is UnitReading.SI
     )
 

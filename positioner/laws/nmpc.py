@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING
 from positioner.adaptive_estimate import Resting, Sliding, average, spread_of
 from positioner.bounds import Bounds
 from positioner.breakaway import breakaway, lesson, recollect
-from positioner.estimate import StemState, measurement_sigma_m
+from positioner.estimate import measurement_sigma_m
 from positioner.laws.law import Decision
 from positioner.laws.nmpc_landing import Landing, landing_bias_m
+from positioner.laws.nmpc_memory import NmpcMemory, report
 from positioner.laws.nmpc_plan import Course, approach
 from positioner.laws.nmpc_watch import Trial, Watch, judge, watch
 from positioner.stiction import LearnedSample, Quantity, StictionTable, direction_of
@@ -27,33 +28,11 @@ from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
     from positioner.adaptive_estimate import AdaptiveFilter
-    from positioner.estimate import EstimatorSettings
+    from positioner.estimate import EstimatorSettings, StemState
     from positioner.laws.law import Observation
     from positioner.laws.nmpc_settings import NmpcSettings
     from positioner.model import ValveParameters
     from positioner.planner import Solver
-
-
-@dataclass(frozen=True, slots=True)
-class NmpcMemory:
-    """What the law carries.
-
-    stem: the estimate, of a sliding stem while motion is MOVE, else of a resting one.
-    settle_s: what is left of SETTLE. hold_ma: the current that is held, None to choose one.
-    plan_ma: the last plan, shifted by one, empty before a move.
-    setpoint_m: the setpoint pursued, aim_m: where the move is aimed to end there, corrections: moves made for it, refused: it was found out of reach.
-    """
-
-    stem: Resting | Sliding
-    watch: Watch
-    motion: Motion = Motion.HOLD
-    settle_s: float = 0.0
-    hold_ma: float | None = None
-    plan_ma: tuple[float, ...] = ()
-    setpoint_m: float | None = None
-    aim_m: float = 0.0
-    corrections: int = 0
-    refused: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +70,7 @@ class NmpcLaw:
             return self._watch(memory, stem, after, observation.measured_m, variance_m2, sigma_m)
         left_s = memory.settle_s - observation.elapsed_s
         motion = Motion.SETTLE if left_s > _INSTANT_S else Motion.HOLD
-        return replace(memory, stem=after, settle_s=left_s, motion=motion), _report(after)
+        return replace(memory, stem=after, settle_s=left_s, motion=motion), report(after)
 
     def decide(
         self, memory: NmpcMemory, stem: StemState, observation: Observation, table: StictionTable
@@ -102,7 +81,7 @@ class NmpcLaw:
         if memory.setpoint_m is None:
             memory = self._recalled(memory, table)
         if observation.setpoint_m != memory.setpoint_m:
-            memory = replace(memory, setpoint_m=observation.setpoint_m, aim_m=observation.setpoint_m, corrections=0, refused=False)
+            memory = replace(memory, setpoint_m=observation.setpoint_m, aim_m=observation.setpoint_m, corrections=0)
         here, setpoint_m = memory.stem, observation.setpoint_m
         if isinstance(here, Sliding):
             course = self._course(memory, here, memory.aim_m)
@@ -118,7 +97,7 @@ class NmpcLaw:
         ahead = self.filter.advance(stem, observation.applied_ma, observation.elapsed_s)
         after = self.filter.correct(ahead, observation.measured_m, variance_m2)
         if not after.stopped:
-            return replace(memory, stem=after), _report(after)
+            return replace(memory, stem=after), report(after)
         rest = self.filter.rest(after)
         lesson_m_per_s = LearnedSample(Quantity.STICK_SPEED, rest.x, direction_of(stem.direction), abs(stem.v))
         memory = replace(
@@ -129,7 +108,7 @@ class NmpcLaw:
             settle_s=self.settings.settle_s,
             hold_ma=None,
         )
-        return memory, _report(rest, lesson_m_per_s)
+        return memory, report(rest, lesson_m_per_s)
 
     def _watch(
         self,
@@ -155,7 +134,7 @@ class NmpcLaw:
             taught, seen = (seen.landing.sample(after),), replace(seen, landing=None)
         memory = replace(memory, stem=after, watch=seen)
         if decided is None:
-            return memory, _report(after, *taught)
+            return memory, report(after, *taught)
         spring, friction_n, _ = after.load
         push = lesson(
             self.filter.slider,
@@ -165,7 +144,7 @@ class NmpcLaw:
             spring,
             seen.ratio * friction_n,
         )
-        return memory, _report(after, *taught, push)
+        return memory, report(after, *taught, push)
 
     def _recalled(self, memory: NmpcMemory, table: StictionTable) -> NmpcMemory:
         """Return the memory with what the table remembers of K and F_s: after a restart the law is what it was."""
@@ -198,27 +177,34 @@ class NmpcLaw:
     ) -> tuple[NmpcMemory, Decision]:
         """Return the first current of a move, at least Γ, for one sample (eqs 25, 26; D8).
 
-        The stem stays where no current in the loop frees it, or where the smallest push carries it too far past.
+        Γ beyond the loop is an estimate, so it is tried, but not for ever. The stem stays where the smallest push would
+        carry it too far past.
         """
         error_m = setpoint_m - here.x
         direction = math.copysign(1.0, error_m)
         slider, (spring, friction_n, _) = self.filter.slider, here.load
         static_n = memory.watch.ratio * friction_n
         gamma = breakaway(self.settings.breakaway, slider, table, here.x, direction, spring, static_n)
-        if self._clamp(gamma.current_ma) != gamma.current_ma:
-            why = f"setpoint {1e3 * setpoint_m:.2f} mm out of reach: the stem needs {gamma.current_ma:.2f} mA to leave"
-            return self._hold(replace(memory, refused=True), here, "" if memory.refused else why)
+        release_ma = self._clamp(gamma.current_ma)
+        fallback = ""
+        if release_ma != gamma.current_ma:
+            if memory.corrections >= self.settings.patience_limit:
+                return self._hold(memory, here)
+            fallback = f"breakaway takes {gamma.current_ma:.2f} mA, more than the loop can give: full push"
         aim_m = setpoint_m - landing_bias_m(table, setpoint_m, direction)
         sliding = self.filter.depart(here, direction)
-        course = self._course(memory, sliding, aim_m, gamma.current_ma)
-        if abs(setpoint_m - course.smallest_m(slider, self.period_s)) >= abs(error_m):
+        course = self._course(memory, sliding, aim_m, release_ma)
+        if direction * (course.smallest_m(slider, self.period_s) - setpoint_m) >= abs(error_m):
             return self._hold(memory, here)
         memory = replace(memory, stem=sliding, motion=Motion.MOVE, aim_m=aim_m, corrections=memory.corrections + 1)
         memory, decision = self._follow(memory, course, ())
-        at_limit = direction * (decision.current_ma - gamma.current_ma) <= _SAME_MA
-        memory = replace(memory, watch=replace(memory.watch, trial=Trial(here, direction, at_limit), landing=Landing(aim_m, direction)))
+        at_limit = direction * (decision.current_ma - release_ma) <= _SAME_MA
+        memory = replace(
+            memory,
+            watch=replace(memory.watch, trial=Trial(here, direction, at_limit), landing=Landing(aim_m, direction)),
+        )
         why = f"error {1e3 * error_m:+.3f} mm; breakaway {gamma.current_ma:.3f} mA from {gamma.source}"
-        return memory, replace(decision, reason=why)
+        return memory, replace(decision, reason=why, fallback=fallback or decision.fallback)
 
     def _course(self, memory: NmpcMemory, here: Sliding, aim_m: float, release_ma: float | None = None) -> Course:
         """Return what the plan is asked for; `release_ma` is Γ while the stem still sticks."""
@@ -258,11 +244,3 @@ _INSTANT_S = 1e-9
 """Rounding of a sum of periods."""
 _SAME_MA = 0.05
 """Currents closer than this push alike."""
-
-
-def _report(stem: Resting | Sliding, *learned: LearnedSample) -> StemState:
-    """Return the estimate as the rest of the positioner knows it."""
-    if isinstance(stem, Resting):
-        return StemState(stem.x, 0.0, True, stem.anchor.direction, stem.variance_m2, 0.0, 0.0, 0.0, learned)
-    (xx, xv), (_, vv) = stem.covariance[:2, :2].tolist()
-    return StemState(stem.x, stem.v, False, stem.direction, xx, xv, vv, 0.0, learned)

@@ -36,7 +36,7 @@ class Landing:
 
 
 def landing_bias_m(table: StictionTable, setpoint_m: float, direction: float) -> float:
-    """Return by how much moves in `direction` (±1) to `setpoint_m` land beside it, in m; 0 unless it is beyond doubt."""
+    """Return by how much moves in `direction` (±1) to `setpoint_m` land beside it, in m; 0 while that is in doubt."""
     cell = table.cell(Quantity.LANDING_BIAS, setpoint_m, direction_of(direction))
     if cell is None or len(cell.samples) < _LEAST_SAMPLES or table.age(cell) > _LARGEST_AGE:
         return 0.0

@@ -8,6 +8,7 @@ speed breaks it already, it is relaxed to what full braking reaches (D10): a pro
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
 
@@ -109,15 +110,14 @@ def approach(
         line = predict(settings, slider, course, braking, period_s)
         return Approach(tuple(braking), line.speed_limit, 0)
     inputs = np.clip(guess_ma, low, high)
-    for passes in range(1, settings.max_passes + 1):
+    passes, change = 0, math.inf
+    while change >= settings.pass_tolerance_ma and passes < settings.max_passes:
         line = predict(settings, slider, course, inputs.tolist(), period_s)
         solution = solver.solve(program(settings, course, line, inputs))
         if solution is None:
             return None
         found = np.clip(solution.z, low, high)
-        change, inputs = abs(float(found[0] - inputs[0])), found
-        if change < settings.pass_tolerance_ma:
-            break
+        passes, change, inputs = passes + 1, abs(float(found[0] - inputs[0])), found
     return Approach(tuple(inputs.tolist()), line.speed_limit, passes)
 
 
@@ -166,8 +166,8 @@ def program(settings: ApproachSettings, course: Course, line: Line, inputs_ma: N
     # a target beyond the reach of all currents is nearer for the solver, and the plan is the same
     wanted = np.clip((course.target_m - np.array(line.positions)) / unit, -_REACH_MA, _REACH_MA)
     errors = wanted + rows @ inputs_ma
-    P = weighted @ rows + settings.input_weight * np.eye(count)
-    q = -(weighted @ errors) - settings.input_weight * course.brake_ma
+    hessian = weighted @ rows + settings.input_weight * np.eye(count)
+    gradient = -(weighted @ errors) - settings.input_weight * course.brake_ma
 
     stops = s * np.array(line.stop_rows)
     scale = abs(stops[0, 0]) or 1.0
@@ -177,7 +177,7 @@ def program(settings: ApproachSettings, course: Course, line: Line, inputs_ma: N
     braking = low if s > 0.0 else high
     lower = np.concatenate([low, np.full(len(stops), -_FREE)])
     upper = np.concatenate([high, np.maximum(room, stops @ braking)])
-    return QuadraticProgram(P, q, np.vstack([np.eye(count), stops]), lower, upper)
+    return QuadraticProgram(hessian, gradient, np.vstack([np.eye(count), stops]), lower, upper)
 
 
 def _limits(course: Course, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -26,6 +26,7 @@ class WatchSettings:
 
     verdict: log likelihood ratio that decides whether a move has happened.
     ratio_rise, ratio_fall: how F_s/F_c follows a push that failed, and one of no more than Γ that did not.
+    ratio_most: how far F_s/F_c may rise.
     surprise_sigma, surprise_weight: smoothed innovation, in its own σ, at which a resting stem must have moved, and
         the weight of the newest innovation in it.
     """
@@ -35,6 +36,7 @@ class WatchSettings:
     verdict: Annotated[float, Interval(gt=0.0, le=100.0)] = 4.0
     ratio_rise: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.03
     ratio_fall: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.003
+    ratio_most: Annotated[float, Interval(ge=1.0, le=100.0)] = 2.0
     surprise_sigma: Annotated[float, Interval(ge=3.0, le=20.0)] = 5.0
     surprise_weight: Annotated[float, Interval(gt=0.0, le=1.0)] = 0.1
 
@@ -110,7 +112,7 @@ def judge(
         trial = None if alike else Trial(origin, trial.direction, trial.at_limit, evidence)
         return replace(state, trial=trial), after, None
     if evidence < 0.0:
-        ratio = state.ratio * (1.0 + settings.ratio_rise)
+        ratio = min(state.ratio * (1.0 + settings.ratio_rise), max(settings.ratio_most, state.ratio))
         return replace(state, trial=None, landing=None, ratio=ratio, drift=0.0), origin, trial
     ratio = max(1.0, state.ratio * (1.0 - settings.ratio_fall)) if trial.at_limit else state.ratio
     return replace(state, trial=None, ratio=ratio, drift=0.0), after, trial

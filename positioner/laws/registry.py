@@ -8,8 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from positioner.adaptive_estimate import AdaptiveFilter
 from positioner.adaptive_slide import load_of, slider_of
+from positioner.laws.knocker import Knocker, KnockerMemory
 from positioner.laws.nmpc import NmpcLaw
 from positioner.laws.paper import PaperLaw
+from positioner.laws.pi import NoCompensator, PiLaw
+from positioner.laws.pid import PidController
+from positioner.laws.reinforcement import Reinforcement
+from positioner.laws.two_move import TwoMoveLaw
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -17,6 +22,7 @@ if TYPE_CHECKING:
     from positioner.estimate import EstimatorSettings
     from positioner.guard import GuardSettings
     from positioner.laws.law import Law
+    from positioner.laws.pid import PidSettings
     from positioner.laws.settings import ControlSettings
     from positioner.model import ValveParameters
     from positioner.planner import Solver
@@ -68,6 +74,35 @@ def _nmpc(parts: Ingredients) -> NmpcLaw:
     )
 
 
+def _controller(pid: PidSettings, parts: Ingredients) -> PidController:
+    return PidController(pid, parts.guard.current_low_ma, parts.guard.current_high_ma)
+
+
+def _pi(parts: Ingredients) -> PiLaw[None]:
+    return PiLaw("pi", parts.valve, _controller(parts.control.pi, parts), NoCompensator())
+
+
+def _pi_deadband(parts: Ingredients) -> PiLaw[None]:
+    told = parts.control.pi_deadband
+    return PiLaw("pi-deadband", parts.valve, _controller(told.pid, parts), NoCompensator(), told.deadband_m)
+
+
+def _knocker(parts: Ingredients) -> PiLaw[KnockerMemory]:
+    told = parts.control.knocker
+    return PiLaw("knocker", parts.valve, _controller(told.pid, parts), Knocker(told))
+
+
+def _constant_reinforcement(parts: Ingredients) -> PiLaw[float]:
+    told = parts.control.constant_reinforcement
+    return PiLaw("constant-reinforcement", parts.valve, _controller(told.pid, parts), Reinforcement(told))
+
+
+def _two_move(name: str, parts: Ingredients, *, retries: bool) -> TwoMoveLaw:
+    retry = parts.control.two_move_retry if retries else None
+    moves = retry.moves if retry else parts.control.two_move
+    return TwoMoveLaw(name, parts.valve, moves, retry, parts.guard.current_low_ma, parts.guard.current_high_ma)
+
+
 LAWS: Mapping[str, tuple[str, Callable[[Ingredients], Law[Any]]]] = MappingProxyType(
     {
         "nmpc": (
@@ -81,6 +116,21 @@ LAWS: Mapping[str, tuple[str, Callable[[Ingredients], Law[Any]]]] = MappingProxy
         "paper-plain": (
             "the paper's NMPC without the table",
             lambda parts: _paper("paper-plain", parts, use_table=False),
+        ),
+        "pi": ("PI with filtered derivative and anti-windup", _pi),
+        "pi-deadband": ("PI that freezes its current while the error is small", _pi_deadband),
+        "knocker": ("PI and pulses in the direction it is going (Hägglund 2002)", _knocker),
+        "constant-reinforcement": (
+            "PI and a constant push in the direction it is going (Ivan and Lakshminarayanan 2009)",
+            _constant_reinforcement,
+        ),
+        "two-move": (
+            "two moves to the setpoint, in open loop (Srinivasan and Rengaswamy 2008)",
+            lambda parts: _two_move("two-move", parts, retries=False),
+        ),
+        "two-move-retry": (
+            "two moves to the setpoint, made again where the stem came to rest too far from it",
+            lambda parts: _two_move("two-move-retry", parts, retries=True),
         ),
     }
 )

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Annotated, Any, ClassVar
 
 from annotated_types import Interval
 
 from positioner.bounds import BoundSettings
+from positioner.laws.knocker import KnockerSettings
 from positioner.laws.nmpc_settings import NmpcSettings
+from positioner.laws.pi import PiDeadbandSettings
+from positioner.laws.pid import PidSettings
+from positioner.laws.reinforcement import ReinforcementSettings
+from positioner.laws.tuned import tuned
+from positioner.laws.two_move import TwoMoveRetrySettings, TwoMoveSettings
 from positioner.planner import PlannerSettings
 
 
@@ -22,6 +29,8 @@ class ControlSettings:
     table_cell_m: width of a cell of the stiction table.
     planner, bounds: the paper's controller (Table 5, eqs 21-26).
     nmpc: the law of that name.
+    pi ... two_move_retry: the laws of those names, packaged as `positioner tune` found them. Their parameters belong
+        together: a table replaces all of them.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "allow_inf_nan": False}
@@ -33,3 +42,13 @@ class ControlSettings:
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     bounds: BoundSettings = field(default_factory=BoundSettings)
     nmpc: NmpcSettings = field(default_factory=NmpcSettings)
+    pi: PidSettings = field(default_factory=partial(tuned, "pi", PidSettings))
+    pi_deadband: PiDeadbandSettings = field(default_factory=partial(tuned, "pi-deadband", PiDeadbandSettings))
+    knocker: KnockerSettings = field(default_factory=partial(tuned, "knocker", KnockerSettings))
+    constant_reinforcement: ReinforcementSettings = field(
+        default_factory=partial(tuned, "constant-reinforcement", ReinforcementSettings)
+    )
+    two_move: TwoMoveSettings = field(default_factory=partial(tuned, "two-move", TwoMoveSettings))
+    two_move_retry: TwoMoveRetrySettings = field(
+        default_factory=partial(tuned, "two-move-retry", TwoMoveRetrySettings)
+    )

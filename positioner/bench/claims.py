@@ -1,0 +1,137 @@
+"""What the paper claims of its five simulations, beside what is seen. Pure.
+
+The paper shows figures and no numbers: each claim is its sentence, and the number that decides it here is ours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from positioner.bench.readings import Reading, UnitReading
+from positioner.bench.reproduce import WITH_TABLE
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from positioner.bench.reproduce import Outcome
+
+AT_REFERENCE_PCT = 1.0
+"""An error below this part of the span is "at the reference" or "small"."""
+
+OVERSHOOT_PCT = 0.5
+"""An overshoot above this part of the span can be seen in a figure."""
+
+CONSTANT_CURRENT_MA = 0.8
+"""A current that stays within 5 % of the loop's 16 mA is "almost constant"."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """One claim in one reading: what is seen, in words and numbers, and whether the claim holds."""
+
+    simulation: int
+    claim: str
+    reading: Reading
+    seen: str
+    holds: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Claim:
+    """The claim, and the test of it: from the halves of this simulation and of the one it is compared with."""
+
+    simulation: int
+    text: str
+    judge: Callable[[Outcome, Outcome], tuple[str, bool]]
+    compared_with: int
+
+
+def verdicts(outcomes: Sequence[Outcome]) -> tuple[Verdict, ...]:
+    """Return the verdict on every claim in every reading that was played."""
+    played = {(outcome.run.simulation, outcome.run.reading): outcome for outcome in outcomes}
+    found = []
+    for claim in _CLAIMS:
+        for (simulation, reading), own in played.items():
+            if simulation == claim.simulation:
+                other = played[claim.compared_with, _reading_of(claim.compared_with, reading)]
+                found.append(Verdict(simulation, claim.text, reading, *claim.judge(own, other)))
+    return tuple(found)
+
+
+def _reading_of(simulation: int, reading: Reading) -> Reading:
+    """Return the reading in which `simulation` was played: without a table there is one for both units."""
+    return reading if simulation in WITH_TABLE else Reading(reading.noise, UnitReading.SI)
+
+
+def _reaches(own: Outcome, _: Outcome) -> tuple[str, bool]:
+    errors = (own.before.error_pct, own.after.error_pct)
+    return f"error {errors[0]:.2f}, {errors[1]:.2f} %", max(errors) < AT_REFERENCE_PCT
+
+
+def _overshoots(own: Outcome, _: Outcome) -> tuple[str, bool]:
+    overshoot = max(own.before.overshoot_pct, own.after.overshoot_pct)
+    return f"overshoot {overshoot:.2f} %", overshoot > OVERSHOOT_PCT
+
+
+def _cycles_throughout(own: Outcome, _: Outcome) -> tuple[str, bool]:
+    cycles, dwells = own.before.limit_cycles + own.after.limit_cycles, own.before.dwells + own.after.dwells
+    return f"in {cycles} of {dwells} dwells", cycles == dwells
+
+
+def _worse(own: Outcome, other: Outcome) -> tuple[str, bool]:
+    return f"error {own.after.error_pct:.2f} against {other.after.error_pct:.2f} %", (
+        own.after.error_pct > other.after.error_pct
+    )
+
+
+def _starts_alike(own: Outcome, other: Outcome) -> tuple[str, bool]:
+    alike = own.before == other.before
+    return "the same to the bit" if alike else "another motion", alike
+
+
+def _no_cycle(own: Outcome, _: Outcome) -> tuple[str, bool]:
+    after = own.after
+    seen = f"in {after.limit_cycles} of {after.dwells} dwells, before in {own.before.limit_cycles}"
+    return seen, after.limit_cycles == 0
+
+
+def _calm(own: Outcome, _: Outcome) -> tuple[str, bool]:
+    before, after = own.before.current_range_ma, own.after.current_range_ma
+    return f"{after:.2f} mA, before {before:.2f}", after < CONSTANT_CURRENT_MA
+
+
+def _small_error(own: Outcome, other: Outcome) -> tuple[str, bool]:
+    error = own.after.error_pct
+    return f"error {error:.2f} %, without table {other.after.error_pct:.2f}", 0.0 < error < AT_REFERENCE_PCT
+
+
+def _livelier(own: Outcome, other: Outcome) -> tuple[str, bool]:
+    ranges = (own.before.range_pct, other.before.range_pct)
+    return f"range {ranges[0]:.2f} against {ranges[1]:.2f} %", ranges[0] > ranges[1]
+
+
+def _quieter(own: Outcome, other: Outcome) -> tuple[str, bool]:
+    seen, livelier = _livelier(own, other)
+    return seen, not livelier and own.before.range_pct < other.before.range_pct
+
+
+_GONE = "from half time the oscillation is gone"
+_CALM = "from half time the current is almost constant between moves"
+_SMALL = "the steady error is small, and not null"
+_CLAIMS = (
+    _Claim(1, "the stem reaches the reference", _reaches, 1),
+    _Claim(1, "it overshoots in the transient", _overshoots, 1),
+    _Claim(2, "stick-slip makes it oscillate continuously", _cycles_throughout, 2),
+    _Claim(2, "the error is worse than without friction", _worse, 1),
+    _Claim(3, "until half time it moves as in simulation 2", _starts_alike, 2),
+    _Claim(3, _GONE, _no_cycle, 2),
+    _Claim(3, _CALM, _calm, 2),
+    _Claim(3, _SMALL, _small_error, 2),
+    _Claim(4, "until half time it oscillates more than in simulation 3", _livelier, 3),
+    _Claim(4, _GONE, _no_cycle, 2),
+    _Claim(4, _SMALL, _small_error, 2),
+    _Claim(5, "until half time it oscillates less than in simulation 3", _quieter, 3),
+    _Claim(5, _GONE, _no_cycle, 2),
+    _Claim(5, _SMALL, _small_error, 2),
+)

@@ -1,0 +1,66 @@
+"""`positioner reproduce`: the paper's five simulations, beside what it claims of them. Shell."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from positioner.errors import ExitCode
+
+_EPILOG = """\
+examples:
+  positioner reproduce                     every reading, about 20 minutes of one core
+  positioner reproduce --short             the same within half a minute: 20 ms a setpoint instead of 1 s
+  positioner reproduce --reading A         white noise and a Kalman filter only
+
+readings of the paper, where it leaves a choice:
+  A           noise white, 2 % of the reading; position and speed from a Kalman filter
+  B           each draw of the noise held for 10 ms; position raw, speed by differences
+Both are played with α and β of eq. 22 in SI and in cm, and each with a control run without noise.
+
+It leaves in the output directory: reproduce.png (everything on one page), figure-4.png to figure-8.png (the paper's
+figures), reproduce.md (its claims beside what is seen, and the figures) and reproduce.json (the same for programs).
+One of its runs, frame by frame over a bus: positioner bench --scenario paper-3
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the sub-command."""
+    parser = subparsers.add_parser(
+        "reproduce",
+        help="play the paper's simulations beside its claims",
+        description="Play the paper's five simulations, and set what is seen beside what the paper claims.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--reading", choices=("A", "B", "both"), default="both", help="of the noise (%(default)s)")
+    parser.add_argument("--short", action="store_true", help="20 ms a setpoint: shows the moves, not the rest")
+    parser.add_argument("--workers", type=int, metavar="N", help="processes (one a core)")
+    parser.add_argument(
+        "--out", type=Path, default=Path("reproduce"), metavar="DIR", help="output directory (%(default)s)"
+    )
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> ExitCode:
+    # matplotlib and the plant are needed here only
+    from positioner.bench.readings import NoiseReading, readings  # noqa: PLC0415
+    from positioner.bench.reproduce import SIMULATIONS, all_runs, reproduce  # noqa: PLC0415
+    from positioner.bench.reproduce_page import FIGURE_OF, draw_figure, draw_page  # noqa: PLC0415
+    from positioner.bench.reproduce_table import to_json, to_markdown  # noqa: PLC0415
+
+    both = (NoiseReading.FILTERED, NoiseReading.RAW)
+    noises = both if arguments.reading == "both" else (NoiseReading(arguments.reading),)
+    out: Path = arguments.out
+    out.mkdir(parents=True, exist_ok=True)
+    outcomes = reproduce(all_runs(readings(noises), short=arguments.short), arguments.workers)
+    for simulation in SIMULATIONS:
+        draw_figure(out / f"figure-{FIGURE_OF[simulation]}.png", simulation, outcomes)
+    draw_page(out / "reproduce.png", outcomes)
+    text = to_markdown(outcomes)
+    (out / "reproduce.md").write_text(text, encoding="utf-8")
+    (out / "reproduce.json").write_text(to_json(outcomes), encoding="utf-8")
+    sys.stdout.write(text)
+    sys.stdout.write(f"\n{out}: reproduce.png, figure-4.png to figure-8.png, reproduce.md, reproduce.json\n")
+    return ExitCode.OK

@@ -1,0 +1,223 @@
+"""Daemons to test, in this process or in one of their own, and a test that plays the other nodes on their bus."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import os
+import signal
+import sys
+import time
+from typing import TYPE_CHECKING, Any, Self
+
+import tomli_w
+
+from positioner.bench.processes import Child
+from positioner.bus import BusAddress, BusPort, embedded_address
+from positioner.config import Configuration, load_config
+from positioner.daemon import Daemon, RunOptions
+from positioner.journal import logger
+from positioner.wire.codec import Codec, make_codec
+from positioner.wire.formats import FrameRejectedError
+from positioner.wire.messages import (
+    CanFrame,
+    CurrentCommand,
+    HostRequest,
+    Message,
+    PositionerStatus,
+    Setpoint,
+    StemPosition,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from types import TracebackType
+
+PATIENCE_S = 20.0
+"""How long anything may take on a busy machine before a test gives up."""
+PERIOD_S = 0.02
+HERE_M = 0.08
+_NS = 1_000_000_000
+_TOKENS = itertools.count(os.getpid() * 64 + 4096)
+
+
+def own_address() -> BusAddress:
+    """Return an embedded bus that nobody else uses."""
+    return embedded_address(next(_TOKENS))
+
+
+def write_configuration(folder: Path, bus: BusAddress, **tables: dict[str, Any]) -> Path:
+    """Write the configuration of a valve on `bus`, with its state beside it, and return its path."""
+    values: dict[str, Any] = {
+        "valve": {"id": "FV-101"},
+        "bus": {"interface": bus.interface, "channel": bus.channel, "port": bus.port},
+        "state": {"directory": str(folder / "state")},
+        **tables,
+    }
+    values["control"] = {"sample_period_s": PERIOD_S, **tables.get("control", {})}
+    path = folder / "valve.toml"
+    path.write_text(tomli_w.dumps(values), encoding="utf-8")
+    return path
+
+
+class Others:
+    """The plant and the host on a bus: they number their frames, and understand the positioner's."""
+
+    def __init__(self, address: BusAddress, codec: Codec | None = None) -> None:
+        self.codec = codec or make_codec()
+        self.port = BusPort(address)
+        self.port.open()
+        self.heard: list[CanFrame] = []
+        self._counters = {StemPosition: 0, Setpoint: 0, CurrentCommand: 0}
+
+    def frame(self, message: StemPosition | Setpoint | CurrentCommand) -> CanFrame:
+        """Return the next frame of that kind of message."""
+        counter = self._counters[type(message)]
+        self._counters[type(message)] = counter + 1
+        return self.codec.encode(message, counter)
+
+    def say(self, *messages: StemPosition | Setpoint | CurrentCommand) -> None:
+        for message in messages:
+            assert self.port.send(self.frame(message))
+
+    def report(self, position_m: float = HERE_M) -> None:
+        self.say(StemPosition(position_m))
+
+    def ask(self, setpoint_m: float = HERE_M, request: HostRequest = HostRequest.NONE) -> None:
+        self.say(Setpoint(setpoint_m, request))
+
+    def listen(self, timeout_s: float = 0.0) -> list[Message]:
+        """Return what was said by others since the last call."""
+        frames = self.port.receive(timeout_s)
+        self.heard += frames
+        return [self.codec.decode(frame)[0] for frame in frames if not frame.is_error and not frame.is_remote]
+
+
+class Loop:
+    """A daemon in this process, turned by the test under a clock of the test."""
+
+    def __init__(
+        self, folder: Path, options: RunOptions | None = None, bus: BusAddress | None = None, **tables: dict[str, Any]
+    ) -> None:
+        self.address = bus or own_address()
+        self.configuration: Configuration = load_config(write_configuration(folder, self.address, **tables))
+        self.lines: list[str] = []
+        self._handler = logging.Handler()
+        self._handler.emit = lambda record: self.lines.append(record.getMessage())  # type: ignore[method-assign]
+        logger.addHandler(self._handler)
+        self._level = logger.level
+        logger.setLevel(logging.DEBUG)
+        self.others = Others(self.address)
+        self.daemon = Daemon(self.configuration, options or RunOptions())
+        self.daemon._clock = self
+        self.elapsed_ns = _NS
+        self.daemon._turn()
+
+    def now_ns(self, frames: tuple[CanFrame, ...]) -> int:
+        """The daemon's clock: it stands still but for `turn`."""
+        del frames
+        return self.elapsed_ns
+
+    def turn(self, *frames: CanFrame, after_s: float = PERIOD_S) -> list[Message]:
+        """Send `frames`, let `after_s` pass and the daemon turn once; return what it said."""
+        for frame in frames:
+            assert self.others.port.send(frame)
+        self.elapsed_ns += round(after_s * _NS)
+        self.daemon._turn()
+        return self.others.listen()
+
+    def sample(self, position_m: float = HERE_M, setpoint_m: float | None = HERE_M) -> list[Message]:
+        """One period with a reading and a setpoint."""
+        frames = [self.others.frame(StemPosition(position_m))]
+        if setpoint_m is not None:
+            frames.insert(0, self.others.frame(Setpoint(setpoint_m)))
+        return self.turn(*frames)
+
+    def request(self, request: HostRequest) -> list[Message]:
+        """One period with a reading and a request."""
+        reading = self.others.frame(StemPosition(HERE_M))
+        return self.turn(reading, self.others.frame(Setpoint(HERE_M, request)))
+
+    def turn_until(self, word: str) -> list[str]:
+        """Let samples pass until the log has a line with `word`; return the lines that came."""
+        start, deadline_s = len(self.lines), time.monotonic() + PATIENCE_S
+        while not any(word in line for line in self.lines[start:]):
+            assert time.monotonic() < deadline_s, self.lines
+            self.sample()
+        return self.lines[start:]
+
+    def told(self, word: str) -> list[str]:
+        """Return the lines of the log that hold `word`."""
+        return [line for line in self.lines if word in line]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.daemon._close()
+        self.others.port.close()
+        logger.removeHandler(self._handler)
+        logger.setLevel(self._level)
+
+
+class Service:
+    """A daemon in a process of its own, as a service manager runs it."""
+
+    def __init__(self, folder: Path, *arguments: str, codec: Codec | None = None, **tables: dict[str, Any]) -> None:
+        self.folder = folder
+        self.address = own_address()
+        self.others = Others(self.address, codec)
+        self.path = write_configuration(folder, self.address, **tables)
+        self.child = self.start(*arguments)
+
+    def start(self, *arguments: str) -> Child:
+        """Start the daemon, anew where it has ended, and return when it listens."""
+        self.child = Child("positioner.cli.main", ["run", "--config", str(self.path), *arguments], self.log)
+        self.child.wait_for("waiting for position frames")
+        return self.child
+
+    @property
+    def log(self) -> Path:
+        return self.folder / "daemon.log"
+
+    @property
+    def lines(self) -> list[str]:
+        return self.log.read_text(encoding="utf-8").splitlines()
+
+    def told(self, word: str) -> list[str]:
+        return [line for line in self.lines if word in line]
+
+    def hear(self, kind: type[Message], timeout_s: float = PATIENCE_S) -> Message:
+        """Report and ask every period until the daemon says something of that kind."""
+        deadline_s = time.monotonic() + timeout_s
+        while time.monotonic() < deadline_s:
+            self.others.ask()
+            self.others.report()
+            for message in self.others.listen(PERIOD_S):
+                if isinstance(message, kind):
+                    return message
+        raise AssertionError(f"no {kind.__name__} within {timeout_s} s; log: {self.lines}")
+
+    def arm(self) -> None:
+        """Arm it, and return when its first command has come."""
+        self.others.report()
+        self.others.ask(request=HostRequest.ARM)
+        self.hear(CurrentCommand)
+
+    def stop(self) -> int:
+        return self.child.stop()
+
+    def kill(self) -> None:
+        self.child.process.send_signal(signal.SIGKILL)
+        self.child.stop()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.child.stop()
+        self.others.port.close()

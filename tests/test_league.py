@@ -1,0 +1,195 @@
+"""The league: fair setpoints, the limit nobody beats, resumption, and what the standings say."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from plant_emulator.presets import plant_settings
+from positioner.bench.conditions import CONDITIONS, Condition, check_setpoints, restartable_mm
+from positioner.bench.league import SETPOINTS_MM, Bout, LeagueSettings, code_digest, play_league
+from positioner.bench.league_page import LeaguePage, to_markdown, write_page
+from positioner.bench.limit import optimal_move
+from positioner.bench.metrics import DwellMetrics
+from positioner.bench.standings import bootstrap_interval, optimal_median_s, standings, summaries
+from positioner.cli.main import main
+from positioner.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+_NOMINAL = CONDITIONS[0].settings
+
+
+def _dwell(error_pct: float, settle_s: float | None = 0.01, *, cycle: bool = False) -> DwellMetrics:
+    return DwellMetrics(
+        setpoint_mm=80.0,
+        mean_abs_error_pct=error_pct,
+        max_abs_error_pct=error_pct,
+        settle_1pct_s=settle_s,
+        settle_2pct_s=settle_s,
+        overshoot_pct=0.0,
+        reversals=0,
+        limit_cycle=cycle,
+        travel_mm=7.7,
+        ideal_travel_mm=7.0,
+        iae_mm_s=0.1,
+        command_variation_ma=10.0,
+    )
+
+
+def _bout(law: str, condition: str = "nominal") -> Bout:
+    return Bout(law, condition, 1, (80.0,), 1.0, 0.001)
+
+
+@pytest.mark.parametrize(
+    ("preset", "low_mm", "high_mm"),
+    [("paper", 57.9, 94.5), ("spring-20", 72.4, 118.0), ("friction+20", 64.4, 88.0)],
+)
+def test_the_restartable_range_is_that_of_the_force_balance(preset: str, low_mm: float, high_mm: float) -> None:
+    # K x ± F_s = B u at 4 and 20 mA, with Table 3
+    low, high = restartable_mm(plant_settings(preset))
+    assert low == pytest.approx(low_mm, abs=0.15)
+    assert high == pytest.approx(high_mm, abs=0.15)
+
+
+def test_the_usual_setpoints_are_fair_on_every_plant() -> None:
+    check_setpoints(SETPOINTS_MM, CONDITIONS)
+
+
+def test_a_setpoint_that_some_plant_cannot_leave_is_refused_with_the_plant_and_its_range() -> None:
+    with pytest.raises(ConfigurationError, match=r"setpoint 89 mm: 4 to 20 mA restart friction\+20 both ways"):
+        check_setpoints((80.0, 89.0), CONDITIONS)
+
+
+@pytest.mark.parametrize(
+    ("start_mm", "end_mm", "rest_ms"),
+    [(10.0, 73.0, 14.5), (73.0, 87.0, 9.9), (87.0, 80.0, 4.8), (80.0, 73.0, 5.5), (81.5, 83.0, 2.6)],
+)
+def test_the_time_optimal_limit_is_that_of_an_independent_computation(
+    start_mm: float, end_mm: float, rest_ms: float
+) -> None:
+    # the figures are those of a fixed-step simulation with its own bisection
+    move = optimal_move(_NOMINAL, start_mm * 1e-3, end_mm * 1e-3)
+    assert move.rest_s * 1e3 == pytest.approx(rest_ms, abs=0.1)
+    assert 0.0 < move.settle_1pct_s < move.rest_s
+
+
+def test_nothing_settles_before_a_stem_under_full_force_could_have_arrived() -> None:
+    # without friction, spring and viscous drag, B·Δu/m bounds the acceleration: t ≥ sqrt(2 d / a) for half the way
+    valve = _NOMINAL.valve
+    gain = valve.diaphragm_area_m2 * valve.pressure_gain_pa_per_ma
+    acceleration = gain * 16.0 / valve.mass_kg
+    move = optimal_move(_NOMINAL, 0.073, 0.087)
+    assert move.rest_s > 2.0 * math.sqrt(0.014 / acceleration)
+
+
+def test_the_bootstrap_interval_of_a_normal_sample_is_the_textbook_one() -> None:
+    values = np.random.default_rng(3).normal(1.0, 0.2, 400)
+    low, high = bootstrap_interval(values)
+    half = 1.96 * values.std() / math.sqrt(values.size)
+    assert low == pytest.approx(values.mean() - half, abs=0.15 * half)
+    assert high == pytest.approx(values.mean() + half, abs=0.15 * half)
+
+
+def test_standings_count_what_did_not_settle_and_what_cycled() -> None:
+    table = standings({_bout("pi"): (_dwell(0.2), _dwell(0.6, None, cycle=True), _dwell(0.1))})
+    (row,) = table
+    assert row.mean_error_pct == pytest.approx(0.3)
+    assert (row.dwells, row.worst_dwell_pct, row.unsettled, row.limit_cycles) == (3, 0.6, 1, 1)
+    assert row.travel_ratio == pytest.approx(1.1)
+
+
+def test_the_best_law_stands_first_and_the_others_are_measured_against_the_reference() -> None:
+    table = standings(
+        {
+            _bout("pi"): (_dwell(0.3),),
+            _bout("pi", "friction+20"): (_dwell(0.8),),
+            _bout("nmpc"): (_dwell(0.1),),
+            _bout("nmpc", "friction+20"): (_dwell(0.2),),
+        }
+    )
+    first, second = summaries(table, 0.005)
+    assert (first.law, second.law) == ("nmpc", "pi")
+    assert second.error_ratio == pytest.approx(4.0)
+    assert second.worst_condition == "friction+20"
+    assert first.settle_ratio == pytest.approx(2.0)
+
+
+def test_a_law_that_mostly_never_settles_has_no_median() -> None:
+    (law,) = summaries(standings({_bout("pi"): (_dwell(2.0, None), _dwell(2.0, None), _dwell(0.1))}), 0.005)
+    assert law.median_settle_1pct_s is None
+    assert law.settle_ratio is None
+
+
+def test_the_page_is_written_and_says_the_same_in_all_three_forms(tmp_path: Path) -> None:
+    settings = LeagueSettings(laws=("pi",), conditions=("nominal",), seeds=(1,))
+    table = standings({_bout("pi"): (_dwell(0.3), _dwell(0.5))})
+    settle_s, rest_s = optimal_median_s(_NOMINAL, (73.0, 87.0, 80.0))
+    page = LeaguePage(
+        settings=settings,
+        summaries=summaries(table, rest_s),
+        standings=table,
+        optimal_settle_1pct_s=settle_s,
+        optimal_rest_s=rest_s,
+    )
+    write_page(tmp_path, page)
+    assert json.loads((tmp_path / "league.json").read_text())["standings"][0]["mean_error_pct"] == pytest.approx(0.4)
+    assert "| `pi` | 0.400 | 0.400 (nominal) | 0.50 |" in to_markdown(page)
+    assert (tmp_path / "league.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_an_interrupted_league_plays_only_what_is_missing_and_nothing_twice(tmp_path: Path) -> None:
+    settings = LeagueSettings(laws=("paper",), conditions=("nominal",), seeds=(1,), setpoints_mm=(75.0,), dwell_s=0.05)
+    played = play_league(settings, tmp_path, workers=1)
+    (path,) = tmp_path.iterdir()
+    stored = json.loads(path.read_text())
+    stored["dwells"][0]["reversals"] = 77
+    path.write_text(json.dumps(stored))
+    assert next(iter(play_league(settings, tmp_path, workers=1).values()))[0].reversals == 77
+    stored["code"] = "of yesterday"
+    path.write_text(json.dumps(stored))
+    assert play_league(settings, tmp_path, workers=1) == played
+    assert len(code_digest()) == 64
+
+
+def test_the_short_league_shows_our_law_ahead_within_its_bands(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["league", "--short", "--out", str(tmp_path), "--workers", "1"]) == 0
+    assert "time-optimal limit" in capsys.readouterr().out
+    found = {law["law"]: law for law in json.loads((tmp_path / "league.json").read_text())["summaries"]}
+    ours = found["nmpc"]
+    assert 0.005 < ours["nominal_error_pct"] < 0.15
+    assert 0.01 < ours["worst_condition_error_pct"] < 0.25
+    assert (ours["limit_cycles"], ours["unsettled"]) == (0, 0)
+    assert 0.5 < ours["settle_ratio"] < 1.5
+    assert all(law["error_ratio"] >= 1.0 for law in found.values())
+    assert found["paper"]["error_ratio"] > 1.5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--laws", "nmcp"], "law 'nmcp' is unknown"),
+        (["--scenarios", "mars"], "scenario 'mars' is unknown"),
+        (["--seeds", "x"], "seed 'x' is no number"),
+        (["--setpoints", "20"], "restart"),
+    ],
+)
+def test_mistakes_of_the_command_line_get_one_clear_line(
+    arguments: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["league", *arguments, "--out", str(tmp_path)]) != 0
+    assert told in capsys.readouterr().err
+
+
+def test_every_condition_is_another_plant() -> None:
+    plants = {replace(condition.settings, preset=None) for condition in CONDITIONS}
+    assert len(plants) == len(CONDITIONS)
+    assert Condition("nominal", {"preset": "paper"}).settings == _NOMINAL

@@ -136,7 +136,8 @@ def _stop_time_s(z: float, v: float, half: float, omega2: float, stiffness: floa
         return v / slope if slope and v / slope > 0.0 else math.inf
     if omega2 > 0.0:
         omega = math.sqrt(omega2)
-        angle = math.atan2(v * omega, slope)
+        # + 0.0: a rest may come as -0.0, whose angle is -π
+        angle = math.atan2((v + 0.0) * omega, slope)
         return (angle if angle > 0.0 else angle + math.pi) / omega
     sigma = math.sqrt(-omega2)
     ratio = v * sigma / slope if slope else math.inf

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, assert_never
 from positioner import cycle
 from positioner.bus import BusPort
 from positioner.clock import Clock, LockstepClock, LockstepGate, RealClock
-from positioner.errors import AlreadyRunningError, ExitCode
+from positioner.errors import AlreadyRunningError, ExitCode, UsageError
 from positioner.events import Controlled, Event, FeedbackRefused, ForeignCommand, LawFellBack, Learned, ModeChanged
 from positioner.journal import Throttle, logger
 from positioner.notify import Notifier
@@ -59,6 +59,7 @@ class Daemon:
         Raises:
             AlreadyRunningError: another daemon holds this valve.
             StateError: the state directory cannot be used.
+            UsageError: the trace cannot be written.
         """
         self._options = options
         self._throttle = Throttle()
@@ -86,7 +87,7 @@ class Daemon:
             learns=not options.dry_run,
         )
         self._state = cycle.CycleState(table=table)
-        self._trace = TraceWriter(options.trace) if options.trace else None
+        self._trace = _open_trace(options.trace) if options.trace else None
         self._ready = False
         self._watchdog_due_s = 0.0
         self._poll_due_s = 0.0
@@ -122,16 +123,16 @@ class Daemon:
                 self._bus.send(frame)
         self._tell(events)
         self._keep(events)
+        if time.monotonic() >= self._watchdog_due_s:  # whoever waits for feedback or for arming is alive, too
+            self._watchdog_due_s = time.monotonic() + _WATCHDOG_EVERY_S
+            self._notifier.send(WATCHDOG="1")
 
     def _tell(self, events: tuple[Event, ...]) -> None:
         learned = next((event for event in events if isinstance(event, Learned)), None)
-        closed = False
         for event in events:
             match event:
                 case Controlled():
-                    if self._trace:
-                        self._trace.write(event, learned)
-                    closed = True
+                    self._draw(event, learned)
                 case ModeChanged():
                     self._announce(event)
                 case Learned():
@@ -145,9 +146,23 @@ class Daemon:
                 case _:
                     self._throttle.log(logging.WARNING, _kind(event), str(event))
 
-        if closed and time.monotonic() >= self._watchdog_due_s:
-            self._watchdog_due_s = time.monotonic() + _WATCHDOG_EVERY_S
-            self._notifier.send(WATCHDOG="1")
+    def _draw(self, cycle: Controlled, learned: Learned | None) -> None:
+        """Write one row of the trace; a disk that takes no more ends the trace, never the loop."""
+        try:
+            if self._trace:
+                self._trace.write(cycle, learned)
+        except OSError as error:
+            self._end_trace(f"the trace ends here: {error.strerror}")
+
+    def _end_trace(self, complaint: str = "") -> None:
+        trace, self._trace = self._trace, None
+        try:
+            if trace:
+                trace.close()
+        except OSError as error:
+            complaint = complaint or f"the trace lacks its end: {error.strerror}"
+        if complaint:
+            logger.error("%s", complaint)
 
     def _announce(self, event: ModeChanged) -> None:
         serious = event.after in {Mode.HOLD, Mode.FAILSAFE} and event.cause is not Cause.NONE
@@ -192,8 +207,7 @@ class Daemon:
     def _close(self) -> ExitCode:
         self._notifier.send(STOPPING="1")
         problem = self._keeper.close(_CLOSE_TIMEOUT_S)
-        if self._trace:
-            self._trace.close()
+        self._end_trace()
         self._bus.close()
         self._notifier.close()
         if problem:
@@ -209,6 +223,13 @@ class Daemon:
     def _report(self, line: str) -> None:
         # told apart by what happened, not by the bus that all lines name first
         self._throttle.log(logging.WARNING, line.replace(str(self._bus.address), "")[:16], line)
+
+
+def _open_trace(path: Path) -> TraceWriter:
+    try:
+        return TraceWriter(path)
+    except OSError as error:
+        raise UsageError(f"trace {path} cannot be written: {error.strerror}") from error
 
 
 def _kind(event: Event) -> str:

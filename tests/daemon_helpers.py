@@ -6,9 +6,8 @@ import itertools
 import logging
 import os
 import signal
-import sys
 import time
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import tomli_w
 
@@ -18,13 +17,11 @@ from positioner.config import Configuration, load_config
 from positioner.daemon import Daemon, RunOptions
 from positioner.journal import logger
 from positioner.wire.codec import Codec, make_codec
-from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import (
     CanFrame,
     CurrentCommand,
     HostRequest,
     Message,
-    PositionerStatus,
     Setpoint,
     StemPosition,
 )
@@ -33,11 +30,14 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
+    from positioner.errors import ExitCode
+
 PATIENCE_S = 20.0
 """How long anything may take on a busy machine before a test gives up."""
 PERIOD_S = 0.02
 HERE_M = 0.08
 _NS = 1_000_000_000
+T = TypeVar("T")
 _TOKENS = itertools.count(os.getpid() * 64 + 4096)
 
 
@@ -109,6 +109,7 @@ class Loop:
         logger.setLevel(logging.DEBUG)
         self.others = Others(self.address)
         self.daemon = Daemon(self.configuration, options or RunOptions())
+        self._running: Daemon | None = self.daemon
         self.daemon._clock = self
         self.elapsed_ns = _NS
         self.daemon._turn()
@@ -138,17 +139,21 @@ class Loop:
         reading = self.others.frame(StemPosition(HERE_M))
         return self.turn(reading, self.others.frame(Setpoint(HERE_M, request)))
 
-    def turn_until(self, word: str) -> list[str]:
-        """Let samples pass until the log has a line with `word`; return the lines that came."""
-        start, deadline_s = len(self.lines), time.monotonic() + PATIENCE_S
-        while not any(word in line for line in self.lines[start:]):
+    def turn_until(self, word: str) -> None:
+        """Let samples pass until the log has a line with `word`."""
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not self.told(word):
             assert time.monotonic() < deadline_s, self.lines
             self.sample()
-        return self.lines[start:]
 
     def told(self, word: str) -> list[str]:
         """Return the lines of the log that hold `word`."""
         return [line for line in self.lines if word in line]
+
+    def close(self) -> ExitCode | None:
+        """End the daemon as a signal would, and return its exit status, once."""
+        daemon, self._running = self._running, None
+        return daemon._close() if daemon else None
 
     def __enter__(self) -> Self:
         return self
@@ -156,7 +161,7 @@ class Loop:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.daemon._close()
+        self.close()
         self.others.port.close()
         logger.removeHandler(self._handler)
         logger.setLevel(self._level)
@@ -189,22 +194,27 @@ class Service:
     def told(self, word: str) -> list[str]:
         return [line for line in self.lines if word in line]
 
-    def hear(self, kind: type[Message], timeout_s: float = PATIENCE_S) -> Message:
+    def hear(self, kind: type[T]) -> T:
         """Report and ask every period until the daemon says something of that kind."""
-        deadline_s = time.monotonic() + timeout_s
-        while time.monotonic() < deadline_s:
+        deadline_s = time.monotonic() + PATIENCE_S
+        while True:
             self.others.ask()
             self.others.report()
             for message in self.others.listen(PERIOD_S):
                 if isinstance(message, kind):
                     return message
-        raise AssertionError(f"no {kind.__name__} within {timeout_s} s; log: {self.lines}")
+            assert time.monotonic() < deadline_s, (kind, self.lines)
 
     def arm(self) -> None:
-        """Arm it, and return when its first command has come."""
-        self.others.report()
-        self.others.ask(request=HostRequest.ARM)
-        self.hear(CurrentCommand)
+        """Ask it to arm, anew every second period, until its first command has come."""
+        deadline_s = time.monotonic() + PATIENCE_S
+        while True:
+            for request in (HostRequest.NONE, HostRequest.ARM):
+                self.others.report()
+                self.others.ask(request=request)
+                if any(isinstance(message, CurrentCommand) for message in self.others.listen(PERIOD_S)):
+                    return
+            assert time.monotonic() < deadline_s, self.lines
 
     def stop(self) -> int:
         return self.child.stop()

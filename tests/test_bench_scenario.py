@@ -17,7 +17,19 @@ from positioner.settings import build
 if TYPE_CHECKING:
     from pathlib import Path
 
-PACKAGED = ("friction+20", "frictionless", "noise-free", "paper-valve", "spring-20", "stochastic")
+PACKAGED = (
+    "friction+20",
+    "frictionless",
+    "noise-free",
+    "paper-1",
+    "paper-2",
+    "paper-3",
+    "paper-4",
+    "paper-5",
+    "paper-valve",
+    "spring-20",
+    "stochastic",
+)
 
 NOISE_FREE = ("frictionless", "noise-free")
 

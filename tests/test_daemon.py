@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +34,6 @@ from positioner.wire.messages import (
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = pytest.mark.bus
 AUTO = {"auto_arm": True}
@@ -364,7 +364,7 @@ def test_the_service_manager_hears_of_readiness_life_and_the_end(
         monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
         with Loop(tmp_path) as loop:
             loop.turn()
-            assert notifications(manager)[-1] == f"STATUS=waiting for position frames on {loop.address}"
+            assert f"STATUS=waiting for position frames on {loop.address}" in notifications(manager)
             loop.sample()
             assert "READY=1\nSTATUS=READY: waiting for arm" in notifications(manager)
             for _ in range(3):
@@ -381,3 +381,16 @@ def notifications(manager: socket.socket) -> list[str]:
             found.append(manager.recv(4096).decode())
         except BlockingIOError:
             return found
+
+
+def test_a_trace_on_a_full_disk_ends_with_a_line_and_the_loop_goes_on(tmp_path: Path) -> None:
+    with Loop(tmp_path, RunOptions(trace=tmp_path / "trace.csv"), guard=AUTO) as loop:
+        loop.sample()
+        trace = loop.daemon._trace
+        assert trace is not None
+        trace.close()
+        trace._file = Path("/dev/full").open("w", buffering=1, encoding="utf-8")
+        assert commands(loop.sample())
+        assert loop.told("trace") == ["the trace ends here: No space left on device"]
+        assert commands(loop.sample())
+    assert len(loop.told("trace")) == 1

@@ -11,6 +11,7 @@ import pytest
 from positioner.bench.recording import LOG_CHANNEL, Recording
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import (
+    ActuatorState,
     CanFrame,
     Cause,
     CurrentCommand,
@@ -191,3 +192,13 @@ def test_setpoints_stand_at_the_samples_they_belong_to() -> None:
     for number in range(5):
         heard.hear(CODEC.encode(Setpoint(0.08), number), 0.0)
     assert [stamp_s for stamp_s, _, _ in heard.frames] == pytest.approx(np.arange(5) * 0.02)
+
+
+def test_a_pressure_stands_before_the_truth_of_its_sample() -> None:
+    heard = recording(3)
+    for counter in range(3):
+        heard.hear(CODEC.encode(ActuatorState(4e4), counter), 0.0)
+        heard.hear(truth(counter), 0.0)
+    assert [stamp_s for stamp_s, _, _ in heard.frames] == pytest.approx(np.repeat([0.0, 0.001, 0.002], 2))
+    ranks = [rank for _, rank, _ in heard.frames]
+    assert ranks[0] < ranks[1]

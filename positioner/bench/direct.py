@@ -43,7 +43,7 @@ def play_directly(scenario: Scenario) -> Iterator[DwellMetrics]:
     period_s = scenario.sample_period_s
     samples = scenario.samples_per_dwell * len(scenario.visited_mm)
     trace = Trace(
-        time_s=np.arange(samples) * period_s,
+        time_s=np.arange(samples, dtype=np.float64) * np.float64(period_s),
         position_m=np.zeros(samples),
         setpoint_m=np.repeat(np.array(scenario.visited_mm) * 1e-3, scenario.samples_per_dwell),
         current_ma=np.zeros(samples),

@@ -46,9 +46,9 @@ class UnitReading(StrEnum):
     CENTIMETRES = "cm"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, order=True)
 class Reading:
-    """One reading of the paper."""
+    """One reading of the paper; readings sort as the columns of a table."""
 
     noise: NoiseReading
     units: UnitReading

@@ -105,7 +105,7 @@ class Recording:
         match message:
             case PlantTruth():
                 if self.origin is None:
-                    self.origin = 0 if self.lockstep else counter or 0
+                    self.origin = counter or 0
                 steps = self._steps(counter, self.truth)
                 self.lost += max(steps - 1, 0)
                 self.truth += steps
@@ -123,8 +123,11 @@ class Recording:
             case Setpoint():
                 self.setpoints += 1
                 sample = (self.setpoints - 1) * self.samples_per_setpoint if self.lockstep else self.readings
+            case PositionerStatus() if self.lockstep:  # its 8-bit counter wraps after 25.6 s
+                self.statuses += ((counter or 0) - self.statuses) % _COUNTER + 1
+                sample = (self.statuses - 1) * self._samples_per_status
             case _:
-                sample = (counter or 0) * self._samples_per_status if self.lockstep else max(self.commands - 1, 0)
+                sample = max(self.commands - 1, 0)
         return sample
 
     def _steps(self, counter: int | None, expected: int) -> int:

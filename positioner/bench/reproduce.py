@@ -29,7 +29,7 @@ SIMULATIONS = (1, 2, 3, 4, 5)
 WITH_TABLE = (3, 4, 5)
 """Simulations in which α and β play a part."""
 
-SHORT_DWELL_S = 0.02
+SHORT_DWELL_S = 0.015
 """Dwell of a short run instead of 1 s: enough for every move, not for what happens at rest."""
 
 VISIBLE_M = 127e-6

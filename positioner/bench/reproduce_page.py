@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
+    from positioner.bench.claims import Verdict
     from positioner.bench.reproduce import Outcome
 
 FIGURE_OF = {simulation: simulation + 3 for simulation in SIMULATIONS}
@@ -46,6 +47,7 @@ UNITS = {UnitReading.SI: "α 5 m/s, β 150 1/m", UnitReading.CENTIMETRES: "α 5 
 _BLUE, _RED, _GREEN, _ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
 _INK, _GREY, _FAINT = "#222222", "#8A8A8A", "#D9D9D9"
 _LIMITS = ((60.0, 95.0), (3.0, 21.0), (-1.15, 1.15))
+_TICKS = ((60, 70, 80, 90), (4, 8, 12, 16, 20), (-1, 0, 1))
 _QUANTITIES = ("position, mm", "current, mA", "speed, m/s")
 _NAMES = (
     ("stem (plant's truth), command, speed", _BLUE),
@@ -61,20 +63,25 @@ def reading_title(reading: Reading, *, table: bool = True) -> str:
     return f"{label}, {UNITS[reading.units]}" if table else label
 
 
-def draw_figure(path: Path, simulation: int, outcomes: Sequence[Outcome]) -> None:
-    """Write the paper's figure of `simulation` to `path`, with a column for each reading."""
+def draw_figure(path: Path, simulation: int, outcomes: Sequence[Outcome], verdicts: Sequence[Verdict]) -> None:
+    """Write the paper's figure of `simulation` to `path`: a column a reading, with the verdicts on its claims."""
     shown = [outcome for outcome in outcomes if outcome.run.simulation == simulation]
-    figure = Figure(figsize=(2.0 + 4.6 * len(shown), 9.0), dpi=100, facecolor="white")
+    figure = Figure(figsize=(1.0 + 5.2 * len(shown), 10.0), dpi=100, facecolor="white")
     FigureCanvasAgg(figure)
     grid = figure.subplots(3, len(shown), sharex=True, squeeze=False)
     width, height = figure.get_size_inches()
-    figure.subplots_adjust(left=0.75 / width, right=1.0 - 0.2 / width, top=1.0 - 1.45 / height, bottom=0.85 / height)
+    figure.subplots_adjust(left=0.75 / width, right=1.0 - 0.2 / width, top=1.0 - 2.15 / height, bottom=0.85 / height)
     figure.subplots_adjust(hspace=0.08, wspace=0.14)
     for column, outcome in enumerate(shown):
         panels = [row[column] for row in grid]
         _draw(panels, outcome, left=column == 0)
-        heading = reading_title(outcome.run.reading, table=simulation in WITH_TABLE).replace(", α", "\nα")
-        panels[0].set_title(f"{heading}\n{_figures(outcome)}", loc="left", fontsize=10.5, color=_INK)
+        heading = reading_title(outcome.run.reading, table=simulation in WITH_TABLE)
+        _write_above(panels[0], 4.6, heading, _INK, weight="bold")
+        _write_above(panels[0], 3.6, _figures(outcome), _INK)
+        own = [verdict for verdict in verdicts if (verdict.simulation, verdict.reading) == _key(outcome)]
+        for line, verdict in enumerate(own):
+            told = f"{'yes' if verdict.holds else 'no'}: {verdict.claim} ({verdict.seen})"
+            _write_above(panels[0], 2.6 - line, told, _GREEN if verdict.holds else _RED)
         panels[-1].set_xlabel("time, s", fontsize=11)
     title = f"Simulation {simulation}, the paper's figure {FIGURE_OF[simulation]}: {TITLES[simulation]}"
     figure.text(0.75 / width, 1.0 - 0.42 / height, title, fontsize=17, fontweight="bold", color=_INK)
@@ -82,9 +89,9 @@ def draw_figure(path: Path, simulation: int, outcomes: Sequence[Outcome]) -> Non
     figure.savefig(path)
 
 
-def draw_page(path: Path, outcomes: Sequence[Outcome]) -> None:
+def draw_page(path: Path, outcomes: Sequence[Outcome], verdicts: Sequence[Verdict]) -> None:
     """Write all five figures side by side to `path`, one below another for each reading."""
-    readings = list(dict.fromkeys(outcome.run.reading for outcome in outcomes))
+    readings = sorted({outcome.run.reading for outcome in outcomes})
     found = {(outcome.run.simulation, outcome.run.reading): outcome for outcome in outcomes}
     figure = Figure(figsize=(24.0, 1.6 + 4.7 * len(readings)), dpi=100, facecolor="white")
     FigureCanvasAgg(figure)
@@ -107,7 +114,10 @@ def draw_page(path: Path, outcomes: Sequence[Outcome]) -> None:
             _draw(panels, outcome, left=simulation == SIMULATIONS[0] or (simulation - 1, reading) not in found)
             for panel in panels[:-1]:
                 panel.tick_params(labelbottom=False)
-            panels[0].set_title(_figures(outcome), loc="left", fontsize=10, color=_INK)
+            own = [verdict.holds for verdict in verdicts if (verdict.simulation, verdict.reading) == _key(outcome)]
+            _write_above(panels[0], 0.4, _figures(outcome), _INK)
+            told = f"{sum(own)} of {len(own)} claims hold"
+            _write_above(panels[0], 0.4, told, _GREEN if all(own) else _RED, right=True)
         box = block.get_position(figure)
         name = reading_title(reading)
         figure.text(0.008, (box.y0 + box.y1) / 2.0, name, rotation=90, va="center", fontsize=13, fontweight="bold")
@@ -120,6 +130,20 @@ def draw_page(path: Path, outcomes: Sequence[Outcome]) -> None:
     figure.text(0.04, 1.0 - 0.6 / height, title, fontsize=20, fontweight="bold", color=_INK)
     _legend(figure)
     figure.savefig(path)
+
+
+def _key(outcome: Outcome) -> tuple[int, Reading]:
+    return outcome.run.simulation, outcome.run.reading
+
+
+def _write_above(
+    panel: Axes, line: float, text: str, colour: str, *, weight: str = "normal", right: bool = False
+) -> None:
+    """Write `text` above the panel, `line` lines up, at its left or at its right."""
+    panel.annotate(
+        text, (float(right), 1.0), xycoords="axes fraction", xytext=(0, 4 + 14 * line), textcoords="offset points",
+        ha="right" if right else "left", fontsize=9.5, color=colour, fontweight=weight,
+    )  # fmt: skip
 
 
 def _figures(outcome: Outcome) -> str:
@@ -145,12 +169,13 @@ def _draw(panels: Sequence[Axes], outcome: Outcome, *, left: bool) -> None:
         _step(panel, curves.time_s, high, _ORANGE, width=1.6, alpha=0.6)
         _step(panel, curves.time_s, low, _GREEN, width=1.6, alpha=0.6)
         _step(panel, curves.time_s, values, _BLUE)
-    for panel, limits, quantity in zip(panels, _LIMITS, _QUANTITIES, strict=True):
+    for panel, limits, ticks, quantity in zip(panels, _LIMITS, _TICKS, _QUANTITIES, strict=True):
         panel.set_ylim(*limits)
         panel.set_xlim(0.0, float(curves.time_s[-1]))
         panel.spines[["top", "right"]].set_visible(False)
         panel.spines[["left", "bottom"]].set_color(_GREY)
         panel.tick_params(colors=_INK, labelsize=9)
+        panel.set_yticks(ticks)
         panel.grid(axis="y", color=_FAINT, linewidth=0.5)
         panel.set_axisbelow(True)
         if outcome.run.simulation in WITH_TABLE:
@@ -165,7 +190,7 @@ def _step(
     values: NDArray[np.float64],
     colour: str,
     *,
-    width: float = 1.1,
+    width: float = 0.9,
     alpha: float = 1.0,
 ) -> None:
     panel.plot(time_s, values, color=colour, linewidth=width, alpha=alpha, drawstyle="steps-post")

@@ -6,7 +6,6 @@ import json
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from positioner.bench.claims import verdicts
 from positioner.bench.readings import UnitReading
 from positioner.bench.reproduce import VISIBLE_M, WITH_TABLE
 from positioner.bench.reproduce_page import NOISES, TITLES, UNITS
@@ -21,9 +20,9 @@ if TYPE_CHECKING:
 _FIGURES = ("error, %", "range, %", "overshoot, %", "reversals", "limit cycles", "current range, mA")
 
 
-def to_markdown(outcomes: Sequence[Outcome]) -> str:
+def to_markdown(outcomes: Sequence[Outcome], verdicts: Sequence[Verdict]) -> str:
     """Return the page: the readings, what the paper claims beside what is seen, and the figures of every run."""
-    readings = list(dict.fromkeys(outcome.run.reading for outcome in outcomes))
+    readings = sorted({outcome.run.reading for outcome in outcomes})
     return "\n".join(
         [
             "# The paper's five simulations",
@@ -32,7 +31,7 @@ def to_markdown(outcomes: Sequence[Outcome]) -> str:
             "",
             "## What the paper claims, and what is seen",
             "",
-            *_verdict_table(verdicts(outcomes), readings),
+            *_verdict_table(verdicts, readings),
             "",
             "## The figures",
             "",
@@ -42,7 +41,7 @@ def to_markdown(outcomes: Sequence[Outcome]) -> str:
     )
 
 
-def to_json(outcomes: Sequence[Outcome]) -> str:
+def to_json(outcomes: Sequence[Outcome], verdicts: Sequence[Verdict]) -> str:
     """Return the same as JSON: one object a run and one a verdict."""
     page = {
         "runs": [
@@ -64,7 +63,7 @@ def to_json(outcomes: Sequence[Outcome]) -> str:
                 "seen": verdict.seen,
                 "holds": verdict.holds,
             }
-            for verdict in verdicts(outcomes)
+            for verdict in verdicts
         ],
     }
     return json.dumps(page, indent=2, ensure_ascii=False) + "\n"

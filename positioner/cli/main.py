@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import argcomplete
 
 import positioner
-from positioner.cli import bench, check, league, reproduce, run, table
+from positioner.cli import bench, check, league, reproduce, run, table, tune
 from positioner.errors import ExitCode, PositionerError
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"positioner {positioner.__version__}")
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (run, bench, league, reproduce, table, check):
+    for command in (run, bench, league, reproduce, tune, table, check):
         command.add_parser(subparsers)
     return parser
 

@@ -11,7 +11,7 @@ from positioner.errors import ExitCode
 _EPILOG = """\
 examples:
   positioner reproduce                     every reading, about 20 minutes of one core
-  positioner reproduce --short             the same within half a minute: 20 ms a setpoint instead of 1 s
+  positioner reproduce --short             the same within half a minute: 15 ms a setpoint instead of 1 s
   positioner reproduce --reading A         white noise and a Kalman filter only
 
 readings of the paper, where it leaves a choice:
@@ -35,7 +35,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--reading", choices=("A", "B", "both"), default="both", help="of the noise (%(default)s)")
-    parser.add_argument("--short", action="store_true", help="20 ms a setpoint: shows the moves, not the rest")
+    parser.add_argument("--short", action="store_true", help="15 ms a setpoint: shows the moves, not the rest")
     parser.add_argument("--workers", type=int, metavar="N", help="processes (one a core)")
     parser.add_argument(
         "--out", type=Path, default=Path("reproduce"), metavar="DIR", help="output directory (%(default)s)"
@@ -45,6 +45,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
     # matplotlib and the plant are needed here only
+    from positioner.bench.claims import verdicts  # noqa: PLC0415
     from positioner.bench.readings import NoiseReading, readings  # noqa: PLC0415
     from positioner.bench.reproduce import SIMULATIONS, all_runs, reproduce  # noqa: PLC0415
     from positioner.bench.reproduce_page import FIGURE_OF, draw_figure, draw_page  # noqa: PLC0415
@@ -55,12 +56,13 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     out: Path = arguments.out
     out.mkdir(parents=True, exist_ok=True)
     outcomes = reproduce(all_runs(readings(noises), short=arguments.short), arguments.workers)
+    found = verdicts(outcomes)
     for simulation in SIMULATIONS:
-        draw_figure(out / f"figure-{FIGURE_OF[simulation]}.png", simulation, outcomes)
-    draw_page(out / "reproduce.png", outcomes)
-    text = to_markdown(outcomes)
+        draw_figure(out / f"figure-{FIGURE_OF[simulation]}.png", simulation, outcomes, found)
+    draw_page(out / "reproduce.png", outcomes, found)
+    text = to_markdown(outcomes, found)
     (out / "reproduce.md").write_text(text, encoding="utf-8")
-    (out / "reproduce.json").write_text(to_json(outcomes), encoding="utf-8")
+    (out / "reproduce.json").write_text(to_json(outcomes, found), encoding="utf-8")
     sys.stdout.write(text)
     sys.stdout.write(f"\n{out}: reproduce.png, figure-4.png to figure-8.png, reproduce.md, reproduce.json\n")
     return ExitCode.OK

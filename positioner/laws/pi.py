@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Generic, Protocol, TypeVar
 
 from annotated_types import Interval
@@ -87,7 +87,7 @@ class PiLaw(Generic[C]):
     def estimate(self, memory: PiMemory[C], observation: Observation) -> tuple[PiMemory[C], StemState]:
         """Return the memory with the reading in the filter, and the filtered position."""
         pid = self.controller.see(memory.pid, observation.measured_m, observation.elapsed_s)
-        return replace(memory, pid=pid), report(pid.position_m, pid.speed_m_per_s)
+        return PiMemory(pid, memory.compensator, memory.current_ma), report(pid.position_m, pid.speed_m_per_s)
 
     def decide(
         self, memory: PiMemory[C], stem: StemState, observation: Observation, table: StictionTable

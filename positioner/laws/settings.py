@@ -49,6 +49,4 @@ class ControlSettings:
         default_factory=partial(tuned, "constant-reinforcement", ReinforcementSettings)
     )
     two_move: TwoMoveSettings = field(default_factory=partial(tuned, "two-move", TwoMoveSettings))
-    two_move_retry: TwoMoveRetrySettings = field(
-        default_factory=partial(tuned, "two-move-retry", TwoMoveRetrySettings)
-    )
+    two_move_retry: TwoMoveRetrySettings = field(default_factory=partial(tuned, "two-move-retry", TwoMoveRetrySettings))

@@ -1,0 +1,126 @@
+"""The table while the daemon runs: learned, kept through trouble, and taken over when somebody else changes it."""
+
+from __future__ import annotations
+
+import resource
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+from daemon_helpers import HERE_M, PATIENCE_S, Loop
+
+from positioner.errors import ExitCode
+from positioner.store import access
+from positioner.wire.messages import CurrentCommand, Health, PositionerStatus
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+pytestmark = pytest.mark.bus
+AUTO = {"auto_arm": True}
+
+
+def teach(loop: Loop, times: int = 1) -> int:
+    """Move the stem away and back until something is learned; return how many samples the table then has recorded."""
+    for _ in range(times):
+        for number in range(80):
+            loop.sample(HERE_M + 0.001 * min(number, 30, max(60 - number, 0)), setpoint_m=0.1)
+    recorded = loop.daemon._state.table.sequence
+    assert recorded >= times
+    return recorded
+
+
+def recorded_on_disk(loop: Loop, wanted: int) -> int:
+    """Return the samples in the state directory as soon as there are `wanted`, or those that there are in the end."""
+    deadline_s = time.monotonic() + PATIENCE_S
+    while True:
+        loop.sample()
+        recorded = access.dump(loop.configuration.state_directory).table.sequence
+        if recorded == wanted or time.monotonic() > deadline_s:
+            return recorded
+
+
+def test_what_is_learned_is_on_the_disk_while_the_daemon_runs_and_after_it(tmp_path: Path) -> None:
+    with Loop(tmp_path, guard=AUTO) as loop:
+        taught = teach(loop)
+        assert recorded_on_disk(loop, taught) == taught
+        assert all("learned" in line for line in loop.told("mm, "))
+    assert access.dump(tmp_path / "state").table == loop.daemon._state.table
+
+
+def test_the_next_daemon_starts_from_the_table(tmp_path: Path) -> None:
+    with Loop(tmp_path, guard=AUTO) as first:
+        teach(first)
+    with Loop(tmp_path, guard=AUTO) as second:
+        assert second.daemon._state.table == first.daemon._state.table
+        held = sum(len(cell.samples) for _, cell in second.daemon._state.table)
+        assert second.told("table of FV-101") == [
+            f"table of FV-101: {held} samples in {len(second.daemon._state.table)} cells"
+        ]
+
+
+def test_a_reset_reaches_the_daemon_within_a_second_and_is_not_undone(tmp_path: Path) -> None:
+    with Loop(tmp_path, guard=AUTO) as loop:
+        taught = teach(loop)
+        assert recorded_on_disk(loop, taught) == taught
+        assert access.reset(loop.configuration.state_directory) is not None
+        start_s = time.monotonic()
+        loop.turn_until("the stiction table was replaced: reset")
+        assert time.monotonic() - start_s < 1.0
+        assert loop.daemon._state.table.sequence == 0
+        taught = teach(loop)
+        assert recorded_on_disk(loop, taught) == taught
+    assert access.dump(tmp_path / "state").table == loop.daemon._state.table
+
+
+def statuses(loop: Loop, count: int) -> list[PositionerStatus]:
+    said = [message for _ in range(5 * count) for message in loop.sample()]
+    return [message for message in said if isinstance(message, PositionerStatus)]
+
+
+def test_a_full_disk_is_told_once_and_shown_and_the_loop_goes_on(tmp_path: Path) -> None:
+    with Loop(tmp_path, guard=AUTO) as loop:
+        taught = teach(loop)
+        recorded_on_disk(loop, taught)
+        keeper = loop.daemon._keeper._child.process.pid
+        _, most = resource.prlimit(keeper, resource.RLIMIT_FSIZE)
+        resource.prlimit(keeper, resource.RLIMIT_FSIZE, (512, most))
+        teach(loop)
+        loop.turn_until("cannot be saved")
+        taught = teach(loop, times=2)
+        shown = statuses(loop, 2)[-1]
+        assert (shown.table_saved, shown.health) == (False, Health.MAINTENANCE_REQUIRED)
+        assert len(loop.told("cannot be saved")) == 1
+        assert any(isinstance(message, CurrentCommand) for message in loop.sample())
+        resource.prlimit(keeper, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, most))
+        loop.turn_until("saved again")
+        assert recorded_on_disk(loop, taught) == taught
+        shown = statuses(loop, 2)[-1]
+        assert (shown.table_saved, shown.health) == (True, Health.GOOD)
+
+
+def test_a_state_directory_that_becomes_a_file_is_told_once_and_ends_in_a_status(tmp_path: Path) -> None:
+    state = tmp_path / "state"
+    with Loop(tmp_path, guard=AUTO) as loop:
+        teach(loop)
+        state.rename(tmp_path / "gone")
+        state.write_text("not a directory", encoding="utf-8")
+        teach(loop)
+        loop.turn_until("cannot be saved")
+        teach(loop)
+        assert len(loop.told("cannot be saved")) == 1
+        assert any(isinstance(message, CurrentCommand) for message in loop.sample())
+        assert loop.close() is ExitCode.IO
+        assert len(loop.told("cannot be saved")) == 2
+        state.unlink()
+        (tmp_path / "gone").rename(state)
+
+
+def test_a_keeper_that_dies_is_replaced_and_nothing_is_lost(tmp_path: Path) -> None:
+    with Loop(tmp_path, guard=AUTO) as loop:
+        teach(loop)
+        loop.daemon._keeper._child.process.kill()
+        teach(loop)
+        loop.turn_until("saved again")
+        taught = teach(loop)
+        assert recorded_on_disk(loop, taught) == taught

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from plant_emulator.device import DeviceState
     from plant_emulator.parameters import PlantSettings
-    from positioner.bus import BusAddress
+    from positioner.bus_address import BusAddress
     from positioner.wire.codec import Codec
 
 _WAIT_S = 0.1

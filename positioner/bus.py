@@ -7,16 +7,12 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import socket
 import time
 from collections import deque
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING
 
 import can
-from annotated_types import Interval
 
 from positioner.errors import BusError
 from positioner.wire.messages import CanFrame
@@ -24,77 +20,14 @@ from positioner.wire.messages import CanFrame
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-EMBEDDED_PORT = 43513
+    from positioner.bus_address import BusAddress
+
 _IPV6_MULTICAST_ALL = 29
 _IP_MULTICAST_ALL = 49
 _RECEIVE_BUFFER_BYTES = 1 << 20
 _MOST_FRAMES_PER_BATCH = 1024
 _REOPEN_EVERY_S = 0.5
 _SEND_TIMEOUT_S = 0.05
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BusAddress:
-    """The `[bus]` table of a configuration: an interface of python-can, its channel, and a port where it has one."""
-
-    __pydantic_config__: ClassVar = {"extra": "forbid"}
-
-    interface: str = "socketcan"
-    channel: str = "can0"
-    port: Annotated[int, Interval(ge=1, le=65535)] = EMBEDDED_PORT
-
-    def __str__(self) -> str:
-        """The form that `parse_address` reads."""
-        port = f"@{self.port}" if self.is_embedded else ""
-        return f"{self.interface}:{self.channel}{port}"
-
-    @property
-    def is_embedded(self) -> bool:
-        """Whether this is python-can's UDP multicast, the bus for machines without one."""
-        return self.interface == "udp_multicast"
-
-
-def parse_address(text: str) -> BusAddress:
-    """Return the address in `INTERFACE:CHANNEL[@PORT]`, for example `socketcan:vcan0`.
-
-    Raises:
-        BusError: the text has another form.
-    """
-    found = re.fullmatch(r"([a-z_]+):([^@]+)(?:@(\d{1,5}))?", text)
-    port = int(found[3] or EMBEDDED_PORT) if found else 0
-    if not found or not 1 <= port <= 65535:  # noqa: PLR2004 - the ports there are
-        raise BusError(f"bus '{text}' is not INTERFACE:CHANNEL[@PORT], for example socketcan:vcan0")
-    return BusAddress(interface=found[1], channel=found[2], port=port)
-
-
-def find_vcan() -> BusAddress | None:
-    """Return the first virtual CAN interface of this machine that is up, or None."""
-    for device in sorted(Path("/sys/class/net").glob("vcan*")):
-        with contextlib.suppress(OSError, ValueError):
-            if int((device / "flags").read_text(encoding="ascii"), 16) & 1:
-                return BusAddress(interface="socketcan", channel=device.name)
-    return None
-
-
-def embedded_address(token: int) -> BusAddress:
-    """Return an embedded bus of its own for `token`: an interface-local group, which never leaves this machine.
-
-    Where the machine has no IPv6 it is an IPv4 group, which a time to live of 0 keeps on the machine.
-    """
-    port = EMBEDDED_PORT + token % 2000
-    if _has_interface_local_groups():
-        return BusAddress(interface="udp_multicast", channel=f"ff11::7661:6c76:0:{token & 0xFFFF:x}", port=port)
-    return BusAddress(interface="udp_multicast", channel=f"239.255.{token >> 8 & 0xFF}.{token & 0xFF}", port=port)
-
-
-def _has_interface_local_groups() -> bool:
-    try:
-        with socket.socket(socket.AF_INET6, socket.SOCK_DGRAM) as sock:
-            sock.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_MULTICAST_HOPS, 0)
-            sock.sendto(b"", ("ff11::7661:6c76:0:0", EMBEDDED_PORT))
-    except OSError:
-        return False
-    return True
 
 
 class BusPort:
@@ -108,10 +41,7 @@ class BusPort:
     ) -> None:
         """Prepare the port; `identifiers` (with their extended flag) are all it will receive, none means everything."""
         self.address = address
-        self._filters = [
-            {"can_id": identifier, "can_mask": 0x1FFFFFFF if extended else 0x7FF, "extended": extended}
-            for identifier, extended in identifiers
-        ]
+        self._wanted = frozenset(identifiers)
         self._report = report
         self._bus: can.BusABC | None = None
         self._complaint = ""
@@ -131,7 +61,7 @@ class BusPort:
             BusError: it cannot be opened; the message says why and what to do.
         """
         try:
-            self._bus = _open(self.address, self._filters)
+            self._bus = _open(self.address, self._wanted)
         except (can.CanError, OSError, ValueError, ImportError) as error:
             raise BusError(f"bus {self.address} cannot be opened: {error}; {_mend(self.address)}") from error
         if self._complaint:
@@ -144,12 +74,15 @@ class BusPort:
             time.sleep(min(timeout_s, max(self._next_try_s - time.monotonic(), 0.0)))
             return ()
         frames: list[CanFrame] = []
-        wait_s = timeout_s
+        end_s = time.monotonic() + timeout_s
         try:
-            while len(frames) < _MOST_FRAMES_PER_BATCH and (message := self._receive_one(wait_s)) is not None:
-                wait_s = 0.0
+            while len(frames) < _MOST_FRAMES_PER_BATCH:
+                # an echo, or what is not for us, is nothing to wake up for
+                message = self._receive_one(0.0 if frames else max(end_s - time.monotonic(), 0.0))
+                if message is None:
+                    break
                 frame = _frame(message)
-                if not self._is_echo(frame):
+                if not self._is_echo(frame) and self._is_wanted(frame):
                     frames.append(frame)
         except (can.CanError, OSError) as error:
             self._lose(f"bus {self.address} is down: {error}; {_mend(self.address)}")
@@ -171,6 +104,7 @@ class BusPort:
             self.send_failures += 1
             self._complain(f"bus {self.address} did not take a frame: {error}; {_mend(self.address)}")
             return False
+        self._complaint = ""
         if self.address.is_embedded:
             self._echoes.append((frame.arbitration_id, frame.data))
         return True
@@ -201,6 +135,9 @@ class BusPort:
             pass
         return True
 
+    def _is_wanted(self, frame: CanFrame) -> bool:
+        return not self._wanted or frame.is_error or (frame.arbitration_id, frame.is_extended) in self._wanted
+
     def _try_open(self) -> bool:
         if time.monotonic() < self._next_try_s:
             return False
@@ -223,9 +160,16 @@ class BusPort:
             self._report(complaint)
 
 
-def _open(address: BusAddress, filters: list[dict[str, int | bool]]) -> can.BusABC:
-    if not address.is_embedded:
+def _open(address: BusAddress, wanted: Iterable[tuple[int, bool]]) -> can.BusABC:
+    if address.interface == "socketcan":
+        # the kernel filters; python-can's own filter would end a batch at the first frame that is not wanted
+        filters: can.typechecking.CanFilters = [
+            {"can_id": identifier, "can_mask": 0x1FFFFFFF if extended else 0x7FF, "extended": extended}
+            for identifier, extended in wanted
+        ]
         return can.Bus(interface=address.interface, channel=address.channel, can_filters=filters or None)
+    if not address.is_embedded:
+        return can.Bus(interface=address.interface, channel=address.channel)
     bus = can.Bus(interface="udp_multicast", channel=address.channel, port=address.port, hop_limit=0, fd=False)
     _confine(bus, address.channel)
     return bus

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from positioner import settings
-from positioner.bus import BusAddress
+from positioner.bus_address import BusAddress
 from positioner.errors import ConfigurationError, Problem
 from positioner.estimate import EstimatorSettings
 from positioner.guard import GuardSettings
@@ -18,9 +18,13 @@ from positioner.laws.settings import ControlSettings
 from positioner.model import ValveParameters  # noqa: TC001 - pydantic reads this hint at run time
 from positioner.solver import QpSolver
 from positioner.wire.codec import Codec, WireSettings, make_codec
+from positioner.wire.formats import EncodingError
+from positioner.wire.messages import CurrentCommand
 
 if TYPE_CHECKING:
     from positioner.laws.law import Law
+
+_LARGEST_COUNTER = 255
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,6 +103,8 @@ def parse_config(text: str, source: str, base: Path) -> Configuration:
         problems += error.problems
     problems += _wire_problems(tables, text)
     problems += _law_problems(tables, text)
+    if found is not None and not problems:
+        problems += _range_problems(found, text)
     if problems or found is None:
         raise ConfigurationError(source, tuple(sorted(problems, key=lambda problem: problem.line or 0)))
     return found
@@ -121,6 +127,20 @@ def _wire_problems(tables: dict[str, Any], text: str) -> list[Problem]:
                 for problem in error.problems
             ]
     return []
+
+
+def _range_problems(found: Configuration, text: str) -> list[Problem]:
+    """Return what a command frame of the user's DBC cannot carry: a current within the limits, or a counter."""
+    codec, guard = found.make_codec(), found.guard
+    problems = []
+    for key in ("current_low_ma", "current_high_ma", "failsafe_current_ma"):
+        try:
+            codec.encode(CurrentCommand(getattr(guard, key), _LARGEST_COUNTER, _LARGEST_COUNTER), 0)
+        except EncodingError as error:
+            where = f"guard.{key} = {getattr(guard, key):g}"
+            told = f"does not fit the command frame of the DBC: {error}"
+            problems.append(Problem(where, settings.line_of(text, ("guard", key)), told))
+    return problems
 
 
 def _law_problems(tables: dict[str, Any], text: str) -> list[Problem]:

@@ -153,14 +153,15 @@ def supervise(settings: GuardSettings, state: GuardState, seen: Sighting, period
 
 def _arm(settings: GuardSettings, state: GuardState, seen: Sighting, hold_ns: float, now_ns: int) -> GuardState:
     """Apply a request of the host, which counts when it changes, and the automatic arming, which happens once."""
-    asked = seen.request is not None and seen.request is not state.request
-    if asked and seen.request is not None:
-        state = replace(state, request=seen.request)
-    if asked and state.request is HostRequest.DISARM:
-        return replace(state, armed=False, mode=Mode.READY, cause=Cause.DISARMED)
-    wanted = (asked and state.request is HostRequest.ARM) or (settings.auto_arm and not state.ever_armed)
+    asked = seen.request if seen.request is not state.request else None
     fresh = state.feedback_ns is not None and now_ns - state.feedback_ns <= hold_ns
-    if not wanted or not fresh or (state.foreign_ns is not None and not state.ever_armed):
+    if asked is not None and (fresh or asked is not HostRequest.ARM):
+        # an ARM that comes before the feedback is not used up: its repetition will be heard
+        state = replace(state, request=asked)
+    if asked is HostRequest.DISARM:
+        return replace(state, armed=False, mode=Mode.READY, cause=Cause.DISARMED)
+    wanted = asked is HostRequest.ARM or (settings.auto_arm and not state.ever_armed)
+    if not wanted or not fresh or state.foreign_ns is not None:
         return state
     if state.armed and state.mode is not Mode.FAILSAFE:
         return state

@@ -164,9 +164,11 @@ class _Batch:
             self.reading = Reading(message.position_m, counter, message.command_counter, self._periods)
 
     def _take_setpoint(self, message: Setpoint, counter: int | None) -> None:
-        if self.request is not HostRequest.DISARM:  # no later frame of the batch makes it unsaid
+        usable = self.valve.travel_min_m <= message.setpoint_m <= self.valve.travel_max_m
+        if message.request is HostRequest.DISARM or (usable and self.request is not HostRequest.DISARM):
+            # no later frame of the batch makes a DISARM unsaid; an ARM counts with a setpoint that can be used
             self.request = message.request
-        if self.valve.travel_min_m <= message.setpoint_m <= self.valve.travel_max_m:
+        if usable:
             self.setpoint, self.setpoint_m, self.setpoint_counter = True, message.setpoint_m, counter
         else:
             refused = SetpointRefused(message.setpoint_m, self.valve.travel_min_m, self.valve.travel_max_m)

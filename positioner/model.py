@@ -7,6 +7,7 @@ of time. `x` is the position in m, `v` the speed in m/s, `u` the loop current in
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
@@ -48,6 +49,8 @@ class ValveParameters:
 
     def __post_init__(self) -> None:
         """Refuse what no single limit can."""
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", self.id):
+            raise ValueError(f"id '{self.id}' must be 1 to 64 letters, digits, dots, dashes or underscores")
         if self.coulomb_friction_n > self.static_friction_n:
             raise ValueError("coulomb_friction_n exceeds static_friction_n: sliding friction is never the larger")
         if self.travel_max_m <= self.travel_min_m:

@@ -26,10 +26,10 @@ def detect(before: StemState, after: StemState, applied_ma: float) -> LearnedSam
     """Return what the step from `before` to `after` under `applied_ma` teaches, or None between edges.
 
     A stop teaches the speed just before it, where the stem came to rest; a slip teaches the current that caused it,
-    where the stem rested.
+    where the stem rested. A stem that never got a speed teaches none.
     """
-    if after.stuck and not before.stuck:
-        direction = direction_of(before.velocity_m_per_s or after.direction)
+    if after.stuck and not before.stuck and before.velocity_m_per_s:
+        direction = direction_of(before.velocity_m_per_s)
         return LearnedSample(Quantity.STICK_SPEED, after.position_m, direction, abs(before.velocity_m_per_s))
     if before.stuck and not after.stuck:
         return LearnedSample(Quantity.BREAKAWAY_CURRENT, before.position_m, direction_of(after.direction), applied_ma)

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 import tomli_w
 
 from positioner.bench.processes import Child
-from positioner.bus import BusAddress, BusPort, embedded_address
+from positioner.bus import BusPort
+from positioner.bus_address import BusAddress, embedded_address
 from positioner.config import Configuration, load_config
 from positioner.daemon import Daemon, RunOptions
 from positioner.journal import logger

@@ -14,7 +14,9 @@ import can
 import pytest
 
 from positioner import bus as bus_module
-from positioner.bus import EMBEDDED_PORT, BusAddress, BusPort, embedded_address, find_vcan, parse_address
+from positioner import bus_address as address_module
+from positioner.bus import BusPort
+from positioner.bus_address import EMBEDDED_PORT, BusAddress, embedded_address, find_vcan, parse_address
 from positioner.errors import BusError, ExitCode
 from positioner.wire.messages import CanFrame
 
@@ -296,7 +298,7 @@ def test_a_port_that_does_not_exist_is_refused(port: int) -> None:
 
 @pytest.mark.parametrize("local", [True, False])
 def test_embedded_addresses_differ_and_stay_on_the_machine(local: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bus_module, "_has_interface_local_groups", lambda: local)
+    monkeypatch.setattr(address_module, "_has_interface_local_groups", lambda: local)
     addresses = [embedded_address(token) for token in range(0, 40_000, 97)]
     assert len({(address.channel, address.port) for address in addresses}) == len(addresses)
     assert all(address.channel.startswith("ff11::" if local else "239.255.") for address in addresses)
@@ -308,14 +310,14 @@ def test_a_machine_without_ipv6_has_no_interface_local_groups(monkeypatch: pytes
         raise OSError("address family not supported")
 
     monkeypatch.setattr(socket, "socket", no_socket)
-    assert not bus_module._has_interface_local_groups()
+    assert not address_module._has_interface_local_groups()
 
 
 def test_a_virtual_can_interface_is_found_when_it_is_up(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     for name, flags in (("vcan0", "0x80"), ("vcan1", "0xc1"), ("vcan2", "0xc1"), ("vcanx", "nonsense")):
         (tmp_path / name).mkdir()
         (tmp_path / name / "flags").write_text(flags, encoding="ascii")
-    monkeypatch.setattr(bus_module, "Path", lambda _path: tmp_path)
+    monkeypatch.setattr(address_module, "Path", lambda _path: tmp_path)
     assert find_vcan() == BusAddress(interface="socketcan", channel="vcan1")
     for name in ("vcan1", "vcan2"):
         (tmp_path / name / "flags").write_text("0x80", encoding="ascii")

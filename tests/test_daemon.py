@@ -14,7 +14,7 @@ from daemon_helpers import HERE_M, PERIOD_S, Loop
 
 from positioner import bus as bus_module
 from positioner import journal
-from positioner.bus import BusAddress
+from positioner.bus_address import BusAddress
 from positioner.daemon import RunOptions
 from positioner.errors import AlreadyRunningError
 from positioner.wire import e2e

@@ -152,7 +152,7 @@ def test_a_valve_that_speaks_frames_of_its_own_is_controlled(tmp_path: Path) -> 
     feedback, order = database.get_message_by_name("VALVE_FEEDBACK"), database.get_message_by_name("IP_COMMAND")  # type: ignore[union-attr]
     assert feedback.is_extended_frame
     guard = {**PATIENT, "auto_arm": True}
-    with Service(tmp_path, wire=USERS_WIRE, guard=guard) as service:
+    with Service(tmp_path, wire=USERS_WIRE, guard=guard, control={"sample_period_s": 0.001}) as service:
         valve = BusPort(service.address, [(order.frame_id, True)])
         valve.open()
         try:

@@ -36,7 +36,14 @@ LAYERS = (
 )
 """From the shell down: a module imports from its own layer and those below, never from one above."""
 
-PLUMBING = ("positioner.wire", "positioner.bus", "positioner.errors", "positioner.settings", "positioner.notify")
+PLUMBING = (
+    "positioner.wire",
+    "positioner.bus",
+    "positioner.bus_address",
+    "positioner.errors",
+    "positioner.settings",
+    "positioner.notify",
+)
 """What the plant emulator shares with the positioner: the wire and tools, no physics."""
 
 

@@ -140,7 +140,9 @@ def test_a_setpoint_outside_the_travel_is_refused_and_the_last_one_stays(wanted_
     assert isinstance(event, SetpointRefused)
     assert event.setpoint_m == pytest.approx(wanted_m)
     assert "outside the travel of 0 to 139.7 mm" in str(event)
-    assert received.seen.request is HostRequest.ARM
+    assert received.seen.request is None  # an ARM counts with a setpoint that can be used
+    disarmed = take(setpoint(wanted_m, 2, HostRequest.DISARM), link=link)
+    assert disarmed.seen.request is HostRequest.DISARM  # a DISARM always counts
 
 
 def test_the_newest_setpoint_and_request_of_a_batch_count() -> None:

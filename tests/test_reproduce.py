@@ -70,7 +70,7 @@ def test_alpha_and_beta_in_centimetres_stop_the_valve_short_of_its_setpoint(free
     outcome = play(Run(3, FREE_CM, short=True))
     assert outcome.before == free[3].before
     assert 3.0 < outcome.after.error_pct < 8.0
-    assert 0.3 < free[3].after.error_pct < 1.0
+    assert 0.3 < free[3].after.error_pct < 2.0
     assert np.nanmax(outcome.curves.speed_high_m_per_s) < np.nanmax(free[3].curves.speed_high_m_per_s)
 
 
@@ -169,13 +169,14 @@ def test_every_claim_holds_where_everything_is_as_the_paper_has_it() -> None:
         (2, {}, {"limit_cycles": 2}, "stick-slip makes it oscillate continuously"),
         (2, {}, {"error_pct": 0.4}, "the error is worse than without friction"),
         (3, {"range_pct": 1.9}, {}, "until half time it moves as in simulation 2"),
-        (3, {}, {"limit_cycles": 1}, "from half time the oscillation is gone"),
+        (3, {}, {"limit_cycles": 1}, "from half time the table ends the oscillation"),
         (3, {}, {"current_range_ma": 0.9}, "from half time the current is almost constant between moves"),
         (3, {}, {"error_pct": 1.1}, "the steady error is small, and not null"),
         (3, {}, {"error_pct": 0.0}, "the steady error is small, and not null"),
         (4, {"range_pct": 1.9}, {}, "until half time it oscillates more than in simulation 3"),
-        (4, {}, {"limit_cycles": 3}, "from half time the oscillation is gone"),
+        (4, {}, {"limit_cycles": 3}, "from half time the table ends the oscillation"),
         (5, {"range_pct": 2.0}, {}, "until half time it oscillates less than in simulation 3"),
+        (4, {"limit_cycles": 0}, {}, "from half time the table ends the oscillation"),
         (5, {}, {"error_pct": 5.0}, "the steady error is small, and not null"),
     ],
 )
@@ -192,13 +193,28 @@ def test_a_claim_falls_with_the_figure_that_decides_it(
     assert [(verdict.simulation, verdict.claim) for verdict in lost] == [(simulation, fallen)]
 
 
+def test_a_stem_that_rests_is_neither_livelier_nor_quieter_than_another_one() -> None:
+    rests = {3: replace(CALM, range_pct=0.05), 4: replace(CALM, range_pct=0.06), 5: replace(CALM, range_pct=0.04)}
+    outcomes = [
+        replace(each, before=rests.get(each.run.simulation, each.before))
+        for each in as_the_paper_has_it(all_runs((A,), short=False))
+    ]
+    found = {verdict.claim: verdict for verdict in verdicts(outcomes)}
+    for claim in (
+        "until half time it oscillates more than in simulation 3",
+        "until half time it oscillates less than in simulation 3",
+        "from half time the table ends the oscillation",
+    ):
+        assert not found[claim].holds
+
+
 def test_the_table_names_every_run_and_marks_what_does_not_hold() -> None:
     outcomes = as_the_paper_has_it(all_runs(ALL, short=False))
     run = Run(3, A)
     outcomes = tuple(replace(each, after=LIVELY) if each.run == run else each for each in outcomes)
     found = verdicts(outcomes)
     text = to_markdown(outcomes, found)
-    assert "| 3 | from half time the oscillation is gone | **no**: in 3 of 3 dwells, before in 3 | yes:" in text
+    assert "| 3 | from half time the table ends the oscillation | **no**: in 3 of 3 dwells, before in 3 | yes:" in text
     assert text.count("**no**") == 3
     assert "| 2 | stick-slip makes it oscillate continuously | yes: in 6 of 6 dwells | as SI | yes:" in text
     assert "| 3: stiction table from half time | A, SI | 1.60 → 1.60 | 2.00 → 2.00 |" in text

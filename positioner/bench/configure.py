@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from positioner.bench.scenario import Scenario
-    from positioner.bus import BusAddress
+    from positioner.bus_address import BusAddress
 
 VALVE_ID = "bench"
 """Identity of the emulated valve: one table serves all scenarios, if the user carries it over with --state."""

@@ -14,7 +14,7 @@ from plant_emulator.presets import plant_settings
 from positioner import cycle
 from positioner.bench.configure import configuration_text
 from positioner.bench.recording import Recording
-from positioner.bus import BusAddress
+from positioner.bus_address import BusAddress
 from positioner.config import Configuration, parse_config
 from positioner.events import Controlled
 from positioner.stiction import StictionTable

@@ -19,7 +19,8 @@ from positioner.bench.recording import Recording
 from positioner.bench.result import Result, RunInfo, TableSummary, installed_versions, summary_of, to_json
 from positioner.bench.trace_data import trend_data
 from positioner.bench.trend import draw_trend
-from positioner.bus import BusAddress, BusPort, embedded_address, find_vcan
+from positioner.bus import BusPort
+from positioner.bus_address import BusAddress, embedded_address, find_vcan
 from positioner.config import Configuration, parse_config
 from positioner.errors import StateError
 from positioner.stiction import StictionTable

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from positioner.bench.curves import MOST_POINTS, envelope, mode_spans
+from positioner.bench.panels import fit, line, name
 from positioner.wire.messages import Mode
 
 if TYPE_CHECKING:
@@ -143,12 +144,12 @@ def _draw_position(panel: Axes, data: TrendData) -> None:
     panel.fill_between(
         time_s, thin_mm - band_mm, thin_mm + band_mm, step="post", color=_SETPOINT, alpha=0.18, linewidth=0.0, zorder=2
     )
-    _line(panel, data.time_s, setpoint_mm, _SETPOINT, width=1.0, zorder=3)
-    _line(panel, data.time_s, position_mm, _TRUE, width=1.3)
-    _fit(panel, [setpoint_mm, position_mm], (1.0, 99.0))
+    line(panel, data.time_s, setpoint_mm, _SETPOINT, width=1.0, zorder=3)
+    line(panel, data.time_s, position_mm, _TRUE, width=1.3)
+    fit(panel, [setpoint_mm, position_mm], (1.0, 99.0))
     panel.set_ylabel("position, mm", fontsize=13)
     names = [("true", _TRUE), ("setpoint, ±1 % span", _SETPOINT), ("measured", _MEASURED)]
-    _name(panel, names if data.measured_m is not None else names[:2])
+    name(panel, names if data.measured_m is not None else names[:2])
     for mode, begin_s, end_s in mode_spans(data.time_s, data.mode):
         if mode is not Mode.ACTIVE and end_s - begin_s > NARROWEST_LABEL * data.scenario.duration_s:
             panel.annotate(
@@ -163,7 +164,7 @@ def _draw_current(panel: Axes, data: TrendData) -> None:
         (data.current_lower_ma, "lower bound", _LOWER),
     )
     _draw_with_bounds(panel, data.time_s, (data.current_ma, "command"), bounds)
-    _fit(panel, [data.current_ma], (0.0, 100.0))
+    fit(panel, [data.current_ma], (0.0, 100.0))
     panel.set_ylabel("current, mA", fontsize=13)
 
 
@@ -175,7 +176,7 @@ def _draw_speed(panel: Axes, data: TrendData) -> None:
     )
     _draw_with_bounds(panel, data.time_s, (data.velocity_m_per_s, "true"), others)
     # a bound is far from the speed when the error is large: the speed decides what is seen
-    _fit(panel, [data.velocity_m_per_s], (0.05, 99.95))
+    fit(panel, [data.velocity_m_per_s], (0.05, 99.95))
     panel.set_ylabel("speed, m/s", fontsize=13)
 
 
@@ -186,14 +187,14 @@ def _draw_with_bounds(
     others: tuple[tuple[NDArray[np.float64] | None, str, str], ...],
 ) -> None:
     """Draw a thin curve over broad pale ones, which thereby stay visible where they coincide; None is left out."""
-    values, label = curve
-    _line(panel, time_s, values, _TRUE, width=1.2)
-    names = [(label, _TRUE)]
-    for other, name, colour in others:
+    values, first = curve
+    line(panel, time_s, values, _TRUE, width=1.2)
+    names = [(first, _TRUE)]
+    for other, label, colour in others:
         if other is not None:
-            _line(panel, time_s, other, colour, width=3.0, alpha=0.55, zorder=3.0)
-            names.append((name, colour))
-    _name(panel, names)
+            line(panel, time_s, other, colour, width=3.0, alpha=0.55, zorder=3.0)
+            names.append((label, colour))
+    name(panel, names)
 
 
 def _draw_table(panel: Axes, data: TrendData) -> None:
@@ -215,7 +216,7 @@ def _draw_table(panel: Axes, data: TrendData) -> None:
     panel.set_ylim(0.0, 1.1 * max(below[-1], 1.0))
     panel.yaxis.set_major_locator(MaxNLocator(4, integer=True))
     panel.set_ylabel("learned samples", fontsize=13)
-    _name(panel, names)
+    name(panel, names)
 
 
 def _label_dwells(panel: Axes, data: TrendData) -> None:
@@ -231,36 +232,3 @@ def _label_dwells(panel: Axes, data: TrendData) -> None:
                 ha="center", va="bottom", fontsize=11,
                 color=_SETPOINT if bad else _INK, fontweight="bold" if bad else "normal",
             )  # fmt: skip
-
-
-def _line(
-    panel: Axes,
-    time_s: NDArray[np.float64],
-    values: NDArray[np.float64],
-    colour: str,
-    *,
-    width: float,
-    alpha: float = 1.0,
-    zorder: float = 4.0,
-) -> None:
-    # a sample holds until the next one: a bound that is active for a single sample stays visible
-    panel.plot(
-        *envelope(time_s, values), color=colour, linewidth=width, alpha=alpha, drawstyle="steps-post", zorder=zorder
-    )
-
-
-def _fit(panel: Axes, curves: list[NDArray[np.float64]], percentiles: tuple[float, float]) -> None:
-    """Set the limits so that these percentiles of every curve are inside, with a margin."""
-    inside = np.array([np.percentile(curve, percentiles) for curve in curves])
-    low, high = float(inside.min()), float(inside.max())
-    margin = 0.2 * (high - low) or 1.0
-    panel.set_ylim(low - margin, high + margin)
-
-
-def _name(panel: Axes, names: list[tuple[str, str]]) -> None:
-    """Write the names of a panel's lines at its right, each in the colour of its line."""
-    for row, (label, colour) in enumerate(names):
-        panel.annotate(
-            label, (1.008, 0.96), xycoords="axes fraction", xytext=(0, -17 * row), textcoords="offset points",
-            color=colour, fontsize=11.5, fontweight="bold", va="top",
-        )  # fmt: skip

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from positioner.bench.scenario import load_scenario, scenario_names
-from positioner.bus import parse_address
+from positioner.bus_address import parse_address
 from positioner.errors import ExitCode
 from positioner.laws.registry import LAWS
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from positioner.bus import parse_address
+from positioner.bus_address import parse_address
 from positioner.config import StateSettings, load_config
 from positioner.daemon import Daemon, RunOptions
 from positioner.journal import set_up

@@ -210,6 +210,20 @@ def test_arming_needs_fresh_feedback() -> None:
     assert not watch(GuardState(), asked, SECOND).armed
 
 
+def test_an_arm_before_the_feedback_is_heard_when_it_is_repeated() -> None:
+    early = watch(GuardState(), Sighting(setpoint=True, request=HostRequest.ARM), 0)
+    assert told(early) == (Mode.INIT, Cause.WAITING_FOR_FEEDBACK)
+    ready = watch(early, Sighting(feedback=True), MS)
+    assert told(ready) == (Mode.READY, Cause.WAITING_FOR_ARM)
+    assert told(watch(ready, ARM, 2 * MS)) == (Mode.ACTIVE, Cause.NONE)
+
+
+def test_a_foreign_command_forbids_arming_again_after_a_disarm() -> None:
+    disarmed = watch(active_at(0), DISARM, MS)
+    foreign = watch(disarmed, Sighting(feedback=True, setpoint=True, foreign_command=True), 2 * MS)
+    assert told(watch(foreign, ARM, 3 * MS)) == (Mode.READY, Cause.FOREIGN_COMMAND)
+
+
 def test_arming_starts_the_age_of_the_setpoint_anew() -> None:
     quiet = Sighting(feedback=True)
     state = watch(ready_at(SECOND), quiet, SECOND + 60 * SECOND)

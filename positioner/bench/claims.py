@@ -123,22 +123,22 @@ def _compared(own: Outcome, other: Outcome) -> str:
     return f"range {own.before.range_pct:.2f} against {other.before.range_pct:.2f} %"
 
 
-_GONE = "from half time the table ends the oscillation"
-_CALM = "from half time the current is almost constant between moves"
+_GONE = "the table ends the oscillation"
+_CALM = "with the table the current is almost constant"
 _SMALL = "the steady error is small, and not null"
 _CLAIMS = (
     _Claim(1, "the stem reaches the reference", _reaches, 1),
     _Claim(1, "it overshoots in the transient", _overshoots, 1),
     _Claim(2, "stick-slip makes it oscillate continuously", _cycles_throughout, 2),
     _Claim(2, "the error is worse than without friction", _worse, 1),
-    _Claim(3, "until half time it moves as in simulation 2", _starts_alike, 2),
+    _Claim(3, "it moves as in simulation 2 until the table is used", _starts_alike, 2),
     _Claim(3, _GONE, _ends_cycle, 2),
     _Claim(3, _CALM, _calm, 2),
     _Claim(3, _SMALL, _small_error, 2),
-    _Claim(4, "until half time it oscillates more than in simulation 3", _livelier, 3),
+    _Claim(4, "at first it oscillates more than in simulation 3", _livelier, 3),
     _Claim(4, _GONE, _ends_cycle, 2),
     _Claim(4, _SMALL, _small_error, 2),
-    _Claim(5, "until half time it oscillates less than in simulation 3", _quieter, 3),
+    _Claim(5, "at first it oscillates less than in simulation 3", _quieter, 3),
     _Claim(5, _GONE, _ends_cycle, 2),
     _Claim(5, _SMALL, _small_error, 2),
 )

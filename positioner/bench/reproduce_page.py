@@ -97,7 +97,7 @@ def draw_page(path: Path, outcomes: Sequence[Outcome], verdicts: Sequence[Verdic
     FigureCanvasAgg(figure)
     _, height = figure.get_size_inches()
     blocks = figure.add_gridspec(
-        len(readings), 1, left=0.04, right=0.99, top=1.0 - 1.55 / height, bottom=0.75 / height, hspace=0.17
+        len(readings), 1, left=0.045, right=0.99, top=1.0 - 1.55 / height, bottom=0.75 / height, hspace=0.17
     )
     for row, reading in enumerate(readings):
         block = blocks[row]
@@ -119,15 +119,16 @@ def draw_page(path: Path, outcomes: Sequence[Outcome], verdicts: Sequence[Verdic
             told = f"{sum(own)} of {len(own)} claims hold"
             _write_above(panels[0], 0.4, told, _GREEN if all(own) else _RED, right=True)
         box = block.get_position(figure)
-        name = reading_title(reading)
-        figure.text(0.008, (box.y0 + box.y1) / 2.0, name, rotation=90, va="center", fontsize=13, fontweight="bold")
+        name = reading_title(reading).replace(", α", "\nα")
+        middle = (box.y0 + box.y1) / 2.0
+        figure.text(0.005, middle, name, rotation=90, ha="left", va="center", fontsize=12, fontweight="bold")
     columns = blocks[0].subgridspec(1, len(SIMULATIONS), wspace=0.1)
     for column, simulation in enumerate(SIMULATIONS):
         left = columns[column].get_position(figure).x0
         heading = f"{simulation} (figure {FIGURE_OF[simulation]}): {TITLES[simulation]}"
         figure.text(left, 1.0 - 1.1 / height, heading, fontsize=13, fontweight="bold", color=_INK)
     title = "The paper's five simulations, and what they show in each reading of the paper"
-    figure.text(0.04, 1.0 - 0.6 / height, title, fontsize=20, fontweight="bold", color=_INK)
+    figure.text(0.045, 1.0 - 0.6 / height, title, fontsize=20, fontweight="bold", color=_INK)
     _legend(figure)
     figure.savefig(path)
 
@@ -142,7 +143,7 @@ def _write_above(
     """Write `text` above the panel, `line` lines up, at its left or at its right."""
     panel.annotate(
         text, (float(right), 1.0), xycoords="axes fraction", xytext=(0, 4 + 14 * line), textcoords="offset points",
-        ha="right" if right else "left", fontsize=9.5, color=colour, fontweight=weight,
+        ha="right" if right else "left", fontsize=9.0, color=colour, fontweight=weight,
     )  # fmt: skip
 
 

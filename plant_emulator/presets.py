@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+DEFAULT_PRESET = "paper"
+
+
 def preset_names() -> tuple[str, ...]:
     """Return the names of the presets, sorted."""
     files = resources.files("plant_emulator").joinpath("presets").iterdir()
@@ -47,7 +50,7 @@ def parse_plant(text: str, source: str) -> PlantSettings:
     return build(_resolved(tables(text, source), source, text), PlantSettings, source, text)
 
 
-def plant_settings(preset: str = "paper", overrides: str | Mapping[str, Any] = "") -> PlantSettings:
+def plant_settings(preset: str = DEFAULT_PRESET, overrides: str | Mapping[str, Any] = "") -> PlantSettings:
     """Return the plant `preset` with `overrides` (TOML text, or nested mappings) laid over it.
 
     Raises:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from positioner import guard
-from positioner.events import Controlled, Event, LawFellBack, Learned, ModeChanged
+from positioner.events import Controlled, Event, LawFellBack, Learned, ModeChanged, MoveBegan
 from positioner.guard import GuardSettings, GuardState
 from positioner.inbox import LinkState, Reading, receive
 from positioner.laws.law import Decision, Observation
@@ -144,6 +144,8 @@ def _control(
         watch = replace(state.guard, law_failures=state.guard.law_failures + 1)
         events.append(LawFellBack(f"{setup.law.name} failed: {type(error).__name__}: {error}"))
         return replace(state, guard=watch, memory=None, stem=None, fallback_count=state.fallback_count + 1), None
+    if decision.reason:
+        events.append(MoveBegan(decision.reason))
     if decision.fallback:
         events.append(LawFellBack(decision.fallback))
     state = replace(

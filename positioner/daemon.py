@@ -13,7 +13,16 @@ from positioner import cycle
 from positioner.bus import BusPort
 from positioner.clock import Clock, LockstepClock, LockstepGate, RealClock
 from positioner.errors import AlreadyRunningError, ExitCode, UsageError
-from positioner.events import Controlled, Event, FeedbackRefused, ForeignCommand, LawFellBack, Learned, ModeChanged
+from positioner.events import (
+    Controlled,
+    Event,
+    FeedbackRefused,
+    ForeignCommand,
+    LawFellBack,
+    Learned,
+    ModeChanged,
+    MoveBegan,
+)
 from positioner.journal import Throttle, logger
 from positioner.notify import Notifier
 from positioner.store.client import TableKeeper
@@ -87,7 +96,11 @@ class Daemon:
             learns=not options.dry_run,
         )
         self._state = cycle.CycleState(table=table)
-        self._trace = _open_trace(options.trace) if options.trace else None
+        try:
+            self._trace = TraceWriter(options.trace) if options.trace else None
+        except OSError as error:
+            self._keeper.close(_CLOSE_TIMEOUT_S)
+            raise UsageError(f"trace {options.trace} cannot be written: {error.strerror}") from error
         self._ready = False
         self._watchdog_due_s = 0.0
         self._poll_due_s = 0.0
@@ -128,14 +141,14 @@ class Daemon:
             self._notifier.send(WATCHDOG="1")
 
     def _tell(self, events: tuple[Event, ...]) -> None:
-        learned = next((event for event in events if isinstance(event, Learned)), None)
+        learned = [event for event in events if isinstance(event, Learned)]
         for event in events:
             match event:
                 case Controlled():
                     self._draw(event, learned)
                 case ModeChanged():
                     self._announce(event)
-                case Learned():
+                case Learned() | MoveBegan():
                     logger.debug("%s", event)
                 case FeedbackRefused() | LawFellBack():
                     self._throttle.log(logging.WARNING, type(event).__name__, str(event))
@@ -146,7 +159,7 @@ class Daemon:
                 case _:
                     self._throttle.log(logging.WARNING, _kind(event), str(event))
 
-    def _draw(self, cycle: Controlled, learned: Learned | None) -> None:
+    def _draw(self, cycle: Controlled, learned: list[Learned]) -> None:
         """Write one row of the trace; a disk that takes no more ends the trace, never the loop."""
         try:
             if self._trace:
@@ -223,13 +236,6 @@ class Daemon:
     def _report(self, line: str) -> None:
         # told apart by what happened, not by the bus that all lines name first
         self._throttle.log(logging.WARNING, line.replace(str(self._bus.address), "")[:16], line)
-
-
-def _open_trace(path: Path) -> TraceWriter:
-    try:
-        return TraceWriter(path)
-    except OSError as error:
-        raise UsageError(f"trace {path} cannot be written: {error.strerror}") from error
 
 
 def _kind(event: Event) -> str:

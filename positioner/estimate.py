@@ -36,7 +36,7 @@ class EstimationMethod(StrEnum):
 class EstimatorSettings:
     """The `[estimator]` table of a configuration.
 
-    method: how the paper's law estimates; "raw" makes no use of what follows.
+    method: how the paper's law finds position and speed.
     noise_of_reading, noise_of_span: σ of the position sensor, as a fraction (0.02 = 2 %).
     force_noise_n: σ of the force the model does not know, white per sample, while sliding.
     slip_threshold_sigma: smoothed innovation, in its own σ, that ends a stick the model would keep.

@@ -117,6 +117,17 @@ class LawFellBack:
 
 
 @dataclass(frozen=True, slots=True)
+class MoveBegan:
+    """The law began a move; `why` says what for, and what its first current rests on."""
+
+    why: str
+
+    def __str__(self) -> str:
+        """One line for the log."""
+        return f"move: {self.why}"
+
+
+@dataclass(frozen=True, slots=True)
 class Controlled:
     """One closed cycle: the reading, the estimate, the decision and the current that the guard let through."""
 
@@ -139,5 +150,6 @@ Event = (
     | ModeChanged
     | Learned
     | LawFellBack
+    | MoveBegan
     | Controlled
 )

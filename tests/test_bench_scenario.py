@@ -166,9 +166,14 @@ def test_a_mistake_is_named_with_its_line_and_what_is_right(change: tuple[str, s
     assert message in str(caught.value)
 
 
-@pytest.mark.parametrize("sample_period_s", [0.0001, 0.0005, 0.001, 0.002, 0.005, 0.01])
+@pytest.mark.parametrize("sample_period_s", [0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01])
 def test_sample_periods_that_divide_are_accepted_in_spite_of_binary_fractions(sample_period_s: float) -> None:
     assert parse_scenario(SHORT + f"sample_period_s = {sample_period_s}\n", "short.toml").samples_per_setpoint >= 1
+
+
+def test_more_samples_per_setpoint_than_the_sockets_hold_are_refused() -> None:
+    with pytest.raises(ConfigurationError, match="must be at most 60 sample periods"):
+        parse_scenario(SHORT + "sample_period_s = 0.0001\n", "short.toml")
 
 
 @pytest.mark.parametrize("dwell_s", [0.3, 1.1, 1.2, 4.35])

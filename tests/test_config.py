@@ -40,7 +40,7 @@ def test_an_id_is_all_it_takes() -> None:
     configuration = parse_config('[valve]\nid = "FV-101"\n', "valve.toml", Path())
     assert configuration == Configuration(valve=configuration.valve)
     assert configuration.valve.id == "FV-101"
-    assert configuration.make_law().name == "paper"
+    assert configuration.make_law().name == "nmpc"
     assert configuration.make_codec().by_kind[StemPosition].arbitration_id == 0x110
 
 

@@ -28,7 +28,6 @@ from positioner.wire.messages import (
     Message,
     Mode,
     PositionerStatus,
-    Setpoint,
     StemPosition,
 )
 
@@ -115,9 +114,7 @@ def test_the_status_comes_ten_times_a_second(armed: Loop) -> None:
     assert 19 <= len(statuses(said)) <= 21
 
 
-@pytest.mark.parametrize(
-    ("action", "current_ma"), [("4 mA", 4.0), ("20 mA", 20.0), ("hold", None), ("current", 7.25)]
-)
+@pytest.mark.parametrize(("action", "current_ma"), [("4 mA", 4.0), ("20 mA", 20.0), ("hold", None), ("current", 7.25)])
 def test_without_feedback_it_holds_and_then_fails_safe_as_configured(
     action: str, current_ma: float | None, tmp_path: Path
 ) -> None:
@@ -389,7 +386,7 @@ def test_a_trace_on_a_full_disk_ends_with_a_line_and_the_loop_goes_on(tmp_path: 
         trace = loop.daemon._trace
         assert trace is not None
         trace.close()
-        trace._file = Path("/dev/full").open("w", buffering=1, encoding="utf-8")
+        trace._file = Path("/dev/full").open("w", buffering=1, encoding="utf-8")  # noqa: SIM115 - the daemon closes it
         assert commands(loop.sample())
         assert loop.told("trace") == ["the trace ends here: No space left on device"]
         assert commands(loop.sample())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import subprocess
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cantools
 import pytest
@@ -157,15 +157,15 @@ def test_a_valve_that_speaks_frames_of_its_own_is_controlled(tmp_path: Path) -> 
         valve.open()
         try:
             reading = feedback.encode({"StemPosition": HERE_M / 0.127 * 100.0, "Spare": 0})
-            currents = []
+            currents: list[float] = []
             deadline_s = time.monotonic() + PATIENCE_S
             while len(currents) < 40:
                 assert time.monotonic() < deadline_s, service.lines
                 if len(currents) == 20:
                     service.others.say(Setpoint(0.09))  # ours still: only two messages are the user's
                 assert valve.send(CanFrame(feedback.frame_id, reading, is_extended=True))
-                heard = [order.decode(frame.data)["LoopCurrent"] for frame in valve.receive(PERIOD_S)]
-                currents += [4.0 + 0.16 * float(percent) for percent in heard]  # type: ignore[arg-type]
+                heard: list[Any] = [order.decode(frame.data) for frame in valve.receive(PERIOD_S)]
+                currents += [4.0 + 0.16 * signals["LoopCurrent"] for signals in heard]
         finally:
             valve.close()
         assert service.told("mode") == ["INFO mode INIT -> ACTIVE (none)"]

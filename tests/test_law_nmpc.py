@@ -235,7 +235,7 @@ def scenario(preset: str, seed: int, dwell_s: float, visits: int) -> Scenario:
 def figures(run: InProcessRun, dwell_s: float) -> tuple[DwellMetrics, ...]:
     record = run.recording
     trace = Trace(
-        time_s=np.arange(record.samples) * record.period_s,
+        time_s=np.arange(record.samples, dtype=np.float64) * np.float64(record.period_s),
         position_m=record.true_position_m,
         setpoint_m=record.setpoint_m,
         current_ma=record.current_ma,
@@ -276,7 +276,8 @@ def test_the_loop_learns_spring_and_friction_and_the_table_keeps_them(
 def test_the_first_move_after_a_restart_is_better_than_the_first_ever() -> None:
     # 63 mm with a spring that is 20 % softer than the model's: the landing of a law that remembers, and of one not
     table = played("spring-20").table
-    new, old = [], []
+    new: list[float] = []
+    old: list[float] = []
     for seed in (31, 32, 33):
         start = scenario("spring-20", seed, 0.03, 1)
         for landings, past in ((new, None), (old, table)):

@@ -42,9 +42,16 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tuning, "DWELL_S", 0.1)
 
 
-@pytest.mark.parametrize("law", ["pi", "knocker", "two-move-retry"])
-def test_without_frames_the_figures_are_the_same_to_the_bit(law: str) -> None:
-    told = control_table(law, MIDDLE[law])
+@pytest.mark.parametrize(
+    ("law", "values"),
+    [
+        ("pi", (5000.0, 1000.0, 0.0, 0.0)),  # gains at which the rounding of a reading to 10 nm is felt
+        ("knocker", MIDDLE["knocker"]),
+        ("two-move-retry", MIDDLE["two-move-retry"]),
+    ],
+)
+def test_without_frames_the_figures_are_the_same_to_the_bit(law: str, values: tuple[float, ...]) -> None:
+    told = control_table(law, values)
     scenario = replace(load_scenario("paper-valve"), law=law, visits=1, dwell_s=0.2, seed=5, control=told)
     recording = run_in_process(scenario).recording
     trace = metrics.Trace(
@@ -81,12 +88,12 @@ def test_later_candidates_vary_the_best(monkeypatch: pytest.MonkeyPatch) -> None
         assert each.low <= min(values)
         assert max(values) <= each.high
     # explored log-uniformly, then one of two kept and the other varied by a factor of e^±0.3
-    assert 0.4 < sum(move_s < math.sqrt(0.02 * 0.12) for move_s, _ in tried[:60]) / 60 < 0.6
+    assert 0.35 < sum(move_s < math.sqrt(0.02 * 0.12) for move_s, _ in tried[:50]) / 50 < 0.65
     steps = []
-    for number in range(60, 100):
+    for number in range(50, 100):
         before = min(tried[:number], key=lambda values: abs(math.log(values[0] / 0.06)))
         steps.append(math.log(tried[number][0] / before[0]))
-    assert 10 < steps.count(0.0) < 30
+    assert 15 < steps.count(0.0) < 35
     assert 0.2 < np.std([step for step in steps if step]) < 0.4
 
 
@@ -115,7 +122,7 @@ def test_the_cost_is_what_its_equation_says() -> None:
         iae_mm_s=2.0,
         command_variation_ma=40.0,
     )
-    assert dwell_cost(dwell) == pytest.approx(2.0 + 0.5 + 0.2 + 0.12)
+    assert dwell_cost(dwell) == pytest.approx(2.0 + 0.5 + 0.04 + 0.12)
 
 
 def test_candidates_are_judged_where_every_plant_can_be_restarted() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from plant_emulator.presets import overridden, preset_names
+from plant_emulator.presets import DEFAULT_PRESET, overridden, preset_names
 from positioner.errors import ConfigurationError, Problem
 from positioner.settings import read_text, tables
 
@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     import argparse
 
     from plant_emulator.parameters import PlantSettings
-
-_DEFAULT = "paper"
 
 
 def add_plant_options(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +22,7 @@ def add_plant_options(parser: argparse.ArgumentParser) -> None:
         "--preset",
         choices=preset_names(),
         metavar="NAME",
-        help=f"plant to emulate (default: {_DEFAULT}; see `plant-emulator presets`)",
+        help=f"plant to emulate (default: {DEFAULT_PRESET}; see `plant-emulator presets`)",
     )
     plant.add_argument("--config", type=Path, metavar="PLANT.toml", help="plant file, which may rest on a preset")
     parser.add_argument(
@@ -45,7 +43,7 @@ def plant_of(options: argparse.Namespace) -> PlantSettings:
     """
     changes = _changes(options.changes)
     if options.config is None:
-        return overridden({"preset": options.preset or _DEFAULT}, changes, "--set")
+        return overridden({"preset": options.preset or DEFAULT_PRESET}, changes, "--set")
     text = read_text(options.config)
     source = f"{options.config} with --set" if changes else str(options.config)
     return overridden(tables(text, str(options.config)), changes, source, text)

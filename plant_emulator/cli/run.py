@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from plant_emulator.cli.numbers import seconds, whole
 from plant_emulator.cli.plant_options import add_plant_options, plant_of
 from plant_emulator.daemon import EmulatorDaemon, RunOptions
 from positioner.bus_address import parse_address
@@ -30,15 +31,17 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     add_plant_options(parser)
     parser.add_argument("--bus", default="socketcan:vcan0", metavar="INTERFACE:CHANNEL", help="the bus (%(default)s)")
-    parser.add_argument("--period", type=float, default=0.001, metavar="S", help="period of the frames (%(default)s s)")
-    parser.add_argument("--seed", type=int, default=1, help="seed of noise and stochastic friction (%(default)s)")
+    parser.add_argument(
+        "--period", type=seconds, default=0.001, metavar="S", help="period of the frames (%(default)s s)"
+    )
+    parser.add_argument("--seed", type=whole, default=1, help="seed of noise and stochastic friction (%(default)s)")
     parser.add_argument(
         "--clock",
         choices=("realtime", "lockstep"),
         default="realtime",
         help="send whatever comes back, or advance only when the positioner has answered (%(default)s)",
     )
-    parser.add_argument("--setpoint-every", type=int, default=0, metavar="N", help=argparse.SUPPRESS)
+    parser.add_argument("--setpoint-every", type=whole, default=0, metavar="N", help=argparse.SUPPRESS)
     parser.add_argument(
         "--id-offset", type=int, default=0, metavar="N", help="added to all identifiers; a multiple of 128"
     )

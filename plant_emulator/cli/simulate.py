@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import csv
 import math
 import sys
@@ -13,11 +12,13 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from plant_emulator import valve
+from plant_emulator.cli.numbers import in_range, seconds, whole
 from plant_emulator.cli.plant_options import add_plant_options, plant_of
 from plant_emulator.cli.waveforms import HIGHEST_CURRENT_MA, Shape, Waveform, from_file, shaped
 from positioner.errors import ExitCode, PositionerError
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Iterator
     from contextlib import AbstractContextManager
     from typing import TextIO
@@ -52,11 +53,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )  # fmt: skip
     parser.add_argument("--out", default="-", metavar="FILE.csv", help="where to write (default: standard output)")
     parser.add_argument(
-        "--duration", type=_seconds, metavar="S",
+        "--duration", type=seconds, metavar="S",
         help=f"simulated time (default: {_DEFAULT_DURATION_S:g} s, or all of FILE.csv)",
     )  # fmt: skip
-    parser.add_argument("--period", type=_seconds, default=0.001, metavar="S", help="time per row (default: 0.001)")
-    parser.add_argument("--seed", type=_seed, default=0, metavar="N", help="of the friction's chance (default: 0)")
+    parser.add_argument("--period", type=seconds, default=0.001, metavar="S", help="time per row (default: 0.001)")
+    parser.add_argument("--seed", type=whole, default=0, metavar="N", help="of the friction's chance (default: 0)")
     parser.add_argument("--low-ma", type=_current, default=4.0, metavar="MA", help="lowest current (default: 4)")
     parser.add_argument("--high-ma", type=_current, default=20.0, metavar="MA", help="highest current (default: 20)")
     parser.set_defaults(run=_run)
@@ -110,25 +111,5 @@ def _opened(out: str) -> AbstractContextManager[TextIO]:
     return nullcontext(sys.stdout) if out == "-" else Path(out).open("w", newline="", encoding="utf-8")
 
 
-def _seconds(text: str) -> float:
-    return _in_range(text, 1e-6, 1e6, "seconds from 1e-6 to 1e6")
-
-
 def _current(text: str) -> float:
-    return _in_range(text, 0.0, HIGHEST_CURRENT_MA, f"mA from 0 to {HIGHEST_CURRENT_MA:g}")
-
-
-def _seed(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 on")
-    return int(text)
-
-
-def _in_range(text: str, lowest: float, highest: float, wanted: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not lowest <= value <= highest:
-        raise argparse.ArgumentTypeError(f"{text!r} is not {wanted}")
-    return value
+    return in_range(text, 0.0, HIGHEST_CURRENT_MA, f"mA from 0 to {HIGHEST_CURRENT_MA:g}")

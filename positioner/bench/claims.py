@@ -96,9 +96,11 @@ def _starts_alike(own: Outcome, other: Outcome) -> tuple[str, bool]:
 
 def _ends_cycle(own: Outcome, _: Outcome) -> tuple[str, bool]:
     before, after = own.before, own.after
+    ranges = f"range {before.range_pct:.2f} → {after.range_pct:.2f} %"
     if not before.limit_cycles:
-        return f"there was none; after in {after.limit_cycles} of {after.dwells} dwells", False
-    return f"in {after.limit_cycles} of {after.dwells} dwells, before in {before.limit_cycles}", not after.limit_cycles
+        return f"there was none; after in {after.limit_cycles} of {after.dwells} dwells, {ranges}", False
+    seen = f"in {after.limit_cycles} of {after.dwells} dwells, before in {before.limit_cycles}, {ranges}"
+    return seen, not after.limit_cycles
 
 
 def _calm(own: Outcome, _: Outcome) -> tuple[str, bool]:

@@ -46,8 +46,8 @@ UNITS = {UnitReading.SI: "α 5 m/s, β 150 1/m", UnitReading.CENTIMETRES: "α 5 
 
 _BLUE, _RED, _GREEN, _ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
 _INK, _GREY, _FAINT = "#222222", "#8A8A8A", "#D9D9D9"
-_LIMITS = ((60.0, 95.0), (3.0, 21.0), (-1.15, 1.15))
-_TICKS = ((60, 70, 80, 90), (4, 8, 12, 16, 20), (-1, 0, 1))
+_LIMITS = ((60.0, 95.0), (3.0, 21.0), (-2.3, 2.3))
+_TICKS = ((60, 70, 80, 90), (4, 8, 12, 16, 20), (-2, -1, 0, 1, 2))
 _QUANTITIES = ("position, mm", "current, mA", "speed, m/s")
 _NAMES = (
     ("stem (plant's truth), command, speed", _BLUE),

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import tomli_w
 
+from plant_emulator.presets import DEFAULT_PRESET
 from positioner.bench import metrics
 from positioner.bench.configure import configuration_text
 from positioner.bench.host import Host
@@ -22,9 +23,9 @@ from positioner.bench.trend import draw_trend
 from positioner.bus import BusPort
 from positioner.bus_address import BusAddress, embedded_address, find_vcan
 from positioner.config import Configuration, parse_config
-from positioner.errors import StateError
+from positioner.errors import BenchError, StateError
 from positioner.stiction import StictionTable
-from positioner.store import access
+from positioner.store import access, lock
 from positioner.wire.messages import ActuatorState, CurrentCommand, PlantTruth, PositionerStatus, StemPosition
 
 if TYPE_CHECKING:
@@ -62,14 +63,23 @@ def run_bench(scenario: Scenario, options: BenchOptions, say: Callable[[str], ob
     """Play `scenario` and leave `result.json`, `trend.png` and `bus.log` in the output directory.
 
     Raises:
+        AlreadyRunningError: another bench writes into the output directory.
         ConfigurationError: the scenario's tables do not make a valve or a positioner.
-        BenchError: a process failed, or frames were lost.
+        BenchError: a process failed, frames were lost, or the output directory cannot be written.
         StateError: the table cannot be used.
     """
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+        with lock.held(options.out, patience_s=0.0):
+            return _run(scenario, options, say)
+    except OSError as error:
+        raise BenchError(f"{error.filename or options.out}: {error.strerror}") from error
+
+
+def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]) -> Result:
     address, reason = choose_bus(options.bus)
     say(reason)
     out = options.out
-    out.mkdir(parents=True, exist_ok=True)
     state = options.state or _fresh_state(out / "state", say)
     configuration = _write_configuration(scenario, options, address, state)
     started, begun_s = datetime.now(UTC), time.monotonic()
@@ -114,7 +124,7 @@ def _fresh_state(directory: Path, say: Callable[[str], object]) -> Path:
     if directory.exists():
         backup = access.reset(directory)
         if backup:
-            say(f"the table of the last run is kept in {backup}; --state {directory} would start from it")
+            say(f"the table of the last run is kept in {backup}; --state {directory} would have started from it")
     return directory
 
 
@@ -122,7 +132,9 @@ def _write_configuration(scenario: Scenario, options: BenchOptions, address: Bus
     path = options.out / "valve.toml"
     text = configuration_text(scenario, address, state)
     path.write_text(text, encoding="utf-8")
-    (options.out / "plant.toml").write_text(tomli_w.dumps(scenario.plant), encoding="utf-8")
+    (options.out / "plant.toml").write_text(
+        tomli_w.dumps({"preset": DEFAULT_PRESET, **scenario.plant}), encoding="utf-8"
+    )
     return parse_config(text, str(path), options.out)
 
 

@@ -31,7 +31,9 @@ def trend_data(result: Result, recording: Recording, trace: Path) -> TrendData:
     believed_s = np.array([float(row["time_s"]) - recording.period_s for row in rows])
     columns = {name: _at(time_s, believed_s, [float(row[name]) for row in rows]) for name in _BOUNDS}
     learned = {
-        quantity: np.array([t for t, row in zip(believed_s, rows, strict=True) if row["learned"] == quantity])
+        quantity: np.array(
+            [t for t, row in zip(believed_s, rows, strict=True) if quantity in row["learned"].split("+")]
+        )
         for quantity in Quantity
     }
     loop_low, loop_high = np.nanmin(columns["current_low_ma"]), np.nanmax(columns["current_high_ma"])

@@ -3,7 +3,7 @@
 The first part of the budget explores, log-uniformly between limits wide enough for anybody's taste; the rest varies
 the best candidate found. The cost of a candidate is the mean over dwells of
 
-    J = IAE / (mm s) + mean |e| at the end / % + 0.005 · command variation / mA + 0.04 · reversals
+    J = IAE / (mm s) + mean |e| at the end / % + 0.001 · command variation / mA + 0.04 · reversals
 
 on dwells of 4 s: on shorter ones the limit cycle of an integral against static friction does not show. A candidate is
 dropped as soon as its dwells so far cost more than all dwells of the best: that saves time and changes no result.
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 
     from positioner.bench.metrics import DwellMetrics
 
-SETPOINTS_MM = (73.0, 87.0, 80.0, 73.5, 81.5, 83.0, 75.0, 85.5)
+SETPOINTS_MM = (73.0, 87.0, 80.0, 73.5, 81.5, 83.0)
 """Large, middling and small steps in both directions, where the valve can be restarted both ways."""
 DWELL_S = 4.0
 LEAGUE_SEEDS = range(101, 104)
 """Seeds that laws are judged on, never tuned on."""
 
-_EXPLORING = 0.6
+_EXPLORING = 0.5
 """Share of the budget."""
 _STEP = 0.3
 """Standard deviation of a variation, in the logarithm of the value."""
@@ -144,7 +144,7 @@ def cost_of(scenario: Scenario, limit: float = math.inf) -> float:
 
 def dwell_cost(dwell: DwellMetrics) -> float:
     """Return J of one dwell."""
-    return dwell.iae_mm_s + dwell.mean_abs_error_pct + 0.005 * dwell.command_variation_ma + 0.04 * dwell.reversals
+    return dwell.iae_mm_s + dwell.mean_abs_error_pct + 0.001 * dwell.command_variation_ma + 0.04 * dwell.reversals
 
 
 def scenario_of(law: str, values: tuple[float, ...], seed: int) -> Scenario:

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
+import textwrap
 from pathlib import Path
 
 from positioner.bench.scenario import load_scenario, scenario_names
 from positioner.bus_address import parse_address
 from positioner.errors import ExitCode
 from positioner.laws.registry import LAWS
+
+
+def _listed(what: str, names: tuple[str, ...]) -> str:
+    return textwrap.fill(f"{what + ':':11}{', '.join(names)}", 100, subsequent_indent=" " * 11)
+
 
 _EPILOG = f"""\
 examples:
@@ -21,8 +28,8 @@ It starts the plant emulator and the daemon as processes on one bus, plays the s
 leaves in the output directory: result.json (the figures), trend.png (the picture), bus.log (candump format, for
 canplayer), trace.csv (what the law believed), both configurations and both logs.
 
-scenarios: {", ".join(scenario_names())}
-laws:      {", ".join(LAWS)}
+{_listed("scenarios", scenario_names())}
+{_listed("laws", tuple(LAWS))}
 """
 
 
@@ -36,8 +43,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--scenario", default="paper-valve", metavar="NAME|FILE", help="what is played (%(default)s)")
-    parser.add_argument("--law", choices=tuple(LAWS), help="control law instead of the scenario's")
-    parser.add_argument("--seed", type=int, help="seed instead of the scenario's")
+    parser.add_argument("--law", choices=tuple(LAWS), metavar="NAME", help="control law instead of the scenario's")
+    parser.add_argument("--seed", type=_seed, metavar="N", help="seed instead of the scenario's")
     parser.add_argument(
         "--bus",
         default="auto",
@@ -55,11 +62,19 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.set_defaults(run=_run)
 
 
+def _seed(text: str) -> int:
+    if not text.isdecimal() or int(text) >= 1 << 32:
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 to {(1 << 32) - 1}")
+    return int(text)
+
+
 def _run(arguments: argparse.Namespace) -> ExitCode:
     # the runner draws pictures: its imports would slow every other command down
     from positioner.bench.result import to_text  # noqa: PLC0415
     from positioner.bench.runner import BenchOptions, run_bench, with_law  # noqa: PLC0415
 
+    # whoever ends the bench ends its processes, too, as Ctrl-C does
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     scenario = with_law(load_scenario(arguments.scenario), arguments.law, arguments.seed)
     out = arguments.out or Path(f"bench-{scenario.name}")
     options = BenchOptions(

@@ -13,12 +13,13 @@ def smooth(before_m: float, measured_m: float, time_constant_s: float, elapsed_s
 
 
 def report(position_m: float, speed_m_per_s: float) -> StemState:
-    """Return the stem as such a law sees it: never certain, never stuck, and with nothing to teach.
+    """Return the stem as such a law sees it: never certain, and never stuck.
 
     Under 2 % noise a filtered position cannot tell a stick from slow sliding. The stiction table belongs to the valve
-    and outlives the law: stops and slips guessed from such a position would mislead the laws that rely on it.
+    and outlives the law: stops and slips guessed from such a position would mislead the laws that rely on it. Without
+    edges between sticking and sliding the cycle learns nothing.
     """
     direction = -1.0 if speed_m_per_s < 0.0 else 1.0
     return StemState(
-        position_m, speed_m_per_s, stuck=False, direction=direction, p_xx=math.inf, p_xv=0.0, p_vv=math.inf, learned=()
+        position_m, speed_m_per_s, stuck=False, direction=direction, p_xx=math.inf, p_xv=0.0, p_vv=math.inf
     )

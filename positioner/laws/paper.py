@@ -62,7 +62,7 @@ class PaperLaw:
         return PaperMemory(stem, np.full(self.planner.control_steps, start))
 
     def estimate(self, memory: PaperMemory, observation: Observation) -> tuple[PaperMemory, StemState]:
-        """Return the filtered position and speed (D11: a Kalman filter; finite differences do not work)."""
+        """Return the estimated position and speed (D11: by a Kalman filter, or raw if the settings say so)."""
         stem = estimate(
             self.estimator,
             self.valve,

@@ -35,7 +35,7 @@ class ControlSettings:
 
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "allow_inf_nan": False}
 
-    law: str = "paper"
+    law: str = "nmpc"
     sample_period_s: Annotated[float, Interval(ge=1e-5, le=1.0)] = 0.001
     table_from_s: Annotated[float, Interval(ge=0.0, le=1e9)] = 0.0
     table_cell_m: Annotated[float, Interval(ge=1e-5, le=0.1)] = 0.005

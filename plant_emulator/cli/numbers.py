@@ -1,0 +1,29 @@
+"""Numbers on the command line, each with its limits: a wrong one is a wrong command line. Shell."""
+
+from __future__ import annotations
+
+import argparse
+import math
+
+
+def seconds(text: str) -> float:
+    """Return a time in s."""
+    return in_range(text, 1e-6, 1e6, "seconds from 1e-6 to 1e6")
+
+
+def whole(text: str) -> int:
+    """Return a whole number from 0 on, such as a seed."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 on")
+    return int(text)
+
+
+def in_range(text: str, lowest: float, highest: float, wanted: str) -> float:
+    """Return a number from `lowest` to `highest`, which `wanted` describes."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not lowest <= value <= highest:
+        raise argparse.ArgumentTypeError(f"{text!r} is not {wanted}")
+    return value

@@ -36,6 +36,35 @@ With three seeds, 24 dwells for each law on each plant.
 
 SPAN_M = 0.127
 
+_BYSTANDERS = frozenset(
+    [
+        "cli",
+        "store",
+        "daemon",
+        "bus",
+        "notify",
+        "journal",
+        "trace",
+        "scenarios",
+        "runner",
+        "host",
+        "processes",
+        "result",
+        "trend",
+        "panels",
+        "trace_data",
+        "limit",
+        "standings",
+        "league_page",
+        "tuning",
+        "reproduce",
+        "reproduce_page",
+        "reproduce_table",
+        "claims",
+    ]
+)
+"""Parts of the project that no bout runs."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeagueSettings:
@@ -117,11 +146,11 @@ def play_league(
     """
     check_setpoints(settings.setpoints_mm, tuple(condition_named(name) for name in settings.conditions))
     folder.mkdir(parents=True, exist_ok=True)
-    code = code_digest()
+    code = {law: code_digest(law) for law in settings.laws}
     played: dict[Bout, tuple[metrics.DwellMetrics, ...]] = {}
     open_bouts: list[Bout] = []
     for bout in settings.bouts():
-        known = _stored(folder / f"{bout.key}.json", code)
+        known = _stored(folder / f"{bout.key}.json", code[bout.law])
         if known is None:
             open_bouts.append(bout)
         else:
@@ -133,20 +162,26 @@ def play_league(
             for future in as_completed(waiting):
                 bout = waiting[future]
                 played[bout] = future.result()
-                _store(folder / f"{bout.key}.json", code, played[bout])
+                _store(folder / f"{bout.key}.json", code[bout.law], played[bout])
                 bar.set_postfix_str(f"{bout.law} on {bout.condition}")
                 bar.update()
     return {bout: played[bout] for bout in settings.bouts()}
 
 
-def code_digest() -> str:
-    """Return a digest of everything that a bout's result depends on: our sources, presets and tuned parameters."""
+def code_digest(law: str) -> str:
+    """Return a digest of everything that a bout of `law` depends on: sources, presets and its tuned parameters."""
     digest = hashlib.sha256()
     for package in (positioner, plant_emulator):
         root = Path(str(package.__file__)).parent
         for path in sorted(root.rglob("*")):
-            if path.suffix in {".py", ".toml", ".dbc"} and not {"cli", "store"} & set(path.relative_to(root).parts):
-                digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
+            within = path.relative_to(root)
+            others = within.parent.name == "tuned" and within.stem != law.replace("-", "_")
+            if (
+                path.suffix in {".py", ".toml", ".dbc"}
+                and not others
+                and _BYSTANDERS.isdisjoint((*within.parts, within.stem))
+            ):
+                digest.update(str(within).encode() + path.read_bytes())
     return digest.hexdigest()
 
 

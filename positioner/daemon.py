@@ -22,6 +22,7 @@ from positioner.events import (
     Learned,
     ModeChanged,
     MoveBegan,
+    kind_of,
 )
 from positioner.journal import Throttle, logger
 from positioner.notify import Notifier
@@ -37,10 +38,11 @@ if TYPE_CHECKING:
     from positioner.config import Configuration
     from positioner.store.client import KeeperEvent
     from positioner.wire.codec import Codec
+    from positioner.wire.messages import Message
 
-_RECEIVED = (StemPosition, ActuatorState, Setpoint, CurrentCommand)
+_WATCHED = (StemPosition, ActuatorState, Setpoint)
 _IDLE_WAIT_S = 0.1
-_SHORTEST_WAIT_S = 0.01
+_SHORTEST_WAIT_S = 0.001
 _CLOSE_TIMEOUT_S = 5.0
 _WATCHDOG_EVERY_S = 0.1
 _POLL_EVERY_S = 0.02
@@ -84,13 +86,16 @@ class Daemon:
         held = sum(len(cell.samples) for _, cell in table)
         logger.info("table of %s: %d samples in %d cells", configuration.valve.id, held, len(table))
         self._period_s = control.sample_period_s
-        self._bus = BusPort(configuration.bus, _identifiers(codec), self._report)
+        # a dry run watches beside whoever controls the valve: it arms by itself and hears no commands
+        kinds = _WATCHED if options.dry_run else (*_WATCHED, CurrentCommand)
+        guard = replace(configuration.guard, auto_arm=True) if options.dry_run else configuration.guard
+        self._bus = BusPort(configuration.bus, _identifiers(codec, kinds), self._report)
         self._gate = LockstepGate(codec, options.setpoint_every)
         self._clock: Clock = LockstepClock(codec, self._period_s) if options.lockstep else RealClock()
         self._setup = cycle.Setup(
             codec,
             configuration.valve,
-            configuration.guard,
+            guard,
             configuration.make_law(),
             self._period_s,
             learns=not options.dry_run,
@@ -157,7 +162,7 @@ class Daemon:
                     if not self._state.guard.ever_armed:
                         raise AlreadyRunningError(f"not started: {event}")
                 case _:
-                    self._throttle.log(logging.WARNING, _kind(event), str(event))
+                    self._throttle.log(logging.WARNING, kind_of(event), str(event))
 
     def _draw(self, cycle: Controlled, learned: list[Learned]) -> None:
         """Write one row of the trace; a disk that takes no more ends the trace, never the loop."""
@@ -238,12 +243,6 @@ class Daemon:
         self._throttle.log(logging.WARNING, line.replace(str(self._bus.address), "")[:16], line)
 
 
-def _kind(event: Event) -> str:
-    """Return what counts as one kind of line: refused frames are told apart by their reason."""
-    reason = getattr(event, "reason", None)
-    return f"{type(event).__name__} {reason.value}" if reason is not None else type(event).__name__
-
-
-def _identifiers(codec: Codec) -> list[tuple[int, bool]]:
-    forms = [codec.by_kind[kind] for kind in _RECEIVED]
+def _identifiers(codec: Codec, kinds: tuple[type[Message], ...]) -> list[tuple[int, bool]]:
+    forms = [codec.by_kind[kind] for kind in kinds]
     return [(form.arbitration_id, form.dbc.is_extended_frame) for form in forms]

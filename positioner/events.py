@@ -153,3 +153,9 @@ Event = (
     | MoveBegan
     | Controlled
 )
+
+
+def kind_of(event: Event) -> str:
+    """Return what counts as one kind of line: refused frames are told apart by their reason."""
+    reason = getattr(event, "reason", None)
+    return f"{type(event).__name__} {reason.value}" if reason is not None else type(event).__name__

@@ -165,8 +165,8 @@ class _Batch:
 
     def _take_setpoint(self, message: Setpoint, counter: int | None) -> None:
         usable = self.valve.travel_min_m <= message.setpoint_m <= self.valve.travel_max_m
-        if message.request is HostRequest.DISARM or (usable and self.request is not HostRequest.DISARM):
-            # no later frame of the batch makes a DISARM unsaid; an ARM counts with a setpoint that can be used
+        # within a batch a DISARM outweighs an ARM, and that a NONE; an ARM counts with a setpoint that can be used
+        if message.request is HostRequest.DISARM or (usable and message.request >= (self.request or HostRequest.NONE)):
             self.request = message.request
         if usable:
             self.setpoint, self.setpoint_m, self.setpoint_counter = True, message.setpoint_m, counter

@@ -73,7 +73,7 @@ def own_frame(name: str, data_id: int, **signals: float) -> CanFrame:
 def test_not_one_frame_leaves_before_it_is_armed(loop: Loop) -> None:
     said = [message for _ in range(60) for message in loop.sample()]
     assert said == []
-    assert loop.told("mode") == ["mode INIT -> READY (waiting for arm)"]
+    assert loop.told("mode INIT") == ["mode INIT -> READY (waiting for arm)"]
 
 
 def test_a_request_to_arm_is_answered_with_a_command_and_a_status_at_once(loop: Loop) -> None:
@@ -96,7 +96,7 @@ def test_a_request_to_disarm_ends_all_commands_and_leaves_the_status(armed: Loop
 def test_it_arms_itself_at_the_first_reading_where_it_may(tmp_path: Path) -> None:
     with Loop(tmp_path, guard=AUTO) as loop:
         assert commands(loop.sample())[0].mode is Mode.ACTIVE
-        assert loop.told("mode") == ["mode INIT -> ACTIVE (none)"]
+        assert loop.told("mode INIT") == ["mode INIT -> ACTIVE (none)"]
 
 
 def test_each_command_answers_its_reading_and_names_the_setpoint_it_obeys(armed: Loop) -> None:
@@ -349,7 +349,7 @@ def test_a_dry_run_never_transmits_and_never_learns(dry_run: bool, tmp_path: Pat
         else:
             assert len(commands(said)) == 120
             assert table.sequence >= 1
-    assert loop.told("mode") == ["mode INIT -> ACTIVE (none)"]
+    assert loop.told("mode INIT") == ["mode INIT -> ACTIVE (none)"]
 
 
 def test_the_service_manager_hears_of_readiness_life_and_the_end(

@@ -168,7 +168,7 @@ def test_a_valve_that_speaks_frames_of_its_own_is_controlled(tmp_path: Path) -> 
                 currents += [4.0 + 0.16 * signals["LoopCurrent"] for signals in heard]
         finally:
             valve.close()
-        assert service.told("mode") == ["INFO mode INIT -> ACTIVE (none)"]
+        assert service.told("mode INIT") == ["INFO mode INIT -> ACTIVE (none)"]
         assert service.told("refused") == []
         assert service.stop() == ExitCode.OK
     balance_ma = 52538.0 * HERE_M / (0.06452 * 5171.06775)

@@ -39,6 +39,7 @@ MIDDLE = {
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a candidate play a fifth of a second."""
     monkeypatch.setattr(tuning, "SETPOINTS_MM", (73.0, 80.0))
+    monkeypatch.setattr(tuning, "VISITS", 1)
     monkeypatch.setattr(tuning, "DWELL_S", 0.1)
 
 

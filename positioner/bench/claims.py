@@ -26,6 +26,9 @@ CONSTANT_CURRENT_MA = 0.8
 """A current that stays within 5 % of the loop's 16 mA is "almost constant"."""
 
 
+REST_M_PER_S = 0.001
+"""A speed below this one is "almost constant"; so is one that has fallen to a quarter."""
+
 MOTION_PCT = 0.1
 """A range of motion above this part of the span is one at all; below it, the stem rests."""
 
@@ -98,14 +101,18 @@ def _ends_cycle(own: Outcome, _: Outcome) -> tuple[str, bool]:
     before, after = own.before, own.after
     ranges = f"range {before.range_pct:.2f} → {after.range_pct:.2f} %"
     if not before.limit_cycles:
-        return f"there was none; after in {after.limit_cycles} of {after.dwells} dwells, {ranges}", False
-    seen = f"in {after.limit_cycles} of {after.dwells} dwells, before in {before.limit_cycles}, {ranges}"
-    return seen, not after.limit_cycles
+        return f"there was none, {ranges}", False
+    return f"in {after.limit_cycles} of {after.dwells} dwells, {ranges}", not after.limit_cycles
 
 
 def _calm(own: Outcome, _: Outcome) -> tuple[str, bool]:
     before, after = own.before.current_range_ma, own.after.current_range_ma
-    return f"{after:.2f} mA, before {before:.2f}", after < CONSTANT_CURRENT_MA
+    return f"range {before:.2f} → {after:.2f} mA", after < CONSTANT_CURRENT_MA
+
+
+def _slow(own: Outcome, _: Outcome) -> tuple[str, bool]:
+    before, after = own.before.speed_m_per_s, own.after.speed_m_per_s
+    return f"{before * 1e3:.1f} → {after * 1e3:.1f} mm/s", after < max(before / 4.0, REST_M_PER_S)
 
 
 def _small_error(own: Outcome, other: Outcome) -> tuple[str, bool]:
@@ -136,6 +143,7 @@ _CLAIMS = (
     _Claim(3, "it moves as in simulation 2 until the table is used", _starts_alike, 2),
     _Claim(3, _GONE, _ends_cycle, 2),
     _Claim(3, _CALM, _calm, 2),
+    _Claim(3, "with the table the speed is almost constant", _slow, 2),
     _Claim(3, _SMALL, _small_error, 2),
     _Claim(4, "at first it oscillates more than in simulation 3", _livelier, 3),
     _Claim(4, _GONE, _ends_cycle, 2),

@@ -60,10 +60,11 @@ class Run:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Half:
-    """Figures of half a run, three dwells; error, range and current are read at the end of each, see `metrics`.
+    """Figures of half a run, three dwells; error, range, current and speed are those of the second half of a dwell.
 
     error_pct, range_pct: mean |error| and peak-to-peak motion in percent of span, mean of the dwells.
-    current_range_ma: peak-to-peak current, mean of the dwells. reversals: those above `VISIBLE_M`, moves included.
+    current_range_ma: peak-to-peak current, mean of the dwells. speed_m_per_s: root mean square over the dwells.
+    reversals: those above `VISIBLE_M`, moves included. The others are those of `metrics`.
     """
 
     dwells: int
@@ -73,6 +74,7 @@ class Half:
     reversals: int
     limit_cycles: int
     current_range_ma: float
+    speed_m_per_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,14 +144,16 @@ def play(run: Run) -> Outcome:
     dwells = range(len(scenario.visited_mm))
     return Outcome(
         run,
-        half_figures(trace, scenario, span_m, dwells[:middle]),
-        half_figures(trace, scenario, span_m, dwells[middle:]),
+        half_figures(trace, recording.true_velocity_m_per_s, scenario, span_m, dwells[:middle]),
+        half_figures(trace, recording.true_velocity_m_per_s, scenario, span_m, dwells[middle:]),
         _curves(scenario, played),
     )
 
 
-def half_figures(trace: metrics.Trace, scenario: Scenario, span_m: float, dwells: range) -> Half:
-    """Return the figures of these dwells of a run."""
+def half_figures(
+    trace: metrics.Trace, velocity_m_per_s: NDArray[np.float64], scenario: Scenario, span_m: float, dwells: range
+) -> Half:
+    """Return the figures of these dwells of a run; `velocity_m_per_s` has the shape of the trace."""
     per_dwell = scenario.samples_per_dwell
     part = slice(dwells.start * per_dwell, dwells.stop * per_dwell)
     ends = [slice(dwell * per_dwell + per_dwell // 2, (dwell + 1) * per_dwell) for dwell in dwells]
@@ -162,6 +166,7 @@ def half_figures(trace: metrics.Trace, scenario: Scenario, span_m: float, dwells
         reversals=metrics.count_reversals(trace.position_m[part], VISIBLE_M),
         limit_cycles=sum(dwell.limit_cycle for dwell in figures),
         current_range_ma=float(np.mean([np.ptp(trace.current_ma[end]) for end in ends])),
+        speed_m_per_s=float(np.sqrt(np.mean([np.mean(velocity_m_per_s[end] ** 2) for end in ends]))),
     )
 
 

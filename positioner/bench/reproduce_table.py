@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from positioner.bench.readings import Reading
     from positioner.bench.reproduce import Half, Outcome
 
-_FIGURES = ("error, %", "range, %", "overshoot, %", "reversals", "limit cycles", "current range, mA")
+_FIGURES = ("error, %", "range, %", "overshoot, %", "reversals", "limit cycles", "current range, mA", "speed, mm/s")
 
 
 def to_markdown(outcomes: Sequence[Outcome], verdicts: Sequence[Verdict]) -> str:
@@ -114,7 +114,8 @@ def _figure_table(outcomes: Sequence[Outcome]) -> list[str]:
     head = ("simulation", "reading", *(f"{name}, before → after" for name in _FIGURES))
     lines = [
         "Before → after half time. Error, range and current range: over the second half of each dwell, mean of three",
-        f"dwells, in percent of span; reversals: above {VISIBLE_M * 1e3:.3f} mm, moves included.",
+        "dwells, in percent of span; speed: root mean square over the same; reversals: above",
+        f"{VISIBLE_M * 1e3:.3f} mm, moves included.",
         "",
         _row(head),
         _row("---" for _ in head),
@@ -136,6 +137,7 @@ def _cells(half: Half) -> tuple[str, ...]:
         f"{half.reversals}",
         f"{half.limit_cycles}",
         f"{half.current_range_ma:.2f}",
+        f"{half.speed_m_per_s * 1e3:.1f}",
     )
 
 

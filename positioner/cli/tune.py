@@ -29,7 +29,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("law", choices=tuple(SEARCHES), metavar="LAW", help=", ".join(SEARCHES))
-    parser.add_argument("--budget", type=int, default=160, metavar="N", help="candidates that are tried (%(default)s)")
+    parser.add_argument("--budget", type=int, default=100, metavar="N", help="candidates that are tried (%(default)s)")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the search and the noise (%(default)s)")
     parser.add_argument("--out", type=Path, metavar="FILE", help="file for the result instead of standard output")
     parser.set_defaults(run=_run)

@@ -40,6 +40,7 @@ PLUMBING = (
     "positioner.wire",
     "positioner.bus",
     "positioner.bus_address",
+    "positioner.console",
     "positioner.errors",
     "positioner.settings",
     "positioner.notify",

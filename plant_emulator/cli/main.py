@@ -5,16 +5,10 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import TYPE_CHECKING
-
-import argcomplete
 
 from plant_emulator.cli import presets, run, simulate
 from positioner import __version__
-from positioner.errors import ExitCode, PositionerError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from positioner.console import run_command
 
 _DESCRIPTION = "A sticking control valve: Karnopp friction, simulated event by event, alone or on a CAN bus."
 _EPILOG = """\
@@ -26,8 +20,6 @@ examples:
 exit status: 0 done, 2 usage, 69 bus not available, 74 result not written, 78 plant or input file
 completion:  eval "$(register-python-argcomplete plant-emulator)"
 """
-_INTERRUPTED = 130
-"""128 + SIGINT, as shells count it."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -47,20 +39,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return its exit status."""
-    parser = build_parser()
-    argcomplete.autocomplete(parser)
-    parsed = parser.parse_args(arguments)
-    command: Callable[[argparse.Namespace], ExitCode] = parsed.run
-    try:
-        return int(command(parsed))
-    except PositionerError as error:
-        sys.stderr.write(f"plant-emulator: {error}\n")
-        return int(error.exit_code)
-    except KeyboardInterrupt:
-        return _INTERRUPTED
-    except BrokenPipeError:
-        sys.stderr.close()  # the reader has gone; nobody is left to tell
-        return int(ExitCode.OK)
+    return run_command(build_parser(), arguments)
 
 
 if __name__ == "__main__":

@@ -70,18 +70,18 @@ def draw_figure(path: Path, simulation: int, outcomes: Sequence[Outcome], verdic
     FigureCanvasAgg(figure)
     grid = figure.subplots(3, len(shown), sharex=True, squeeze=False)
     width, height = figure.get_size_inches()
-    figure.subplots_adjust(left=0.75 / width, right=1.0 - 0.2 / width, top=1.0 - 2.15 / height, bottom=0.85 / height)
+    figure.subplots_adjust(left=0.75 / width, right=1.0 - 0.45 / width, top=1.0 - 2.15 / height, bottom=0.85 / height)
     figure.subplots_adjust(hspace=0.08, wspace=0.14)
     for column, outcome in enumerate(shown):
         panels = [row[column] for row in grid]
         _draw(panels, outcome, left=column == 0)
         heading = reading_title(outcome.run.reading, table=simulation in WITH_TABLE)
-        _write_above(panels[0], 4.6, heading, _INK, weight="bold")
-        _write_above(panels[0], 3.6, _figures(outcome), _INK)
         own = [verdict for verdict in verdicts if (verdict.simulation, verdict.reading) == _key(outcome)]
-        for line, verdict in enumerate(own):
+        _write_above(panels[0], len(own) + 1.4, heading, _INK, weight="bold")
+        _write_above(panels[0], len(own) + 0.4, _figures(outcome), _INK)
+        for line, verdict in enumerate(reversed(own)):
             told = f"{'yes' if verdict.holds else 'no'}: {verdict.claim} ({verdict.seen})"
-            _write_above(panels[0], 2.6 - line, told, _GREEN if verdict.holds else _RED)
+            _write_above(panels[0], line + 0.4, told, _GREEN if verdict.holds else _RED)
         panels[-1].set_xlabel("time, s", fontsize=11)
     title = f"Simulation {simulation}, the paper's figure {FIGURE_OF[simulation]}: {TITLES[simulation]}"
     figure.text(0.75 / width, 1.0 - 0.42 / height, title, fontsize=17, fontweight="bold", color=_INK)
@@ -143,7 +143,7 @@ def _write_above(
     """Write `text` above the panel, `line` lines up, at its left or at its right."""
     panel.annotate(
         text, (float(right), 1.0), xycoords="axes fraction", xytext=(0, 4 + 14 * line), textcoords="offset points",
-        ha="right" if right else "left", fontsize=9.0, color=colour, fontweight=weight,
+        ha="right" if right else "left", fontsize=8.8, color=colour, fontweight=weight,
     )  # fmt: skip
 
 

@@ -5,16 +5,10 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import TYPE_CHECKING
-
-import argcomplete
 
 import positioner
 from positioner.cli import bench, check, league, reproduce, run, table, tune
-from positioner.errors import ExitCode, PositionerError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from positioner.console import run_command
 
 _DESCRIPTION = "A positioner for sticking control valves: predictive control with a learned stiction table, over CAN."
 _EPILOG = """\
@@ -46,20 +40,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return its exit status."""
-    parser = build_parser()
-    argcomplete.autocomplete(parser)
-    parsed = parser.parse_args(arguments)
-    command: Callable[[argparse.Namespace], ExitCode] = parsed.run
-    try:
-        return int(command(parsed))
-    except PositionerError as error:
-        sys.stderr.write(f"positioner: {error}\n")
-        return int(error.exit_code)
-    except KeyboardInterrupt:
-        return 130
-    except BrokenPipeError:
-        sys.stderr.close()  # the reader has gone; nobody is left to tell
-        return int(ExitCode.OK)
+    return run_command(build_parser(), arguments)
 
 
 if __name__ == "__main__":

@@ -25,6 +25,25 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+_LIMITS = frozenset({"greater_than", "greater_than_equal", "less_than", "less_than_equal"})
+_UNITS = (
+    ("_n_s_per_m", "N s/m"),
+    ("_n_per_m", "N/m"),
+    ("_m_per_s", "m/s"),
+    ("_pa_per_ma", "Pa/mA"),
+    ("_ma_per_s", "mA/s"),
+    ("_per_m", "1/m"),
+    ("_per_s", "1/s"),
+    ("_kg", "kg"),
+    ("_m2", "m²"),
+    ("_ma", "mA"),
+    ("_pa", "Pa"),
+    ("_mm", "mm"),
+    ("_n", "N"),
+    ("_m", "m"),
+    ("_s", "s"),
+)
+"""Suffix of a key and its unit, longer suffixes first."""
 _LINE_IN_TOML_ERROR = re.compile(r"\(at line (\d+)")
 _KEY = r"(?:[A-Za-z0-9_\-]+|\"[^\"]*\"|'[^']*')"
 _KEYS = rf"({_KEY}(?:\s*\.\s*{_KEY})*)"
@@ -128,7 +147,14 @@ def _problem(item: ErrorDetails, kind: type[Any], text: str) -> Problem:
     if item["type"] == "value_error":  # a rule between several keys: its own words say which
         return Problem(key, line, item["msg"].removeprefix("Value error, "))
     message = item["msg"].replace("Input should be", "must be")
+    if item["type"] in _LIMITS:
+        message += _unit_of(path[-1])
     return Problem(f"{key} = {item['input']!r}", line, message)
+
+
+def _unit_of(key: str) -> str:
+    """Return the unit in which `key` is given, with a space before it; empty where it has none."""
+    return next((f" {unit}" for suffix, unit in _UNITS if key.endswith(suffix)), "")
 
 
 def _nearest(path: tuple[str, ...], kind: type[Any]) -> str:

@@ -88,10 +88,10 @@ name = 4
     assert mistakes(text) == [
         "line 2: seed = -1: must be greater than or equal to 0",
         "line 3: sead: unknown key; did you mean 'seed'?",
-        "line 6: valve.mass_kg = 1361: must be less than or equal to 200",
+        "line 6: valve.mass_kg = 1361: must be less than or equal to 200 kg",
         "line 7: valve.mas_kg: unknown key; did you mean 'mass_kg'?",
         "line 10: valve.friction.coulomb_n = '1423': must be a valid number",
-        "line 11: valve.friction.static_n = 0: must be greater than 0",
+        "line 11: valve.friction.static_n = 0: must be greater than 0 N",
         "line 12: spare.mass_kg: is required and missing",
         "line 13: spare.name = 4: must be a valid string",
     ]
@@ -99,7 +99,7 @@ name = 4
 
 def test_the_same_key_in_two_tables_has_the_line_of_its_own_table() -> None:
     text = "[spare]\nmass_kg = 1\n[valve]\nmass_kg = 0\n"
-    assert mistakes(text) == ["line 4: valve.mass_kg = 0: must be greater than 0"]
+    assert mistakes(text) == ["line 4: valve.mass_kg = 0: must be greater than 0 kg"]
 
 
 def test_an_unknown_key_near_to_none_lists_what_is_known() -> None:
@@ -109,7 +109,7 @@ def test_an_unknown_key_near_to_none_lists_what_is_known() -> None:
 
 
 def test_a_quoted_key_has_its_line() -> None:
-    assert mistakes('[valve]\n"mass_kg" = 0\n') == ["line 2: valve.mass_kg = 0: must be greater than 0"]
+    assert mistakes('[valve]\n"mass_kg" = 0\n') == ["line 2: valve.mass_kg = 0: must be greater than 0 kg"]
 
 
 @pytest.mark.parametrize(

@@ -289,6 +289,16 @@ def test_a_stem_that_rests_too_far_away_is_moved_again_by_what_was_learned() -> 
     assert cycles[20].memory.closing_bias_m == 0.0
 
 
+def test_what_was_learned_shifts_the_current_and_not_the_choice_of_the_moves() -> None:
+    law = two_move(RETRY)
+    memory = replace(law.begin(0.08), opening_bias_m=0.010, closing_bias_m=-0.003)
+    observation = Observation(0.08, 12.0, PERIOD_S, 0.083, 0.0)
+    memory, stem = law.estimate(memory, observation)
+    memory, decision = law.decide(memory, stem, observation, TABLE)
+    assert memory.stage is Stage.BACK_OFF
+    assert decision.current_ma == pytest.approx(push_ma(0.068 - 0.003, -1.0))
+
+
 def test_retries_end_and_a_new_setpoint_brings_new_ones() -> None:
     readings = [(0.08, 0.087)] * 5 + [(0.086, 0.087)] * 100
     cycles = play(two_move(RETRY), [*readings, (0.086, 0.073)])

@@ -71,5 +71,5 @@ def _at(time_s: NDArray[np.float64], known_s: NDArray[np.float64], values: list[
 
 def _active(bound: NDArray[np.float64], free: float) -> NDArray[np.float64] | None:
     """Return the bound where it is tighter than `free`, NaN elsewhere; None where it never is."""
-    active = np.where(np.abs(bound - free) > _TOLERANCE, bound, np.nan)
+    active = np.where(np.isclose(bound, free, rtol=0.0, atol=_TOLERANCE), np.nan, bound)
     return active if np.isfinite(active).any() else None

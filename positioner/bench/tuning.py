@@ -102,15 +102,16 @@ SEARCHES: Mapping[str, Search] = MappingProxyType(
         ),
         "constant-reinforcement": Search((*_pid("pid."), Range("reinforcement_ma", 0.3, 8.0), _OFF_BAND)),
         "two-move": Search((Range("move_s", 0.02, 0.12), Range("back_off_m", 0.007, 0.016))),
+        # on the nominal valve a move is never made again: nothing there tells one way of retrying from another
         "two-move-retry": Search(
+            (Range("moves.move_s", 0.02, 0.12),),
             (
-                Range("moves.move_s", 0.02, 0.12),
-                Range("moves.back_off_m", 0.007, 0.016),
-                Range("averaging_s", 0.05, 1.0),
-                Range("tolerance_m", 1e-4, 2e-3),
-                Range("learning_gain", 0.2, 1.0),
+                ("moves.back_off_m", 0.012),
+                ("averaging_s", 0.15),
+                ("tolerance_m", 0.0005),
+                ("most_retries", 8),
+                ("learning_gain", 1.0),
             ),
-            (("most_retries", 4),),
         ),
     }
 )

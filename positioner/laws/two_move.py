@@ -5,7 +5,7 @@
 
 s is the direction of the move. Where r is closer than the slip jump (F_s - F_c) / K the first move cannot free the
 stem, and one more comes before: away from r, as far as it takes. In open loop b is 0 and the parameters must be exact;
-with retries, where the stem came to rest corrects b, for each direction, and the moves are made again.
+with retries, which are ours, where the stem came to rest corrects b, for each direction, and the moves are made again.
 """
 
 from __future__ import annotations
@@ -145,8 +145,8 @@ class TwoMoveLaw:
         """Return the memory at the beginning of the moves to its setpoint."""
         direction = 1.0 if memory.setpoint_m > position_m else -1.0
         jump_m = (self.valve.static_friction_n - self.valve.coulomb_friction_n) / self.valve.spring_rate_n_per_m
-        distance_m = abs(memory.setpoint_m + memory.bias_m(direction) - position_m)
-        stage = Stage.APPROACH if distance_m > _REACH * jump_m else Stage.BACK_OFF
+        is_far = abs(memory.setpoint_m - position_m) > _REACH * jump_m
+        stage = Stage.APPROACH if is_far else Stage.BACK_OFF
         away_m = position_m - direction * self.moves.back_off_m
         return replace(memory, stage=stage, since_s=0.0, away_m=away_m, direction=direction, readings=0)
 
@@ -164,7 +164,8 @@ class TwoMoveLaw:
         friction_ma = memory.direction * self.valve.coulomb_friction_n / self.valve.force_gain_n_per_ma
         match memory.stage:
             case Stage.BACK_OFF:
-                return self.valve.balance_current_ma(memory.away_m) - friction_ma
+                away_m = memory.away_m + memory.bias_m(-memory.direction)
+                return self.valve.balance_current_ma(away_m) - friction_ma
             case Stage.APPROACH:
                 target_m = memory.setpoint_m + memory.bias_m(memory.direction)
                 return self.valve.balance_current_ma(target_m) + friction_ma

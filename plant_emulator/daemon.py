@@ -53,8 +53,7 @@ class EmulatorDaemon:
         self._codec = codec
         self._options = options
         self._stopping = False
-        forms = [codec.by_kind[kind] for kind in (CurrentCommand, Setpoint)]
-        identifiers = [(form.arbitration_id, form.dbc.is_extended_frame) for form in forms]
+        identifiers = [codec.identifier(kind) for kind in (CurrentCommand, Setpoint)]
         self._bus = BusPort(options.bus, identifiers, _say)
         self._notifier = Notifier()
         self._state = initial_device(settings, options.seed)

@@ -81,8 +81,8 @@ class LockstepGate:
     def __init__(self, codec: Codec, setpoint_every: int) -> None:
         """Start before the first sample."""
         self._every = setpoint_every
-        self._position = _address(codec, StemPosition)
-        self._setpoint = _address(codec, Setpoint)
+        self._position = codec.identifier(StemPosition)
+        self._setpoint = codec.identifier(Setpoint)
         self._setpoints: deque[CanFrame] = deque()
         self._waiting: list[CanFrame] = []
         self._samples = 0
@@ -102,8 +102,3 @@ class LockstepGate:
         given = [self._setpoints.popleft() for _ in range(due - self._given)]
         ready, self._waiting, self._given = (*given, *self._waiting), [], due
         return ready
-
-
-def _address(codec: Codec, kind: type[StemPosition | Setpoint]) -> tuple[int, bool]:
-    form = codec.by_kind[kind]
-    return form.arbitration_id, form.dbc.is_extended_frame

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 
     from positioner.config import Configuration
     from positioner.store.client import KeeperEvent
-    from positioner.wire.codec import Codec
-    from positioner.wire.messages import Message
 
 _WATCHED = (StemPosition, ActuatorState, Setpoint)
 _IDLE_WAIT_S = 0.1
@@ -89,7 +87,7 @@ class Daemon:
         # a dry run watches beside whoever controls the valve: it arms by itself and hears no commands
         kinds = _WATCHED if options.dry_run else (*_WATCHED, CurrentCommand)
         guard = replace(configuration.guard, auto_arm=True) if options.dry_run else configuration.guard
-        self._bus = BusPort(configuration.bus, _identifiers(codec, kinds), self._report)
+        self._bus = BusPort(configuration.bus, [codec.identifier(kind) for kind in kinds], self._report)
         self._gate = LockstepGate(codec, options.setpoint_every)
         self._clock: Clock = LockstepClock(codec, self._period_s) if options.lockstep else RealClock()
         self._setup = cycle.Setup(
@@ -241,8 +239,3 @@ class Daemon:
     def _report(self, line: str) -> None:
         # told apart by what happened, not by the bus that all lines name first
         self._throttle.log(logging.WARNING, line.replace(str(self._bus.address), "")[:16], line)
-
-
-def _identifiers(codec: Codec, kinds: tuple[type[Message], ...]) -> list[tuple[int, bool]]:
-    forms = [codec.by_kind[kind] for kind in kinds]
-    return [(form.arbitration_id, form.dbc.is_extended_frame) for form in forms]

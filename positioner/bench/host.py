@@ -88,8 +88,7 @@ class Host:
 
     def _send_setpoint(self, sample: int) -> None:
         scenario = self._scenario
-        dwell = min(sample // scenario.samples_per_dwell, len(scenario.visited_mm) - 1)
-        setpoint_m = scenario.visited_mm[dwell] * 1e-3
+        setpoint_m = scenario.setpoint_m_at(sample)
         self._recording.setpoint_m[sample : sample + scenario.samples_per_setpoint] = setpoint_m
         frame = self._codec.encode(Setpoint(setpoint_m), self._sent)
         self._sent += 1

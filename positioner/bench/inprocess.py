@@ -91,8 +91,7 @@ def run_in_process(
 def _setpoint(
     scenario: Scenario, encode: Callable[[Setpoint, int], CanFrame], sample: int, recording: Recording
 ) -> CanFrame:
-    dwell = min(sample // scenario.samples_per_dwell, len(scenario.visited_mm) - 1)
-    setpoint_m = scenario.visited_mm[dwell] * 1e-3
+    setpoint_m = scenario.setpoint_m_at(sample)
     every = scenario.samples_per_setpoint
     recording.setpoint_m[sample : sample + every] = setpoint_m
     return encode(Setpoint(setpoint_m), sample // every)

@@ -143,8 +143,7 @@ def _play(scenario: Scenario, options: BenchOptions, configuration: Configuratio
     codec = configuration.make_codec()
     samples = round(scenario.duration_s / scenario.sample_period_s)
     recording = Recording(codec, samples, scenario.sample_period_s, scenario.samples_per_setpoint, options.lockstep)
-    forms = [codec.by_kind[kind] for kind in _HEARD]
-    bus = BusPort(configuration.bus, [(form.arbitration_id, form.dbc.is_extended_frame) for form in forms])
+    bus = BusPort(configuration.bus, [codec.identifier(kind) for kind in _HEARD])
     bus.open()
     for name in ("plant-emulator.log", "positioner.log"):
         (out / name).unlink(missing_ok=True)

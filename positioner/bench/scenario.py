@@ -85,6 +85,11 @@ class Scenario:
         """Control cycles from one setpoint frame to the next."""
         return round(self.setpoint_period_s / self.sample_period_s)
 
+    def setpoint_m_at(self, sample: int) -> float:
+        """Return the setpoint in m that is in force at `sample`; the last one stays after the end."""
+        dwell = min(sample // self.samples_per_dwell, len(self.visited_mm) - 1)
+        return self.visited_mm[dwell] * 1e-3
+
 
 def scenario_names() -> tuple[str, ...]:
     """Return the names of the packaged scenarios, sorted."""

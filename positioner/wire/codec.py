@@ -115,6 +115,11 @@ class Codec:
         by_id = {(form.arbitration_id, form.dbc.is_extended_frame): form for form in self.by_kind.values()}
         object.__setattr__(self, "by_id", MappingProxyType(by_id))
 
+    def identifier(self, kind: type[Message]) -> tuple[int, bool]:
+        """Return the identifier under which `kind` travels, and whether it is an extended one."""
+        form = self.by_kind[kind]
+        return form.arbitration_id, form.dbc.is_extended_frame
+
     def decode(self, frame: CanFrame) -> tuple[Message, int | None]:
         """Return the message in `frame` and its counter.
 

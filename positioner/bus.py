@@ -8,11 +8,13 @@ from __future__ import annotations
 import contextlib
 import os
 import socket
+import struct
 import time
 from collections import deque
 from typing import TYPE_CHECKING
 
 import can
+from can.interfaces.socketcan import SocketcanBus
 
 from positioner.errors import BusError
 from positioner.wire.messages import CanFrame
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
 
 _IPV6_MULTICAST_ALL = 29
 _IP_MULTICAST_ALL = 49
+_SO_MEMINFO = 55
+_MEMINFO = struct.Struct("=9I")
 _RECEIVE_BUFFER_BYTES = 1 << 20
 _MOST_FRAMES_PER_BATCH = 1024
 _REOPEN_EVERY_S = 0.5
@@ -47,7 +51,9 @@ class BusPort:
         self._complaint = ""
         self._next_try_s = 0.0
         self._echoes: deque[tuple[int, bytes]] = deque(maxlen=64)
+        self._dropped = 0
         self.send_failures = 0
+        self.overruns = 0
 
     @property
     def is_open(self) -> bool:
@@ -64,6 +70,7 @@ class BusPort:
             self._bus = _open(self.address, self._wanted)
         except (can.CanError, OSError, ValueError, ImportError) as error:
             raise BusError(f"bus {self.address} cannot be opened: {error}; {_mend(self.address)}") from error
+        self._dropped = 0
         if self._complaint:
             self._report(f"bus {self.address} is there again")
             self._complaint = ""
@@ -84,6 +91,7 @@ class BusPort:
                 frame = _frame(message)
                 if not self._is_echo(frame) and self._is_wanted(frame):
                     frames.append(frame)
+            self._count_overruns()
         except (can.CanError, OSError) as error:
             self._lose(f"bus {self.address} is down: {error}; {_mend(self.address)}")
         return tuple(frames)
@@ -126,6 +134,14 @@ class BusPort:
             # whatever is no frame on the embedded bus is dropped; the socket itself is sound
             self._complain(f"bus {self.address}: something that is no CAN frame was dropped ({error})")
             return can.Message(is_error_frame=True)
+
+    def _count_overruns(self) -> None:
+        dropped = _dropped(self._bus)
+        if dropped > self._dropped:
+            self.overruns += dropped - self._dropped
+            self._dropped = dropped
+            told = f"bus {self.address}: the receive queue was full, {self.overruns} frame(s) lost so far"
+            self._report(f"{told}; this process gets too little of the processor, or the bus carries too much")
 
     def _is_echo(self, frame: CanFrame) -> bool:
         """Return whether `frame` is our own: UDP multicast hands a sender its own frames, in the order it sent them."""
@@ -186,6 +202,17 @@ def _confine(bus: can.BusABC, group: str) -> None:
             sock.setsockopt(socket.IPPROTO_IPV6, _IPV6_MULTICAST_ALL, 0)
         else:
             sock.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
+
+
+def _dropped(bus: can.BusABC | None) -> int:
+    """Return how many frames the kernel dropped because this socket's queue was full: the count of SO_RXQ_OVFL.
+
+    It is asked for with SO_MEMINFO, whose ninth word it is: python-can allows no second ancillary message.
+    """
+    if not isinstance(bus, SocketcanBus):
+        return 0
+    (*_, dropped) = _MEMINFO.unpack(bus.socket.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO.size))
+    return int(dropped)
 
 
 def _frame(message: can.Message) -> CanFrame:

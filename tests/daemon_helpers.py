@@ -171,9 +171,16 @@ class Loop:
 class Service:
     """A daemon in a process of its own, as a service manager runs it."""
 
-    def __init__(self, folder: Path, *arguments: str, codec: Codec | None = None, **tables: dict[str, Any]) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        *arguments: str,
+        codec: Codec | None = None,
+        bus: BusAddress | None = None,
+        **tables: dict[str, Any],
+    ) -> None:
         self.folder = folder
-        self.address = own_address()
+        self.address = bus or own_address()
         self.others = Others(self.address, codec)
         self.path = write_configuration(folder, self.address, **tables)
         self.child = self.start(*arguments)

@@ -39,12 +39,16 @@ _HEARD = (StemPosition, ActuatorState, PlantTruth, CurrentCommand, PositionerSta
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchOptions:
-    """How a bench runs: where (None: find a bus), in which time, and where its files and its table go."""
+    """How a bench runs: where (None: find a bus), in which time, and where its files and its table go.
+
+    plant_bus: the emulator's own interface, where it has one on the same bus, as on hardware.
+    """
 
     bus: BusAddress | None
     lockstep: bool
     out: Path
     state: Path | None
+    plant_bus: BusAddress | None = None
 
 
 def choose_bus(address: BusAddress | None) -> tuple[BusAddress, str]:
@@ -143,13 +147,14 @@ def _play(scenario: Scenario, options: BenchOptions, configuration: Configuratio
     codec = configuration.make_codec()
     samples = round(scenario.duration_s / scenario.sample_period_s)
     recording = Recording(codec, samples, scenario.sample_period_s, scenario.samples_per_setpoint, options.lockstep)
+    plant_bus = options.plant_bus or configuration.bus
     bus = BusPort(configuration.bus, [codec.identifier(kind) for kind in _HEARD])
     bus.open()
     for name in ("plant-emulator.log", "positioner.log"):
         (out / name).unlink(missing_ok=True)
     daemon_arguments = ["run", "--config", str(out / "valve.toml"), "--state", str(state), "--clock", clock]
     daemon_arguments += ["--trace", str(out / "trace.csv"), "--setpoint-every", str(scenario.samples_per_setpoint)]
-    plant_arguments = ["run", "--config", str(out / "plant.toml"), "--bus", str(configuration.bus), "--clock", clock]
+    plant_arguments = ["run", "--config", str(out / "plant.toml"), "--bus", str(plant_bus), "--clock", clock]
     plant_arguments += ["--period", repr(scenario.sample_period_s), "--seed", str(scenario.seed)]
     plant_arguments += ["--setpoint-every", str(scenario.samples_per_setpoint)]
     try:

@@ -52,6 +52,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="auto: a vcan of this machine, else the embedded bus (%(default)s)",
     )
     parser.add_argument(
+        "--plant-bus", metavar="INTERFACE:CHANNEL", help="where the emulator has an interface of its own on that bus"
+    )
+    parser.add_argument(
         "--clock",
         choices=("lockstep", "realtime"),
         default="lockstep",
@@ -82,6 +85,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         lockstep=arguments.clock == "lockstep",
         out=out,
         state=arguments.state,
+        plant_bus=parse_address(arguments.plant_bus) if arguments.plant_bus else None,
     )
     result = run_bench(scenario, options, lambda line: sys.stderr.write(f"{line}\n"))
     sys.stdout.write(to_text(result))

@@ -56,7 +56,9 @@ class Dispatcher:
                             told[nodeid].append(_died(by_id[nodeid], guest))
                             self._tell(session, by_id[nodeid], told[nodeid], failed, last=last)
                     continue
-                report = _unskipped(session.config.hook.pytest_report_from_serializable(config=session.config, data=data))
+                report = _unskipped(
+                    session.config.hook.pytest_report_from_serializable(config=session.config, data=data)
+                )
                 told[report.nodeid].append(report)
                 if report.when == "teardown":
                     self._tell(session, by_id[report.nodeid], told[report.nodeid], failed, last=last)

@@ -2,15 +2,80 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+from harness import script
+from harness.packages import EMULATED, one, unpacked
+from harness.plan import CACHE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from harness.plan import Kind
+
+_MODULES = (
+    *("can", "can-raw", "can-dev", "sja1000", "kvaser_pci", "virtio_ring", "virtio", "virtio_pci_legacy_dev"),
+    *("virtio_pci_modern_dev", "virtio_pci", "netfs", "fscache", "9pnet", "9pnet_virtio", "9p", "overlay"),
+)
+"""In the order of their needs; the packages hold no list of dependencies before they are installed."""
+
+_INIT = """#!/bin/busybox sh
+/bin/busybox mkdir -p /proc /sys /host /memory /out
+/bin/busybox mount -t proc proc /proc
+/bin/busybox mount -t sysfs sysfs /sys
+for module in {modules}; do /bin/busybox insmod /modules/$module.ko || echo "no module $module"; done
+/bin/busybox mount -t 9p -o trans=virtio,version=9p2000.L,msize=512000,cache=loose,ro host /host
+/bin/busybox mount -t tmpfs tmpfs /memory
+/bin/busybox mkdir /memory/upper /memory/work /memory/new
+/bin/busybox mount -t overlay -o lowerdir=/host,upperdir=/memory/upper,workdir=/memory/work overlay /memory/new
+cd /memory/new
+/bin/busybox mount -t proc proc proc
+/bin/busybox mount -t sysfs sysfs sys
+/bin/busybox mount -t devtmpfs dev dev
+/bin/busybox mkdir -p dev/shm dev/pts ./{out}
+/bin/busybox mount -t tmpfs tmpfs dev/shm
+/bin/busybox mount -t tmpfs tmpfs run
+/bin/busybox mount -t 9p -o trans=virtio,version=9p2000.L,msize=512000,cache=none out ./{out}
+/bin/busybox cp /bin/busybox run/busybox
+/bin/busybox chroot . /bin/sh ./{out}/inside
+/bin/busybox poweroff -f
+"""
 
 
 def command(kind_name: str, kind: Kind, out: Path, tests: Sequence[str]) -> list[str]:
     """Write what the machine runs into `out`, and return the command that starts it."""
-    raise NotImplementedError
+    del kind
+    root = unpacked(CACHE, EMULATED)
+    script.write_inside(out, kind_name, tests)
+    init = _INIT.format(modules=" ".join(_MODULES), out=str(out).lstrip("/"))
+    files = {"init": (init.encode(), 0o755), "bin/busybox": (one(root, "usr/bin/busybox").read_bytes(), 0o755)}
+    for name in _MODULES:
+        files[f"modules/{name}.ko"] = (one(root, f"lib/modules/*/kernel/**/{name}.ko").read_bytes(), 0o644)
+    (out / "initramfs").write_bytes(_cpio(files))
+    libraries = ":".join(str(root / path) for path in ("usr/lib/x86_64-linux-gnu", "lib/x86_64-linux-gnu"))
+    share = [word for name in ("qemu", "seabios") for word in ("-L", str(root / "usr/share" / name))]
+    return [
+        *("env", f"LD_LIBRARY_PATH={libraries}", str(root / "usr/bin/qemu-system-x86_64"), *share),
+        *("-accel", "tcg,thread=multi", "-cpu", "max", "-smp", "2", "-m", "2048"),
+        *("-nodefaults", "-display", "none", "-no-reboot", "-serial", "stdio"),
+        *("-object", "can-bus,id=bus", "-device", "kvaser_pci,canbus=bus", "-device", "kvaser_pci,canbus=bus"),
+        *("-virtfs", "local,path=/,mount_tag=host,security_model=none,multidevs=remap,readonly=on"),
+        *("-virtfs", f"local,path={out},mount_tag=out,security_model=none,multidevs=remap"),
+        *("-kernel", str(one(root, "boot/vmlinuz-*")), "-initrd", str(out / "initramfs")),
+        *("-append", "console=ttyS0 panic=-1 quiet tsc=unstable"),
+    ]
+
+
+def _cpio(files: dict[str, tuple[bytes, int]]) -> bytes:
+    """Return an archive in the "newc" format, which the kernel unpacks (kernel.org, buffer-format)."""
+    folders = {str(parent) for name in files for parent in Path(name).parents if str(parent) != "."}
+    entries = [(name, b"", 0o040755) for name in sorted(folders)]
+    entries += [(name, data, 0o100000 | mode) for name, (data, mode) in files.items()]
+    archive = bytearray()
+    for number, (name, data, mode) in enumerate([*entries, ("TRAILER!!!", b"", 0)], 1):
+        fields = (number, mode, 0, 0, 1, 0, len(data), 0, 0, 0, 0, len(name) + 1, 0)
+        header = b"070701" + b"".join(b"%08X" % field for field in fields) + name.encode() + b"\0"
+        for part in (header, data):
+            archive += part + bytes(-len(part) % 4)
+    return bytes(archive)

@@ -82,7 +82,9 @@ class Guest:
         return "\n".join(said)
 
 
-def run(groups: Sequence[tuple[str, str, Sequence[str]]], at_once: int) -> Iterator[tuple[Guest, dict[str, Any] | None]]:
+def run(
+    groups: Sequence[tuple[str, str, Sequence[str]]], at_once: int
+) -> Iterator[tuple[Guest, dict[str, Any] | None]]:
     """Run (kind, name, tests) groups; yield each report with its kernel, and None once a kernel is over."""
     waiting, running = list(groups), list[Guest]()
     try:

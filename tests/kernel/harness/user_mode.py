@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import os
-import shlex
-import sys
 from typing import TYPE_CHECKING
 
+from harness import script
 from harness.packages import USER_MODE, one, unpacked
-from harness.plan import CACHE, INSIDE, PROJECT, RESULTS, VCAN_MODULES, Kind
+from harness.plan import CACHE, VCAN_MODULES, Kind
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-_HOME = "/tmp"  # noqa: S108 - inside the kernel, on a file system of its own
 _UNREADABLE = ("/etc/.pwd.lock", "/etc/shadow", "/etc/gshadow", "/etc/shadow-", "/etc/gshadow-")
 _PRIVATE = ("/root", "/var/lib/private", "/var/cache/private", "/var/log/private", "/var/cache/ldconfig")
 
 _INIT = """#!/bin/sh
 # Process 1: an overlay over the host's tree, the modules, then the tests.
-export PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME={home} LANG=C.UTF-8
+export PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/tmp LANG=C.UTF-8
 busybox={root}/usr/bin/busybox
 mount -t proc proc /proc
 mount -t tmpfs -o mode=755 tmpfs /run
@@ -48,13 +46,6 @@ for module in {module_paths}; do
 done
 ip link set lo up
 {start}
-"""
-_RUN_TESTS = """{setting}
-cd {project}
-{pytest} > {out}/pytest.log 2>&1
-echo $? > {out}/status
-sync
-busybox poweroff -f
 """
 _BOOT = """mkdir -p /run/systemd/system
 cat > /run/systemd/system/kernel-tests.service <<END
@@ -93,20 +84,7 @@ def command(kind_name: str, kind: Kind, out: Path, tests: Sequence[str]) -> list
     """Write what the kernel runs into `out`, which it sees as well, and return the command that starts it."""
     root = unpacked(CACHE, USER_MODE)
     modules = one(root, "usr/lib/uml/modules/*/kernel")
-    pytest = [sys.executable, "-m", "pytest", "-p", "harness.inside", "-p", "no:cacheprovider", *tests]
-    settings = {
-        INSIDE: kind_name,
-        RESULTS: str(out / "results.jsonl"),
-        "PYTHONPATH": f"{PROJECT}:{PROJECT}/tests:{PROJECT}/tests/kernel",
-        "PYTHONDONTWRITEBYTECODE": "1",
-        "HOME": _HOME,
-        "MPLCONFIGDIR": _HOME,
-        "OPENBLAS_NUM_THREADS": "1",
-    }
-    setting = "\n".join(f"export {name}={shlex.quote(value)}" for name, value in settings.items())
-    words = {"setting": setting, "project": PROJECT, "out": out, "pytest": shlex.join(pytest)}
-    inside = _RUN_TESTS.format(**words)
-    (out / "inside").write_text(inside, encoding="utf-8")
+    inside = script.write_inside(out, kind_name, tests)
     init = out / "init"
     init.write_text(
         _INIT.format(
@@ -114,11 +92,10 @@ def command(kind_name: str, kind: Kind, out: Path, tests: Sequence[str]) -> list
             modules=modules,
             module_paths=" ".join(str(modules / f"{name}.ko") for name in VCAN_MODULES),
             echo=int(kind.vcan_echo),
-            home=_HOME,
             out=out,
             out_inside=str(out).lstrip("/"),
             replaced=_replaced(),
-            start=_BOOT.format(out=out) if kind.booted else inside,
+            start=_BOOT.format(out=out) if kind.booted else f"/bin/sh {inside}\nbusybox poweroff -f",
         ),
         encoding="utf-8",
     )

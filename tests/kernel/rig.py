@@ -1,0 +1,210 @@
+"""A valve on a bus, as it would run: emulator and positioner as processes, the test as their host."""
+
+from __future__ import annotations
+
+import itertools
+import signal
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Self, TypeVar
+
+from daemon_helpers import write_configuration
+from links import PATIENCE_S
+
+from positioner.bench.processes import Child
+from positioner.bus import BusPort
+from positioner.wire.codec import make_codec
+from positioner.wire.formats import FrameRejectedError
+from positioner.wire.messages import (
+    CurrentCommand,
+    HostRequest,
+    Message,
+    Mode,
+    PlantTruth,
+    PositionerStatus,
+    Setpoint,
+    StemPosition,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+    from types import TracebackType
+
+    from positioner.bus_address import BusAddress
+
+PERIOD_S = 0.02
+HOLD_PERIODS = 25
+FAILSAFE_PERIODS = 100
+DEADMAN_S = 1.0
+"""Ages that a shared machine does not reach by itself, and that a test can still wait for."""
+_PLANT = f"""preset = "paper"
+deadman_s = {DEADMAN_S}
+fail_position = "close"
+[sensor]
+noise_of_reading = 0.0
+"""
+M = TypeVar("M", bound=Message)
+
+
+@dataclass
+class Heard:
+    """What the host of a rig has heard: the newest message of each kind, and how many there were."""
+
+    newest: dict[type[Message], Message] = field(default_factory=dict)
+    counts: Counter[type[Message]] = field(default_factory=Counter)
+    refused: int = 0
+
+
+class Rig:
+    """One valve on one bus. `step` is a period of the host: it asks, and hears what the others say."""
+
+    def __init__(self, folder: Path, bus: BusAddress, **tables: dict[str, Any]) -> None:
+        self.folder, self.bus = folder, bus
+        self.codec = make_codec()
+        self.port = BusPort(bus)
+        self.port.open()
+        self.heard = Heard()
+        self.setpoint_m = 0.08
+        self.request = HostRequest.NONE
+        self._numbers = itertools.count()
+        guard = {
+            "feedback_hold_periods": HOLD_PERIODS,
+            "feedback_failsafe_periods": FAILSAFE_PERIODS,
+            "setpoint_hold_s": 20.0,
+            "setpoint_failsafe_s": 60.0,
+            **tables.pop("guard", {}),
+        }
+        control = {"sample_period_s": PERIOD_S, "law": "nmpc", **tables.pop("control", {})}
+        self.path = write_configuration(folder, bus, guard=guard, control=control, **tables)
+        plant = folder / "plant.toml"
+        plant.write_text(_PLANT, encoding="utf-8")
+        self.plant = Child(
+            "plant_emulator.cli.main",
+            ["run", "--config", str(plant), "--bus", str(bus), "--period", str(PERIOD_S)],
+            folder / "plant.log",
+        )
+        self.daemon = self.start_daemon()
+
+    def start_daemon(self) -> Child:
+        """Start the positioner, anew where it has ended."""
+        self.daemon = Child("positioner.cli.main", ["run", "--config", str(self.path)], self.folder / "daemon.log")
+        self.daemon.wait_for("READY=1")
+        return self.daemon
+
+    @property
+    def lines(self) -> list[str]:
+        """What the positioner has logged."""
+        return (self.folder / "daemon.log").read_text(encoding="utf-8").splitlines()
+
+    def told(self, word: str) -> list[str]:
+        return [line for line in self.lines if word in line]
+
+    def step(self, *, asks: bool = True) -> None:
+        """One period of the host."""
+        if asks:
+            frame = self.codec.encode(Setpoint(self.setpoint_m, self.request), next(self._numbers))
+            self.port.send(frame)
+        end_s = time.monotonic() + PERIOD_S
+        while (left_s := end_s - time.monotonic()) > 0.0:
+            for frame in self.port.receive(left_s):
+                if frame.is_error or frame.is_remote:
+                    continue
+                try:
+                    message, _ = self.codec.decode(frame)
+                except FrameRejectedError:
+                    self.heard.refused += 1
+                else:
+                    self.heard.newest[type(message)] = message
+                    self.heard.counts[type(message)] += 1
+        for child in (self.plant, self.daemon):
+            if child.process.poll() is None:
+                child.drain()
+
+    def until(self, holds: Callable[[], object], patience_s: float = PATIENCE_S, *, asks: bool = True) -> None:
+        """Let periods pass until `holds`."""
+        deadline_s = time.monotonic() + patience_s
+        while not holds():
+            assert time.monotonic() < deadline_s, self.story()
+            self.step(asks=asks)
+
+    def newest(self, kind: type[M]) -> M | None:
+        message = self.heard.newest.get(kind)
+        return message if isinstance(message, kind) else None
+
+    def wait(self, kind: type[M]) -> M:
+        """Return the next message of that kind."""
+        self.heard.newest.pop(kind, None)
+        self.until(lambda: kind in self.heard.newest)
+        message = self.newest(kind)
+        assert message is not None
+        return message
+
+    def after(self, count: int, kind: type[Message] = CurrentCommand) -> None:
+        """Let periods pass until `count` more messages of that kind were heard."""
+        wanted = self.heard.counts[kind] + count
+        self.until(lambda: self.heard.counts[kind] >= wanted)
+
+    def mode(self) -> Mode | None:
+        status = self.newest(PositionerStatus)
+        return status.mode if status else None
+
+    def arm(self) -> None:
+        """Ask until it is active."""
+        self.heard.newest.clear()
+        turns = itertools.count()
+
+        def is_active() -> bool:
+            # a request counts when it changes
+            self.request = HostRequest.ARM if next(turns) // 10 % 2 else HostRequest.NONE
+            return self.mode() is Mode.ACTIVE
+
+        self.until(is_active)
+
+    def is_at(self, position_m: float, within_m: float = 0.002) -> bool:
+        """Return whether the stem truly is there."""
+        truth = self.newest(PlantTruth)
+        return truth is not None and abs(truth.position_m - position_m) < within_m
+
+    def go_to(self, position_m: float, within_m: float = 0.002) -> None:
+        """Ask for a place and wait until the stem rests there; a positioner that failed safe is armed again."""
+        self.setpoint_m = position_m
+        rests = itertools.count()
+
+        def is_there() -> bool:
+            nonlocal rests
+            if self.mode() is Mode.FAILSAFE:
+                self.arm()
+            if not self.is_at(position_m, within_m):
+                rests = itertools.count()
+            return next(rests) >= 10
+
+        self.until(is_there)
+
+    def pause(self, child: Child) -> None:
+        child.process.send_signal(signal.SIGSTOP)
+
+    def resume(self, child: Child) -> None:
+        child.process.send_signal(signal.SIGCONT)
+
+    def story(self) -> str:
+        """Return what is known, for a test that fails."""
+        seen = {kind.__name__: str(message) for kind, message in self.heard.newest.items()}
+        plant = (self.folder / "plant.log").read_text(encoding="utf-8").splitlines()
+        return "\n".join([str(seen), str(self.heard.counts), *self.lines[-15:], *plant[-3:]])
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for child in (self.daemon, self.plant):
+            if child.process.poll() is None:
+                child.process.send_signal(signal.SIGCONT)
+            child.stop()
+        self.port.close()
+
+
+__all__ = ["DEADMAN_S", "FAILSAFE_PERIODS", "HOLD_PERIODS", "PERIOD_S", "Rig", "StemPosition"]

@@ -1,0 +1,61 @@
+"""The bench between two CAN controllers: SJA1000s of a PCI card, with their driver, at 1 Mbit/s on one bus."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from links import command
+
+from positioner.bench.inprocess import run_in_process
+from positioner.bench.scenario import load_scenario
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+pytestmark = pytest.mark.kernel("controller")
+SCENARIO = """
+name = "controllers"
+title = "two setpoints, a twentieth of a second each"
+law = "nmpc"
+setpoints_mm = [73.0, 80.0]
+dwell_s = 0.05
+seed = 7
+"""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def controllers() -> Iterator[None]:
+    """Bring both up, as the README says."""
+    for name in ("can0", "can1"):
+        command("ip", "link", "set", name, "up", "type", "can", "bitrate", "1000000", "restart-ms", "100")
+    yield
+    for name in ("can0", "can1"):
+        command("ip", "link", "set", name, "down")
+
+
+def test_lockstep_between_two_controllers_gives_the_numbers_of_no_bus_at_all(tmp_path: Path) -> None:
+    scenario = tmp_path / "scenario.toml"
+    scenario.write_text(SCENARIO, encoding="utf-8")
+    out = tmp_path / "out"
+    words = ["bench", "--scenario", str(scenario), "--bus", "socketcan:can0", "--plant-bus", "socketcan:can1"]
+    command(sys.executable, "-m", "positioner", *words, "--out", str(out))
+    run_in_process(load_scenario(str(scenario))).recording.write_log(tmp_path / "bus.log")
+    assert (out / "bus.log").read_bytes() == (tmp_path / "bus.log").read_bytes()
+    dwells = json.loads((out / "result.json").read_text(encoding="utf-8"))["dwells"]
+    assert [dwell["setpoint_mm"] for dwell in dwells] == [73.0, 80.0]
+    for name in ("can0", "can1"):
+        counts = Path(f"/sys/class/net/{name}/statistics")
+        # what the one sends, the other receives: it really went through both controllers
+        assert int((counts / "rx_packets").read_text(encoding="ascii")) >= 100
+        assert int((counts / "tx_packets").read_text(encoding="ascii")) >= 100
+
+
+def test_the_controllers_report_what_they_were_set_to() -> None:
+    (link,) = json.loads(command("ip", "-details", "-json", "link", "show", "can1"))
+    data = link["linkinfo"]["info_data"]
+    assert (data["bittiming"]["bitrate"], data["restart_ms"]) == (1_000_000, 100)
+    assert data["state"] == "ERROR-ACTIVE"

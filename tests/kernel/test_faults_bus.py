@@ -1,0 +1,106 @@
+"""Faults of the bus itself, made by the kernel's own queueing disciplines and links, around a valve that runs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from links import command, vcan
+from rig import Rig
+
+from positioner.wire.messages import CurrentCommand, Mode
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+pytestmark = pytest.mark.kernel("faults")
+CLOSED_M = 0.0
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Iterator[Rig]:
+    """A valve that is controlled, and rests at 80 mm."""
+    with vcan() as bus, Rig(tmp_path, bus) as running:
+        running.arm()
+        running.go_to(0.080)
+        yield running
+
+
+def disturb(rig: Rig, *discipline: str) -> None:
+    command("tc", "qdisc", "replace", "dev", rig.bus.channel, "root", *discipline)
+
+
+def calm(rig: Rig) -> None:
+    command("tc", "qdisc", "delete", "dev", rig.bus.channel, "root")
+
+
+@pytest.mark.parametrize(
+    ("discipline", "told"),
+    [
+        (("netem", "loss", "10%"), "lost"),
+        (("netem", "duplicate", "30%"), "repeated"),
+        (("netem", "delay", "15ms", "reorder", "50%", "50%"), "order"),
+        (("netem", "corrupt", "20%"), "wrong CRC"),
+    ],
+    ids=["loss", "duplication", "reordering", "corruption"],
+)
+def test_a_bad_bus_is_counted_and_the_valve_stays_controlled(rig: Rig, discipline: tuple[str, ...], told: str) -> None:
+    disturb(rig, *discipline)
+    rig.until(lambda: rig.told(told))
+    # frames still come through, and the stem still goes where it is asked to
+    rig.go_to(0.073)
+    rig.go_to(0.087)
+    calm(rig)
+    rig.after(5)
+    assert rig.mode() is Mode.ACTIVE
+    assert not rig.told("Traceback")
+
+
+def test_a_delay_of_a_period_is_lived_with(rig: Rig) -> None:
+    disturb(rig, "netem", "delay", "20ms", "5ms")
+    rig.go_to(0.073, within_m=0.005)
+    rig.go_to(0.087, within_m=0.005)
+    calm(rig)
+    rig.after(5)
+    assert rig.mode() is Mode.ACTIVE
+
+
+def test_a_bus_that_takes_no_frames_is_told_and_comes_back(rig: Rig) -> None:
+    disturb(rig, "tbf", "rate", "800bit", "burst", "64", "limit", "64")
+    rig.until(lambda: rig.told("did not take a frame"))
+    assert any("No buffer space" in line for line in rig.told("did not take a frame"))
+    calm(rig)
+    rig.until(lambda: rig.mode() in {Mode.ACTIVE, Mode.HOLD, Mode.FAILSAFE})
+    rig.go_to(0.073)
+    assert rig.mode() is Mode.ACTIVE
+
+
+def test_a_link_that_goes_down_fails_safe_on_both_sides_and_waits_to_be_armed(rig: Rig) -> None:
+    command("ip", "link", "set", rig.bus.channel, "down")
+    rig.until(lambda: rig.told("-> FAILSAFE"))
+    assert rig.told("ACTIVE -> HOLD (feedback stale)")
+    assert rig.told("is down")
+    command("ip", "link", "set", rig.bus.channel, "up")
+    rig.heard.newest.clear()
+    # the actuator's own deadman has closed the valve meanwhile, and FAILSAFE keeps it there
+    rig.until(lambda: rig.is_at(CLOSED_M))
+    rig.after(20)
+    assert rig.mode() is Mode.FAILSAFE
+    assert rig.wait(CurrentCommand).current_ma == 4.0
+    rig.arm()
+    rig.go_to(0.087)
+
+
+def test_a_link_that_is_deleted_and_made_again_is_found_again(rig: Rig) -> None:
+    name = rig.bus.channel
+    command("ip", "link", "delete", name)
+    rig.until(lambda: rig.told("-> FAILSAFE"))
+    command("ip", "link", "add", "dev", name, "type", "vcan")
+    command("ip", "link", "set", name, "up")
+    rig.heard.newest.clear()
+    rig.until(lambda: rig.told("is there again"))
+    rig.until(lambda: rig.is_at(CLOSED_M))
+    assert rig.daemon.process.poll() is None
+    rig.arm()
+    rig.go_to(0.087)

@@ -1,0 +1,100 @@
+"""Faults of the nodes around a valve that runs: a flood, a second controller, a stepped clock, a node that hangs."""
+
+from __future__ import annotations
+
+import datetime
+from typing import TYPE_CHECKING
+
+import pytest
+from links import PATIENCE_S, Program, command, vcan
+from rig import DEADMAN_S, Rig
+
+from positioner.wire.messages import Cause, CurrentCommand, Health, Mode, PlantTruth, PositionerStatus
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+pytestmark = pytest.mark.kernel("faults")
+CLOSED_M = 0.0
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Iterator[Rig]:
+    """A valve that is controlled, and rests at 80 mm."""
+    with vcan() as bus, Rig(tmp_path, bus) as running:
+        running.arm()
+        running.go_to(0.080)
+        yield running
+
+
+def test_a_flood_of_higher_priority_does_not_reach_the_positioner(rig: Rig, tmp_path: Path) -> None:
+    before = len(rig.told("mode "))
+    words = ["cangen", rig.bus.channel, "-g", "0.5", "-I", "001", "-L", "8", "-n", "4000"]
+    with Program(words, tmp_path / "cangen.log") as flood:
+        rig.go_to(0.073)
+        rig.until(lambda: flood.process.poll() is not None, PATIENCE_S * 2)
+    rig.after(5)
+    assert not rig.told("queue was full")
+    assert not rig.told("refused")
+    assert rig.mode() is Mode.ACTIVE
+    assert len(rig.told("mode ")) >= before
+    rig.go_to(0.087)
+
+
+def test_a_second_controller_is_an_alarm_for_as_long_as_it_speaks(rig: Rig) -> None:
+    numbers = iter(range(100_000))
+
+    def status_while_it_speaks() -> PositionerStatus | None:
+        rig.port.send(rig.codec.encode(CurrentCommand(12.5), next(numbers)))
+        return rig.newest(PositionerStatus)
+
+    rig.until(lambda: (said := status_while_it_speaks()) is not None and said.cause is Cause.FOREIGN_COMMAND)
+    status = rig.newest(PositionerStatus)
+    assert status is not None
+    assert (status.mode, status.health) == (Mode.ACTIVE, Health.FAILURE)
+    assert any("12.500 mA" in line for line in rig.lines)
+    rig.until(lambda: (said := rig.newest(PositionerStatus)) is not None and said.cause is Cause.NONE)
+    assert rig.wait(PositionerStatus).health is Health.GOOD
+
+
+def test_a_clock_that_is_stepped_by_an_hour_changes_nothing(rig: Rig) -> None:
+    modes = len(rig.told("mode "))
+    for step in (1, -2):
+        now = datetime.datetime.now(tz=datetime.UTC) + datetime.timedelta(hours=step)
+        command("date", "-u", "-s", now.strftime("%Y-%m-%d %H:%M:%S"))
+        rig.after(30)
+        assert rig.mode() is Mode.ACTIVE
+    assert len(rig.told("mode ")) == modes
+    rig.go_to(0.073)
+
+
+def test_a_positioner_that_hangs_leaves_the_valve_to_its_own_deadman(rig: Rig) -> None:
+    rig.pause(rig.daemon)
+    rig.until(lambda: rig.is_at(CLOSED_M))
+    rig.resume(rig.daemon)
+    rig.heard.newest.clear()
+    rig.after(5)
+    rig.go_to(0.087)
+    assert rig.mode() is Mode.ACTIVE
+
+
+def test_a_valve_that_is_silent_is_held_then_failed_safe_until_it_is_armed_again(rig: Rig) -> None:
+    last = rig.wait(CurrentCommand)
+    rig.pause(rig.plant)
+    rig.heard.newest.clear()
+    rig.until(lambda: (said := rig.newest(CurrentCommand)) is not None and said.mode is Mode.HOLD)
+    held = rig.newest(CurrentCommand)
+    assert held is not None
+    assert held.current_ma == pytest.approx(last.current_ma, abs=2.0)
+    rig.until(lambda: rig.mode() is Mode.FAILSAFE)
+    status = rig.newest(PositionerStatus)
+    assert status is not None
+    assert (status.cause, status.health) == (Cause.FEEDBACK_STALE, Health.FAILURE)
+    assert rig.wait(CurrentCommand).current_ma == 4.0
+    rig.resume(rig.plant)
+    rig.heard.newest.pop(PlantTruth, None)
+    rig.until(lambda: rig.is_at(CLOSED_M), PATIENCE_S + DEADMAN_S)
+    assert rig.mode() is Mode.FAILSAFE
+    rig.arm()
+    rig.go_to(0.073)

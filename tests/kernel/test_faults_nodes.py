@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import datetime
+import datetime as dt
 from typing import TYPE_CHECKING
 
 import pytest
@@ -61,7 +61,7 @@ def test_a_second_controller_is_an_alarm_for_as_long_as_it_speaks(rig: Rig) -> N
 def test_a_clock_that_is_stepped_by_an_hour_changes_nothing(rig: Rig) -> None:
     modes = len(rig.told("mode "))
     for step in (1, -2):
-        now = datetime.datetime.now(tz=datetime.UTC) + datetime.timedelta(hours=step)
+        now = dt.datetime.now(tz=dt.UTC) + dt.timedelta(hours=step)
         command("date", "-u", "-s", now.strftime("%Y-%m-%d %H:%M:%S"))
         rig.after(30)
         assert rig.mode() is Mode.ACTIVE

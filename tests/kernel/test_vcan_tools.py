@@ -79,7 +79,7 @@ def test_cantools_monitor_shows_the_running_valve(bus: BusAddress, tmp_path: Pat
     with emulator(bus, tmp_path):
         leader, follower = pty.openpty()
         fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 50, 120, 0, 0))
-        environment = {**os.environ, "TERM": "vt100", "LINES": "50", "COLUMNS": "120"}
+        environment = {**os.environ, "TERM": "xterm", "LINES": "50", "COLUMNS": "120"}
         with subprocess.Popen(words, stdin=follower, stdout=follower, stderr=follower, env=environment) as monitor:
             shown, deadline_s = "", time.monotonic() + PATIENCE_S
             while "STEM_POSITION" not in shown or "Position_mm" not in shown:

@@ -23,7 +23,7 @@ OUTSIDE_WORLD = {
 STAGES = ("model", "estimate", "stick_slip", "stiction", "bounds", "qp", "planner", "guard", "inbox", "events", "cycle")
 LAYERS = (
     ("positioner.cli",),
-    ("positioner.bench",),
+    ("positioner.bench", "positioner.doctor"),
     ("positioner.daemon",),
     ("positioner.config", "positioner.clock", "positioner.trace", "positioner.journal", "positioner.store"),
     ("positioner.cycle",),

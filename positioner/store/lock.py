@@ -64,6 +64,21 @@ def held(directory: Path, patience_s: float) -> Iterator[None]:
         os.close(descriptor)
 
 
+def holder(directory: Path) -> int | None:
+    """Return the process that holds the directory's lock, the daemon of its valve; None where none does.
+
+    It is None, too, where the directory cannot be opened or the system does not tell.
+    """
+    try:
+        descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError:
+        return None
+    try:
+        return _holder(descriptor)
+    finally:
+        os.close(descriptor)
+
+
 def _occupied(directory: Path, descriptor: int) -> str:
     pid = _holder(descriptor)
     if pid is None:

@@ -1,0 +1,105 @@
+"""How much of a classic CAN bus one valve's frames take, from its DBC, its period and the bitrate. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from positioner.doctor.finding import Finding, Level
+from positioner.wire.messages import ActuatorState, CurrentCommand, PositionerStatus, Setpoint, StemPosition
+
+if TYPE_CHECKING:
+    from positioner.wire.codec import Codec
+    from positioner.wire.formats import FrameFormat
+    from positioner.wire.messages import Message
+
+WARN_ABOVE = 0.6
+REFUSE_ABOVE = 0.9
+_FASTEST = 1_000_000
+_SUBJECT = "bus load"
+
+_EVERY_SAMPLE: tuple[type[Message], ...] = (StemPosition, CurrentCommand)
+_AT_THEIR_OWN: dict[type[Message], float] = {Setpoint: 0.01, ActuatorState: 0.01, PositionerStatus: 0.1}
+"""Periods in s where the DBC gives no cycle time."""
+
+
+@dataclass(frozen=True, slots=True)
+class BusLoad:
+    """Load of a bus, as a fraction of its bitrate with every frame at its longest.
+
+    of_samples: by the frames of every sample; of_others: by those with a cycle time of their own.
+    shortest_period_s: the sample period at which the load is `REFUSE_ABOVE`; None where the others alone exceed it.
+    """
+
+    of_samples: float
+    of_others: float
+    shortest_period_s: float | None
+
+    @property
+    def total(self) -> float:
+        """All of it."""
+        return self.of_samples + self.of_others
+
+
+def frame_bits(data_bytes: int, *, is_extended: bool) -> int:
+    """Return the most bits that a classic data frame takes, with its stuff bits and the pause behind it.
+
+    Source: Davis, Burns, Bril and Lukkien, "Controller Area Network (CAN) schedulability analysis", 2007, eq. 1:
+    g + 8 s + 13 + ⌊(g + 8 s − 1)/4⌋ with g = 34 bits exposed to stuffing (standard) or 54 (extended).
+    """
+    exposed = (54 if is_extended else 34) + 8 * data_bytes
+    return exposed + 13 + (exposed - 1) // 4
+
+
+def bus_load(codec: Codec, sample_period_s: float, bitrate: int) -> BusLoad:
+    """Return the load of the frames of one valve; the emulator's truth is not among them."""
+    of_sample_s = sum(_bits(codec.by_kind[kind]) for kind in _EVERY_SAMPLE) / bitrate
+    of_others = sum(
+        _bits(codec.by_kind[kind]) / bitrate / _cycle_s(codec.by_kind[kind], otherwise_s)
+        for kind, otherwise_s in _AT_THEIR_OWN.items()
+    )
+    left = REFUSE_ABOVE - of_others
+    return BusLoad(of_sample_s / sample_period_s, of_others, of_sample_s / left if left > 0.0 else None)
+
+
+def findings(
+    codec: Codec, sample_period_s: float, name: str, bitrate: int | None, source: str = "FILE"
+) -> tuple[Finding, ...]:
+    """Return what the load means; `bitrate` is None on a bus that has none, `source` the configuration's path."""
+    if bitrate is None:
+        load = bus_load(codec, sample_period_s, _FASTEST)
+        text = f"{name} has no bitrate and never throttles; at 1 Mbit/s this valve would load {100 * load.total:.0f} %"
+        return (Finding(Level.OK, _SUBJECT, text),)
+    load = bus_load(codec, sample_period_s, bitrate)
+    text = f"{100 * load.total:.0f} % of {bitrate / 1000:g} kbit/s at most, with {1.0 / sample_period_s:g} samples/s"
+    if load.total <= WARN_ABOVE:
+        return (Finding(Level.OK, _SUBJECT, text),)
+    if load.shortest_period_s is None:
+        return (Finding(Level.FAIL, _SUBJECT, f"{text}: too slow for any sample period", _faster(name)),)
+    shortest_s = rounded_up(load.shortest_period_s)
+    slower = f"sudoedit {source}  # [control] sample_period_s, and the sensor's period with it"
+    mend = _faster(name) if bitrate < _FASTEST else slower
+    if load.total <= REFUSE_ABOVE:
+        text += f", above {100 * WARN_ABOVE:.0f} %: others on this bus wait for this valve"
+        return (Finding(Level.WARN, _SUBJECT, text, mend),)
+    text += f"; the shortest period that fits is {shortest_s:g} s: {1.0 / shortest_s:.0f} samples/s"
+    return (Finding(Level.FAIL, _SUBJECT, text, slower),)
+
+
+def rounded_up(period_s: float) -> float:
+    """Return the period in s rounded up to whole µs."""
+    return -(-round(period_s * 1e9) // 1000) / 1e6
+
+
+def _faster(name: str) -> str:
+    up = f"sudo ip link set {name} up type can bitrate {_FASTEST}"
+    return f"sudo ip link set {name} down && {up}  # and every other node on the bus alike"
+
+
+def _bits(form: FrameFormat) -> int:
+    return frame_bits(form.dbc.length, is_extended=form.dbc.is_extended_frame)
+
+
+def _cycle_s(form: FrameFormat, otherwise_s: float) -> float:
+    """Return the cycle time of the DBC (GenMsgCycleTime, in ms) in s."""
+    return form.dbc.cycle_time / 1e3 if form.dbc.cycle_time else otherwise_s

@@ -1,0 +1,103 @@
+"""The whole examination: the machine, and with a configuration the bus, the state and the feedback. Shell."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from positioner.config import Configuration, load_config
+from positioner.doctor import bus_load, feedback, link_findings, machine, scheduling, state_directory
+from positioner.doctor.finding import Finding, Level, worst
+from positioner.doctor.place import place_of
+from positioner.errors import ConfigurationError, ExitCode
+from positioner.store import lock
+from positioner.wire.messages import StemPosition
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from positioner.doctor.link import Link
+
+
+@dataclass(slots=True)
+class Examination:
+    """An examination; `findings` yields as it goes, and `exit_code` is right when it has ended."""
+
+    config: Path | None
+    state: Path | None = None
+    found: list[Finding] = field(default_factory=list)
+    _misconfigured: bool = False
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """78 where the configuration is wrong, 1 where anything else failed, else 0."""
+        if self._misconfigured:
+            return ExitCode.CONFIG
+        return ExitCode.FAILURE if worst(self.found) is Level.FAIL else ExitCode.OK
+
+    def findings(self) -> Iterator[Finding]:
+        """Yield every finding as soon as it is there."""
+        for finding in self._examine():
+            self.found.append(finding)
+            yield finding
+
+    def _examine(self) -> Iterator[Finding]:
+        yield machine.timer()
+        yield machine.sqlite()
+        yield scheduling.of_this_command()
+        configuration: Configuration | None = None
+        if self.config is not None:
+            quoted = shlex.quote(str(self.config))
+            try:
+                configuration = load_config(self.config)
+            except ConfigurationError as error:
+                self._misconfigured = True
+                for problem in error.problems:
+                    yield Finding(Level.FAIL, "configuration", str(problem), f"positioner check {quoted}")
+            else:
+                yield Finding(Level.OK, "configuration", f"{self.config}, valve {configuration.valve.id}")
+                yield Finding(Level.OK, "DBC", _frames(configuration))
+        links, missing = machine.links()
+        yield from missing
+        if configuration is None or self.config is None:
+            yield from _interfaces(links) if links is not None else ()
+        else:
+            yield from self._valve(configuration, self.config, links)
+
+    def _valve(self, configuration: Configuration, path: Path, links: tuple[Link, ...] | None) -> Iterator[Finding]:
+        address, period_s = configuration.bus, configuration.control.sample_period_s
+        codec, place = configuration.make_codec(), place_of(configuration, path, self.state)
+        if address.interface != "socketcan":
+            yield Finding(Level.OK, "interface", f"{address} is not a CAN interface: no bitrate, no error counters")
+        elif links is not None:
+            yield from link_findings.findings(address.channel, links)
+            link = next((link for link in links if link.name == address.channel), None)
+            if link is not None and link.is_can and (link.bitrate or not link.is_controller):
+                yield from bus_load.findings(codec, period_s, address.channel, link.bitrate, shlex.quote(str(path)))
+        yield from state_directory.findings(configuration, place)
+        pid = lock.holder(place.state)
+        yield scheduling.of_daemon(pid, period_s, place.unit)
+        yield from feedback.findings(address, codec, period_s, daemon_runs=pid is not None)
+
+
+def _interfaces(links: tuple[Link, ...]) -> Iterator[Finding]:
+    names = [link.name for link in links if link.is_can]
+    for name in names:
+        for finding in link_findings.findings(name, links):
+            # no configuration says that this one is needed
+            yield replace(finding, level=min(finding.level, Level.WARN))
+    if not names:
+        vcan = "sudo modprobe vcan; sudo ip link add dev vcan0 type vcan && sudo ip link set vcan0 up"
+        yield Finding(Level.WARN, "interface", "this machine has no CAN interface", f"{vcan}  # a virtual one, to try")
+
+
+def _frames(configuration: Configuration) -> str:
+    source = configuration.wire.dbc or "the positioner's own"
+    return f"{source}, position frames under {_identifier(configuration)}"
+
+
+def _identifier(configuration: Configuration) -> str:
+    identifier, extended = configuration.make_codec().identifier(StemPosition)
+    return f"{identifier:08X} (extended)" if extended else f"{identifier:03X}"

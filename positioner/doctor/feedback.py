@@ -1,0 +1,139 @@
+"""Live feedback: whether valid position frames come over the bus, how often, and what comes instead. Shell."""
+
+from __future__ import annotations
+
+import errno
+import os
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from positioner.bus import BusPort
+from positioner.doctor.finding import Finding, Level
+from positioner.errors import BusError
+from positioner.wire.formats import FrameRejectedError, Reason
+from positioner.wire.messages import CurrentCommand, Quality, StemPosition
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from positioner.bus_address import BusAddress
+    from positioner.wire.codec import Codec
+    from positioner.wire.messages import CanFrame
+
+LISTENING_S = 1.0
+_RATE_TOLERANCE = 0.2
+_FEWEST_FOR_A_RATE = 5
+_MOST_IDENTIFIERS = 4
+_SUBJECT = "feedback"
+
+
+@dataclass(slots=True)
+class Heard:
+    """What was heard: instants of valid position frames in ns, commands, and everything else by what it was."""
+
+    positions_ns: list[int] = field(default_factory=list)
+    last_position_m: float | None = None
+    commands: int = 0
+    faults: int = 0
+    refused: Counter[str] = field(default_factory=Counter)
+    others: Counter[str] = field(default_factory=Counter)
+
+    def take(self, codec: Codec, frames: tuple[CanFrame, ...]) -> None:
+        """Count `frames`, oldest first."""
+        for frame in frames:
+            try:
+                message, _ = codec.decode(frame)
+            except FrameRejectedError as error:
+                if error.reason is Reason.UNKNOWN_ID:
+                    self.others[f"{frame.arbitration_id:X}"] += 1
+                else:
+                    self.refused[str(error)] += 1
+                continue
+            if isinstance(message, StemPosition):
+                self.faults += message.quality is Quality.FAULT
+                if message.quality is not Quality.FAULT:
+                    self.positions_ns.append(frame.received_ns)
+                    self.last_position_m = message.position_m
+            elif isinstance(message, CurrentCommand):
+                self.commands += 1
+
+    @property
+    def rate_per_s(self) -> float | None:
+        """Valid position frames in a second, None where there are too few to tell."""
+        if len(self.positions_ns) < _FEWEST_FOR_A_RATE or self.positions_ns[-1] == self.positions_ns[0]:
+            return None
+        return (len(self.positions_ns) - 1) / (self.positions_ns[-1] - self.positions_ns[0]) * 1e9
+
+
+def listen(address: BusAddress, codec: Codec) -> Heard:
+    """Return what is heard on the bus within `LISTENING_S`; nothing is sent.
+
+    Raises:
+        BusError: the bus cannot be opened.
+    """
+    heard = Heard()
+    port = BusPort(address)
+    port.open()
+    try:
+        end_s = time.monotonic() + LISTENING_S
+        while (left_s := end_s - time.monotonic()) > 0.0:
+            heard.take(codec, port.receive(left_s))
+    finally:
+        port.close()
+    return heard
+
+
+def findings(address: BusAddress, codec: Codec, period_s: float, *, daemon_runs: bool) -> Iterator[Finding]:
+    """Yield what is heard on the bus, against the period in s of the configuration."""
+    try:
+        heard = listen(address, codec)
+    except BusError as error:
+        text, _, mend = str(error).rpartition("; ")
+        unknown = address.interface == "socketcan" and os.strerror(errno.EAFNOSUPPORT) in text
+        yield Finding(Level.FAIL, _SUBJECT, text, "sudo modprobe can-raw" if unknown else mend.removeprefix("try: "))
+        return
+    yield judged(heard, address, period_s)
+    if heard.commands and not daemon_runs:
+        text = f"{heard.commands} command frames in {LISTENING_S:g} s, and no daemon of this valve runs here"
+        yield Finding(Level.WARN, "foreign", f"{text}: another controller commands it", _look(address))
+
+
+def judged(heard: Heard, address: BusAddress, period_s: float) -> Finding:
+    """Return what the position frames, or their absence, mean."""
+    if not heard.positions_ns:
+        instead = _instead(heard)
+        return Finding(Level.FAIL, _SUBJECT, f"no valid position frame in {LISTENING_S:g} s; {instead}", _look(address))
+    assert heard.last_position_m is not None  # noqa: S101 - set with the first instant
+    text = f"stem at {heard.last_position_m * 1e3:.2f} mm"
+    rate = heard.rate_per_s
+    if rate is None:
+        text += f", {len(heard.positions_ns)} frames in {LISTENING_S:g} s"
+    else:
+        text += f", {rate:.4g} frames/s"
+    wanted = 1.0 / period_s
+    if rate is not None and abs(rate / wanted - 1.0) <= _RATE_TOLERANCE:
+        return Finding(Level.OK, _SUBJECT, text)
+    if rate is None and wanted * LISTENING_S < _FEWEST_FOR_A_RATE:
+        return Finding(Level.OK, _SUBJECT, text)
+    text += f", where the configuration says {wanted:g} (control.sample_period_s)"
+    return Finding(Level.WARN, _SUBJECT, text, _look(address))
+
+
+def _instead(heard: Heard) -> str:
+    if heard.faults:
+        return f"the sensor reports a fault in {heard.faults} frames"
+    if heard.refused:
+        reason, count = heard.refused.most_common(1)[0]
+        return f"{count} frames were refused: {reason}"
+    if heard.others:
+        shown = ", ".join(identifier for identifier, _ in heard.others.most_common(_MOST_IDENTIFIERS))
+        return f"{heard.others.total()} frames with other identifiers came: {shown}"
+    return "the bus is silent"
+
+
+def _look(address: BusAddress) -> str:
+    if address.interface != "socketcan":
+        return f"plant-emulator run --bus {address}  # or whatever sends position frames on this bus"
+    return f"candump -tz {address.channel}  # is the sensor on, at this bitrate, with this identifier?"

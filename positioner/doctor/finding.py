@@ -1,0 +1,38 @@
+"""A finding: how serious it is, what it is about, what was found, and the command that mends it. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+
+class Level(IntEnum):
+    """How serious a finding is; the larger the worse."""
+
+    OK = 0
+    WARN = 1
+    FAIL = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One finding; `mend` is a command that can be pasted into a shell, empty where nothing is to be done."""
+
+    level: Level
+    subject: str
+    text: str
+    mend: str = ""
+
+    def __str__(self) -> str:
+        """One line, and a second one, indented, with the command that mends it."""
+        line = f"{self.level.name:<5} {self.subject:<14} {self.text}"
+        return f"{line}\n{'':<20} mend: {self.mend}" if self.mend else line
+
+
+def worst(findings: Iterable[Finding]) -> Level:
+    """Return the most serious level of the findings."""
+    return max((finding.level for finding in findings), default=Level.OK)

@@ -1,0 +1,99 @@
+"""The state directory: there, writable, with room, and its stiction table readable. Shell."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import shutil
+from typing import TYPE_CHECKING
+
+from positioner.doctor.finding import Finding, Level
+from positioner.errors import StateError
+from positioner.store import access, lock
+from positioner.store.database import Fault, TableRejectedError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from positioner.config import Configuration
+    from positioner.doctor.place import Place
+    from positioner.store.content import StoredTable
+
+ROOM_WANTED_BYTES = 100 << 20
+ROOM_NEEDED_BYTES = 1 << 20
+_SUBJECT = "state"
+
+
+def findings(configuration: Configuration, place: Place) -> Iterator[Finding]:
+    """Yield what is found about the directory and the table in it."""
+    directory, quoted = place.state, shlex.quote(str(place.state))
+    if not directory.is_dir():
+        yield _absent(place)
+        return
+    try:
+        held_by = lock.holder(directory)
+        yield from _room(place, held_by)
+        yield _table(configuration, place)
+    except PermissionError as error:
+        yield Finding(Level.FAIL, _SUBJECT, f"{directory}: {error.strerror}", f"sudo ls -ld {quoted}")
+
+
+def _absent(place: Place) -> Finding:
+    directory = place.state
+    nearest = next(above for above in directory.parents if above.exists())
+    if place.unit:
+        return Finding(Level.OK, _SUBJECT, f"{directory} is not there yet: the first start of {place.unit} makes it")
+    if nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK):
+        return Finding(Level.OK, _SUBJECT, f"{directory} is not there yet: the first start makes it")
+    text = f"{directory} is not there, and cannot be made in {nearest} by this user"
+    return Finding(Level.FAIL, _SUBJECT, text, _made(directory))
+
+
+def _room(place: Place, held_by: int | None) -> Iterator[Finding]:
+    directory = place.state
+    if place.unit is None and held_by is None and not os.access(directory, os.W_OK | os.X_OK):
+        yield Finding(Level.FAIL, _SUBJECT, f"{directory} is not writable for this user", _made(directory))
+        return
+    free = shutil.disk_usage(directory).free
+    text = f"{directory}: {free / (1 << 20):.0f} MiB free"
+    show = f"df -h {shlex.quote(str(directory))}  # and make room"
+    if free < ROOM_NEEDED_BYTES:
+        yield Finding(Level.FAIL, _SUBJECT, f"{text}: the table cannot be saved", show)
+    elif free < ROOM_WANTED_BYTES:
+        yield Finding(Level.WARN, _SUBJECT, text, show)
+    else:
+        yield Finding(Level.OK, _SUBJECT, text)
+
+
+def _table(configuration: Configuration, place: Place) -> Finding:
+    directory = place.state
+    dump = f"positioner table dump --state {shlex.quote(str(directory))}"
+    if not os.access(directory, os.R_OK | os.X_OK):
+        return Finding(Level.WARN, "table", f"{directory} cannot be read by this user", f"sudo {dump}")
+    try:
+        stored = access.dump(directory)
+    except TableRejectedError as rejected:
+        if rejected.fault is Fault.MISSING:
+            return Finding(Level.OK, "table", "none yet: nothing is learned")
+        return Finding(Level.FAIL, "table", str(rejected), f"{dump}  # the next start sets the file aside")
+    except StateError as error:
+        return Finding(Level.FAIL, "table", str(error), dump)
+    return _judged(configuration, stored, dump)
+
+
+def _judged(configuration: Configuration, stored: StoredTable, dump: str) -> Finding:
+    samples = sum(cell.count for _, cell in stored.table)
+    told = f"valve {stored.valve_id}: {samples} samples in {len(stored.table)} cells"
+    expected, width_m = configuration.valve.id, configuration.control.table_cell_m
+    if stored.valve_id != expected:
+        told += f", and this is {expected}: the next start sets it aside"
+        return Finding(Level.WARN, "table", told, dump)
+    if stored.table.cell_width_m != width_m:
+        found_mm, wanted_mm = stored.table.cell_width_m * 1e3, width_m * 1e3
+        told += f" of {found_mm:g} mm, and the configuration says {wanted_mm:g} mm: the next start sets it aside"
+        return Finding(Level.WARN, "table", told, dump)
+    return Finding(Level.OK, "table", told)
+
+
+def _made(directory: os.PathLike[str]) -> str:
+    return f"sudo install -d -m 750 -o $(id -un) {shlex.quote(str(directory))}"

@@ -32,3 +32,46 @@ $(VENV)/installed: pyproject.toml
 
 clean:
 	rm -rf $(VENV) out build dist
+
+# `make install` as root: a virtual environment with the positioner, its units, and examples of network files.
+PREFIX ?= /opt/positioner
+DESTDIR ?=
+INSTALLED = $(DESTDIR)$(PREFIX)
+SHARE = $(INSTALLED)/share/positioner
+UNIT_DIRECTORY = $(DESTDIR)/etc/systemd/system
+COMMANDS = $(DESTDIR)/usr/local/bin
+UNITS = positioner@.service plant-emulator@.service vcan0.service
+PROGRAMS = positioner plant-emulator
+
+.PHONY: install
+install:
+	@if [ -e '$(INSTALLED)' ] && [ ! -e '$(INSTALLED)/pyvenv.cfg' ]; then \
+	    echo 'make install: $(INSTALLED) is there and was not made by it; choose another PREFIX' >&2; exit 1; fi
+	$(PYTHON) -m venv '$(INSTALLED)'
+	'$(INSTALLED)/bin/python' -m pip install --quiet --disable-pip-version-check --upgrade .
+	[ -z '$(DESTDIR)' ] || grep -rlI '$(INSTALLED)' '$(INSTALLED)/bin' '$(INSTALLED)/pyvenv.cfg' | \
+	    xargs --no-run-if-empty sed -i 's|$(INSTALLED)|$(PREFIX)|g'
+	install -d '$(SHARE)' '$(UNIT_DIRECTORY)' '$(COMMANDS)' '$(DESTDIR)/etc/positioner'
+	install -m 644 systemd/bus.conf systemd/realtime.conf systemd/network/* '$(SHARE)'
+	for unit in $(UNITS); do \
+	    sed 's|/opt/positioner/|$(PREFIX)/|' "systemd/$$unit" > '$(UNIT_DIRECTORY)'/"$$unit"; \
+	    chmod 644 '$(UNIT_DIRECTORY)'/"$$unit"; done
+	for program in $(PROGRAMS); do ln -sfn "$(PREFIX)/bin/$$program" '$(COMMANDS)'/"$$program"; done
+	[ -n '$(DESTDIR)' ] || [ ! -d /run/systemd/system ] || systemctl daemon-reload
+	@echo 'installed in $(INSTALLED); units in $(UNIT_DIRECTORY); configurations go to $(DESTDIR)/etc/positioner'
+
+.PHONY: uninstall
+uninstall:
+	@if [ -e '$(INSTALLED)' ] && [ ! -e '$(INSTALLED)/pyvenv.cfg' ]; then \
+	    echo 'make uninstall: $(INSTALLED) was not made by make install' >&2; exit 1; fi
+	@if [ -z '$(DESTDIR)' ] && [ -d /run/systemd/system ]; then \
+	    running=$$(systemctl list-units --plain --no-legend --state=active,activating \
+	        'positioner@*' 'plant-emulator@*' vcan0.service | cut -d' ' -f1 | xargs); \
+	    if [ -n "$$running" ]; then \
+	        echo "make uninstall: still running; first: sudo systemctl disable --now $$running" >&2; exit 1; fi; fi
+	for program in $(PROGRAMS); do \
+	    [ "$$(readlink '$(COMMANDS)'/"$$program")" != "$(PREFIX)/bin/$$program" ] || rm '$(COMMANDS)'/"$$program"; done
+	for unit in $(UNITS); do rm -f '$(UNIT_DIRECTORY)'/"$$unit"; done
+	rm -rf '$(INSTALLED)'
+	[ -n '$(DESTDIR)' ] || [ ! -d /run/systemd/system ] || systemctl daemon-reload
+	@echo 'removed; kept: $(DESTDIR)/etc/positioner (configurations) and $(DESTDIR)/var/lib/positioner (what was learned)'

@@ -36,6 +36,8 @@ clean:
 # `make install` as root: a virtual environment with the positioner, its units, and examples of network files.
 PREFIX ?= /opt/positioner
 DESTDIR ?=
+# the system's own: a service has no way into anybody's home directory, where a version manager keeps its interpreters
+INSTALL_PYTHON ?= $(or $(wildcard /usr/bin/python3),$(PYTHON))
 INSTALLED = $(DESTDIR)$(PREFIX)
 SHARE = $(INSTALLED)/share/positioner
 UNIT_DIRECTORY = $(DESTDIR)/etc/systemd/system
@@ -47,8 +49,11 @@ PROGRAMS = positioner plant-emulator
 install:
 	@if [ -e '$(INSTALLED)' ] && [ ! -e '$(INSTALLED)/pyvenv.cfg' ]; then \
 	    echo 'make install: $(INSTALLED) is there and was not made by it; choose another PREFIX' >&2; exit 1; fi
-	$(PYTHON) -m venv '$(INSTALLED)'
-	'$(INSTALLED)/bin/python' -m pip install --quiet --disable-pip-version-check --upgrade .
+	umask 022; '$(INSTALL_PYTHON)' -m venv '$(INSTALLED)'
+	@if grep -E '^home = /(home|root)/' '$(INSTALLED)/pyvenv.cfg' >&2; then \
+	    echo 'make install: no service can run a Python in a home directory; give INSTALL_PYTHON=/usr/bin/python3' >&2; \
+	    exit 1; fi
+	umask 022; '$(INSTALLED)/bin/python' -m pip install --quiet --disable-pip-version-check --upgrade .
 	[ -z '$(DESTDIR)' ] || grep -rlI '$(INSTALLED)' '$(INSTALLED)/bin' '$(INSTALLED)/pyvenv.cfg' | \
 	    xargs --no-run-if-empty sed -i 's|$(INSTALLED)|$(PREFIX)|g'
 	install -d '$(SHARE)' '$(UNIT_DIRECTORY)' '$(COMMANDS)' '$(DESTDIR)/etc/positioner'

@@ -8,7 +8,7 @@ from collections import defaultdict
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from harness import fleet
+from harness import fleet, wheels
 from harness.packages import CannotFetchError
 from harness.plan import KINDS, kind_inside
 
@@ -49,6 +49,8 @@ class Dispatcher:
         told: dict[str, list[pytest.TestReport]] = defaultdict(list)
         failed: list[pytest.Item] = []
         try:
+            if any(KINDS[_kind(item)].booted for item in items):
+                wheels.fetch()
             for guest, data in fleet.run(_groups(items), at_once):
                 if data is None:
                     for nodeid in guest.tests:

@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-USER_MODE = ("user-mode-linux", "busybox-static", "can-utils", "iproute2", "kmod", "systemd", "udev", "dbus", "make")
+USER_MODE = (
+    *("user-mode-linux", "busybox-static", "can-utils", "iproute2", "kmod", "systemd", "udev", "dbus", "make"),
+    *("python3", "python3-venv", "sudo"),
+)
 EMULATED = ("qemu-system-x86", "linux-image-amd64", "busybox-static")
 _MERGED = ("bin", "sbin", "lib", "lib64")
 

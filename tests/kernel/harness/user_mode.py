@@ -70,7 +70,8 @@ END
 for unit in systemd-timesyncd.service systemd-resolved.service systemd-networkd.service systemd-firstboot.service \\
     systemd-sysusers.service ldconfig.service systemd-hwdb-update.service systemd-journal-catalog-update.service \\
     systemd-update-utmp.service systemd-machine-id-commit.service systemd-random-seed.service \\
-    systemd-pstore.service dev-hugepages.mount dev-mqueue.mount sys-kernel-debug.mount sys-kernel-tracing.mount; do
+    systemd-pstore.service systemd-tmpfiles-setup.service systemd-tmpfiles-setup-dev.service tmp.mount \\
+    systemd-tmpfiles-clean.timer systemd-binfmt.service dev-hugepages.mount dev-mqueue.mount sys-kernel-debug.mount sys-kernel-tracing.mount; do
     ln -s /dev/null /run/systemd/system/$unit
 done
 rm -f /etc/fstab /etc/machine-id /etc/systemd/system/*.target.wants/*

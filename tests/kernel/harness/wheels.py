@@ -1,0 +1,44 @@
+"""The packages that `make install` asks for, fetched on the host: inside a kernel there is no network."""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+from harness.packages import CannotFetchError
+from harness.plan import PROJECT, WHEELS
+
+_SYSTEM_PYTHON = Path("/usr/bin/python3")
+
+
+def fetch() -> None:
+    """Download the wheels for the Python that `make install` takes, once.
+
+    Raises:
+        CannotFetchError: they cannot be had.
+    """
+    with (PROJECT / "pyproject.toml").open("rb") as file:
+        project = tomllib.load(file)
+    wanted = [*project["project"]["dependencies"], *project["build-system"]["requires"]]
+    version = _version()
+    finished = WHEELS / hashlib.sha256(f"{version} {wanted}".encode()).hexdigest()[:12]
+    if finished.exists():
+        return
+    WHEELS.mkdir(parents=True, exist_ok=True)
+    pip = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--dest", str(WHEELS)]
+    options = ["--only-binary", ":all:", "--implementation", "cp", "--python-version", version]
+    done = subprocess.run([*pip, *options, *wanted], check=False, capture_output=True, text=True)
+    if done.returncode:
+        raise CannotFetchError(
+            f"kernel tests: pip download failed: {(done.stderr.strip() or 'unknown').splitlines()[-1]}"
+        )
+    finished.touch()
+
+
+def _version() -> str:
+    python = str(_SYSTEM_PYTHON) if _SYSTEM_PYTHON.exists() else sys.executable
+    asked = [python, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"]
+    return subprocess.run(asked, check=True, capture_output=True, text=True).stdout.strip()

@@ -1,0 +1,162 @@
+"""The services under a booted systemd: started, killed, hung, bereft of their bus, misconfigured, stopped."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from harness.plan import PROJECT
+from links import PATIENCE_S, add_vcan, command, until
+from machine import CONFIGURATIONS, Valve, configure, journal, show, systemctl
+
+from positioner.wire.messages import CurrentCommand
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+pytestmark = pytest.mark.kernel("systemd")
+CLOSED_M = 0.0
+
+
+@pytest.fixture(scope="module", autouse=True)
+def installed() -> None:
+    """Install as the README says, and configure a valve on vcan0."""
+    command("make", "-C", str(PROJECT), "install")
+    systemctl("start", "vcan0.service")
+    configure("fv101", "vcan0")
+    until(lambda: show("sys-subsystem-net-devices-vcan0.device", "ActiveState") == "active", "udev tells of vcan0")
+
+
+@pytest.fixture
+def valve() -> Iterator[Valve]:
+    """A valve whose loop is closed by its two services."""
+    running = Valve("fv101", "vcan0")
+    running.start()
+    yield running
+    running.stop()
+    running.port.close()
+
+
+def table_of(valve: Valve) -> dict[str, object]:
+    """Return the table as root's command line prints it."""
+    dumped: dict[str, object] = json.loads(
+        command("/usr/local/bin/positioner", "table", "dump", "--state", str(valve.state), "--format", "json")
+    )
+    return dumped
+
+
+def samples_in(valve: Valve) -> int:
+    return sum(len(cell["samples"]) for cell in table_of(valve)["cells"])  # type: ignore[attr-defined]
+
+
+def test_the_service_is_ready_at_the_first_feedback_and_not_before(valve: Valve) -> None:
+    valve.stop()
+    systemctl("start", "--no-block", valve.unit)
+    until(lambda: "waiting for position frames" in show(valve.unit, "StatusText"), valve.story)
+    assert show(valve.unit, "ActiveState") == "activating"
+    systemctl("start", valve.plant)
+    until(lambda: valve.is_active, valve.story)
+
+
+def test_the_loop_is_closed_and_what_is_learned_belongs_to_a_user_made_for_it(valve: Valve) -> None:
+    valve.go_to(0.073)
+    valve.go_to(0.087)
+    valve.go_to(0.080)
+    until(lambda: samples_in(valve) > 0, valve.story)
+    assert table_of(valve)["valve_id"] == "fv101"
+    private = Path("/var/lib/private/positioner/fv101")
+    assert private.stat().st_uid not in {0, 65534}
+    assert Path(f"/proc/{valve.pid}").stat().st_uid == private.stat().st_uid
+    assert oct(private.stat().st_mode & 0o777) == "0o750"
+
+
+def test_a_killed_positioner_is_back_within_two_seconds_and_keeps_its_table(valve: Valve) -> None:
+    valve.go_to(0.073)
+    valve.go_to(0.087)
+    before, killed = samples_in(valve), valve.pid
+    killed_s = time.monotonic()
+    os.kill(killed, signal.SIGKILL)
+    until(lambda: valve.pid not in {0, killed}, valve.story)
+    started_s = int(show(valve.unit, "ExecMainStartTimestampMonotonic")) * 1e-6
+    assert 0.0 < started_s - killed_s < 2.0
+    # the actuator's own deadman closes the valve while nobody commands, and the service takes it over again
+    assert samples_in(valve) >= before
+    until(lambda: valve.is_active, valve.story)
+    valve.go_to(0.080)
+
+
+def test_the_valve_fails_safe_while_nobody_commands_it(valve: Valve) -> None:
+    valve.go_to(0.087)
+    systemctl("stop", valve.unit)
+    valve.until(lambda: valve.is_at(CLOSED_M))
+    valve.start()
+    valve.go_to(0.080)
+
+
+def test_a_positioner_that_hangs_is_killed_by_the_watchdog_and_comes_back(valve: Valve) -> None:
+    hung, restarts = valve.pid, int(show(valve.unit, "NRestarts"))
+    os.kill(hung, signal.SIGSTOP)
+    until(lambda: valve.pid not in {0, hung}, valve.story)
+    assert int(show(valve.unit, "NRestarts")) == restarts + 1
+    assert "Watchdog timeout" in journal(valve.unit)
+    until(lambda: valve.is_active, valve.story)
+    valve.go_to(0.087)
+
+
+def test_a_bus_that_is_deleted_and_made_again_brings_the_service_back_by_itself(valve: Valve) -> None:
+    command("ip", "link", "delete", "vcan0")
+    until(lambda: show(valve.unit, "ActiveState") in {"inactive", "failed"}, valve.story)
+    add_vcan("vcan0")
+    until(lambda: valve.is_active, valve.story, PATIENCE_S * 2)
+    valve.go_to(0.087)
+
+
+def test_a_wrong_configuration_fails_once_and_says_why() -> None:
+    (CONFIGURATIONS / "bad.toml").write_text('[valve]\nid = "bad"\n[control]\nlaw = "nmcp"\n', encoding="utf-8")
+    unit = "positioner@bad.service"
+    systemctl("start", unit, check=False)
+    until(lambda: show(unit, "ActiveState") == "failed")
+    assert show(unit, "ExecMainStatus") == "78"
+    assert show(unit, "NRestarts") == "0"
+    assert "did you mean 'nmpc'?" in journal(unit)
+    assert journal(unit).count("did you mean") == 1
+
+
+def test_a_stop_is_clean_and_saves_what_was_learned(valve: Valve) -> None:
+    valve.go_to(0.073)
+    valve.go_to(0.087)
+    before = samples_in(valve)
+    systemctl("stop", valve.unit)
+    assert (show(valve.unit, "Result"), show(valve.unit, "ExecMainStatus")) == ("success", "0")
+    assert "stopped; the stiction table is saved" in journal(valve.unit)
+    assert samples_in(valve) >= before
+
+
+def test_two_valves_on_two_buses_do_not_disturb_each_other(valve: Valve) -> None:
+    add_vcan("vcan1")
+    configure("fv102", "vcan1")
+    other = Valve("fv102", "vcan1")
+    other.start()
+    try:
+        valve.go_to(0.073)
+        other.go_to(0.087)
+        assert valve.is_at(0.073)
+        commands = [running.hear(CurrentCommand) for running in (valve, other)]
+        assert isinstance(commands[0], CurrentCommand)
+        assert isinstance(commands[1], CurrentCommand)
+        assert commands[1].current_ma - commands[0].current_ma > 0.5
+        assert other.state.exists()
+    finally:
+        other.stop()
+        other.port.close()
+
+
+@pytest.mark.parametrize("unit", ["positioner@fv101.service", "plant-emulator@fv101.service"])
+def test_a_service_is_exposed_to_no_more_than_1_3(unit: str) -> None:
+    told = command("systemd-analyze", "security", "--no-pager", "--threshold=13", unit)
+    assert "Overall exposure level" in told

@@ -24,7 +24,6 @@ from positioner.wire.messages import (
     PlantTruth,
     PositionerStatus,
     Setpoint,
-    StemPosition,
 )
 
 if TYPE_CHECKING:
@@ -39,6 +38,11 @@ HOLD_PERIODS = 25
 FAILSAFE_PERIODS = 100
 DEADMAN_S = 1.0
 """Ages that a shared machine does not reach by itself, and that a test can still wait for."""
+NEAR_M = 0.010
+"""Near enough to tell a valve that obeys from one that does not, at a period as long as this."""
+LOW_M, HIGH_M = 0.066, 0.088
+CLOSED_M = 1423.0 / 52538.0
+"""Where the spring leaves the paper's valve without pressure: F_c/K, at which sliding friction stops it."""
 _PLANT = f"""preset = "paper"
 deadman_s = {DEADMAN_S}
 fail_position = "close"
@@ -162,12 +166,12 @@ class Rig:
 
         self.until(is_active)
 
-    def is_at(self, position_m: float, within_m: float = 0.002) -> bool:
+    def is_at(self, position_m: float, within_m: float = NEAR_M) -> bool:
         """Return whether the stem truly is there."""
         truth = self.newest(PlantTruth)
         return truth is not None and abs(truth.position_m - position_m) < within_m
 
-    def go_to(self, position_m: float, within_m: float = 0.002) -> None:
+    def go_to(self, position_m: float, within_m: float = NEAR_M) -> None:
         """Ask for a place and wait until the stem rests there; a positioner that failed safe is armed again."""
         self.setpoint_m = position_m
         rests = itertools.count()
@@ -205,6 +209,3 @@ class Rig:
                 child.process.send_signal(signal.SIGCONT)
             child.stop()
         self.port.close()
-
-
-__all__ = ["DEADMAN_S", "FAILSAFE_PERIODS", "HOLD_PERIODS", "PERIOD_S", "Rig", "StemPosition"]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from links import command, vcan
-from rig import Rig
+from rig import CLOSED_M, HIGH_M, LOW_M, Rig
 
 from positioner.wire.messages import CurrentCommand, Mode
 
@@ -15,12 +15,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 pytestmark = pytest.mark.kernel("faults")
-CLOSED_M = 0.0
 
 
 @pytest.fixture
 def rig(tmp_path: Path) -> Iterator[Rig]:
-    """A valve that is controlled, and rests at 80 mm."""
+    """A valve that is controlled, and rests near 80 mm."""
     with vcan() as bus, Rig(tmp_path, bus) as running:
         running.arm()
         running.go_to(0.080)
@@ -49,8 +48,8 @@ def test_a_bad_bus_is_counted_and_the_valve_stays_controlled(rig: Rig, disciplin
     disturb(rig, *discipline)
     rig.until(lambda: rig.told(told))
     # frames still come through, and the stem still goes where it is asked to
-    rig.go_to(0.073)
-    rig.go_to(0.087)
+    rig.go_to(LOW_M)
+    rig.go_to(HIGH_M)
     calm(rig)
     rig.after(5)
     assert rig.mode() is Mode.ACTIVE
@@ -59,8 +58,8 @@ def test_a_bad_bus_is_counted_and_the_valve_stays_controlled(rig: Rig, disciplin
 
 def test_a_delay_of_a_period_is_lived_with(rig: Rig) -> None:
     disturb(rig, "netem", "delay", "20ms", "5ms")
-    rig.go_to(0.073, within_m=0.005)
-    rig.go_to(0.087, within_m=0.005)
+    rig.go_to(LOW_M)
+    rig.go_to(HIGH_M)
     calm(rig)
     rig.after(5)
     assert rig.mode() is Mode.ACTIVE
@@ -72,7 +71,7 @@ def test_a_bus_that_takes_no_frames_is_told_and_comes_back(rig: Rig) -> None:
     assert any("No buffer space" in line for line in rig.told("did not take a frame"))
     calm(rig)
     rig.until(lambda: rig.mode() in {Mode.ACTIVE, Mode.HOLD, Mode.FAILSAFE})
-    rig.go_to(0.073)
+    rig.go_to(LOW_M)
     assert rig.mode() is Mode.ACTIVE
 
 
@@ -84,12 +83,12 @@ def test_a_link_that_goes_down_fails_safe_on_both_sides_and_waits_to_be_armed(ri
     command("ip", "link", "set", rig.bus.channel, "up")
     rig.heard.newest.clear()
     # the actuator's own deadman has closed the valve meanwhile, and FAILSAFE keeps it there
-    rig.until(lambda: rig.is_at(CLOSED_M))
+    rig.until(lambda: rig.is_at(CLOSED_M, 0.002))
     rig.after(20)
     assert rig.mode() is Mode.FAILSAFE
     assert rig.wait(CurrentCommand).current_ma == 4.0
     rig.arm()
-    rig.go_to(0.087)
+    rig.go_to(HIGH_M)
 
 
 def test_a_link_that_is_deleted_and_made_again_is_found_again(rig: Rig) -> None:
@@ -100,7 +99,7 @@ def test_a_link_that_is_deleted_and_made_again_is_found_again(rig: Rig) -> None:
     command("ip", "link", "set", name, "up")
     rig.heard.newest.clear()
     rig.until(lambda: rig.told("is there again"))
-    rig.until(lambda: rig.is_at(CLOSED_M))
+    rig.until(lambda: rig.is_at(CLOSED_M, 0.002))
     assert rig.daemon.process.poll() is None
     rig.arm()
-    rig.go_to(0.087)
+    rig.go_to(HIGH_M)

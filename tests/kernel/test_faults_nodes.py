@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from links import PATIENCE_S, Program, command, vcan
-from rig import DEADMAN_S, Rig
+from rig import CLOSED_M, DEADMAN_S, HIGH_M, LOW_M, Rig
 
 from positioner.wire.messages import Cause, CurrentCommand, Health, Mode, PlantTruth, PositionerStatus
 
@@ -16,12 +16,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 pytestmark = pytest.mark.kernel("faults")
-CLOSED_M = 0.0
 
 
 @pytest.fixture
 def rig(tmp_path: Path) -> Iterator[Rig]:
-    """A valve that is controlled, and rests at 80 mm."""
+    """A valve that is controlled, and rests near 80 mm."""
     with vcan() as bus, Rig(tmp_path, bus) as running:
         running.arm()
         running.go_to(0.080)
@@ -32,14 +31,14 @@ def test_a_flood_of_higher_priority_does_not_reach_the_positioner(rig: Rig, tmp_
     before = len(rig.told("mode "))
     words = ["cangen", rig.bus.channel, "-g", "0.5", "-I", "001", "-L", "8", "-n", "4000"]
     with Program(words, tmp_path / "cangen.log") as flood:
-        rig.go_to(0.073)
+        rig.go_to(LOW_M)
         rig.until(lambda: flood.process.poll() is not None, PATIENCE_S * 2)
     rig.after(5)
     assert not rig.told("queue was full")
     assert not rig.told("refused")
     assert rig.mode() is Mode.ACTIVE
     assert len(rig.told("mode ")) >= before
-    rig.go_to(0.087)
+    rig.go_to(HIGH_M)
 
 
 def test_a_second_controller_is_an_alarm_for_as_long_as_it_speaks(rig: Rig) -> None:
@@ -66,16 +65,16 @@ def test_a_clock_that_is_stepped_by_an_hour_changes_nothing(rig: Rig) -> None:
         rig.after(30)
         assert rig.mode() is Mode.ACTIVE
     assert len(rig.told("mode ")) == modes
-    rig.go_to(0.073)
+    rig.go_to(LOW_M)
 
 
 def test_a_positioner_that_hangs_leaves_the_valve_to_its_own_deadman(rig: Rig) -> None:
     rig.pause(rig.daemon)
-    rig.until(lambda: rig.is_at(CLOSED_M))
+    rig.until(lambda: rig.is_at(CLOSED_M, 0.002))
     rig.resume(rig.daemon)
     rig.heard.newest.clear()
     rig.after(5)
-    rig.go_to(0.087)
+    rig.go_to(HIGH_M)
     assert rig.mode() is Mode.ACTIVE
 
 
@@ -94,7 +93,7 @@ def test_a_valve_that_is_silent_is_held_then_failed_safe_until_it_is_armed_again
     assert rig.wait(CurrentCommand).current_ma == 4.0
     rig.resume(rig.plant)
     rig.heard.newest.pop(PlantTruth, None)
-    rig.until(lambda: rig.is_at(CLOSED_M), PATIENCE_S + DEADMAN_S)
+    rig.until(lambda: rig.is_at(CLOSED_M, 0.002), PATIENCE_S + DEADMAN_S)
     assert rig.mode() is Mode.FAILSAFE
     rig.arm()
-    rig.go_to(0.073)
+    rig.go_to(LOW_M)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from links import PATIENCE_S, command, until
+from rig import CLOSED_M, HIGH_M, LOW_M, NEAR_M, PERIOD_S
 
 from positioner.bus import BusPort
 from positioner.bus_address import BusAddress
@@ -18,7 +19,6 @@ from positioner.wire.messages import Message, PlantTruth, Setpoint
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-PERIOD_S = 0.02
 CONFIGURATIONS = Path("/etc/positioner")
 UNITS = Path("/etc/systemd/system")
 _VALVE = """[valve]
@@ -111,7 +111,7 @@ class Valve:
         self.until(lambda: kind in self.newest)
         return self.newest[kind]
 
-    def is_at(self, position_m: float, within_m: float = 0.006) -> bool:
+    def is_at(self, position_m: float, within_m: float = NEAR_M) -> bool:
         truth = self.newest.get(PlantTruth)
         return isinstance(truth, PlantTruth) and abs(truth.position_m - position_m) < within_m
 
@@ -142,3 +142,6 @@ class Valve:
         """Return what is known, for a test that fails."""
         status = command("systemctl", "--no-pager", "status", self.unit, self.plant, check=False)
         return f"{status}\n{journal(self.unit)[-3000:]}\n{journal(self.plant)[-1500:]}"
+
+
+__all__ = ["CLOSED_M", "CONFIGURATIONS", "HIGH_M", "LOW_M", "Valve", "configure", "journal", "show", "systemctl"]

@@ -56,8 +56,8 @@ M = TypeVar("M", bound=Message)
 class Heard:
     """What the host of a rig has heard: the newest message of each kind, and how many there were."""
 
-    newest: dict[type[Message], Message] = field(default_factory=dict)
-    counts: Counter[type[Message]] = field(default_factory=Counter)
+    newest: dict[type, Message] = field(default_factory=dict)
+    counts: Counter[type] = field(default_factory=Counter)
     refused: int = 0
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import time
@@ -12,15 +11,17 @@ from typing import TYPE_CHECKING
 import pytest
 from harness.plan import PROJECT
 from links import PATIENCE_S, add_vcan, command, until
-from machine import CONFIGURATIONS, Valve, configure, journal, show, systemctl
+from machine import CLOSED_M, CONFIGURATIONS, HIGH_M, LOW_M, Valve, configure, journal, show, systemctl
 
+from positioner.store import document
 from positioner.wire.messages import CurrentCommand
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from positioner.store.content import StoredTable
+
 pytestmark = pytest.mark.kernel("systemd")
-CLOSED_M = 0.0
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -42,16 +43,14 @@ def valve() -> Iterator[Valve]:
     running.port.close()
 
 
-def table_of(valve: Valve) -> dict[str, object]:
+def table_of(valve: Valve) -> StoredTable:
     """Return the table as root's command line prints it."""
-    dumped: dict[str, object] = json.loads(
-        command("/usr/local/bin/positioner", "table", "dump", "--state", str(valve.state), "--format", "json")
-    )
-    return dumped
+    text = command("/usr/local/bin/positioner", "table", "dump", "--state", str(valve.state), "--format", "json")
+    return document.loads(text, "the dump")
 
 
 def samples_in(valve: Valve) -> int:
-    return sum(len(cell["samples"]) for cell in table_of(valve)["cells"])  # type: ignore[attr-defined]
+    return sum(len(cell.samples) for _, cell in table_of(valve).table)
 
 
 def test_the_service_is_ready_at_the_first_feedback_and_not_before(valve: Valve) -> None:
@@ -64,11 +63,11 @@ def test_the_service_is_ready_at_the_first_feedback_and_not_before(valve: Valve)
 
 
 def test_the_loop_is_closed_and_what_is_learned_belongs_to_a_user_made_for_it(valve: Valve) -> None:
-    valve.go_to(0.073)
-    valve.go_to(0.087)
+    valve.go_to(LOW_M)
+    valve.go_to(HIGH_M)
     valve.go_to(0.080)
     until(lambda: samples_in(valve) > 0, valve.story)
-    assert table_of(valve)["valve_id"] == "fv101"
+    assert table_of(valve).valve_id == "fv101"
     private = Path("/var/lib/private/positioner/fv101")
     assert private.stat().st_uid not in {0, 65534}
     assert Path(f"/proc/{valve.pid}").stat().st_uid == private.stat().st_uid
@@ -76,8 +75,8 @@ def test_the_loop_is_closed_and_what_is_learned_belongs_to_a_user_made_for_it(va
 
 
 def test_a_killed_positioner_is_back_within_two_seconds_and_keeps_its_table(valve: Valve) -> None:
-    valve.go_to(0.073)
-    valve.go_to(0.087)
+    valve.go_to(LOW_M)
+    valve.go_to(HIGH_M)
     before, killed = samples_in(valve), valve.pid
     killed_s = time.monotonic()
     os.kill(killed, signal.SIGKILL)
@@ -91,9 +90,9 @@ def test_a_killed_positioner_is_back_within_two_seconds_and_keeps_its_table(valv
 
 
 def test_the_valve_fails_safe_while_nobody_commands_it(valve: Valve) -> None:
-    valve.go_to(0.087)
+    valve.go_to(HIGH_M)
     systemctl("stop", valve.unit)
-    valve.until(lambda: valve.is_at(CLOSED_M))
+    valve.until(lambda: valve.is_at(CLOSED_M, 0.002))
     valve.start()
     valve.go_to(0.080)
 
@@ -105,7 +104,7 @@ def test_a_positioner_that_hangs_is_killed_by_the_watchdog_and_comes_back(valve:
     assert int(show(valve.unit, "NRestarts")) == restarts + 1
     assert "Watchdog timeout" in journal(valve.unit)
     until(lambda: valve.is_active, valve.story)
-    valve.go_to(0.087)
+    valve.go_to(HIGH_M)
 
 
 def test_a_bus_that_is_deleted_and_made_again_brings_the_service_back_by_itself(valve: Valve) -> None:
@@ -113,7 +112,7 @@ def test_a_bus_that_is_deleted_and_made_again_brings_the_service_back_by_itself(
     until(lambda: show(valve.unit, "ActiveState") in {"inactive", "failed"}, valve.story)
     add_vcan("vcan0")
     until(lambda: valve.is_active, valve.story, PATIENCE_S * 2)
-    valve.go_to(0.087)
+    valve.go_to(HIGH_M)
 
 
 def test_a_wrong_configuration_fails_once_and_says_why() -> None:
@@ -128,8 +127,8 @@ def test_a_wrong_configuration_fails_once_and_says_why() -> None:
 
 
 def test_a_stop_is_clean_and_saves_what_was_learned(valve: Valve) -> None:
-    valve.go_to(0.073)
-    valve.go_to(0.087)
+    valve.go_to(LOW_M)
+    valve.go_to(HIGH_M)
     before = samples_in(valve)
     systemctl("stop", valve.unit)
     assert (show(valve.unit, "Result"), show(valve.unit, "ExecMainStatus")) == ("success", "0")
@@ -143,9 +142,9 @@ def test_two_valves_on_two_buses_do_not_disturb_each_other(valve: Valve) -> None
     other = Valve("fv102", "vcan1")
     other.start()
     try:
-        valve.go_to(0.073)
-        other.go_to(0.087)
-        assert valve.is_at(0.073)
+        valve.go_to(LOW_M)
+        other.go_to(HIGH_M)
+        assert valve.is_at(LOW_M)
         commands = [running.hear(CurrentCommand) for running in (valve, other)]
         assert isinstance(commands[0], CurrentCommand)
         assert isinstance(commands[1], CurrentCommand)

@@ -8,6 +8,7 @@ from collections import defaultdict
 from typing import TYPE_CHECKING, Any
 
 import pytest
+
 from harness import fleet, wheels
 from harness.packages import CannotFetchError
 from harness.plan import KINDS, kind_inside
@@ -56,21 +57,20 @@ class Dispatcher:
                     for nodeid in guest.tests:
                         if not any(report.when == "teardown" for report in told[nodeid]):
                             told[nodeid].append(_died(by_id[nodeid], guest))
-                            self._tell(session, by_id[nodeid], told[nodeid], failed, last=last)
+                            self._tell(by_id[nodeid], told[nodeid], failed, last=last)
                     continue
                 report = _unskipped(
                     session.config.hook.pytest_report_from_serializable(config=session.config, data=data)
                 )
                 told[report.nodeid].append(report)
                 if report.when == "teardown":
-                    self._tell(session, by_id[report.nodeid], told[report.nodeid], failed, last=last)
+                    self._tell(by_id[report.nodeid], told[report.nodeid], failed, last=last)
         except CannotFetchError as error:
             pytest.exit(str(error), returncode=3)
         return failed
 
     def _tell(
         self,
-        session: pytest.Session,
         item: pytest.Item,
         reports: Sequence[pytest.TestReport],
         failed: list[pytest.Item],

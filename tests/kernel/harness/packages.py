@@ -5,11 +5,11 @@ from __future__ import annotations
 import hashlib
 import shutil
 import subprocess
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
 USER_MODE = (
     *("user-mode-linux", "busybox-static", "can-utils", "iproute2", "kmod", "systemd", "udev", "dbus", "make"),

@@ -26,7 +26,8 @@ $busybox insmod {modules}/fs/overlayfs/overlay.ko
 $busybox mkdir /run/upper /run/work /run/new /run/packages
 # a mount of its own: an overlay takes no layer that lies within another
 mount -t hostfs none /run/packages -o {root}
-mount -t overlay -o lowerdir=/run/packages:/,upperdir=/run/upper,workdir=/run/work overlay /run/new || exec $busybox poweroff -f
+layers=lowerdir=/run/packages:/,upperdir=/run/upper,workdir=/run/work
+mount -t overlay -o $layers overlay /run/new || exec $busybox poweroff -f
 cd /run/new
 mount -t proc proc proc
 mount -t sysfs sysfs sys
@@ -71,7 +72,8 @@ for unit in systemd-timesyncd.service systemd-resolved.service systemd-networkd.
     systemd-sysusers.service ldconfig.service systemd-hwdb-update.service systemd-journal-catalog-update.service \\
     systemd-update-utmp.service systemd-machine-id-commit.service systemd-random-seed.service \\
     systemd-pstore.service systemd-tmpfiles-setup.service systemd-tmpfiles-setup-dev.service tmp.mount \\
-    systemd-tmpfiles-clean.timer systemd-binfmt.service dev-hugepages.mount dev-mqueue.mount sys-kernel-debug.mount sys-kernel-tracing.mount; do
+    systemd-tmpfiles-clean.timer systemd-binfmt.service dev-hugepages.mount dev-mqueue.mount \\
+    sys-kernel-debug.mount sys-kernel-tracing.mount; do
     ln -s /dev/null /run/systemd/system/$unit
 done
 rm -f /etc/fstab /etc/machine-id /etc/systemd/system/*.target.wants/*
@@ -102,7 +104,7 @@ def command(kind_name: str, kind: Kind, out: Path, tests: Sequence[str]) -> list
     )
     init.chmod(0o755)
     kernel = [str(root / "usr/bin/linux.uml"), "mem=1536M", "rootfstype=hostfs", "rootflags=/", "rw", f"init={init}"]
-    return [*kernel, "con=null", "con0=fd:0,fd:1", "quiet"]
+    return [*kernel, "con=null", "con0=fd:0,fd:1", "quiet", "systemd.show_status=false"]
 
 
 def _replaced() -> str:

@@ -14,7 +14,7 @@ from positioner.bus import BusPort
 from positioner.bus_address import BusAddress
 from positioner.wire.codec import make_codec
 from positioner.wire.formats import FrameRejectedError
-from positioner.wire.messages import Message, PlantTruth, Setpoint
+from positioner.wire.messages import HostRequest, Message, PlantTruth, Setpoint
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -84,11 +84,12 @@ class Valve:
         self.codec = make_codec()
         self.newest: dict[type[Message], Message] = {}
         self.setpoint_m = 0.08
+        self.request = HostRequest.NONE
         self._numbers = itertools.count()
 
     def step(self) -> None:
         """One period of the host: it asks, and hears what the others say."""
-        self.port.send(self.codec.encode(Setpoint(self.setpoint_m), next(self._numbers)))
+        self.port.send(self.codec.encode(Setpoint(self.setpoint_m, self.request), next(self._numbers)))
         end_s = time.monotonic() + PERIOD_S
         while (left_s := end_s - time.monotonic()) > 0.0:
             for frame in self.port.receive(left_s):

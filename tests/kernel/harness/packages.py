@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 USER_MODE = (
     *("user-mode-linux", "busybox-static", "can-utils", "iproute2", "kmod", "systemd", "udev", "dbus", "make"),
-    *("python3", "python3-venv", "sudo"),
+    *("python3", "python3-venv"),
 )
 EMULATED = ("qemu-system-x86", "linux-image-amd64", "busybox-static")
 _MERGED = ("bin", "sbin", "lib", "lib64")

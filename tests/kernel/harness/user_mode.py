@@ -68,8 +68,8 @@ Wants=kernel-tests.service
 After=basic.target
 AllowIsolate=yes
 END
-for unit in systemd-timesyncd.service systemd-resolved.service systemd-networkd.service systemd-firstboot.service \\
-    systemd-sysusers.service ldconfig.service systemd-hwdb-update.service systemd-journal-catalog-update.service \\
+for unit in systemd-timesyncd.service systemd-resolved.service systemd-firstboot.service \\
+    ldconfig.service systemd-hwdb-update.service systemd-journal-catalog-update.service \\
     systemd-update-utmp.service systemd-machine-id-commit.service systemd-random-seed.service \\
     systemd-pstore.service systemd-tmpfiles-setup.service systemd-tmpfiles-setup-dev.service tmp.mount \\
     systemd-tmpfiles-clean.timer systemd-binfmt.service dev-hugepages.mount dev-mqueue.mount \\

@@ -12,12 +12,13 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from positioner import guard
-from positioner.events import Controlled, Event, LawFellBack, Learned, ModeChanged, MoveBegan
+from positioner.events import Controlled, Event, LawFellBack, LawLate, Learned, ModeChanged, MoveBegan
 from positioner.guard import GuardSettings, GuardState
 from positioner.inbox import LinkState, Reading, receive
 from positioner.laws.law import Decision, Observation
 from positioner.stick_slip import lessons
 from positioner.stiction import StictionTable
+from positioner.tally import Tally
 from positioner.wire.messages import CanFrame, CurrentCommand, Motion, PositionerStatus
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ class Sent:
 
 @dataclass(frozen=True, slots=True)
 class CycleState:
-    """Everything a positioner carries on. `memory` is the law's own, None while it does not control."""
+    """Everything a positioner carries on. `memory` is the law's own; the shell tells `table_saved` and `late_ns`."""
 
     table: StictionTable = field(default_factory=StictionTable)
     guard: GuardState = field(default_factory=GuardState)
@@ -71,6 +72,8 @@ class CycleState:
     control_s: float = 0.0
     setpoint_m: float = 0.0
     table_saved: bool = True
+    late_ns: int = 0
+    tally: Tally = field(default_factory=Tally)
     fallback_count: int = 0
     learned_count: int = 0
 
@@ -88,11 +91,15 @@ def step(
     A cycle closes for every batch that holds a fresh, plausible reading. Without one, only time passes: the guard ages
     what it has, and in HOLD or FAILSAFE the last word is repeated so that the actuator hears that somebody is there.
     """
-    received = receive(setup.codec, setup.guard, setup.valve, state.link, tuple(inbox))
     before = state.guard
-    watch = guard.supervise(setup.guard, before, received.seen, setup.period_s, now_ns)
-    state = replace(state, link=received.link, guard=watch)
-    events = [*received.events]
+    commanded_ma = state.last_ma if before.controls else None
+    received = receive(setup.codec, setup.guard, setup.valve, state.link, tuple(inbox), commanded_ma, setup.period_s)
+    seen, events = received.seen, [*received.events]
+    if state.late_ns:
+        seen = replace(seen, late=True)
+        events.append(LawLate(state.late_ns, setup.period_s))
+    watch = guard.supervise(setup.guard, before, seen, setup.period_s, now_ns)
+    state = replace(state, link=received.link, guard=watch, late_ns=0, tally=state.tally.add(events))
 
     decision: Decision | None = None
     if not watch.controls:
@@ -101,11 +108,8 @@ def step(
         state, decision = _control(setup, state, received.reading, events)
 
     outbox: list[CanFrame] = []
-    silent_ns = now_ns - state.command_ns
-    repeats = (
-        guard.is_feedback_stale(setup.guard, watch, setup.period_s, now_ns) and silent_ns >= _IDLE_COMMAND_PERIOD_NS
-    )
-    if received.reading is not None or repeats:
+    stale = guard.is_feedback_stale(setup.guard, watch, setup.period_s, now_ns)
+    if received.reading is not None or (stale and now_ns - state.command_ns >= _IDLE_COMMAND_PERIOD_NS):
         state, frames = _command(setup, state, decision, received.reading, now_ns)
         outbox += frames
         if decision is not None and received.reading is not None:
@@ -224,8 +228,9 @@ def _status(setup: Setup, state: CycleState, now_ns: int) -> tuple[CycleState, l
         state.link.rejected_count % 256,
         state.learned_count % 256,
     )
-    frame = setup.codec.encode(message, state.status_counter)
-    return replace(state, status_counter=state.status_counter + 1, status_ns=now_ns), [frame]
+    tally, count = state.tally.next_told()
+    frames = [setup.codec.encode(each, state.status_counter) for each in (message, count) if each is not None]
+    return replace(state, status_counter=state.status_counter + 1, status_ns=now_ns, tally=tally), frames
 
 
 def _controlled(state: CycleState, decision: Decision, reading: Reading) -> Controlled:

@@ -16,9 +16,7 @@ from positioner.errors import AlreadyRunningError, ExitCode, UsageError
 from positioner.events import (
     Controlled,
     Event,
-    FeedbackRefused,
     ForeignCommand,
-    LawFellBack,
     Learned,
     ModeChanged,
     MoveBegan,
@@ -133,7 +131,9 @@ class Daemon:
             self._notifier.send(STATUS=f"waiting for position frames on {self._bus.address}")
         frames = self._gate.admit(frames)
         now_ns = self._clock.now_ns(frames)
+        began_ns = time.monotonic_ns()
         self._state, outbox, events = cycle.step(self._setup, self._state, frames, now_ns)
+        self._watch_the_time(time.monotonic_ns() - began_ns)
         if not self._options.dry_run:
             for frame in outbox:
                 self._bus.send(frame)
@@ -142,6 +142,11 @@ class Daemon:
         if time.monotonic() >= self._watchdog_due_s:  # whoever waits for feedback or for arming is alive, too
             self._watchdog_due_s = time.monotonic() + _WATCHDOG_EVERY_S
             self._notifier.send(WATCHDOG="1")
+
+    def _watch_the_time(self, spent_ns: int) -> None:
+        """Tell the next cycle that this one took longer than a period; in lockstep the plant waits, and none does."""
+        if spent_ns > self._period_s * 1e9 and not self._options.lockstep:
+            self._state = replace(self._state, late_ns=spent_ns)
 
     def _tell(self, events: tuple[Event, ...]) -> None:
         learned = [event for event in events if isinstance(event, Learned)]
@@ -153,8 +158,6 @@ class Daemon:
                     self._announce(event)
                 case Learned() | MoveBegan():
                     logger.debug("%s", event)
-                case FeedbackRefused() | LawFellBack():
-                    self._throttle.log(logging.WARNING, type(event).__name__, str(event))
                 case ForeignCommand():
                     self._throttle.log(logging.ERROR, type(event).__name__, str(event))
                     if not self._state.guard.ever_armed:

@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from positioner.wire.loop_current import LoopSignal, signal_of
+
 if TYPE_CHECKING:
     from positioner.estimate import StemState
     from positioner.laws.law import Decision
     from positioner.stiction import LearnedSample
     from positioner.wire.formats import Reason
-    from positioner.wire.messages import Cause, Mode
+    from positioner.wire.messages import Cause, Counted, Mode
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +62,7 @@ class FeedbackRefused:
 
     position_m: float
     why: str
+    counted: Counted
 
     def __str__(self) -> str:
         """One line for the log."""
@@ -74,9 +77,9 @@ class ForeignCommand:
 
     def __str__(self) -> str:
         """One line for the log."""
-        return (
-            f"another controller commands this valve ({self.current_ma:.3f} mA): stop it, or give one another id_offset"
-        )
+        failure = ", a failure signal" if signal_of(self.current_ma) is LoopSignal.FAILURE else ""
+        told = f"another controller commands this valve ({self.current_ma:.3f} mA{failure})"
+        return f"{told}: stop it, or give one another id_offset"
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +120,21 @@ class LawFellBack:
 
 
 @dataclass(frozen=True, slots=True)
+class LawLate:
+    """The cycle before took longer than a sample period; its command left late."""
+
+    spent_ns: int
+    period_s: float
+
+    def __str__(self) -> str:
+        """One line for the log."""
+        return (
+            f"a cycle took {self.spent_ns / 1e6:.3g} ms, longer than the period of {self.period_s * 1e3:g} ms: "
+            "give the positioner a processor of its own, or a longer control.sample_period_s"
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class MoveBegan:
     """The law began a move; `why` says what for, and what its first current rests on."""
 
@@ -150,12 +168,16 @@ Event = (
     | ModeChanged
     | Learned
     | LawFellBack
+    | LawLate
     | MoveBegan
     | Controlled
 )
 
 
 def kind_of(event: Event) -> str:
-    """Return what counts as one kind of line: refused frames are told apart by their reason."""
-    reason = getattr(event, "reason", None)
-    return f"{type(event).__name__} {reason.value}" if reason is not None else type(event).__name__
+    """Return what counts as one kind of line: refused frames are told apart by their reason, readings by the doubt."""
+    if isinstance(event, FrameRefused):
+        return f"{type(event).__name__} {event.reason.value}"
+    if isinstance(event, FeedbackRefused):
+        return f"{type(event).__name__} {event.counted.name}"
+    return type(event).__name__

@@ -14,6 +14,7 @@ from typing import Annotated, ClassVar
 
 from annotated_types import Interval
 
+from positioner.wire.loop_current import LARGEST_MA, VALUE_HIGH_MA, VALUE_LOW_MA, LoopSignal, signal_of
 from positioner.wire.messages import Cause, Health, HostRequest, Mode
 
 _NS = 1_000_000_000
@@ -37,17 +38,21 @@ class GuardSettings:
     max_rate_ma_per_s: 0 leaves the rate free.
     feedback_hold_periods, feedback_failsafe_periods: sample periods without valid feedback until HOLD and FAILSAFE.
     setpoint_hold_s, setpoint_failsafe_s: time without a valid setpoint until HOLD and FAILSAFE; 0 means never.
-    law_failsafe_cycles: cycles in a row without a usable answer of the law until FAILSAFE.
-    failsafe_action, failsafe_current_ma: what FAILSAFE commands; the current counts with action "current" only.
+    law_failsafe_cycles: cycles in a row without a usable answer of the law until FAILSAFE, or late until it is told.
+    failsafe_action, failsafe_current_ma: what FAILSAFE commands; the current counts with action "current" only, and
+        may be a failure signal (NE 43: 3.6 mA and below, 21 mA and above), which an actuator answers by itself.
     position_margin_m: how far beyond the travel a reading is still plausible; noise reaches beyond a hard stop.
     max_jump_m: largest plausible step between two readings.
+    frozen_s, frozen_command_ma: a reading that stays the same to the bit for so long, while the command is so far
+        beyond the stick band of the valve as it is believed, is frozen; 0 s means never. An actuator with a lag needs
+        several times its lag.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
     auto_arm: bool = False
-    current_low_ma: Annotated[float, Interval(ge=3.8, le=20.5)] = 4.0
-    current_high_ma: Annotated[float, Interval(ge=3.8, le=20.5)] = 20.0
+    current_low_ma: Annotated[float, Interval(ge=VALUE_LOW_MA, le=VALUE_HIGH_MA)] = 4.0
+    current_high_ma: Annotated[float, Interval(ge=VALUE_LOW_MA, le=VALUE_HIGH_MA)] = 20.0
     max_rate_ma_per_s: Annotated[float, Interval(ge=0.0, le=1e6)] = 0.0
     feedback_hold_periods: Annotated[int, Interval(ge=2, le=1000)] = 3
     feedback_failsafe_periods: Annotated[int, Interval(ge=3, le=10000)] = 10
@@ -55,9 +60,11 @@ class GuardSettings:
     setpoint_failsafe_s: Annotated[float, Interval(ge=0.0, le=86400.0)] = 10.0
     law_failsafe_cycles: Annotated[int, Interval(ge=1, le=1000)] = 10
     failsafe_action: FailsafeAction = FailsafeAction.LOW
-    failsafe_current_ma: Annotated[float, Interval(ge=3.8, le=20.5)] = 4.0
+    failsafe_current_ma: Annotated[float, Interval(ge=0.0, le=LARGEST_MA)] = 4.0
     position_margin_m: Annotated[float, Interval(ge=0.0, le=0.5)] = 0.02
     max_jump_m: Annotated[float, Interval(gt=0.0, le=2.0)] = 0.05
+    frozen_s: Annotated[float, Interval(ge=0.0, le=3600.0)] = 2.0
+    frozen_command_ma: Annotated[float, Interval(ge=0.1, le=16.0)] = 1.5
 
     def __post_init__(self) -> None:
         """Refuse limits in the wrong order."""
@@ -67,6 +74,8 @@ class GuardSettings:
             raise ValueError("feedback_failsafe_periods must exceed feedback_hold_periods")
         if 0.0 < self.setpoint_failsafe_s <= self.setpoint_hold_s:
             raise ValueError("setpoint_failsafe_s must exceed setpoint_hold_s, or be 0 for never")
+        if signal_of(self.failsafe_current_ma) is LoopSignal.NEITHER:
+            raise ValueError("failsafe_current_ma must be a value (3.8 to 20.5) or a failure signal (≤ 3.6 or ≥ 21)")
 
     def failsafe_ma(self, last_ma: float) -> float:
         """Return the current of FAILSAFE in mA; `last_ma` was commanded before."""
@@ -83,17 +92,27 @@ class GuardSettings:
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """What this cycle saw: valid feedback, a usable setpoint, the host's request, a foreign command."""
+    """What this cycle saw.
+
+    feedback: a reading that can be true; else `refused`, why the newest one was none, None where there was none.
+    setpoint: a usable setpoint; request: the host's; foreign_command: somebody else's command.
+    late: the cycle before took longer than a period.
+    """
 
     feedback: bool = False
     setpoint: bool = False
     request: HostRequest | None = None
     foreign_command: bool = False
+    refused: Cause | None = None
+    late: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class GuardState:
-    """Mode and cause, and what decides them; instants are monotonic, None for never."""
+    """Mode and cause, and what decides them; instants are monotonic, None for never.
+
+    no_feedback: what it is called when feedback is missing. late_cycles: how many in a row were late.
+    """
 
     mode: Mode = Mode.INIT
     cause: Cause = Cause.WAITING_FOR_FEEDBACK
@@ -104,6 +123,8 @@ class GuardState:
     setpoint_ns: int | None = None
     foreign_ns: int | None = None
     law_failures: int = 0
+    no_feedback: Cause = Cause.FEEDBACK_STALE
+    late_cycles: int = 0
 
     @property
     def transmits(self) -> bool:
@@ -121,7 +142,7 @@ class GuardState:
             return Health.FAILURE
         if self.mode in {Mode.INIT, Mode.READY}:
             return Health.FUNCTION_CHECK
-        if self.mode is Mode.HOLD:
+        if self.mode is Mode.HOLD or self.cause is Cause.LAW_LATE:
             return Health.OUT_OF_SPECIFICATION
         return Health.GOOD if table_saved else Health.MAINTENANCE_REQUIRED
 
@@ -145,6 +166,8 @@ def supervise(settings: GuardSettings, state: GuardState, seen: Sighting, period
         now_ns if seen.setpoint else state.setpoint_ns,
         foreign_ns,
         state.law_failures,
+        Cause.FEEDBACK_STALE if seen.feedback else seen.refused or state.no_feedback,
+        state.late_cycles + 1 if seen.late else 0,
     )
     state = _arm(settings, state, seen, settings.feedback_hold_periods * period_s * _NS, now_ns)
     mode, cause = _mode(settings, state, period_s, now_ns)
@@ -182,12 +205,13 @@ def _mode(settings: GuardSettings, state: GuardState, period_s: float, now_ns: i
         (not state.armed and foreign, Mode.READY, Cause.FOREIGN_COMMAND),
         (not state.armed and state.ever_armed, Mode.READY, Cause.DISARMED),
         (not state.armed, Mode.READY, Cause.WAITING_FOR_ARM),
-        (dead, Mode.FAILSAFE, Cause.FEEDBACK_STALE),
+        (dead, Mode.FAILSAFE, state.no_feedback),
         (state.law_failures >= settings.law_failsafe_cycles, Mode.FAILSAFE, Cause.LAW_FAILED),
         (0.0 < settings.setpoint_failsafe_s < silent_s, Mode.FAILSAFE, Cause.SETPOINT_STALE),
-        (silent_periods > settings.feedback_hold_periods, Mode.HOLD, Cause.FEEDBACK_STALE),
+        (silent_periods > settings.feedback_hold_periods, Mode.HOLD, state.no_feedback),
         (0.0 < settings.setpoint_hold_s < silent_s, Mode.HOLD, Cause.SETPOINT_STALE),
         (foreign, Mode.ACTIVE, Cause.FOREIGN_COMMAND),
+        (state.late_cycles >= settings.law_failsafe_cycles, Mode.ACTIVE, Cause.LAW_LATE),
     )
     return next(((mode, cause) for holds, mode, cause in rules if holds), (Mode.ACTIVE, Cause.NONE))
 

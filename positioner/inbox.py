@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING
 
 from positioner.events import Event, FeedbackRefused, ForeignCommand, FrameRefused, FramesLost, SetpointRefused
 from positioner.guard import GuardSettings, Sighting
+from positioner.plausibility import Watched, judge
 from positioner.wire.e2e import CounterCheck, Sequence
 from positioner.wire.formats import FrameRejectedError, Reason
 from positioner.wire.messages import (
     ActuatorState,
+    Cause,
+    Counted,
     CurrentCommand,
     HostRequest,
     Message,
-    Quality,
     Setpoint,
     StemPosition,
 )
@@ -32,8 +34,7 @@ class LinkState:
     """What is remembered of the other nodes between cycles."""
 
     counters: Mapping[type[Message], CounterCheck] = field(default_factory=dict)
-    last_position_m: float | None = None
-    jumps: int = 0
+    readings: Watched = field(default_factory=Watched)
     setpoint_m: float | None = None
     setpoint_counter: int | None = None
     pressure_pa: float | None = None
@@ -64,15 +65,22 @@ class Received:
 _IGNORED = frozenset({Reason.UNKNOWN_ID})
 """Other nodes' traffic is nobody's mistake."""
 _COUNTED = (StemPosition, Setpoint, ActuatorState)
-_JUMPS_BELIEVED = 3
-"""As many implausible jumps in a row are a new truth: the stem was moved while nobody watched."""
 
 
 def receive(
-    codec: Codec, guard: GuardSettings, valve: ValveParameters, link: LinkState, frames: tuple[CanFrame, ...]
+    codec: Codec,
+    guard: GuardSettings,
+    valve: ValveParameters,
+    link: LinkState,
+    frames: tuple[CanFrame, ...],
+    commanded_ma: float | None = None,
+    period_s: float = 0.0,
 ) -> Received:
-    """Return what `frames`, oldest first, amount to; the newest reading counts, no frame is lost to the checks."""
-    batch = _Batch(guard, valve, link)
+    """Return what `frames`, oldest first, amount to; the newest reading counts, no frame is lost to the checks.
+
+    commanded_ma is the current in force while a law controls, else None; `period_s` lies between two readings.
+    """
+    batch = _Batch(guard, valve, link, commanded_ma, period_s)
     for frame in frames:
         try:
             message, counter = codec.decode(frame)
@@ -89,12 +97,15 @@ def receive(
 class _Batch:
     """A batch of frames on its way to being understood: the link's fields, writable until `result`."""
 
-    def __init__(self, guard: GuardSettings, valve: ValveParameters, link: LinkState) -> None:
+    def __init__(
+        self, guard: GuardSettings, valve: ValveParameters, link: LinkState, commanded_ma: float | None, period_s: float
+    ) -> None:
         self.guard = guard
         self.valve = valve
+        self.commanded_ma = commanded_ma
+        self.period_s = period_s
         self.counters = dict(link.counters)
-        self.last_position_m = link.last_position_m
-        self.jumps = link.jumps
+        self.readings = link.readings
         self.setpoint_m = link.setpoint_m
         self.setpoint_counter = link.setpoint_counter
         self.pressure_pa = link.pressure_pa
@@ -103,6 +114,7 @@ class _Batch:
         self.setpoint = False
         self.request: HostRequest | None = None
         self.foreign = False
+        self.refused: Cause | None = None
         self.events: list[Event] = []
         self._periods = link.periods_unread
 
@@ -110,15 +122,14 @@ class _Batch:
         """Return what the batch amounts to."""
         link = LinkState(
             self.counters,
-            self.last_position_m,
-            self.jumps,
+            self.readings,
             self.setpoint_m,
             self.setpoint_counter,
             self.pressure_pa,
             self.rejected_count,
             self._periods - (self.reading.periods if self.reading else 0),
         )
-        seen = Sighting(self.reading is not None, self.setpoint, self.request, self.foreign)
+        seen = Sighting(self.reading is not None, self.setpoint, self.request, self.foreign, self.refused)
         return Received(link, self.reading, seen, tuple(self.events))
 
     def in_sequence(self, message: Message, counter: int | None, modulus: int) -> int:
@@ -156,11 +167,13 @@ class _Batch:
 
     def _take_position(self, message: StemPosition, counter: int | None, lost: int) -> None:
         self._periods += lost + 1
-        why = self._implausible(message)
-        if why:
-            self.events.append(FeedbackRefused(message.position_m, why))
+        elapsed_s = (lost + 1) * self.period_s
+        self.readings, doubt = judge(self.guard, self.valve, self.readings, message, self.commanded_ma, elapsed_s)
+        if doubt:
+            self.events.append(FeedbackRefused(message.position_m, doubt.why, doubt.counted))
+            frozen = doubt.counted is Counted.FEEDBACK_FROZEN
+            self.refused = Cause.FEEDBACK_FROZEN if frozen else Cause.FEEDBACK_IMPLAUSIBLE
         else:
-            self.last_position_m, self.jumps = message.position_m, 0
             self.reading = Reading(message.position_m, counter, message.command_counter, self._periods)
 
     def _take_setpoint(self, message: Setpoint, counter: int | None) -> None:
@@ -173,16 +186,3 @@ class _Batch:
         else:
             refused = SetpointRefused(message.setpoint_m, self.valve.travel_min_m, self.valve.travel_max_m)
             self.events.append(refused)
-
-    def _implausible(self, message: StemPosition) -> str:
-        """Return why a reading is not plausible, empty when it is."""
-        position, last, margin = message.position_m, self.last_position_m, self.guard.position_margin_m
-        if message.quality is Quality.FAULT:
-            return "the sensor reports a fault"
-        low, high = self.valve.travel_min_m - margin, self.valve.travel_max_m + margin
-        if not low <= position <= high:
-            return f"outside the travel ({low * 1e3:g} to {high * 1e3:g} mm with its margin)"
-        if last is not None and abs(position - last) > self.guard.max_jump_m and self.jumps + 1 < _JUMPS_BELIEVED:
-            self.jumps += 1
-            return f"a jump of {abs(position - last) * 1e3:.1f} mm"
-        return ""

@@ -13,7 +13,7 @@ from positioner.bench.scenario import load_scenario
 from positioner.bounds import Bounds
 from positioner.cycle import CycleState, Setup
 from positioner.estimate import StemState
-from positioner.events import Controlled, Event, LawFellBack, Learned, ModeChanged
+from positioner.events import Controlled, Event, LawFellBack, LawLate, Learned, ModeChanged
 from positioner.guard import GuardSettings
 from positioner.laws.law import Decision, Observation
 from positioner.model import ValveParameters
@@ -22,11 +22,13 @@ from positioner.wire.codec import MessageSettings, WireSettings, make_codec
 from positioner.wire.messages import (
     CanFrame,
     Cause,
+    Counted,
     CurrentCommand,
     Health,
     HostRequest,
     Mode,
     Motion,
+    PositionerCount,
     PositionerStatus,
     Setpoint,
     StemPosition,
@@ -178,7 +180,60 @@ def test_the_status_tells_mode_health_and_counts() -> None:
     for _ in range(101):
         outbox = exchange.sample()
     expected = PositionerStatus(Mode.ACTIVE, Cause.NONE, Health.MAINTENANCE_REQUIRED, True, False, 100, 1, 2)
-    assert CODEC.decode(outbox[-1]) == (expected, 1)
+    status, count = outbox[-2:]
+    assert CODEC.decode(status) == (expected, 1)
+    assert CODEC.decode(count) == (PositionerCount(Counted.WRONG_CRC, 1), 1)
+
+
+def test_a_cycle_that_the_shell_calls_late_is_counted_told_once_and_changes_no_current() -> None:
+    exchange, punctual = Exchange(), Exchange()
+    for sample in range(102):
+        if sample == 50:
+            exchange.state = replace(exchange.state, late_ns=1_500_000)
+        frames, others = exchange.sample(), punctual.sample()
+        assert frames[0] == others[0]
+    (event,) = exchange.told(LawLate)
+    assert str(event).startswith("a cycle took 1.5 ms, longer than the period of 1 ms: give the positioner")
+    assert exchange.state.tally.counts == {Counted.LAW_LATE: 1}
+    assert exchange.state.late_ns == 0
+    for _ in range(20):
+        exchange.state = replace(exchange.state, late_ns=1_500_000)
+        exchange.sample()
+    assert exchange.state.guard.cause is Cause.LAW_LATE
+
+
+class Pusher(ScriptedLaw):
+    """Asks for 20 mA whatever it sees."""
+
+    def decide(
+        self, memory: int, stem: StemState, observation: Observation, table: StictionTable
+    ) -> tuple[int, Decision]:
+        del stem, observation, table
+        return memory, Decision(20.0, WIDE)
+
+
+def test_a_frozen_sensor_leads_to_hold_and_failsafe_with_its_cause_and_arming_starts_anew() -> None:
+    exchange = Exchange(Pusher(), GuardSettings(auto_arm=True, frozen_s=0.2505))
+    modes = []
+    for _ in range(270):
+        exchange.sample(0.05)
+        modes.append((exchange.state.guard.mode, exchange.state.guard.cause))
+    frozen = Cause.FEEDBACK_FROZEN
+    # the first sample arms; 250 periods under a command later the time is not yet up, after 251 it is
+    assert modes[:254] == [(Mode.ACTIVE, Cause.NONE)] * 254
+    assert modes[254:261] == [(Mode.HOLD, frozen)] * 7
+    assert modes[261:] == [(Mode.FAILSAFE, frozen)] * 9
+    assert exchange.state.last_ma == 4.0
+    exchange.sample(0.05, setpoint=Setpoint(0.06, HostRequest.NONE))
+    exchange.sample(0.05, setpoint=Setpoint(0.06, HostRequest.ARM))
+    assert exchange.state.guard.mode is Mode.ACTIVE
+
+
+def test_a_stem_that_moves_under_the_same_command_is_not_frozen() -> None:
+    exchange = Exchange(Pusher(), GuardSettings(auto_arm=True, frozen_s=0.1505, setpoint_hold_s=0.0))
+    for sample in range(1000):
+        exchange.sample(0.05 + 1e-8 * (sample // 100))
+    assert exchange.state.guard.mode is Mode.ACTIVE
 
 
 def test_the_plants_echo_tells_which_current_acted() -> None:

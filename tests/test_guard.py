@@ -36,6 +36,7 @@ from positioner.wire.messages import (
     Health,
     HostRequest,
     Mode,
+    PositionerCount,
     PositionerStatus,
     Quality,
     Setpoint,
@@ -170,6 +171,30 @@ def test_what_is_missing_longest_is_not_what_counts_but_what_is_worst() -> None:
     assert told(state) == (Mode.FAILSAFE, Cause.FEEDBACK_STALE)
     state = watch(active_at(SECOND), Sighting(feedback=True), SECOND + 600 * MS)
     assert told(watch(state, NOTHING, SECOND + 604 * MS)) == (Mode.HOLD, Cause.FEEDBACK_STALE)
+
+
+@pytest.mark.parametrize("cause", [Cause.FEEDBACK_IMPLAUSIBLE, Cause.FEEDBACK_FROZEN])
+def test_readings_that_come_and_are_refused_give_the_cause_its_name(cause: Cause) -> None:
+    doubted = Sighting(setpoint=True, refused=cause)
+    state = watch(active_at(SECOND), doubted, SECOND + 3 * MS)
+    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+    state = watch(state, doubted, SECOND + 4 * MS)
+    assert told(state) == (Mode.HOLD, cause)
+    assert told(watch(state, NOTHING, SECOND + 11 * MS)) == (Mode.FAILSAFE, cause)
+    good = watch(state, Sighting(feedback=True, setpoint=True, refused=cause), SECOND + 5 * MS)
+    assert told(good) == (Mode.ACTIVE, Cause.NONE)
+    assert told(watch(good, NOTHING, SECOND + 9 * MS)) == (Mode.HOLD, Cause.FEEDBACK_STALE)
+
+
+def test_cycles_that_are_late_again_and_again_are_told_and_one_in_time_ends_it() -> None:
+    late = Sighting(feedback=True, setpoint=True, late=True)
+    state = active_at(SECOND)
+    for cycle_number in range(1, 13):
+        state = watch(state, late, SECOND + cycle_number * MS)
+        expected = Cause.LAW_LATE if cycle_number >= 10 else Cause.NONE
+        assert told(state) == (Mode.ACTIVE, expected)
+        assert state.health(table_saved=True) is (Health.OUT_OF_SPECIFICATION if expected else Health.GOOD)
+    assert told(watch(state, EVERYTHING, SECOND + 13 * MS)) == (Mode.ACTIVE, Cause.NONE)
 
 
 # arming
@@ -492,7 +517,7 @@ class AnythingOnTheBus(RuleBasedStateMachine):
         if good:
             self.feedback_ns = self.now_ns
         sent = [CODEC.decode(frame)[0] for frame in outbox]
-        assert all(isinstance(message, CurrentCommand | PositionerStatus) for message in sent)
+        assert all(isinstance(message, CurrentCommand | PositionerStatus | PositionerCount) for message in sent)
         commands = [message for message in sent if isinstance(message, CurrentCommand)]
         assert len(commands) <= 1
         if not self.was_armed:
@@ -562,7 +587,7 @@ class AnythingOnTheBus(RuleBasedStateMachine):
     @rule(repeat=st.integers(1, 12), setpoint_m=st.floats(0.0, 0.1397))
     def regular_life(self, repeat: int, setpoint_m: float) -> None:
         """Feedback and setpoints as they should be, with an edge that arms: also the way back from FAILSAFE."""
-        here_m = self.state.link.last_position_m or 0.08
+        here_m = self.state.link.readings.position_m or 0.08
         for request in (HostRequest.NONE, *[HostRequest.ARM] * repeat):
             self.now_ns += MS
             self.turn(

@@ -20,17 +20,21 @@ OUTSIDE_WORLD = {
 }
 """Clocks, environment, disks, sockets, chance, logs, the bus and the solver."""
 
-STAGES = ("model", "estimate", "stick_slip", "stiction", "bounds", "qp", "planner", "guard", "inbox", "events", "cycle")
+STAGES = (
+    *("model", "estimate", "stick_slip", "stiction", "bounds", "qp", "planner"),
+    *("guard", "plausibility", "inbox", "tally", "events", "cycle"),
+)
 LAYERS = (
     ("positioner.cli",),
     ("positioner.bench", "positioner.doctor"),
     ("positioner.daemon",),
     ("positioner.config", "positioner.clock", "positioner.trace", "positioner.journal", "positioner.store"),
     ("positioner.cycle",),
-    ("positioner.inbox",),
+    ("positioner.inbox", "positioner.tally"),
     ("positioner.events",),
     ("positioner.laws",),
-    ("positioner.stick_slip", "positioner.guard", "positioner.planner"),
+    ("positioner.stick_slip", "positioner.plausibility", "positioner.planner"),
+    ("positioner.guard",),
     ("positioner.estimate", "positioner.bounds", "positioner.qp"),
     ("positioner.model", "positioner.stiction", "positioner.wire"),
 )

@@ -55,7 +55,7 @@ def test_a_reading_comes_with_its_counters() -> None:
     received = take(position(0.08, 7, echo=42))
     assert received.reading == Reading(0.08, 7, 42, 1)
     assert received.seen.feedback
-    assert received.link.last_position_m == 0.08
+    assert received.link.readings.position_m == 0.08
     assert received.events == ()
 
 
@@ -101,7 +101,7 @@ def test_a_repeated_frame_is_refused() -> None:
     received = take(position(0.081, 7), link=link)
     assert received.reading is None
     assert reasons(received) == [Reason.REPEATED]
-    assert received.link.last_position_m == 0.08
+    assert received.link.readings.position_m == 0.08
 
 
 def test_an_old_frame_is_refused_and_a_restarted_sender_believed_at_its_second_frame() -> None:
@@ -188,12 +188,12 @@ def test_a_jump_is_refused_twice_and_believed_the_third_time() -> None:
         link = received.link
     received = take(position(0.0901, 3), link=link)
     assert received.reading is not None
-    assert (received.link.last_position_m, received.link.jumps) == (0.0901, 0)
+    assert (received.link.readings.position_m, received.link.readings.jumps) == (0.0901, 0)
 
 
 def test_a_single_outlier_is_forgotten() -> None:
     link = take(position(0.08, 0), position(0.0901, 1), position(0.08, 2)).link
-    assert (link.jumps, link.last_position_m) == (0, 0.08)
+    assert (link.readings.jumps, link.readings.position_m) == (0, 0.08)
     assert take(position(0.0899, 3), link=link).reading is not None
 
 
@@ -225,7 +225,7 @@ def test_a_bad_frame_is_refused_counted_and_told(frame: CanFrame, reason: Reason
     assert received.reading is None
     assert reasons(received) == [reason]
     assert received.link.rejected_count == 5
-    assert received.link.last_position_m is None
+    assert received.link.readings.position_m is None
     assert reason.value in str(received.events[0])
 
 

@@ -20,12 +20,14 @@ from positioner.wire.messages import (
     ActuatorState,
     CanFrame,
     Cause,
+    Counted,
     CurrentCommand,
     Health,
     HostRequest,
     Mode,
     Motion,
     PlantTruth,
+    PositionerCount,
     PositionerStatus,
     Quality,
     Setpoint,
@@ -144,6 +146,7 @@ ANY_MESSAGE = st.one_of(
         *(st.sampled_from(Mode), st.sampled_from(Cause), st.sampled_from(Health)),
         *(st.booleans(), st.booleans(), BYTE, BYTE, BYTE),
     ),
+    st.builds(PositionerCount, st.sampled_from(Counted), st.integers(0, 2**32 - 1)),
     st.builds(PlantTruth, st.floats(-0.01, 0.661), st.floats(-8.191, 8.191)),
 )
 HALF_BIT = {"position_m": 5e-9, "setpoint_m": 5e-9, "current_ma": 5e-4, "pressure_pa": 0.5, "velocity_m_per_s": 5e-4}
@@ -216,7 +219,7 @@ def test_a_rounding_error_beyond_the_range_is_sent_as_the_limit_and_a_third_of_a
         (0x100, 0x1F00, (60, 4, 4), Reason.UNDEFINED_VALUE),
         (0x140, 0x1F40, (24, 4, 5), Reason.UNDEFINED_VALUE),
         (0x140, 0x1F40, (28, 4, 5), Reason.UNDEFINED_VALUE),
-        (0x140, 0x1F40, (32, 6, 12), Reason.UNDEFINED_VALUE),
+        (0x140, 0x1F40, (32, 6, 14), Reason.UNDEFINED_VALUE),
     ],
 )
 def test_one_bit_beyond_a_range_or_an_enumeration_is_refused_in_spite_of_its_crc(
@@ -265,7 +268,7 @@ def test_error_remote_and_unknown_frames_are_told_apart() -> None:
 def test_valves_on_one_bus_never_take_each_others_frames() -> None:
     codecs = [make_codec(WireSettings(id_offset=offset)) for offset in ID_OFFSETS]
     formats = [form for codec in codecs for form in codec.by_kind.values()]
-    assert len({form.arbitration_id for form in formats}) == len({form.data_id for form in formats}) == 10 * 6
+    assert len({form.arbitration_id for form in formats}) == len({form.data_id for form in formats}) == 10 * 7
     assert max(form.arbitration_id for form in formats) <= 0x7FF
     for form in formats:
         assert form.data_id is not None

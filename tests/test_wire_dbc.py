@@ -14,6 +14,7 @@ from cantools.database.can import Database
 from positioner.wire.codec import make_codec, packaged_dbc_text
 from positioner.wire.messages import (
     Cause,
+    Counted,
     Health,
     HostRequest,
     Mode,
@@ -54,13 +55,14 @@ def test_the_packaged_text_is_this_file() -> None:
     assert packaged_dbc_text() == DBC.read_text(encoding="utf-8")
 
 
-def test_the_dbc_holds_the_six_messages_under_their_identifiers() -> None:
+def test_the_dbc_holds_the_seven_messages_under_their_identifiers() -> None:
     assert {message.name: message.frame_id for message in MESSAGES} == {
         "CURRENT_COMMAND": 0x100,
         "STEM_POSITION": 0x110,
         "ACTUATOR_STATE": 0x111,
         "SETPOINT": 0x120,
         "POSITIONER_STATUS": 0x140,
+        "POSITIONER_COUNT": 0x141,
         "PLANT_TRUTH": 0x170,
     }
     assert not any(message.is_extended_frame for message in MESSAGES)
@@ -97,6 +99,7 @@ def test_cycle_times_in_ms_are_attributes() -> None:
         "ACTUATOR_STATE": 10,
         "SETPOINT": 10,
         "POSITIONER_STATUS": 100,
+        "POSITIONER_COUNT": 100,
         "PLANT_TRUTH": 1,
     }
 
@@ -147,6 +150,7 @@ def test_every_value_table_is_its_enumeration() -> None:
         ("POSITIONER_STATUS", "Mode"): Mode,
         ("POSITIONER_STATUS", "Health"): Health,
         ("POSITIONER_STATUS", "Cause"): Cause,
+        ("POSITIONER_COUNT", "Counted"): Counted,
     }
     tables = {
         (message.name, signal.name): {number: str(name) for number, name in signal.choices.items()}

@@ -23,6 +23,7 @@ from positioner.wire.messages import (
     Message,
     Mode,
     PlantTruth,
+    PositionerCount,
     PositionerStatus,
     Setpoint,
     StemPosition,
@@ -39,7 +40,12 @@ if TYPE_CHECKING:
 LOG_CHANNEL = "vcan0"
 """The name in the log, whatever bus it was recorded on: canplayer plays it there by default."""
 
-_RANK = {Setpoint: 0, ActuatorState: 1, PlantTruth: 2, StemPosition: 3, CurrentCommand: 4, PositionerStatus: 5}
+_RANK = {
+    kind: rank
+    for rank, kind in enumerate(
+        (Setpoint, ActuatorState, PlantTruth, StemPosition, CurrentCommand, PositionerStatus, PositionerCount)
+    )
+}
 _COUNTER = 256
 
 
@@ -126,6 +132,8 @@ class Recording:
             case PositionerStatus() if self.lockstep:  # its 8-bit counter wraps after 25.6 s
                 self.statuses += ((counter or 0) - self.statuses) % _COUNTER + 1
                 sample = (self.statuses - 1) * self._samples_per_status
+            case PositionerCount() if self.lockstep:  # it goes behind its status
+                sample = max(self.statuses - 1, 0) * self._samples_per_status
             case _:
                 sample = max(self.commands - 1, 0)
         return sample

@@ -26,7 +26,14 @@ from positioner.config import Configuration, parse_config
 from positioner.errors import BenchError, StateError
 from positioner.stiction import StictionTable
 from positioner.store import access, lock
-from positioner.wire.messages import ActuatorState, CurrentCommand, PlantTruth, PositionerStatus, StemPosition
+from positioner.wire.messages import (
+    ActuatorState,
+    CurrentCommand,
+    PlantTruth,
+    PositionerCount,
+    PositionerStatus,
+    StemPosition,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,7 +41,7 @@ if TYPE_CHECKING:
 
     from positioner.bench.scenario import Scenario
 
-_HEARD = (StemPosition, ActuatorState, PlantTruth, CurrentCommand, PositionerStatus)
+_HEARD = (StemPosition, ActuatorState, PlantTruth, CurrentCommand, PositionerStatus, PositionerCount)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

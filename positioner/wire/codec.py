@@ -57,6 +57,7 @@ _OWN_NAMES: Mapping[type[Message], tuple[str, Mapping[str, str]]] = {
             "learned_count": "LearnedCount",
         },
     ),
+    messages.PositionerCount: ("POSITIONER_COUNT", {"counted": "Counted", "count": "Count"}),
     messages.PlantTruth: (
         "PLANT_TRUTH",
         {"position_m": "TruePosition_mm", "velocity_m_per_s": "TrueVelocity_mm_per_s"},

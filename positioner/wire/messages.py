@@ -83,6 +83,29 @@ class Cause(IntEnum):
     STOPPED = 9
     DISARMED = 10
     TABLE_NOT_SAVED = 11
+    FEEDBACK_FROZEN = 12
+    LAW_LATE = 13
+
+
+class Counted(IntEnum):
+    """What is counted by cause: frames refused, readings refused, setpoints refused, and what else went wrong."""
+
+    WRONG_LENGTH = 1
+    WRONG_CRC = 2
+    OUT_OF_RANGE = 3
+    UNDEFINED_VALUE = 4
+    REPEATED = 5
+    OUT_OF_ORDER = 6
+    ERROR_FRAME = 7
+    REMOTE_FRAME = 8
+    LOST = 9
+    FEEDBACK_FAULT = 10
+    FEEDBACK_RANGE = 11
+    FEEDBACK_JUMP = 12
+    FEEDBACK_FROZEN = 13
+    SETPOINT_REFUSED = 14
+    FOREIGN_COMMAND = 15
+    LAW_LATE = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +158,14 @@ class PositionerStatus:
 
 
 @dataclass(frozen=True, slots=True)
+class PositionerCount:
+    """POSITIONER_COUNT, positioner → host, behind a status: how often one thing went wrong, one thing at a time."""
+
+    counted: Counted
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
 class PlantTruth:
     """PLANT_TRUTH, emulator only: the true stem position and speed, without noise."""
 
@@ -142,4 +173,4 @@ class PlantTruth:
     velocity_m_per_s: float
 
 
-Message = StemPosition | ActuatorState | Setpoint | CurrentCommand | PositionerStatus | PlantTruth
+Message = StemPosition | ActuatorState | Setpoint | CurrentCommand | PositionerStatus | PositionerCount | PlantTruth

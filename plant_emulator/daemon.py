@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-from plant_emulator.device import advance, initial_device, publish, take
+from plant_emulator.device import advance, failure, initial_device, publish, take
 from positioner.bus import BusPort
 from positioner.errors import BenchError, ExitCode
 from positioner.notify import Notifier
@@ -57,6 +57,7 @@ class EmulatorDaemon:
         self._bus = BusPort(options.bus, identifiers, _say)
         self._notifier = Notifier()
         self._state = initial_device(settings, options.seed)
+        self._told = ""
 
     def run(self) -> ExitCode:
         """Run until SIGTERM or SIGINT.
@@ -89,7 +90,7 @@ class EmulatorDaemon:
             self._publish()
             self._await(partial(_is_answered, sample=sample), "command frame")
             if not self._stopping:
-                self._state = advance(self._settings, self._state, self._options.period_s)
+                self._advance(self._options.period_s)
 
     def _await(self, arrived: Callable[[DeviceState], bool], what: str) -> None:
         deadline_s = time.monotonic() + _STALL_S
@@ -121,7 +122,17 @@ class EmulatorDaemon:
     def _advance_to(self, plant_ns: int) -> None:
         duration_s = plant_ns / _NS - self._state.plant.time_s
         if duration_s > 0.0:
-            self._state = advance(self._settings, self._state, duration_s)
+            self._advance(duration_s)
+
+    def _advance(self, duration_s: float) -> None:
+        """Let the valve live on, and say so when it begins or ceases to fail safe by itself."""
+        self._state = advance(self._settings, self._state, duration_s)
+        told = failure(self._settings, self._state)
+        if told != self._told:
+            self._told = told
+            line = told or "a valid command: the valve obeys again"
+            _say(line)
+            self._notifier.send(STATUS=line)
 
     def _publish(self) -> None:
         self._state, frames = publish(self._codec, self._settings, self._state)
@@ -138,7 +149,7 @@ def _has_setpoint(state: DeviceState, *, number: int) -> bool:
 
 
 def _is_answered(state: DeviceState, *, sample: int) -> bool:
-    return state.current_ma is not None and state.answered == sample % COUNTER_MODULUS
+    return state.answered == sample % COUNTER_MODULUS
 
 
 def _say(line: str) -> None:

@@ -1,7 +1,8 @@
 """The valve as a node on the bus: frames in, frames out. Pure.
 
 It takes over every valid command, reports the measured and the true position, and does by itself what a real actuator
-does when commands stay away: after `deadman_s` it goes to its fail position.
+does when commands stay away or say that their sender has failed: after `deadman_s` without one, or at once under a
+current that is a failure signal (NAMUR NE 43), it goes to its fail position. The next valid command ends it.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from plant_emulator import sensor, valve
 from plant_emulator.parameters import FailPosition, PlantSettings
 from positioner.wire.e2e import CounterCheck, Sequence
 from positioner.wire.formats import FrameRejectedError
+from positioner.wire.loop_current import LoopSignal, signal_of
 from positioner.wire.messages import ActuatorState, CanFrame, CurrentCommand, PlantTruth, Setpoint, StemPosition
 
 if TYPE_CHECKING:
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from plant_emulator.valve import PlantState
     from positioner.wire.codec import Codec
 
+_SAME_INSTANT_S = 1e-12
 _NO_SIGNAL_MA = 0.0
 _FULL_SIGNAL_MA = 20.0
 _SPEED_LIMIT_M_PER_S = 8.19
@@ -31,7 +34,9 @@ _TRUTH_RANGE_M = (-0.01, 0.661)
 class DeviceState:
     """The node's state.
 
-    current_ma: the command in force; None until the first one, while the actuator holds the pressure it has.
+    current_ma: the last command that is a value; None until the first one, while the actuator holds its pressure.
+    signal_failed: the command in force is a failure signal.
+    failed: the valve is on its way to its fail position, or there.
     position_counter: the counter of the next position frame.
     answered: the counter of the position frame that the command in force answers.
     setpoints: how many fresh setpoint frames were seen.
@@ -47,6 +52,7 @@ class DeviceState:
     setpoints: int = 0
     command_check: CounterCheck = field(default_factory=CounterCheck)
     setpoint_check: CounterCheck = field(default_factory=CounterCheck)
+    signal_failed: bool = False
     failed: bool = False
 
 
@@ -77,27 +83,33 @@ def _take_command(state: DeviceState, message: CurrentCommand, counter: int | No
         state = replace(state, command_check=check, command_counter=counter)
         if verdict is not Sequence.FRESH:
             return state
+    signal_failed = signal_of(message.current_ma) is LoopSignal.FAILURE
     return replace(
         state,
-        current_ma=message.current_ma,
+        current_ma=state.current_ma if signal_failed else message.current_ma,
         commanded_s=state.plant.time_s,
         answered=message.position_counter,
-        failed=False,
+        signal_failed=signal_failed,
+        failed=signal_failed,
     )
 
 
 def advance(settings: PlantSettings, state: DeviceState, duration_s: float) -> DeviceState:
     """Return the state `duration_s` later, under the command in force or, when that is too old, failed safe."""
     plant = state.plant
-    if state.current_ma is None:
-        held_ma = plant.pressure_pa / settings.valve.pressure_gain_pa_per_ma
+    held_ma = (
+        plant.pressure_pa / settings.valve.pressure_gain_pa_per_ma if state.current_ma is None else state.current_ma
+    )
+    if state.current_ma is None and not state.signal_failed:
         return replace(state, plant=valve.step(settings, plant, held_ma, duration_s))
     alive_s = max(0.0, min(duration_s, state.commanded_s + settings.deadman_s - plant.time_s))
-    if alive_s >= duration_s - 1e-12:
-        return replace(state, plant=valve.step(settings, plant, state.current_ma, duration_s))
+    if state.signal_failed:
+        alive_s = 0.0
+    if alive_s >= duration_s - _SAME_INSTANT_S:
+        return replace(state, plant=valve.step(settings, plant, held_ma, duration_s))
     if alive_s > 0.0:
-        plant = valve.step(settings, plant, state.current_ma, alive_s)
-    plant = valve.step(settings, plant, _fail_current_ma(settings, state.current_ma), duration_s - alive_s)
+        plant = valve.step(settings, plant, held_ma, alive_s)
+    plant = valve.step(settings, plant, _fail_current_ma(settings, held_ma), duration_s - alive_s)
     return replace(state, plant=plant, failed=True)
 
 
@@ -111,6 +123,17 @@ def _fail_current_ma(settings: PlantSettings, last_ma: float) -> float:
             return settings.fail_current_ma
         case FailPosition.HOLD:
             return last_ma
+
+
+def failure(settings: PlantSettings, state: DeviceState) -> str:
+    """Return in words why the valve is in its fail position and which one that is, empty when it is not."""
+    if not state.failed:
+        return ""
+    why = (
+        "the command is a failure signal" if state.signal_failed else f"no command for {settings.deadman_s * 1e3:g} ms"
+    )
+    at = f" ({settings.fail_current_ma:g} mA)" if settings.fail_position is FailPosition.CURRENT else ""
+    return f"{why}: fail position '{settings.fail_position}'{at}"
 
 
 def publish(codec: Codec, settings: PlantSettings, state: DeviceState) -> tuple[DeviceState, tuple[CanFrame, ...]]:

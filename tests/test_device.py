@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from plant_emulator import valve
-from plant_emulator.device import DeviceState, advance, initial_device, publish, take
+from plant_emulator.daemon import EmulatorDaemon, RunOptions
+from plant_emulator.device import DeviceState, advance, failure, initial_device, publish, take
 from plant_emulator.parameters import FailPosition, PlantSettings
 from plant_emulator.presets import plant_settings
+from positioner.bus_address import BusAddress
 from positioner.wire.codec import WireSettings, make_codec
 from positioner.wire.messages import CanFrame, CurrentCommand, Message, PlantTruth, Setpoint, StemPosition
 
@@ -205,3 +207,67 @@ def test_the_deadman_has_the_length_that_the_plant_file_gives() -> None:
     settings = replace(PAPER, deadman_s=0.02)
     assert not alone_for(settings, 0.02).failed
     assert alone_for(settings, 0.0201).failed
+
+
+# failure signals by NAMUR NE 43
+
+
+@pytest.mark.parametrize("current_ma", [0.0, 3.6, 21.0, 25.0])
+def test_a_failure_signal_takes_the_valve_to_its_fail_position_at_once(current_ma: float) -> None:
+    before = advance(PAPER, taken(command(12.0, 0)), PERIOD_S)
+    signalled = taken(command(current_ma, 1, answers=9), state=before)
+    assert (signalled.current_ma, signalled.answered, signalled.failed, signalled.signal_failed) == (
+        12.0,
+        9,
+        True,
+        True,
+    )
+    state = advance(PAPER, signalled, PERIOD_S)
+    assert state.failed
+    assert state.plant == valve.step(PAPER, before.plant, 0.0, PERIOD_S)
+
+
+@pytest.mark.parametrize("current_ma", [3.601, 3.8, 20.5, 20.999])
+def test_what_is_no_failure_signal_is_obeyed(current_ma: float) -> None:
+    state = advance(PAPER, taken(command(current_ma, 0)), PERIOD_S)
+    assert not state.failed
+    assert state.plant.pressure_pa == pytest.approx(current_ma * PAPER.valve.pressure_gain_pa_per_ma)
+
+
+def test_a_value_ends_what_a_failure_signal_began() -> None:
+    state = taken(command(3.6, 0), command(12.0, 1))
+    assert (state.failed, state.signal_failed, state.current_ma) == (False, False, 12.0)
+
+
+def test_a_valve_that_holds_keeps_the_last_value_or_before_the_first_its_pressure() -> None:
+    holding = replace(PAPER, fail_position=FailPosition.HOLD)
+    after_a_value = advance(holding, taken(command(11.0, 0), command(3.6, 1)), PERIOD_S)
+    assert after_a_value.plant.pressure_pa == pytest.approx(11.0 * PAPER.valve.pressure_gain_pa_per_ma)
+    at_first = advance(holding, taken(command(3.6, 0)), PERIOD_S)
+    assert at_first.plant.pressure_pa == pytest.approx(BALANCE_MA * PAPER.valve.pressure_gain_pa_per_ma)
+    closing = advance(PAPER, taken(command(3.6, 0)), PERIOD_S)
+    assert closing.plant.pressure_pa == 0.0
+
+
+def test_the_valve_says_why_it_failed_safe_and_where_it_went() -> None:
+    assert failure(PAPER, taken(command(12.0, 0))) == ""
+    assert failure(PAPER, alone_for(PAPER, 0.2)) == "no command for 100 ms: fail position 'close'"
+    to_current = replace(PAPER, fail_position=FailPosition.CURRENT, fail_current_ma=7.5)
+    told = "the command is a failure signal: fail position 'current' (7.5 mA)"
+    assert failure(to_current, taken(command(21.0, 0))) == told
+
+
+def test_the_node_says_once_that_it_failed_safe_and_once_that_it_obeys_again(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    options = RunOptions(bus=BusAddress(), period_s=PERIOD_S, seed=1, lockstep=False)
+    node = EmulatorDaemon(PAPER, CODEC, options)
+    node._state = taken(command(12.0, 0), state=node._state)
+    for _ in range(30):
+        node._advance(0.01)
+    node._state = taken(command(12.0, 1), state=node._state)
+    node._advance(0.01)
+    assert capsys.readouterr().err.splitlines() == [
+        "plant-emulator: no command for 100 ms: fail position 'close'",
+        "plant-emulator: a valid command: the valve obeys again",
+    ]

@@ -80,3 +80,10 @@ uninstall:
 	rm -rf '$(INSTALLED)'
 	[ -n '$(DESTDIR)' ] || [ ! -d /run/systemd/system ] || systemctl daemon-reload
 	@echo 'removed; kept: $(DESTDIR)/etc/positioner (configurations) and $(DESTDIR)/var/lib/positioner (what was learned)'
+# 1.3 million hostile frames, then the decoder under a fuzzer that follows its branches.
+.PHONY: fuzz
+fuzz: $(VENV)/installed
+	PYTHONPATH=tests $(BIN)/python -m endurance.fuzz
+	@$(BIN)/python -m pip install --quiet 'atheris>=2.3' \
+		|| { echo "fuzz: atheris has no wheel for $$($(BIN)/python --version); use Python 3.11 or 3.12" >&2; exit 1; }
+	PYTHONPATH=tests $(BIN)/python -m endurance.fuzz_decoder -runs=3000000

@@ -80,9 +80,10 @@ def take(codec: Codec, state: DeviceState, frames: tuple[CanFrame, ...]) -> Devi
 def _take_command(state: DeviceState, message: CurrentCommand, counter: int | None) -> DeviceState:
     if counter is not None:
         check, verdict, _ = state.command_check.check(counter)
-        state = replace(state, command_check=check, command_counter=counter)
+        state = replace(state, command_check=check)
         if verdict is not Sequence.FRESH:
             return state
+        state = replace(state, command_counter=counter)
     signal_failed = signal_of(message.current_ma) is LoopSignal.FAILURE
     return replace(
         state,

@@ -79,6 +79,7 @@ def test_a_repeated_or_stale_command_is_not_obeyed_and_does_not_keep_the_node_al
     before = advance(PAPER, taken(command(9.5, 7)), 0.05)
     after = taken(command(12.0, counter, answers=9), state=before)
     assert (after.current_ma, after.commanded_s, after.answered) == (9.5, 0.0, 0)
+    assert after.command_counter == 7  # the reading goes on echoing the command that acts
 
 
 def test_a_restarted_controller_is_obeyed_from_its_second_frame_on() -> None:

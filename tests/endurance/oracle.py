@@ -1,0 +1,101 @@
+"""Which frames a receiver must take: a second opinion that shares no line with the positioner.
+
+The CRC is that of the package autosar-e2e; the fields are cut out of the bytes by hand; the counters are kept by the
+words of DESIGN.md. A frame that was damaged or made up at random and still fits is *valid by accident*: the wire
+cannot tell it from a true one, and the oracle says that it is to be taken.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from e2e import p05
+
+if TYPE_CHECKING:
+    from positioner.wire.messages import CanFrame
+
+LENGTH = 8
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Bits of a frame, little endian, with the raw values that it may have."""
+
+    start: int
+    length: int
+    low: int
+    high: int
+
+    def raw(self, data: bytes) -> int:
+        word = int.from_bytes(data, "little") >> self.start & ((1 << self.length) - 1)
+        return word - (1 << self.length) if self.low < 0 and word >> (self.length - 1) else word
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of frame: its data ID, its ranges (their breach is 'value out of range') and its enumerations."""
+
+    name: str
+    data_id: int
+    ranges: tuple[Signal, ...] = ()
+    choices: tuple[Signal, ...] = ()
+
+
+KINDS = {
+    0x100: Kind(
+        *("CURRENT_COMMAND", 0x1F00, (Signal(24, 16, 0, 25000),)),
+        (Signal(56, 4, 0, 4), Signal(60, 4, 0, 3)),
+    ),
+    0x110: Kind("STEM_POSITION", 0x1F10, (Signal(24, 28, -134200000, 134200000),), (Signal(60, 4, 0, 2),)),
+    0x111: Kind("ACTUATOR_STATE", 0x1F11, (Signal(24, 24, 0, 16000000),)),
+    0x120: Kind("SETPOINT", 0x1F20, (Signal(24, 28, -134200000, 134200000),), (Signal(52, 4, 0, 2),)),
+    0x140: Kind("POSITIONER_STATUS", 0x1F40, (), (Signal(24, 4, 0, 4), Signal(28, 4, 0, 4), Signal(32, 6, 0, 13))),
+    0x141: Kind("POSITIONER_COUNT", 0x1F41, (), (Signal(24, 8, 1, 16),)),
+    0x170: Kind("PLANT_TRUTH", 0x1F70, (Signal(24, 26, 0, 67100000), Signal(50, 14, -8191, 8191))),
+}
+
+
+def verdict_of(frame: CanFrame) -> str:
+    """Return 'good', or the words for why `frame` must not be taken, whatever its counter."""
+    kind = None if frame.is_extended else KINDS.get(frame.arbitration_id)
+    reasons = (
+        (frame.is_error, "error frame"),
+        (kind is None, "unknown identifier"),
+        (frame.is_remote, "remote frame"),
+        (len(frame.data) != LENGTH, "wrong length"),
+    )
+    why = next((words for holds, words in reasons if holds), "good")
+    return why if kind is None or why != "good" else _content_of(kind, frame.data)
+
+
+def _content_of(kind: Kind, data: bytes) -> str:
+    if not p05.e2e_p05_check(data, kind.data_id):
+        return "wrong CRC"
+    if any(not signal.low <= signal.raw(data) <= signal.high for signal in kind.ranges):
+        return "value out of range"
+    if any(not signal.low <= signal.raw(data) <= signal.high for signal in kind.choices):
+        return "undefined value"
+    return "good"
+
+
+@dataclass
+class Ledger:
+    """Counters as DESIGN.md puts it: a step of up to 11 is a loss; a larger one needs the frame that follows it."""
+
+    taken: dict[int, int] = field(default_factory=dict)
+    waiting: dict[int, int] = field(default_factory=dict)
+    lost: int = 0
+
+    def enter(self, identifier: int, counter: int) -> str:
+        """Return 'good', 'repeated counter' or 'counter out of order' and keep the books."""
+        last, waiting = self.taken.get(identifier), self.waiting.pop(identifier, None)
+        if last == counter:
+            return "repeated counter"
+        distance = 1 if last is None else (counter - last) % 256
+        if distance <= 11 or (waiting is not None and counter == (waiting + 1) % 256):
+            self.taken[identifier] = counter
+            self.lost += distance - 1 if distance <= 11 else 0
+            return "good"
+        self.waiting[identifier] = counter
+        return "counter out of order"

@@ -87,3 +87,19 @@ fuzz: $(VENV)/installed
 	@$(BIN)/python -m pip install --quiet 'atheris>=2.3' \
 		|| { echo "fuzz: atheris has no wheel for $$($(BIN)/python --version); use Python 3.11 or 3.12" >&2; exit 1; }
 	PYTHONPATH=tests $(BIN)/python -m endurance.fuzz_decoder -runs=3000000
+
+# What must never fail: every branch of it is run by its own tests, and no change of it escapes them.
+GUARDED = positioner/guard.py positioner/inbox.py positioner/plausibility.py positioner/tally.py \
+	positioner/wire/e2e.py positioner/wire/loop_current.py plant_emulator/device.py
+GUARDING = tests/test_guard.py tests/test_guard_tables.py tests/test_inbox.py tests/test_plausibility.py \
+	tests/test_tally.py tests/test_loop_current.py tests/test_wire_e2e.py tests/test_device.py tests/test_cycle.py
+
+empty :=
+space := $(empty) $(empty)
+comma := ,
+
+.PHONY: coverage
+coverage: $(VENV)/installed
+	$(BIN)/coverage run -m pytest -q $(GUARDING)
+	$(BIN)/coverage report --show-missing --fail-under=100 \
+		--include=$(subst $(space),$(comma),$(strip $(GUARDED) positioner/cycle.py))

@@ -122,7 +122,7 @@ def _fail_current_ma(settings: PlantSettings, last_ma: float) -> float:
             return _FULL_SIGNAL_MA
         case FailPosition.CURRENT:
             return settings.fail_current_ma
-        case FailPosition.HOLD:
+        case _:  # HOLD
             return last_ma
 
 

@@ -14,11 +14,20 @@ from plant_emulator.device import DeviceState, advance, failure, initial_device,
 from plant_emulator.parameters import FailPosition, PlantSettings
 from plant_emulator.presets import plant_settings
 from positioner.bus_address import BusAddress
-from positioner.wire.codec import WireSettings, make_codec
-from positioner.wire.messages import CanFrame, CurrentCommand, Message, PlantTruth, Setpoint, StemPosition
+from positioner.wire.codec import MessageSettings, WireSettings, make_codec
+from positioner.wire.messages import (
+    ActuatorState,
+    CanFrame,
+    CurrentCommand,
+    Message,
+    PlantTruth,
+    Setpoint,
+    StemPosition,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
 CODEC = make_codec()
 PAPER = plant_settings("paper")
@@ -272,3 +281,36 @@ def test_the_node_says_once_that_it_failed_safe_and_once_that_it_obeys_again(
         "plant-emulator: no command for 100 ms: fail position 'close'",
         "plant-emulator: a valid command: the valve obeys again",
     ]
+
+
+def test_a_pressure_sensor_reports_the_true_pressure_before_all_else() -> None:
+    settings = plant_settings(overrides={"sensor": {"reports_pressure": True}})
+    state = initial_device(settings, 1)
+    for pressure_pa, shown in ((41_000.0, 41_000.0), (-1.0, 0.0), (17e6, 16e6)):
+        plant = replace(state.plant, pressure_pa=pressure_pa)
+        _, frames = publish(CODEC, settings, replace(state, plant=plant, position_counter=77))
+        messages = decoded(frames)
+        assert [type(message) for message, _ in messages] == [ActuatorState, PlantTruth, StemPosition]
+        assert messages[0] == (ActuatorState(pytest.approx(shown)), 77)  # type: ignore[arg-type]
+
+
+USERS_DBC = """VERSION ""
+BU_: A B
+BO_ 512 ORDER: 2 A
+ SG_ Loop : 0|16@1+ (0.001,0) [0|25] "mA" B
+BO_ 513 WANTED: 2 A
+ SG_ Where : 0|16@1+ (0.01,0) [0|140] "mm" B
+"""
+
+
+def test_commands_and_setpoints_of_users_without_counters_are_all_taken(tmp_path: Path) -> None:
+    path = tmp_path / "user.dbc"
+    path.write_text(USERS_DBC, encoding="utf-8")
+    order = MessageSettings(message="ORDER", signals={"current_ma": "Loop"})
+    wanted = MessageSettings(message="WANTED", signals={"setpoint_m": "Where"})
+    codec = make_codec(WireSettings(dbc=path, current_command=order, setpoint=wanted))
+    frames = [codec.encode(CurrentCommand(current_ma), 0) for current_ma in (9.0, 9.0, 10.0)]
+    state = take(codec, initial_device(PAPER, 1), (*frames, codec.encode(Setpoint(0.08), 0)))
+    assert (state.current_ma, state.command_counter, state.setpoints) == (10.0, 0, 1)
+    state = take(codec, state, (codec.encode(Setpoint(0.08), 0),))
+    assert state.setpoints == 2

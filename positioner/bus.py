@@ -83,7 +83,7 @@ class BusPort:
         frames: list[CanFrame] = []
         end_s = time.monotonic() + timeout_s
         try:
-            while len(frames) < _MOST_FRAMES_PER_BATCH:
+            for _ in range(_MOST_FRAMES_PER_BATCH):  # of whatever kind: a flood must not keep the cycle waiting
                 # an echo, or what is not for us, is nothing to wake up for
                 message = self._receive_one(0.0 if frames else max(end_s - time.monotonic(), 0.0))
                 if message is None:

@@ -103,3 +103,7 @@ coverage: $(VENV)/installed
 	$(BIN)/coverage run -m pytest -q $(GUARDING)
 	$(BIN)/coverage report --show-missing --fail-under=100 \
 		--include=$(subst $(space),$(comma),$(strip $(GUARDED) positioner/cycle.py))
+# takes every reaction of SAFETY.md's table away, one at a time, and sees the named test fail
+.PHONY: reactions
+reactions: $(VENV)/installed
+	PYTHONPATH=.:tests $(BIN)/python -m endurance.reactions

@@ -1,0 +1,152 @@
+"""Takes every reaction of SAFETY.md's table away, one at a time, and sees the named test fail.
+
+    PYTHONPATH=.:tests python -m endurance.reactions [--only F2] [--jobs N]
+
+First all named tests pass on the tree as it is. Then, for each removal, a copy of the tree without the reaction runs
+its test. A removal is noticed when a test fails by what it asserts: an error in a fixture, a name that is not there any
+more or a hang prove nothing. Exit status: 0 all are noticed, 1 some are not, 2 the table itself is wrong.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+from tqdm import tqdm
+
+from endurance.removals import ROOT, Removal, read_removals
+
+_PARTS = ("positioner", "plant_emulator", "tests", "dbc", "systemd", "docs", "pyproject.toml", "Makefile")
+_TIMEOUT_S = 600.0
+_NOT_COLLECTED = range(2, 6)
+_BROKEN = ("NameError", "UnboundLocalError", "SyntaxError", "ImportError", "ModuleNotFoundError", "IndentationError")
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What came of a run of pytest: `noticed` when a test failed by what it asserts; `why` in a few words."""
+
+    noticed: bool
+    passed: bool
+    why: str
+    elapsed_s: float
+
+
+def copy_tree(target: Path) -> None:
+    """Copy what the tests need to `target`."""
+    for name in (*_PARTS, *(page.name for page in ROOT.glob("*.md"))):
+        source = ROOT / name
+        if source.is_dir():
+            shutil.copytree(source, target / name, ignore=shutil.ignore_patterns("__pycache__", ".*"))
+        elif source.exists():
+            shutil.copy2(source, target / name)
+
+
+def run_tests(tree: Path, tests: list[str]) -> Verdict:
+    """Run the tests on the tree, and on nothing else of the project."""
+    report = tree / "report.xml"
+    paths = os.pathsep.join((str(tree), str(tree / "tests")))
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"--junitxml={report}", *tests]
+    start_s = time.monotonic()
+    try:
+        done = subprocess.run(
+            command,
+            cwd=tree,
+            env={**os.environ, "PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1"},
+            capture_output=True,
+            text=True,
+            timeout=_TIMEOUT_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return Verdict(noticed=False, passed=False, why="hangs", elapsed_s=_TIMEOUT_S)
+    elapsed_s = time.monotonic() - start_s
+    if done.returncode != 1:
+        passed = done.returncode == 0
+        last = (done.stdout.strip() or done.stderr.strip() or "nothing was said").splitlines()[-1]
+        why = "passes" if passed else f"pytest ends with {done.returncode}: {last}"
+        return Verdict(noticed=False, passed=passed, why=why, elapsed_s=elapsed_s)
+    noticed, why = judge(report.read_text(encoding="utf-8"))
+    return Verdict(noticed=noticed, passed=False, why=why, elapsed_s=elapsed_s)
+
+
+def judge(report: str) -> tuple[bool, str]:
+    """Return whether a JUnit report tells of a test that failed by what it asserts, and of what in a few words."""
+    root = ET.fromstring(report)  # noqa: S314 - pytest wrote it
+    errors = [error.get("message", "") for error in root.iter("error")]
+    if errors:
+        return False, f"error, not a failure: {_first_line(errors[0])}"
+    failures = [failure.get("message", "") for failure in root.iter("failure")]
+    broken = [message for message in failures if message.startswith(_BROKEN)]
+    if broken or not failures:
+        return False, f"the removal breaks the code: {_first_line(broken[0])}" if broken else "no test failed"
+    return True, _first_line(failures[0])
+
+
+def check(removal: Removal) -> Verdict:
+    """Take one reaction away in a copy of the tree, and run its test there."""
+    with tempfile.TemporaryDirectory(prefix="reaction-") as name:
+        tree = Path(name)
+        copy_tree(tree)
+        path = tree / removal.file
+        path.write_text(removal.apply(path.read_text(encoding="utf-8")), encoding="utf-8")
+        return run_tests(tree, [removal.test])
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run; return the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", metavar="ROW", help="this row of the table only")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="runs at once (%(default)s)")
+    options = parser.parse_args(arguments)
+    try:
+        removals = [removal for removal in read_removals() if options.only in {None, removal.row}]
+        for removal in removals:
+            removal.apply((ROOT / removal.file).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        sys.stderr.write(f"reactions.toml: {error}\n")
+        return 2
+    if not removals:
+        sys.stderr.write(f"reactions.toml: no removal for the row {options.only}\n")
+        return 2
+    with tempfile.TemporaryDirectory(prefix="reaction-") as name:
+        copy_tree(Path(name))
+        sys.stderr.write("the named tests on the tree as it is ...\n")
+        verdict = run_tests(Path(name), sorted({removal.test for removal in removals}))
+    if not verdict.passed:
+        sys.stderr.write(f"the tests do not pass on the tree as it is: {verdict.why}\n")
+        return 2
+    verdicts = _check_all(removals, options.jobs)
+    for removal in removals:
+        one = verdicts[removal]
+        word = "noticed " if one.noticed else "UNSEEN  "
+        sys.stdout.write(f"{removal.row:4} {word} {one.elapsed_s:5.1f} s  {removal.test}  ({one.why})\n")
+    unseen = sum(not verdict.noticed for verdict in verdicts.values())
+    rows = len({removal.row for removal in removals})
+    sys.stdout.write(f"{len(removals)} removals for {rows} rows, {unseen} not noticed\n")
+    return int(unseen > 0)
+
+
+def _check_all(removals: list[Removal], jobs: int) -> dict[Removal, Verdict]:
+    with ThreadPoolExecutor(jobs) as pool:
+        futures = {pool.submit(check, removal): removal for removal in removals}
+        finished = tqdm(as_completed(futures), total=len(futures), unit="removal", disable=None)
+        return {futures[future]: future.result() for future in finished}
+
+
+def _first_line(message: str) -> str:
+    lines = message.strip().splitlines()
+    return lines[0][:100] if lines else "nothing was said"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

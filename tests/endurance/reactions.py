@@ -27,7 +27,6 @@ from endurance.removals import ROOT, Removal, read_removals
 
 _PARTS = ("positioner", "plant_emulator", "tests", "dbc", "systemd", "docs", "pyproject.toml", "Makefile")
 _TIMEOUT_S = 600.0
-_NOT_COLLECTED = range(2, 6)
 _BROKEN = ("NameError", "UnboundLocalError", "SyntaxError", "ImportError", "ModuleNotFoundError", "IndentationError")
 
 
@@ -41,14 +40,14 @@ class Verdict:
     elapsed_s: float
 
 
-def copy_tree(target: Path) -> None:
-    """Copy what the tests need to `target`."""
-    for name in (*_PARTS, *(page.name for page in ROOT.glob("*.md"))):
-        source = ROOT / name
-        if source.is_dir():
-            shutil.copytree(source, target / name, ignore=shutil.ignore_patterns("__pycache__", ".*"))
-        elif source.exists():
-            shutil.copy2(source, target / name)
+def copy_tree(source: Path, target: Path) -> None:
+    """Copy what the tests need from one tree to another."""
+    for name in (*_PARTS, *(page.name for page in source.glob("*.md"))):
+        part = source / name
+        if part.is_dir():
+            shutil.copytree(part, target / name, ignore=shutil.ignore_patterns("__pycache__", ".*"))
+        elif part.exists():
+            shutil.copy2(part, target / name)
 
 
 def run_tests(tree: Path, tests: list[str]) -> Verdict:
@@ -92,11 +91,11 @@ def judge(report: str) -> tuple[bool, str]:
     return True, _first_line(failures[0])
 
 
-def check(removal: Removal) -> Verdict:
-    """Take one reaction away in a copy of the tree, and run its test there."""
+def check(whole: Path, removal: Removal) -> Verdict:
+    """Take one reaction away in a copy of the whole tree, and run its test there."""
     with tempfile.TemporaryDirectory(prefix="reaction-") as name:
         tree = Path(name)
-        copy_tree(tree)
+        copy_tree(whole, tree)
         path = tree / removal.file
         path.write_text(removal.apply(path.read_text(encoding="utf-8")), encoding="utf-8")
         return run_tests(tree, [removal.test])
@@ -119,13 +118,14 @@ def main(arguments: list[str] | None = None) -> int:
         sys.stderr.write(f"reactions.toml: no removal for the row {options.only}\n")
         return 2
     with tempfile.TemporaryDirectory(prefix="reaction-") as name:
-        copy_tree(Path(name))
+        whole = Path(name)  # so that nobody who edits meanwhile decides what is tested
+        copy_tree(ROOT, whole)
         sys.stderr.write("the named tests on the tree as it is ...\n")
-        verdict = run_tests(Path(name), sorted({removal.test for removal in removals}))
-    if not verdict.passed:
-        sys.stderr.write(f"the tests do not pass on the tree as it is: {verdict.why}\n")
-        return 2
-    verdicts = _check_all(removals, options.jobs)
+        verdict = run_tests(whole, sorted({removal.test for removal in removals}))
+        if not verdict.passed:
+            sys.stderr.write(f"the tests do not pass on the tree as it is: {verdict.why}\n")
+            return 2
+        verdicts = _check_all(whole, removals, options.jobs)
     for removal in removals:
         one = verdicts[removal]
         word = "noticed " if one.noticed else "UNSEEN  "
@@ -136,9 +136,9 @@ def main(arguments: list[str] | None = None) -> int:
     return int(unseen > 0)
 
 
-def _check_all(removals: list[Removal], jobs: int) -> dict[Removal, Verdict]:
+def _check_all(whole: Path, removals: list[Removal], jobs: int) -> dict[Removal, Verdict]:
     with ThreadPoolExecutor(jobs) as pool:
-        futures = {pool.submit(check, removal): removal for removal in removals}
+        futures = {pool.submit(check, whole, removal): removal for removal in removals}
         finished = tqdm(as_completed(futures), total=len(futures), unit="removal", disable=None)
         return {futures[future]: future.result() for future in finished}
 

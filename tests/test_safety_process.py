@@ -5,11 +5,13 @@ from __future__ import annotations
 import configparser
 import gc
 import signal
+import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import pytest
-from daemon_helpers import HERE_M, Loop
+from daemon_helpers import HERE_M, PERIOD_S, Loop
 
 from positioner import daemon as daemon_module
 from positioner.errors import ExitCode
@@ -68,15 +70,34 @@ def test_a_signal_to_stop_ends_the_loop_after_the_turn_and_saves_the_table(
         assert table.sequence > 0
 
 
+@pytest.mark.bus
+def test_a_cycle_that_takes_longer_than_a_period_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with Loop(tmp_path, guard={"auto_arm": True}) as loop:
+        loop.sample()
+        step_ns = [round(0.9 * PERIOD_S * 1e9)]
+        ticks = iter(range(1, 1000))
+        clock = SimpleNamespace(monotonic=time.monotonic, monotonic_ns=lambda: step_ns[0] * next(ticks))
+        monkeypatch.setattr(daemon_module, "time", clock)
+        loop.sample()
+        loop.sample()
+        assert not loop.told("longer than the period")
+        step_ns[0] = round(1.1 * PERIOD_S * 1e9)
+        ticks = iter(range(1, 1000))
+        loop.sample()
+        loop.sample()
+        (line,) = loop.told("longer than the period")
+        assert line.startswith("a cycle took 22 ms, longer than the period of 20 ms")
+
+
 def test_the_service_manager_restarts_a_daemon_that_hangs_or_crashes(service: configparser.SectionProxy) -> None:
     assert service["Type"] == "notify"
-    assert 10.0 * daemon_module._WATCHDOG_EVERY_S <= float(service["WatchdogSec"]) <= 5.0
-    assert service["Restart"] == "on-failure"
+    assert 10.0 * daemon_module._WATCHDOG_EVERY_S <= float(service.get("WatchdogSec", "0")) <= 5.0
+    assert service.get("Restart") == "on-failure"
     assert 0.0 < float(service["RestartSec"]) <= 1.0
 
 
 def test_the_service_manager_does_not_restart_what_no_restart_mends(service: configparser.SectionProxy) -> None:
-    statuses = {int(status) for status in service["RestartPreventExitStatus"].split()}
+    statuses = {int(status) for status in service.get("RestartPreventExitStatus", "").split()}
     assert statuses == {ExitCode.CONFIG, ExitCode.UNAVAILABLE}
 
 

@@ -1,0 +1,89 @@
+"""What the keeper does with a disk that takes nothing, under a clock of the test."""
+
+from __future__ import annotations
+
+import errno
+import sqlite3
+from typing import TYPE_CHECKING, cast
+
+import pytest
+from store_helpers import series, taught
+
+from positioner.errors import StateError
+from positioner.store import messages
+from positioner.store.keeper import Keeper
+from positioner.store.messages import Saved, SavingFailed, SavingWorks
+
+if TYPE_CHECKING:
+    from positioner.store.content import StoredTable
+    from positioner.store.lines import Lines
+    from positioner.store.vault import Vault
+
+
+class Channel:
+    """Keeps what the daemon would hear."""
+
+    def __init__(self) -> None:
+        self.said: list[messages.Message] = []
+
+    def send(self, line: bytes) -> None:
+        self.said.append(messages.decode(line))
+
+
+class Disk:
+    """A vault on a disk that fails while it has an error."""
+
+    def __init__(self, error: Exception | None) -> None:
+        self.error = error
+        self.saved: list[StoredTable] = []
+        self.tries = 0
+
+    def save(self, stored: StoredTable) -> None:
+        self.tries += 1
+        if self.error is not None:
+            raise self.error
+        self.saved.append(stored)
+
+    def copy(self, stored: StoredTable) -> None:
+        del stored
+
+    def take_notices(self) -> tuple[str, ...]:
+        return ()
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        OSError(errno.ENOSPC, "No space left on device"),
+        OSError(errno.EIO, "Input/output error"),  # what fsync says of a failing disk
+        sqlite3.OperationalError("disk I/O error"),
+        sqlite3.OperationalError("attempt to write a readonly database"),
+        StateError("the table cannot be read now"),
+    ],
+    ids=str,
+)
+def test_a_save_that_fails_is_told_once_and_tried_again_ever_less_often_up_to_every_30_s(error: Exception) -> None:
+    channel, disk, now_s = Channel(), Disk(error), 1000.0
+    keeper = Keeper(cast("Lines", channel), cast("Vault", disk), taught(series(7)), now_s, None)
+    waits_s = []
+    for tries in range(1, 13):
+        keeper.work(now_s)
+        assert disk.tries == tries
+        due_s = keeper.due_in(now_s)
+        assert due_s is not None
+        waits_s.append(due_s)
+        keeper.work(now_s + 0.9 * due_s)
+        assert disk.tries == tries
+        now_s += due_s
+    assert waits_s == pytest.approx([0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0, 30.0, 30.0, 30.0])
+    (told,) = channel.said
+    assert isinstance(told, SavingFailed)
+    assert told.reason.startswith(f"the stiction table cannot be saved: {getattr(error, 'strerror', None) or error}; ")
+    assert keeper.problem == told.reason
+
+    disk.error = None
+    keeper.work(now_s)
+    assert disk.saved == [taught(series(7))]
+    assert channel.said[1:] == [Saved(0, 7), SavingWorks()]
+    assert keeper.due_in(now_s) is None
+    assert not keeper.problem

@@ -12,7 +12,7 @@ from positioner import settings
 from positioner.bus_address import BusAddress
 from positioner.errors import ConfigurationError, Problem
 from positioner.estimate import EstimatorSettings
-from positioner.guard import GuardSettings
+from positioner.guard import FailsafeAction, GuardSettings
 from positioner.laws.registry import LAWS, Ingredients
 from positioner.laws.settings import ControlSettings
 from positioner.model import ValveParameters  # noqa: TC001 - pydantic reads this hint at run time
@@ -132,12 +132,18 @@ def _wire_problems(tables: dict[str, Any], text: str) -> list[Problem]:
 def _range_problems(found: Configuration, text: str) -> list[Problem]:
     """Return what a command frame of the user's DBC cannot carry: a current within the limits, or a counter."""
     codec, guard = found.make_codec(), found.guard
+    failsafe = "failsafe_current_ma" if guard.failsafe_action is FailsafeAction.CURRENT else "failsafe_action"
+    currents_ma = {
+        "current_low_ma": guard.current_low_ma,
+        "current_high_ma": guard.current_high_ma,
+        failsafe: guard.failsafe_ma(guard.current_low_ma),
+    }
     problems = []
-    for key in ("current_low_ma", "current_high_ma", "failsafe_current_ma"):
+    for key, current_ma in currents_ma.items():
         try:
-            codec.encode(CurrentCommand(getattr(guard, key), _LARGEST_COUNTER, _LARGEST_COUNTER), 0)
+            codec.encode(CurrentCommand(current_ma, _LARGEST_COUNTER, _LARGEST_COUNTER), 0)
         except EncodingError as error:
-            where = f"guard.{key} = {getattr(guard, key):g}"
+            where = f"guard.{key} = {getattr(guard, key)}"
             told = f"does not fit the command frame of the DBC: {error}"
             problems.append(Problem(where, settings.line_of(text, ("guard", key)), told))
     return problems

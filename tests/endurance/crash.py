@@ -1,0 +1,140 @@
+"""Kills learners and daemons thousands of times, damages their table in every byte, and says what that cost.
+
+    python -m endurance.crash                 10,000 kills of a learner, 200 of the whole daemon, every byte of a table
+    python -m endurance.crash --kills 20 --daemon-kills 2 --damage-share 0.01
+
+Exit status 0: no load failed, nothing older than the limit was lost, and no damage went undetected; 1 otherwise.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+from tqdm import tqdm
+
+from endurance import damage
+from endurance.crash_daemons import DaemonSlot
+from endurance.crash_learners import LearnerSlot
+from endurance.probe import DiskProbe
+from endurance.verdict import Outcome, Tally
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from multiprocessing.queues import SimpleQueue
+
+_Slot: TypeAlias = LearnerSlot | DaemonSlot
+_Report: TypeAlias = tuple[Outcome, ...] | str
+_FORK = multiprocessing.get_context("fork")
+_MOST_TOLD = 20
+
+
+def main() -> int:
+    """Run the command line and return its exit status."""
+    options = _options()
+    tqdm.monitor_interval = 0  # learners are forked: no thread may be about
+    started_s = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="crash-test-", dir=options.folder) as name:
+        folder = Path(name)
+        with DiskProbe(folder) as probe:
+            learners = _kill(LearnerSlot, folder / "learners", options.kills, options.slots, options.seed)
+            daemons = _kill(DaemonSlot, folder / "daemons", options.daemon_kills, options.daemon_slots, options.seed)
+            stall_s, late_s, rounds = probe.longest_s, probe.latest_s, probe.rounds
+    killed_s = time.monotonic() - started_s
+    damaged = damage.everywhere(options.damage_share, options.seed, options.slots)
+    limit_s = options.limit_s + stall_s
+    _print(f"seed {options.seed}; kills took {killed_s:.0f} s, with up to {options.slots} learners at once")
+    for tally in (learners, daemons):
+        _show(tally)
+    _print(f"disk meanwhile: {rounds} rounds of create, sync, rename, sync; the longest took {stall_s:.3f} s")
+    _print(f"processor meanwhile: a sleeper woke up to {late_s:.3f} s too late")
+    oldest_s = max(learners.oldest_s, daemons.oldest_s)
+    verdict = "within" if oldest_s <= limit_s else "BEYOND"
+    _print(
+        f"oldest lost sample: {oldest_s:.3f} s, {verdict} the limit of {options.limit_s:g} s"
+        f" + the disk's longest round = {limit_s:.3f} s"
+    )
+    _print(damaged.summary)
+    violations = [*learners.violations, *daemons.violations, *damaged.violations]
+    for violation in violations[:_MOST_TOLD]:
+        _print(f"violation: {violation}")
+    _print(f"violations: {len(violations)}")
+    return int(bool(violations) or oldest_s > limit_s)
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m endurance.crash", description=__doc__.splitlines()[0])
+    parser.add_argument("--kills", type=int, default=10_000, help="of a learner (%(default)s)")
+    parser.add_argument("--daemon-kills", type=int, default=200, help="of a whole daemon (%(default)s)")
+    parser.add_argument("--slots", type=int, default=8, help="learners at once (%(default)s)")
+    parser.add_argument("--daemon-slots", type=int, default=2, help="daemons at once (%(default)s)")
+    parser.add_argument("--damage-share", type=float, default=1.0, help="of all damaged files (%(default)s)")
+    parser.add_argument("--limit-s", type=float, default=1.0, help="age that a lost sample may have (%(default)s)")
+    parser.add_argument("--seed", type=int, default=1, help="(%(default)s)")
+    parser.add_argument("--folder", type=Path, help="where the tables are kept: on the disk to be tested")
+    return parser.parse_args()
+
+
+def _kill(make: Callable[[Path, int], _Slot], folder: Path, kills: int, slots: int, seed: int) -> Tally:
+    """Return what `kills` kills left and cost, spread over slots that work at the same time."""
+    folder.mkdir()
+    tally = Tally()
+    queue: SimpleQueue[_Report] = _FORK.SimpleQueue()
+    shares = [kills // slots + (slot < kills % slots) for slot in range(slots)]
+    workers = [
+        _FORK.Process(target=_work, args=(make, folder / str(slot), share, 1000 * seed + slot, queue))
+        for slot, share in enumerate(shares)
+        if share
+    ]
+    for worker in workers:
+        worker.start()
+    with tqdm(total=kills, desc=f"kills of {folder.name}", unit=" kills", disable=None) as bar:
+        done = 0
+        while done < kills:
+            report = queue.get()
+            if isinstance(report, str):
+                tally.violations.append(report)
+                done = kills
+                continue
+            for outcome in report:
+                tally.add(outcome)
+            done += 1
+            bar.update()
+    for worker in workers:
+        if tally.violations:
+            worker.terminate()
+        worker.join()
+    return tally
+
+
+def _work(make: Callable[[Path, int], _Slot], folder: Path, kills: int, seed: int, queue: SimpleQueue[_Report]) -> None:
+    try:
+        slot = make(folder, seed)
+        try:
+            for _ in range(kills):
+                queue.put(tuple(slot.kill_one()))
+        finally:
+            slot.close()
+    except Exception as error:  # noqa: BLE001 - a worker that fails is a result
+        queue.put(f"{folder}: {type(error).__name__}: {error}")
+
+
+def _show(tally: Tally) -> None:
+    loads = sum(tally.kills.values())
+    _print(f"{loads} loads after {loads} kills, {tally.torn} of them inside a transaction; {tally.lost} samples lost:")
+    for kind, count in sorted(tally.kills.items()):
+        _print(f"  {count:6d} × {kind + ':':20} oldest lost sample {tally.oldest[kind]:.3f} s")
+
+
+def _print(line: str) -> None:
+    sys.stdout.write(line + "\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,121 @@
+"""Kills whole daemons at random instants, alone or with their keeper, while a scripted valve makes them learn."""
+
+from __future__ import annotations
+
+import math
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from typing import TYPE_CHECKING
+
+import tomli_w
+
+from endurance import diary
+from endurance.verdict import Judge, Outcome
+from positioner.bus import BusPort
+from positioner.bus_address import embedded_address
+from positioner.stiction import StictionTable
+from positioner.store import lock
+from positioner.wire.codec import make_codec
+from positioner.wire.messages import Setpoint, StemPosition
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+ALONE, TOGETHER = "daemon alone", "daemon and keeper"
+_VALVE = "FV-201"
+_WIDTH_M = 0.005
+_PERIOD_S = 0.01
+_SWEEP = 20
+"""Samples from one end of the script to the other; half of them the stem moves, half of them it rests."""
+_LOW_M, _HIGH_M, _TREMOR_M = 0.06, 0.09, 2e-5
+_EARLY_SHARE, _EARLY_S = 0.1, 1.0
+_LEARNING_S = 3.0
+_PATIENCE_S = 60.0
+_ANSWER_S = 0.02
+
+
+class DaemonSlot:
+    """One valve with its daemons, one after the other, on one embedded bus."""
+
+    def __init__(self, folder: Path, seed: int) -> None:
+        folder.mkdir()
+        self._folder = folder
+        self._diary, self._log = folder / "diary", folder / "daemon.log"
+        self._chance = random.Random(seed)  # noqa: S311 - no secret
+        self._bus = BusPort(embedded_address(os.getpid()))
+        self._bus.open()
+        self._codec = make_codec()
+        self._sample = 0
+        self._judge = Judge(folder / "state", _VALVE, StictionTable(cell_width_m=_WIDTH_M))
+        self._configuration = folder / "valve.toml"
+        self._configuration.write_text(tomli_w.dumps(self._tables()), encoding="utf-8")
+
+    def kill_one(self) -> Iterator[Outcome]:
+        """Let one daemon live for a random time and kill it; yield what that left."""
+        self._diary.unlink(missing_ok=True)
+        self._judge.state.mkdir(exist_ok=True)
+        daemon = self._start()
+        try:
+            self._play_to_the_end(daemon)
+            kind = self._chance.choice((ALONE, TOGETHER))
+            (os.kill if kind == ALONE else os.killpg)(daemon.pid, signal.SIGKILL)
+            killed_ns = time.monotonic_ns()
+        finally:
+            daemon.kill()
+            code = daemon.wait()
+        with lock.held(self._judge.state, _PATIENCE_S):  # a keeper that lives on saves, then lets go
+            yield self._judge.look(kind, diary.read(self._diary), killed_ns)
+        if code != -signal.SIGKILL:
+            raise AssertionError(f"the daemon ended by itself: {self._log.read_text(encoding='utf-8')[-2000:]}")
+
+    def close(self) -> None:
+        """Give the bus back."""
+        self._bus.close()
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        arguments = ["run", "--config", str(self._configuration), "--clock", "lockstep"]
+        with self._log.open("wb") as output:
+            return subprocess.Popen(  # noqa: S603 - our own module
+                [sys.executable, "-m", "endurance.watched_daemon", str(self._diary), *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+                process_group=0,
+            )
+
+    def _play_to_the_end(self, daemon: subprocess.Popen[bytes]) -> None:
+        if self._chance.random() < _EARLY_SHARE:
+            self._play(daemon, self._chance.uniform(0.0, _EARLY_S))
+            return
+        deadline_s = time.monotonic() + _PATIENCE_S
+        while not self._diary.exists() and time.monotonic() < deadline_s:
+            self._play(daemon, 0.05)
+        self._play(daemon, self._chance.uniform(0.0, _LEARNING_S))
+
+    def _play(self, daemon: subprocess.Popen[bytes], duration_s: float) -> None:
+        """Be the valve and the host: a stem that moves, rests and trembles, whatever the command."""
+        end_s = time.monotonic() + duration_s
+        while time.monotonic() < end_s and daemon.poll() is None:
+            number, self._sample = self._sample, self._sample + 1
+            opening = number // _SWEEP % 2 == 0
+            done = min(number % _SWEEP / (_SWEEP / 2), 1.0)
+            stem_m = _LOW_M + (_HIGH_M - _LOW_M) * (done if opening else 1.0 - done) + _TREMOR_M * math.sin(1.7 * number)
+            self._bus.send(self._codec.encode(Setpoint(_HIGH_M if opening else _LOW_M), number))
+            self._bus.send(self._codec.encode(StemPosition(stem_m), number))
+            self._bus.receive(min(_ANSWER_S, max(end_s - time.monotonic(), 0.0)))
+
+    def _tables(self) -> dict[str, object]:
+        bus = self._bus.address
+        return {
+            "valve": {"id": _VALVE},
+            "bus": {"interface": bus.interface, "channel": bus.channel, "port": bus.port},
+            "state": {"directory": str(self._judge.state)},
+            "control": {"sample_period_s": _PERIOD_S, "table_cell_m": _WIDTH_M},
+            "guard": {"auto_arm": True, "feedback_hold_periods": 500, "feedback_failsafe_periods": 5000},
+        }

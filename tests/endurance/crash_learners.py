@@ -1,0 +1,95 @@
+"""Kills learners at random instants: alone, with their keeper, and the keeper alone; then looks what the table holds."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import random
+import signal
+import time
+from typing import TYPE_CHECKING
+
+from endurance import diary, learner
+from endurance.verdict import Judge, Outcome
+from positioner.stiction import StictionTable
+from positioner.store import lock
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+ALONE, TOGETHER, KEEPER = "learner alone", "learner and keeper", "keeper alone"
+_EARLY_SHARE, _EARLY_S = 0.1, 0.25
+"""One kill in ten falls into the start, within this time of the fork."""
+_LEARNING_S = 0.6
+_KEEPER_SHARE = 0.2
+_PATIENCE_S = 60.0
+_POLL_S = 0.005
+
+
+class LearnerSlot:
+    """One state directory with its learners, one after the other."""
+
+    def __init__(self, folder: Path, seed: int) -> None:
+        folder.mkdir()
+        self._state, self._diary, self._complaints = folder / "state", folder / "diary", folder / "complaints"
+        self._chance = random.Random(seed)  # noqa: S311 - no secret
+        self._judge = Judge(self._state, learner.VALVE, StictionTable(cell_width_m=learner.WIDTH_M))
+        self._learner = 0
+
+    def kill_one(self) -> Iterator[Outcome]:
+        """Let one learner live for a random time and kill it; yield the outcome of each kill, the learner's last."""
+        self._diary.unlink(missing_ok=True)
+        self._state.mkdir(exist_ok=True)
+        self._learner = learner.start(self._state, self._diary, self._complaints, self._chance.getrandbits(32))
+        try:
+            yield from self._live()
+            kind = self._chance.choice((ALONE, TOGETHER))
+            (os.kill if kind == ALONE else os.killpg)(self._learner, signal.SIGKILL)
+            killed_ns = time.monotonic_ns()
+        finally:
+            self._end()
+        with lock.held(self._state, _PATIENCE_S):  # a keeper that lives on saves, then lets go
+            yield self._judge.look(kind, diary.read(self._diary), killed_ns)
+        if self._complaints.exists():
+            raise AssertionError(self._complaints.read_text(encoding="utf-8"))
+
+    def close(self) -> None:
+        """Nothing is held between two learners."""
+
+    def _live(self) -> Iterator[Outcome]:
+        if self._chance.random() < _EARLY_SHARE:
+            time.sleep(self._chance.uniform(0.0, _EARLY_S))
+            return
+        self._wait_for_lessons()
+        if self._chance.random() < _KEEPER_SHARE:
+            time.sleep(self._chance.uniform(0.0, _LEARNING_S))
+            yield from self._kill_keeper()
+        time.sleep(self._chance.uniform(0.0, _LEARNING_S))
+
+    def _wait_for_lessons(self) -> None:
+        deadline_s = time.monotonic() + _PATIENCE_S
+        while not self._diary.exists() and not self._complaints.exists() and time.monotonic() < deadline_s:
+            time.sleep(_POLL_S)
+
+    def _kill_keeper(self) -> Iterator[Outcome]:
+        """Kill the keeper under a learner that stands still meanwhile, so that none takes its place."""
+        os.kill(self._learner, signal.SIGSTOP)
+        try:
+            os.waitid(os.P_PID, self._learner, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
+            keepers = [one for one in learner.children_of(self._learner) if learner.is_running(one)]
+            for one in keepers:
+                os.kill(one, signal.SIGKILL)
+            killed_ns = time.monotonic_ns()
+            while any(map(learner.is_running, keepers)):
+                time.sleep(_POLL_S)
+            if keepers:
+                yield self._judge.look(KEEPER, diary.read(self._diary), killed_ns)
+        finally:
+            os.kill(self._learner, signal.SIGCONT)
+
+    def _end(self) -> None:
+        """Kill what is left of the learner."""
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self._learner, signal.SIGKILL)
+        os.waitpid(self._learner, 0)

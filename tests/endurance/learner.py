@@ -1,0 +1,76 @@
+"""A process that learns all the time through the daemon's own store, until somebody kills it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import random
+import time
+import traceback
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from endurance.diary import DiaryWriter
+from positioner.stiction import Direction, LearnedSample, Quantity
+from positioner.store.client import TableKeeper
+
+if TYPE_CHECKING:
+    from typing import NoReturn
+
+VALVE = "FV-101"
+WIDTH_M = 0.005
+_TRAVEL_M = 0.127
+_LONGEST_PAUSE_S = 0.004
+_PATIENCE_S = 60.0
+
+
+def start(state: Path, diary: Path, complaints: Path, seed: int) -> int:
+    """Return the process ID of a new learner, which leads a process group of its own."""
+    process = os.fork()
+    if process == 0:
+        try:
+            os.setpgid(0, 0)
+            _learn(state, diary, random.Random(seed))  # noqa: S311 - no secret
+        except BaseException:  # noqa: BLE001 - whatever it is, it belongs into the report and not up this copied stack
+            complaints.write_text(traceback.format_exc(), encoding="utf-8")
+        finally:
+            os._exit(1)
+    with contextlib.suppress(PermissionError, ProcessLookupError):  # whoever comes first, parent or child
+        os.setpgid(process, process)
+    return process
+
+
+def _learn(state: Path, diary: Path, chance: random.Random) -> NoReturn:
+    """Do as the daemon does in its cycles: record, and poll."""
+    keeper, table, notices = TableKeeper.open(state, VALVE, WIDTH_M, patience_s=_PATIENCE_S)
+    if notices:
+        raise AssertionError("; ".join(notices))
+    written = DiaryWriter(diary)
+    sequence = table.sequence
+    while True:
+        sequence += 1
+        sample = _lesson(chance)
+        written.write(sequence, sample)
+        keeper.record([sample])
+        keeper.poll()
+        time.sleep(chance.uniform(0.0, _LONGEST_PAUSE_S))
+
+
+def _lesson(chance: random.Random) -> LearnedSample:
+    """Return a sample from any place of the travel, in all its digits."""
+    quantity, direction = chance.choice(tuple(Quantity)), chance.choice(tuple(Direction))
+    return LearnedSample(quantity, chance.uniform(0.0, _TRAVEL_M), direction, chance.uniform(0.0, 20.0))
+
+
+def children_of(process: int) -> list[int]:
+    """Return the process IDs of its children: a learner's only one is its keeper."""
+    return [int(word) for word in Path(f"/proc/{process}/task/{process}/children").read_text("ascii").split()]
+
+
+def is_running(process: int) -> bool:
+    """Return whether the process is there, and no zombie."""
+    try:
+        text = Path(f"/proc/{process}/stat").read_text("ascii", errors="replace")
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return text.rpartition(")")[2].split()[0] not in {"Z", "X"}

@@ -1,0 +1,88 @@
+"""What a kill left: the table as the daemon's own code loads it, beside what the diary says must be in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from positioner.store.database import SIDECARS
+from positioner.store.vault import TABLE, Vault
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from pathlib import Path
+
+    from endurance.diary import Entry
+    from positioner.stiction import StictionTable
+
+_NS = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One kill of one kind: what was lost, and what should not be; `torn` where it fell into a transaction."""
+
+    kind: str
+    lost: int
+    oldest_s: float
+    torn: bool
+    violations: tuple[str, ...] = ()
+
+
+@dataclass(slots=True)
+class Tally:
+    """The sum of many kills."""
+
+    kills: dict[str, int] = field(default_factory=dict)
+    torn: int = 0
+    lost: int = 0
+    oldest: dict[str, float] = field(default_factory=dict)
+    violations: list[str] = field(default_factory=list)
+
+    def add(self, outcome: Outcome) -> None:
+        """Count one more."""
+        self.kills[outcome.kind] = self.kills.get(outcome.kind, 0) + 1
+        self.torn += outcome.torn
+        self.lost += outcome.lost
+        self.oldest[outcome.kind] = max(self.oldest.get(outcome.kind, 0.0), outcome.oldest_s)
+        self.violations.extend(outcome.violations)
+
+    @property
+    def oldest_s(self) -> float:
+        """The age of the oldest sample that any kill cost."""
+        return max(self.oldest.values(), default=0.0)
+
+
+@dataclass(slots=True)
+class Judge:
+    """Knows what one state directory must hold: what it held when last looked at, and then the diary's samples."""
+
+    state: Path
+    valve_id: str
+    table: StictionTable
+
+    def look(self, kind: str, entries: Sequence[Entry], killed_ns: int) -> Outcome:
+        """Return what a kill at `killed_ns` left and cost; nobody may be writing the table meanwhile."""
+        torn = any((self.state / f"{TABLE}{suffix}").exists() for suffix in SIDECARS)
+        vault = Vault(self.state, self.valve_id, self.table.cell_width_m)
+        found = vault.load().table
+        violations = [f"the load said: {notice}" for notice in vault.take_notices()]
+        violations += [f"{path.name} was set aside" for path in self.state.glob("stiction.*-*.sqlite*")]
+        saved = [entry for entry in entries if self.table.sequence < entry.sequence <= found.sequence]
+        lost = [entry for entry in entries if entry.sequence > found.sequence]
+        if found.sequence < self.table.sequence:
+            violations.append(f"went back from {self.table.sequence} to {found.sequence} samples")
+        elif found != taught(self.table, saved):
+            violations.append(f"has a hole: not the first {found.sequence} samples, in their order")
+        self.table = found
+        oldest_s = max(((killed_ns - entry.written_ns) / _NS for entry in lost), default=0.0)
+        told = tuple(f"{self.state}, {kind}: {violation}" for violation in violations)
+        return Outcome(kind, len(lost), oldest_s, torn, told)
+
+
+def taught(table: StictionTable, entries: Iterable[Entry]) -> StictionTable:
+    """Return the table with the samples of the diary."""
+    for entry in entries:
+        one = entry.sample
+        table = table.record(one.quantity, one.position_m, one.direction, one.value)
+    return table

@@ -1,0 +1,35 @@
+"""`positioner` with a diary of its lessons.
+
+    python -m endurance.watched_daemon DIARY run --config valve.toml
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+from pathlib import Path
+
+from endurance.diary import DiaryWriter
+from positioner.cli.main import main
+from positioner.events import Learned
+from positioner.journal import logger
+
+
+class Watch(logging.Filter):
+    """Writes each lesson down as the daemon logs it, which is before it hands it over; keeps it out of the log."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._diary = DiaryWriter(path)
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Return whether the record belongs into the log, too."""
+        event = record.args[0] if isinstance(record.args, tuple) and record.args else None
+        if isinstance(event, Learned):
+            self._diary.write(event.sequence, event.sample)
+        return record.levelno > logging.DEBUG
+
+
+if __name__ == "__main__":
+    logger.addFilter(Watch(Path(sys.argv[1])))
+    sys.exit(main([*sys.argv[2:], "--verbose"]))

@@ -107,3 +107,10 @@ coverage: $(VENV)/installed
 .PHONY: reactions
 reactions: $(VENV)/installed
 	PYTHONPATH=.:tests $(BIN)/python -m endurance.reactions
+# The limits of the stiction table and of the daemon, at full length; `make test` runs short forms of both.
+ENDURANCE = PYTHONPATH=tests $(BIN)/python -m endurance
+SOAK_SECONDS ?= 3600
+
+.PHONY: crash-test
+crash-test: $(VENV)/installed
+	$(ENDURANCE).crash

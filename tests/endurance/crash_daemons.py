@@ -80,7 +80,7 @@ class DaemonSlot:
     def _start(self) -> subprocess.Popen[bytes]:
         arguments = ["run", "--config", str(self._configuration), "--clock", "lockstep"]
         with self._log.open("wb") as output:
-            return subprocess.Popen(  # noqa: S603 - our own module
+            return subprocess.Popen(
                 [sys.executable, "-m", "endurance.watched_daemon", str(self._diary), *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
@@ -105,7 +105,9 @@ class DaemonSlot:
             number, self._sample = self._sample, self._sample + 1
             opening = number // _SWEEP % 2 == 0
             done = min(number % _SWEEP / (_SWEEP / 2), 1.0)
-            stem_m = _LOW_M + (_HIGH_M - _LOW_M) * (done if opening else 1.0 - done) + _TREMOR_M * math.sin(1.7 * number)
+            stem_m = (
+                _LOW_M + (_HIGH_M - _LOW_M) * (done if opening else 1.0 - done) + _TREMOR_M * math.sin(1.7 * number)
+            )
             self._bus.send(self._codec.encode(Setpoint(_HIGH_M if opening else _LOW_M), number))
             self._bus.send(self._codec.encode(StemPosition(stem_m), number))
             self._bus.receive(min(_ANSWER_S, max(end_s - time.monotonic(), 0.0)))

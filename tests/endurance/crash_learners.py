@@ -1,4 +1,4 @@
-"""Kills learners at random instants: alone, with their keeper, and the keeper alone; then looks what the table holds."""
+"""Kills learners at random instants: alone, with their keeper, and the keeper alone; then looks at their table."""
 
 from __future__ import annotations
 

@@ -26,7 +26,8 @@ Damage: TypeAlias = tuple[int, int]
 
 VALVE, WIDTH_M = "FV-301", 0.005
 _FLIPS = (0x01, 0x10, 0x80, 0xFF)
-_LEARNED, _COPIED = 900, 600
+_LOW_M, _HIGH_M = 0.055, 0.095
+_LEARNED, _COPIED = 500, 300
 _NOW_S = 1_778_312_125
 
 
@@ -50,13 +51,13 @@ class Survey:
 
 @cache
 def tables() -> tuple[StoredTable, StoredTable]:
-    """Return a realistic table, every cell of a travel taught in both directions, and its older good copy."""
+    """Return a realistic table, every cell of the used travel taught in both directions, and its older good copy."""
     chance = random.Random(7)  # noqa: S311 - the same table each time
     stored = StoredTable(VALVE, StictionTable(cell_width_m=WIDTH_M))
     copied = stored
     for number in range(_LEARNED):
         quantity, direction = chance.choice(tuple(Quantity)), chance.choice(tuple(Direction))
-        sample = LearnedSample(quantity, chance.uniform(0.0, 0.127), direction, chance.uniform(0.0, 20.0))
+        sample = LearnedSample(quantity, chance.uniform(_LOW_M, _HIGH_M), direction, chance.uniform(0.0, 20.0))
         stored = stored.learned(sample, _NOW_S + number)
         copied = stored if number < _COPIED else copied
     return stored, copied

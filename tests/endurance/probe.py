@@ -17,7 +17,7 @@ _PAGE = bytes(4096)
 
 
 class DiskProbe:
-    """Creates, syncs and renames a file in a folder, over and over; `longest_s` is the longest round, `rounds` counts."""
+    """Creates, syncs and renames a file in a folder, over and over; `longest_s` is the longest of the `rounds`."""
 
     def __init__(self, folder: Path) -> None:
         context = multiprocessing.get_context("fork")

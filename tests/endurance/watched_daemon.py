@@ -1,6 +1,6 @@
 """`positioner` with a diary of its lessons.
 
-    python -m endurance.watched_daemon DIARY run --config valve.toml
+python -m endurance.watched_daemon DIARY run --config valve.toml
 """
 
 from __future__ import annotations

@@ -114,3 +114,7 @@ SOAK_SECONDS ?= 3600
 .PHONY: crash-test
 crash-test: $(VENV)/installed
 	$(ENDURANCE).crash
+
+.PHONY: soak
+soak: $(VENV)/installed
+	SOAK_SECONDS=$(SOAK_SECONDS) $(ENDURANCE).soak

@@ -1,0 +1,107 @@
+"""The host of a soak: asks for setpoints, arms the positioner whenever it is not armed, measures what it hears."""
+
+from __future__ import annotations
+
+import random
+import time
+from array import array
+from typing import TYPE_CHECKING
+
+from positioner.bus import BusPort
+from positioner.wire.codec import make_codec
+from positioner.wire.e2e import COUNTER_MODULUS
+from positioner.wire.formats import FrameRejectedError
+from positioner.wire.messages import CurrentCommand, HostRequest, Mode, PositionerStatus, Setpoint, StemPosition
+
+if TYPE_CHECKING:
+    from positioner.bus_address import BusAddress
+
+_SETPOINT_EVERY_S = 0.05
+_DWELL_S = 1.5
+_LOW_M, _HIGH_M = 0.068, 0.092
+_SILENCE_S = 0.5
+"""Without a command for so long the mode that was heard last is no longer known."""
+_NS = 1_000_000_000
+
+
+class SoakHost:
+    """Plays the setpoints; `periods_s` and `latencies_s` are those of the commands, `modes` counts how often which."""
+
+    def __init__(self, address: BusAddress, seed: int) -> None:
+        self._bus = BusPort(address)
+        self._bus.open()
+        self._codec = make_codec()
+        self._chance = random.Random(seed)  # noqa: S311 - no secret
+        self._sent = 0
+        self._setpoint_m = _HIGH_M
+        self._setpoint_due_s = self._dwell_due_s = 0.0
+        self._positions: dict[int, int] = {}
+        self._command_ns: int | None = None
+        self._mode: Mode | None = None
+        self.periods_s = array("d")
+        self.latencies_s = array("d")
+        self.modes: dict[Mode, int] = {}
+        self.unsaved = 0
+
+    @property
+    def is_controlled(self) -> bool:
+        """Whether the valve is under control right now."""
+        return self._mode is Mode.ACTIVE
+
+    def turn(self, timeout_s: float) -> None:
+        """Send what is due, and listen for up to `timeout_s`."""
+        now_s = time.monotonic()
+        if now_s >= self._setpoint_due_s:
+            self._setpoint_due_s = now_s + _SETPOINT_EVERY_S
+            self._ask(now_s)
+        for frame in self._bus.receive(timeout_s):
+            try:
+                message, counter = self._codec.decode(frame)
+            except FrameRejectedError:
+                continue
+            if isinstance(message, StemPosition) and counter is not None:
+                self._positions[counter] = frame.received_ns
+            elif isinstance(message, CurrentCommand):
+                self._hear(message, frame.received_ns)
+            elif isinstance(message, PositionerStatus):
+                self._enter(message.mode)
+                self.unsaved += not message.table_saved
+        if self._command_ns is not None and time.monotonic_ns() - self._command_ns > _SILENCE_S * _NS:
+            self._command_ns = None
+            self._mode = None
+
+    def forget(self) -> None:
+        """Throw away what came while nobody listened, and what was known of the mode."""
+        while self._bus.receive(0.0):
+            pass
+        self._positions.clear()
+        self._command_ns = None
+        self._mode = None
+
+    def close(self) -> None:
+        """Give the bus back."""
+        self._bus.close()
+
+    def _ask(self, now_s: float) -> None:
+        if now_s >= self._dwell_due_s:
+            self._dwell_due_s = now_s + _DWELL_S
+            self._setpoint_m = self._chance.uniform(_LOW_M, _HIGH_M)
+        ask = not self.is_controlled and self._sent % 2 == 1  # a request counts when it changes
+        request = HostRequest.ARM if ask else HostRequest.NONE
+        self._bus.send(self._codec.encode(Setpoint(self._setpoint_m, request), self._sent % COUNTER_MODULUS))
+        self._sent += 1
+
+    def _hear(self, command: CurrentCommand, received_ns: int) -> None:
+        if self._command_ns is not None:
+            self.periods_s.append((received_ns - self._command_ns) / _NS)
+        self._command_ns = received_ns
+        if command.position_counter is not None:
+            asked_ns = self._positions.pop(command.position_counter, None)
+            if asked_ns is not None:
+                self.latencies_s.append((received_ns - asked_ns) / _NS)
+        self._enter(command.mode)
+
+    def _enter(self, mode: Mode) -> None:
+        if mode is not self._mode:
+            self._mode = mode
+            self.modes[mode] = self.modes.get(mode, 0) + 1

@@ -15,6 +15,8 @@ from positioner.errors import StateError
 from positioner.store import messages
 from positioner.store.lines import Lines
 
+PROGRAM = "positioner.store.keeper"
+"""The module that runs as the keeper; tests put one with a failing disk in its place."""
 _START_S = 15.0
 _SHIELDED = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 _PACKAGES = str(Path(__file__).resolve().parents[2])
@@ -59,7 +61,7 @@ def start(lock_descriptor: int, opening: messages.Open) -> Child:
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, _SHIELDED)
     try:
         process = subprocess.Popen(  # noqa: S603, our own interpreter and module
-            [sys.executable, "-m", "positioner.store.keeper", *map(str, descriptors)],
+            [sys.executable, "-m", PROGRAM, *map(str, descriptors)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             pass_fds=descriptors,

@@ -1,0 +1,66 @@
+"""The keeper on a disk that fails on demand: the file named by $KEEPER_FAULT says how, an empty one that it works.
+
+full        what is committed or synced finds no space (ENOSPC, SQLITE_FULL)
+fsync       what is committed or synced fails (EIO, SQLITE_IOERR_FSYNC)
+no-rights   the keeper is nobody: what its directory's permissions forbid really fails
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+from positioner.store import keeper
+
+_FAULT = Path(os.environ["KEEPER_FAULT"])
+_NOBODY = 65534
+_AM_ROOT = os.geteuid() == 0
+_ERRORS = {
+    "full": (errno.ENOSPC, sqlite3.SQLITE_FULL, "database or disk is full"),
+    "fsync": (errno.EIO, sqlite3.SQLITE_IOERR_FSYNC, "disk I/O error"),
+}
+
+
+def _fault() -> str:
+    """Return the fault of this moment; a keeper without rights is nobody from now on, any other is itself."""
+    word = _FAULT.read_text("ascii")
+    if _AM_ROOT and (wanted := _NOBODY if word == "no-rights" else 0) != os.geteuid():
+        os.seteuid(wanted)
+    return word
+
+
+class FaultyConnection(sqlite3.Connection):
+    """A connection whose commits fail on demand, before anything of them is on the disk."""
+
+    def execute(self, sql: str, *parameters: Any) -> sqlite3.Cursor:
+        word = _fault()
+        if sql == "COMMIT" and word in _ERRORS:
+            _, code, text = _ERRORS[word]
+            error = sqlite3.OperationalError(text)
+            error.sqlite_errorcode = code
+            raise error
+        return super().execute(sql, *parameters)
+
+
+_connect, _fsync = sqlite3.connect, os.fsync
+
+
+def _faulty_connect(*arguments: Any, **options: Any) -> sqlite3.Connection:
+    _fault()
+    return _connect(*arguments, factory=FaultyConnection, **options)
+
+
+def _faulty_fsync(descriptor: int) -> None:
+    word = _fault()
+    if word in _ERRORS:
+        raise OSError(_ERRORS[word][0], os.strerror(_ERRORS[word][0]))
+    _fsync(descriptor)
+
+
+if __name__ == "__main__":
+    sqlite3.connect = _faulty_connect
+    os.fsync = _faulty_fsync
+    keeper.main()

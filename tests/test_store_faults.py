@@ -1,0 +1,136 @@
+"""A disk that fails under the keeper: the loop goes on, the status says so, and nothing is lost once it works again."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from daemon_helpers import Loop
+from store_helpers import opened, series, taught, wait_for
+from test_daemon_state import AUTO, statuses, teach, wait_until_saved
+
+from positioner.store import child, database
+from positioner.store.messages import Saved, SavingFailed, SavingWorks
+from positioner.store.vault import TABLE
+from positioner.wire.messages import CurrentCommand, Health
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_PATIENCE_S = 60.0
+FAULTS = {
+    "full": "database or disk is full; free some space on the disk",
+    "fsync": "disk I/O error; check the disk",
+    "no-rights": "make the state directory writable",
+}
+
+
+class Disk:
+    """A place for a state directory, and whether its disk works."""
+
+    def __init__(self, place: Path) -> None:
+        self.state = place / "state"
+        self.state.mkdir()
+        self.fault = place / "fault"
+        self.fault.write_text("", encoding="ascii")
+
+    def fail(self, how: str) -> None:
+        if how == "no-rights":
+            self.state.chmod(0o555)
+        self.fault.write_text(how, encoding="ascii")
+
+    def work(self) -> None:
+        self.state.chmod(0o755)
+        self.fault.write_text("", encoding="ascii")
+
+
+@pytest.fixture
+def disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Disk]:
+    """A disk that may fail, not below a directory that only its owner may enter."""
+    with tempfile.TemporaryDirectory() as name:
+        place = Path(name)
+        place.chmod(0o755)
+        one = Disk(place)
+        monkeypatch.setattr(child, "PROGRAM", "faulty_keeper")
+        monkeypatch.setenv("KEEPER_FAULT", str(one.fault))
+        monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, sys.path)))
+        yield one
+        one.work()
+
+
+@pytest.mark.parametrize(("how", "words"), FAULTS.items())
+def test_a_disk_that_fails_is_told_once_and_what_was_learned_meanwhile_is_saved_later(
+    disk: Disk, how: str, words: str
+) -> None:
+    keeper, _, _ = opened(disk.state)
+    keeper.record(series(10))
+    wait_for(keeper, lambda: keeper.saved, _PATIENCE_S)
+    disk.fail(how)
+    keeper.record(series(10, 10))
+    events = wait_for(keeper, lambda: keeper.problem is not None, _PATIENCE_S)
+    assert str(keeper.problem).startswith("the stiction table cannot be saved: ")
+    assert str(keeper.problem).endswith(words)
+    keeper.record(series(10, 20))
+    assert not keeper.saved
+    assert database.read(disk.state / TABLE).table == taught(series(10)).table
+    disk.work()
+    events += wait_for(keeper, lambda: keeper.saved, _PATIENCE_S)
+    assert [type(event) for event in events if not isinstance(event, Saved)] == [SavingFailed, SavingWorks]
+    assert keeper.close(_PATIENCE_S) is None
+    assert database.read(disk.state / TABLE).table == taught(series(30)).table
+
+
+@pytest.mark.parametrize("how", FAULTS)
+def test_a_start_on_a_disk_that_fails_learns_all_the_same_and_saves_it_later(disk: Disk, how: str) -> None:
+    disk.fail(how)
+    keeper, table, _ = opened(disk.state)
+    assert len(table) == 0
+    keeper.record(series(10))
+    wait_for(keeper, lambda: keeper.problem is not None, _PATIENCE_S)
+    disk.work()
+    wait_for(keeper, lambda: keeper.saved, _PATIENCE_S)
+    assert keeper.close(_PATIENCE_S) is None
+    assert database.read(disk.state / TABLE).table == taught(series(10)).table
+
+
+@pytest.mark.parametrize("how", FAULTS)
+def test_a_close_on_a_disk_that_fails_says_so_and_leaves_the_former_table_whole(disk: Disk, how: str) -> None:
+    keeper, _, _ = opened(disk.state)
+    keeper.record(series(10))
+    wait_for(keeper, lambda: keeper.saved, _PATIENCE_S)
+    disk.fail(how)
+    keeper.record(series(10, 10))
+    assert str(keeper.close(_PATIENCE_S)).startswith("the stiction table cannot be saved: ")
+    disk.work()
+    again, table, notices = opened(disk.state)
+    assert (table, notices) == (taught(series(10)).table, ())
+    again.close(_PATIENCE_S)
+
+
+@pytest.mark.bus
+@pytest.mark.parametrize("how", FAULTS)
+def test_the_status_says_that_the_disk_fails_while_the_loop_goes_on_and_until_it_works(
+    disk: Disk, tmp_path: Path, how: str
+) -> None:
+    with Loop(tmp_path, guard=AUTO, state={"directory": str(disk.state)}) as loop:
+        teach(loop)
+        wait_until_saved(loop)
+        disk.fail(how)
+        teach(loop)
+        loop.turn_until("cannot be saved")
+        before = loop.daemon._state.table.sequence
+        teach(loop)
+        assert loop.daemon._state.table.sequence > before
+        shown = statuses(loop, 2)[-1]
+        assert (shown.table_saved, shown.health) == (False, Health.MAINTENANCE_REQUIRED)
+        assert len(loop.told("cannot be saved")) == 1
+        assert any(isinstance(message, CurrentCommand) for message in loop.sample())
+        disk.work()
+        loop.turn_until("saved again")
+        wait_until_saved(loop)
+        shown = statuses(loop, 2)[-1]
+        assert (shown.table_saved, shown.health) == (True, Health.GOOD)

@@ -1,0 +1,47 @@
+"""Tables as released versions wrote them, one for each schema: `tests/tables/v<schema>.sqlite`, and its content as JSON.
+
+PYTHONPATH=tests python -m golden_table     writes the table of the present schema, before it is released
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from store_helpers import NOW_S, WIDTH_M
+
+from positioner.stiction import Direction, LearnedSample, Quantity, StictionTable
+from positioner.store import database, document, schema
+from positioner.store.content import StoredTable
+
+FOLDER = Path(__file__).resolve().parent / "tables"
+PRESENT = len(schema.MIGRATIONS)
+
+
+def sqlite_file(version: int) -> Path:
+    """Return the path of the golden table of a schema."""
+    return FOLDER / f"v{version}.sqlite"
+
+
+def content(version: int) -> StoredTable:
+    """Return what the golden table of a schema holds."""
+    path = FOLDER / f"v{version}.json"
+    return document.loads(path.read_text(encoding="utf-8"), str(path))
+
+
+def example() -> StoredTable:
+    """Return a table with everything that there is: all quantities, both directions, full cells, a place below zero."""
+    stored = StoredTable("FV-101 «Süd»", StictionTable(cell_width_m=WIDTH_M), generation=3)
+    for number in range(260):
+        quantity, direction = tuple(Quantity)[number % 3], tuple(Direction)[number // 3 % 2]
+        place_m = -0.0061 + 0.0041 * (number // 6 % 4)
+        stored = stored.learned(LearnedSample(quantity, place_m, direction, 0.1 + number / 7.0), NOW_S + 60 * number)
+    return stored
+
+
+if __name__ == "__main__":
+    path = sqlite_file(PRESENT)
+    if path.exists():
+        sys.exit(f"{path} is there already: a released table never changes; a new schema is a new migration")
+    database.create(path, example())
+    path.with_suffix(".json").write_text(document.dumps(example()), encoding="utf-8")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from plant_emulator.parameters import PlantSettings
 from positioner.errors import ConfigurationError, Problem
-from positioner.settings import build, line_of, read_text, tables
+from positioner.settings import build, laid_over, line_of, read_text, tables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -67,7 +67,7 @@ def overridden(base: Mapping[str, Any], changes: Mapping[str, Any], source: str,
     Raises:
         ConfigurationError: as `load_plant`.
     """
-    return build(_resolved(_laid_over(base, changes), source, text), PlantSettings, source, text)
+    return build(_resolved(laid_over(base, changes), source, text), PlantSettings, source, text)
 
 
 def _resolved(values: Mapping[str, Any], source: str, text: str) -> dict[str, Any]:
@@ -78,18 +78,7 @@ def _resolved(values: Mapping[str, Any], source: str, text: str) -> dict[str, An
         message = f"is no preset; known: {', '.join(preset_names())}"
         raise ConfigurationError(source, (Problem(f"preset = {name!r}", line_of(text, ("preset",)), message),))
     below = _preset_text(name)
-    return _laid_over(_resolved(tables(below, name), name, below), values)
-
-
-def _laid_over(base: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
-    merged = dict(base)
-    for key, value in top.items():
-        below = merged.get(key)
-        if isinstance(below, dict) and isinstance(value, dict):
-            merged[key] = _laid_over(below, value)
-        else:
-            merged[key] = value
-    return merged
+    return laid_over(_resolved(tables(below, name), name, below), values)
 
 
 def _preset_text(name: str) -> str:

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import tomli_w
+
 from positioner import settings
 from positioner.bus_address import BusAddress
 from positioner.errors import ConfigurationError, Problem
@@ -22,6 +24,8 @@ from positioner.wire.formats import EncodingError
 from positioner.wire.messages import CurrentCommand
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from positioner.laws.law import Law
 
 _LARGEST_COUNTER = 255
@@ -77,14 +81,21 @@ class Configuration:
         return make(Ingredients(self.control, self.valve, self.estimator, self.guard, QpSolver))
 
 
-def load_config(path: Path) -> Configuration:
-    """Return the configuration in `path`, with a relative DBC path taken from beside it.
+def load_config(path: Path, changes: Mapping[str, Any] | None = None) -> Configuration:
+    """Return the configuration in `path`, with `changes` laid over it; a relative DBC path is taken from beside it.
 
     Raises:
         ConfigurationError: with every mistake in the file, of its values, its DBC and its names alike.
     """
     text = settings.read_text(path)
-    return parse_config(text, str(path), path.parent)
+    if not changes:
+        return parse_config(text, str(path), path.parent)
+    changed = tomli_w.dumps(settings.laid_over(settings.tables(text, str(path)), changes))
+    try:
+        return parse_config(changed, f"{path} with --set", path.parent)
+    except ConfigurationError as error:  # lines of a text that nobody has seen would mislead
+        problems = tuple(Problem(problem.where, None, problem.message) for problem in error.problems)
+        raise ConfigurationError(error.source, problems) from error
 
 
 def parse_config(text: str, source: str, base: Path) -> Configuration:

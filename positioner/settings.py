@@ -19,6 +19,7 @@ from pydantic import TypeAdapter, ValidationError
 from positioner.errors import ConfigurationError, Problem
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from pydantic_core import ErrorDetails
@@ -97,6 +98,24 @@ def tables(text: str, source: str) -> dict[str, Any]:
         raise ConfigurationError(source, (Problem("TOML", line, str(error)),)) from error
 
 
+def changes_of(pairs: Sequence[str], example: str) -> dict[str, Any]:
+    """Return `KEY=VALUE` pairs of a command line as nested tables; a value that is no TOML is taken as a word.
+
+    Raises:
+        ConfigurationError: one is no pair, or they contradict each other; `example` shows how to write one.
+    """
+    return tables("\n".join(_toml_line(pair, example) for pair in pairs), "--set")
+
+
+def laid_over(base: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the nested tables `base` with those of `top` laid over them."""
+    merged = dict(base)
+    for key, value in top.items():
+        below = merged.get(key)
+        merged[key] = laid_over(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
+    return merged
+
+
 def build(values: dict[str, Any], kind: type[T], source: str, text: str = "") -> T:
     """Return `values` as a `kind`; lines are looked up in `text`.
 
@@ -109,6 +128,17 @@ def build(values: dict[str, Any], kind: type[T], source: str, text: str = "") ->
     except ValidationError as error:
         problems = tuple(_problem(item, kind, text) for item in error.errors(include_url=False))
         raise ConfigurationError(source, tuple(sorted(problems, key=lambda p: p.line or 0))) from error
+
+
+def _toml_line(pair: str, example: str) -> str:
+    key, equals, value = pair.partition("=")
+    if not equals:
+        raise ConfigurationError("--set", (Problem(pair, None, f"is no KEY=VALUE; write it like {example}"),))
+    try:
+        tables(pair, "--set")
+    except ConfigurationError:
+        return f'{key} = "{value}"'
+    return pair
 
 
 def line_of(text: str, path: tuple[str, ...]) -> int | None:

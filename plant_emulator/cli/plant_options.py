@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from plant_emulator.presets import DEFAULT_PRESET, overridden, preset_names
-from positioner.errors import ConfigurationError, Problem
-from positioner.settings import read_text, tables
+from positioner.settings import changes_of, read_text, tables
 
 if TYPE_CHECKING:
     import argparse
@@ -41,25 +40,9 @@ def plant_of(options: argparse.Namespace) -> PlantSettings:
     Raises:
         ConfigurationError: a file, a key or a value is wrong.
     """
-    changes = _changes(options.changes)
+    changes = changes_of(options.changes, "valve.mass_kg=2")
     if options.config is None:
         return overridden({"preset": options.preset or DEFAULT_PRESET}, changes, "--set")
     text = read_text(options.config)
     source = f"{options.config} with --set" if changes else str(options.config)
     return overridden(tables(text, str(options.config)), changes, source, text)
-
-
-def _changes(pairs: list[str]) -> dict[str, Any]:
-    """Return the `KEY=VALUE` pairs as nested tables; a value that is no TOML is taken as a word."""
-    return tables("\n".join(map(_toml_line, pairs)), "--set")
-
-
-def _toml_line(pair: str) -> str:
-    key, equals, value = pair.partition("=")
-    if not equals:
-        raise ConfigurationError("--set", (Problem(pair, None, "is no KEY=VALUE; write it like valve.mass_kg=2"),))
-    try:
-        tables(pair, "--set")
-    except ConfigurationError:
-        return f'{key} = "{value}"'
-    return pair

@@ -1,0 +1,81 @@
+"""`positioner replay`: a recorded bus through the same cycle. Shell."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from tqdm import tqdm
+
+from positioner.config import load_config
+from positioner.errors import ExitCode
+from positioner.laws.registry import LAWS
+from positioner.replay.compare import Comparison
+from positioner.replay.other import OtherLaw
+from positioner.replay.report import headline, verdict
+from positioner.replay.run import replayed
+from positioner.replay.session import prepare
+from positioner.settings import changes_of, laid_over
+
+_EPILOG = """\
+examples:
+  positioner replay out/bench/bus.log --config out/bench/valve.toml
+  positioner replay bus.blf --config fv101.toml --state state-before
+  positioner replay bus.log --config fv101.toml --law paper --set guard.max_rate_ma_per_s=500 --out what-if
+
+The log may be candump (.log), ASC, BLF, CSV or any other that python-can reads. It must begin before the positioner's
+first command. --law and --set ask what would have been: the law sees the valve as it moved under the recorded
+commands, and says what it would have commanded.
+exit status: 0 identical (or, with --law or --set, done), 1 a frame differs, 74 the log or the table cannot be read,
+78 the configuration is wrong.
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the sub-command."""
+    parser = subparsers.add_parser(
+        "replay",
+        help="do a recorded bus again",
+        description="Feed a recorded bus through the same cycle, and compare its commands bit for bit.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("log", type=Path, metavar="LOG", help="the recorded bus")
+    parser.add_argument("--config", type=Path, required=True, metavar="FILE", help="configuration of the valve (TOML)")
+    parser.add_argument("--state", type=Path, metavar="DIR", help="start from the table in DIR, which is only read")
+    parser.add_argument("--law", choices=tuple(LAWS), metavar="NAME", help="what would this law have done?")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="changes",
+        metavar="KEY=VALUE",
+        help="change one setting, such as control.table_from_s=2 (repeatable)",
+    )
+    parser.add_argument("--out", type=Path, metavar="DIR", help="leave trace.csv and replay.png there")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> ExitCode:
+    changes = changes_of(arguments.changes, "control.table_from_s=2")
+    if arguments.law:
+        changes = laid_over(changes, {"control": {"law": arguments.law}})
+    configuration = load_config(arguments.config, changes)
+    session = prepare(arguments.log, configuration, arguments.state)
+    sys.stdout.write(f"{headline(session)}\n")
+    codec, period_s = configuration.make_codec(), configuration.control.sample_period_s
+    comparison = Comparison(codec, session.kind.knows_instants)
+    other = OtherLaw(codec)
+    outcomes = replayed(configuration, session.turns, session.table, follows=bool(changes))
+    for outcome in tqdm(outcomes, "replay", len(session.turns), unit=" turns", delay=1.0, leave=False, disable=None):
+        comparison.take(outcome)
+        other.take(outcome)
+    sys.stdout.write(f"{other.in_words() if changes else verdict(session, comparison)}\n")
+    if arguments.out:
+        from positioner.replay.leave import leave  # noqa: PLC0415 - pictures slow every other command down
+
+        title = f"{session.log.source}: law {configuration.control.law}, period {period_s * 1e3:g} ms"
+        leave(arguments.out, other.rows, title)
+        sys.stdout.write(f"{arguments.out}: trace.csv, replay.png\n")
+    return ExitCode.OK if changes or comparison.identical else ExitCode.FAILURE

@@ -1,0 +1,100 @@
+"""The flight recorder: every frame that a positioner took and sent, turn by turn, as a candump log. Shell.
+
+All frames of a turn carry its instant, the very number that the cycle was told: those received as R, then those sent as
+T. `positioner replay` can then do exactly what the positioner did. What else the cycle was told stands before the
+turn's frames in notes: frames that no bus carried, under an identifier of their own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TextIO
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from pathlib import Path
+
+    from positioner.cycle import CycleState
+    from positioner.wire.messages import CanFrame
+
+CHANNEL = "vcan0"
+"""The name in the log, whatever bus it was recorded on: canplayer plays it there by default."""
+NOTE_ID = 0x1FFFFFFF
+"""Identifier (extended) of a note: the byte of its kind, and a number of seven bytes, low byte first."""
+TOLD = ("table_saved",)
+"""What the shell tells the cycle by the state, in the order of the kinds of note."""
+KIND_TURN, KIND_TABLE = 0xFE, 0xFF
+"""A turn without frames that changed something; a table that was put in the place of the learned one."""
+_ERROR_FRAME_ID = 0x20000080
+_NS_PER_US = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """What a positioner was told beside the frames: the kind (an index of `TOLD`, or a `KIND_`) and the value."""
+
+    kind: int
+    value: int = 0
+
+    @property
+    def data(self) -> bytes:
+        """The eight bytes of the note."""
+        return bytes((self.kind,)) + self.value.to_bytes(7, "little")
+
+    @classmethod
+    def of(cls, data: bytes) -> Note:
+        """Return the note in `data`."""
+        return cls(data[0], int.from_bytes(data[1:], "little"))
+
+
+class BusRecorder:
+    """Writes the log; the operating system does the buffering."""
+
+    def __init__(self, path: Path) -> None:
+        """Create `path`."""
+        self._file: TextIO = path.open("w", encoding="ascii", buffering=1 << 16)
+        self._left: CycleState | None = None
+
+    def turn(
+        self, told: CycleState, inbox: Iterable[CanFrame], now_ns: int, outbox: Sequence[CanFrame], left: CycleState
+    ) -> None:
+        """Append one turn: the state that the cycle was `told`, its frames and its instant, and what it has `left`."""
+        instant = _instant(now_ns)
+        received = [f"({instant}) {CHANNEL} {_text(frame)} R\n" for frame in inbox]
+        notes = self._notes(told)
+        if not received and not outbox and _guard_moved(told, left):
+            notes.append(Note(KIND_TURN))
+        self._left = left
+        self._file.writelines(f"({instant}) {CHANNEL} {NOTE_ID:08X}#{note.data.hex().upper()} T\n" for note in notes)
+        self._file.writelines(received)
+        self._file.writelines(f"({instant}) {CHANNEL} {_text(frame)} T\n" for frame in outbox)
+
+    def close(self) -> None:
+        """Write what is left."""
+        self._file.close()
+
+    def _notes(self, told: CycleState) -> list[Note]:
+        """Return what is no longer as the last turn left it: somebody has told the cycle."""
+        left = self._left
+        if left is None or left is told:
+            return []
+        kinds = [kind for kind, name in enumerate(TOLD) if getattr(told, name) != getattr(left, name)]
+        notes = [Note(kind, int(getattr(told, TOLD[kind]))) for kind in kinds]
+        return notes if told.table is left.table else [*notes, Note(KIND_TABLE)]
+
+
+def _guard_moved(told: CycleState, left: CycleState) -> bool:
+    return (told.guard.mode, told.guard.cause) != (left.guard.mode, left.guard.cause)
+
+
+def _instant(now_ns: int) -> str:
+    """Return `now_ns` in seconds with six decimals, or nine where microseconds do not hold it."""
+    seconds, rest_ns = divmod(now_ns, 1_000_000_000)
+    return f"{seconds}.{rest_ns:09d}" if rest_ns % _NS_PER_US else f"{seconds}.{rest_ns // _NS_PER_US:06d}"
+
+
+def _text(frame: CanFrame) -> str:
+    if frame.is_error:
+        return f"{_ERROR_FRAME_ID:08X}#{bytes(8).hex()}"
+    identifier = f"{frame.arbitration_id:08X}" if frame.is_extended else f"{frame.arbitration_id:03X}"
+    return f"{identifier}#R" if frame.is_remote else f"{identifier}#{frame.data.hex().upper()}"

@@ -1,0 +1,1 @@
+"""Replay: a recorded bus through the very same cycle."""

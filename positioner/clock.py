@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from positioner.wire.messages import CanFrame
 
 _NS = 1_000_000_000
+_NS_PER_US = 1000
 
 
 class Clock(Protocol):
@@ -28,12 +29,12 @@ class Clock(Protocol):
 
 
 class RealClock:
-    """The machine's monotonic clock; a stepped wall clock does not move it."""
+    """The machine's monotonic clock in whole microseconds, as logs hold them; a stepped wall clock does not move it."""
 
     def now_ns(self, frames: tuple[CanFrame, ...]) -> int:
         """Return the present instant."""
         del frames
-        return time.monotonic_ns()
+        return time.monotonic_ns() // _NS_PER_US * _NS_PER_US
 
 
 class LockstepClock:

@@ -24,6 +24,7 @@ from positioner.events import (
 )
 from positioner.journal import Throttle, logger
 from positioner.notify import Notifier
+from positioner.record import BusRecorder
 from positioner.store.client import TableKeeper
 from positioner.store.messages import Notice, Replaced, Saved, SavingFailed, SavingWorks
 from positioner.trace import TraceWriter
@@ -55,6 +56,7 @@ class RunOptions:
     setpoint_every: int = 0
     dry_run: bool = False
     trace: Path | None = None
+    record: Path | None = None
 
 
 class Daemon:
@@ -99,9 +101,11 @@ class Daemon:
         self._state = cycle.CycleState(table=table)
         try:
             self._trace = TraceWriter(options.trace) if options.trace else None
+            self._recorder = BusRecorder(options.record)
         except OSError as error:
             self._keeper.close(_CLOSE_TIMEOUT_S)
-            raise UsageError(f"trace {options.trace} cannot be written: {error.strerror}") from error
+            what = "record" if error.filename == str(options.record) else "trace"
+            raise UsageError(f"{what} {error.filename} cannot be written: {error.strerror}") from error
         self._ready = False
         self._watchdog_due_s = 0.0
         self._poll_due_s = 0.0
@@ -131,12 +135,14 @@ class Daemon:
             self._notifier.send(STATUS=f"waiting for position frames on {self._bus.address}")
         frames = self._gate.admit(frames)
         now_ns = self._clock.now_ns(frames)
+        told = self._state
         began_ns = time.monotonic_ns()
-        self._state, outbox, events = cycle.step(self._setup, self._state, frames, now_ns)
+        self._state, outbox, events = cycle.step(self._setup, told, frames, now_ns)
         self._watch_the_time(time.monotonic_ns() - began_ns)
         if not self._options.dry_run:
             for frame in outbox:
                 self._bus.send(frame)
+        self._recorder.turn(told, frames, now_ns, outbox, self._state)
         self._tell(events)
         self._keep(events)
         if time.monotonic() >= self._watchdog_due_s:  # whoever waits for feedback or for arming is alive, too
@@ -227,6 +233,7 @@ class Daemon:
         self._notifier.send(STOPPING="1")
         problem = self._keeper.close(_CLOSE_TIMEOUT_S)
         self._end_trace()
+        self._recorder.close()
         self._bus.close()
         self._notifier.close()
         if problem:

@@ -7,11 +7,14 @@ turn's frames in notes: frames that no bus carried, under an identifier of their
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TextIO
 
+from positioner.journal import logger
+
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from positioner.cycle import CycleState
@@ -48,30 +51,50 @@ class Note:
 
 
 class BusRecorder:
-    """Writes the log; the operating system does the buffering."""
+    """Writes the log; the operating system does the buffering. A disk that takes no more ends it, never the loop."""
 
-    def __init__(self, path: Path) -> None:
-        """Create `path`."""
-        self._file: TextIO = path.open("w", encoding="ascii", buffering=1 << 16)
+    def __init__(self, path: Path | None) -> None:
+        """Create `path`; without one nothing is ever written.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        self._file: TextIO | None = path.open("w", encoding="ascii", buffering=1 << 16) if path else None
         self._left: CycleState | None = None
 
     def turn(
-        self, told: CycleState, inbox: Iterable[CanFrame], now_ns: int, outbox: Sequence[CanFrame], left: CycleState
+        self, told: CycleState, inbox: Sequence[CanFrame], now_ns: int, outbox: Sequence[CanFrame], left: CycleState
     ) -> None:
         """Append one turn: the state that the cycle was `told`, its frames and its instant, and what it has `left`."""
-        instant = _instant(now_ns)
-        received = [f"({instant}) {CHANNEL} {_text(frame)} R\n" for frame in inbox]
+        if self._file is None:
+            return
         notes = self._notes(told)
-        if not received and not outbox and _guard_moved(told, left):
+        if not inbox and not outbox and _guard_moved(told, left):
             notes.append(Note(KIND_TURN))
         self._left = left
-        self._file.writelines(f"({instant}) {CHANNEL} {NOTE_ID:08X}#{note.data.hex().upper()} T\n" for note in notes)
-        self._file.writelines(received)
-        self._file.writelines(f"({instant}) {CHANNEL} {_text(frame)} T\n" for frame in outbox)
+        where = f"({_instant(now_ns)}) {CHANNEL}"
+        lines = [f"{where} {NOTE_ID:08X}#{note.data.hex().upper()} T\n" for note in notes]
+        lines += [f"{where} {_text(frame)} R\n" for frame in inbox]
+        lines += [f"{where} {_text(frame)} T\n" for frame in outbox]
+        try:
+            self._file.writelines(lines)
+        except OSError as error:
+            self._complain(f"the record of the bus ends here: {error.strerror}")
 
     def close(self) -> None:
         """Write what is left."""
-        self._file.close()
+        try:
+            if self._file:
+                self._file.close()
+        except OSError as error:
+            self._complain(f"the record of the bus lacks its end: {error.strerror}")
+
+    def _complain(self, complaint: str) -> None:
+        file, self._file = self._file, None
+        logger.error("%s", complaint)
+        with contextlib.suppress(OSError):
+            if file:
+                file.close()
 
     def _notes(self, told: CycleState) -> list[Note]:
         """Return what is no longer as the last turn left it: somebody has told the cycle."""

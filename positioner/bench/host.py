@@ -76,7 +76,7 @@ class Host:
             BenchError: a process of the bench has ended.
         """
         every, period_s = self._scenario.samples_per_setpoint, self._scenario.sample_period_s
-        self._start_ns = time.monotonic_ns()
+        self._start_ns = self._recording.begin_ns = time.monotonic_ns()
         with self._progress() as bar:
             for sample in range(0, self._recording.samples, every):
                 self._send_setpoint(sample)

@@ -51,7 +51,10 @@ _COUNTER = 256
 
 @dataclass(slots=True)
 class Recording:
-    """Samples by number; `setpoints`, `truth`, `readings`, `commands` and `statuses` count the frames."""
+    """Samples by number; `setpoints`, `truth`, `readings`, `commands` and `statuses` count the frames.
+
+    In real time `begin_ns` is the monotonic instant of the start.
+    """
 
     codec: Codec
     samples: int
@@ -73,6 +76,7 @@ class Recording:
     lost: int = 0
     unanswered: int = 0
     origin: int | None = None
+    begin_ns: int = 0
 
     def __post_init__(self) -> None:
         """Make room for every sample."""

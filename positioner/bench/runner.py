@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import platform
+import shutil
 import time
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -20,6 +22,7 @@ from positioner.bench.recording import Recording
 from positioner.bench.result import Result, RunInfo, TableSummary, installed_versions, summary_of, to_json
 from positioner.bench.trace_data import trend_data
 from positioner.bench.trend import draw_trend
+from positioner.bench.truth_log import add_truth
 from positioner.bus import BusPort
 from positioner.bus_address import BusAddress, embedded_address, find_vcan
 from positioner.config import Configuration, parse_config
@@ -95,6 +98,7 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
     configuration = _write_configuration(scenario, options, address, state)
     started, begun_s = datetime.now(UTC), time.monotonic()
     before = _table(state, configuration)
+    _keep_start(state, out / "state-before")
     recording = _play(scenario, options, configuration, state)
     if not options.lockstep:
         recording.fill_gaps()
@@ -125,7 +129,10 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
         ),
     )
     (out / "result.json").write_text(to_json(result), encoding="utf-8")
-    recording.write_log(out / "bus.log")
+    if options.lockstep:
+        recording.write_log(out / "bus.log")
+    else:
+        add_truth(out / "bus.log", recording)
     draw_trend(out / "trend.png", trend_data(result, recording, out / "trace.csv"))
     return result
 
@@ -161,6 +168,8 @@ def _play(scenario: Scenario, options: BenchOptions, configuration: Configuratio
         (out / name).unlink(missing_ok=True)
     daemon_arguments = ["run", "--config", str(out / "valve.toml"), "--state", str(state), "--clock", clock]
     daemon_arguments += ["--trace", str(out / "trace.csv"), "--setpoint-every", str(scenario.samples_per_setpoint)]
+    if not options.lockstep:
+        daemon_arguments += ["--record", str(out / "bus.log")]
     plant_arguments = ["run", "--config", str(out / "plant.toml"), "--bus", str(plant_bus), "--clock", clock]
     plant_arguments += ["--period", repr(scenario.sample_period_s), "--seed", str(scenario.seed)]
     plant_arguments += ["--setpoint-every", str(scenario.samples_per_setpoint)]
@@ -195,6 +204,15 @@ def _table(state: Path, configuration: Configuration) -> TableSummary:
         return summary_of(access.dump(state).table)
     except StateError:
         return summary_of(empty)
+
+
+def _keep_start(state: Path, place: Path) -> None:
+    """Leave a copy of the table that the run starts from, where it starts from one: a replay must, too."""
+    shutil.rmtree(place, ignore_errors=True)
+    with contextlib.suppress(StateError):
+        stored = access.dump(state)
+        place.mkdir()
+        access.replace(place, stored, force=True)
 
 
 def with_law(scenario: Scenario, law: str | None, seed: int | None) -> Scenario:

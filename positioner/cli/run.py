@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from positioner.bus_address import parse_address
 from positioner.config import StateSettings, load_config
 from positioner.daemon import Daemon, RunOptions
+from positioner.errors import UsageError
 from positioner.journal import set_up
 
 if TYPE_CHECKING:
@@ -41,6 +42,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--dry-run", action="store_true", help="compute and log, but never transmit")
     parser.add_argument("--trace", type=Path, metavar="FILE", help="write one CSV row for each cycle")
     parser.add_argument(
+        "--record", type=Path, metavar="FILE", help="log the frames as they were handled, for `positioner replay`"
+    )
+    parser.add_argument(
         "--clock",
         choices=("realtime", "lockstep"),
         default="realtime",
@@ -52,6 +56,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
+    if arguments.record and arguments.dry_run:
+        raise UsageError("--record tells what was sent, and --dry-run sends nothing: leave one of them out")
     set_up(verbose=arguments.verbose)
     configuration = load_config(arguments.config)
     if arguments.bus:
@@ -63,5 +69,6 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         setpoint_every=arguments.setpoint_every,
         dry_run=arguments.dry_run,
         trace=arguments.trace,
+        record=arguments.record,
     )
     return Daemon(configuration, options).run()

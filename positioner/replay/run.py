@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from positioner import cycle
 from positioner.cycle import Sent
 from positioner.record import TOLD, Note
-from positioner.replay.recorded import Heard, Turn
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import CurrentCommand
 
@@ -18,8 +17,9 @@ if TYPE_CHECKING:
     from positioner.config import Configuration
     from positioner.cycle import CycleState
     from positioner.events import Event
-    from positioner.replay.log import LogFrame
+    from positioner.replay.recorded import Turn
     from positioner.stiction import StictionTable
+    from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame, Mode
 
 
@@ -44,13 +44,12 @@ def replayed(
     codec = configuration.make_codec()
     period_s = configuration.control.sample_period_s
     setup = cycle.Setup(codec, configuration.valve, configuration.guard, configuration.make_law(), period_s)
-    heard = Heard(codec)
     state = cycle.CycleState(table=table)
     for turn in turns:
         inbox = [frame.frame for frame in turn.inbox]
         state, outbox, events = cycle.step(setup, _told(state, turn), inbox, turn.time_ns)
         if follows:
-            state = _followed(heard, state, turn.recorded)
+            state = _followed(codec, state, turn, outbox)
         yield Outcome(turn, outbox, events, state.guard.mode)
 
 
@@ -64,15 +63,23 @@ def _told(state: CycleState, turn: Turn) -> CycleState:
     return state
 
 
-def _followed(heard: Heard, state: CycleState, recorded: tuple[LogFrame, ...]) -> CycleState:
-    for logged in recorded:
-        if not heard.is_command(logged):
-            continue
+def _followed(codec: Codec, state: CycleState, turn: Turn, outbox: tuple[CanFrame, ...]) -> CycleState:
+    """Return the state as if the recorded command had been sent; one that is equal was, to its last decimal."""
+    recorded = _commanded(codec, [logged.frame for logged in turn.recorded])
+    if recorded is None or not state.sent or recorded == _commanded(codec, outbox):
+        return state
+    current_ma, counter = recorded
+    sent = Sent(state.sent[-1].counter if counter is None else counter, current_ma)
+    return replace(state, sent=(*state.sent[:-1], sent))
+
+
+def _commanded(codec: Codec, frames: Sequence[CanFrame]) -> tuple[float, int | None] | None:
+    """Return current and counter of the command among `frames`, if there is a valid one."""
+    for frame in frames:
         try:
-            message, counter = heard.codec.decode(logged.frame)
+            message, counter = codec.decode(frame)
         except FrameRejectedError:
             continue
-        if isinstance(message, CurrentCommand) and state.sent:
-            sent = Sent(state.sent[-1].counter if counter is None else counter, message.current_ma)
-            state = replace(state, sent=(*state.sent[:-1], sent))
-    return state
+        if isinstance(message, CurrentCommand):
+            return message.current_ma, counter
+    return None

@@ -12,6 +12,7 @@ from positioner.config import load_config
 from positioner.errors import ExitCode
 from positioner.laws.registry import LAWS
 from positioner.replay.compare import Comparison
+from positioner.replay.log import LogError
 from positioner.replay.other import OtherLaw
 from positioner.replay.report import headline, verdict
 from positioner.replay.run import replayed
@@ -63,6 +64,9 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         changes = laid_over(changes, {"control": {"law": arguments.law}})
     configuration = load_config(arguments.config, changes)
     session = prepare(arguments.log, configuration, arguments.state)
+    if not changes and not session.commands:
+        told = "no command among them to compare with; --law says what would have been commanded"
+        raise LogError(f"{arguments.log}: holds {session.readings} position frames, and {told}")
     sys.stdout.write(f"{headline(session)}\n")
     codec, period_s = configuration.make_codec(), configuration.control.sample_period_s
     comparison = Comparison(codec, session.kind.knows_instants)

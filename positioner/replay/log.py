@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 _NS = 1_000_000_000
+_BLF_HEADER_BYTES = 144
 
 
 class LogError(PositionerError):
@@ -57,11 +58,13 @@ def read_log(path: Path) -> BusLog:
     frames: list[LogFrame] = []
     begin_s, cut = 0.0, ""
     try:
-        with path.open("rb"):
-            pass  # python-can's own complaint would name neither the file nor the reason
+        with path.open("rb") as file:  # python-can's own complaint would name neither the file nor the reason
+            _check_head(path, file.read(_BLF_HEADER_BYTES))
         reader = can.LogReader(path)
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
+    except LogError:
+        raise
     except Exception as error:  # noqa: BLE001 - readers of a dozen formats raise what they like
         told = str(error) or type(error).__name__
         raise LogError(f"{path}: cannot be read: {told}; known formats: {_formats()}") from error
@@ -81,13 +84,19 @@ def read_log(path: Path) -> BusLog:
             frames.append(LogFrame(number, time_ns, _frame(message), sent=not message.is_rx))
         promised = getattr(reader, "object_count", len(frames))
     if not cut and _ends_within_a_line(path):
-        cut = f"its last line, frame {len(frames)}, is not complete"
-        frames.pop()
+        frames = frames[:-1]
+        cut = f"the line behind frame {len(frames)} is not complete"
     elif not cut and promised > len(frames):
         cut = f"frame {len(frames)} is the last of {promised}"
     if not frames:
         raise LogError(f"{path}: holds no frame{f': {cut}' if cut else ''}; known formats: {_formats()}")
     return BusLog(str(path), tuple(frames), begin_s, cut)
+
+
+def _check_head(path: Path, head: bytes) -> None:
+    """Refuse what cannot be BLF under the name of one: python-can would leave the file open."""
+    if path.suffix.lower() == ".blf" and not (head.startswith(b"LOGG") and len(head) == _BLF_HEADER_BYTES):
+        raise LogError(f"{path}: cannot be read: it is no BLF file")
 
 
 def _frame(message: can.Message) -> CanFrame:

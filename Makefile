@@ -118,3 +118,6 @@ crash-test: $(VENV)/installed
 .PHONY: soak
 soak: $(VENV)/installed
 	SOAK_SECONDS=$(SOAK_SECONDS) $(ENDURANCE).soak
+.PHONY: accept-logs
+accept-logs: $(VENV)/installed
+	$(BIN)/pytest --accept-logs tests/test_replay_logs.py

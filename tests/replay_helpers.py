@@ -101,11 +101,17 @@ def of_faults(sample: int) -> Instant:
 
 def record_faults(folder: Path, played: Scenario) -> tuple[Path, Path]:
     """Leave the positioner's own record of a run through `of_faults` and its configuration; return their paths."""
-    log, config = folder / "faults.log", folder / "faults.toml"
+    log, config = folder / "bus.log", folder / "valve.toml"
     config.write_text(text_of(played), encoding="utf-8")
     configuration = parse_config(text_of(played), str(config), folder)
     _Faulty(configuration, played, log).play(round(played.duration_s * 1e9 / PERIOD_NS))
     return log, config
+
+
+def without_truth(log: Path) -> None:
+    """Take from a log what no positioner reads."""
+    lines = log.read_text(encoding="ascii").splitlines(keepends=True)
+    log.write_text("".join(line for line in lines if " 170#" not in line), encoding="ascii")
 
 
 class _Faulty:

@@ -126,21 +126,28 @@ def main(arguments: list[str] | None = None) -> int:
             sys.stderr.write(f"the tests do not pass on the tree as it is: {verdict.why}\n")
             return 2
         verdicts = _check_all(whole, removals, options.jobs)
-    for removal in removals:
-        one = verdicts[removal]
-        word = "noticed " if one.noticed else "UNSEEN  "
-        sys.stdout.write(f"{removal.row:4} {word} {one.elapsed_s:5.1f} s  {removal.test}  ({one.why})\n")
-    unseen = sum(not verdict.noticed for verdict in verdicts.values())
+    unseen = [removal for removal in removals if not verdicts[removal].noticed]
     rows = len({removal.row for removal in removals})
-    sys.stdout.write(f"{len(removals)} removals for {rows} rows, {unseen} not noticed\n")
-    return int(unseen > 0)
+    sys.stdout.write(f"{len(removals)} removals for {rows} rows, {len(unseen)} not noticed\n")
+    for removal in unseen:
+        sys.stdout.write(f"not noticed: {_line(removal, verdicts[removal])}\n")
+    return int(bool(unseen))
 
 
 def _check_all(whole: Path, removals: list[Removal], jobs: int) -> dict[Removal, Verdict]:
+    verdicts = {}
     with ThreadPoolExecutor(jobs) as pool:
         futures = {pool.submit(check, whole, removal): removal for removal in removals}
-        finished = tqdm(as_completed(futures), total=len(futures), unit="removal", disable=None)
-        return {futures[future]: future.result() for future in finished}
+        for future in tqdm(as_completed(futures), total=len(futures), unit="removal", disable=None):
+            removal = futures[future]
+            verdicts[removal] = future.result()
+            tqdm.write(_line(removal, verdicts[removal]), file=sys.stdout)
+    return verdicts
+
+
+def _line(removal: Removal, verdict: Verdict) -> str:
+    word = "noticed" if verdict.noticed else "UNSEEN "
+    return f"{removal.row:4} {word} {verdict.elapsed_s:5.1f} s  {removal.test}  ({verdict.why})"
 
 
 def _first_line(message: str) -> str:

@@ -49,10 +49,10 @@ PROGRAMS = positioner plant-emulator
 install:
 	@if [ -e '$(INSTALLED)' ] && [ ! -e '$(INSTALLED)/pyvenv.cfg' ]; then \
 	    echo 'make install: $(INSTALLED) is there and was not made by it; choose another PREFIX' >&2; exit 1; fi
-	umask 022; '$(INSTALL_PYTHON)' -m venv '$(INSTALLED)'
-	@if grep -E '^home = /(home|root)/' '$(INSTALLED)/pyvenv.cfg' >&2; then \
+	@case "$$('$(INSTALL_PYTHON)' -c 'import sys; print(sys.base_prefix)')" in /home/*|/root/*) \
 	    echo 'make install: no service can run a Python in a home directory; give INSTALL_PYTHON=/usr/bin/python3' >&2; \
-	    exit 1; fi
+	    exit 1;; esac
+	umask 022; '$(INSTALL_PYTHON)' -m venv --clear '$(INSTALLED)'
 	umask 022; '$(INSTALLED)/bin/python' -m pip install --quiet --disable-pip-version-check --upgrade .
 	[ -z '$(DESTDIR)' ] || grep -rlI '$(INSTALLED)' '$(INSTALLED)/bin' '$(INSTALLED)/pyvenv.cfg' | \
 	    xargs --no-run-if-empty sed -i 's|$(INSTALLED)|$(PREFIX)|g'

@@ -18,7 +18,7 @@ from positioner.bench.limit import optimal_move
 from positioner.bench.metrics import DwellMetrics
 from positioner.bench.standings import bootstrap_interval, optimal_median_s, standings, summaries
 from positioner.cli.main import main
-from positioner.errors import ConfigurationError
+from positioner.errors import ConfigurationError, ExitCode
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -178,8 +178,15 @@ def test_the_short_league_shows_our_law_ahead_within_its_bands(
     [
         (["--laws", "nmcp"], "law 'nmcp' is unknown"),
         (["--scenarios", "mars"], "scenario 'mars' is unknown"),
-        (["--seeds", "x"], "seed 'x' is no number"),
+        (["--seeds", "x"], "seed 'x' is no whole number"),
+        (["--seeds", "1.5"], "seed '1.5' is no whole number"),
+        (["--seeds", "4294967296"], "seed = 4294967296: must be less than or equal to 4294967295"),
         (["--setpoints", "20"], "restart"),
+        (["--setpoints", "x"], "setpoint 'x' is no number"),
+        (["--period", "0"], "sample_period_s = 0.0: must be greater than or equal to 0.0001 s"),
+        (["--dwell", "-1"], "dwell_s = -1.0: must be greater than 0 s"),
+        (["--dwell", "0.055"], "dwell_s = 0.055: must be a whole multiple of setpoint_period_s = 0.01"),
+        (["--workers", "0"], "--workers 0"),
     ],
 )
 def test_mistakes_of_the_command_line_get_one_clear_line(
@@ -187,6 +194,20 @@ def test_mistakes_of_the_command_line_get_one_clear_line(
 ) -> None:
     assert main(["league", *arguments, "--out", str(tmp_path)]) != 0
     assert told in capsys.readouterr().err
+
+
+def test_an_output_directory_that_cannot_be_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").touch()
+    for command in ("league", "reproduce"):
+        assert main([command, "--out", str(tmp_path / "file" / "out")]) == ExitCode.IO
+        assert "cannot be written: Not a directory" in capsys.readouterr().err
+
+
+def test_a_seed_or_a_law_that_is_named_twice_plays_once(tmp_path: Path) -> None:
+    told = ["--laws", "pi,pi", "--scenarios", "nominal", "--seeds", "1,1", "--setpoints", "75", "--dwell", "0.05"]
+    assert main(["league", *told, "--out", str(tmp_path), "--workers", "1"]) == 0
+    (row,) = json.loads((tmp_path / "league.json").read_text())["standings"]
+    assert row["dwells"] == 1
 
 
 def test_every_condition_is_another_plant() -> None:

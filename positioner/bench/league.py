@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import closing
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +21,9 @@ import positioner
 from positioner.bench import metrics
 from positioner.bench.conditions import CONDITIONS, Condition, check_setpoints
 from positioner.bench.inprocess import run_in_process
-from positioner.bench.scenario import Scenario
+from positioner.bench.pool import spread_out
+from positioner.bench.scenario import Scenario, check_scenario
+from positioner.errors import StateError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -52,6 +52,7 @@ _BYSTANDERS = frozenset(
         "result",
         "trend",
         "panels",
+        "pool",
         "trace_data",
         "limit",
         "standings",
@@ -142,30 +143,41 @@ def play_league(
     """Return the figures of every bout; those already in `folder` for this very code are not played again.
 
     Raises:
-        ConfigurationError: a setpoint from which some plant cannot be restarted.
+        ConfigurationError: a setpoint from which some plant cannot be restarted, or a period, dwell or seed beyond
+            its limits.
+        StateError: `folder` cannot be written.
     """
     check_setpoints(settings.setpoints_mm, tuple(condition_named(name) for name in settings.conditions))
-    folder.mkdir(parents=True, exist_ok=True)
+    bouts = tuple(settings.bouts())
+    for bout in {bout.seed: bout for bout in bouts}.values():
+        check_scenario(bout.scenario, "league")
     code = {law: code_digest(law) for law in settings.laws}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        return _resumed(bouts, folder, code, workers)
+    except OSError as error:
+        raise StateError(f"{error.filename or folder}: cannot be written: {error.strerror}") from error
+
+
+def _resumed(
+    bouts: tuple[Bout, ...], folder: Path, code: dict[str, str], workers: int | None
+) -> dict[Bout, tuple[metrics.DwellMetrics, ...]]:
     played: dict[Bout, tuple[metrics.DwellMetrics, ...]] = {}
-    open_bouts: list[Bout] = []
-    for bout in settings.bouts():
+    for bout in bouts:
         known = _stored(folder / f"{bout.key}.json", code[bout.law])
-        if known is None:
-            open_bouts.append(bout)
-        else:
+        if known is not None:
             played[bout] = known
-    with tqdm(total=len(played) + len(open_bouts), initial=len(played), unit=" bouts", disable=None) as bar:
-        context = get_context("spawn")  # a fork would copy the solver's and the threads' state
-        with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=context) as pool:
-            waiting = {pool.submit(play, bout): bout for bout in open_bouts}
-            for future in as_completed(waiting):
-                bout = waiting[future]
-                played[bout] = future.result()
-                _store(folder / f"{bout.key}.json", code[bout.law], played[bout])
-                bar.set_postfix_str(f"{bout.law} on {bout.condition}")
-                bar.update()
-    return {bout: played[bout] for bout in settings.bouts()}
+    missing = [bout for bout in bouts if bout not in played]
+    with (
+        tqdm(total=len(bouts), initial=len(played), unit=" bouts", disable=None) as bar,
+        closing(spread_out(play, missing, workers)) as results,
+    ):
+        for bout, dwells in results:
+            played[bout] = dwells
+            _store(folder / f"{bout.key}.json", code[bout.law], dwells)
+            bar.set_postfix_str(f"{bout.law} on {bout.condition}")
+            bar.update()
+    return {bout: played[bout] for bout in bouts}
 
 
 def code_digest(law: str) -> str:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import closing
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +12,7 @@ from tqdm import tqdm
 from positioner.bench import metrics
 from positioner.bench.curves import envelope
 from positioner.bench.inprocess import configure, run_in_process
+from positioner.bench.pool import spread_out
 from positioner.bench.readings import Reading, UnitReading, read_as
 from positioner.bench.scenario import load_scenario
 
@@ -115,15 +114,13 @@ def all_runs(readings: Sequence[Reading], *, short: bool) -> tuple[Run, ...]:
 def reproduce(runs: Sequence[Run], workers: int | None = None) -> tuple[Outcome, ...]:
     """Return the outcome of every run, in their order; a progress bar counts them."""
     found: dict[Run, Outcome] = {}
-    context = get_context("spawn")  # a fork would copy the solver's and the threads' state
     with (
         tqdm(total=len(runs), unit=" runs", disable=None) as bar,
-        ProcessPoolExecutor(workers or os.cpu_count(), mp_context=context) as pool,
+        closing(spread_out(play, runs, workers)) as results,
     ):
-        for future in as_completed([pool.submit(play, run) for run in runs]):
-            outcome = future.result()
-            found[outcome.run] = outcome
-            bar.set_postfix_str(f"simulation {outcome.run.simulation} read as {outcome.run.reading}")
+        for run, outcome in results:
+            found[run] = outcome
+            bar.set_postfix_str(f"simulation {run.simulation} read as {run.reading}")
             bar.update()
     return tuple(found[run] for run in runs)
 

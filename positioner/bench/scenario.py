@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
@@ -118,6 +118,21 @@ def parse_scenario(text: str, source: str) -> Scenario:
         ConfigurationError: a key is unknown, a value out of its limits, or the periods do not fit into each other.
     """
     scenario = settings.parse(text, Scenario, source)
+    _check_periods(scenario, source, text)
+    return scenario
+
+
+def check_scenario(scenario: Scenario, source: str) -> None:
+    """Refuse a scenario that was not read from a file, as `parse_scenario` refuses one that was.
+
+    Raises:
+        ConfigurationError: as `parse_scenario`.
+    """
+    settings.build(asdict(scenario), Scenario, source)
+    _check_periods(scenario, source)
+
+
+def _check_periods(scenario: Scenario, source: str, text: str = "") -> None:
     problems = tuple(
         Problem(
             f"{longer} = {getattr(scenario, longer)}",
@@ -133,7 +148,6 @@ def parse_scenario(text: str, source: str) -> Scenario:
         problems = (*problems, Problem(where, settings.line_of(text, ("setpoint_period_s",)), told))
     if problems:
         raise ConfigurationError(source, problems)
-    return scenario
 
 
 def _is_multiple(longer_s: float, shorter_s: float) -> bool:

@@ -13,7 +13,7 @@ _EPILOG = """\
 examples:
   positioner league                                    every law, every plant, seeds 101 to 103, 1 kHz
   positioner league --short                            a minute's worth of it
-  positioner league --laws nmpc,paper --period 0.0001 --seeds 101 --dwell 2
+  positioner league --laws nmpc,paper --period 0.0001  at 10 kHz: about an hour of two cores
 
 An interrupted league goes on where it stopped. It leaves league.json, league.md and league.png in the output directory.
 """
@@ -31,7 +31,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--laws", metavar="A,B,…", help=f"laws (all: {', '.join(LAWS)})")
     parser.add_argument("--scenarios", metavar="A,B,…", help="plants (all)")
     parser.add_argument("--seeds", metavar="N,M,…", default="101,102,103", help="seeds (%(default)s)")
-    parser.add_argument("--setpoints", metavar="MM,MM,…", help="setpoints in mm instead of the usual twelve")
+    parser.add_argument("--setpoints", metavar="MM,MM,…", help="setpoints in mm instead of the usual eight")
     parser.add_argument("--dwell", type=float, default=5.0, metavar="S", help="length of a dwell (%(default)s s)")
     parser.add_argument("--period", type=float, default=0.001, metavar="S", help="sample period (%(default)s s)")
     parser.add_argument("--short", action="store_true", help="three laws, two plants, one seed, four dwells of 1 s")
@@ -53,7 +53,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     settings = LeagueSettings(
         laws=_chosen("law", arguments.laws, tuple(LAWS)),
         conditions=_chosen("scenario", arguments.scenarios, names),
-        seeds=tuple(int(_number("seed", seed)) for seed in arguments.seeds.split(",")),
+        seeds=tuple(dict.fromkeys(_whole("seed", seed) for seed in arguments.seeds.split(","))),
         setpoints_mm=tuple(_number("setpoint", value) for value in arguments.setpoints.split(","))
         if arguments.setpoints
         else SETPOINTS_MM,
@@ -85,11 +85,17 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
 
 
 def _chosen(what: str, given: str | None, known: tuple[str, ...]) -> tuple[str, ...]:
-    names = tuple(given.split(",")) if given else known
+    names = tuple(dict.fromkeys(given.split(","))) if given else known
     for name in names:
         if name not in known:
             raise UsageError(f"{what} '{name}' is unknown; known: {', '.join(known)}")
     return names
+
+
+def _whole(what: str, text: str) -> int:
+    if not text.strip().isdecimal():
+        raise UsageError(f"{what} '{text}' is no whole number")
+    return int(text)
 
 
 def _number(what: str, text: str) -> float:

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from positioner.errors import ExitCode
+from positioner.errors import ExitCode, StateError
 
 _EPILOG = """\
 examples:
@@ -54,7 +54,10 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     both = (NoiseReading.FILTERED, NoiseReading.RAW)
     noises = both if arguments.reading == "both" else (NoiseReading(arguments.reading),)
     out: Path = arguments.out
-    out.mkdir(parents=True, exist_ok=True)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StateError(f"{out}: cannot be written: {error.strerror}") from error
     outcomes = reproduce(all_runs(readings(noises), short=arguments.short), arguments.workers)
     found = verdicts(outcomes)
     for simulation in SIMULATIONS:

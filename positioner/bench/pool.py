@@ -1,0 +1,46 @@
+"""Work for all cores: results as they come, and nothing left behind when it is stopped. Shell."""
+
+from __future__ import annotations
+
+import os
+import signal
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import active_children, get_context
+from typing import TYPE_CHECKING, TypeVar
+
+from positioner.errors import BenchError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+def spread_out(function: Callable[[T], R], items: Sequence[T], workers: int | None) -> Iterator[tuple[T, R]]:
+    """Yield each item and what `function` makes of it, as they are done; on every core without `workers`.
+
+    Raises:
+        UsageError: fewer than one worker.
+        BenchError: a worker died.
+    """
+    if workers is not None and workers < 1:
+        raise UsageError(f"--workers {workers}: at least 1 is needed")
+    context = get_context("spawn")  # a fork would copy the solver's and the threads' state
+    with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=context, initializer=_leave_interrupts) as pool:
+        waiting = {pool.submit(function, item): item for item in items}
+        try:
+            for future in as_completed(waiting):
+                yield waiting[future], future.result()
+        except BrokenProcessPool as error:
+            raise BenchError("a worker was killed (too little memory?): try again with fewer --workers") from error
+        except BaseException:  # an interrupt above all: nobody waits for what is not wanted any more
+            for child in active_children():  # the pool finds itself without workers, and ends
+                child.terminate()
+            raise
+
+
+def _leave_interrupts() -> None:
+    """Leave Ctrl-C, which reaches every process of a terminal, to the one that started the workers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, TypeVar
 from positioner.errors import BenchError, UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Generator, Sequence
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 
-def spread_out(function: Callable[[T], R], items: Sequence[T], workers: int | None) -> Iterator[tuple[T, R]]:
+def spread_out(function: Callable[[T], R], items: Sequence[T], workers: int | None) -> Generator[tuple[T, R]]:
     """Yield each item and what `function` makes of it, as they are done; on every core without `workers`.
 
     Raises:

@@ -343,9 +343,13 @@ def test_a_law_that_is_none_is_told_with_the_laws_there_are(tmp_path: Path) -> N
         run_bench(scenario, BenchOptions(bus=own_address(), lockstep=True, out=tmp_path, state=None), str)
 
 
+def children() -> set[str]:
+    return set(Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii").split())
+
+
 @pytest.fixture(autouse=True)
 def nothing_is_left_running() -> Iterator[None]:
-    """No process of a bench outlives it."""
+    """No process of a bench outlives it; multiprocessing keeps one of its own from other tests."""
+    before = children()
     yield
-    children = Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii").split()
-    assert children == []
+    assert children() <= before

@@ -4,13 +4,17 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: bench test lint types rules check clean
+.PHONY: bench test test-kernel lint types rules check clean
 
 bench: $(VENV)/installed
 	$(BIN)/positioner bench --out out/bench
 
 test: $(VENV)/installed
 	$(BIN)/pytest
+
+# SocketCAN, systemd and CAN controllers in kernels of its own, fetched as packages; nothing is installed on the host.
+test-kernel: $(VENV)/installed
+	$(BIN)/pytest tests/kernel
 
 lint: $(VENV)/installed
 	$(BIN)/ruff check .

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import datetime as dt
+import time
 from typing import TYPE_CHECKING
 
 import pytest
 from links import PATIENCE_S, Program, command, vcan
-from rig import CLOSED_M, DEADMAN_S, HIGH_M, LOW_M, Rig
+from rig import CLOSED_M, DEADMAN_S, FAILSAFE_PERIODS, HIGH_M, HOLD_PERIODS, LOW_M, PERIOD_S, Rig
 
 from positioner.wire.messages import Cause, CurrentCommand, Health, Mode, PlantTruth, PositionerStatus
 
@@ -80,13 +81,16 @@ def test_a_positioner_that_hangs_leaves_the_valve_to_its_own_deadman(rig: Rig) -
 
 def test_a_valve_that_is_silent_is_held_then_failed_safe_until_it_is_armed_again(rig: Rig) -> None:
     last = rig.wait(CurrentCommand)
+    silent_s = time.monotonic()
     rig.pause(rig.plant)
     rig.heard.newest.clear()
     rig.until(lambda: (said := rig.newest(CurrentCommand)) is not None and said.mode is Mode.HOLD)
+    assert HOLD_PERIODS - 1 <= (time.monotonic() - silent_s) / PERIOD_S < FAILSAFE_PERIODS
     held = rig.newest(CurrentCommand)
     assert held is not None
     assert held.current_ma == pytest.approx(last.current_ma, abs=2.0)
     rig.until(lambda: rig.mode() is Mode.FAILSAFE)
+    assert FAILSAFE_PERIODS - 1 <= (time.monotonic() - silent_s) / PERIOD_S < 5 * FAILSAFE_PERIODS
     status = rig.newest(PositionerStatus)
     assert status is not None
     assert (status.cause, status.health) == (Cause.FEEDBACK_STALE, Health.FAILURE)

@@ -43,8 +43,6 @@ setpoint_failsafe_s = 0
 """
 _PLANT = """preset = "paper"
 deadman_s = 1.0
-[sensor]
-noise_of_reading = 0.0
 """
 
 

@@ -46,8 +46,6 @@ CLOSED_M = 1423.0 / 52538.0
 _PLANT = f"""preset = "paper"
 deadman_s = {DEADMAN_S}
 fail_position = "close"
-[sensor]
-noise_of_reading = 0.0
 """
 M = TypeVar("M", bound=Message)
 

@@ -30,7 +30,7 @@ exec sed -i -e 's/^sample_period_s = .*/sample_period_s = {PERIOD_S}/' \\
     -e 's/^setpoint_hold_s = .*/setpoint_hold_s = 20.0/' \\
     -e 's/^setpoint_failsafe_s = .*/setpoint_failsafe_s = 60.0/' "$1"
 """
-PLANT = 'preset = "paper"\ndeadman_s = 5.0\n[sensor]\nnoise_of_reading = 0.0\n'
+PLANT = 'preset = "paper"\ndeadman_s = 5.0\n'
 
 
 def steps() -> list[str]:

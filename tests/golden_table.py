@@ -1,4 +1,4 @@
-"""Tables as released versions wrote them, one for each schema: `tests/tables/v<schema>.sqlite`, and its content as JSON.
+"""Tables as released versions wrote them, one a schema: `tests/tables/v<schema>.sqlite`, and what it holds as JSON.
 
 PYTHONPATH=tests python -m golden_table     writes the table of the present schema, before it is released
 """

@@ -120,3 +120,15 @@ def test_a_directory_that_cannot_be_written_or_read_is_told(tmp_path: Path, monk
 
 def test_the_worst_of_nothing_is_fine() -> None:
     assert worst(()) is Level.OK
+
+
+def test_a_directory_that_only_root_may_look_into_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    configuration = load_config(write_configuration(tmp_path, own_address()))
+
+    def refused(path: Path) -> bool:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "is_dir", refused)
+    (told,) = state_directory.findings(configuration, Place(tmp_path, "positioner@fv101"))
+    assert (told.level, told.text) == (Level.WARN, f"{tmp_path} cannot be looked into by this user")
+    assert told.mend.startswith(f"sudo ls -l {tmp_path}")

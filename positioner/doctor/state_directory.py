@@ -26,16 +26,21 @@ _SUBJECT = "state"
 
 def findings(configuration: Configuration, place: Place) -> Iterator[Finding]:
     """Yield what is found about the directory and the table in it."""
-    directory, quoted = place.state, shlex.quote(str(place.state))
-    if not directory.is_dir():
+    try:
+        yield from _findings(configuration, place)
+    except PermissionError:
+        text = f"{place.state} cannot be looked into by this user"
+        yield Finding(
+            Level.WARN, _SUBJECT, text, f"sudo ls -l {shlex.quote(str(place.state))}  # or the doctor with sudo"
+        )
+
+
+def _findings(configuration: Configuration, place: Place) -> Iterator[Finding]:
+    if not place.state.is_dir():
         yield _absent(place)
         return
-    try:
-        held_by = lock.holder(directory)
-        yield from _room(place, held_by)
-        yield _table(configuration, place)
-    except PermissionError as error:
-        yield Finding(Level.FAIL, _SUBJECT, f"{directory}: {error.strerror}", f"sudo ls -ld {quoted}")
+    yield from _room(place, lock.holder(place.state))
+    yield _table(configuration, place)
 
 
 def _absent(place: Place) -> Finding:

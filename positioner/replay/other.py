@@ -60,7 +60,7 @@ class OtherLaw:
         closed = next((event for event in outcome.events if isinstance(event, Controlled)), None)
         self.rows.append(
             Row(
-                outcome.turn.time_ns * 1e-9,
+                _stamp_ns(outcome) * 1e-9,
                 closed.setpoint_m if closed else None,
                 closed.measured_m if closed else None,
                 recorded.current_ma if recorded else None,
@@ -81,19 +81,15 @@ class OtherLaw:
         ]
         lines = [f"commands: {len(both)} in both, {self._only('recorded')}, {self._only('computed')}"]
         apart = [(abs(other - one), time_s, one, other) for time_s, one, other in both]
-        if apart:
+        first = next((each for each in apart if each[0] > _LEAST_DIFFERENCE_MA), None)
+        if first:
             mean_ma = sum(gap for gap, *_ in apart) / len(apart)
-            gap, time_s, one, other = max(apart)
-            lines.append(
-                f"difference of current: mean {mean_ma:.3f} mA, largest {gap:.3f} mA at {time_s:.3f} s "
-                f"({one:.3f} mA recorded, {other:.3f} mA computed)"
-            )
-            first = next((each for each in apart if each[0] > _LEAST_DIFFERENCE_MA), None)
-            lines.append(
-                f"first difference at {first[1]:.3f} s: {first[2]:.3f} mA recorded, {first[3]:.3f} mA computed"
-                if first
-                else "no difference: every current is as recorded"
-            )
+            lines += [
+                f"difference of current: mean {mean_ma:.3f} mA, largest {_at(max(apart))}",
+                f"first difference: {_at(first)}",
+            ]
+        elif apart:
+            lines.append("no difference: every current is as recorded")
         told = ", ".join(f"{mode.name} {spent_ns * 1e-9:.3f} s" for mode, spent_ns in sorted(self.modes.items()))
         lines.append(f"modes: {told}")
         lines.append(f"fallbacks: {self.fallbacks.total()}")
@@ -114,3 +110,14 @@ class OtherLaw:
             if isinstance(message, CurrentCommand):
                 return message
         return None
+
+
+def _stamp_ns(outcome: Outcome) -> int:
+    """Return the time that the log gives to a turn's frames."""
+    turn = outcome.turn
+    return next((logged.time_ns for logged in (*turn.recorded, *turn.inbox)), turn.time_ns)
+
+
+def _at(apart: tuple[float, float, float, float]) -> str:
+    gap_ma, time_s, recorded_ma, computed_ma = apart
+    return f"{gap_ma:.3f} mA at {time_s:.3f} s ({recorded_ma:.3f} mA recorded, {computed_ma:.3f} mA computed)"

@@ -1,9 +1,10 @@
-"""The positioner's own record: turn by turn, at the instants that the cycle was told; benches leave it and replay it."""
+"""The positioner's own record, turn by turn, at the instants that the cycle was told; and the logs that benches leave."""
 
 from __future__ import annotations
 
 import signal
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import can
@@ -29,8 +30,6 @@ from positioner.wire.codec import make_codec
 from positioner.wire.messages import CanFrame, Cause, Mode, PlantTruth
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     Output = pytest.CaptureFixture[str]
 
 FRAME = CanFrame(0x110, bytes(range(8)))
@@ -92,8 +91,6 @@ def test_the_two_names_of_a_note_are_one() -> None:
 
 
 def test_a_full_disk_ends_the_record_and_nothing_else(caplog: pytest.LogCaptureFixture) -> None:
-    from pathlib import Path
-
     logger.propagate = True
     recorder = BusRecorder(Path("/dev/full"))
     for turn in range(3000):
@@ -115,10 +112,10 @@ def test_the_real_clock_counts_in_microseconds_as_a_log_does() -> None:
     assert instants == sorted(instants)
 
 
-@pytest.mark.parametrize("key", ["seed", "law"])
-def test_a_run_through_every_fault_is_identical(key: str, tmp_path: Path, capsys: Output) -> None:
-    played = runs.scenario(seconds=3.0, auto_arm=False)
-    log, config = runs.record_faults(tmp_path, replace(played, **{key: {"seed": 5, "law": "pi"}[key]}))
+@pytest.mark.parametrize(("law", "seed"), [("nmpc", 5), ("pi", 1)])
+def test_a_run_through_every_fault_is_identical(law: str, seed: int, tmp_path: Path, capsys: Output) -> None:
+    played = runs.scenario(law, seconds=3.0, seed=seed, auto_arm=False)
+    log, config = runs.record_faults(tmp_path, played)
     assert main(["replay", str(log), "--config", str(config)]) == 0
     told = capsys.readouterr().out
     assert "the positioner's own record" in told
@@ -178,5 +175,10 @@ def test_the_log_that_a_bench_leaves_is_identical(lockstep: bool, tmp_path: Path
         return
     # the next run begins with the table of this one, and leaves a copy of it: only from there it is the same
     run_bench(replace(played, seed=2), replace(options, state=out / "state"), lambda _line: None)
-    assert main(["replay", str(out / "bus.log"), "--config", str(out / "valve.toml"), "--state", str(out / "state-before")]) == 0
+    assert (
+        main(
+            ["replay", str(out / "bus.log"), "--config", str(out / "valve.toml"), "--state", str(out / "state-before")]
+        )
+        == 0
+    )
     assert "identical" in capsys.readouterr().out

@@ -45,7 +45,7 @@ def numbers_of(log: Path, identifier: str) -> list[int]:
 
 
 def on_the_bus(log: Path, *, delay_s: float = 0.00042) -> None:
-    """Rewrite the log of a lockstep bench as a listener's: what the positioner sends comes later, truth is not there."""
+    """Rewrite the log of a lockstep bench as a listener's: without truth, and what the positioner sends comes later."""
     stamped = []
     for line in log.read_text(encoding="ascii").splitlines():
         stamp_s, channel, frame, _ = line.split()

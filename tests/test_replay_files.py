@@ -81,9 +81,7 @@ def test_a_damaged_line_ends_the_log(bench: tuple[Path, Path], tmp_path: Path, c
 
 
 @pytest.mark.parametrize("suffix", [".blf", ".log.gz"])
-def test_a_binary_log_that_is_cut_counts_up_to_there(
-    suffix: str, tmp_path: Path, capsys: Output
-) -> None:
+def test_a_binary_log_that_is_cut_counts_up_to_there(suffix: str, tmp_path: Path, capsys: Output) -> None:
     log, config = runs.leave_bench(tmp_path, runs.scenario("pi", seconds=3.0))
     whole = converted(log, tmp_path / f"bus{suffix}", begin_s=0.0)
     data = whole.read_bytes()
@@ -118,13 +116,17 @@ def test_what_is_no_log_is_told_in_one_line(bench: tuple[Path, Path], tmp_path: 
         assert said.count("\n") == 1, said
         assert f"{path}: {told}" in said, said
     assert replay(tmp_path / "absent.log", config) == 74
-    assert capsys.readouterr().err == f"positioner: {tmp_path / 'absent.log'}: cannot be read: No such file or directory\n"
+    assert (
+        capsys.readouterr().err == f"positioner: {tmp_path / 'absent.log'}: cannot be read: No such file or directory\n"
+    )
     assert replay(tmp_path, config) == 74
     assert "Is a directory" in capsys.readouterr().err
     assert log.exists()
 
 
-def test_a_log_without_commands_has_nothing_to_compare(bench: tuple[Path, Path], tmp_path: Path, capsys: Output) -> None:
+def test_a_log_without_commands_has_nothing_to_compare(
+    bench: tuple[Path, Path], tmp_path: Path, capsys: Output
+) -> None:
     log, config = bench
     silent = tmp_path / "silent.log"
     lines = log.read_text(encoding="ascii").splitlines(keepends=True)

@@ -81,9 +81,7 @@ def test_the_other_law_sees_the_current_that_moved_the_valve(bench: tuple[Path, 
     with (tmp_path / "trace.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     before_ma = [float(row["recorded_ma"]) for row in rows[:-1]]
-    steps_ma = [
-        abs(float(row["computed_ma"]) - last_ma) for row, last_ma in zip(rows[1:], before_ma, strict=True)
-    ]
+    steps_ma = [abs(float(row["computed_ma"]) - last_ma) for row, last_ma in zip(rows[1:], before_ma, strict=True)]
     assert max(steps_ma) == pytest.approx(0.1, abs=0.001)
 
 

@@ -92,7 +92,12 @@ def _answers(heard: Heard, frames: Sequence[LogFrame], own: set[int]) -> dict[in
 
 
 def _taken(
-    heard: Heard, frames: Sequence[LogFrame], waiting: list[int], command: LogFrame, answered: int | None, echoed: set[int]
+    heard: Heard,
+    frames: Sequence[LogFrame],
+    waiting: list[int],
+    command: LogFrame,
+    answered: int | None,
+    echoed: set[int],
 ) -> set[int]:
     """Return which of the frames `waiting` the command was made of."""
     obeyed = heard.echo(command, "setpoint_counter")

@@ -65,7 +65,7 @@ def read_log(path: Path) -> BusLog:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
     except LogError:
         raise
-    except Exception as error:  # noqa: BLE001 - readers of a dozen formats raise what they like
+    except Exception as error:
         told = str(error) or type(error).__name__
         raise LogError(f"{path}: cannot be read: {told}; known formats: {_formats()}") from error
     with reader:

@@ -61,7 +61,9 @@ def _table(configuration: Configuration, state: Path | None) -> StictionTable:
     if stored.valve_id != configuration.valve.id:
         raise StateError(f"{state}: the table belongs to {stored.valve_id!r}, the configuration is of another valve")
     if stored.table.cell_width_m != cell_m:
-        raise StateError(f"{state}: the table has cells of {stored.table.cell_width_m:g} m, the configuration {cell_m:g} m")
+        raise StateError(
+            f"{state}: the table has cells of {stored.table.cell_width_m:g} m, the configuration {cell_m:g} m"
+        )
     return stored.table
 
 
@@ -70,4 +72,6 @@ def _warnings(turns: tuple[Turn, ...], log: BusLog) -> tuple[str, ...]:
     if not replaced:
         return ()
     when = log.instant_s(replaced[0])
-    return (f"the stiction table was replaced at {when:.6f} s, and the log cannot tell by what: differences may follow",)
+    return (
+        f"the stiction table was replaced at {when:.6f} s, and the log cannot tell by what: differences may follow",
+    )

@@ -7,7 +7,6 @@ echoes say which frames were in before it, and its time stamp stands for the ins
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 from itertools import groupby
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""The positioner's own record, turn by turn, at the instants that the cycle was told; and the logs that benches leave."""
+"""The positioner's own record, turn by turn and at the instants that the cycle was told; what benches leave of it."""
 
 from __future__ import annotations
 

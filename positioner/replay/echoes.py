@@ -64,10 +64,7 @@ def _own_commands(heard: Heard, frames: Sequence[LogFrame]) -> set[int]:
         if not heard.is_command(frame):
             continue
         counter = heard.counter(frame)
-        if counter is None or expected is None:
-            step = 0
-        else:
-            step = (counter - expected) % modulus
+        step = 0 if counter is None or expected is None else (counter - expected) % modulus
         if step == 0 or (step <= _MOST_LOST and command_echo(heard, frame) in recent):
             own.add(index)
             expected = None if counter is None else (counter + 1) % modulus

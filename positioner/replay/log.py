@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import count
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import can
@@ -14,6 +13,7 @@ from positioner.wire.messages import CanFrame
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
 _NS = 1_000_000_000
 _BLF_HEADER_BYTES = 144

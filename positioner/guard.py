@@ -194,12 +194,13 @@ def _arm(settings: GuardSettings, state: GuardState, seen: Sighting, hold_ns: fl
 
 def _mode(settings: GuardSettings, state: GuardState, period_s: float, now_ns: int) -> tuple[Mode, Cause]:
     """Return the first mode and cause whose condition holds: the transition table of DESIGN.md, from the top."""
-    silent_periods = (now_ns - (state.feedback_ns or 0)) / (period_s * _NS)
-    silent_s = (now_ns - (state.setpoint_ns or 0)) / _NS
+    if state.feedback_ns is None:
+        return Mode.INIT, Cause.WAITING_FOR_FEEDBACK
+    silent_periods = (now_ns - state.feedback_ns) / (period_s * _NS)
+    silent_s = math.inf if state.setpoint_ns is None else (now_ns - state.setpoint_ns) / _NS
     foreign = state.foreign_ns is not None
     dead = silent_periods > settings.feedback_failsafe_periods
     rules = (
-        (state.feedback_ns is None, Mode.INIT, Cause.WAITING_FOR_FEEDBACK),
         (state.mode is Mode.FAILSAFE, Mode.FAILSAFE, state.cause),
         (not state.armed and dead, Mode.INIT, Cause.WAITING_FOR_FEEDBACK),
         (not state.armed and foreign, Mode.READY, Cause.FOREIGN_COMMAND),
@@ -218,8 +219,9 @@ def _mode(settings: GuardSettings, state: GuardState, period_s: float, now_ns: i
 
 def is_feedback_stale(settings: GuardSettings, state: GuardState, period_s: float, now_ns: int) -> bool:
     """Return whether the last valid feedback is older than HOLD tolerates."""
-    age_ns = now_ns - (state.feedback_ns or 0)
-    return state.feedback_ns is not None and age_ns > settings.feedback_hold_periods * period_s * _NS
+    if state.feedback_ns is None:
+        return False
+    return now_ns - state.feedback_ns > settings.feedback_hold_periods * period_s * _NS
 
 
 def admit(

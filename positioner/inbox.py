@@ -151,7 +151,7 @@ class _Batch:
         return lost
 
     def take(self, message: Message, counter: int | None, lost: int) -> None:
-        """Take a message whose frame is in order."""
+        """Take a message whose frame is in order; the emulator's truth and others' status are not ours to read."""
         match message:
             case StemPosition():
                 self._take_position(message, counter, lost)
@@ -162,8 +162,6 @@ class _Batch:
             case CurrentCommand():
                 self.foreign = True
                 self.events.append(ForeignCommand(message.current_ma))
-            case _:
-                pass  # the emulator's truth and other positioners' status are not ours to read
 
     def _take_position(self, message: StemPosition, counter: int | None, lost: int) -> None:
         self._periods += lost + 1

@@ -73,7 +73,7 @@ def judge(
             return replace(watched, jumps=jumps, jumped_m=position), Doubt(Counted.FEEDBACK_JUMP, told)
     rigid_s = _rigid_s(settings, valve, watched, position, commanded_ma, elapsed_s)
     watched = Watched(position, 0, None, rigid_s)
-    if 0.0 < settings.frozen_s < rigid_s:
+    if rigid_s > settings.frozen_s:
         told = f"frozen: not a bit of change for {rigid_s:.3g} s under {commanded_ma:.3f} mA, which must move the stem"
         return watched, Doubt(Counted.FEEDBACK_FROZEN, told)
     return watched, None
@@ -92,9 +92,9 @@ def _rigid_s(
     elapsed_s: float,
 ) -> float:
     """Return for how long the reading has stayed the same to the bit although the command must move the stem."""
-    if commanded_ma is None or position_m != watched.position_m:
+    if settings.frozen_s == 0.0 or commanded_ma is None or position_m != watched.position_m:
         return 0.0
-    if 0.0 < settings.frozen_s < watched.rigid_s:
+    if watched.rigid_s > settings.frozen_s:
         return watched.rigid_s  # only a reading that moves takes the verdict back
     stop_band_m = STOP_BAND_OF_SPAN * valve.span_m
     if not valve.travel_min_m + stop_band_m < position_m < valve.travel_max_m - stop_band_m:

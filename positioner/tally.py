@@ -45,8 +45,7 @@ class Tally:
         """Return the tally with what `events` count; the same one if they count nothing."""
         counts = dict(self.counts)
         for event in events:
-            what, number = _counted(event)
-            if what is not None:
+            for what, number in _counted(event):
                 counts[what] = counts.get(what, 0) + number
         return Tally(counts, self.told) if counts != self.counts else self
 
@@ -60,16 +59,16 @@ class Tally:
         return Tally(self.counts, kind), PositionerCount(kind, self.counts[kind] % _MODULUS)
 
 
-def _counted(event: Event) -> tuple[Counted | None, int]:
-    """Return what an event counts as, and how often; None and 0 for what is no trouble."""
+def _counted(event: Event) -> tuple[tuple[Counted, int], ...]:
+    """Return what an event counts as, and how often; nothing for what is no trouble."""
     match event:
         case FrameRefused():
-            return COUNTED_REASONS[event.reason], 1
+            return ((COUNTED_REASONS[event.reason], 1),)
         case FramesLost():
-            return Counted.LOST, event.count
+            return ((Counted.LOST, event.count),)
         case FeedbackRefused():
-            return event.counted, 1
+            return ((event.counted, 1),)
         case SetpointRefused() | ForeignCommand() | LawLate():
-            return _COUNTED_EVENTS[type(event)], 1
+            return ((_COUNTED_EVENTS[type(event)], 1),)
         case _:
-            return None, 0
+            return ()

@@ -154,7 +154,7 @@ def test_values_beyond_the_truths_signals_saturate_instead_of_failing() -> None:
 def test_before_the_first_command_the_actuator_holds_its_pressure_for_as_long_as_it_takes() -> None:
     start = initial_device(PAPER, 1)
     state = advance(PAPER, start, 10.0)
-    assert state.plant.position_m == start.plant.position_m
+    assert (state.plant.position_m, state.plant.time_s) == (start.plant.position_m, 10.0)
     assert state.plant.pressure_pa == pytest.approx(start.plant.pressure_pa, rel=1e-12)
     assert start.plant.pressure_pa / PAPER.valve.pressure_gain_pa_per_ma == pytest.approx(BALANCE_MA)
     assert not state.failed
@@ -174,10 +174,17 @@ def test_the_deadman_falls_inside_a_period_where_it_is_due() -> None:
     once = alone_for(PAPER, 0.25)
     held = valve.step(PAPER, initial_device(PAPER, 1).plant, 12.0, 0.1)
     assert once.plant.position_m == pytest.approx(valve.step(PAPER, held, 0.0, 0.15).position_m, abs=1e-12)
+    assert once.plant.time_s == pytest.approx(0.25)
     in_pieces = alone_for(PAPER, 0.03)
     for _ in range(22):
         in_pieces = advance(PAPER, in_pieces, 0.01)
     assert in_pieces.plant.position_m == pytest.approx(once.plant.position_m, abs=1e-9)
+
+
+def test_a_picosecond_after_the_deadman_is_not_yet_after_it() -> None:
+    at_its_end = alone_for(replace(PAPER, deadman_s=0.125), 0.125)
+    assert not advance(replace(PAPER, deadman_s=0.125), at_its_end, 1e-12).failed
+    assert advance(replace(PAPER, deadman_s=0.125), at_its_end, 2e-12).failed
 
 
 def test_commands_at_every_period_keep_the_node_alive() -> None:

@@ -413,6 +413,7 @@ def test_a_failsafe_that_holds_stays_inside_the_limits() -> None:
     st.sampled_from([0.0, 10.0]),
     st.sampled_from(list(FailsafeAction)),
 )
+@settings(deadline=None)
 def test_what_leaves_is_inside_the_limits_whatever_happens(
     mode: Mode, wanted_ma: float | None, last_ma: float, elapsed_s: float, rate: float, action: FailsafeAction
 ) -> None:

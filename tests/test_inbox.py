@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from positioner.events import FeedbackRefused, ForeignCommand, FrameRefused, FramesLost, SetpointRefused
-from positioner.guard import GuardSettings
+from positioner.guard import GuardSettings, Sighting
 from positioner.inbox import LinkState, Reading, Received, receive
 from positioner.model import ValveParameters
 from positioner.wire.codec import MessageSettings, WireSettings, make_codec
@@ -17,6 +17,8 @@ from positioner.wire.formats import Reason
 from positioner.wire.messages import (
     ActuatorState,
     CanFrame,
+    Cause,
+    Counted,
     CurrentCommand,
     HostRequest,
     Mode,
@@ -63,8 +65,28 @@ def test_nothing_received_is_nothing_seen() -> None:
     received = take()
     assert received.reading is None
     assert (received.seen.feedback, received.seen.setpoint, received.seen.request) == (False, False, None)
-    assert not received.seen.foreign_command
+    assert received.seen == Sighting()
     assert received.link == LinkState()
+
+
+def test_the_time_between_two_readings_counts_towards_a_frozen_one() -> None:
+    tuning, link = GuardSettings(frozen_s=0.875), LinkState()
+    # from the first one 4, 3 and 1 periods, lost frames included: 0.5, 0.875 and 1 s
+    for counter, frozen in ((0, False), (4, False), (7, False), (8, True)):
+        received = receive(CODEC, tuning, VALVE, link, (position(0.05, counter),), 20.0, 0.125)
+        link = received.link
+        assert received.seen.refused is (Cause.FEEDBACK_FROZEN if frozen else None)
+        assert received.seen.feedback is not frozen
+    assert link.readings.rigid_s == 1.0
+    (event,) = received.events
+    assert isinstance(event, FeedbackRefused)
+    assert event.counted is Counted.FEEDBACK_FROZEN
+
+
+def test_without_a_period_or_a_command_no_time_is_counted() -> None:
+    frames = tuple(position(0.05, counter) for counter in range(5))
+    assert receive(CODEC, GUARD, VALVE, LinkState(), frames, 20.0).link.readings.rigid_s == 0.0
+    assert receive(CODEC, GUARD, VALVE, LinkState(), frames, None, 10.0).link.readings.rigid_s == 0.0
 
 
 def test_a_backlog_is_drained_to_the_newest_reading_and_its_time_counted() -> None:
@@ -101,6 +123,7 @@ def test_a_repeated_frame_is_refused() -> None:
     received = take(position(0.081, 7), link=link)
     assert received.reading is None
     assert reasons(received) == [Reason.REPEATED]
+    assert str(received.events[0]) == "frame refused: repeated counter: StemPosition counter 7 after 7"
     assert received.link.readings.position_m == 0.08
 
 
@@ -149,6 +172,7 @@ def test_the_newest_setpoint_and_request_of_a_batch_count() -> None:
     received = take(setpoint(0.07, 1, HostRequest.NONE), setpoint(0.075, 2, HostRequest.ARM))
     assert received.link.setpoint_m == 0.075
     assert received.seen.request is HostRequest.ARM
+    assert take(setpoint(0.07, 1, HostRequest.NONE)).seen.request is HostRequest.NONE
 
 
 def test_a_request_to_disarm_is_not_unsaid_by_a_later_frame_of_the_batch() -> None:
@@ -165,6 +189,8 @@ def test_a_reading_beyond_travel_and_margin_is_refused(position_m: float) -> Non
     (event,) = received.events
     assert isinstance(event, FeedbackRefused)
     assert "outside the travel (-20 to 159.7 mm" in event.why
+    assert event.counted is Counted.FEEDBACK_RANGE
+    assert received.seen.refused is Cause.FEEDBACK_IMPLAUSIBLE
 
 
 @pytest.mark.parametrize("position_m", [-0.0199, 0.1596])

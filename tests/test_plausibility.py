@@ -60,6 +60,14 @@ def test_the_largest_step_is_plausible_in_both_directions() -> None:
         assert sensor.says(math.nextafter(0.0625, end_m - 1.0 if end_m > 0.0625 else 1.0)) is Counted.FEEDBACK_JUMP
 
 
+def test_jumps_agree_as_far_as_a_plausible_step() -> None:
+    step_m = 0.0078125
+    for beyond_m, believed in ((0.0, True), (1e-6, False)):
+        sensor = Sensor(GuardSettings(max_jump_m=step_m))
+        said = [sensor.says(position_m) for position_m in (0.0625, 0.09375, 0.09375 + step_m + beyond_m, 0.09375)]
+        assert (said[3] is None) is believed
+
+
 def test_three_jumps_to_one_place_are_a_new_truth() -> None:
     sensor = Sensor()
     said = [sensor.says(position_m) for position_m in (0.05, 0.09, 0.095, 0.09)]
@@ -113,6 +121,20 @@ def test_a_stem_that_sticks_in_its_band_is_never_frozen(above: bool) -> None:
     assert samples_until_frozen(Sensor(), commanded_ma) is None
 
 
+def test_exactly_at_the_edge_a_stem_may_still_stick() -> None:
+    """In numbers without rounding: 4 mA balance the spring, 1 mA is friction."""
+    valve = ValveParameters(
+        id="binary",
+        diaphragm_area_m2=0.0625,
+        pressure_gain_pa_per_ma=16384.0,
+        spring_rate_n_per_m=65536.0,
+        static_friction_n=1024.0,
+        coulomb_friction_n=512.0,
+    )
+    assert samples_until_frozen(Sensor(valve=valve), 4.0 + 1.0 + 1.5, 0.0625) is None
+    assert samples_until_frozen(Sensor(valve=valve), 4.0 + 1.0 + 1.5 + 1e-9, 0.0625) == 9
+
+
 def test_the_time_of_lost_frames_counts() -> None:
     sensor = Sensor()
     sensor.says(HERE_M, 20.0)
@@ -164,7 +186,9 @@ def test_zero_seconds_mean_never() -> None:
     ],
 )
 def test_a_stem_at_a_stop_may_rest_under_any_current(position_m: float, commanded_ma: float, frozen: bool) -> None:
-    assert (samples_until_frozen(Sensor(), commanded_ma, position_m) is not None) is frozen
+    sensor = Sensor()
+    assert (samples_until_frozen(sensor, commanded_ma, position_m) is not None) is frozen
+    assert (sensor.watched.rigid_s == 0.0) is not frozen
 
 
 def test_the_stop_band_is_a_fiftieth_of_the_span_from_where_the_stops_are() -> None:

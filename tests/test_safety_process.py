@@ -61,6 +61,7 @@ def test_a_signal_to_stop_ends_the_loop_after_the_turn_and_saves_the_table(
             turns[-1] = "done"
 
         monkeypatch.setattr(loop.daemon, "_turn", turn)
+        monkeypatch.setattr(daemon_module, "_CLOSE_TIMEOUT_S", 60.0)  # a busy machine
         loop._running = None
         assert loop.daemon.run() is ExitCode.OK
         assert turns == ["done", "done"]

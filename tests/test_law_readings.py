@@ -14,7 +14,8 @@ from positioner.bench.inprocess import InProcessRun, configure, run_in_process
 from positioner.bench.readings import NoiseReading, Reading, UnitReading, read_as, readings
 from positioner.bench.scenario import Scenario, load_scenario
 from positioner.bounds import approach_speed_limit_m_per_s
-from positioner.errors import ConfigurationError
+from positioner.cli.main import main
+from positioner.errors import BenchError, ConfigurationError, ExitCode
 from positioner.estimate import EstimationMethod, EstimatorSettings, StemState, estimate, first_estimate
 from positioner.events import Learned
 from positioner.model import ValveParameters
@@ -81,7 +82,9 @@ def test_the_filter_is_the_default_and_an_unknown_method_is_refused() -> None:
 
 
 def short(simulation: int, reading: Reading, dwell_s: float = 0.02) -> Scenario:
-    return replace(read_as(load_scenario(f"paper-{simulation}"), reading), visits=1, dwell_s=dwell_s)
+    return replace(
+        read_as(load_scenario(f"paper-{simulation}"), reading.noise, reading.units), visits=1, dwell_s=dwell_s
+    )
 
 
 @pytest.fixture(scope="module")
@@ -159,7 +162,7 @@ def test_a_reading_sets_sensor_and_estimator_and_leaves_the_valve_alone(
 
 def test_the_packaged_scenario_is_reading_a_in_si() -> None:
     scenario = load_scenario("paper-3")
-    read = read_as(scenario, SI[NoiseReading.FILTERED])
+    read = read_as(scenario, NoiseReading.FILTERED, UnitReading.SI)
     assert configure(read) == configure(scenario)
     assert plant_settings(overrides=read.plant) == plant_settings(overrides=scenario.plant)
 
@@ -171,3 +174,44 @@ def test_every_choice_of_noise_comes_with_its_control_run_in_both_units() -> Non
         "noise-free, SI",
         "noise-free, cm",
     ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "method", "hold_s", "noise", "span_m_per_s"),
+    [
+        ([], EstimationMethod.KALMAN, 0.0, 0.02, 5.0),
+        (["--reading", "A"], EstimationMethod.KALMAN, 0.0, 0.02, 5.0),
+        (["--reading", "B"], EstimationMethod.RAW, 0.01, 0.02, 5.0),
+        (["--reading", "noise-free", "--units", "SI"], EstimationMethod.RAW, 0.0, 0.0, 5.0),
+        (["--units", "cm", "--law", "paper-plain"], EstimationMethod.KALMAN, 0.0, 0.02, 0.05),
+    ],
+)
+def test_the_bench_plays_a_scenario_in_the_reading_that_it_is_told(
+    arguments: list[str],
+    method: EstimationMethod,
+    hold_s: float,
+    noise: float,
+    span_m_per_s: float,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    played: list[Scenario] = []
+
+    def run_bench(scenario: Scenario, *_: object) -> None:
+        played.append(scenario)
+        raise BenchError("heard enough")
+
+    monkeypatch.setattr("positioner.bench.runner.run_bench", run_bench)
+    assert main(["bench", "--scenario", "paper-3", *arguments]) == ExitCode.FAILURE
+    (scenario,) = played
+    sensor = plant_settings(overrides=scenario.plant).sensor
+    configuration = configure(scenario)
+    assert configuration.estimator.method is method
+    assert (sensor.noise_hold_s, sensor.noise_of_reading) == (hold_s, noise)
+    assert configuration.control.bounds.approach_span_m_per_s == span_m_per_s
+    assert configuration.control.table_from_s == 3.0
+    assert configuration.control.law == ("paper-plain" if "--law" in arguments else "paper")
+
+
+def test_a_reading_leaves_what_it_does_not_name_as_it_was() -> None:
+    scenario = load_scenario("paper-4")
+    assert read_as(scenario, None, None) == scenario

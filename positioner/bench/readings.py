@@ -63,28 +63,26 @@ def readings(noises: tuple[NoiseReading, ...]) -> tuple[Reading, ...]:
     return tuple(Reading(noise, units) for noise in (*noises, NoiseReading.FREE) for units in UnitReading)
 
 
-def read_as(scenario: Scenario, reading: Reading) -> Scenario:
-    """Return `scenario` with the sensor, the estimator and the bounds of `reading`."""
-    sensor: dict[str, Any] = {}
-    estimator: dict[str, Any] = {"method": str(EstimationMethod.RAW)}
-    match reading.noise:
+def read_as(scenario: Scenario, noise: NoiseReading | None, units: UnitReading | None) -> Scenario:
+    """Return `scenario` with sensor and estimator of `noise`, and the bounds of `units`; None leaves them."""
+    plant, control, estimator = scenario.plant, scenario.control, scenario.estimator
+    match noise:
         case NoiseReading.FILTERED:
-            estimator["method"] = str(EstimationMethod.KALMAN)
+            estimator = {**estimator, "method": str(EstimationMethod.KALMAN)}
         case NoiseReading.RAW:
-            sensor["noise_hold_s"] = NOISE_HOLD_S
+            estimator = {**estimator, "method": str(EstimationMethod.RAW)}
+            plant = _with(plant, "sensor", {"noise_hold_s": NOISE_HOLD_S})
         case NoiseReading.FREE:
-            sensor["noise_of_reading"] = 0.0
-    in_si = reading.units is UnitReading.SI
-    bounds = {
-        "approach_span_m_per_s": 5.0 if in_si else 0.05,
-        "approach_decay_per_m": 150.0 if in_si else 15000.0,
-    }
-    return replace(
-        scenario,
-        plant=_with(scenario.plant, "sensor", sensor),
-        control=_with(scenario.control, "bounds", bounds),
-        estimator={**scenario.estimator, **estimator},
-    )
+            estimator = {**estimator, "method": str(EstimationMethod.RAW)}
+            plant = _with(plant, "sensor", {"noise_of_reading": 0.0})
+    if units is not None:
+        in_si = units is UnitReading.SI
+        bounds = {
+            "approach_span_m_per_s": 5.0 if in_si else 0.05,
+            "approach_decay_per_m": 150.0 if in_si else 15000.0,
+        }
+        control = _with(control, "bounds", bounds)
+    return replace(scenario, plant=plant, control=control, estimator=estimator)
 
 
 def _with(table: Mapping[str, Any], key: str, changes: Mapping[str, Any]) -> dict[str, Any]:

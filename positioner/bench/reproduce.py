@@ -49,7 +49,7 @@ class Run:
     @property
     def scenario(self) -> Scenario:
         """The packaged scenario, changed as the reading asks."""
-        scenario = read_as(load_scenario(f"paper-{self.simulation}"), self.reading)
+        scenario = read_as(load_scenario(f"paper-{self.simulation}"), self.reading.noise, self.reading.units)
         if not self.short:
             return scenario
         shrink = SHORT_DWELL_S / scenario.dwell_s

@@ -8,6 +8,7 @@ import sys
 import textwrap
 from pathlib import Path
 
+from positioner.bench.readings import NoiseReading, UnitReading, read_as
 from positioner.bench.scenario import load_scenario, scenario_names
 from positioner.bus_address import parse_address
 from positioner.errors import ExitCode
@@ -23,10 +24,14 @@ examples:
   positioner bench                                      the paper's valve, three setpoints visited three times
   positioner bench --scenario noise-free --out noise-free
   positioner bench --state bench-paper-valve/state      start from the table that an earlier run left
+  positioner bench --scenario paper-3 --reading B       the paper's third simulation, its noise read as held
 
 It starts the plant emulator and the daemon as processes on one bus, plays the scenario's setpoints as frames, and
 leaves in the output directory: result.json (the figures), trend.png (the picture), bus.log (candump format, for
 canplayer), trace.csv (what the law believed), both configurations and both logs.
+
+--reading sets sensor and estimator: A, white noise and a Kalman filter (D11); B, each draw of the noise held for 10 ms,
+position and speed from raw readings; noise-free. --units says of α and β of eq. 22 whether they are SI or in cm (D6).
 
 {_listed("scenarios", scenario_names())}
 {_listed("laws", tuple(LAWS))}
@@ -45,6 +50,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--scenario", default="paper-valve", metavar="NAME|FILE", help="what is played (%(default)s)")
     parser.add_argument("--law", choices=tuple(LAWS), metavar="NAME", help="control law instead of the scenario's")
     parser.add_argument("--seed", type=_seed, metavar="N", help="seed instead of the scenario's")
+    parser.add_argument("--reading", choices=tuple(NoiseReading), metavar="A|B|noise-free", help="of the paper's noise")
+    parser.add_argument("--units", choices=tuple(UnitReading), metavar="SI|cm", help="of the paper's α and β")
     parser.add_argument(
         "--bus",
         default="auto",
@@ -79,6 +86,11 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     # whoever ends the bench ends its processes, too, as Ctrl-C does
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     scenario = with_law(load_scenario(arguments.scenario), arguments.law, arguments.seed)
+    scenario = read_as(
+        scenario,
+        NoiseReading(arguments.reading) if arguments.reading else None,
+        UnitReading(arguments.units) if arguments.units else None,
+    )
     out = arguments.out or Path(f"bench-{scenario.name}")
     options = BenchOptions(
         bus=None if arguments.bus == "auto" else parse_address(arguments.bus),

@@ -24,9 +24,9 @@ from endurance.soak_report import report
 from endurance.verdict import taught
 from positioner.bench.processes import Child
 from positioner.bus_address import embedded_address
+from positioner.errors import BenchError
 from positioner.stiction import StictionTable
 from positioner.store import access
-from positioner.wire.messages import Mode
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -65,9 +65,9 @@ class Soak:
         self._restart()
         self._stay(_QUIET[1])
         self._emulator.stop()
-        self._play(lambda: False, min(_OUTAGE_SHARE * self._seconds, _LONGEST_OUTAGE_S))
-        if Mode.FAILSAFE not in self.host.modes:
+        if not self._play(lambda: self.host.has_failed_safe, _PATIENCE_S):
             self.violations.append("the positioner did not fail safe without feedback")
+        self._play(lambda: False, min(_OUTAGE_SHARE * self._seconds, _LONGEST_OUTAGE_S))
         self._emulator = self._start_emulator()
         self.host.forget()
         self._until_controlled("the outage")
@@ -149,14 +149,12 @@ class Soak:
     def _start_daemon(self) -> Child:
         arguments = [str(self._folder / "diary"), "run", "--config", str(self._folder / "valve.toml")]
         child = Child("endurance.watched_daemon", arguments, self._folder / "daemon.log")
-        child.wait_for("waiting for position frames")
-        return child
+        return _ready(child, "waiting for position frames")
 
     def _start_emulator(self) -> Child:
         arguments = ["--bus", str(self._address), "--period", str(_PERIOD_S), "--seed", str(self._seed)]
         child = Child("plant_emulator.cli.main", ["run", *arguments], self._folder / "emulator.log")
-        child.wait_for("READY=1")
-        return child
+        return _ready(child, "READY=1")
 
     def _write_configuration(self) -> None:
         bus = self._address
@@ -167,6 +165,19 @@ class Soak:
             f"[control]\nsample_period_s = {_PERIOD_S}\ntable_cell_m = {_WIDTH_M}\n",
             encoding="utf-8",
         )
+
+
+def _ready(child: Child, field: str) -> Child:
+    """Return the child once it has said that it is ready, with more patience than a bench has."""
+    deadline_s = time.monotonic() + _PATIENCE_S
+    while True:
+        try:
+            child.wait_for(field)
+        except BenchError:
+            if child.process.poll() is not None or time.monotonic() > deadline_s:
+                raise
+        else:
+            return child
 
 
 def _keeper(process: int) -> Pulse:

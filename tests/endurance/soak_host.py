@@ -48,6 +48,11 @@ class SoakHost:
         """Whether the valve is under control right now."""
         return self._mode is Mode.ACTIVE
 
+    @property
+    def has_failed_safe(self) -> bool:
+        """Whether the positioner stands in its fail-safe right now."""
+        return self._mode is Mode.FAILSAFE
+
     def turn(self, timeout_s: float) -> None:
         """Send what is due, and listen for up to `timeout_s`."""
         now_s = time.monotonic()

@@ -112,7 +112,8 @@ class Loop:
         self.daemon = Daemon(self.configuration, options or RunOptions())
         self._running: Daemon | None = self.daemon
         self.daemon._clock = self
-        self.daemon._watch_the_time = lambda _spent_ns: None  # type: ignore[method-assign]  # a busy machine is no fault
+        # a busy machine is no fault
+        self.daemon._watch_the_time = lambda spent_ns: None  # type: ignore[method-assign]  # noqa: ARG005
         self.elapsed_ns = _NS
         self.daemon._turn()
 

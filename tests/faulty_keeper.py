@@ -61,6 +61,6 @@ def _faulty_fsync(descriptor: int) -> None:
 
 
 if __name__ == "__main__":
-    sqlite3.connect = _faulty_connect
-    os.fsync = _faulty_fsync
+    sqlite3.connect = _faulty_connect  # type: ignore[assignment]
+    os.fsync = _faulty_fsync  # type: ignore[assignment]
     keeper.main()

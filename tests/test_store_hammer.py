@@ -1,4 +1,4 @@
-"""`positioner table` and a daemon's keeper at one table: what was learned is in the table or in a backup."""
+"""`positioner table` and a keeper at one table: what was learned is in the table or in a backup."""
 
 from __future__ import annotations
 

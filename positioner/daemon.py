@@ -13,15 +13,7 @@ from positioner import cycle
 from positioner.bus import BusPort
 from positioner.clock import Clock, LockstepClock, LockstepGate, RealClock
 from positioner.errors import AlreadyRunningError, ExitCode, UsageError
-from positioner.events import (
-    Controlled,
-    Event,
-    ForeignCommand,
-    Learned,
-    ModeChanged,
-    MoveBegan,
-    kind_of,
-)
+from positioner.events import Controlled, Event, ForeignCommand, Learned, ModeChanged, MoveBegan, kind_of
 from positioner.journal import Throttle, logger
 from positioner.notify import Notifier
 from positioner.record import BusRecorder

@@ -28,9 +28,9 @@ def setpoint(counter: int) -> CanFrame:
 
 
 def test_the_real_clock_is_the_monotonic_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(time, "monotonic_ns", lambda: 123)
+    monkeypatch.setattr(time, "monotonic_ns", lambda: 123_456)
     monkeypatch.setattr(time, "time_ns", lambda: 456)
-    assert RealClock().now_ns(()) == 123
+    assert RealClock().now_ns(()) == 123_000  # whole microseconds, as a log holds them
 
 
 def test_each_position_frame_makes_one_period_pass() -> None:

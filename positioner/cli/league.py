@@ -11,9 +11,9 @@ from positioner.laws.registry import LAWS
 
 _EPILOG = """\
 examples:
-  positioner league                                    every law, every plant, seeds 101 to 103, 1 kHz
-  positioner league --short                            a minute's worth of it
-  positioner league --laws nmpc,paper --period 0.0001  at 10 kHz: about an hour of two cores
+  positioner league                                     every law, every plant, seeds 101 to 103, 1 kHz
+  positioner league --short                             a minute's worth of it
+  positioner league --laws nmpc,paper --period 0.0001   at 10 kHz: about an hour of two cores
 
 An interrupted league goes on where it stopped. It leaves league.json, league.md and league.png in the output directory.
 """

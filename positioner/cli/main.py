@@ -13,12 +13,12 @@ from positioner.console import run_command
 _DESCRIPTION = "A positioner for sticking control valves: predictive control with a learned stiction table, over CAN."
 _EPILOG = """\
 examples:
-  positioner bench                              the loop closed with an emulated valve, no hardware needed
-  positioner check /etc/positioner/fv101.toml   every mistake of a configuration at once
-  positioner doctor                             what stands in the way on this machine
-  positioner run --config fv101.toml            control the valve
-  positioner replay bus.log --config fv101.toml do a recorded bus again, and compare
-  positioner table dump --config fv101.toml     what was learned about its stiction
+  positioner bench                                the loop closed with an emulated valve, no hardware needed
+  positioner check /etc/positioner/fv101.toml     every mistake of a configuration at once
+  positioner doctor                               what stands in the way on this machine
+  positioner run --config fv101.toml              control the valve
+  positioner replay bus.log --config fv101.toml   do a recorded bus again, and compare
+  positioner table dump --config fv101.toml       what was learned about its stiction
 
 exit status: 0 done, 1 failed, 2 usage, 69 bus or valve not available, 70 internal error, 74 state not saved,
              78 configuration

@@ -108,11 +108,13 @@ def test_a_positioner_that_hangs_is_killed_by_the_watchdog_and_comes_back(valve:
 
 
 def test_a_bus_that_is_deleted_and_made_again_brings_the_service_back_by_itself(valve: Valve) -> None:
+    systemctl("enable", valve.unit)
     command("ip", "link", "delete", "vcan0")
     until(lambda: show(valve.unit, "ActiveState") in {"inactive", "failed"}, valve.story)
     add_vcan("vcan0")
     until(lambda: valve.is_active, valve.story, PATIENCE_S * 2)
     valve.go_to(HIGH_M)
+    systemctl("disable", valve.unit)
 
 
 def test_a_wrong_configuration_fails_once_and_says_why() -> None:

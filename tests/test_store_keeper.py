@@ -4,6 +4,7 @@ import os
 import resource
 import select
 import signal
+import socket
 import sqlite3
 import subprocess
 import sys
@@ -17,8 +18,10 @@ from store_helpers import VALVE, WIDTH_M, opened, sample, series, taught, wait_f
 
 from positioner.errors import AlreadyRunningError, StateError
 from positioner.store import access, database, lock
+from positioner.store.child import Child
 from positioner.store.client import TableKeeper
-from positioner.store.messages import Replaced, Saved, SavingFailed, SavingWorks
+from positioner.store.lines import Lines
+from positioner.store.messages import Open, Opened, Replaced, Saved, SavingFailed, SavingWorks, encode
 from positioner.store.vault import GOOD_COPY, TABLE
 
 if TYPE_CHECKING:
@@ -54,6 +57,24 @@ def _on_disk(directory: Path) -> StictionTable:
 
 def _pid(keeper: TableKeeper) -> int:
     return keeper._child.process.pid
+
+
+def test_a_first_save_that_fails_at_once_is_heard_although_it_comes_with_the_first_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def start(_lock: int, _opening: Open) -> Child:
+        ours, theirs = socket.socketpair()
+        theirs.sendall(b"\n".join((encode(Opened(taught([]), ())), encode(SavingFailed("the disk is full")), b"")))
+        theirs.close()
+        return Child(subprocess.Popen(["true"]), Lines(ours))
+
+    monkeypatch.setattr("positioner.store.child.start", start)
+    keeper, _, _ = opened(tmp_path)
+    assert [keeper.problem] == [None]
+    assert keeper.poll()[0] == SavingFailed("the disk is full")
+    assert keeper.problem == "the disk is full"
+    keeper._child.end()
+    os.close(keeper._lock)
 
 
 def test_a_first_start_gives_an_empty_table_without_a_word(tmp_path: Path) -> None:

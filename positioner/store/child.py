@@ -78,8 +78,8 @@ def start(lock_descriptor: int, opening: messages.Open) -> Child:
     return child
 
 
-def opened(child: Child) -> messages.Opened:
-    """Return the keeper's first answer.
+def opened(child: Child) -> tuple[messages.Opened, tuple[messages.Message, ...]]:
+    """Return the keeper's first answer, and what came with it: a first save may already have failed.
 
     Raises:
         StateError: there is none, or it is a refusal.
@@ -89,9 +89,10 @@ def opened(child: Child) -> messages.Opened:
     while (left_s := deadline_s - time.monotonic()) > 0.0 and not child.channel.ended:
         child.channel.wait(left_s)
         child.channel.flush()
-        for message in child.heard():
+        heard = child.heard()
+        for number, message in enumerate(heard, 1):
             if isinstance(message, messages.Opened):
-                return message
+                return message, tuple(heard[number:])
             if isinstance(message, messages.Closed):
                 reason = str(message.problem)
     child.end()

@@ -32,11 +32,19 @@ class TableKeeper:
     In each cycle call `record` before `poll`: then samples taught before a reset go to the table that was reset.
     """
 
-    def __init__(self, directory: Path, lock_descriptor: int, process: Child, stored: StoredTable) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        lock_descriptor: int,
+        process: Child,
+        stored: StoredTable,
+        early: tuple[messages.Message, ...],
+    ) -> None:
         self._directory = directory
         self._lock = lock_descriptor
         self._child = process
         self._stored = stored
+        self._early = early
         self._saved = Saved(-1, -1)
         self._behind = False
         self._restart_s = _RESTART_FIRST_S
@@ -62,11 +70,11 @@ class TableKeeper:
         descriptor = lock.acquire(directory, patience_s)
         try:
             process = child.start(descriptor, messages.Open(str(directory), valve_id, cell_width_m, None))
-            opened = child.opened(process)
+            opened, early = child.opened(process)
         except (OSError, StateError) as error:
             os.close(descriptor)
             raise StateError(f"the stiction table cannot be opened: {error}") from error
-        keeper = cls(directory, descriptor, process, opened.stored)
+        keeper = cls(directory, descriptor, process, opened.stored, early)
         return keeper, opened.stored.table, opened.notices
 
     @property
@@ -90,7 +98,8 @@ class TableKeeper:
     def poll(self) -> tuple[KeeperEvent, ...]:
         """Return what has happened since the last call; never waits."""
         channel = self._child.channel
-        events = [event for message in self._child.heard() for event in self._hear(message)]
+        heard, self._early = (*self._early, *self._child.heard()), ()
+        events = [event for message in heard for event in self._hear(message)]
         if channel.ended:
             events.extend(self._revive(time.monotonic()))
         else:
@@ -104,6 +113,8 @@ class TableKeeper:
         Within `timeout_s`; a keeper that needs longer goes on without the daemon, and so does its lock.
         """
         deadline_s = time.monotonic() + timeout_s
+        for message in self._early:
+            tuple(self._hear(message))
         try:
             if self._child.channel.ended:
                 self._child.end()

@@ -177,7 +177,10 @@ def reporting(address: BusAddress) -> Iterator[None]:
 
 @pytest.mark.bus
 @pytest.mark.usefixtures("answer")
-def test_a_valve_that_reports_is_heard_and_so_is_another_controller(tmp_path: Path, capsys: Output) -> None:
+def test_a_valve_that_reports_is_heard_and_so_is_another_controller(
+    tmp_path: Path, capsys: Output, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(feedback, "LISTENING_S", 30.0)  # it ends when enough was heard
     path = configured(tmp_path)
     with reporting(load_config(path).bus):
         status, found, _ = examined(capsys, "--config", str(path))

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from positioner.wire.messages import CanFrame
 
 LISTENING_S = 1.0
+_ENOUGH = 200
+"""Position frames after which there is nothing more to learn."""
 _RATE_TOLERANCE = 0.2
 _FEWEST_FOR_A_RATE = 5
 _MOST_IDENTIFIERS = 4
@@ -68,7 +70,7 @@ class Heard:
 
 
 def listen(address: BusAddress, codec: Codec) -> Heard:
-    """Return what is heard on the bus within `LISTENING_S`; nothing is sent.
+    """Return what is heard on the bus within `LISTENING_S`, or less where much is heard; nothing is sent.
 
     Raises:
         BusError: the bus cannot be opened.
@@ -78,7 +80,7 @@ def listen(address: BusAddress, codec: Codec) -> Heard:
     port.open()
     try:
         end_s = time.monotonic() + LISTENING_S
-        while (left_s := end_s - time.monotonic()) > 0.0:
+        while len(heard.positions_ns) < _ENOUGH and (left_s := end_s - time.monotonic()) > 0.0:
             heard.take(codec, port.receive(left_s))
     finally:
         port.close()
@@ -96,7 +98,7 @@ def findings(address: BusAddress, codec: Codec, period_s: float, *, daemon_runs:
         return
     yield judged(heard, address, period_s)
     if heard.commands and not daemon_runs:
-        text = f"{heard.commands} command frames in {LISTENING_S:g} s, and no daemon of this valve runs here"
+        text = f"{heard.commands} command frames were heard, and no daemon of this valve runs here"
         yield Finding(Level.WARN, "foreign", f"{text}: another controller commands it", _look(address))
 
 

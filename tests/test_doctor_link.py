@@ -80,6 +80,7 @@ def test_a_short_queue_and_no_restart_are_told_with_the_commands_that_mend_them(
     assert told["queue"].mend == "sudo ip link set can0 txqueuelen 128"
     assert told["restart"].mend == (
         "sudo ip link set can0 down && sudo ip link set can0 up type can bitrate 500000 restart-ms 100"
+        "  # where the driver can (slcan cannot)"
     )
 
 

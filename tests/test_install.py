@@ -43,7 +43,7 @@ def interpreter(tmp_path: Path) -> Path:
 
 def make(target: str, interpreter: Path, **variables: str | Path) -> subprocess.CompletedProcess[str]:
     given = [f"{name}={value}" for name, value in {"INSTALL_PYTHON": interpreter, **variables}.items()]
-    clean = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
+    clean = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "PREFIX", "DESTDIR"))}
     return subprocess.run(
         ["make", "--directory", str(ROOT), target, *given],
         capture_output=True,

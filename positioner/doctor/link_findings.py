@@ -82,7 +82,8 @@ def _restart(link: Link) -> Finding:
         return Finding(Level.OK, "restart", f"{link.restart_ms} ms after bus-off (restart-ms)")
     text = f"{link.name} stays off the bus after bus-off (restart-ms 0)"
     # the kernel takes a new restart-ms only while the interface is down
-    return Finding(Level.WARN, "restart", text, f"sudo ip link set {link.name} down && {bring_up(link)}")
+    mend = f"sudo ip link set {link.name} down && {bring_up(link)}  # where the driver can (slcan cannot)"
+    return Finding(Level.WARN, "restart", text, mend)
 
 
 def _state(link: Link) -> Finding:

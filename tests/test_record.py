@@ -163,13 +163,13 @@ def test_a_record_of_a_dry_run_is_refused(capsys: Output) -> None:
 def test_the_log_that_a_bench_leaves_is_identical(lockstep: bool, tmp_path: Path, capsys: Output) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     out = tmp_path / "out"
-    played = replace(runs.scenario(seconds=0.6), sample_period_s=0.005)
+    played = replace(runs.scenario(seconds=0.9), sample_period_s=0.01)
     options = BenchOptions(bus=own_address(), lockstep=lockstep, out=out, state=None)
     run_bench(played, options, lambda _line: None)
     assert main(["replay", str(out / "bus.log"), "--config", str(out / "valve.toml")]) == 0
     session = prepare(out / "bus.log", load_config(out / "valve.toml"), None)
     assert session.kind is (LogKind.LOCKSTEP if lockstep else LogKind.RECORD)
-    assert session.readings >= (120 if lockstep else 1)
+    assert session.readings >= (90 if lockstep else 1)
     assert not (out / "state-before").exists()
     if not lockstep:
         return

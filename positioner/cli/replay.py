@@ -74,7 +74,8 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     outcomes = replayed(configuration, session.turns, session.table, follows=bool(changes))
     for outcome in tqdm(outcomes, "replay", len(session.turns), unit=" turns", delay=1.0, leave=False, disable=None):
         comparison.take(outcome)
-        other.take(outcome)
+        if changes or arguments.out:
+            other.take(outcome)
     sys.stdout.write(f"{other.in_words() if changes else verdict(session, comparison)}\n")
     if arguments.out:
         from positioner.replay.leave import leave  # noqa: PLC0415 - pictures slow every other command down

@@ -7,6 +7,7 @@ from itertools import count
 from typing import TYPE_CHECKING
 
 import can
+from tqdm import tqdm
 
 from positioner.errors import ExitCode, PositionerError
 from positioner.wire.messages import CanFrame
@@ -68,7 +69,7 @@ def read_log(path: Path) -> BusLog:
     except Exception as error:
         told = str(error) or type(error).__name__
         raise LogError(f"{path}: cannot be read: {told}; known formats: {_formats()}") from error
-    with reader:
+    with reader, tqdm(desc="reading", unit=" frames", delay=1.0, leave=False, disable=None) as bar:
         messages: Iterator[can.Message] = iter(reader)
         for number in count(1):
             try:
@@ -81,6 +82,7 @@ def read_log(path: Path) -> BusLog:
             begin_s = begin_s if frames else message.timestamp
             # to the microsecond: stamps that are large floating-point numbers carry no more
             time_ns = round((message.timestamp - begin_s) * 1e6) * 1000
+            bar.update()
             frames.append(LogFrame(number, time_ns, _frame(message), sent=not message.is_rx))
         promised = getattr(reader, "object_count", len(frames))
     if not cut and _ends_within_a_line(path):

@@ -126,6 +126,23 @@ def test_a_run_through_every_fault_is_identical(law: str, seed: int, tmp_path: P
     assert "table saved False recorded, True computed" in capsys.readouterr().out
 
 
+def test_a_listener_s_log_of_a_run_through_every_fault_is_identical_in_its_commands(
+    tmp_path: Path, capsys: Output
+) -> None:
+    log, config = runs.record_faults(tmp_path, runs.scenario("pi", seconds=3.0, auto_arm=False))
+    heard = []
+    for line in lines(log):
+        stamp, channel, frame, direction = line.split()
+        if not frame.startswith(f"{NOTE_ID:X}"):
+            stamp_s = float(stamp[1:-1]) + (0.0003 if direction == "T" else 0.0)
+            heard.append((stamp_s, f"({stamp_s:.6f}) {channel} {frame}\n"))
+    log.write_text("".join(line for _, line in sorted(heard, key=lambda each: each[0])), encoding="ascii")
+    assert main(["replay", str(log), "--config", str(config)]) == 0
+    told = capsys.readouterr().out
+    assert "a log of the bus" in told
+    assert "POSITIONER_STATUS" not in told
+
+
 def test_a_table_that_was_replaced_meanwhile_is_told(tmp_path: Path, capsys: Output) -> None:
     log, config = runs.record_faults(tmp_path, runs.scenario("pi", seconds=0.3, auto_arm=False))
     written = lines(log)

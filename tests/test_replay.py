@@ -68,8 +68,13 @@ def test_the_log_of_a_bench_in_lockstep_is_identical(law: str, tmp_path: Path, c
 
 
 def test_a_period_of_no_whole_microseconds_is_as_exact(tmp_path: Path, capsys: Output) -> None:
+    # a rate limit makes every current hang on the exact length of the period
     played = replace(
-        runs.scenario(), sample_period_s=1.0 / 1500.0, setpoint_period_s=0.01, setpoints_mm=(73.0, 87.0), dwell_s=0.3
+        runs.scenario(max_rate_ma_per_s=1000.0),
+        sample_period_s=1.0 / 1500.0,
+        setpoint_period_s=0.01,
+        setpoints_mm=(73.0, 87.0),
+        dwell_s=0.3,
     )
     log, config = runs.leave_bench(tmp_path, played)
     assert main(["replay", str(log), "--config", str(config)]) == 0
@@ -170,6 +175,22 @@ def test_readings_that_one_command_answers_were_one_batch(tmp_path: Path, capsys
     assert sizes == [1] * 100 + [2] + [1] * 198
     assert main(["replay", str(log), "--config", str(config)]) == 1
     assert "299 recorded, 299 computed, 100 equal" in capsys.readouterr().out
+
+
+def test_commands_of_another_count_are_another_controller_s(tmp_path: Path) -> None:
+    log, config = runs.leave_bench(tmp_path, runs.scenario("pi"))
+    on_the_bus(log)
+    foreign = CODEC.encode(CurrentCommand(12.0), 77).data.hex().upper()
+    lines = log.read_text(encoding="ascii").splitlines()
+    places = [index for index, line in enumerate(lines) if " 110#" in line][40:60:4]
+    for index in reversed(places):
+        stamp = lines[index].split()[0]
+        lines.insert(index, f"{stamp} vcan0 100#{foreign}")
+    log.write_text("\n".join(lines) + "\n", encoding="ascii")
+    session = prepare(log, load_config(config), None)
+    heard = Heard(CODEC)
+    assert session.commands == 300
+    assert sum(heard.is_command(frame) for turn in session.turns for frame in turn.inbox) == len(places) == 5
 
 
 def test_what_a_replay_takes_in_is_what_the_daemon_listens_to() -> None:

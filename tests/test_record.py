@@ -23,11 +23,12 @@ from positioner.guard import GuardState
 from positioner.journal import logger
 from positioner.record import NOTE_ID, BusRecorder, Note
 from positioner.replay import recorded
+from positioner.replay.log import read_log
 from positioner.replay.session import prepare
-from positioner.replay.turns import LogKind
+from positioner.replay.turns import LogKind, turns_of
 from positioner.stiction import Direction, Quantity, StictionTable
 from positioner.wire.codec import make_codec
-from positioner.wire.messages import CanFrame, Cause, Mode, PlantTruth
+from positioner.wire.messages import CanFrame, Cause, CurrentCommand, Mode, PlantTruth, Setpoint, StemPosition
 
 if TYPE_CHECKING:
     Output = pytest.CaptureFixture[str]
@@ -88,6 +89,22 @@ def test_what_the_shell_tells_the_cycle_is_noted_before_its_frames(tmp_path: Pat
 
 def test_the_two_names_of_a_note_are_one() -> None:
     assert recorded.NOTE_ID == NOTE_ID
+
+
+def test_what_comes_in_after_something_was_sent_is_the_next_turn(tmp_path: Path) -> None:
+    # a daemon in lockstep may take two turns at one instant: only a position frame makes time pass
+    codec = make_codec()
+    reading, command, setpoint = (
+        codec.encode(message, 0) for message in (StemPosition(0.08), CurrentCommand(12.0), Setpoint(0.08))
+    )
+    recorder = BusRecorder(tmp_path / "bus.log")
+    recorder.turn(HELD, (reading,), 1_000_000, (command,), HELD)
+    recorder.turn(HELD, (setpoint,), 1_000_000, (), HELD)
+    recorder.close()
+    kind, turns = turns_of(codec, read_log(tmp_path / "bus.log").frames, 0.001)
+    assert kind is LogKind.RECORD
+    assert [[frame.frame.data for frame in turn.inbox] for turn in turns] == [[reading.data], [setpoint.data]]
+    assert [[frame.frame.data for frame in turn.recorded] for turn in turns] == [[command.data], []]
 
 
 def test_a_full_disk_ends_the_record_and_nothing_else(caplog: pytest.LogCaptureFixture) -> None:

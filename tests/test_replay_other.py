@@ -37,6 +37,12 @@ def test_the_same_law_would_have_done_the_same(bench: tuple[Path, Path], capsys:
     ]
 
 
+def test_a_law_that_believes_in_its_current_would_have_done_the_same_too(tmp_path: Path, capsys: Output) -> None:
+    # a frame rounds the current that the law believes in: what was equal in the frame is kept as it was
+    assert ask(runs.leave_bench(tmp_path, runs.scenario("nmpc", seconds=0.6)), "--law", "nmpc") == 0
+    assert "no difference: every current is as recorded" in capsys.readouterr().out
+
+
 def test_another_law_is_summed_up_and_drawn(bench: tuple[Path, Path], tmp_path: Path, capsys: Output) -> None:
     assert ask(bench, "--law", "paper", "--out", str(tmp_path / "out")) == 0
     told = capsys.readouterr().out.splitlines()

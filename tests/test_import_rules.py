@@ -170,16 +170,8 @@ def test_only_the_solver_imports_the_solver_and_only_the_shell_the_bus() -> None
         return {module.name for module in MODULES if any(inside(name, package) for name in module.imported)}
 
     assert importers("osqp") == {"positioner.solver"}
-<<<<<<< HEAD
-    assert {"positioner.bus"} <= importers("can") <= {
-        "positioner.bus",
-        "positioner.bench.recording",
-        "positioner.replay.log",
-    }
-=======
     on_the_bus = {"positioner.bus", "positioner.bench.recording", "positioner.replay.log"}
     assert {"positioner.bus"} <= importers("can") <= on_the_bus
->>>>>>> d517b66 (docs: Replay, and how to accept a change)
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda module: module.name)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import multiprocessing
+import signal
 import sys
 import tempfile
 import time
@@ -27,11 +28,14 @@ from endurance.verdict import Outcome, Tally
 if TYPE_CHECKING:
     from collections.abc import Callable
     from multiprocessing.queues import SimpleQueue
+    from types import FrameType
+    from typing import NoReturn
 
 _Slot: TypeAlias = LearnerSlot | DaemonSlot
 _Report: TypeAlias = tuple[Outcome, ...] | str
 _FORK = multiprocessing.get_context("fork")
 _MOST_TOLD = 20
+_TOLD_EVERY = 100
 
 
 def main() -> int:
@@ -99,20 +103,25 @@ def _kill(make: Callable[[Path, int], _Slot], folder: Path, kills: int, slots: i
             report = queue.get()
             if isinstance(report, str):
                 tally.violations.append(report)
-                done = kills
-                continue
+                break
             for outcome in report:
                 tally.add(outcome)
             done += 1
             bar.update()
+            if done % _TOLD_EVERY == 0 and bar.disable:  # no terminal: the log shows how far it is
+                _print(
+                    f"{done} of {kills} kills of {folder.name}: oldest lost sample {tally.oldest_s:.3f} s,"
+                    f" {len(tally.violations)} violations"
+                )
     for worker in workers:
-        if tally.violations:
+        if done < kills:
             worker.terminate()
         worker.join()
     return tally
 
 
 def _work(make: Callable[[Path, int], _Slot], folder: Path, kills: int, seed: int, queue: SimpleQueue[_Report]) -> None:
+    signal.signal(signal.SIGTERM, _end)
     try:
         slot = make(folder, seed)
         try:
@@ -122,6 +131,12 @@ def _work(make: Callable[[Path, int], _Slot], folder: Path, kills: int, seed: in
             slot.close()
     except Exception as error:  # noqa: BLE001 - a worker that fails is a result
         queue.put(f"{folder}: {type(error).__name__}: {error}")
+
+
+def _end(number: int, frame: FrameType | None) -> NoReturn:
+    """End a worker as an error does: its learner or daemon goes with it."""
+    del number, frame
+    sys.exit(1)
 
 
 def _show(tally: Tally) -> None:

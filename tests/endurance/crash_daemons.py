@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import tomli_w
 
 from endurance import diary
+from endurance.learner import PATIENCE_S, TOO_BUSY
 from endurance.verdict import Judge, Outcome
 from positioner.bus import BusPort
 from positioner.bus_address import embedded_address
@@ -35,7 +36,6 @@ _SWEEP = 20
 _LOW_M, _HIGH_M, _TREMOR_M = 0.06, 0.09, 2e-5
 _EARLY_SHARE, _EARLY_S = 0.1, 1.0
 _LEARNING_S = 3.0
-_PATIENCE_S = 60.0
 _ANSWER_S = 0.02
 
 
@@ -68,10 +68,18 @@ class DaemonSlot:
         finally:
             daemon.kill()
             code = daemon.wait()
-        with lock.held(self._judge.state, _PATIENCE_S):  # a keeper that lives on saves, then lets go
-            yield self._judge.look(kind, diary.read(self._diary), killed_ns)
         if code != -signal.SIGKILL:
-            raise AssertionError(f"the daemon ended by itself: {self._log.read_text(encoding='utf-8')[-2000:]}")
+            yield from self._start_again()
+            return
+        with lock.held(self._judge.state, PATIENCE_S):  # a keeper that lives on saves, then lets go
+            yield self._judge.look(kind, diary.read(self._diary), killed_ns)
+
+    def _start_again(self) -> Iterator[Outcome]:
+        """Kill another one in the place of a daemon that ended by itself, which only a busy machine excuses."""
+        said = self._log.read_text(encoding="utf-8")
+        if TOO_BUSY not in said:
+            raise AssertionError(f"the daemon ended by itself: {said[-2000:]}")
+        yield from self.kill_one()
 
     def close(self) -> None:
         """Give the bus back."""
@@ -93,7 +101,7 @@ class DaemonSlot:
         if self._chance.random() < _EARLY_SHARE:
             self._play(daemon, self._chance.uniform(0.0, _EARLY_S))
             return
-        deadline_s = time.monotonic() + _PATIENCE_S
+        deadline_s = time.monotonic() + PATIENCE_S
         while not self._diary.exists() and time.monotonic() < deadline_s:
             self._play(daemon, 0.05)
         self._play(daemon, self._chance.uniform(0.0, _LEARNING_S))

@@ -23,7 +23,6 @@ _EARLY_SHARE, _EARLY_S = 0.1, 0.25
 """One kill in ten falls into the start, within this time of the fork."""
 _LEARNING_S = 0.6
 _KEEPER_SHARE = 0.2
-_PATIENCE_S = 60.0
 _POLL_S = 0.005
 
 
@@ -49,7 +48,7 @@ class LearnerSlot:
             killed_ns = time.monotonic_ns()
         finally:
             self._end()
-        with lock.held(self._state, _PATIENCE_S):  # a keeper that lives on saves, then lets go
+        with lock.held(self._state, learner.PATIENCE_S):  # a keeper that lives on saves, then lets go
             yield self._judge.look(kind, diary.read(self._diary), killed_ns)
         if self._complaints.exists():
             raise AssertionError(self._complaints.read_text(encoding="utf-8"))
@@ -68,7 +67,7 @@ class LearnerSlot:
         time.sleep(self._chance.uniform(0.0, _LEARNING_S))
 
     def _wait_for_lessons(self) -> None:
-        deadline_s = time.monotonic() + _PATIENCE_S
+        deadline_s = time.monotonic() + learner.PATIENCE_S
         while not self._diary.exists() and not self._complaints.exists() and time.monotonic() < deadline_s:
             time.sleep(_POLL_S)
 

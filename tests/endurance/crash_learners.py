@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 ALONE, TOGETHER, KEEPER = "learner alone", "learner and keeper", "keeper alone"
 _EARLY_SHARE, _EARLY_S = 0.1, 0.25
 """One kill in ten falls into the start, within this time of the fork."""
-_LEARNING_S = 0.6
+_LEARNING_S, _LONG_SHARE, _LONG_S = 0.6, 0.15, 3.0
+"""Most learn for as long as a few commits take; some for so long that more than a second could be lost."""
 _KEEPER_SHARE = 0.2
 _POLL_S = 0.005
 
@@ -64,7 +65,8 @@ class LearnerSlot:
         if self._chance.random() < _KEEPER_SHARE:
             time.sleep(self._chance.uniform(0.0, _LEARNING_S))
             yield from self._kill_keeper()
-        time.sleep(self._chance.uniform(0.0, _LEARNING_S))
+        longest_s = _LONG_S if self._chance.random() < _LONG_SHARE else _LEARNING_S
+        time.sleep(self._chance.uniform(0.0, longest_s))
 
     def _wait_for_lessons(self) -> None:
         deadline_s = time.monotonic() + learner.PATIENCE_S

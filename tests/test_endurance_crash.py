@@ -42,6 +42,8 @@ def test_kills_of_learners_and_daemons_leave_a_table_that_loads_without_a_hole(t
     assert code == 0, report
     loads = [int(found) for found in re.findall(r"^(\d+) loads after", report, re.MULTILINE)]
     assert [loads[0] >= 20, loads[1]] == [True, 2], report
+    saved = [int(found) for found in re.findall(r"^  (\d+) samples saved", report, re.MULTILINE)]
+    assert [saved[0] > 100, saved[1] > 0] == [True, True], report
     assert report.endswith("violations: 0\n"), report
 
 
@@ -86,7 +88,7 @@ def on_disk(folder: Path, numbers: list[int]) -> Path:
 def test_the_judge_ages_what_was_lost_from_the_diary(tmp_path: Path) -> None:
     judge = Judge(on_disk(tmp_path, [0, 1, 2]), VALVE, EMPTY)
     outcome = judge.look("kill", entries(5), killed_ns=4_500_000_000)
-    assert (outcome.lost, outcome.oldest_s, outcome.violations) == (2, 1.5, ())
+    assert (outcome.saved, outcome.lost, outcome.oldest_s, outcome.violations) == (3, 2, 1.5, ())
     assert judge.table == taught(EMPTY, entries(3))
 
 

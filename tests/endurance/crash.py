@@ -141,7 +141,8 @@ def _end(number: int, frame: FrameType | None) -> NoReturn:
 
 def _show(tally: Tally) -> None:
     loads = sum(tally.kills.values())
-    _print(f"{loads} loads after {loads} kills, {tally.torn} of them inside a transaction; {tally.lost} samples lost:")
+    _print(f"{loads} loads after {loads} kills, {tally.torn} of them inside a transaction")
+    _print(f"  {tally.saved} samples saved, {tally.lost} lost")
     for kind, count in sorted(tally.kills.items()):
         _print(f"  {count:6d} × {kind + ':':20} oldest lost sample {tally.oldest[kind]:.3f} s")
 

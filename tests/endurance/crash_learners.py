@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 ALONE, TOGETHER, KEEPER = "learner alone", "learner and keeper", "keeper alone"
 _EARLY_SHARE, _EARLY_S = 0.1, 0.25
 """One kill in ten falls into the start, within this time of the fork."""
-_LEARNING_S, _LONG_SHARE, _LONG_S = 0.6, 0.15, 3.0
+_LEARNING_S, _LONG_SHARE, _LONG_S = 0.5, 0.08, 3.0
 """Most learn for as long as a few commits take; some for so long that more than a second could be lost."""
 _KEEPER_SHARE = 0.2
 _POLL_S = 0.005

@@ -20,9 +20,13 @@ _NS = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """One kill of one kind: what was lost, and what should not be; `torn` where it fell into a transaction."""
+    """One kill of one kind: what was saved since the last one, what was lost, and what should not be.
+
+    `torn` where the kill fell into a transaction.
+    """
 
     kind: str
+    saved: int
     lost: int
     oldest_s: float
     torn: bool
@@ -35,6 +39,7 @@ class Tally:
 
     kills: dict[str, int] = field(default_factory=dict)
     torn: int = 0
+    saved: int = 0
     lost: int = 0
     oldest: dict[str, float] = field(default_factory=dict)
     violations: list[str] = field(default_factory=list)
@@ -43,6 +48,7 @@ class Tally:
         """Count one more."""
         self.kills[outcome.kind] = self.kills.get(outcome.kind, 0) + 1
         self.torn += outcome.torn
+        self.saved += outcome.saved
         self.lost += outcome.lost
         self.oldest[outcome.kind] = max(self.oldest.get(outcome.kind, 0.0), outcome.oldest_s)
         self.violations.extend(outcome.violations)
@@ -77,7 +83,7 @@ class Judge:
         self.table = found
         oldest_s = max(((killed_ns - entry.written_ns) / _NS for entry in lost), default=0.0)
         told = tuple(f"{self.state}, {kind}: {violation}" for violation in violations)
-        return Outcome(kind, len(lost), oldest_s, torn, told)
+        return Outcome(kind, len(saved), len(lost), oldest_s, torn, told)
 
 
 def taught(table: StictionTable, entries: Iterable[Entry]) -> StictionTable:

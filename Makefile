@@ -107,10 +107,12 @@ coverage: $(VENV)/installed
 	$(BIN)/coverage run -m pytest -q $(GUARDING)
 	$(BIN)/coverage report --show-missing --fail-under=100 \
 		--include=$(subst $(space),$(comma),$(strip $(GUARDED) positioner/cycle.py))
+
 # takes every reaction of SAFETY.md's table away, one at a time, and sees the named test fail
 .PHONY: reactions
 reactions: $(VENV)/installed
 	PYTHONPATH=.:tests $(BIN)/python -m endurance.reactions
+
 # The limits of the stiction table and of the daemon, at full length; `make test` runs short forms of both.
 ENDURANCE = PYTHONPATH=tests $(BIN)/python -m endurance
 SOAK_SECONDS ?= 3600
@@ -122,6 +124,12 @@ crash-test: $(VENV)/installed
 .PHONY: soak
 soak: $(VENV)/installed
 	SOAK_SECONDS=$(SOAK_SECONDS) $(ENDURANCE).soak
+
 .PHONY: accept-logs
 accept-logs: $(VENV)/installed
 	$(BIN)/pytest --accept-logs tests/test_replay_logs.py
+
+.PHONY: mutants
+mutants: $(VENV)/installed
+	rm -rf mutants
+	PYTHONPATH=tests $(BIN)/python -m endurance.mutants

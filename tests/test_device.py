@@ -321,3 +321,25 @@ def test_commands_and_setpoints_of_users_without_counters_are_all_taken(tmp_path
     assert (state.current_ma, state.command_counter, state.setpoints) == (10.0, 0, 1)
     state = take(codec, state, (codec.encode(Setpoint(0.08), 0),))
     assert state.setpoints == 2
+
+
+def test_a_bad_frame_costs_no_other_frame_of_its_batch() -> None:
+    good = command(9.5, 7)
+    state = taken(replace(good, data=bytes(8)), good, CODEC.encode(Setpoint(0.08), 0))
+    assert (state.current_ma, state.setpoints) == (9.5, 1)
+
+
+def test_setpoints_are_counted_across_the_wrap_of_their_counter() -> None:
+    assert taken(*(CODEC.encode(Setpoint(0.08), counter) for counter in (255, 0, 1))).setpoints == 3
+
+
+def test_noise_that_lasts_is_the_noise_of_the_plants_time() -> None:
+    settings = plant_settings(overrides={"sensor": {"noise_hold_s": 0.01}})
+    state, readings = initial_device(settings, 1), []
+    for _ in range(25):
+        state, frames = publish(CODEC, settings, state)
+        reading = decoded(frames)[1][0]
+        assert isinstance(reading, StemPosition)
+        readings.append(reading.position_m)
+        state = advance(settings, state, 0.001)
+    assert len(set(readings)) == 3

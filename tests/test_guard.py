@@ -32,6 +32,7 @@ from positioner.wire.codec import make_codec
 from positioner.wire.messages import (
     CanFrame,
     Cause,
+    Counted,
     CurrentCommand,
     Health,
     HostRequest,
@@ -462,6 +463,7 @@ LIMITS = GuardSettings(
     setpoint_hold_s=0.05,
     setpoint_failsafe_s=0.2,
     failsafe_action=FailsafeAction.HOLD,
+    frozen_s=0.03,
 )
 WIDE = Bounds(-10.0, 10.0, 4.0, 20.0)
 
@@ -596,6 +598,47 @@ class AnythingOnTheBus(RuleBasedStateMachine):
                 CODEC.encode(Setpoint(setpoint_m, request), self.next_counter(Setpoint)),
                 good=True,
             )
+
+    @rule(repeat=st.integers(1, 60))
+    def frozen_sensor(self, repeat: int) -> None:
+        """The same reading again and again while the law asks for 20 mA; a frozen sensor never keeps it ACTIVE."""
+        self.law.answer = 20.0
+        pushed_ns = None
+        for _ in range(repeat):
+            self.now_ns += MS
+            frame = CODEC.encode(StemPosition(0.08), self.next_counter(StemPosition))
+            self.turn(frame, CODEC.encode(Setpoint(0.1), self.next_counter(Setpoint)), good=True)
+            pushes = self.state.guard.mode is Mode.ACTIVE and self.state.link.readings.position_m == 0.08
+            pushed_ns = (pushed_ns or self.now_ns) if pushes and (self.state.last_ma or 0.0) > 19.5 else None
+            assert pushed_ns is None or self.now_ns - pushed_ns <= (30 + 1 + 4) * MS
+
+    @rule(number=st.integers(0, 300))
+    def peer_restarts_or_loses_frames(self, number: int) -> None:
+        for kind in self.counters:
+            self.counters[kind] += number
+
+    @rule(step=st.integers(0, 40), flipped=st.integers(0, 63), current_ma=st.floats(0.0, 25.0))
+    def replayed_and_damaged(self, step: int, flipped: int, current_ma: float) -> None:
+        """A command with a broken bit is refused; a position of an old counter may be that of a restarted sensor."""
+        old = CODEC.encode(StemPosition(0.01), self.counters[StemPosition] - step)
+        word = int.from_bytes(CODEC.encode(CurrentCommand(current_ma), 0).data, "big") ^ 1 << flipped
+        before = self.state.link
+        self.turn(CanFrame(0x100, word.to_bytes(8, "big")))
+        assert self.state.link.rejected_count == before.rejected_count + 1
+        self.turn(old, good=True)
+
+    @rule(spent_ns=st.integers(1, SECOND))
+    def late_cycle(self, spent_ns: int) -> None:
+        self.state = replace(self.state, late_ns=spent_ns)
+        self.turn()
+        assert self.state.late_ns == 0
+
+    @invariant()
+    def what_is_refused_is_counted_by_its_cause(self) -> None:
+        refused = {Counted.WRONG_LENGTH, Counted.WRONG_CRC, Counted.OUT_OF_RANGE, Counted.UNDEFINED_VALUE}
+        refused |= {Counted.REPEATED, Counted.OUT_OF_ORDER, Counted.ERROR_FRAME, Counted.REMOTE_FRAME}
+        counts = self.state.tally.counts
+        assert sum(counts.get(kind, 0) for kind in refused) == self.state.link.rejected_count
 
     @invariant()
     def it_fails_safe_in_time(self) -> None:

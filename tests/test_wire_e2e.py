@@ -108,6 +108,7 @@ def test_two_frames_that_overtook_each_other_give_one_out_of_order() -> None:
 
 def test_a_restarted_sender_is_taken_over_with_its_second_frame() -> None:
     assert verdicts([200, 0, 1, 2]) == [(FRESH, 0), (OUT_OF_ORDER, 0), (FRESH, 0), (FRESH, 0)]
+    assert verdicts([200, 0, 1, 100]) == [(FRESH, 0), (OUT_OF_ORDER, 0), (FRESH, 0), (OUT_OF_ORDER, 0)]
 
 
 @pytest.mark.parametrize("second", [100, 102, 90])
@@ -129,6 +130,7 @@ def test_a_counter_of_four_bits_wraps_loses_and_restarts() -> None:
     assert verdicts([14, 15, 0, 1], modulus=16) == [(FRESH, 0)] * 4
     assert verdicts([14, 9], modulus=16) == [(FRESH, 0), (FRESH, 10)]
     assert verdicts([14, 10, 11], modulus=16) == [(FRESH, 0), (OUT_OF_ORDER, 0), (FRESH, 0)]
+    assert verdicts([2, 15, 0], modulus=16) == [(FRESH, 0), (OUT_OF_ORDER, 0), (FRESH, 0)]
     assert verdicts([14, 14], modulus=16) == [(FRESH, 0), (REPEATED, 0)]
 
 

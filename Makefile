@@ -88,7 +88,7 @@ uninstall:
 .PHONY: fuzz
 fuzz: $(VENV)/installed
 	PYTHONPATH=tests $(BIN)/python -m endurance.fuzz
-	@$(BIN)/python -m pip install --quiet 'atheris>=2.3' \
+	@$(BIN)/python -m pip install --quiet --editable '.[fuzz]' \
 		|| { echo "fuzz: atheris has no wheel for $$($(BIN)/python --version); use Python 3.11 or 3.12" >&2; exit 1; }
 	PYTHONPATH=tests $(BIN)/python -m endurance.fuzz_decoder -runs=3000000
 
@@ -129,7 +129,9 @@ soak: $(VENV)/installed
 accept-logs: $(VENV)/installed
 	$(BIN)/pytest --accept-logs tests/test_replay_logs.py
 
+# Changes the guarded modules in every way that mutmut knows; their tests find each change.
 .PHONY: mutants
 mutants: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --editable '.[mutants]'
 	rm -rf mutants
 	PYTHONPATH=tests $(BIN)/python -m endurance.mutants

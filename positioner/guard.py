@@ -43,9 +43,8 @@ class GuardSettings:
         may be a failure signal (NE 43: 3.6 mA and below, 21 mA and above), which an actuator answers by itself.
     position_margin_m: how far beyond the travel a reading is still plausible; noise reaches beyond a hard stop.
     max_jump_m: largest plausible step between two readings.
-    frozen_s, frozen_command_ma: a reading that stays the same to the bit for so long, while the command is so far
-        beyond the stick band of the valve as it is believed, is frozen; 0 s means never. An actuator with a lag needs
-        several times its lag.
+    frozen_s, frozen_command_ma: a reading that stays the same to the bit for so long (0: never looked at), while the
+        command is so far beyond the stick band, is frozen; an actuator with a lag needs several times its lag.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
@@ -92,11 +91,9 @@ class GuardSettings:
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """What this cycle saw.
+    """What this cycle saw: a reading that can be true, a usable setpoint, the host's request, a foreign command.
 
-    feedback: a reading that can be true; else `refused`, why the newest one was none, None where there was none.
-    setpoint: a usable setpoint; request: the host's; foreign_command: somebody else's command.
-    late: the cycle before took longer than a period.
+    refused: why a reading could not be true; late: the cycle before took longer than a period.
     """
 
     feedback: bool = False
@@ -109,10 +106,7 @@ class Sighting:
 
 @dataclass(frozen=True, slots=True)
 class GuardState:
-    """Mode and cause, and what decides them; instants are monotonic, None for never.
-
-    no_feedback: what it is called when feedback is missing. late_cycles: how many in a row were late.
-    """
+    """Mode and cause, and what decides them; instants are monotonic, None for never; late cycles count in a row."""
 
     mode: Mode = Mode.INIT
     cause: Cause = Cause.WAITING_FOR_FEEDBACK
@@ -123,7 +117,7 @@ class GuardState:
     setpoint_ns: int | None = None
     foreign_ns: int | None = None
     law_failures: int = 0
-    no_feedback: Cause = Cause.FEEDBACK_STALE
+    no_feedback: Cause = Cause.FEEDBACK_STALE  # what it is called when feedback is missing
     late_cycles: int = 0
 
     @property
@@ -171,7 +165,7 @@ def supervise(settings: GuardSettings, state: GuardState, seen: Sighting, period
     )
     state = _arm(settings, state, seen, settings.feedback_hold_periods * period_s * _NS, now_ns)
     mode, cause = _mode(settings, state, period_s, now_ns)
-    return state if (mode, cause) == (state.mode, state.cause) else replace(state, mode=mode, cause=cause)
+    return replace(state, mode=mode, cause=cause)
 
 
 def _arm(settings: GuardSettings, state: GuardState, seen: Sighting, hold_ns: float, now_ns: int) -> GuardState:
@@ -182,14 +176,25 @@ def _arm(settings: GuardSettings, state: GuardState, seen: Sighting, hold_ns: fl
         # an ARM that comes before the feedback is not used up: its repetition will be heard
         state = replace(state, request=asked)
     if asked is HostRequest.DISARM:
-        return replace(state, armed=False, mode=Mode.READY, cause=Cause.DISARMED)
+        return replace(
+            state,
+            armed=False,
+            mode=Mode.READY,  # pragma: no mutate - anything but FAILSAFE: the table decides
+        )
     wanted = asked is HostRequest.ARM or (settings.auto_arm and not state.ever_armed)
     if not wanted or not fresh or state.foreign_ns is not None:
         return state
     if state.armed and state.mode is not Mode.FAILSAFE:
         return state
     # arming starts the setpoint's age anew: the host has this long to send one
-    return replace(state, armed=True, ever_armed=True, mode=Mode.HOLD, setpoint_ns=now_ns, law_failures=0)
+    return replace(
+        state,
+        armed=True,
+        ever_armed=True,
+        mode=Mode.HOLD,  # pragma: no mutate - anything but FAILSAFE: the table decides
+        setpoint_ns=now_ns,
+        law_failures=0,
+    )
 
 
 def _mode(settings: GuardSettings, state: GuardState, period_s: float, now_ns: int) -> tuple[Mode, Cause]:

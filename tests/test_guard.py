@@ -223,6 +223,15 @@ def test_a_request_that_is_held_does_not_rearm_after_a_failsafe() -> None:
     assert told(state) == (Mode.ACTIVE, Cause.NONE)
 
 
+def test_arming_forgets_the_failures_of_the_law() -> None:
+    failed = watch(replace(active_at(SECOND), law_failures=10), EVERYTHING, SECOND + MS)
+    assert told(failed) == (Mode.FAILSAFE, Cause.LAW_FAILED)
+    released = watch(failed, Sighting(feedback=True, request=HostRequest.NONE), SECOND + 2 * MS)
+    again = watch(released, ARM, SECOND + 3 * MS)
+    assert told(again) == (Mode.ACTIVE, Cause.NONE)
+    assert again.law_failures == 0
+
+
 def test_a_batch_without_a_request_changes_no_request() -> None:
     state = watch(active_at(SECOND), EVERYTHING, SECOND + MS)
     assert state.request is HostRequest.ARM
@@ -270,7 +279,7 @@ def test_disarming_works_in_every_mode_and_silences() -> None:
     failed = watch(active_at(SECOND), NOTHING, SECOND + 11 * MS)
     for state in (ready_at(SECOND), active_at(SECOND), held, failed):
         off = watch(state, DISARM, SECOND + 12 * MS)
-        assert not off.armed
+        assert off.armed is False
         assert not off.transmits
         assert off.mode is Mode.READY
 
@@ -450,6 +459,24 @@ def test_what_leaves_is_inside_the_limits_whatever_happens(
 def test_limits_that_make_no_sense_are_refused(values: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigurationError, match=message):
         build(values, GuardSettings, "guard")
+
+
+@pytest.mark.parametrize(
+    ("values", "line"),
+    [
+        ({"current_low_ma": 12.0, "current_high_ma": 11.0}, "current_low_ma must be below current_high_ma"),
+        ({"feedback_hold_periods": 10}, "feedback_failsafe_periods must exceed feedback_hold_periods"),
+        ({"setpoint_hold_s": 10.0}, "setpoint_failsafe_s must exceed setpoint_hold_s, or be 0 for never"),
+        (
+            {"failsafe_current_ma": 3.7},
+            "failsafe_current_ma must be a value (3.8 to 20.5) or a failure signal (≤ 3.6 or ≥ 21)",
+        ),
+    ],
+)
+def test_what_makes_no_sense_is_told_in_one_line(values: dict[str, Any], line: str) -> None:
+    with pytest.raises(ValueError, match="must") as caught:
+        GuardSettings(**values)
+    assert str(caught.value) == line
 
 
 # everything at once, at the level of a whole cycle

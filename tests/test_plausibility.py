@@ -93,8 +93,8 @@ def test_a_jump_that_is_not_repeated_is_forgotten() -> None:
 def test_a_jump_is_told_in_mm() -> None:
     _, doubt = judge(SETTINGS, VALVE, Watched(0.05), StemPosition(0.0625), None, PERIOD_S)
     assert doubt == Doubt(Counted.FEEDBACK_JUMP, "a jump of 12.5 mm")
-    _, doubt = judge(SETTINGS, VALVE, Watched(0.05), StemPosition(0.0375), None, PERIOD_S)
-    assert doubt == Doubt(Counted.FEEDBACK_JUMP, "a jump of 12.5 mm")
+    _, doubt = judge(SETTINGS, VALVE, Watched(0.125), StemPosition(0.0), None, PERIOD_S)
+    assert doubt == Doubt(Counted.FEEDBACK_JUMP, "a jump of 125.0 mm")
 
 
 # frozen

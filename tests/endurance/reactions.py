@@ -45,7 +45,7 @@ def copy_tree(source: Path, target: Path) -> None:
     for name in (*_PARTS, *(page.name for page in source.glob("*.md"))):
         part = source / name
         if part.is_dir():
-            shutil.copytree(part, target / name, ignore=shutil.ignore_patterns("__pycache__", ".*"))
+            shutil.copytree(part, target / name, ignore=shutil.ignore_patterns(".*"))
         elif part.exists():
             shutil.copy2(part, target / name)
 
@@ -60,7 +60,7 @@ def run_tests(tree: Path, tests: list[str]) -> Verdict:
         done = subprocess.run(
             command,
             cwd=tree,
-            env={**os.environ, "PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1"},
+            env={**os.environ, "PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": ""},
             capture_output=True,
             text=True,
             timeout=_TIMEOUT_S,
@@ -80,15 +80,31 @@ def run_tests(tree: Path, tests: list[str]) -> Verdict:
 
 def judge(report: str) -> tuple[bool, str]:
     """Return whether a JUnit report tells of a test that failed by what it asserts, and of what in a few words."""
-    root = ET.fromstring(report)  # noqa: S314 - pytest wrote it
-    errors = [error.get("message", "") for error in root.iter("error")]
+    cases = list(ET.fromstring(report).iter("testcase"))  # noqa: S314 - pytest wrote it
+    errors = [_told(case, "error") for case in cases if case.find("error") is not None]
+    failures = [_told(case, "failure") for case in cases if case.find("failure") is not None]
+    broken = [told for told in failures if told.message.startswith(_BROKEN)]
     if errors:
-        return False, f"error, not a failure: {_first_line(errors[0])}"
-    failures = [failure.get("message", "") for failure in root.iter("failure")]
-    broken = [message for message in failures if message.startswith(_BROKEN)]
-    if broken or not failures:
-        return False, f"the removal breaks the code: {_first_line(broken[0])}" if broken else "no test failed"
-    return True, _first_line(failures[0])
+        return False, f"error, not a failure: {errors[0]}"
+    if broken:
+        return False, f"the removal breaks the code: {broken[0]}"
+    return bool(failures), str(failures[0]) if failures else "no test failed"
+
+
+@dataclass(frozen=True, slots=True)
+class _Told:
+    """What a report tells of one test."""
+
+    test: str
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.test}: {_first_line(self.message)}" if self.test else _first_line(self.message)
+
+
+def _told(case: ET.Element, kind: str) -> _Told:
+    found = case.find(kind)
+    return _Told(case.get("name", ""), "" if found is None else found.get("message", ""))
 
 
 def check(whole: Path, removal: Removal) -> Verdict:
@@ -98,6 +114,8 @@ def check(whole: Path, removal: Removal) -> Verdict:
         copy_tree(whole, tree)
         path = tree / removal.file
         path.write_text(removal.apply(path.read_text(encoding="utf-8")), encoding="utf-8")
+        for compiled in (path.parent / "__pycache__").glob(f"{path.stem}.*"):
+            compiled.unlink()
         return run_tests(tree, [removal.test])
 
 
@@ -147,7 +165,7 @@ def _check_all(whole: Path, removals: list[Removal], jobs: int) -> dict[Removal,
 
 def _line(removal: Removal, verdict: Verdict) -> str:
     word = "noticed" if verdict.noticed else "UNSEEN "
-    return f"{removal.row:4} {word} {verdict.elapsed_s:5.1f} s  {removal.test}  ({verdict.why})"
+    return f"{removal.row:4} {word} {verdict.elapsed_s:5.1f} s  {removal.file}  {verdict.why}"
 
 
 def _first_line(message: str) -> str:

@@ -11,8 +11,10 @@ from matplotlib.image import imread
 
 from positioner.bench.curves import envelope, mode_spans
 from positioner.bench.metrics import Trace, dwell_metrics, totals
+from positioner.bench.reasons import Reasons, reasons
 from positioner.bench.scenario import parse_scenario
 from positioner.bench.trend import TrendData, draw_trend, headline, title
+from positioner.breakaway import Breakaway
 from positioner.wire.messages import Mode
 
 if TYPE_CHECKING:
@@ -142,6 +144,23 @@ def test_a_mode_other_than_active_shades_every_panel_while_it_lasts(
         in_s = (columns / 1600.0 - 0.065) / (0.872 - 0.065) * 2.0
         assert in_s.min() == pytest.approx(0.5, abs=0.01)
         assert in_s.max() == pytest.approx(0.9, abs=0.01)
+
+
+def test_a_move_is_marked_by_where_its_breakaway_current_came_from_and_a_fallback_too() -> None:
+    time_s = np.array([0.1, 0.2, 0.3, 0.4])
+    source = Breakaway(18.4, 4).source, Breakaway(18.4, 0).source
+    said = ["", f"error +1.000 mm; breakaway 18.400 mA from {source[0]}", f"breakaway 18.400 mA from {source[1]}", ""]
+    marks = reasons(time_s, said, ["", "", "", "no plan: the last one goes on"])
+    assert (marks.by_table_s.tolist(), marks.by_model_s.tolist(), marks.fell_back_s.tolist()) == ([0.2], [0.3], [0.4])
+
+
+def test_the_marks_stand_in_the_panel_of_the_current(tmp_path: Path, plain: NDArray[np.float32]) -> None:
+    why = Reasons(np.array([0.2]), np.array([0.4]), np.array([0.6]))
+    marked = picture(tmp_path / "trend.png", replace(example(), why=why))
+    rows = np.flatnonzero((marked != plain).any(axis=(1, 2))) / marked.shape[0]
+    # the second of four panels, from its top: see draw_trend's ratios
+    assert 0.40 < rows.min() < 0.47
+    assert rows.max() < 0.65
 
 
 def test_a_run_that_learned_nothing_is_drawn(tmp_path: Path, plain: NDArray[np.float32]) -> None:

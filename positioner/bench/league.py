@@ -53,6 +53,7 @@ _BYSTANDERS = frozenset(
         "trend",
         "panels",
         "pool",
+        "reasons",
         "trace_data",
         "limit",
         "standings",

@@ -38,9 +38,9 @@ def fit(panel: Axes, curves: list[NDArray[np.float64]], percentiles: tuple[float
     panel.set_ylim(low - margin, high + margin)
 
 
-def name(panel: Axes, names: list[tuple[str, str]]) -> None:
-    """Write the names of a panel's lines at its right, each in the colour of its line."""
-    for row, (label, colour) in enumerate(names):
+def name(panel: Axes, names: list[tuple[str, str]], below: int = 0) -> None:
+    """Write the names of a panel's lines at its right, each in the colour of its line, under `below` other ones."""
+    for row, (label, colour) in enumerate(names, start=below):
         panel.annotate(
             label, (1.008, 0.96), xycoords="axes fraction", xytext=(0, -17 * row), textcoords="offset points",
             color=colour, fontsize=11.5, fontweight="bold", va="top",

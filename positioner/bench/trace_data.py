@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from positioner.bench.reasons import reasons
 from positioner.bench.trend import TrendData
 from positioner.stiction import Quantity
 
@@ -58,6 +59,7 @@ def trend_data(result: Result, recording: Recording, trace: Path) -> TrendData:
         stick_speed_learned_at_s=learned[Quantity.STICK_SPEED],
         breakaway_current_learned_at_s=learned[Quantity.BREAKAWAY_CURRENT],
         landing_bias_learned_at_s=learned[Quantity.LANDING_BIAS],
+        why=reasons(believed_s, [row["reason"] for row in rows], [row["fallback"] for row in rows]),
     )
 
 

@@ -7,7 +7,7 @@ read without colour vision, and in print.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +17,7 @@ from matplotlib.ticker import MaxNLocator
 
 from positioner.bench.curves import MOST_POINTS, envelope, mode_spans
 from positioner.bench.panels import fit, line, name
+from positioner.bench.reasons import Reasons, draw_reasons
 from positioner.wire.messages import Mode
 
 if TYPE_CHECKING:
@@ -72,6 +73,7 @@ class TrendData:
     """When the table learned a stick speed, shape (any,); the same for the next two."""
     breakaway_current_learned_at_s: NDArray[np.float64]
     landing_bias_learned_at_s: NDArray[np.float64]
+    why: Reasons = field(default_factory=Reasons)
 
 
 def draw_trend(path: Path, data: TrendData) -> None:
@@ -164,6 +166,7 @@ def _draw_current(panel: Axes, data: TrendData) -> None:
         (data.current_lower_ma, "lower bound", _LOWER),
     )
     _draw_with_bounds(panel, data.time_s, (data.current_ma, "command"), bounds)
+    draw_reasons(panel, data.why, 1 + sum(curve is not None for curve, _, _ in bounds))
     fit(panel, [data.current_ma], (0.0, 100.0))
     panel.set_ylabel("current, mA", fontsize=13)
 

@@ -1,0 +1,60 @@
+"""Why a law did what it did, as marks in a picture: moves by where Γ came from, and fallbacks. Pure drawing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from positioner.bench.panels import name
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+_FROM_TABLE = "from the table"
+"""What a law writes of a breakaway current that a cell of the stiction table gave."""
+_HEIGHT = 0.955
+"""Of the marks, as a part of the panel."""
+
+
+def _nothing() -> NDArray[np.float64]:
+    return np.zeros(0)
+
+
+@dataclass(frozen=True, slots=True)
+class Reasons:
+    """Instants in s, shape (any,): of moves with Γ from the table, of other moves, and of fallbacks."""
+
+    by_table_s: NDArray[np.float64] = field(default_factory=_nothing)
+    by_model_s: NDArray[np.float64] = field(default_factory=_nothing)
+    fell_back_s: NDArray[np.float64] = field(default_factory=_nothing)
+
+
+def reasons(time_s: NDArray[np.float64], moves: Sequence[str], fallbacks: Sequence[str]) -> Reasons:
+    """Return the marks of cycles at `time_s` (n,), with the law's reason to move and to fall back, empty for none."""
+    moved = np.array([bool(why) for why in moves], dtype=bool)
+    by_table = np.array([_FROM_TABLE in why for why in moves], dtype=bool)
+    fell = np.array([bool(why) for why in fallbacks], dtype=bool)
+    return Reasons(time_s[by_table], time_s[moved & ~by_table], time_s[fell])
+
+
+def draw_reasons(panel: Axes, why: Reasons, below: int) -> None:
+    """Draw the marks at the top of `panel`, and their names under the `below` names that it already has."""
+    kinds = (
+        (why.by_table_s, "move, Γ of table", "v", "#0072B2"),
+        (why.by_model_s, "move, Γ of model", "v", "#E69F00"),
+        (why.fell_back_s, "fallback", "x", "#D55E00"),
+    )
+    names = []
+    for when_s, label, mark, colour in kinds:
+        if len(when_s):
+            heights = np.full(len(when_s), _HEIGHT)
+            panel.plot(
+                when_s, heights, mark, color=colour, transform=panel.get_xaxis_transform(), markersize=7.0, zorder=5.0
+            )
+            names.append((f"{len(when_s)} {label}", colour))
+    name(panel, names, below)

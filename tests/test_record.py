@@ -65,9 +65,12 @@ def test_a_turn_is_its_frames_under_one_instant(tmp_path: Path) -> None:
 def test_an_empty_turn_is_noted_where_it_moves_the_guard(tmp_path: Path) -> None:
     recorder = BusRecorder(tmp_path / "bus.log")
     recorder.turn(HELD, (), 1_000_000, (), HELD)
-    recorder.turn(HELD, (), 2_000_000, (), replace(HELD, guard=GuardState(Mode.FAILSAFE, Cause.FEEDBACK_STALE)))
+    failed = replace(HELD, guard=GuardState(Mode.FAILSAFE, Cause.FEEDBACK_STALE))
+    recorder.turn(HELD, (), 2_000_000, (), failed)
+    recorder.turn(failed, (), 3_000_000, (), replace(failed, guard=replace(failed.guard, late_cycles=1)))
     recorder.close()
-    assert lines(tmp_path / "bus.log") == [f"(0.002000) vcan0 {NOTE_ID:08X}#FE00000000000000 T"]
+    empty = f"vcan0 {NOTE_ID:08X}#FE00000000000000 T"
+    assert lines(tmp_path / "bus.log") == [f"(0.002000) {empty}", f"(0.003000) {empty}"]
 
 
 def test_what_the_shell_tells_the_cycle_is_noted_before_its_frames(tmp_path: Path) -> None:
@@ -78,11 +81,13 @@ def test_what_the_shell_tells_the_cycle_is_noted_before_its_frames(tmp_path: Pat
     unsaved = replace(state, table_saved=False)
     recorder.turn(unsaved, (FRAME,), 2_000_000, (), unsaved)
     recorder.turn(unsaved, (FRAME,), 3_000_000, (), unsaved)
+    recorder.turn(replace(unsaved, late_ns=0x1234), (FRAME,), 3_500_000, (), unsaved)
     recorder.turn(replace(unsaved, table=table), (FRAME,), 4_000_000, (), state)
     recorder.close()
     noted = [line.split()[2] for line in lines(tmp_path / "bus.log")]
     frame = "110#0001020304050607"
-    expected = [frame, "1FFFFFFF#0000000000000000", frame, frame, "1FFFFFFF#FF00000000000000", frame]
+    expected = [frame, "1FFFFFFF#0000000000000000", frame, frame]
+    expected += ["1FFFFFFF#0134120000000000", frame, "1FFFFFFF#FF00000000000000", frame]
     assert noted == expected
     assert Note.of(Note(3, 0x123456789ABCDE).data) == Note(3, 0x123456789ABCDE)
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
     from positioner.replay.other import Row
@@ -61,13 +62,13 @@ def _draw(path: Path, rows: Sequence[Row], title: str) -> None:
     measured_mm = _column([row.measured_m for row in rows]) * 1e3
     line(above, time_s, measured_mm, _MEASURED, width=0.8, zorder=2.0)
     line(above, time_s, setpoint_mm, _SETPOINT, width=1.4)
+    _fit(above, [setpoint_mm, measured_mm], (1.0, 99.0))
     name(above, [("measured", _MEASURED), ("setpoint", _SETPOINT)])
     recorded_ma = _column([row.recorded_ma for row in rows])
     computed_ma = _column([row.computed_ma for row in rows])
     line(below, time_s, recorded_ma, _RECORDED, width=3.0, alpha=0.55, zorder=3.0)
     line(below, time_s, computed_ma, _COMPUTED, width=1.2)
-    known = [curve[np.isfinite(curve)] for curve in (recorded_ma, computed_ma)]
-    fit(below, [curve for curve in known if curve.size], (0.0, 100.0))
+    _fit(below, [recorded_ma, computed_ma], (0.0, 100.0))
     name(below, [("recorded", _RECORDED), ("computed", _COMPUTED)])
     for panel, label in ((above, "position, mm"), (below, "current, mA")):
         panel.spines[["top", "right"]].set_visible(False)
@@ -76,6 +77,12 @@ def _draw(path: Path, rows: Sequence[Row], title: str) -> None:
     below.set_xlabel("time, s", fontsize=13)
     figure.suptitle(title, x=0.065, ha="left", fontsize=15, fontweight="bold")
     figure.savefig(path)
+
+
+def _fit(panel: Axes, curves: Sequence[NDArray[np.float64]], percentiles: tuple[float, float]) -> None:
+    known = [curve[np.isfinite(curve)] for curve in curves]
+    if any(curve.size for curve in known):
+        fit(panel, [curve for curve in known if curve.size], percentiles)
 
 
 def _column(values: Sequence[float | None]) -> NDArray[np.float64]:

@@ -45,8 +45,8 @@ def reasons(time_s: NDArray[np.float64], moves: Sequence[str], fallbacks: Sequen
 def draw_reasons(panel: Axes, why: Reasons, below: int) -> None:
     """Draw the marks at the top of `panel`, and their names under the `below` names that it already has."""
     kinds = (
-        (why.by_table_s, "move, Γ of table", "v", "#0072B2"),
-        (why.by_model_s, "move, Γ of model", "v", "#E69F00"),
+        (why.by_table_s, "Γ of the table", "v", "#0072B2"),
+        (why.by_model_s, "Γ of the model", "v", "#E69F00"),
         (why.fell_back_s, "fallback", "x", "#D55E00"),
     )
     names = []
@@ -56,5 +56,5 @@ def draw_reasons(panel: Axes, why: Reasons, below: int) -> None:
             panel.plot(
                 when_s, heights, mark, color=colour, transform=panel.get_xaxis_transform(), markersize=7.0, zorder=5.0
             )
-            names.append((f"{len(when_s)} {label}", colour))
+            names.append((f"{len(when_s)} × {label}", colour))
     name(panel, names, below)

@@ -130,11 +130,12 @@ class Daemon:
         told = self._state
         began_ns = time.monotonic_ns()
         self._state, outbox, events = cycle.step(self._setup, told, frames, now_ns)
-        self._watch_the_time(time.monotonic_ns() - began_ns)
+        spent_ns = time.monotonic_ns() - began_ns
         if not self._options.dry_run:
             for frame in outbox:
                 self._bus.send(frame)
         self._recorder.turn(told, frames, now_ns, outbox, self._state)
+        self._watch_the_time(spent_ns)
         self._tell(events)
         self._keep(events)
         if time.monotonic() >= self._watchdog_due_s:  # whoever waits for feedback or for arming is alive, too

@@ -74,6 +74,7 @@ class Instant:
     setpoint_m: float = 0.08
     foreign: bool = False
     table_saved: bool = True
+    late_ns: int = 0
 
 
 def of_faults(sample: int) -> Instant:
@@ -96,6 +97,7 @@ def of_faults(sample: int) -> Instant:
         setpoint_m=0.5 if 2850 <= sample < 2870 else setpoint_m,
         foreign=1700 <= sample < 1710,
         table_saved=not 2300 <= sample < 2450,
+        late_ns=1_234_567 if sample in {150, 151, 2500} else 0,
     )
 
 
@@ -135,8 +137,8 @@ class _Faulty:
             if now.foreign:
                 inbox.append(self.codec.encode(CurrentCommand(12.0), 7 * sample))
             told = self.state
-            if told.table_saved is not now.table_saved:
-                told = replace(told, table_saved=now.table_saved)
+            if (told.table_saved, told.late_ns) != (now.table_saved, now.late_ns):
+                told = replace(told, table_saved=now.table_saved, late_ns=now.late_ns)
             # a turn a little later than its sample, as a machine has it, and never at the same time in it
             now_ns = sample * PERIOD_NS + 1000 * (100 + sample * 37 % 91)
             self.state, outbox, _ = cycle.step(self.setup, told, inbox, now_ns)

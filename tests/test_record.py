@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING
 import can
 import pytest
 import replay_helpers as runs
-from daemon_helpers import own_address
+from daemon_helpers import PATIENCE_S, Loop, own_address
 
 from positioner.bench.recording import Recording
 from positioner.bench.runner import BenchOptions, run_bench
@@ -19,6 +20,7 @@ from positioner.cli.main import main
 from positioner.clock import RealClock
 from positioner.config import load_config
 from positioner.cycle import CycleState
+from positioner.daemon import RunOptions
 from positioner.guard import GuardState
 from positioner.journal import logger
 from positioner.record import NOTE_ID, BusRecorder, Note
@@ -112,6 +114,27 @@ def test_what_comes_in_after_something_was_sent_is_the_next_turn(tmp_path: Path)
     assert [[frame.frame.data for frame in turn.recorded] for turn in turns] == [[command.data], []]
 
 
+def test_the_daemon_notes_that_its_last_cycle_was_late(tmp_path: Path, capsys: Output) -> None:
+    log = tmp_path / "bus.log"
+    with Loop(tmp_path, RunOptions(record=log), guard={"auto_arm": True}) as loop:
+        late_ns = [0, 0, 0, 30_000_000]
+
+        def watch(_spent_ns: int) -> None:
+            if late_ns:
+                loop.daemon._state = replace(loop.daemon._state, late_ns=late_ns.pop(0))
+
+        loop.daemon._watch_the_time = watch  # type: ignore[method-assign]
+        deadline_s = time.monotonic() + PATIENCE_S
+        while late_ns or loop.daemon._state.late_ns or loop.daemon._state.command_counter < 5:
+            assert time.monotonic() < deadline_s
+            loop.sample()
+        loop.close()
+    notes = [line.split()[2] for line in lines(log) if f"{NOTE_ID:X}#" in line]
+    assert f"{NOTE_ID:X}#{Note(1, 30_000_000).data.hex().upper()}" in notes
+    assert main(["replay", str(log), "--config", str(tmp_path / "valve.toml")]) == 0
+    assert "the positioner's own record" in capsys.readouterr().out
+
+
 def test_a_full_disk_ends_the_record_and_nothing_else(caplog: pytest.LogCaptureFixture) -> None:
     logger.propagate = True
     recorder = BusRecorder(Path("/dev/full"))
@@ -142,10 +165,11 @@ def test_a_run_through_every_fault_is_identical(law: str, seed: int, tmp_path: P
     told = capsys.readouterr().out
     assert "the positioner's own record" in told
     assert "identical" in told
-    # without the notes, the store's trouble could not be known
+    # without the notes, neither the store's trouble nor a late cycle could be known
     log.write_text("".join(f"{line}\n" for line in lines(log) if f"{NOTE_ID:X}#" not in line), encoding="ascii")
     assert main(["replay", str(log), "--config", str(config)]) == 1
-    assert "table saved False recorded, True computed" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "table saved False recorded, True computed" in told or "counted LAW_LATE" in told
 
 
 def test_a_listener_s_log_of_a_run_through_every_fault_is_identical_in_its_commands(

@@ -3,6 +3,8 @@
 full        what is committed or synced finds no space (ENOSPC, SQLITE_FULL)
 fsync       what is committed or synced fails (EIO, SQLITE_IOERR_FSYNC)
 no-rights   the keeper is nobody: what its directory's permissions forbid really fails
+
+Each statement that fails adds a byte to the file `refused` beside it.
 """
 
 from __future__ import annotations
@@ -32,6 +34,11 @@ def _fault() -> str:
     return word
 
 
+def _count() -> None:
+    with _FAULT.with_name("refused").open("ab") as file:
+        file.write(b".")
+
+
 class FaultyConnection(sqlite3.Connection):
     """A connection whose commits fail on demand, before anything of them is on the disk."""
 
@@ -41,8 +48,16 @@ class FaultyConnection(sqlite3.Connection):
             _, code, text = _ERRORS[word]
             error = sqlite3.OperationalError(text)
             error.sqlite_errorcode = code
+            _count()
             raise error
-        return super().execute(sql, *parameters)
+        return self._counted(sql, *parameters)
+
+    def _counted(self, sql: str, *parameters: Any) -> sqlite3.Cursor:
+        try:
+            return super().execute(sql, *parameters)
+        except sqlite3.OperationalError:
+            _count()
+            raise
 
 
 _connect, _fsync = sqlite3.connect, os.fsync

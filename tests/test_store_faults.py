@@ -35,8 +35,15 @@ class Disk:
     def __init__(self, place: Path) -> None:
         self.state = place / "state"
         self.state.mkdir()
-        self.fault = place / "fault"
+        self.fault, self._refused = place / "fault", place / "refused"
         self.fault.write_text("", encoding="ascii")
+        self._refused.touch()
+        self._refused.chmod(0o666)
+
+    @property
+    def refused(self) -> int:
+        """How many attempts to write have failed."""
+        return self._refused.stat().st_size
 
     def fail(self, how: str) -> None:
         if how == "no-rights":
@@ -75,6 +82,9 @@ def test_a_disk_that_fails_is_told_once_and_what_was_learned_meanwhile_is_saved_
     assert str(keeper.problem).startswith("the stiction table cannot be saved: ")
     assert str(keeper.problem).endswith(words)
     keeper.record(series(10, 20))
+    before = disk.refused
+    # it goes on trying, whether there is news or not
+    events += wait_for(keeper, lambda: disk.refused >= before + 3, _PATIENCE_S)
     assert not keeper.saved
     assert database.read(disk.state / TABLE).table == taught(series(10)).table
     disk.work()

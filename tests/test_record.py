@@ -119,7 +119,8 @@ def test_the_daemon_notes_that_its_last_cycle_was_late(tmp_path: Path, capsys: O
     with Loop(tmp_path, RunOptions(record=log), guard={"auto_arm": True}) as loop:
         late_ns = [0, 0, 0, 30_000_000]
 
-        def watch(_spent_ns: int) -> None:
+        def watch(spent_ns: int) -> None:
+            del spent_ns
             if late_ns:
                 loop.daemon._state = replace(loop.daemon._state, late_ns=late_ns.pop(0))
 

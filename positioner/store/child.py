@@ -17,7 +17,7 @@ from positioner.store.lines import Lines
 
 PROGRAM = "positioner.store.keeper"
 """The module that runs as the keeper; tests put one with a failing disk in its place."""
-_START_S = 15.0
+_START_S = 30.0
 _SHIELDED = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 _PACKAGES = str(Path(__file__).resolve().parents[2])
 

@@ -51,6 +51,7 @@ _BYSTANDERS = frozenset(
         "processes",
         "result",
         "trend",
+        "truth_log",
         "panels",
         "pool",
         "reasons",

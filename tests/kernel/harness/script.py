@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-_HOME = "/tmp"  # noqa: S108 - inside the kernel, where nothing reaches the host
+_HOME = "/run/tests"
+"""A folder of the kernel's own: what the host has in its temporary folder may be somebody else's."""
 
 
 def write_inside(out: Path, kind_name: str, tests: Sequence[str]) -> Path:
@@ -24,6 +25,7 @@ def write_inside(out: Path, kind_name: str, tests: Sequence[str]) -> Path:
         "PYTHONPATH": f"{PROJECT}:{PROJECT}/tests:{PROJECT}/tests/kernel",
         "PYTHONDONTWRITEBYTECODE": "1",
         "HOME": _HOME,
+        "TMPDIR": _HOME,
         "LANG": "C.UTF-8",
         "MPLCONFIGDIR": _HOME,
         "OPENBLAS_NUM_THREADS": "1",
@@ -33,6 +35,7 @@ def write_inside(out: Path, kind_name: str, tests: Sequence[str]) -> Path:
     pytest = [sys.executable, "-m", "pytest", "-p", "harness.inside", "-p", "no:cacheprovider", *tests]
     lines = [
         *(f"export {name}={shlex.quote(value)}" for name, value in settings.items()),
+        f"mkdir -p -m 1777 {_HOME}",
         f"cd {PROJECT}",
         f"{shlex.join(pytest)} > {out}/pytest.log 2>&1",
         "sync",

@@ -98,3 +98,18 @@ def test_a_frame_that_the_bus_does_not_take_is_told_once_and_the_next_one_is_sen
     flood.full = True
     assert not port.send(CanFrame(0x102, bytes(8)))
     assert len(lines) == 2
+
+
+def test_frames_that_the_receive_queue_dropped_are_counted_and_told(
+    wire: Callable[[Flood], tuple[BusPort, list[str]]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    port, lines = wire(Flood())
+    dropped = iter([0, 3, 3, 5])
+    monkeypatch.setattr(bus_module, "_dropped", lambda _bus: next(dropped))
+    seen = []
+    for _ in range(4):
+        port.receive(0.0)
+        seen.append(port.overruns)
+    assert seen == [0, 3, 3, 5]
+    assert ["3 frame(s) lost so far" in lines[0], "5 frame(s) lost so far" in lines[1]] == [True, True]
+    assert len(lines) == 2

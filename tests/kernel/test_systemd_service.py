@@ -83,9 +83,10 @@ def test_a_killed_positioner_is_back_within_two_seconds_and_keeps_its_table(valv
     until(lambda: valve.pid not in {0, killed}, valve.story)
     started_s = int(show(valve.unit, "ExecMainStartTimestampMonotonic")) * 1e-6
     assert 0.0 < started_s - killed_s < 2.0
-    # the actuator's own deadman closes the valve while nobody commands, and the service takes it over again
     assert samples_in(valve) >= before
     until(lambda: valve.is_active, valve.story)
+    # the actuator failed safe by itself while nobody commanded it
+    until(lambda: "fail position 'close'" in journal(valve.plant), valve.story)
     valve.go_to(0.080)
 
 

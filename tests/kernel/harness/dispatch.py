@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 from collections import defaultdict
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -96,6 +97,7 @@ class Dispatcher:
                 terminalreporter.line(text)
 
 
+@cache
 def host_has_vcan() -> bool:
     """Return whether this host itself can make a virtual CAN interface."""
     if kind_inside() is not None or os.getuid() != 0:

@@ -232,7 +232,7 @@ def _mend(address: BusAddress) -> str:
         kind = (
             f"sudo ip link add dev {name} type vcan && sudo ip link set {name} up"
             if name.startswith("vcan")
-            else f"sudo ip link set {name} up type can bitrate 1000000"
+            else f"sudo ip link set {name} up type can bitrate 1000000 restart-ms 100"
         )
         return f"try: {kind}"
     return "check the [bus] table of the configuration"

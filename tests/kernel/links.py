@@ -22,7 +22,7 @@ _NUMBERS = itertools.count(10)
 
 def command(*words: str, check: bool = True, text: str | None = None) -> str:
     """Return what a command prints; where it fails its own words are the failure."""
-    done = subprocess.run(words, check=False, capture_output=True, text=True, input=text, timeout=PATIENCE_S * 4)
+    done = subprocess.run(words, check=False, capture_output=True, text=True, input=text, timeout=PATIENCE_S * 10)
     assert not check or done.returncode == 0, f"{' '.join(words)}: {done.returncode}\n{done.stdout}{done.stderr}"
     return done.stdout + done.stderr
 

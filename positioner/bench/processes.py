@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from types import TracebackType
 
-_START_S = 30.0
+_START_S = 120.0
 _STOP_S = 10.0
 _SOURCES = str(Path(__file__).resolve().parents[2])
 

@@ -23,7 +23,7 @@ from positioner.wire.messages import CanFrame
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-PATIENCE_S = 2.0
+PATIENCE_S = 20.0
 QUIET_S = 0.05
 
 
@@ -125,7 +125,7 @@ class BusContract:
         one, _ = pair
         start_s = time.monotonic()
         assert one.receive(QUIET_S) == ()
-        assert QUIET_S * 0.9 <= time.monotonic() - start_s < QUIET_S + 1.0
+        assert QUIET_S * 0.9 <= time.monotonic() - start_s < QUIET_S + PATIENCE_S
 
     def test_a_closed_port_opens_itself_again(self, pair: tuple[BusPort, BusPort]) -> None:
         one, other = pair

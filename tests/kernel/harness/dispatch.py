@@ -25,11 +25,11 @@ class Dispatcher:
 
     def __init__(self) -> None:
         """Begin with nothing told."""
-        self.second_tries: list[str] = []
+        self.more_tries: list[str] = []
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self, session: pytest.Session) -> bool | None:
-        """Run everything; a test that fails gets one more try in a kernel that has the machine for itself."""
+        """Run everything; a test that fails gets two more tries, in a kernel that has the machine for itself."""
         if session.config.option.collectonly:
             return None
         if session.testsfailed:
@@ -40,6 +40,7 @@ class Dispatcher:
             item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
         away = [item for item in session.items if item not in here]
         failed = self._run(session, away, os.cpu_count() or 1, last=False)
+        failed = self._run(session, failed, 1, last=False)
         self._run(session, failed, 1, last=True)
         return True
 
@@ -82,7 +83,7 @@ class Dispatcher:
         bad = next((report for report in reports if report.failed), None)
         if bad is not None and not last:
             failed.append(item)
-            self.second_tries.append(f"{item.nodeid}\n{bad.longreprtext}")
+            self.more_tries.append(f"{item.nodeid}\n{bad.longreprtext}")
             return
         item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
         for report in reports:
@@ -90,10 +91,10 @@ class Dispatcher:
         item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
-        """Show what needed a second try, and why: nothing is hidden."""
-        if self.second_tries:
-            terminalreporter.section("failed at first, and were run once more alone")
-            for text in self.second_tries:
+        """Show what needed another try, and why: nothing is hidden."""
+        if self.more_tries:
+            terminalreporter.section("failed at first, and were run again alone")
+            for text in self.more_tries:
                 terminalreporter.line(text)
 
 

@@ -32,7 +32,7 @@ class ApproachSettings:
     prediction_steps, control_steps: H_p, H_u.
     terminal_factor: weight of the last predicted error, relative to the others.
     input_weight: weight of a current away from the braking current, relative to that of the error it makes.
-    max_passes, pass_tolerance_ma: when the passes end.
+    max_passes, pass_tolerance_ma: the passes end when no input changes by more, so that the bound holds at every step.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
@@ -117,7 +117,7 @@ def approach(
         if solution is None:
             return None
         found = np.clip(solution.z, low, high)
-        passes, change, inputs = passes + 1, abs(float(found[0] - inputs[0])), found
+        passes, change, inputs = passes + 1, float(np.max(np.abs(found - inputs))), found
     return Approach(tuple(inputs.tolist()), line.speed_limit, passes)
 
 

@@ -140,6 +140,20 @@ def test_full_braking_solves_every_programme_as_a_last_resort(course: Course, pe
     assert np.all(np.linalg.eigvalsh(posed.P) > 0.0)
 
 
+@settings(deadline=None)
+@given(loads, st.floats(0.0, 3.0), st.floats(2e-2, 6.5e-2), st.sampled_from(PERIODS_S))
+def test_programmes_are_well_scaled_also_far_from_the_target(
+    load: Load, speed: float, distance: float, period_s: float
+) -> None:
+    # far away the braking current still drives the stem: where it stops hardly depends on where it is
+    course = course_of(load, 1.0, 0.073 - distance, speed, distance)
+    inputs = np.array([20.0, 20.0, 15.5, 8.7])
+    posed = program(SETTINGS, course, predict(SETTINGS, SLIDER, course, inputs.tolist(), period_s), inputs)
+    assert 0.03 <= np.linalg.eigvalsh(posed.P)[0] < np.linalg.eigvalsh(posed.P)[-1] < 100.0
+    assert np.abs(posed.A).max() == 1.0
+    assert SOLVER.solve(posed) is not None
+
+
 def test_a_control_horizon_beyond_the_prediction_is_refused() -> None:
     with pytest.raises(ValueError, match="control_steps"):
         ApproachSettings(prediction_steps=2, control_steps=3)

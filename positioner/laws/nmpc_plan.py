@@ -154,7 +154,8 @@ def predict(
 def program(settings: ApproachSettings, course: Course, line: Line, inputs_ma: NDArray[np.float64]) -> QuadraticProgram:
     """Return the programme in the inputs (H_u): tracking, the limits of the current, and the H_p stopping points.
 
-    Positions are scaled so that the first input moves the last one by 1; stopping points, by the first one.
+    Positions are scaled so that the first input moves the last one by 1; each stopping point, so that no input moves it by
+    more than 1. Far from the target, where the braking current still drives the stem, none of them moves it by much.
     """
     s, count = course.direction, len(inputs_ma)
     rows = np.array(line.position_rows)
@@ -170,9 +171,9 @@ def program(settings: ApproachSettings, course: Course, line: Line, inputs_ma: N
     gradient = -(weighted @ errors) - settings.input_weight * course.brake_ma
 
     stops = s * np.array(line.stop_rows)
-    scale = abs(stops[0, 0]) or 1.0
-    stops /= scale
-    room = s * (course.target_m - np.array(line.stops)) / scale + stops @ inputs_ma
+    scales = np.maximum(np.abs(stops).max(axis=1), _LEAST_M_PER_MA)
+    stops /= scales[:, np.newaxis]
+    room = s * (course.target_m - np.array(line.stops)) / scales + stops @ inputs_ma
     low, high = _limits(course, count)
     braking = low if s > 0.0 else high
     lower = np.concatenate([low, np.full(len(stops), -_FREE)])
@@ -187,6 +188,8 @@ def _limits(course: Course, count: int) -> tuple[NDArray[np.float64], NDArray[np
     return (braking, driving) if course.direction > 0.0 else (driving, braking)
 
 
+_LEAST_M_PER_MA = 1e-9
+"""An input that moves a stopping point by less, does not move it."""
 _REACH_MA = 20.0
 """No error is worth more current than this."""
 _FREE = 1e6

@@ -154,8 +154,8 @@ def predict(
 def program(settings: ApproachSettings, course: Course, line: Line, inputs_ma: NDArray[np.float64]) -> QuadraticProgram:
     """Return the programme in the inputs (H_u): tracking, the limits of the current, and the H_p stopping points.
 
-    Positions are scaled so that the first input moves the last one by 1; each stopping point, so that no input moves it by
-    more than 1. Far from the target, where the braking current still drives the stem, none of them moves it by much.
+    Positions are scaled so that the first input moves the last one by 1; each stopping point, so that no input moves it
+    by more than 1. Far from the target, where the braking current still drives the stem, none of them moves it by much.
     """
     s, count = course.direction, len(inputs_ma)
     rows = np.array(line.position_rows)

@@ -98,8 +98,9 @@ def recollect(
 ) -> tuple[Load, Load]:
     """Return the load and its standard deviations that a table remembers, `prior` and `sigmas` without any cell.
 
-    K and F_s are the least squares of B·Γ = K·x ± F_s over all breakaway cells but stale and scattered ones, weighed
-    against the prior; F_c follows as F_s/`ratio`. F_v is taken to have changed as F_c: packing that grips harder does
+    K and F_s are the least squares of B·Γ = K·x ± F_s over the newest Γ of all breakaway cells but stale and scattered
+    ones, weighed against the prior; F_c follows as F_s/`ratio`. Each Γ holds what was believed of K and F_s when it was
+    learned, so the newer it is, the more it counts. F_v is taken to have changed as F_c: packing that grips harder does
     so at every speed.
     """
     static_n = ratio * prior.friction_n
@@ -115,9 +116,9 @@ def recollect(
         ):
             continue
         x, s = key.index * table.cell_width_m, key.direction.sign
-        error_n = slider.push_n(cell.mean, s, static_n) - prior.spring_n_per_m * x
-        doubt_n2 = (2.0 * settings.margin * static_n) ** 2 + spread_n * spread_n
-        weight = min(len(cell.samples), _SAMPLES_PER_CELL) / doubt_n2
+        error_n = slider.push_n(cell.samples[-1], s, static_n) - prior.spring_n_per_m * x
+        samples = min(len(cell.samples), _SAMPLES_PER_CELL) * _FADING ** table.age(cell)
+        weight = samples / (settings.margin * static_n) ** 2
         a, b, c = a + weight * x * x, b + weight * x * s, c + weight
         d, e = d + weight * x * error_n, e + weight * s * error_n
     det = a * c - b * b
@@ -127,5 +128,7 @@ def recollect(
     return load, Load(math.sqrt(c / det), math.sqrt(a / det) / ratio, sigmas.viscous_n_s_per_m)
 
 
+_FADING = 0.9
+"""Weight of a cell's newest sample for each sample learned since, anywhere."""
 _SURE = 1e-3
 """N/m or N: no prior is surer than that."""

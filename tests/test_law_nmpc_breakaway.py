@@ -74,6 +74,26 @@ def test_a_restart_remembers_spring_and_friction_from_the_table(spring: float, g
     assert sigmas.friction_n < 0.2 * SIGMAS.friction_n
 
 
+@pytest.mark.parametrize(
+    ("places", "highest"),
+    # cells far from each other tell more of the spring: 12 old samples there count half as much as 6 new ones
+    [((0.073, 0.08, 0.087), 0.92), ((0.0605, 0.1005, 0.0705), 0.955)],
+)
+def test_a_restart_believes_what_was_learned_last(places: tuple[float, ...], highest: float) -> None:
+    # first the nominal valve, in the same cells or in others, then one with a softer spring and more friction
+    table = taught(NOMINAL.spring_n_per_m, RATIO * NOMINAL.friction_n, places, times=2)
+    for x in (0.073, 0.08, 0.087):
+        for s in (1.0, -1.0):
+            one = lesson(
+                SLIDER, table.cell_width_m, x, s, 0.9 * NOMINAL.spring_n_per_m, 1.05 * RATIO * NOMINAL.friction_n
+            )
+            table = table.record(one.quantity, one.position_m, one.direction, one.value)
+    assert table.sequence == 18
+    load, _ = recollect(BreakawaySettings(largest_spread=1.0), SLIDER, table, NOMINAL, SIGMAS, RATIO)
+    assert 0.895 < load.spring_n_per_m / NOMINAL.spring_n_per_m < highest
+    assert 1.02 < load.friction_n / NOMINAL.friction_n < 1.06
+
+
 def test_an_empty_or_stale_table_remembers_nothing() -> None:
     stale = replace(taught(45e3, 1500.0, (0.08,)), sequence=10_000)
     for table in (StictionTable(), stale):

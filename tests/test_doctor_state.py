@@ -12,10 +12,13 @@ import pytest
 from daemon_helpers import own_address, write_configuration
 from store_helpers import series, taught
 
+from positioner import place
+from positioner.cli.main import main
 from positioner.config import load_config
-from positioner.doctor import place, scheduling, state_directory
+from positioner.doctor import scheduling, state_directory
 from positioner.doctor.finding import Finding, Level, worst
-from positioner.doctor.place import Place, place_of
+from positioner.errors import ExitCode
+from positioner.place import Place, place_of
 from positioner.store import access
 from positioner.store.vault import TABLE
 
@@ -59,6 +62,19 @@ def test_the_place_of_a_configuration_tells_its_unit_and_its_state(
     assert place_of(load_config(path), path) == Place(tmp_path / "own", "positioner@fv101")
     elsewhere = tmp_path / "below" / "fv101.toml"
     assert place_of(plain, elsewhere) == Place(plain.state_directory.absolute(), None)
+
+
+def test_every_command_finds_the_table_of_a_service(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(place, "CONFIGURATIONS", tmp_path)
+    monkeypatch.setattr(place, "SERVICE_STATES", tmp_path / "lib")
+    path = tmp_path / "fv101.toml"
+    path.write_text(VALVE, encoding="utf-8")
+    assert main(["check", str(path)]) == ExitCode.OK
+    assert f"state                  {tmp_path}/lib/fv101\n" in capsys.readouterr().out
+    assert main(["table", "dump", "--config", str(path)]) != ExitCode.OK
+    assert f"{tmp_path}/lib/fv101" in capsys.readouterr().err
 
 
 def state_found(folder: Path, directory: Path, unit: str | None = None) -> dict[str, Finding]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from positioner.config import Configuration, load_config
 from positioner.errors import ExitCode
+from positioner.place import place_of
 
 _EPILOG = """\
 examples:
@@ -37,7 +38,9 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         sys.stdout.write(example_text())
         return ExitCode.OK
     configuration = load_config(arguments.config)
-    sys.stdout.write(f"{arguments.config}: good\n{summary(configuration)}")
+    sys.stdout.write(
+        f"{arguments.config}: good\n{summary(configuration, place_of(configuration, arguments.config).state)}"
+    )
     return ExitCode.OK
 
 
@@ -46,8 +49,8 @@ def example_text() -> str:
     return resources.files("positioner").joinpath("example.toml").read_text(encoding="utf-8")
 
 
-def summary(configuration: Configuration) -> str:
-    """Return what the configuration means in the units of a workshop, a line each."""
+def summary(configuration: Configuration, state: Path) -> str:
+    """Return what the configuration means in the units of a workshop, a line each; `state` holds its table."""
     valve, guard = configuration.valve, configuration.guard
     gain, rate = valve.force_gain_n_per_ma, valve.spring_rate_n_per_m
     low_n = gain * guard.current_low_ma - valve.bench_set_n
@@ -62,6 +65,6 @@ def summary(configuration: Configuration) -> str:
         ("slip jump", f"{(friction_n - valve.coulomb_friction_n) / rate * 1e3:.2f} mm"),
         ("law", f"{configuration.control.law}, every {configuration.control.sample_period_s * 1e3:g} ms"),
         ("bus", str(configuration.bus)),
-        ("state", str(configuration.state_directory)),
+        ("state", str(state)),
     )
     return "".join(f"  {name:<22} {value}\n" for name, value in rows)

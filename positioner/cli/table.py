@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from positioner.cli import table_text
 from positioner.errors import ExitCode, StateError
+from positioner.place import place_of
 from positioner.stiction import Quantity
 from positioner.store import access, document
 
@@ -120,7 +121,7 @@ def _import(args: argparse.Namespace) -> ExitCode:
 
 
 def _directory(args: argparse.Namespace) -> Path:
-    return args.state or _configuration(args.config).state_directory
+    return args.state or place_of(_configuration(args.config), args.config).state
 
 
 def _configuration(path: Path) -> Configuration:

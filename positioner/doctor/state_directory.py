@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from positioner.config import Configuration
-    from positioner.doctor.place import Place
+    from positioner.place import Place
     from positioner.store.content import StoredTable
 
 ROOM_WANTED_BYTES = 100 << 20

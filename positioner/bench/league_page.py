@@ -102,7 +102,7 @@ def draw_league(path: Path, page: LeaguePage) -> None:
     for index, (law, time_s) in enumerate(times):
         settling.barh(index, time_s * 1e3, color=_PALETTE[laws.index(law) % len(_PALETTE)])
         settling.annotate(f"{time_s * 1e3:.1f}", (time_s * 1e3, index), xytext=(4, -3), textcoords="offset points")
-    settling.axvline(page.optimal_rest_s * 1e3, color="#222222", linewidth=1.0, linestyle="--")
+    settling.axvline(page.optimal_settle_1pct_s * 1e3, color="#222222", linewidth=1.0, linestyle="--")
     settling.set_xscale("log")
     settling.set_yticks(range(len(times)), [law for law, _ in times])
     settling.invert_yaxis()

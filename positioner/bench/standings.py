@@ -93,9 +93,9 @@ def bootstrap_interval(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> 
 
 
 def summaries(
-    table: Sequence[Standing], optimal_rest_s: float | None, reference: str = "nmpc"
+    table: Sequence[Standing], optimal_settle_1pct_s: float | None, reference: str = "nmpc"
 ) -> tuple[LawSummary, ...]:
-    """Return one summary for each law, the best first; `optimal_rest_s` is the limit's nominal median time."""
+    """Return one summary for each law, the best first; `optimal_settle_1pct_s` is the limit's median, nominal."""
     laws = dict.fromkeys(standing.law for standing in table)
     worst = {law: max((s for s in table if s.law == law), key=lambda s: s.mean_error_pct) for law in laws}
     ours = worst[reference].mean_error_pct if reference in worst else None
@@ -114,7 +114,7 @@ def summaries(
                 unsettled=sum(row.unsettled for row in rows),
                 limit_cycles=sum(row.limit_cycles for row in rows),
                 median_settle_1pct_s=settle_s,
-                settle_ratio=settle_s / optimal_rest_s if settle_s and optimal_rest_s else None,
+                settle_ratio=settle_s / optimal_settle_1pct_s if settle_s and optimal_settle_1pct_s else None,
                 travel_ratio=fmean(row.travel_ratio for row in rows),
                 error_ratio=worst[law].mean_error_pct / ours if ours else None,
             )

@@ -73,7 +73,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     settle_s, rest_s = optimal_median_s(condition_named("nominal").settings, settings.setpoints_mm)
     page = LeaguePage(
         settings=settings,
-        summaries=summaries(table, rest_s),
+        summaries=summaries(table, settle_s),
         standings=table,
         optimal_settle_1pct_s=settle_s,
         optimal_rest_s=rest_s,

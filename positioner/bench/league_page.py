@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 _PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999", "#8B5E3C")
 _MARKS = ("o", "s", "^", "v", "D", "P", "X", "<", ">")
+_LEAST_SHOWN_PCT = 4e-3
+"""A smaller error stands at this one, with its value and an arrow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,11 +127,15 @@ def _draw_law(panel: Axes, page: LeaguePage, law: str, index: int, conditions: l
     rows = {standing.condition: standing for standing in page.standings if standing.law == law}
     where = [number + shift for number, name in enumerate(conditions) if name in rows]
     shown = [rows[name] for name in conditions if name in rows]
-    means = [row.mean_error_pct for row in shown]
-    below = [row.mean_error_pct - row.mean_error_low_pct for row in shown]
-    above = [row.mean_error_high_pct - row.mean_error_pct for row in shown]
+    means = [max(row.mean_error_pct, _LEAST_SHOWN_PCT) for row in shown]
+    below = [max(row.mean_error_pct - max(row.mean_error_low_pct, _LEAST_SHOWN_PCT), 0.0) for row in shown]
+    above = [max(row.mean_error_high_pct - mean, 0.0) for mean, row in zip(means, shown, strict=True)]
     color, mark = _PALETTE[index % len(_PALETTE)], _MARKS[index % len(_MARKS)]
     panel.errorbar(where, means, yerr=(below, above), fmt=mark, color=color, markersize=6, linewidth=1.2, label=law)
+    for place, row in zip(where, shown, strict=True):
+        if row.mean_error_pct < _LEAST_SHOWN_PCT:
+            text = f"{row.mean_error_pct:.0e} ↓"
+            panel.annotate(text, (place, _LEAST_SHOWN_PCT), xytext=(6, -3), textcoords="offset points", fontsize=8)
 
 
 def _ms(time_s: float | None) -> str:

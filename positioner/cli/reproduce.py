@@ -10,7 +10,7 @@ from positioner.errors import ExitCode, StateError
 
 _EPILOG = """\
 examples:
-  positioner reproduce                     every reading, about 20 minutes of one core
+  positioner reproduce                     every reading: about ten minutes of one core
   positioner reproduce --short             the same within half a minute: 15 ms a setpoint instead of 1 s
   positioner reproduce --reading A         white noise and a Kalman filter only
 

@@ -214,6 +214,15 @@ def test_a_seed_or_a_law_that_is_named_twice_plays_once(tmp_path: Path) -> None:
     assert row["dwells"] == 1
 
 
+def test_the_short_league_is_what_was_asked_for_where_something_was(tmp_path: Path) -> None:
+    told = ["--laws", "two-move", "--seeds", "7", "--dwell", "0.05", "--period", "0.0005"]
+    assert main(["league", "--short", *told, "--out", str(tmp_path), "--workers", "1"]) == 0
+    settings = json.loads((tmp_path / "league.json").read_text())["settings"]
+    assert (settings["laws"], settings["seeds"], settings["period_s"]) == (["two-move"], [7], 0.0005)
+    assert (settings["conditions"], settings["dwell_s"]) == (["nominal", "friction+20"], 0.05)
+    assert len(settings["setpoints_mm"]) == 4
+
+
 def test_every_condition_is_another_plant() -> None:
     plants = {replace(condition.settings, preset=None) for condition in CONDITIONS}
     assert len(plants) == len(CONDITIONS)

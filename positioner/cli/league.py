@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from positioner.errors import ExitCode, UsageError
 from positioner.laws.registry import LAWS
+
+if TYPE_CHECKING:
+    from positioner.bench.league import LeagueSettings
 
 _EPILOG = """\
 examples:
@@ -30,11 +35,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("--laws", metavar="A,B,…", help=f"laws (all: {', '.join(LAWS)})")
     parser.add_argument("--scenarios", metavar="A,B,…", help="plants (all)")
-    parser.add_argument("--seeds", metavar="N,M,…", default="101,102,103", help="seeds (%(default)s)")
+    parser.add_argument("--seeds", metavar="N,M,…", help="seeds (101,102,103)")
     parser.add_argument("--setpoints", metavar="MM,MM,…", help="setpoints in mm instead of the usual eight")
-    parser.add_argument("--dwell", type=float, default=5.0, metavar="S", help="length of a dwell (%(default)s s)")
-    parser.add_argument("--period", type=float, default=0.001, metavar="S", help="sample period (%(default)s s)")
-    parser.add_argument("--short", action="store_true", help="three laws, two plants, one seed, four dwells of 1 s")
+    parser.add_argument("--dwell", type=float, metavar="S", help="length of a dwell (5 s)")
+    parser.add_argument("--period", type=float, metavar="S", help="sample period (0.001 s)")
+    short = "unless told otherwise: three laws, two plants, one seed, four dwells of 1 s"
+    parser.add_argument("--short", action="store_true", help=short)
     parser.add_argument("--workers", type=int, metavar="N", help="processes (one a core)")
     parser.add_argument(
         "--out", type=Path, default=Path("league"), metavar="DIR", help="output directory (%(default)s)"
@@ -44,30 +50,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
     # matplotlib and the plant are needed here only
-    from positioner.bench.conditions import CONDITIONS  # noqa: PLC0415
-    from positioner.bench.league import SETPOINTS_MM, LeagueSettings, condition_named, play_league  # noqa: PLC0415
+    from positioner.bench.league import condition_named, play_league  # noqa: PLC0415
     from positioner.bench.league_page import LeaguePage, to_markdown, write_page  # noqa: PLC0415
     from positioner.bench.standings import optimal_median_s, standings, summaries  # noqa: PLC0415
 
-    names = tuple(condition.name for condition in CONDITIONS)
-    settings = LeagueSettings(
-        laws=_chosen("law", arguments.laws, tuple(LAWS)),
-        conditions=_chosen("scenario", arguments.scenarios, names),
-        seeds=tuple(dict.fromkeys(_whole("seed", seed) for seed in arguments.seeds.split(","))),
-        setpoints_mm=tuple(_number("setpoint", value) for value in arguments.setpoints.split(","))
-        if arguments.setpoints
-        else SETPOINTS_MM,
-        dwell_s=arguments.dwell,
-        period_s=arguments.period,
-    )
-    if arguments.short:
-        settings = LeagueSettings(
-            laws=("nmpc", "paper", "pi"),
-            conditions=("nominal", "friction+20"),
-            seeds=(101,),
-            setpoints_mm=SETPOINTS_MM[:4],
-            dwell_s=1.0,
-        )
+    settings = _settings(arguments)
     played = play_league(settings, arguments.out / "bouts", arguments.workers)
     table = standings(played)
     settle_s, rest_s = optimal_median_s(condition_named("nominal").settings, settings.setpoints_mm)
@@ -84,8 +71,44 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     return ExitCode.OK
 
 
-def _chosen(what: str, given: str | None, known: tuple[str, ...]) -> tuple[str, ...]:
-    names = tuple(dict.fromkeys(given.split(","))) if given else known
+def _settings(arguments: argparse.Namespace) -> LeagueSettings:
+    """Return what is to be played: the whole league or its short form, with what was asked for in the place of its own.
+
+    Raises:
+        UsageError: a name is unknown, or a number is none.
+    """
+    from positioner.bench.conditions import CONDITIONS  # noqa: PLC0415
+    from positioner.bench.league import SETPOINTS_MM, LeagueSettings  # noqa: PLC0415
+
+    plants = tuple(condition.name for condition in CONDITIONS)
+    settings = LeagueSettings(laws=tuple(LAWS), conditions=plants, seeds=(101, 102, 103))
+    if arguments.short:
+        settings = LeagueSettings(
+            laws=("nmpc", "paper", "pi"),
+            conditions=("nominal", "friction+20"),
+            seeds=(101,),
+            setpoints_mm=SETPOINTS_MM[:4],
+            dwell_s=1.0,
+        )
+    if arguments.laws:
+        settings = replace(settings, laws=_chosen("law", arguments.laws, tuple(LAWS)))
+    if arguments.scenarios:
+        settings = replace(settings, conditions=_chosen("scenario", arguments.scenarios, plants))
+    if arguments.seeds:
+        seeds = (_whole("seed", seed) for seed in arguments.seeds.split(","))
+        settings = replace(settings, seeds=tuple(dict.fromkeys(seeds)))
+    if arguments.setpoints:
+        setpoints_mm = (_number("setpoint", value) for value in arguments.setpoints.split(","))
+        settings = replace(settings, setpoints_mm=tuple(setpoints_mm))
+    if arguments.dwell is not None:
+        settings = replace(settings, dwell_s=arguments.dwell)
+    if arguments.period is not None:
+        settings = replace(settings, period_s=arguments.period)
+    return settings
+
+
+def _chosen(what: str, given: str, known: tuple[str, ...]) -> tuple[str, ...]:
+    names = tuple(dict.fromkeys(given.split(",")))
     for name in names:
         if name not in known:
             raise UsageError(f"{what} '{name}' is unknown; known: {', '.join(known)}")

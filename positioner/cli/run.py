@@ -51,7 +51,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="the machine's clock, or the plant's frames (%(default)s)",
     )
     parser.add_argument("--setpoint-every", type=int, default=0, metavar="N", help=argparse.SUPPRESS)
-    parser.add_argument("--verbose", action="store_true", help="log what is learned, too")
+    parser.add_argument("--verbose", action="store_true", help="log what is learned and why each move begins, too")
     parser.set_defaults(run=_run)
 
 

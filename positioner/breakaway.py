@@ -90,7 +90,7 @@ def lesson(
 
 
 _SAMPLES_PER_CELL = 4
-"""Samples of a cell that count as independent: what errs in one, errs in its neighbours."""
+"""Samples that add to the weight of their cell's newest one; what errs in one, errs in its neighbours."""
 
 
 def recollect(

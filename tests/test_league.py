@@ -172,6 +172,7 @@ def test_the_short_league_shows_our_law_ahead_within_its_bands(
     # the same medians, of the same setpoints: within the 1 % band, nothing is much faster than the limit
     assert 0.8 < ours["settle_ratio"] < 1.5
     assert 0.97 < ours["travel_ratio"] < 1.1
+    assert all(law["error_ratio"] >= 1.0 for law in found.values())
     assert 1.5 < found["paper"]["error_ratio"] < 10.0
     assert 1.5 < found["pi"]["error_ratio"] < 10.0
     assert 8.0 < found["pi"]["settle_ratio"] < 60.0
@@ -183,6 +184,7 @@ def test_the_short_league_shows_our_law_ahead_within_its_bands(
         (["--laws", "nmcp"], "law 'nmcp' is unknown"),
         (["--scenarios", "mars"], "scenario 'mars' is unknown"),
         (["--seeds", "x"], "seed 'x' is no whole number"),
+        (["--seeds", ""], "seed '' is no whole number"),
         (["--seeds", "1.5"], "seed '1.5' is no whole number"),
         (["--seeds", "4294967296"], "seed = 4294967296: must be less than or equal to 4294967295"),
         (["--setpoints", "20"], "restart"),

@@ -38,9 +38,8 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         sys.stdout.write(example_text())
         return ExitCode.OK
     configuration = load_config(arguments.config)
-    sys.stdout.write(
-        f"{arguments.config}: good\n{summary(configuration, place_of(configuration, arguments.config).state)}"
-    )
+    state = place_of(configuration, arguments.config).state
+    sys.stdout.write(f"{arguments.config}: good\n{summary(configuration, state)}")
     return ExitCode.OK
 
 

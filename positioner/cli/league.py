@@ -6,7 +6,7 @@ import argparse
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from positioner.errors import ExitCode, UsageError
 from positioner.laws.registry import LAWS
@@ -90,21 +90,16 @@ def _settings(arguments: argparse.Namespace) -> LeagueSettings:
             setpoints_mm=SETPOINTS_MM[:4],
             dwell_s=1.0,
         )
+    told: dict[str, Any] = {"dwell_s": arguments.dwell, "period_s": arguments.period}
     if arguments.laws:
-        settings = replace(settings, laws=_chosen("law", arguments.laws, tuple(LAWS)))
+        told["laws"] = _chosen("law", arguments.laws, tuple(LAWS))
     if arguments.scenarios:
-        settings = replace(settings, conditions=_chosen("scenario", arguments.scenarios, plants))
-    if arguments.seeds:
-        seeds = (_whole("seed", seed) for seed in arguments.seeds.split(","))
-        settings = replace(settings, seeds=tuple(dict.fromkeys(seeds)))
+        told["conditions"] = _chosen("scenario", arguments.scenarios, plants)
+    if arguments.seeds is not None:
+        told["seeds"] = tuple(dict.fromkeys(_whole("seed", seed) for seed in arguments.seeds.split(",")))
     if arguments.setpoints:
-        setpoints_mm = (_number("setpoint", value) for value in arguments.setpoints.split(","))
-        settings = replace(settings, setpoints_mm=tuple(setpoints_mm))
-    if arguments.dwell is not None:
-        settings = replace(settings, dwell_s=arguments.dwell)
-    if arguments.period is not None:
-        settings = replace(settings, period_s=arguments.period)
-    return settings
+        told["setpoints_mm"] = tuple(_number("setpoint", value) for value in arguments.setpoints.split(","))
+    return replace(settings, **{name: value for name, value in told.items() if value is not None})
 
 
 def _chosen(what: str, given: str, known: tuple[str, ...]) -> tuple[str, ...]:

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 _DEGENERATE = 1e-9
 """|ω²| below this part of h² counts as critical damping."""
 
+_ALIKE = 1e-2
+"""Part of h that two real poles differ from it by, below which they count as nearly one."""
+
 _SERIES = 1e-2
 """|ω² t²| below which a derivative is taken from its series."""
 
@@ -113,10 +116,15 @@ def load_of(valve: ValveParameters) -> Load:
 def _modes(half: float, omega2: float, stiffness: float, t: float) -> tuple[float, float, float]:
     """Return e^(-ht) cos ωt, e^(-ht) sin(ωt)/ω and the latter's derivative to ω²; hyperbolic when overdamped."""
     if omega2 < -_DEGENERATE * half * half:
-        # by its two real poles: cosh alone overflows in a long slide
         sigma = math.sqrt(-omega2)
-        slow, fast = math.exp(-stiffness / (half + sigma) * t), math.exp(-(half + sigma) * t)
-        even, odd = (slow + fast) / 2.0, (slow - fast) / (2.0 * sigma)
+        if sigma < _ALIKE * half and sigma * t < 1.0:
+            # the difference of two poles this much alike would cancel
+            decay = math.exp(-half * t)
+            even, odd = decay * math.cosh(sigma * t), decay * math.sinh(sigma * t) / sigma
+        else:
+            # by its two real poles: cosh alone overflows in a long slide
+            slow, fast = math.exp(-stiffness / (half + sigma) * t), math.exp(-(half + sigma) * t)
+            even, odd = (slow + fast) / 2.0, (slow - fast) / (2.0 * sigma)
     else:
         omega, decay = math.sqrt(max(omega2, 0.0)), math.exp(-half * t)
         even, odd = decay * math.cos(omega * t), decay * (math.sin(omega * t) / omega if omega else t)

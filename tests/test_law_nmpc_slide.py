@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from plant_emulator import valve as plant
@@ -73,6 +73,7 @@ def test_the_stop_is_where_the_plant_stops(load: Load, s: float, x: float, push_
 
 @pytest.mark.parametrize("name", ["x", "v", "current", "spring", "viscous"])
 @given(loads, directions, places, speeds, currents, durations)
+@example(Load(52538.0, 300.0, 534.8055059583598), -1.0, 0.01, 0.001953125, 5.0, 1e-4)  # two poles, nearly one
 def test_the_derivatives_are_those_of_the_flow(
     name: str, load: Load, s: float, x: float, speed: float, u: float, duration_s: float
 ) -> None:

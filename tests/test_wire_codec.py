@@ -213,13 +213,13 @@ def test_a_rounding_error_beyond_the_range_is_sent_as_the_limit_and_a_third_of_a
         (0x100, 0x1F00, (24, 16, 25_001), Reason.OUT_OF_RANGE),
         (0x170, 0x1F70, (24, 26, 67_100_001), Reason.OUT_OF_RANGE),
         (0x170, 0x1F70, (50, 14, -8192), Reason.OUT_OF_RANGE),
-        (0x110, 0x1F10, (60, 4, 3), Reason.UNDEFINED_VALUE),
+        (0x110, 0x1F10, (60, 4, 4), Reason.UNDEFINED_VALUE),
         (0x120, 0x1F20, (52, 4, 3), Reason.UNDEFINED_VALUE),
         (0x100, 0x1F00, (56, 4, 5), Reason.UNDEFINED_VALUE),
         (0x100, 0x1F00, (60, 4, 4), Reason.UNDEFINED_VALUE),
         (0x140, 0x1F40, (24, 4, 5), Reason.UNDEFINED_VALUE),
         (0x140, 0x1F40, (28, 4, 5), Reason.UNDEFINED_VALUE),
-        (0x140, 0x1F40, (32, 6, 14), Reason.UNDEFINED_VALUE),
+        (0x140, 0x1F40, (32, 6, 23), Reason.UNDEFINED_VALUE),
     ],
 )
 def test_one_bit_beyond_a_range_or_an_enumeration_is_refused_in_spite_of_its_crc(

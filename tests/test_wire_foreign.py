@@ -117,7 +117,7 @@ def test_ranges_enumerations_and_lengths_of_a_user_are_checked(codec: Codec) -> 
 
     assert codec.decode(travel(12000)) == near(StemPosition(0.11), 0)
     assert rejected(codec, travel(12001)) is Reason.OUT_OF_RANGE
-    assert rejected(codec, travel(7000, health=3)) is Reason.UNDEFINED_VALUE
+    assert rejected(codec, travel(7000, health=4)) is Reason.UNDEFINED_VALUE
     assert rejected(codec, travel(7000, tail=b"\0")) is Reason.WRONG_LENGTH
     assert rejected(codec, travel(7000, tail=b"\0\0\0")) is Reason.WRONG_LENGTH
 

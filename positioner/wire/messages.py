@@ -43,11 +43,12 @@ class Motion(IntEnum):
 
 
 class Quality(IntEnum):
-    """What the position sensor says of its own value."""
+    """What the plant's node says of its position reading; FAIL_POSITION: valid, but its actuator obeys no command."""
 
     VALID = 0
     SUSPECT = 1
     FAULT = 2
+    FAIL_POSITION = 3
 
 
 class HostRequest(IntEnum):
@@ -85,6 +86,15 @@ class Cause(IntEnum):
     TABLE_NOT_SAVED = 11
     FEEDBACK_FROZEN = 12
     LAW_LATE = 13
+    DEVIATION = 14
+    SETPOINT_UNREACHABLE = 15
+    STALLED = 16
+    FEEDBACK_DISPUTED = 17
+    SETPOINT_DISPUTED = 18
+    ACTUATOR_FAILED = 19
+    COMMAND_IGNORED = 20
+    MANUAL = 21
+    PERIOD_WRONG = 22
 
 
 class Counted(IntEnum):
@@ -106,6 +116,9 @@ class Counted(IntEnum):
     SETPOINT_REFUSED = 14
     FOREIGN_COMMAND = 15
     LAW_LATE = 16
+    STALLED = 17
+    PUSH_FAILED = 18
+    LINE_DROPPED = 19
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,16 +6,13 @@ A bus that is not there yet, goes down or comes back is a state of this port, ne
 from __future__ import annotations
 
 import contextlib
-import os
-import socket
-import struct
 import time
 from collections import deque
 from typing import TYPE_CHECKING
 
 import can
-from can.interfaces.socketcan import SocketcanBus
 
+from positioner.bus_open import dropped_frames, mend, open_bus
 from positioner.errors import BusError
 from positioner.wire.messages import CanFrame
 
@@ -24,11 +21,6 @@ if TYPE_CHECKING:
 
     from positioner.bus_address import BusAddress
 
-_IPV6_MULTICAST_ALL = 29
-_IP_MULTICAST_ALL = 49
-_SO_MEMINFO = 55
-_MEMINFO = struct.Struct("=9I")
-_RECEIVE_BUFFER_BYTES = 1 << 20
 _MOST_FRAMES_PER_BATCH = 1024
 _REOPEN_EVERY_S = 0.5
 _SEND_TIMEOUT_S = 0.05
@@ -67,9 +59,9 @@ class BusPort:
             BusError: it cannot be opened; the message says why and what to do.
         """
         try:
-            self._bus = _open(self.address, self._wanted)
+            self._bus = open_bus(self.address, self._wanted)
         except (can.CanError, OSError, ValueError, ImportError) as error:
-            raise BusError(f"bus {self.address} cannot be opened: {error}; {_mend(self.address)}") from error
+            raise BusError(f"bus {self.address} cannot be opened: {error}; {mend(self.address)}") from error
         self._dropped = 0
         if self._complaint:
             self._report(f"bus {self.address} is there again")
@@ -93,7 +85,7 @@ class BusPort:
                     frames.append(frame)
             self._count_overruns()
         except (can.CanError, OSError) as error:
-            self._lose(f"bus {self.address} is down: {error}; {_mend(self.address)}")
+            self._lose(f"bus {self.address} is down: {error}; {mend(self.address)}")
         return tuple(frames)
 
     def send(self, frame: CanFrame) -> bool:
@@ -110,7 +102,7 @@ class BusPort:
             self._bus.send(message, timeout=_SEND_TIMEOUT_S if not self.address.is_embedded else None)
         except (can.CanError, OSError) as error:
             self.send_failures += 1
-            self._complain(f"bus {self.address} did not take a frame: {error}; {_mend(self.address)}")
+            self._complain(f"bus {self.address} did not take a frame: {error}; {mend(self.address)}")
             return False
         self._complaint = ""
         if self.address.is_embedded:
@@ -136,7 +128,7 @@ class BusPort:
             return can.Message(is_error_frame=True)
 
     def _count_overruns(self) -> None:
-        dropped = _dropped(self._bus)
+        dropped = dropped_frames(self._bus)
         if dropped > self._dropped:
             self.overruns += dropped - self._dropped
             self._dropped = dropped
@@ -176,45 +168,6 @@ class BusPort:
             self._report(complaint)
 
 
-def _open(address: BusAddress, wanted: Iterable[tuple[int, bool]]) -> can.BusABC:
-    if address.interface == "socketcan":
-        # the kernel filters; python-can's own filter would end a batch at the first frame that is not wanted
-        filters: can.typechecking.CanFilters = [
-            {"can_id": identifier, "can_mask": 0x1FFFFFFF if extended else 0x7FF, "extended": extended}
-            for identifier, extended in wanted
-        ]
-        return can.Bus(interface=address.interface, channel=address.channel, can_filters=filters or None)
-    if not address.is_embedded:
-        return can.Bus(interface=address.interface, channel=address.channel)
-    bus = can.Bus(interface="udp_multicast", channel=address.channel, port=address.port, hop_limit=0, fd=False)
-    _confine(bus, address.channel)
-    return bus
-
-
-def _confine(bus: can.BusABC, group: str) -> None:
-    """Make an embedded bus deaf to other groups of this machine, and give it room for bursts.
-
-    Its scope (IPv6: interface-local) and its hop limit of 0 keep what it sends on this machine.
-    """
-    with socket.socket(fileno=os.dup(bus.fileno())) as sock:
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER_BYTES)
-        if ":" in group:
-            sock.setsockopt(socket.IPPROTO_IPV6, _IPV6_MULTICAST_ALL, 0)
-        else:
-            sock.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
-
-
-def _dropped(bus: can.BusABC | None) -> int:
-    """Return how many frames the kernel dropped because this socket's queue was full: the count of SO_RXQ_OVFL.
-
-    It is asked for with SO_MEMINFO, whose ninth word it is: python-can allows no second ancillary message.
-    """
-    if not isinstance(bus, SocketcanBus):
-        return 0
-    (*_, dropped) = _MEMINFO.unpack(bus.socket.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO.size))
-    return int(dropped)
-
-
 def _frame(message: can.Message) -> CanFrame:
     return CanFrame(
         message.arbitration_id,
@@ -224,15 +177,3 @@ def _frame(message: can.Message) -> CanFrame:
         message.is_remote_frame,
         time.monotonic_ns(),
     )
-
-
-def _mend(address: BusAddress) -> str:
-    if address.interface == "socketcan":
-        name = address.channel
-        kind = (
-            f"sudo ip link add dev {name} type vcan && sudo ip link set {name} up"
-            if name.startswith("vcan")
-            else f"sudo ip link set {name} up type can bitrate 1000000 restart-ms 100"
-        )
-        return f"try: {kind}"
-    return "check the [bus] table of the configuration"

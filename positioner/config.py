@@ -14,7 +14,7 @@ from positioner import settings
 from positioner.bus_address import BusAddress
 from positioner.errors import ConfigurationError, Problem
 from positioner.estimate import EstimatorSettings
-from positioner.guard import FailsafeAction, GuardSettings
+from positioner.guard_settings import FailsafeAction, GuardSettings
 from positioner.laws.registry import LAWS, Ingredients
 from positioner.laws.settings import ControlSettings
 from positioner.model import ValveParameters  # noqa: TC001 - pydantic reads this hint at run time

@@ -10,17 +10,18 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, assert_never
 
 from positioner import cycle
+from positioner.announce import Announcer
 from positioner.bus import BusPort
 from positioner.clock import Clock, LockstepClock, LockstepGate, RealClock
-from positioner.errors import AlreadyRunningError, ExitCode, UsageError
-from positioner.events import Controlled, Event, ForeignCommand, Learned, ModeChanged, MoveBegan, kind_of
-from positioner.journal import Throttle, logger
-from positioner.notify import Notifier
+from positioner.cycle_state import CycleState, Setup
+from positioner.errors import ExitCode, UsageError
+from positioner.events import Event, Learned
+from positioner.journal import logger
 from positioner.record import BusRecorder
 from positioner.store.client import TableKeeper
 from positioner.store.messages import Notice, Replaced, Saved, SavingFailed, SavingWorks
 from positioner.trace import TraceWriter
-from positioner.wire.messages import ActuatorState, Cause, CurrentCommand, Mode, Setpoint, StemPosition
+from positioner.wire.messages import ActuatorState, CurrentCommand, Setpoint, StemPosition
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -63,8 +64,7 @@ class Daemon:
             UsageError: the trace cannot be written.
         """
         self._options = options
-        self._throttle = Throttle()
-        self._notifier = Notifier()
+        self._announcer = Announcer()
         self._stopping = False
         codec = configuration.make_codec()
         control = configuration.control
@@ -82,7 +82,7 @@ class Daemon:
         self._bus = BusPort(configuration.bus, [codec.identifier(kind) for kind in kinds], self._report)
         self._gate = LockstepGate(codec, options.setpoint_every)
         self._clock: Clock = LockstepClock(codec, self._period_s) if options.lockstep else RealClock()
-        self._setup = cycle.Setup(
+        self._setup = Setup(
             codec,
             configuration.valve,
             guard,
@@ -90,15 +90,14 @@ class Daemon:
             self._period_s,
             learns=not options.dry_run,
         )
-        self._state = cycle.CycleState(table=table)
+        self._state = CycleState(table=table)
         try:
-            self._trace = TraceWriter(options.trace) if options.trace else None
+            self._announcer.trace = TraceWriter(options.trace) if options.trace else None
             self._recorder = BusRecorder(options.record)
         except OSError as error:
             self._keeper.close(_CLOSE_TIMEOUT_S)
             what = "record" if error.filename == str(options.record) else "trace"
             raise UsageError(f"{what} {error.filename} cannot be written: {error.strerror}") from error
-        self._ready = False
         self._watchdog_due_s = 0.0
         self._poll_due_s = 0.0
 
@@ -123,8 +122,8 @@ class Daemon:
         """Close one cycle, or let time pass."""
         armed = self._state.guard.armed
         frames = self._bus.receive(max(self._period_s, _SHORTEST_WAIT_S) if armed else _IDLE_WAIT_S)
-        if self._bus.is_open and not self._ready:
-            self._notifier.send(STATUS=f"waiting for position frames on {self._bus.address}")
+        if self._bus.is_open and not self._announcer.ready:
+            self._announcer.notifier.send(STATUS=f"waiting for position frames on {self._bus.address}")
         frames = self._gate.admit(frames)
         now_ns = self._clock.now_ns(frames)
         told = self._state
@@ -136,62 +135,16 @@ class Daemon:
                 self._bus.send(frame)
         self._recorder.turn(told, frames, now_ns, outbox, self._state)
         self._watch_the_time(spent_ns)
-        self._tell(events)
+        self._announcer.tell(events, ever_armed=self._state.guard.ever_armed)
         self._keep(events)
         if time.monotonic() >= self._watchdog_due_s:  # whoever waits for feedback or for arming is alive, too
             self._watchdog_due_s = time.monotonic() + _WATCHDOG_EVERY_S
-            self._notifier.send(WATCHDOG="1")
+            self._announcer.notifier.send(WATCHDOG="1")
 
     def _watch_the_time(self, spent_ns: int) -> None:
         """Tell the next cycle that this one took longer than a period; in lockstep the plant waits, and none does."""
         if spent_ns > self._period_s * 1e9 and not self._options.lockstep:
             self._state = replace(self._state, late_ns=spent_ns)
-
-    def _tell(self, events: tuple[Event, ...]) -> None:
-        learned = [event for event in events if isinstance(event, Learned)]
-        for event in events:
-            match event:
-                case Controlled():
-                    self._draw(event, learned)
-                case ModeChanged():
-                    self._announce(event)
-                case Learned() | MoveBegan():
-                    logger.debug("%s", event)
-                case ForeignCommand():
-                    self._throttle.log(logging.ERROR, type(event).__name__, str(event))
-                    if not self._state.guard.ever_armed:
-                        raise AlreadyRunningError(f"not started: {event}")
-                case _:
-                    self._throttle.log(logging.WARNING, kind_of(event), str(event))
-
-    def _draw(self, cycle: Controlled, learned: list[Learned]) -> None:
-        """Write one row of the trace; a disk that takes no more ends the trace, never the loop."""
-        try:
-            if self._trace:
-                self._trace.write(cycle, learned)
-        except OSError as error:
-            self._end_trace(f"the trace ends here: {error.strerror}")
-
-    def _end_trace(self, complaint: str = "") -> None:
-        trace, self._trace = self._trace, None
-        try:
-            if trace:
-                trace.close()
-        except OSError as error:
-            complaint = complaint or f"the trace lacks its end: {error.strerror}"
-        if complaint:
-            logger.error("%s", complaint)
-
-    def _announce(self, event: ModeChanged) -> None:
-        serious = event.after in {Mode.HOLD, Mode.FAILSAFE} and event.cause is not Cause.NONE
-        self._throttle.log(logging.WARNING if serious else logging.INFO, f"mode {event.after.name}", str(event))
-        cause = event.cause.name.lower().replace("_", " ")
-        status = f"{event.after.name}: {cause}" if event.cause is not Cause.NONE else event.after.name
-        if event.after is not Mode.INIT and not self._ready:
-            self._ready = True
-            self._notifier.send(READY="1", STATUS=status)
-        else:
-            self._notifier.send(STATUS=status)
 
     def _keep(self, events: tuple[Event, ...]) -> None:
         """Hand over what was learned; take over what was reset or imported meanwhile."""
@@ -223,12 +176,12 @@ class Daemon:
                 assert_never(heard)
 
     def _close(self) -> ExitCode:
-        self._notifier.send(STOPPING="1")
+        self._announcer.notifier.send(STOPPING="1")
         problem = self._keeper.close(_CLOSE_TIMEOUT_S)
-        self._end_trace()
+        self._announcer.end_trace()
         self._recorder.close()
         self._bus.close()
-        self._notifier.close()
+        self._announcer.notifier.close()
         if problem:
             logger.error("%s", problem)
             return ExitCode.IO
@@ -241,4 +194,4 @@ class Daemon:
 
     def _report(self, line: str) -> None:
         # told apart by what happened, not by the bus that all lines name first
-        self._throttle.log(logging.WARNING, line.replace(str(self._bus.address), "")[:16], line)
+        self._announcer.throttle.log(logging.WARNING, line.replace(str(self._bus.address), "")[:16], line)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from positioner.events import Event, FeedbackRefused, ForeignCommand, FrameRefused, FramesLost, SetpointRefused
-from positioner.guard import GuardSettings, Sighting
+from positioner.guard_state import Sighting
 from positioner.plausibility import Watched, judge
 from positioner.wire.e2e import CounterCheck, Sequence
 from positioner.wire.formats import FrameRejectedError, Reason
@@ -24,6 +24,7 @@ from positioner.wire.messages import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from positioner.guard_settings import GuardSettings
     from positioner.model import ValveParameters
     from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame

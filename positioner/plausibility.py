@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from positioner.wire.messages import Counted, Quality
 
 if TYPE_CHECKING:
-    from positioner.guard import GuardSettings
+    from positioner.guard_settings import GuardSettings
     from positioner.model import ValveParameters
     from positioner.wire.messages import StemPosition
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from positioner.cycle import CycleState
+    from positioner.cycle_state import CycleState
     from positioner.wire.messages import CanFrame
 
 CHANNEL = "vcan0"

@@ -14,6 +14,7 @@ from positioner.bench.inprocess import run_in_process
 from positioner.bench.scenario import Scenario
 from positioner.bus_address import BusAddress
 from positioner.config import Configuration, parse_config
+from positioner.cycle_state import CycleState, Setup
 from positioner.record import BusRecorder
 from positioner.stiction import StictionTable
 from positioner.wire.messages import (
@@ -122,8 +123,8 @@ class _Faulty:
     def __init__(self, configuration: Configuration, played: Scenario, log: Path) -> None:
         self.codec: Codec = configuration.make_codec()
         law, period_s = configuration.make_law(), configuration.control.sample_period_s
-        self.setup = cycle.Setup(self.codec, configuration.valve, configuration.guard, law, period_s)
-        self.state = cycle.CycleState(table=StictionTable(cell_width_m=configuration.control.table_cell_m))
+        self.setup = Setup(self.codec, configuration.valve, configuration.guard, law, period_s)
+        self.state = CycleState(table=StictionTable(cell_width_m=configuration.control.table_cell_m))
         self.settings = plant_settings(overrides=played.plant)
         self.device = initial_device(self.settings, played.seed)
         self.recorder = BusRecorder(log)

@@ -236,7 +236,7 @@ def test_a_bus_that_goes_down_is_a_state_and_is_told_once(monkeypatch: pytest.Mo
         opened.append(BrokenBus())
         return opened[-1]
 
-    monkeypatch.setattr(bus_module, "_open", open_bus)
+    monkeypatch.setattr(bus_module, "open_bus", open_bus)
     monkeypatch.setattr(time, "monotonic", lambda: now_s[0])
     monkeypatch.setattr(time, "sleep", lambda _seconds: None)
     lines: list[str] = []

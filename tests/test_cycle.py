@@ -11,10 +11,10 @@ from positioner import cycle
 from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import load_scenario
 from positioner.bounds import Bounds
-from positioner.cycle import CycleState, Setup
+from positioner.cycle_state import CycleState, Setup
 from positioner.estimate import StemState
 from positioner.events import Controlled, Event, LawFellBack, LawLate, Learned, ModeChanged
-from positioner.guard import GuardSettings
+from positioner.guard_settings import GuardSettings
 from positioner.laws.law import Decision, Observation
 from positioner.model import ValveParameters
 from positioner.stiction import Direction, LearnedSample, Quantity, StictionTable

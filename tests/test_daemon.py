@@ -13,7 +13,7 @@ import pytest
 from daemon_helpers import HERE_M, PERIOD_S, Loop
 
 from positioner import bus as bus_module
-from positioner import journal
+from positioner import bus_open, journal
 from positioner.bus_address import BusAddress
 from positioner.daemon import RunOptions
 from positioner.errors import AlreadyRunningError
@@ -264,7 +264,7 @@ def test_another_controller_after_arming_is_told_and_shown_and_the_loop_goes_on(
 def test_a_bus_that_is_not_there_is_told_once_and_joined_when_it_comes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real, tries = bus_module._open, []
+    real, tries = bus_open.open_bus, []
 
     def opened(address: BusAddress, filters: Any) -> can.BusABC:
         tries.append(address)
@@ -272,7 +272,7 @@ def test_a_bus_that_is_not_there_is_told_once_and_joined_when_it_comes(
             raise OSError("No such device")
         return real(address, filters)
 
-    monkeypatch.setattr(bus_module, "_open", opened)
+    monkeypatch.setattr(bus_module, "open_bus", opened)
     monkeypatch.setattr(bus_module, "_REOPEN_EVERY_S", 0.0)
     with Loop(tmp_path, guard=AUTO, bus=BusAddress(interface="virtual", channel=str(tmp_path))) as loop:
         for _ in range(3):
@@ -309,7 +309,7 @@ class Cable:
 def test_a_bus_that_goes_and_comes_back_costs_a_failsafe_and_two_lines(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real = bus_module._open
+    real = bus_open.open_bus
     cables: list[Cable] = []
 
     def opened(address: BusAddress, filters: Any) -> Any:
@@ -318,7 +318,7 @@ def test_a_bus_that_goes_and_comes_back_costs_a_failsafe_and_two_lines(
         cables.append(Cable(real(address, filters)))
         return cables[-1]
 
-    monkeypatch.setattr(bus_module, "_open", opened)
+    monkeypatch.setattr(bus_module, "open_bus", opened)
     monkeypatch.setattr(bus_module, "_REOPEN_EVERY_S", 0.0)
     with Loop(tmp_path, guard=AUTO, bus=BusAddress(interface="virtual", channel=str(tmp_path))) as loop:
         assert commands(loop.sample())
@@ -383,7 +383,7 @@ def notifications(manager: socket.socket) -> list[str]:
 def test_a_trace_on_a_full_disk_ends_with_a_line_and_the_loop_goes_on(tmp_path: Path) -> None:
     with Loop(tmp_path, RunOptions(trace=tmp_path / "trace.csv"), guard=AUTO) as loop:
         loop.sample()
-        trace = loop.daemon._trace
+        trace = loop.daemon._announcer.trace
         assert trace is not None
         trace.close()
         trace._file = Path("/dev/full").open("w", buffering=1, encoding="utf-8")  # noqa: SIM115 - the daemon closes it

@@ -14,17 +14,12 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from positioner import cycle
 from positioner.bounds import Bounds
+from positioner.cycle_state import CycleState, Setup
 from positioner.errors import ConfigurationError
 from positioner.estimate import StemState
-from positioner.guard import (
-    FailsafeAction,
-    GuardSettings,
-    GuardState,
-    Sighting,
-    admit,
-    is_feedback_stale,
-    supervise,
-)
+from positioner.guard import admit, is_feedback_stale, supervise
+from positioner.guard_settings import FailsafeAction, GuardSettings
+from positioner.guard_state import GuardState, Sighting
 from positioner.laws.law import Decision, Observation
 from positioner.model import ValveParameters
 from positioner.settings import build
@@ -530,8 +525,8 @@ class AnythingOnTheBus(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
         self.law = WhimsicalLaw()
-        self.setup = cycle.Setup(CODEC, VALVE, LIMITS, self.law, PERIOD_S)
-        self.state = cycle.CycleState()
+        self.setup = Setup(CODEC, VALVE, LIMITS, self.law, PERIOD_S)
+        self.state = CycleState()
         self.now_ns = SECOND
         self.counters = {StemPosition: 0, Setpoint: 0, CurrentCommand: 0}
         self.was_armed = False
@@ -706,8 +701,8 @@ TestAnythingOnTheBus.settings = settings(
 def test_a_law_without_a_usable_answer_keeps_the_last_current_and_then_fails_safe(answer: object) -> None:
     law = WhimsicalLaw()
     tuning = GuardSettings(auto_arm=True, law_failsafe_cycles=3)
-    setup = cycle.Setup(CODEC, VALVE, tuning, law, PERIOD_S)
-    state, commands = cycle.CycleState(), []
+    setup = Setup(CODEC, VALVE, tuning, law, PERIOD_S)
+    state, commands = CycleState(), []
     for sample in range(8):
         law.answer = 13.0 if sample < 2 else answer
         frame = CODEC.encode(StemPosition(0.08), sample)

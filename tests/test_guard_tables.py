@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from positioner.guard import GuardSettings, GuardState, Sighting, _mode, supervise
+from positioner.guard import _mode, supervise
+from positioner.guard_settings import GuardSettings
+from positioner.guard_state import GuardState, Sighting
 from positioner.wire.messages import Cause, HostRequest, Mode
 
 if TYPE_CHECKING:

@@ -22,7 +22,8 @@ OUTSIDE_WORLD = {
 
 STAGES = (
     *("model", "estimate", "stick_slip", "stiction", "bounds", "qp", "planner"),
-    *("guard", "plausibility", "inbox", "tally", "events", "cycle"),
+    *("guard", "guard_settings", "guard_state", "arming", "plausibility", "inbox", "tally", "events"),
+    *("cycle", "cycle_state", "closed_loop", "outbox"),
 )
 LAYERS = (
     ("positioner.cli",),
@@ -38,11 +39,15 @@ LAYERS = (
         "positioner.store",
     ),
     ("positioner.cycle",),
+    ("positioner.closed_loop", "positioner.outbox"),
+    ("positioner.cycle_state",),
     ("positioner.inbox", "positioner.tally"),
     ("positioner.events",),
     ("positioner.laws",),
     ("positioner.stick_slip", "positioner.plausibility", "positioner.planner"),
     ("positioner.guard",),
+    ("positioner.arming",),
+    ("positioner.guard_state", "positioner.guard_settings"),
     ("positioner.estimate", "positioner.bounds", "positioner.qp"),
     ("positioner.model", "positioner.stiction", "positioner.wire"),
 )
@@ -51,6 +56,7 @@ LAYERS = (
 PLUMBING = (
     "positioner.wire",
     "positioner.bus",
+    "positioner.bus_open",
     "positioner.bus_address",
     "positioner.console",
     "positioner.errors",
@@ -170,7 +176,7 @@ def test_only_the_solver_imports_the_solver_and_only_the_shell_the_bus() -> None
         return {module.name for module in MODULES if any(inside(name, package) for name in module.imported)}
 
     assert importers("osqp") == {"positioner.solver"}
-    on_the_bus = {"positioner.bus", "positioner.bench.recording", "positioner.replay.log"}
+    on_the_bus = {"positioner.bus", "positioner.bus_open", "positioner.bench.recording", "positioner.replay.log"}
     assert {"positioner.bus"} <= importers("can") <= on_the_bus
 
 

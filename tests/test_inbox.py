@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from positioner.events import FeedbackRefused, ForeignCommand, FrameRefused, FramesLost, SetpointRefused
-from positioner.guard import GuardSettings, Sighting
+from positioner.guard_settings import GuardSettings
+from positioner.guard_state import Sighting
 from positioner.inbox import LinkState, Reading, Received, receive
 from positioner.model import ValveParameters
 from positioner.wire.codec import MessageSettings, WireSettings, make_codec

@@ -14,7 +14,7 @@ from positioner.bench.scenario import load_scenario
 from positioner.bounds import Bounds, BoundSettings, approach_speed_limit_m_per_s
 from positioner.estimate import EstimatorSettings, StemState
 from positioner.events import LawFellBack, Learned
-from positioner.guard import GuardSettings
+from positioner.guard_settings import GuardSettings
 from positioner.laws.law import Observation
 from positioner.laws.paper import PaperLaw, PaperMemory
 from positioner.laws.registry import LAWS, Ingredients

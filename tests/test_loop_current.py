@@ -7,7 +7,9 @@ import math
 import pytest
 
 from positioner.errors import ConfigurationError
-from positioner.guard import FailsafeAction, GuardSettings, GuardState, admit
+from positioner.guard import admit
+from positioner.guard_settings import FailsafeAction, GuardSettings
+from positioner.guard_state import GuardState
 from positioner.settings import build
 from positioner.wire.codec import make_codec
 from positioner.wire.loop_current import LoopSignal, signal_of

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from positioner.guard import GuardSettings
+from positioner.guard_settings import GuardSettings
 from positioner.model import ValveParameters
 from positioner.plausibility import STOP_BAND_OF_SPAN, Doubt, Watched, judge
 from positioner.wire.messages import Counted, Quality, StemPosition

@@ -19,9 +19,9 @@ from positioner.bench.truth_log import add_truth
 from positioner.cli.main import main
 from positioner.clock import RealClock
 from positioner.config import load_config
-from positioner.cycle import CycleState
+from positioner.cycle_state import CycleState
 from positioner.daemon import RunOptions
-from positioner.guard import GuardState
+from positioner.guard_state import GuardState
 from positioner.journal import logger
 from positioner.record import NOTE_ID, BusRecorder, Note
 from positioner.replay import recorded

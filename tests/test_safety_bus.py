@@ -57,7 +57,7 @@ def wire(monkeypatch: pytest.MonkeyPatch) -> Callable[[Flood], tuple[BusPort, li
     """Return how to put a port on such a bus; the list holds what it reports."""
 
     def put(flood: Flood) -> tuple[BusPort, list[str]]:
-        monkeypatch.setattr(bus_module, "_open", lambda _address, _wanted: flood)
+        monkeypatch.setattr(bus_module, "open_bus", lambda _address, _wanted: flood)
         lines: list[str] = []
         return BusPort(BusAddress(channel="can7"), [(WANTED, False)], lines.append), lines
 
@@ -105,7 +105,7 @@ def test_frames_that_the_receive_queue_dropped_are_counted_and_told(
 ) -> None:
     port, lines = wire(Flood())
     dropped = iter([0, 3, 3, 5])
-    monkeypatch.setattr(bus_module, "_dropped", lambda _bus: next(dropped))
+    monkeypatch.setattr(bus_module, "dropped_frames", lambda _bus: next(dropped))
     seen = []
     for _ in range(4):
         port.receive(0.0)

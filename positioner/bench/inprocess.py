@@ -16,6 +16,7 @@ from positioner.bench.configure import configuration_text
 from positioner.bench.recording import Recording
 from positioner.bus_address import BusAddress
 from positioner.config import Configuration, parse_config
+from positioner.cycle_state import CycleState, Setup
 from positioner.events import Controlled
 from positioner.stiction import StictionTable
 from positioner.wire.messages import Setpoint
@@ -64,8 +65,8 @@ def run_in_process(
     settings: PlantSettings = plant_settings(overrides=scenario.plant)
     codec = configuration.make_codec()
     period_s = scenario.sample_period_s
-    setup = cycle.Setup(codec, configuration.valve, configuration.guard, configuration.make_law(), period_s)
-    state = cycle.CycleState(table=table or StictionTable(cell_width_m=configuration.control.table_cell_m))
+    setup = Setup(codec, configuration.valve, configuration.guard, configuration.make_law(), period_s)
+    state = CycleState(table=table or StictionTable(cell_width_m=configuration.control.table_cell_m))
     device = initial_device(settings, scenario.seed)
     samples = round(scenario.duration_s / period_s)
     recording = Recording(codec, samples, period_s, scenario.samples_per_setpoint, lockstep=True)

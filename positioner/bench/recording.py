@@ -15,7 +15,7 @@ import can
 import numpy as np
 from can.io.canutils import CanutilsLogWriter
 
-from positioner.cycle import STATUS_PERIOD_NS
+from positioner.outbox import STATUS_PERIOD_NS
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import (
     ActuatorState,

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from positioner.estimate import EstimatorSettings
-    from positioner.guard import GuardSettings
+    from positioner.guard_settings import GuardSettings
     from positioner.laws.law import Law
     from positioner.laws.pid import PidSettings
     from positioner.laws.settings import ControlSettings

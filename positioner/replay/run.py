@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from positioner import cycle
-from positioner.cycle import Sent
+from positioner.cycle_state import CycleState, Sent, Setup
 from positioner.record import TOLD, Note
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import CurrentCommand
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from positioner.config import Configuration
-    from positioner.cycle import CycleState
     from positioner.events import Event
     from positioner.replay.recorded import Turn
     from positioner.stiction import StictionTable
@@ -43,8 +42,8 @@ def replayed(
     """
     codec = configuration.make_codec()
     period_s = configuration.control.sample_period_s
-    setup = cycle.Setup(codec, configuration.valve, configuration.guard, configuration.make_law(), period_s)
-    state = cycle.CycleState(table=table)
+    setup = Setup(codec, configuration.valve, configuration.guard, configuration.make_law(), period_s)
+    state = CycleState(table=table)
     for turn in turns:
         inbox = [frame.frame for frame in turn.inbox]
         state, outbox, events = cycle.step(setup, _told(state, turn), inbox, turn.time_ns)

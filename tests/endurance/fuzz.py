@@ -19,7 +19,7 @@ from endurance.oracle import KINDS, Ledger, verdict_of
 from plant_emulator.device import initial_device, take
 from plant_emulator.presets import plant_settings
 from positioner.events import FeedbackRefused, ForeignCommand, FrameRefused, FramesLost, SetpointRefused
-from positioner.guard import GuardSettings
+from positioner.guard_settings import GuardSettings
 from positioner.inbox import LinkState, Received, receive
 from positioner.model import ValveParameters
 from positioner.tally import Tally

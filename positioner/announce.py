@@ -1,0 +1,78 @@
+"""Who is told what a cycle did: the log, the trace, the service manager. Shell."""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING
+
+from positioner.errors import AlreadyRunningError
+from positioner.events import Controlled, Event, ForeignCommand, Learned, ModeChanged, MoveBegan, kind_of
+from positioner.journal import Throttle, logger
+from positioner.notify import Notifier
+from positioner.wire.messages import Cause, Mode
+
+if TYPE_CHECKING:
+    from positioner.trace import TraceWriter
+
+
+class Announcer:
+    """Tells the world; `ready` once a first valid position frame has been seen."""
+
+    def __init__(self) -> None:
+        """Find the service manager, if there is one; no trace is written until one is given."""
+        self.throttle = Throttle()
+        self.notifier = Notifier()
+        self.trace: TraceWriter | None = None
+        self.ready = False
+
+    def tell(self, events: tuple[Event, ...], *, ever_armed: bool) -> None:
+        """Tell of a cycle's events.
+
+        Raises:
+            AlreadyRunningError: another controller commands this valve, and this one was never armed.
+        """
+        learned = [event for event in events if isinstance(event, Learned)]
+        for event in events:
+            match event:
+                case Controlled():
+                    self._draw(event, learned)
+                case ModeChanged():
+                    self._announce(event)
+                case Learned() | MoveBegan():
+                    logger.debug("%s", event)
+                case ForeignCommand():
+                    self.throttle.log(logging.ERROR, type(event).__name__, str(event))
+                    if not ever_armed:
+                        raise AlreadyRunningError(f"not started: {event}")
+                case _:
+                    self.throttle.log(logging.WARNING, kind_of(event), str(event))
+
+    def _draw(self, cycle: Controlled, learned: list[Learned]) -> None:
+        """Write one row of the trace; a disk that takes no more ends the trace, never the loop."""
+        try:
+            if self.trace:
+                self.trace.write(cycle, learned)
+        except OSError as error:
+            self.end_trace(f"the trace ends here: {error.strerror}")
+
+    def end_trace(self, complaint: str = "") -> None:
+        """Close the trace, if there is one, with a line where there is something to complain of."""
+        trace, self.trace = self.trace, None
+        try:
+            if trace:
+                trace.close()
+        except OSError as error:
+            complaint = complaint or f"the trace lacks its end: {error.strerror}"
+        if complaint:
+            logger.error("%s", complaint)
+
+    def _announce(self, event: ModeChanged) -> None:
+        serious = event.after in {Mode.HOLD, Mode.FAILSAFE} and event.cause is not Cause.NONE
+        self.throttle.log(logging.WARNING if serious else logging.INFO, f"mode {event.after.name}", str(event))
+        cause = event.cause.name.lower().replace("_", " ")
+        status = f"{event.after.name}: {cause}" if event.cause is not Cause.NONE else event.after.name
+        if event.after is not Mode.INIT and not self.ready:
+            self.ready = True
+            self.notifier.send(READY="1", STATUS=status)
+        else:
+            self.notifier.send(STATUS=status)

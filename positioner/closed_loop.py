@@ -1,0 +1,85 @@
+"""The law's part of a cycle: estimate, detect, learn, decide. A law that raises has decided nothing. Pure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from positioner.events import Event, LawFellBack, Learned, MoveBegan
+from positioner.laws.law import Decision, Observation
+from positioner.stick_slip import lessons
+
+if TYPE_CHECKING:
+    from positioner.cycle_state import CycleState, Setup
+    from positioner.estimate import StemState
+    from positioner.inbox import Reading
+
+
+def control(
+    setup: Setup, state: CycleState, reading: Reading, events: list[Event]
+) -> tuple[CycleState, Decision | None]:
+    """Return the state after estimate, learning and decision. A law that raises has decided nothing."""
+    try:
+        if state.memory is None:
+            # control begins: hold what is there until the host asks for something else
+            here = min(max(reading.position_m, setup.valve.travel_min_m), setup.valve.travel_max_m)
+            state = replace(state, memory=setup.law.begin(reading.position_m), stem=None, setpoint_m=here)
+        setpoint_m = state.link.setpoint_m if state.link.setpoint_m is not None else state.setpoint_m
+        elapsed_s = reading.periods * setup.period_s
+        observation = Observation(
+            reading.position_m,
+            _applied_ma(setup, state, reading),
+            elapsed_s,
+            setpoint_m,
+            state.control_s,
+            state.link.pressure_pa,
+        )
+        memory, stem = setup.law.estimate(state.memory, observation)
+        state = _learn(setup, state, stem, observation.applied_ma, events)
+        memory, decision = setup.law.decide(memory, stem, observation, state.table)
+        _check(decision)
+    except Exception as error:  # noqa: BLE001 - whatever a law does, the valve gets a command that somebody chose
+        watch = replace(state.guard, law_failures=state.guard.law_failures + 1)
+        events.append(LawFellBack(f"{setup.law.name} failed: {type(error).__name__}: {error}"))
+        return replace(state, guard=watch, memory=None, stem=None, fallback_count=state.fallback_count + 1), None
+    if decision.reason:
+        events.append(MoveBegan(decision.reason))
+    if decision.fallback:
+        events.append(LawFellBack(decision.fallback))
+    state = replace(
+        state,
+        memory=memory,
+        stem=stem,
+        setpoint_m=setpoint_m,
+        control_s=state.control_s + elapsed_s,
+        guard=replace(state.guard, law_failures=0) if state.guard.law_failures else state.guard,
+        fallback_count=state.fallback_count + bool(decision.fallback),
+    )
+    return state, decision
+
+
+def _learn(setup: Setup, state: CycleState, stem: StemState, applied_ma: float, events: list[Event]) -> CycleState:
+    """Return the state with what the edge to `stem`, if there is one, teaches its table."""
+    if not setup.learns or state.stem is None:
+        return state
+    table = state.table
+    for sample in lessons(state.stem, stem, applied_ma):
+        table = table.record(sample.quantity, sample.position_m, sample.direction, sample.value)
+        events.append(Learned(sample, table.sequence))
+    learned = table.sequence - state.table.sequence
+    return replace(state, table=table, learned_count=state.learned_count + learned) if learned else state
+
+
+def _check(decision: Decision) -> None:
+    """Raise ValueError where a law's answer is no current: it then counts as a failure of the law."""
+    if not math.isfinite(decision.current_ma):
+        raise ValueError(f"a current of {decision.current_ma} mA")
+
+
+def _applied_ma(setup: Setup, state: CycleState, reading: Reading) -> float:
+    """Return the current that acted before the reading: the command that the plant echoes, else the last one."""
+    for sent in reversed(state.sent):
+        if reading.command_counter is None or sent.counter == reading.command_counter:
+            return sent.current_ma
+    return state.last_ma if state.last_ma is not None else setup.valve.balance_current_ma(reading.position_m)

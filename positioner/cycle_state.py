@@ -1,0 +1,66 @@
+"""What a cycle starts from: what never changes, and what it carries on. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from positioner.guard_state import GuardState
+from positioner.inbox import LinkState
+from positioner.stiction import StictionTable
+from positioner.tally import Tally
+
+if TYPE_CHECKING:
+    from positioner.estimate import StemState
+    from positioner.guard_settings import GuardSettings
+    from positioner.laws.law import Law
+    from positioner.model import ValveParameters
+    from positioner.wire.codec import Codec
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What never changes while a positioner runs. `learns` is off where commands never reach the valve (dry run)."""
+
+    codec: Codec
+    valve: ValveParameters
+    guard: GuardSettings
+    law: Law[Any]
+    period_s: float
+    learns: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """A command that left: its frame's counter (modulo 256) and its current."""
+
+    counter: int
+    current_ma: float
+
+
+@dataclass(frozen=True, slots=True)
+class CycleState:
+    """Everything a positioner carries on. `memory` is the law's own; the shell tells `table_saved` and `late_ns`."""
+
+    table: StictionTable = field(default_factory=StictionTable)
+    guard: GuardState = field(default_factory=GuardState)
+    link: LinkState = field(default_factory=LinkState)
+    memory: Any = None
+    stem: StemState | None = None
+    sent: tuple[Sent, ...] = ()
+    command_counter: int = 0
+    command_ns: int = 0
+    status_counter: int = 0
+    status_ns: int | None = None
+    control_s: float = 0.0
+    setpoint_m: float = 0.0
+    table_saved: bool = True
+    late_ns: int = 0
+    tally: Tally = field(default_factory=Tally)
+    fallback_count: int = 0
+    learned_count: int = 0
+
+    @property
+    def last_ma(self) -> float | None:
+        """The current commanded last, None before the first."""
+        return self.sent[-1].current_ma if self.sent else None

@@ -1,0 +1,59 @@
+"""What the guard sees in a cycle, and what it remembers between two. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from positioner.wire.messages import Cause, Health, HostRequest, Mode
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """What this cycle saw: a reading that can be true, a usable setpoint, the host's request, a foreign command.
+
+    refused: why a reading could not be true; late: the cycle before took longer than a period.
+    """
+
+    feedback: bool = False
+    setpoint: bool = False
+    request: HostRequest | None = None
+    foreign_command: bool = False
+    refused: Cause | None = None
+    late: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class GuardState:
+    """Mode and cause, and what decides them; instants are monotonic, None for never; late cycles count in a row."""
+
+    mode: Mode = Mode.INIT
+    cause: Cause = Cause.WAITING_FOR_FEEDBACK
+    armed: bool = False
+    ever_armed: bool = False
+    request: HostRequest = HostRequest.NONE
+    feedback_ns: int | None = None
+    setpoint_ns: int | None = None
+    foreign_ns: int | None = None
+    law_failures: int = 0
+    no_feedback: Cause = Cause.FEEDBACK_STALE  # what it is called when feedback is missing
+    late_cycles: int = 0
+
+    @property
+    def transmits(self) -> bool:
+        """Whether commands may leave."""
+        return self.mode in {Mode.ACTIVE, Mode.HOLD, Mode.FAILSAFE}
+
+    @property
+    def controls(self) -> bool:
+        """Whether the law's answer counts."""
+        return self.mode in {Mode.ACTIVE, Mode.HOLD}
+
+    def health(self, *, table_saved: bool) -> Health:
+        """Return the NAMUR NE 107 status signal."""
+        if self.mode is Mode.FAILSAFE or self.foreign_ns is not None:
+            return Health.FAILURE
+        if self.mode in {Mode.INIT, Mode.READY}:
+            return Health.FUNCTION_CHECK
+        if self.mode is Mode.HOLD or self.cause is Cause.LAW_LATE:
+            return Health.OUT_OF_SPECIFICATION
+        return Health.GOOD if table_saved else Health.MAINTENANCE_REQUIRED

@@ -1,0 +1,61 @@
+"""What a cycle sends: the command that the guard admits, and the status when it is due. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from positioner import guard
+from positioner.cycle_state import CycleState, Sent, Setup
+from positioner.wire.messages import CanFrame, CurrentCommand, Motion, PositionerStatus
+
+if TYPE_CHECKING:
+    from positioner.inbox import Reading
+    from positioner.laws.law import Decision
+
+_NS = 1_000_000_000
+STATUS_PERIOD_NS = _NS // 10
+_COMMANDS_REMEMBERED = 16
+
+
+def command(
+    setup: Setup, state: CycleState, decision: Decision | None, reading: Reading | None, now_ns: int
+) -> tuple[CycleState, list[CanFrame]]:
+    """Return the state and the command frame, if one may leave."""
+    here_m = reading.position_m if reading else state.setpoint_m
+    last_ma = state.last_ma if state.last_ma is not None else setup.valve.balance_current_ma(here_m)
+    elapsed_s = (now_ns - state.command_ns) / _NS if state.sent else setup.period_s
+    current_ma = guard.admit(setup.guard, state.guard, decision.current_ma if decision else None, last_ma, elapsed_s)
+    if current_ma is None:
+        return replace(state, sent=()), []
+    message = CurrentCommand(
+        current_ma,
+        reading.counter if reading else None,
+        state.link.setpoint_counter,
+        state.guard.mode,
+        decision.motion if decision else Motion.NONE,
+    )
+    frame = setup.codec.encode(message, state.command_counter)
+    counter = state.command_counter % setup.codec.by_kind[CurrentCommand].counter_modulus
+    sent = (*state.sent, Sent(counter, current_ma))[-_COMMANDS_REMEMBERED:]
+    return replace(state, sent=sent, command_counter=state.command_counter + 1, command_ns=now_ns), [frame]
+
+
+def status(setup: Setup, state: CycleState, now_ns: int) -> tuple[CycleState, list[CanFrame]]:
+    """Return the state and the status frame when one is due; nothing leaves before the positioner was first armed."""
+    due = state.status_ns is None or now_ns - state.status_ns >= STATUS_PERIOD_NS
+    if not due or not state.guard.ever_armed:
+        return state, []
+    message = PositionerStatus(
+        state.guard.mode,
+        state.guard.cause,
+        state.guard.health(table_saved=state.table_saved),
+        state.guard.armed,
+        state.table_saved,
+        state.fallback_count % 256,
+        state.link.rejected_count % 256,
+        state.learned_count % 256,
+    )
+    tally, count = state.tally.next_told()
+    frames = [setup.codec.encode(each, state.status_counter) for each in (message, count) if each is not None]
+    return replace(state, status_counter=state.status_counter + 1, status_ns=now_ns, tally=tally), frames

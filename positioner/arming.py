@@ -1,4 +1,8 @@
-"""Arming: what the host's request, or the automatic arming, makes of the guard's state. Pure."""
+"""Arming: what the host's requests, or the automatic arming, make of the guard's state. Pure.
+
+A request to arm counts when it follows another request: an ARM that is held arms once, and one that was already held
+when this positioner started does not arm it, or a restart would undo the latch of FAILSAFE.
+"""
 
 from __future__ import annotations
 
@@ -8,24 +12,26 @@ from typing import TYPE_CHECKING
 from positioner.wire.messages import HostRequest, Mode
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from positioner.guard_settings import GuardSettings
     from positioner.guard_state import GuardState, Sighting
 
 
 def arm(settings: GuardSettings, state: GuardState, seen: Sighting, hold_ns: float, now_ns: int) -> GuardState:
-    """Apply a request of the host, which counts when it changes, and the automatic arming, which happens once."""
-    asked = seen.request if seen.request is not state.request else None
-    fresh = state.feedback_ns is not None and now_ns - state.feedback_ns <= hold_ns
-    if asked is not None and (fresh or asked is not HostRequest.ARM):
-        # an ARM that comes before the feedback is not used up: its repetition will be heard
-        state = replace(state, request=asked)
-    if asked is HostRequest.DISARM:
+    """Return the state after the requests of a batch, in their order, and the automatic arming, which happens once."""
+    if HostRequest.DISARM in seen.requests:
         return replace(
             state,
             armed=False,
+            request=HostRequest.DISARM,
             mode=Mode.READY,  # pragma: no mutate - anything but FAILSAFE: the table decides
         )
-    wanted = asked is HostRequest.ARM or (settings.auto_arm and not state.ever_armed)
+    fresh = state.feedback_ns is not None and now_ns - state.feedback_ns <= hold_ns
+    request, asked = _follow(state.request, seen.requests, fresh=fresh)
+    if request is not state.request:
+        state = replace(state, request=request)
+    wanted = asked or (settings.auto_arm and not state.ever_armed and request is not HostRequest.DISARM)
     if not wanted or not fresh or state.foreign_ns is not None:
         return state
     if state.armed and state.mode is not Mode.FAILSAFE:
@@ -39,3 +45,19 @@ def arm(settings: GuardSettings, state: GuardState, seen: Sighting, hold_ns: flo
         setpoint_ns=now_ns,
         law_failures=0,
     )
+
+
+def _follow(
+    before: HostRequest | None, requests: Iterable[HostRequest], *, fresh: bool
+) -> tuple[HostRequest | None, bool]:
+    """Return the request in force after `requests`, and whether one of them was a new request to arm.
+
+    An ARM that comes before the feedback is not used up: its repetition will be heard.
+    """
+    asked = False
+    for request in requests:
+        if request is not HostRequest.ARM:
+            before = request
+        elif fresh and before is not None and before is not request:
+            before, asked = request, True
+    return before, asked

@@ -9,14 +9,15 @@ from positioner.wire.messages import Cause, Health, HostRequest, Mode
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """What this cycle saw: a reading that can be true, a usable setpoint, the host's request, a foreign command.
+    """What this cycle saw: a reading that can be true, a usable setpoint, what the host asks, a foreign command.
 
-    refused: why a reading could not be true; late: the cycle before took longer than a period.
+    requests: in their order, a repeated one once; refused: why a reading could not be true; late: the cycle before took
+        longer than a period.
     """
 
     feedback: bool = False
     setpoint: bool = False
-    request: HostRequest | None = None
+    requests: tuple[HostRequest, ...] = ()
     foreign_command: bool = False
     refused: Cause | None = None
     late: bool = False
@@ -30,7 +31,7 @@ class GuardState:
     cause: Cause = Cause.WAITING_FOR_FEEDBACK
     armed: bool = False
     ever_armed: bool = False
-    request: HostRequest = HostRequest.NONE
+    request: HostRequest | None = None  # in force; none since the start: an ARM does not count yet
     feedback_ns: int | None = None
     setpoint_ns: int | None = None
     foreign_ns: int | None = None

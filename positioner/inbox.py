@@ -113,7 +113,7 @@ class _Batch:
         self.rejected_count = link.rejected_count
         self.reading: Reading | None = None
         self.setpoint = False
-        self.request: HostRequest | None = None
+        self.requests: list[HostRequest] = []
         self.foreign = False
         self.refused: Cause | None = None
         self.events: list[Event] = []
@@ -130,7 +130,7 @@ class _Batch:
             self.rejected_count,
             self._periods - (self.reading.periods if self.reading else 0),
         )
-        seen = Sighting(self.reading is not None, self.setpoint, self.request, self.foreign, self.refused)
+        seen = Sighting(self.reading is not None, self.setpoint, tuple(self.requests), self.foreign, self.refused)
         return Received(link, self.reading, seen, tuple(self.events))
 
     def in_sequence(self, message: Message, counter: int | None, modulus: int) -> int:
@@ -177,9 +177,9 @@ class _Batch:
 
     def _take_setpoint(self, message: Setpoint, counter: int | None) -> None:
         usable = self.valve.travel_min_m <= message.setpoint_m <= self.valve.travel_max_m
-        # within a batch a DISARM outweighs an ARM, and that a NONE; an ARM counts with a setpoint that can be used
-        if message.request is HostRequest.DISARM or (usable and message.request >= (self.request or HostRequest.NONE)):
-            self.request = message.request
+        # an ARM counts with a setpoint that can be used
+        if (usable or message.request is not HostRequest.ARM) and [message.request] != self.requests[-1:]:
+            self.requests.append(message.request)
         if usable:
             self.setpoint, self.setpoint_m, self.setpoint_counter = True, message.setpoint_m, counter
         else:

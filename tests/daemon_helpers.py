@@ -141,7 +141,9 @@ class Loop:
         return self.turn(*frames)
 
     def request(self, request: HostRequest) -> list[Message]:
-        """One period with a reading and a request."""
+        """One period with a reading and a request; an ARM follows another request, so that it counts."""
+        if request is HostRequest.ARM:
+            self.request(HostRequest.NONE)
         reading = self.others.frame(StemPosition(HERE_M))
         return self.turn(reading, self.others.frame(Setpoint(HERE_M, request)))
 
@@ -218,14 +220,18 @@ class Service:
                     return message
             assert time.monotonic() < deadline_s, (kind, self.lines)
 
+    def request(self, request: HostRequest) -> list[Message]:
+        """One period with a reading and a request; return what it said."""
+        self.others.report()
+        self.others.ask(request=request)
+        return self.others.listen(PERIOD_S)
+
     def arm(self) -> None:
         """Ask it to arm, anew every second period, until its first command has come."""
         deadline_s = time.monotonic() + PATIENCE_S
         while True:
             for request in (HostRequest.NONE, HostRequest.ARM):
-                self.others.report()
-                self.others.ask(request=request)
-                if any(isinstance(message, CurrentCommand) for message in self.others.listen(PERIOD_S)):
+                if any(isinstance(message, CurrentCommand) for message in self.request(request)):
                     return
             assert time.monotonic() < deadline_s, self.lines
 

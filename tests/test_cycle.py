@@ -117,6 +117,7 @@ def commands(outbox: Iterable[CanFrame]) -> list[tuple[CurrentCommand, int | Non
 
 def test_a_scripted_exchange_gives_these_frames() -> None:
     exchange = Exchange(guard=GuardSettings())
+    exchange.step(CODEC.encode(Setpoint(0.087), 255))
     seen = [
         exchange.sample(0.08),
         exchange.sample(0.08, setpoint=Setpoint(0.087, HostRequest.ARM)),
@@ -375,7 +376,7 @@ def test_a_law_that_falls_back_says_why_and_still_counts_as_working() -> None:
 
 def test_disarming_ends_control_and_forgets_the_commands() -> None:
     exchange = Exchange(guard=GuardSettings())
-    exchange.sample()
+    exchange.sample(setpoint=Setpoint(0.08))
     exchange.sample(setpoint=Setpoint(0.08, HostRequest.ARM))
     assert exchange.state.memory is not None
     assert commands(exchange.sample(setpoint=Setpoint(0.08, HostRequest.DISARM))) == []
@@ -398,8 +399,8 @@ def test_a_rate_limit_starts_at_what_balances_the_spring() -> None:
 def test_a_failsafe_that_holds_before_any_command_stays_inside_the_limits() -> None:
     # armed in a batch without a reading, then feedback ends: there is no last command, and 1 cm balances at 1.57 mA
     exchange = Exchange(guard=GuardSettings(failsafe_action="hold"))  # type: ignore[arg-type]
-    exchange.sample(0.01)
-    exchange.step(CODEC.encode(Setpoint(0.01, HostRequest.ARM), 0))
+    exchange.sample(0.01, setpoint=Setpoint(0.01))
+    exchange.step(CODEC.encode(Setpoint(0.01, HostRequest.ARM), 1))
     outbox = exchange.step(elapsed_ns=20 * MS)
     ((command, _),) = commands(outbox)
     assert (command.mode, command.current_ma) == (Mode.FAILSAFE, 4.0)

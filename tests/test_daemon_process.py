@@ -15,7 +15,7 @@ from positioner.bench.processes import Child
 from positioner.bus import BusPort
 from positioner.errors import ExitCode
 from positioner.store import access
-from positioner.wire.messages import CanFrame, CurrentCommand, Mode, PositionerStatus, Setpoint
+from positioner.wire.messages import CanFrame, CurrentCommand, HostRequest, Mode, PositionerStatus, Setpoint
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -61,6 +61,21 @@ def ended(child: Child, beside: Service) -> int:
         beside.others.listen(PERIOD_S)
     child.stop()
     return code
+
+
+def test_a_held_arm_does_not_arm_a_daemon_that_starts_again(tmp_path: Path) -> None:
+    with Service(tmp_path) as service:
+        service.arm()
+        service.kill()
+        service.start()
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not service.told("mode INIT -> READY (waiting for arm)"):
+            assert time.monotonic() < deadline_s, service.lines
+            assert service.request(HostRequest.ARM) == []
+        for _ in range(50):
+            assert service.request(HostRequest.ARM) == []
+        service.arm()
+        assert service.stop() == ExitCode.OK
 
 
 def test_another_controller_on_the_bus_ends_a_daemon_before_it_says_a_word(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -47,8 +48,9 @@ MS = 1_000_000
 SECOND = 1000 * MS
 SETTINGS = GuardSettings()
 EVERYTHING = Sighting(feedback=True, setpoint=True)
-ARM = Sighting(feedback=True, setpoint=True, request=HostRequest.ARM)
-DISARM = Sighting(feedback=True, setpoint=True, request=HostRequest.DISARM)
+RELEASED = Sighting(feedback=True, setpoint=True, requests=(HostRequest.NONE,))
+ARM = Sighting(feedback=True, setpoint=True, requests=(HostRequest.ARM,))
+DISARM = Sighting(feedback=True, setpoint=True, requests=(HostRequest.DISARM,))
 NOTHING = Sighting()
 
 
@@ -59,7 +61,7 @@ def watch(
 
 
 def ready_at(now_ns: int, tuning: GuardSettings = SETTINGS) -> GuardState:
-    return watch(GuardState(), EVERYTHING, now_ns, tuning)
+    return watch(GuardState(), RELEASED, now_ns, tuning)
 
 
 def active_at(now_ns: int, tuning: GuardSettings = SETTINGS) -> GuardState:
@@ -211,8 +213,7 @@ def test_a_request_that_is_held_does_not_rearm_after_a_failsafe() -> None:
     state = watch(active_at(SECOND), NOTHING, SECOND + 11 * MS)
     state = watch(state, ARM, SECOND + 12 * MS)
     assert state.mode is Mode.FAILSAFE
-    released = Sighting(feedback=True, setpoint=True, request=HostRequest.NONE)
-    state = watch(state, released, SECOND + 13 * MS)
+    state = watch(state, RELEASED, SECOND + 13 * MS)
     assert state.mode is Mode.FAILSAFE
     state = watch(state, ARM, SECOND + 14 * MS)
     assert told(state) == (Mode.ACTIVE, Cause.NONE)
@@ -221,10 +222,51 @@ def test_a_request_that_is_held_does_not_rearm_after_a_failsafe() -> None:
 def test_arming_forgets_the_failures_of_the_law() -> None:
     failed = watch(replace(active_at(SECOND), law_failures=10), EVERYTHING, SECOND + MS)
     assert told(failed) == (Mode.FAILSAFE, Cause.LAW_FAILED)
-    released = watch(failed, Sighting(feedback=True, request=HostRequest.NONE), SECOND + 2 * MS)
+    released = watch(failed, Sighting(feedback=True, requests=(HostRequest.NONE,)), SECOND + 2 * MS)
     again = watch(released, ARM, SECOND + 3 * MS)
     assert told(again) == (Mode.ACTIVE, Cause.NONE)
     assert again.law_failures == 0
+
+
+def test_an_arm_that_was_held_at_the_start_does_not_arm_until_something_else_was_asked() -> None:
+    state = GuardState()
+    for sample in range(50):
+        state = watch(state, ARM, SECOND + sample * MS)
+        assert told(state) == (Mode.READY, Cause.WAITING_FOR_ARM)
+        assert not state.ever_armed
+    for released in (HostRequest.NONE, HostRequest.DISARM):
+        other = watch(state, Sighting(feedback=True, setpoint=True, requests=(released,)), SECOND + 50 * MS)
+        assert not other.armed
+        assert told(watch(other, ARM, SECOND + 51 * MS)) == (Mode.ACTIVE, Cause.NONE)
+
+
+@given(
+    before=st.sampled_from([None, *HostRequest]),
+    requests=st.lists(st.sampled_from(HostRequest), max_size=8),
+    cuts=st.sets(st.integers(1, 7)),
+)
+def test_requests_mean_the_same_in_one_batch_and_in_many(
+    before: HostRequest | None, requests: list[HostRequest], cuts: set[int]
+) -> None:
+    """But for a DISARM, which outweighs what else its batch asks."""
+    requests = [request for request in requests if request is not HostRequest.DISARM]
+    start = GuardState(mode=Mode.FAILSAFE, armed=True, ever_armed=True, request=before, feedback_ns=SECOND)
+    bounds = [0, *sorted(cut for cut in cuts if cut < len(requests)), len(requests)]
+    many = start
+    for one, other in pairwise(bounds):
+        many = watch(many, Sighting(feedback=True, setpoint=True, requests=tuple(requests[one:other])), SECOND)
+    one_batch = watch(start, Sighting(feedback=True, setpoint=True, requests=tuple(requests)), SECOND)
+    assert (one_batch.mode, one_batch.request, one_batch.armed) == (many.mode, many.request, many.armed)
+    seen = [*([] if before is None else [before]), *requests]
+    edges = [other for one, other in pairwise(seen) if other is HostRequest.ARM and one is not HostRequest.ARM]
+    assert (one_batch.mode is Mode.ACTIVE) is bool(edges)
+
+
+def test_the_automatic_arming_waits_while_the_host_wants_it_disarmed() -> None:
+    tuning = GuardSettings(auto_arm=True)
+    state = watch(GuardState(), DISARM, SECOND, tuning)
+    assert not watch(state, EVERYTHING, SECOND + MS, tuning).armed
+    assert watch(state, RELEASED, SECOND + MS, tuning).armed
 
 
 def test_a_batch_without_a_request_changes_no_request() -> None:
@@ -234,14 +276,14 @@ def test_a_batch_without_a_request_changes_no_request() -> None:
 
 def test_arming_needs_fresh_feedback() -> None:
     state = ready_at(SECOND)
-    asked = Sighting(setpoint=True, request=HostRequest.ARM)
+    asked = Sighting(setpoint=True, requests=(HostRequest.ARM,))
     assert watch(state, asked, SECOND + 3 * MS).armed
     assert not watch(state, asked, SECOND + 3 * MS + 1).armed
     assert not watch(GuardState(), asked, SECOND).armed
 
 
 def test_an_arm_before_the_feedback_is_heard_when_it_is_repeated() -> None:
-    early = watch(GuardState(), Sighting(setpoint=True, request=HostRequest.ARM), 0)
+    early = watch(GuardState(request=HostRequest.NONE), Sighting(setpoint=True, requests=(HostRequest.ARM,)), 0)
     assert told(early) == (Mode.INIT, Cause.WAITING_FOR_FEEDBACK)
     ready = watch(early, Sighting(feedback=True), MS)
     assert told(ready) == (Mode.READY, Cause.WAITING_FOR_ARM)
@@ -257,15 +299,15 @@ def test_a_foreign_command_forbids_arming_again_after_a_disarm() -> None:
 def test_arming_starts_the_age_of_the_setpoint_anew() -> None:
     quiet = Sighting(feedback=True)
     state = watch(ready_at(SECOND), quiet, SECOND + 60 * SECOND)
-    state = watch(state, Sighting(feedback=True, request=HostRequest.ARM), 61 * SECOND + MS)
+    state = watch(state, Sighting(feedback=True, requests=(HostRequest.ARM,)), 61 * SECOND + MS)
     assert told(state) == (Mode.ACTIVE, Cause.NONE)
     assert told(watch(state, quiet, 61 * SECOND + 502 * MS)) == (Mode.HOLD, Cause.SETPOINT_STALE)
 
 
 def test_asking_again_while_armed_does_not_refresh_the_setpoint() -> None:
-    held = watch(active_at(SECOND), Sighting(feedback=True, request=HostRequest.NONE), SECOND + 600 * MS)
+    held = watch(active_at(SECOND), Sighting(feedback=True, requests=(HostRequest.NONE,)), SECOND + 600 * MS)
     assert held.mode is Mode.HOLD
-    again = watch(held, Sighting(feedback=True, request=HostRequest.ARM), SECOND + 601 * MS)
+    again = watch(held, Sighting(feedback=True, requests=(HostRequest.ARM,)), SECOND + 601 * MS)
     assert told(again) == (Mode.HOLD, Cause.SETPOINT_STALE)
 
 

@@ -127,7 +127,7 @@ def wander(steps: int) -> dict[tuple[Mode, Mode], set[Cause]]:
         seen = Sighting(
             feedback=good,
             setpoint=chance.random() < 0.5,
-            request=chance.choice((None, None, *HostRequest, HostRequest.ARM)),
+            requests=tuple(chance.choices((*HostRequest, HostRequest.ARM), k=chance.randrange(3))),
             foreign_command=chance.random() < 0.1,
             refused=None if good else chance.choice((None, Cause.FEEDBACK_IMPLAUSIBLE, Cause.FEEDBACK_FROZEN)),
             late=chance.random() < 0.4,

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from positioner.events import FeedbackRefused, ForeignCommand, FrameRefused, FramesLost, SetpointRefused
+from positioner.guard import supervise
 from positioner.guard_settings import GuardSettings
-from positioner.guard_state import Sighting
+from positioner.guard_state import GuardState, Sighting
 from positioner.inbox import LinkState, Reading, Received, receive
 from positioner.model import ValveParameters
 from positioner.wire.codec import MessageSettings, WireSettings, make_codec
@@ -65,7 +66,7 @@ def test_a_reading_comes_with_its_counters() -> None:
 def test_nothing_received_is_nothing_seen() -> None:
     received = take()
     assert received.reading is None
-    assert (received.seen.feedback, received.seen.setpoint, received.seen.request) == (False, False, None)
+    assert (received.seen.feedback, received.seen.setpoint, received.seen.requests) == (False, False, ())
     assert received.seen == Sighting()
     assert received.link == LinkState()
 
@@ -164,22 +165,25 @@ def test_a_setpoint_outside_the_travel_is_refused_and_the_last_one_stays(wanted_
     assert isinstance(event, SetpointRefused)
     assert event.setpoint_m == pytest.approx(wanted_m)
     assert "outside the travel of 0 to 139.7 mm" in str(event)
-    assert received.seen.request is None  # an ARM counts with a setpoint that can be used
+    assert received.seen.requests == ()  # an ARM counts with a setpoint that can be used
     disarmed = take(setpoint(wanted_m, 2, HostRequest.DISARM), link=link)
-    assert disarmed.seen.request is HostRequest.DISARM  # a DISARM always counts
+    assert disarmed.seen.requests == (HostRequest.DISARM,)  # a DISARM always counts
 
 
-def test_the_newest_setpoint_and_request_of_a_batch_count() -> None:
-    received = take(setpoint(0.07, 1, HostRequest.NONE), setpoint(0.075, 2, HostRequest.ARM))
-    assert received.link.setpoint_m == 0.075
-    assert received.seen.request is HostRequest.ARM
-    assert take(setpoint(0.07, 1, HostRequest.NONE)).seen.request is HostRequest.NONE
+def test_the_newest_setpoint_of_a_batch_counts_and_its_requests_keep_their_order() -> None:
+    arm, none = HostRequest.ARM, HostRequest.NONE
+    asked = [arm, arm, none, arm, none, none]
+    received = take(*(setpoint(0.07 + 1e-3 * number, number, request) for number, request in enumerate(asked)))
+    assert received.link.setpoint_m == pytest.approx(0.075)
+    assert received.seen.requests == (arm, none, arm, none)
 
 
 def test_a_request_to_disarm_is_not_unsaid_by_a_later_frame_of_the_batch() -> None:
     for later in (HostRequest.NONE, HostRequest.ARM):
         received = take(setpoint(0.07, 1, HostRequest.DISARM), setpoint(0.07, 2, later))
-        assert received.seen.request is HostRequest.DISARM
+        armed = GuardState(mode=Mode.ACTIVE, armed=True, ever_armed=True, request=HostRequest.ARM, feedback_ns=0)
+        state = supervise(GuardSettings(), armed, received.seen, 0.001, 0)
+        assert not state.armed
 
 
 @pytest.mark.parametrize("position_m", [-0.0201, 0.1598, 1.3])

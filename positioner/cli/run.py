@@ -21,7 +21,8 @@ example:
   positioner run --config /etc/positioner/fv101.toml
 
 It waits for the first valid position frame and transmits nothing before it is armed: by a SETPOINT frame with
-Request = ARM, or at once with guard.auto_arm. SIGTERM stops it; what it learned is saved first.
+Request = ARM after one with another request, or at once with guard.auto_arm.
+SIGTERM stops it; what it learned is saved first.
 exit status: 0 stopped, 69 the bus has another controller or the valve another daemon, 74 the table could not be
 saved, 78 the configuration is wrong.
 """

@@ -97,7 +97,7 @@ class Positioner:
         seen, link = received.seen, received.link
         doubts = [event for event in received.events if isinstance(event, FeedbackRefused | SetpointRefused)]
         foreign = [event for event in received.events if isinstance(event, ForeignCommand)]
-        if not taken and (received.reading or seen.feedback or seen.setpoint or seen.request or foreign or doubts):
+        if not taken and (received.reading or seen.feedback or seen.setpoint or seen.requests or foreign or doubts):
             raise DisagreementError("a frame that was not taken had an effect")
         kind = frame.arbitration_id
         if not taken or not KINDS[kind].ranges:

@@ -9,9 +9,11 @@ from dataclasses import replace
 import pytest
 
 from positioner.bench.metrics import DwellMetrics, totals
+from positioner.bench.modes import ModeSpan
 from positioner.bench.result import Result, RunInfo, TableSummary, installed_versions, summary_of, to_json, to_text
 from positioner.bench.scenario import parse_scenario
 from positioner.stiction import Direction, Quantity, StictionTable
+from positioner.wire.messages import Cause, Mode
 
 DWELL = DwellMetrics(
     setpoint_mm=73.00000000000001,
@@ -38,6 +40,7 @@ RUN = RunInfo(
     machine="x86_64",
     versions=installed_versions(),
 )
+MODES = (ModeSpan(Mode.ACTIVE, Cause.NONE, 0.0, 1.5), ModeSpan(Mode.HOLD, None, 1.5, 2.0))
 DWELLS = (DWELL, replace(DWELL, setpoint_mm=87.0, limit_cycle=False, settle_1pct_s=None, iae_mm_s=123.25))
 
 
@@ -45,6 +48,7 @@ def result(run: RunInfo = RUN) -> Result:
     return Result(
         scenario=SCENARIO,
         span_mm=127.0,
+        modes=MODES,
         totals=totals(DWELLS),
         dwells=DWELLS,
         table_before=summary_of(StictionTable()),
@@ -82,8 +86,20 @@ def test_the_last_digits_of_a_figure_do_not_reach_the_file() -> None:
 
 def test_the_keys_stand_in_the_order_of_the_dataclasses() -> None:
     assert list(json.loads(to_json(result()))) == [
-        "scenario", "span_mm", "totals", "dwells", "table_before", "table_after", "run",
+        "scenario", "span_mm", "modes", "totals", "dwells", "table_before", "table_after", "run", "active_fraction",
     ]  # fmt: skip
+
+
+def test_modes_and_causes_stand_in_the_file_by_name_and_in_the_table_with_their_time() -> None:
+    values = json.loads(to_json(result()))
+    assert values["modes"] == [
+        {"mode": "ACTIVE", "cause": "NONE", "begin_s": 0.0, "end_s": 1.5},
+        {"mode": "HOLD", "cause": None, "begin_s": 1.5, "end_s": 2.0},
+    ]
+    assert values["active_fraction"] == 0.75
+    lines = to_text(result()).splitlines()
+    first = lines.index("modes    ACTIVE 75 % of the time")
+    assert lines[first + 1].split() == ["1.500", "to", "2.000", "s", "HOLD:", "not", "told"]
 
 
 def test_a_figure_that_is_not_a_number_is_refused() -> None:

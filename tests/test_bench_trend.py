@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from positioner.bench.curves import envelope, mode_spans
+from positioner.bench.curves import envelope
 from positioner.bench.metrics import Trace, dwell_metrics, totals
+from positioner.bench.modes import ModeSpan
 from positioner.bench.reasons import Reasons, reasons
 from positioner.bench.scenario import parse_scenario
 from positioner.bench.trend import TrendData, draw_trend, headline, title
 from positioner.breakaway import Breakaway
-from positioner.wire.messages import Mode
+from positioner.wire.messages import Cause, Mode
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -39,7 +42,7 @@ def example() -> TrendData:
         dwells=dwells,
         totals=totals(dwells),
         time_s=time_s,
-        mode=np.full(2000, int(Mode.ACTIVE)),
+        modes=(ModeSpan(Mode.ACTIVE, Cause.NONE, 0.0, 2.0),),
         position_m=position_m,
         measured_m=position_m + 1e-3 * np.random.default_rng(1).standard_normal(2000),
         setpoint_m=setpoint_m,
@@ -90,17 +93,6 @@ def test_an_envelope_keeps_a_single_value_among_none_and_none_where_there_is_non
     assert np.isnan(thin).sum() == 998
 
 
-def test_stretches_of_a_mode_touch_and_cover_the_run() -> None:
-    time_s = np.arange(6.0)
-    mode = np.array([0, 2, 2, 3, 4, 4])
-    assert mode_spans(time_s, mode) == (
-        (Mode.INIT, 0.0, 1.0),
-        (Mode.ACTIVE, 1.0, 3.0),
-        (Mode.HOLD, 3.0, 4.0),
-        (Mode.FAILSAFE, 4.0, 5.0),
-    )
-
-
 def test_the_picture_has_1600_by_1200_pixels_and_the_same_ones_every_time(
     tmp_path: Path, plain: NDArray[np.float32]
 ) -> None:
@@ -131,19 +123,47 @@ def test_a_quantity_is_drawn_in_its_panel_alone_and_left_out_where_there_is_none
     assert changed == {panel}
 
 
-@pytest.mark.parametrize("mode", [Mode.READY, Mode.HOLD, Mode.FAILSAFE])
+def interrupted(mode: Mode | None, begin_s: float, end_s: float) -> tuple[ModeSpan, ...]:
+    return (
+        ModeSpan(Mode.ACTIVE, Cause.NONE, 0.0, begin_s),
+        ModeSpan(mode, Cause.FEEDBACK_STALE, begin_s, end_s),
+        ModeSpan(Mode.ACTIVE, Cause.NONE, end_s, 2.0),
+    )
+
+
+@pytest.mark.parametrize("mode", [Mode.READY, Mode.HOLD, Mode.FAILSAFE, None])
 def test_a_mode_other_than_active_shades_every_panel_while_it_lasts(
-    tmp_path: Path, plain: NDArray[np.float32], mode: Mode
+    tmp_path: Path, plain: NDArray[np.float32], mode: Mode | None
 ) -> None:
     data = example()
-    shaded = replace(data, mode=np.where((data.time_s > 0.5) & (data.time_s < 0.9), int(mode), int(Mode.ACTIVE)))
-    other = picture(tmp_path / "b.png", shaded)
+    other = picture(tmp_path / "b.png", replace(data, modes=interrupted(mode, 0.5, 0.9)))
     for rows in PANELS.values():
         columns = np.flatnonzero(np.any(plain[rows] != other[rows], axis=(0, 2)))
         # the axes reach from 0.065 to 0.872 of 1600 pixels, and from 0 to 2 s
         in_s = (columns / 1600.0 - 0.065) / (0.872 - 0.065) * 2.0
         assert in_s.min() == pytest.approx(0.5, abs=0.01)
         assert in_s.max() == pytest.approx(0.9, abs=0.01)
+
+
+def test_a_run_that_was_out_of_control_says_so_above_its_figures_and_where_with_its_cause(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: list[str] = []
+
+    def noted(write: Any, place: int) -> Any:
+        def do(*told: Any, **how: Any) -> Any:
+            written.append(told[place])
+            return write(*told, **how)
+
+        return do
+
+    monkeypatch.setattr(Axes, "annotate", noted(Axes.annotate, 1))
+    monkeypatch.setattr(Figure, "text", noted(Figure.text, 3))
+    picture(tmp_path / "a.png", example())
+    assert not any("of the time" in line or "feedback stale" in line for line in written)
+    picture(tmp_path / "b.png", replace(example(), modes=interrupted(Mode.FAILSAFE, 0.5, 0.9)))
+    assert "FAILSAFE: feedback stale" in written
+    assert any(line.startswith("ACTIVE 80 % of the time  ·  error") for line in written)
 
 
 def test_a_move_is_marked_by_where_its_breakaway_current_came_from_and_a_fallback_too() -> None:

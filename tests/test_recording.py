@@ -60,7 +60,7 @@ def test_every_frame_goes_to_its_sample_beyond_the_wrap_of_the_counters() -> Non
     assert heard.current_ma == pytest.approx(4.0 + 0.01 * np.arange(600), abs=1e-6)
     assert heard.measured_m == pytest.approx(np.full(600, 0.0801))
     assert heard.true_velocity_m_per_s == pytest.approx(np.full(600, 0.1))
-    assert set(heard.mode) == {int(Mode.ACTIVE)}
+    assert {said.mode for said in heard.said} == {Mode.ACTIVE}
     assert (heard.truth, heard.readings, heard.commands, heard.complete) == (600, 600, 600, 600)
     assert (heard.lost, heard.unanswered) == (0, 0)
     assert heard.time_s == pytest.approx(np.arange(600) * PERIOD_S)
@@ -70,7 +70,7 @@ def test_what_was_never_heard_is_not_a_number() -> None:
     heard = recording(3)
     assert np.isnan(heard.true_position_m).all()
     assert np.isnan(heard.current_ma).all()
-    assert set(heard.mode) == {int(Mode.INIT)}
+    assert heard.said == []
     assert heard.complete == 0
 
 

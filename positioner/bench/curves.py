@@ -1,12 +1,10 @@
-"""Long records made drawable: the envelope of a curve, and the stretches of a mode. Pure."""
+"""Long records made drawable: the envelope of a curve. Pure."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import numpy as np
-
-from positioner.wire.messages import Mode
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,12 +25,3 @@ def envelope(
     first = np.linspace(0, len(values), most_points // 2, endpoint=False).astype(np.intp)
     both = np.column_stack((np.fmin.reduceat(values, first), np.fmax.reduceat(values, first)))
     return np.repeat(time_s[first], 2), both.ravel()
-
-
-def mode_spans(time_s: NDArray[np.float64], mode: NDArray[np.int_]) -> tuple[tuple[Mode, float, float], ...]:
-    """Return the stretches of one mode: the mode, its first instant and the first of the next, in s."""
-    first = np.flatnonzero(np.diff(mode, prepend=-1))
-    ends_s = np.append(time_s[first[1:]], time_s[-1])
-    return tuple(
-        (Mode(int(mode[index])), float(time_s[index]), float(end_s)) for index, end_s in zip(first, ends_s, strict=True)
-    )

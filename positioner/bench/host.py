@@ -62,7 +62,10 @@ class Host:
                 elif time.monotonic() - heard_s > _QUIET_S:
                     self._check()
                     if time.monotonic() - heard_s > _SILENCE_S:
-                        raise BenchError(f"nobody answers sample {known} on {self._bus.address}")
+                        raise BenchError(
+                            f"nobody answers sample {known} on {self._bus.address}: see positioner.log; a reading that "
+                            "the positioner refuses gets no answer, and in lockstep the plant waits for one"
+                        )
                 bar.update(self._recording.complete - known)
                 known = self._recording.complete
         lost = self._recording.lost + self._recording.unanswered

@@ -15,13 +15,13 @@ import can
 import numpy as np
 from can.io.canutils import CanutilsLogWriter
 
+from positioner.bench.modes import Said
 from positioner.outbox import STATUS_PERIOD_NS
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import (
     ActuatorState,
     CurrentCommand,
     Message,
-    Mode,
     PlantTruth,
     PositionerCount,
     PositionerStatus,
@@ -53,7 +53,7 @@ _COUNTER = 256
 class Recording:
     """Samples by number; `setpoints`, `truth`, `readings`, `commands` and `statuses` count the frames.
 
-    In real time `begin_ns` is the monotonic instant of the start.
+    `said` holds what the positioner said of its mode. In real time `begin_ns` is the monotonic instant of the start.
     """
 
     codec: Codec
@@ -67,12 +67,12 @@ class Recording:
     commands: int = 0
     statuses: int = 0
     frames: list[tuple[float, int, CanFrame]] = field(default_factory=list)
+    said: list[Said] = field(default_factory=list)
     true_position_m: NDArray[np.float64] = field(init=False)
     true_velocity_m_per_s: NDArray[np.float64] = field(init=False)
     measured_m: NDArray[np.float64] = field(init=False)
     current_ma: NDArray[np.float64] = field(init=False)
     setpoint_m: NDArray[np.float64] = field(init=False)
-    mode: NDArray[np.int_] = field(init=False)
     lost: int = 0
     unanswered: int = 0
     origin: int | None = None
@@ -82,7 +82,6 @@ class Recording:
         """Make room for every sample."""
         for name in ("true_position_m", "true_velocity_m_per_s", "measured_m", "current_ma", "setpoint_m"):
             setattr(self, name, np.full(self.samples, np.nan))
-        self.mode = np.full(self.samples, int(Mode.INIT))
         if self.lockstep:  # the host is there before the first sample, and hears it in any order
             self.origin = 0
 
@@ -96,6 +95,9 @@ class Recording:
         sample = self._sample_of(message, counter)
         stamp_s = sample * self.period_s if self.lockstep else time_s
         self.frames.append((stamp_s, _RANK.get(type(message), len(_RANK)), frame))
+        if isinstance(message, (CurrentCommand, PositionerStatus)):
+            cause = message.cause if isinstance(message, PositionerStatus) else None
+            self.said.append(Said(stamp_s, message.mode, cause))
         if not 0 <= sample < self.samples:
             return
         match message:
@@ -106,7 +108,6 @@ class Recording:
                 self.measured_m[sample] = message.position_m
             case CurrentCommand():
                 self.current_ma[sample] = message.current_ma
-                self.mode[sample] = int(message.mode)
             case _:
                 pass
 

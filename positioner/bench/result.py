@@ -9,14 +9,17 @@ from __future__ import annotations
 import json
 import platform
 from dataclasses import asdict, dataclass
+from enum import Enum
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import positioner
+from positioner.bench.modes import active_fraction, mode_lines
 from positioner.stiction import Quantity
 
 if TYPE_CHECKING:
     from positioner.bench.metrics import DwellMetrics, Totals
+    from positioner.bench.modes import ModeSpan
     from positioner.bench.scenario import Scenario
     from positioner.stiction import StictionTable
 
@@ -69,6 +72,8 @@ class Result:
     scenario: Scenario
     span_mm: float
     """What 100 % stands for."""
+    modes: tuple[ModeSpan, ...]
+    """What the positioner was doing, from the beginning to the end: where it was not ACTIVE, no law was at work."""
     totals: Totals
     dwells: tuple[DwellMetrics, ...]
     table_before: TableSummary
@@ -106,6 +111,7 @@ def to_json(result: Result) -> str:
     """Return `result` as JSON text: keys in the order of the dataclasses, figures at `SIGNIFICANT_DIGITS`."""
     # the scenario is what was asked for, not a figure: it stays as it was written
     values = {key: value if key == "scenario" else _rounded(value) for key, value in asdict(result).items()}
+    values["active_fraction"] = _rounded(active_fraction(result.modes))
     return json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -121,6 +127,7 @@ def to_text(result: Result) -> str:
     rows = [_row(str(number), dwell) for number, dwell in enumerate(result.dwells, start=1)]
     header, units, *body, foot = _aligned([*_HEADER, *rows, _foot(totals)])
     rule = "─" * len(header)
+    first, *more = mode_lines(result.modes)
     lines = (
         f"{scenario.name}: {scenario.title}",
         f"law {scenario.law}, seed {scenario.seed}, period {period_ms:g} ms, {run.clock} on {run.bus}",
@@ -132,6 +139,8 @@ def to_text(result: Result) -> str:
         rule,
         foot,
         "",
+        f"modes    {first}",
+        *(f"         {line}" for line in more),
         f"error    {totals.worst_mean_abs_error_pct:.2f} % of the {result.span_mm:g} mm span in the worst dwell",
         f"settled  {settled_1pct} to 1 %, {settled_2pct} to 2 %, of {totals.dwells}",
         f"cycling  {totals.limit_cycles}",
@@ -190,6 +199,8 @@ def _or_dash(ratio: float | None) -> str:
 
 
 def _rounded(value: Any) -> Any:
+    if isinstance(value, Enum):
+        return value.name
     if isinstance(value, float):
         return float(f"{value:.{SIGNIFICANT_DIGITS}g}") + 0.0  # + 0.0 makes a zero of either sign the same text
     if isinstance(value, dict):

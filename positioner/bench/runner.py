@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING
 
 import tomli_w
 
-from plant_emulator.presets import DEFAULT_PRESET
+from plant_emulator.presets import DEFAULT_PRESET, plant_settings
 from positioner.bench import metrics
 from positioner.bench.configure import configuration_text
 from positioner.bench.host import Host
+from positioner.bench.modes import mode_spans
 from positioner.bench.processes import Child
 from positioner.bench.recording import Recording
 from positioner.bench.result import Result, RunInfo, TableSummary, installed_versions, summary_of, to_json
@@ -115,6 +116,7 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
     result = Result(
         scenario=scenario,
         span_mm=span_m * 1e3,
+        modes=mode_spans(recording.said, scenario.duration_s, _silent_after_s(scenario)),
         totals=metrics.totals(dwells),
         dwells=dwells,
         table_before=before,
@@ -135,6 +137,11 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
         add_truth(out / "bus.log", recording)
     draw_trend(out / "trend.png", trend_data(result, recording, out / "trace.csv"))
     return result
+
+
+def _silent_after_s(scenario: Scenario) -> float:
+    """Return how long after a command the actuator obeys no more; three periods are the guard's own patience."""
+    return max(plant_settings(overrides=scenario.plant).deadman_s, 3.0 * scenario.sample_period_s)
 
 
 def _fresh_state(directory: Path, say: Callable[[str], object]) -> Path:

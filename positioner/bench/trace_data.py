@@ -45,7 +45,7 @@ def trend_data(result: Result, recording: Recording, trace: Path) -> TrendData:
         dwells=result.dwells,
         totals=result.totals,
         time_s=time_s,
-        mode=recording.mode,
+        modes=result.modes,
         position_m=recording.true_position_m,
         measured_m=recording.measured_m,
         setpoint_m=recording.setpoint_m,

@@ -15,18 +15,21 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from positioner.bench.curves import MOST_POINTS, envelope, mode_spans
+from positioner.bench.curves import MOST_POINTS, envelope
+from positioner.bench.modes import ACTIVE_AT_LEAST, active_fraction, in_words, mode_lines, name_of
 from positioner.bench.panels import fit, line, name
 from positioner.bench.reasons import Reasons, draw_reasons
 from positioner.wire.messages import Mode
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
     from positioner.bench.metrics import DwellMetrics, Totals
+    from positioner.bench.modes import ModeSpan
     from positioner.bench.scenario import Scenario
 
 
@@ -40,7 +43,8 @@ _TRUE, _ESTIMATED, _SETPOINT = "#0072B2", "#56B4E9", "#D55E00"
 _LOWER, _UPPER, _MEASURED = "#009E73", "#E69F00", "#8A8A8A"
 _STICK, _SLIP, _LANDING = "#0072B2", "#D55E00", "#009E73"
 _INK, _FAINT = "#222222", "#D9D9D9"
-_SHADES = {Mode.INIT: "#B0B0B0", Mode.READY: "#B0B0B0", Mode.HOLD: "#E69F00", Mode.FAILSAFE: "#D55E00"}
+_SHADES: dict[Mode | None, str] = {Mode.HOLD: "#E69F00", Mode.FAILSAFE: "#D55E00", None: "#CC79A7"}
+_IDLE = "#B0B0B0"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,8 +59,7 @@ class TrendData:
     dwells: tuple[DwellMetrics, ...]
     totals: Totals
     time_s: NDArray[np.float64]
-    mode: NDArray[np.int_]
-    """The positioner's `Mode`."""
+    modes: Sequence[ModeSpan]
     position_m: NDArray[np.float64]
     """True position."""
     measured_m: NDArray[np.float64] | None
@@ -94,7 +97,9 @@ def draw_trend(path: Path, data: TrendData) -> None:
     panels[-1].set_xlim(0.0, data.scenario.duration_s)
     figure.align_ylabels(panels)
     _head(figure, 0.957, title(data.scenario), size=18.0, weight="bold")
-    _head(figure, 0.930, headline(data.totals), size=13.0, weight="normal")
+    in_control = active_fraction(data.modes) >= ACTIVE_AT_LEAST
+    told = headline(data.totals) if in_control else f"{mode_lines(data.modes)[0]}  ·  {headline(data.totals)}"
+    _head(figure, 0.930, told, size=13.0, weight="normal", color=_INK if in_control else _SETPOINT)
     figure.savefig(path)
 
 
@@ -117,8 +122,8 @@ def headline(totals: Totals) -> str:
     )
 
 
-def _head(figure: Figure, bottom: float, text: str, *, size: float, weight: str) -> None:
-    line = figure.text(0.065, bottom, text, fontsize=size, fontweight=weight, color=_INK)
+def _head(figure: Figure, bottom: float, text: str, *, size: float, weight: str, color: str = _INK) -> None:
+    line = figure.text(0.065, bottom, text, fontsize=size, fontweight=weight, color=color)
     room = 0.925 * figure.bbox.width
     line.set_fontsize(size * min(1.0, room / line.get_window_extent().width))
 
@@ -130,9 +135,10 @@ def _prepare(panel: Axes, data: TrendData) -> None:
     panel.margins(x=0.0)
     for edge_s in data.scenario.dwell_edges_s[1:-1]:
         panel.axvline(edge_s, color=_FAINT, linewidth=0.8, zorder=0)
-    for mode, begin_s, end_s in mode_spans(data.time_s, data.mode):
-        if mode is not Mode.ACTIVE:
-            panel.axvspan(begin_s, end_s, color=_SHADES[mode], alpha=0.18, linewidth=0.8, zorder=0)
+    for span in data.modes:
+        if span.mode is not Mode.ACTIVE:
+            shade = _SHADES.get(span.mode, _IDLE)
+            panel.axvspan(span.begin_s, span.end_s, color=shade, alpha=0.18, linewidth=0.8, zorder=0)
 
 
 def _draw_position(panel: Axes, data: TrendData) -> None:
@@ -152,10 +158,11 @@ def _draw_position(panel: Axes, data: TrendData) -> None:
     panel.set_ylabel("position, mm", fontsize=13)
     names = [("true", _TRUE), ("setpoint, ±1 % span", _SETPOINT), ("measured", _MEASURED)]
     name(panel, names if data.measured_m is not None else names[:2])
-    for mode, begin_s, end_s in mode_spans(data.time_s, data.mode):
-        if mode is not Mode.ACTIVE and end_s - begin_s > NARROWEST_LABEL * data.scenario.duration_s:
+    for span in data.modes:
+        if not span.is_normal and span.duration_s > NARROWEST_LABEL * data.scenario.duration_s:
             panel.annotate(
-                mode.name, (begin_s, 0.02), xycoords=("data", "axes fraction"), xytext=(3, 0),
+                f"{name_of(span.mode)}: {in_words(span.cause)}", (span.begin_s, 0.02),
+                xycoords=("data", "axes fraction"), xytext=(3, 0),
                 textcoords="offset points", rotation=90, fontsize=9, color=_INK, va="bottom",
             )  # fmt: skip
 

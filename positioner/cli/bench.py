@@ -11,7 +11,7 @@ from pathlib import Path
 from positioner.bench.readings import NoiseReading, UnitReading, read_as
 from positioner.bench.scenario import load_scenario, scenario_names
 from positioner.bus_address import parse_address
-from positioner.errors import ExitCode
+from positioner.errors import BenchError, ExitCode
 from positioner.laws.registry import LAWS
 
 
@@ -32,6 +32,9 @@ canplayer), trace.csv (what the law believed), both configurations and both logs
 
 --reading sets sensor and estimator: A, white noise and a Kalman filter (D11); B, each draw of the noise held for 10 ms,
 position and speed from raw readings; noise-free. --units says of α and β of eq. 22 whether they are SI or in cm (D6).
+
+exit status: 0 done, 1 failed, or ACTIVE for less than 99 % of the run (its figures are then not the law's), 78 the
+scenario is wrong.
 
 {_listed("scenarios", scenario_names())}
 {_listed("laws", tuple(LAWS))}
@@ -80,6 +83,7 @@ def _seed(text: str) -> int:
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
     # the runner draws pictures: its imports would slow every other command down
+    from positioner.bench.modes import complaint  # noqa: PLC0415
     from positioner.bench.result import to_text  # noqa: PLC0415
     from positioner.bench.runner import BenchOptions, run_bench, with_law  # noqa: PLC0415
 
@@ -103,4 +107,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     sys.stdout.write(to_text(result))
     state = arguments.state or out / "state"
     sys.stdout.write(f"\n{out}: result.json, trend.png, bus.log; the learned table is in {state}\n")
+    if wrong := complaint(result.modes, str(out / "positioner.log")):
+        sys.stdout.flush()
+        raise BenchError(wrong)
     return ExitCode.OK

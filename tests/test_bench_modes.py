@@ -1,0 +1,185 @@
+"""Modes of a bench run: told from the frames, with cause and duration, and a run without control is no success."""
+
+from __future__ import annotations
+
+import json
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import pytest
+from daemon_helpers import own_address
+from hypothesis import given
+from hypothesis import strategies as st
+
+from positioner.bench import runner
+from positioner.bench.modes import ModeSpan, Said, active_fraction, complaint, mode_lines, mode_spans
+from positioner.bench.recording import Recording
+from positioner.cli.main import main
+from positioner.errors import ExitCode
+from positioner.wire.codec import make_codec
+from positioner.wire.messages import Cause, CurrentCommand, Health, Mode, PlantTruth, PositionerStatus
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+CODEC = make_codec()
+FAILS_SAFE = """
+name = "hasty"
+title = "the guard waits for a setpoint for less than the host's period"
+sample_period_s = 0.001
+setpoints_mm = [73.0]
+dwell_s = 0.4
+guard = { setpoint_hold_s = 0.004, setpoint_failsafe_s = 0.008 }
+"""
+
+
+def spans(*said: Said, duration_s: float = 10.0, silent_after_s: float = 100.0) -> list[tuple[object, ...]]:
+    return [
+        (span.mode, span.cause, pytest.approx(span.begin_s), pytest.approx(span.end_s))
+        for span in mode_spans(said, duration_s, silent_after_s)
+    ]
+
+
+def test_a_mode_lasts_until_another_is_said_and_a_status_tells_its_cause_from_its_beginning() -> None:
+    assert spans(
+        Said(0.0, Mode.ACTIVE),
+        Said(0.1, Mode.ACTIVE, Cause.NONE),
+        Said(2.0, Mode.HOLD),
+        Said(2.5, Mode.FAILSAFE),
+        Said(2.6, Mode.FAILSAFE, Cause.FEEDBACK_STALE),
+        Said(9.0, Mode.FAILSAFE),
+    ) == [
+        (Mode.ACTIVE, Cause.NONE, 0.0, 2.0),
+        (Mode.HOLD, None, 2.0, 2.5),
+        (Mode.FAILSAFE, Cause.FEEDBACK_STALE, 2.5, 10.0),
+    ]
+
+
+def test_a_cause_that_changes_within_a_mode_begins_a_stretch() -> None:
+    assert spans(Said(0.0, Mode.ACTIVE, Cause.NONE), Said(4.0, Mode.ACTIVE, Cause.LAW_LATE)) == [
+        (Mode.ACTIVE, Cause.NONE, 0.0, 4.0),
+        (Mode.ACTIVE, Cause.LAW_LATE, 4.0, 10.0),
+    ]
+
+
+def test_before_anything_is_said_it_is_init_and_a_disarmed_positioner_is_not_silent() -> None:
+    assert spans(
+        Said(1.0, Mode.ACTIVE), Said(2.0, Mode.READY, Cause.DISARMED), Said(9.9, Mode.ACTIVE), silent_after_s=3.0
+    ) == [
+        (Mode.INIT, None, 0.0, 1.0),
+        (Mode.ACTIVE, Cause.NONE, 1.0, 2.0),
+        (Mode.READY, Cause.DISARMED, 2.0, 9.9),
+        (Mode.ACTIVE, Cause.NONE, 9.9, 10.0),
+    ]
+
+
+def test_a_positioner_whose_commands_stay_away_is_silent_whatever_it_said_before() -> None:
+    assert spans(Said(0.0, Mode.ACTIVE), Said(5.0, Mode.ACTIVE), silent_after_s=0.1) == [
+        (Mode.ACTIVE, Cause.NONE, 0.0, 0.1),
+        (None, None, 0.1, 5.0),
+        (Mode.ACTIVE, Cause.NONE, 5.0, 5.1),
+        (None, None, 5.1, 10.0),
+    ]
+
+
+@given(
+    st.lists(
+        st.builds(
+            Said,
+            st.floats(-1.0, 12.0),
+            st.sampled_from(Mode),
+            st.none() | st.sampled_from([Cause.NONE, Cause.FEEDBACK_STALE]),
+        )
+    ),
+    st.floats(0.01, 20.0),
+)
+def test_the_stretches_touch_and_cover_the_run_whatever_was_said(said: list[Said], silent_after_s: float) -> None:
+    found = mode_spans(said, 10.0, silent_after_s)
+    assert (found[0].begin_s, found[-1].end_s) == (0.0, 10.0)
+    assert all(one.end_s == other.begin_s for one, other in pairwise(found))
+    assert all(span.duration_s > 0.0 for span in found)
+    assert 0.0 <= active_fraction(found) <= 1.0 + 1e-12
+
+
+def test_a_recording_hears_the_mode_in_commands_and_the_cause_in_statuses() -> None:
+    heard = Recording(CODEC, 300, 0.001, 10, lockstep=True)
+    for counter in range(300):
+        mode = Mode.ACTIVE if counter < 150 else Mode.FAILSAFE
+        heard.hear(CODEC.encode(PlantTruth(0.08, 0.0), counter), 0.0)
+        heard.hear(CODEC.encode(CurrentCommand(12.0, position_counter=counter % 256, mode=mode), counter), 0.0)
+        if counter % 100 == 0:
+            cause = Cause.NONE if mode is Mode.ACTIVE else Cause.LAW_FAILED
+            status = PositionerStatus(mode, cause, Health.GOOD, True, True, 0, 0, 0)
+            heard.hear(CODEC.encode(status, counter // 100), 0.0)
+    assert spans(*heard.said, duration_s=0.3) == [
+        (Mode.ACTIVE, Cause.NONE, 0.0, 0.15),
+        (Mode.FAILSAFE, Cause.LAW_FAILED, 0.15, 0.3),
+    ]
+
+
+THROUGHOUT = (ModeSpan(Mode.ACTIVE, Cause.NONE, 0.0, 10.0),)
+FAILED = (
+    ModeSpan(Mode.ACTIVE, Cause.NONE, 0.0, 0.243),
+    ModeSpan(Mode.HOLD, None, 0.243, 0.25),
+    ModeSpan(Mode.FAILSAFE, Cause.FEEDBACK_STALE, 0.25, 10.0),
+)
+
+
+def test_the_lines_tell_mode_cause_and_when() -> None:
+    assert mode_lines(THROUGHOUT) == ("ACTIVE 100 % of the time",)
+    assert mode_lines(FAILED) == (
+        "ACTIVE 2.43 % of the time",
+        "    0.243 to 0.250 s  HOLD: not told",
+        "    0.250 to 10.000 s  FAILSAFE: feedback stale",
+    )
+    many = tuple(ModeSpan((Mode.ACTIVE, Mode.HOLD)[n % 2], Cause.SETPOINT_STALE, n, n + 1.0) for n in range(40))
+    assert mode_lines(many)[-1] == "and 28 more: see result.json"
+
+
+def test_a_run_with_less_than_99_percent_active_gets_one_line_with_mode_cause_instant_and_what_to_do() -> None:
+    assert complaint(FAILED, "out/positioner.log") == (
+        "ACTIVE for 2.43 % of the run: below 99 % its figures are not the law's; FAILSAFE (feedback stale) for "
+        "9.750 s, first at 0.250 s; this machine was too slow for that period: free a processor, or play a longer "
+        "sample_period_s; see out/positioner.log"
+    )
+
+
+@pytest.mark.parametrize(("lost_s", "complains"), [(0.0, False), (0.09, False), (0.11, True), (10.0, True)])
+def test_one_percent_without_control_is_the_limit(lost_s: float, complains: bool) -> None:
+    edges = [ModeSpan(Mode.ACTIVE, Cause.NONE, 0.0, 10.0 - lost_s), ModeSpan(None, None, 10.0 - lost_s, 10.0)]
+    told = complaint([span for span in edges if span.duration_s > 0.0], "log")
+    assert (told is not None) == complains
+    assert told is None or "SILENT" in told
+
+
+def test_what_is_not_all_of_the_run_is_never_called_100_percent() -> None:
+    nearly = (ModeSpan(Mode.HOLD, Cause.NONE, 0.0, 1e-6), ModeSpan(Mode.ACTIVE, Cause.NONE, 1e-6, 10.0))
+    assert mode_lines(nearly)[0] == "ACTIVE 99.99 % of the time"
+
+
+@pytest.mark.bus
+def test_a_bench_that_fails_safe_shows_it_everywhere_and_ends_with_status_1(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = []
+    monkeypatch.setattr(runner, "draw_trend", lambda _path, data: drawn.append(data))
+    scenario, out = tmp_path / "scenario.toml", tmp_path / "out"
+    scenario.write_text(FAILS_SAFE, encoding="utf-8")
+    command = ["bench", "--scenario", str(scenario), "--bus", str(own_address()), "--out", str(out)]
+    assert main(command) == ExitCode.FAILURE
+    said = capsys.readouterr()
+    told = json.loads((out / "result.json").read_text(encoding="utf-8"))
+    assert told["modes"][-1]["mode"] == "FAILSAFE"
+    assert told["modes"][-1]["cause"] == "SETPOINT_STALE"
+    assert told["active_fraction"] < 0.1
+    assert "FAILSAFE: setpoint stale" in said.out
+    assert said.err.splitlines()[-1].startswith("positioner: ACTIVE for ")
+    assert "FAILSAFE (setpoint stale)" in said.err.splitlines()[-1]
+    assert drawn[0].modes[-1].mode is Mode.FAILSAFE
+    # the same run with the usual patience is in control from its first sample to its last
+    scenario.write_text(
+        FAILS_SAFE.replace("setpoint_hold_s = 0.004, setpoint_failsafe_s = 0.008", ""), encoding="utf-8"
+    )
+    assert main(command) == ExitCode.OK
+    assert "modes    ACTIVE 100 % of the time\n" in capsys.readouterr().out
+    assert drawn[1].modes == (ModeSpan(Mode.ACTIVE, Cause.NONE, 0.0, 0.4),)

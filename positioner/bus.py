@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import can
 
-from positioner.bus_open import dropped_frames, mend, open_bus
-from positioner.errors import BusError
+from positioner.bus_open import REFUSALS, dropped_frames, mend, open_bus, refusal
+from positioner.errors import BusError, BusUnusableError
 from positioner.wire.messages import CanFrame
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ class BusPort:
         self._wanted = frozenset(identifiers)
         self._report = report
         self._bus: can.BusABC | None = None
+        self._was_open = False
         self._complaint = ""
         self._next_try_s = 0.0
         self._echoes: deque[tuple[int, bytes]] = deque(maxlen=64)
@@ -57,18 +58,24 @@ class BusPort:
 
         Raises:
             BusError: it cannot be opened; the message says why and what to do.
+            BusUnusableError: nor will it ever be.
         """
         try:
             self._bus = open_bus(self.address, self._wanted)
-        except (can.CanError, OSError, ValueError, ImportError) as error:
-            raise BusError(f"bus {self.address} cannot be opened: {error}; {mend(self.address)}") from error
+        except REFUSALS as error:
+            raise refusal(self.address, error) from error
+        self._was_open = True
         self._dropped = 0
         if self._complaint:
             self._report(f"bus {self.address} is there again")
             self._complaint = ""
 
     def receive(self, timeout_s: float) -> tuple[CanFrame, ...]:
-        """Return what has arrived, oldest first, after waiting up to `timeout_s` for the first frame."""
+        """Return what has arrived, oldest first, after waiting up to `timeout_s` for the first frame.
+
+        Raises:
+            BusUnusableError: the bus was never open, and never will be.
+        """
         if self._bus is None and not self._try_open():
             time.sleep(min(timeout_s, max(self._next_try_s - time.monotonic(), 0.0)))
             return ()
@@ -153,6 +160,8 @@ class BusPort:
         try:
             self.open()
         except BusError as error:
+            if isinstance(error, BusUnusableError) and not self._was_open:
+                raise
             self._complain(str(error))
         return self._bus is not None
 

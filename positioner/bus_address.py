@@ -1,19 +1,33 @@
-"""Where a bus is: an interface of python-can and its channel, and how to find one on this machine. Shell."""
+"""Where a bus is: an interface of python-can, its channel and options, and how to find one on this machine. Shell."""
 
 from __future__ import annotations
 
 import contextlib
+import difflib
+import ipaddress
 import re
 import socket
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, TypeAlias
 
 from annotated_types import Interval
+from can.interfaces import BACKENDS
 
-from positioner.errors import BusError
+from positioner.errors import BusUnusableError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 EMBEDDED_PORT = 43513
+Option: TypeAlias = bool | int | float | str
+_LONGEST_NAME = 15
+"""Characters of a network interface's name, IFNAMSIZ - 1 of linux/if.h."""
+_WORDS: dict[str, Option] = {"true": True, "false": False}
+_NAMED_CHANNELS = frozenset({"socketcan", "socketcand", "udp_multicast", "virtual"})
+"""Interfaces whose channels are names even when they look like numbers."""
+_OURS = frozenset({"interface", "bustype", "channel", "can_filters", "ignore_config", "config_context", "context"})
+"""What is told to python-can in other ways, or not at all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,11 +39,19 @@ class BusAddress:
     interface: str = "socketcan"
     channel: str = "can0"
     port: Annotated[int, Interval(ge=1, le=65535)] = EMBEDDED_PORT
+    options: dict[str, Option] = field(default_factory=dict, hash=False)
 
     def __str__(self) -> str:
         """The form that `parse_address` reads."""
         port = f"@{self.port}" if self.is_embedded else ""
-        return f"{self.interface}:{self.channel}{port}"
+        options = "".join(f",{key}={_written(value)}" for key, value in self.options.items())
+        return f"{self.interface}:{self.channel}{port}{options}"
+
+    @property
+    def numbered_channel(self) -> str | int:
+        """The channel as python-can's interface takes it: most adapters number theirs."""
+        is_number = self.interface not in _NAMED_CHANNELS and self.channel.isdecimal()
+        return int(self.channel) if is_number else self.channel
 
     @property
     def is_embedded(self) -> bool:
@@ -38,16 +60,79 @@ class BusAddress:
 
 
 def parse_address(text: str) -> BusAddress:
-    """Return the address in `INTERFACE:CHANNEL[@PORT]`, for example `socketcan:vcan0`.
+    """Return the address in `INTERFACE:CHANNEL[@PORT][,OPTION=VALUE...]`, for example `socketcan:vcan0`.
+
+    The embedded bus alone has a port; with other interfaces what follows an @ belongs to the channel, as in
+    `slcan:/dev/ttyUSB0@115200,bitrate=500000`.
 
     Raises:
-        BusError: the text has another form.
+        BusUnusableError: the text has another form, or names what no bus has.
     """
-    found = re.fullmatch(r"([a-z_]+):([^@]+)(?:@(\d{1,5}))?", text)
-    port = int(found[3] or EMBEDDED_PORT) if found else 0
-    if not found or not 1 <= port <= 65535:  # noqa: PLR2004 - the ports there are
-        raise BusError(f"bus '{text}' is not INTERFACE:CHANNEL[@PORT], for example socketcan:vcan0")
-    return BusAddress(interface=found[1], channel=found[2], port=port)
+    found = re.fullmatch(r"([a-z_]\w*):([^=]+?)((?:,[A-Za-z_]\w*=[^,]*)*)", text)
+    if not found:
+        form = "INTERFACE:CHANNEL[@PORT][,OPTION=VALUE...]"
+        raise BusUnusableError(f"bus '{text}' is not {form}, for example socketcan:vcan0")
+    interface, channel = found[1], found[2]
+    pairs = (pair.split("=", maxsplit=1) for pair in found[3].split(",")[1:])
+    port = EMBEDDED_PORT
+    if interface == "udp_multicast" and "@" in channel:
+        channel, _, digits = channel.partition("@")
+        port = int(digits) if re.fullmatch(r"\d{1,5}", digits) else 0
+        if not 1 <= port <= 65535:  # noqa: PLR2004 - the ports there are
+            raise BusUnusableError(f"bus '{text}': the PORT in INTERFACE:CHANNEL@PORT must be from 1 to 65535")
+    address = BusAddress(
+        interface=interface, channel=channel, port=port, options={key: _read(value) for key, value in pairs}
+    )
+    if problem := next(problems_of(address), None):
+        raise BusUnusableError(f"bus '{text}': {problem[0]} {problem[1]}")
+    return address
+
+
+def problems_of(address: BusAddress) -> Iterator[tuple[str, str]]:
+    """Yield what no bus can be opened with: the key of the `[bus]` table with its value, and what is wrong with it."""
+    interface, channel = f"interface = '{address.interface}'", f"channel = '{address.channel}'"
+    if address.interface not in BACKENDS:
+        close = difflib.get_close_matches(address.interface, BACKENDS, n=1, cutoff=0.5)
+        yield interface, f"is unknown; did you mean '{close[0]}'?" if close else f"is none of {', '.join(BACKENDS)}"
+    if address.interface == "socketcan" and not 1 <= len(address.channel) <= _LONGEST_NAME:
+        yield channel, f"must have 1 to {_LONGEST_NAME} characters, as every network interface's name"
+    if address.is_embedded and not _is_group(address.channel):
+        yield channel, "is no multicast group, such as ff11::1 or 239.255.0.1"
+    for key, value in address.options.items():
+        if reason := _refusal(address.interface, key):
+            yield f"options.{key} = {_written(value)}", reason
+
+
+def _refusal(interface: str, key: str) -> str:
+    """Return why an interface does not get this option; empty where it does."""
+    if key in _OURS:
+        return "is no option: it stands beside [bus.options], or is the positioner's own"
+    if key == "receive_own_messages":
+        return "would make the positioner hear its own commands as another controller's; leave it out"
+    if interface == "udp_multicast":
+        return "is no option of the embedded bus, which has only its port"
+    if interface == "socketcan" and key not in {"local_loopback", "ignore_rx_error_frames"}:
+        return "is set on the interface itself: sudo ip link set can0 up type can bitrate 500000, for example"
+    return ""
+
+
+def _is_group(channel: str) -> bool:
+    try:
+        return ipaddress.ip_address(channel).is_multicast
+    except ValueError:
+        return False
+
+
+def _read(text: str) -> Option:
+    """Return the value of an option: a number or a truth value where it reads as one."""
+    for kind in (int, float):
+        with contextlib.suppress(ValueError):
+            return kind(text)
+    return _WORDS.get(text, text)
+
+
+def _written(value: Option) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def find_vcan() -> BusAddress | None:

@@ -5,10 +5,14 @@ from __future__ import annotations
 import os
 import socket
 import struct
-from typing import TYPE_CHECKING
+from functools import cache
+from importlib import metadata
+from typing import TYPE_CHECKING, Any
 
 import can
 from can.interfaces.socketcan import SocketcanBus
+
+from positioner.errors import BusError, BusUnusableError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -20,26 +24,70 @@ _IP_MULTICAST_ALL = 49
 _SO_MEMINFO = 55
 _MEMINFO = struct.Struct("=9I")
 _RECEIVE_BUFFER_BYTES = 1 << 20
+_EXTRAS = {"slcan": "serial", "robotell": "serial", "vector": "cvector"}
+"""Interfaces whose optional dependencies python-can lists under another name than theirs."""
+_PAGE = "https://python-can.readthedocs.io/en/stable/interfaces.html"
+_NO_DRIVER = (NotImplementedError, ImportError, NameError, AttributeError)
+REFUSALS = (can.CanError, OSError, ValueError, TypeError, *_NO_DRIVER)
+"""What python-can and its interfaces raise when a bus cannot be opened."""
 
 
 def open_bus(address: BusAddress, wanted: Iterable[tuple[int, bool]]) -> can.BusABC:
     """Return the bus at `address`, which hears the identifiers `wanted` (with their extended flag), or all if none.
 
+    python-can's own files (/etc/can.conf, ~/.canrc) and environment have no say; reading them at each try would also
+    take memory that only a garbage collection gives back.
+
     Raises:
-        can.CanError: it cannot be opened; OSError, ValueError and ImportError mean the same.
+        can.CanError: it cannot be opened; the other `REFUSALS` mean the same.
     """
+    options: dict[str, Any] = dict(address.options)
     if address.interface == "socketcan":
         # the kernel filters; python-can's own filter would end a batch at the first frame that is not wanted
         filters: can.typechecking.CanFilters = [
             {"can_id": identifier, "can_mask": 0x1FFFFFFF if extended else 0x7FF, "extended": extended}
             for identifier, extended in wanted
         ]
-        return can.Bus(interface=address.interface, channel=address.channel, can_filters=filters or None)
-    if not address.is_embedded:
-        return can.Bus(interface=address.interface, channel=address.channel)
-    bus = can.Bus(interface="udp_multicast", channel=address.channel, port=address.port, hop_limit=0, fd=False)
-    _confine(bus, address.channel)
+        options["can_filters"] = filters or None
+    if address.is_embedded:
+        options |= {"port": address.port, "hop_limit": 0, "fd": False}
+    bus = can.Bus(interface=address.interface, channel=address.numbered_channel, ignore_config=True, **options)
+    if address.is_embedded:
+        try:
+            _confine(bus, address.channel)
+        except OSError:
+            bus.shutdown()
+            raise
     return bus
+
+
+def refusal(address: BusAddress, error: Exception) -> BusError:
+    """Return what one of the `REFUSALS` means: a `BusUnusableError` where no later try can succeed.
+
+    A device that is away may come; a driver that is missing, or an option that is wrong, needs somebody.
+    """
+    said = " ".join(str(error).split()) or type(error).__name__
+    # ctypes, and python-can's pcan, say of a missing library what is an OSError without a number
+    if isinstance(error, _NO_DRIVER) or (type(error) is OSError and error.errno is None):
+        return BusUnusableError(f"bus {address} cannot be used on this machine: {said}; {_driver(address)}")
+    if isinstance(error, ValueError | TypeError):
+        said = said.partition("__init__() ")[2] or said
+        return BusUnusableError(f"bus {address} cannot be used: {said}; see [bus.options] and {_PAGE}")
+    return BusError(f"bus {address} cannot be opened: {said}; {mend(address)}")
+
+
+def _driver(address: BusAddress) -> str:
+    """Return how the interface's driver gets onto this machine."""
+    extra = _EXTRAS.get(address.interface, address.interface.replace("_", "-"))
+    if extra in _extras():
+        return f"try: python -m pip install 'python-can[{extra}]'  # and the driver of its maker"
+    return f"install its driver, see {_PAGE}"
+
+
+@cache
+def _extras() -> frozenset[str]:
+    """Return the names of python-can's sets of optional dependencies."""
+    return frozenset(metadata.metadata("python-can").get_all("Provides-Extra") or ())
 
 
 def _confine(bus: can.BusABC, group: str) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import tomli_w
 
 from positioner import settings
-from positioner.bus_address import BusAddress
+from positioner.bus_address import BusAddress, problems_of
 from positioner.errors import ConfigurationError, Problem
 from positioner.estimate import EstimatorSettings
 from positioner.guard_settings import FailsafeAction, GuardSettings
@@ -108,12 +108,18 @@ def parse_config(text: str, source: str, base: Path) -> Configuration:
     problems: list[Problem] = []
     found: Configuration | None = None
     _anchor_dbc(tables, base)
+    _name_channel(tables)
     try:
         found = settings.build(tables, Configuration, source, text)
     except ConfigurationError as error:
         problems += error.problems
     problems += _wire_problems(tables, text)
     problems += _law_problems(tables, text)
+    if found is not None:
+        problems += [
+            Problem(f"bus.{where}", settings.line_of(text, _key(f"bus.{where}")), what)
+            for where, what in problems_of(found.bus)
+        ]
     if found is not None and not problems:
         problems += _range_problems(found, text)
     if problems or found is None:
@@ -125,6 +131,13 @@ def _anchor_dbc(tables: dict[str, Any], base: Path) -> None:
     wire = tables.get("wire")
     if isinstance(wire, dict) and isinstance(wire.get("dbc"), str):
         wire["dbc"] = str(base / wire["dbc"])
+
+
+def _name_channel(tables: dict[str, Any]) -> None:
+    """Take a channel that is written as a number for its name."""
+    bus = tables.get("bus")
+    if isinstance(bus, dict) and type(bus.get("channel")) is int:
+        bus["channel"] = str(bus["channel"])
 
 
 def _wire_problems(tables: dict[str, Any], text: str) -> list[Problem]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 from typing import TYPE_CHECKING
@@ -21,6 +22,8 @@ INTERRUPTED = 130
 def run_command(parser: argparse.ArgumentParser, arguments: list[str] | None) -> int:
     """Return the exit status of the command that `parser` finds in `arguments` and that its `run` default names."""
     argcomplete.autocomplete(parser)
+    logging.getLogger("can").addHandler(logging.NullHandler())  # what it cannot do it raises, too: told once, by us
+    logging.getLogger("can").propagate = False
     parsed = parser.parse_args(arguments)
     command: Callable[[argparse.Namespace], ExitCode] = parsed.run
     try:

@@ -58,6 +58,12 @@ class BusError(PositionerError):
     exit_code = ExitCode.UNAVAILABLE
 
 
+class BusUnusableError(BusError):
+    """No such bus can ever be used on this machine as it is; no restart mends it."""
+
+    exit_code = ExitCode.CONFIG
+
+
 class AlreadyRunningError(PositionerError):
     """Another daemon holds this valve."""
 

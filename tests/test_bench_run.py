@@ -321,7 +321,7 @@ def test_a_bench_that_is_stopped_takes_its_processes_along(tmp_path: Path) -> No
     [
         (["--scenario", "paper-vale"], ExitCode.CONFIG, "unknown scenario; did you mean 'paper-valve'?"),
         (["--scenario", "absent.toml"], ExitCode.CONFIG, "absent.toml: file: cannot be read: No such file"),
-        (["--bus", "vcan0"], ExitCode.UNAVAILABLE, "bus 'vcan0' is not INTERFACE:CHANNEL"),
+        (["--bus", "vcan0"], ExitCode.CONFIG, "bus 'vcan0' is not INTERFACE:CHANNEL"),
         (["--bus", "socketcan:vcan77"], ExitCode.UNAVAILABLE, "bus socketcan:vcan77 cannot be opened"),
         (["--out", "/proc/nothing"], ExitCode.FAILURE, "/proc/nothing: No such file or directory"),
         (["--seed", "-1"], ExitCode.USAGE, "--seed"),

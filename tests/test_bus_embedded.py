@@ -17,7 +17,7 @@ from positioner import bus as bus_module
 from positioner import bus_address as address_module
 from positioner.bus import BusPort
 from positioner.bus_address import EMBEDDED_PORT, BusAddress, embedded_address, find_vcan, parse_address
-from positioner.errors import BusError, ExitCode
+from positioner.errors import BusError, BusUnusableError, ExitCode
 from positioner.wire.messages import CanFrame
 
 if TYPE_CHECKING:
@@ -232,7 +232,7 @@ def test_a_bus_that_goes_down_is_a_state_and_is_told_once(monkeypatch: pytest.Mo
 
     def open_bus(_address: BusAddress, _filters: object) -> BrokenBus:
         if opened and opened[-1].down and now_s[0] < 102.0:
-            raise OSError("no such device")
+            raise OSError(19, "no such device")
         opened.append(BrokenBus())
         return opened[-1]
 
@@ -267,7 +267,7 @@ def test_a_bus_that_is_not_there_says_what_to_do() -> None:
     with pytest.raises(BusError, match="sudo ip link add dev vcan77 type vcan") as caught:
         BusPort(BusAddress(channel="vcan77")).open()
     assert caught.value.exit_code is ExitCode.UNAVAILABLE
-    with pytest.raises(BusError, match=r"check the \[bus\] table"):
+    with pytest.raises(BusUnusableError, match="CAN interface 'no_such_interface' not supported"):
         BusPort(BusAddress(interface="no_such_interface")).open()
 
 

@@ -178,7 +178,7 @@ def test_the_example_is_itself_a_good_configuration(tmp_path: Path, capsys: Outp
     ("arguments", "status", "told"),
     [
         (["run", "--config", "absent.toml"], ExitCode.CONFIG, "absent.toml: file: cannot be read: No such file"),
-        (["run", "--config", "{valve}", "--bus", "can0"], ExitCode.UNAVAILABLE, "bus 'can0' is not INTERFACE:CHANNEL"),
+        (["run", "--config", "{valve}", "--bus", "can0"], ExitCode.CONFIG, "bus 'can0' is not INTERFACE:CHANNEL"),
         (["run", "--config", "{valve}", "--state", "/dev/null/x"], ExitCode.IO, "the state directory cannot be made"),
         (["run", "--config", "{valve}", "--state", "{state}", "--trace", "/dev/null/x"], ExitCode.USAGE,
          "trace /dev/null/x cannot be written: Not a directory"),
@@ -201,7 +201,7 @@ def test_what_cannot_be_done_ends_in_one_line_and_its_status(
         (["--seed", "-1"], ExitCode.USAGE, "'-1' is no whole number"),
         (["--period", "0"], ExitCode.USAGE, "'0' is not seconds"),
         (["--preset", "steel"], ExitCode.USAGE, "steel"),
-        (["--bus", "vcan0"], ExitCode.UNAVAILABLE, "bus 'vcan0' is not INTERFACE:CHANNEL"),
+        (["--bus", "vcan0"], ExitCode.CONFIG, "bus 'vcan0' is not INTERFACE:CHANNEL"),
         (["--id-offset", "3"], ExitCode.CONFIG, "must be a multiple of 128"),
         (["--config", "absent.toml"], ExitCode.CONFIG, "absent.toml: file: cannot be read"),
     ],

@@ -269,7 +269,7 @@ def test_a_bus_that_is_not_there_is_told_once_and_joined_when_it_comes(
     def opened(address: BusAddress, filters: Any) -> can.BusABC:
         tries.append(address)
         if len(tries) in range(2, 6):  # the first is the other nodes'
-            raise OSError("No such device")
+            raise OSError(19, "No such device")
         return real(address, filters)
 
     monkeypatch.setattr(bus_module, "open_bus", opened)
@@ -314,7 +314,7 @@ def test_a_bus_that_goes_and_comes_back_costs_a_failsafe_and_two_lines(
 
     def opened(address: BusAddress, filters: Any) -> Any:
         if cables and cables[-1].pulled:
-            raise OSError("No such device")
+            raise OSError(19, "No such device")
         cables.append(Cable(real(address, filters)))
         return cables[-1]
 

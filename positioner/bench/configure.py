@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import tomli_w
@@ -23,7 +24,7 @@ def configuration_text(scenario: Scenario, address: BusAddress, state: Path) -> 
         control["table_from_s"] = scenario.table_from_s
     tables: dict[str, Any] = {
         "valve": {"id": VALVE_ID, **scenario.valve},
-        "bus": {"interface": address.interface, "channel": address.channel, "port": address.port},
+        "bus": {key: value for key, value in asdict(address).items() if value != {}},
         "control": {**control, **scenario.control},
         "estimator": scenario.estimator,
         "guard": {"auto_arm": True, **scenario.guard},

@@ -38,7 +38,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--config", type=Path, required=True, metavar="FILE", help="configuration of the valve (TOML)")
-    parser.add_argument("--bus", metavar="INTERFACE:CHANNEL", help="instead of the configuration's [bus]")
+    parser.add_argument(
+        "--bus", metavar="INTERFACE:CHANNEL[,OPTION=VALUE...]", help="instead of the configuration's [bus]"
+    )
     parser.add_argument("--state", type=Path, metavar="DIR", help="instead of the configuration's state directory")
     parser.add_argument("--dry-run", action="store_true", help="compute and log, but never transmit")
     parser.add_argument("--trace", type=Path, metavar="FILE", help="write one CSV row for each cycle")

@@ -101,9 +101,12 @@ def recollect(
     K and F_s are the least squares of B·Γ = K·x ± F_s over the newest Γ of all breakaway cells but stale and scattered
     ones, weighed against the prior; F_c follows as F_s/`ratio`. Each Γ holds what was believed of K and F_s when it was
     learned, so the newer it is, the more it counts. F_v is taken to have changed as F_c: packing that grips harder does
-    so at every speed.
+    so at every speed. A valve without friction has nothing to break away from, and its table nothing to remember.
     """
     static_n = ratio * prior.friction_n
+    if static_n < _SURE:
+        return prior, sigmas
+    sure_n = max(max(settings.margin, _LEAST_DOUBT) * static_n, _SURE)
     # information matrix [[a, b], [b, c]] and vector (d, e) of the deviations from the prior
     a, b, c = max(sigmas.spring_n_per_m, _SURE) ** -2, 0.0, max(ratio * sigmas.friction_n, _SURE) ** -2
     d, e = 0.0, 0.0
@@ -118,12 +121,12 @@ def recollect(
         x, s = key.index * table.cell_width_m, key.direction.sign
         error_n = slider.push_n(cell.samples[-1], s, static_n) - prior.spring_n_per_m * x
         samples = min(len(cell.samples), _SAMPLES_PER_CELL) * _FADING ** table.age(cell)
-        weight = samples / (settings.margin * static_n) ** 2
+        weight = samples / (sure_n * sure_n)
         a, b, c = a + weight * x * x, b + weight * x * s, c + weight
         d, e = d + weight * x * error_n, e + weight * s * error_n
     det = a * c - b * b
     friction_n = prior.friction_n + (a * e - b * d) / (det * ratio)
-    grip = friction_n / prior.friction_n if prior.friction_n else 1.0
+    grip = friction_n / prior.friction_n
     load = Load(prior.spring_n_per_m + (c * d - b * e) / det, friction_n, prior.viscous_n_s_per_m * grip)
     return load, Load(math.sqrt(c / det), math.sqrt(a / det) / ratio, sigmas.viscous_n_s_per_m)
 
@@ -131,4 +134,6 @@ def recollect(
 _FADING = 0.9
 """Weight of a cell's newest sample for each sample learned since, anywhere."""
 _SURE = 1e-3
-"""N/m or N: no prior is surer than that."""
+"""N/m or N: no prior, and no sample, is surer than that; less static friction is none."""
+_LEAST_DOUBT = 0.005
+"""Part of F_s that a sample is uncertain by at least, however small the margin of a push is chosen."""

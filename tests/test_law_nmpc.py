@@ -287,6 +287,20 @@ def test_the_first_move_after_a_restart_is_better_than_the_first_ever() -> None:
     assert sum(old) < 0.8 * sum(new)
 
 
+def test_a_valve_without_friction_is_armed_again_with_its_own_table() -> None:
+    free = replace(
+        scenario("frictionless", 1, 0.1, 1),
+        plant={"preset": "frictionless", "sensor": {"noise_of_reading": 0.0}},
+        valve={"static_friction_n": 0.0, "coulomb_friction_n": 0.0},
+        estimator={"noise_of_reading": 0.0},
+    )
+    first = run_in_process(free)
+    again = run_in_process(free, first.table)
+    assert any(key.quantity is Quantity.BREAKAWAY_CURRENT for key, _ in first.table)
+    assert [str(event) for event in again.events if "failed" in str(event)] == []
+    assert again.table.sequence > first.table.sequence
+
+
 def landings_m(run: InProcessRun, dwells: range, dwell_s: float) -> list[float]:
     """How far from its setpoint the stem is 30 ms after each of these setpoints came: the first move is over then."""
     record, per_dwell = run.recording, round(dwell_s / PERIOD_S)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -100,6 +101,19 @@ def test_an_empty_or_stale_table_remembers_nothing() -> None:
         load, sigmas = recollect(SETTINGS, SLIDER, table, NOMINAL, SIGMAS, RATIO)
         assert load == pytest.approx(NOMINAL)
         assert sigmas == pytest.approx(SIGMAS)
+
+
+@pytest.mark.parametrize("friction_n", [0.0, 1e-12, 1e-3, 1.0])
+@pytest.mark.parametrize("margin", [0.0, 0.02])
+def test_a_valve_without_friction_remembers_what_its_table_can_tell(friction_n: float, margin: float) -> None:
+    # 10 N of breakaway force in its table, as a slip that nothing foresaw teaches
+    table = taught(NOMINAL.spring_n_per_m, 10.0, (0.073, 0.08, 0.087))
+    prior = NOMINAL._replace(friction_n=friction_n)
+    sigmas = AdaptiveFilter(AdaptationSettings(), SLIDER, prior).prior_sigmas()
+    load, sure = recollect(BreakawaySettings(margin=margin), SLIDER, table, prior, sigmas, 1.0)
+    assert all(map(math.isfinite, (*load, *sure)))
+    assert load.spring_n_per_m == pytest.approx(NOMINAL.spring_n_per_m, rel=0.01)
+    assert 0.0 < sure.spring_n_per_m <= sigmas.spring_n_per_m
 
 
 def judged(readings_at_m: float, count: int = 400) -> tuple[Watch, Resting, Trial | None]:

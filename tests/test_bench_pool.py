@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import os
 import signal
+import subprocess
+import sys
 import time
 from contextlib import closing
 from multiprocessing import active_children
@@ -35,6 +37,16 @@ def test_an_interrupt_ends_the_workers_in_mid_work() -> None:
         list(results)
     assert not active_children()
     assert time.monotonic() - began_s < 300.0  # three bouts of ten minutes were not waited for
+
+
+def test_the_suite_hears_an_interrupt_though_a_script_started_it_in_the_background() -> None:
+    shell = f"trap '' INT; exec {sys.executable} -m pytest -q -p no:cacheprovider {__file__} -k is_not_ignored"
+    done = subprocess.run(["sh", "-c", shell], check=False, capture_output=True, text=True, timeout=300.0)
+    assert "1 passed" in done.stdout, done.stdout
+
+
+def test_an_interrupt_is_not_ignored() -> None:
+    assert signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
 
 
 def test_a_worker_that_is_killed_is_one_line() -> None:

@@ -8,6 +8,8 @@ import subprocess
 import time
 from typing import TYPE_CHECKING, Self
 
+from harness.plan import patience
+
 from positioner.bus_address import BusAddress
 
 if TYPE_CHECKING:
@@ -15,7 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
-PATIENCE_S = 60.0
+PATIENCE_S = 60.0 * patience()
 """How long anything may take in a kernel that shares a busy machine."""
 _NUMBERS = itertools.count(10)
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from positioner.bus_address import BusAddress
 
-pytestmark = pytest.mark.kernel("vcan")
+pytestmark = [pytest.mark.kernel("vcan"), pytest.mark.short_form]
 QUEUE_FRAMES = 278
 """Classic frames in a raw socket's default receive buffer."""
 

@@ -42,6 +42,7 @@ def on_vcan(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         yield
 
 
+@pytest.mark.short_form
 def test_a_daemon_asks_the_kernel_for_just_the_identifiers_of_its_dbc(tmp_path: Path) -> None:
     with Service(tmp_path) as own:
         # CURRENT_COMMAND (a foreign one), STEM_POSITION, ACTUATOR_STATE and SETPOINT, besides the test's own "all"

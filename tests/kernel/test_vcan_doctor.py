@@ -38,6 +38,7 @@ def test_a_valve_that_speaks_on_a_bus_that_is_up_is_in_order(tmp_path: Path) -> 
     assert found["feedback"][0] == "OK"
 
 
+@pytest.mark.short_form
 def test_a_silent_bus_and_one_that_is_down_fail_with_the_command_that_mends_it(tmp_path: Path) -> None:
     with vcan() as bus:
         path = write_configuration(tmp_path, bus)

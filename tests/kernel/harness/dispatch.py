@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from harness import fleet, wheels
+from harness.ledger import Ledger
 from harness.packages import CannotFetchError
 from harness.plan import KINDS, kind_inside
 
@@ -23,9 +24,11 @@ _SLOWEST_FIRST = ("controller", "systemd", "faults", "vcan")
 class Dispatcher:
     """Sends the collected tests into kernels, and their reports to pytest."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, only_qemu: bool) -> None:
         """Begin with nothing told."""
-        self.more_tries: list[str] = []
+        self._only_qemu = only_qemu
+        self._kinds = dict(KINDS)
+        self.ledger = Ledger()
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self, session: pytest.Session) -> bool | None:
@@ -38,64 +41,97 @@ class Dispatcher:
         for index, item in enumerate(here):
             following = here[index + 1] if index + 1 < len(here) else None
             item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
-        away = [item for item in session.items if item not in here]
-        failed = self._run(session, away, os.cpu_count() or 1, last=False)
-        failed = self._run(session, failed, 1, last=False)
-        self._run(session, failed, 1, last=True)
+            self.ledger.ran["this machine's own", "vcan"] += 1
+        try:
+            away = self._that_can_run(session, [item for item in session.items if item not in here])
+            again = self._run(session, away, os.cpu_count() or 1, last=False)
+            again = self._run(session, again, 1, last=False)
+            self._run(session, again, 1, last=True)
+        except CannotFetchError as error:
+            pytest.exit(str(error), returncode=3)
+        why = self.ledger.why_incomplete()
+        if why:
+            pytest.exit(why, returncode=3)
         return True
+
+    def _that_can_run(self, session: pytest.Session, items: list[pytest.Item]) -> list[pytest.Item]:
+        """Return the items that run: the short form where user-mode Linux cannot run, all of them elsewhere."""
+        wanted = [item for item in items if not KINDS[_kind(item)].emulated]
+        if not wanted:
+            return items
+        why = "it was asked for (--kernel=qemu)" if self._only_qemu else fleet.why_user_mode_cannot_run(KINDS["vcan"])
+        if not why:
+            return items
+        self._kinds = {name: kind.in_qemu() for name, kind in KINDS.items()}
+        left_out = [item for item in wanted if item.get_closest_marker("short_form") is None]
+        self.ledger.takes_short_form(why, [item.nodeid for item in left_out])
+        session.config.hook.pytest_deselected(items=left_out)
+        return [item for item in items if item not in left_out]
 
     def _run(
         self, session: pytest.Session, items: Sequence[pytest.Item], at_once: int, *, last: bool
     ) -> list[pytest.Item]:
-        """Run `items` and return those that failed, unless this was the last try: then they are told as failed."""
+        """Run `items`; return those that failed or never began, unless this was the last try: then they are told."""
         by_id = {item.nodeid: item for item in items}
         told: dict[str, list[pytest.TestReport]] = defaultdict(list)
-        failed: list[pytest.Item] = []
-        try:
-            if any(KINDS[_kind(item)].booted for item in items):
-                wheels.fetch()
-            for guest, data in fleet.run(_groups(items), at_once):
-                if data is None:
-                    for nodeid in guest.tests:
-                        if not any(report.when == "teardown" for report in told[nodeid]):
-                            told[nodeid].append(_died(by_id[nodeid], guest))
-                            self._tell(by_id[nodeid], told[nodeid], failed, last=last)
-                    continue
+        again: list[pytest.Item] = []
+        if any(KINDS[_kind(item)].booted for item in items):
+            wheels.fetch()
+        for guest, data in fleet.run(self._groups(items), at_once):
+            if data is not None:
                 report = _unskipped(
                     session.config.hook.pytest_report_from_serializable(config=session.config, data=data)
                 )
                 told[report.nodeid].append(report)
                 if report.when == "teardown":
-                    self._tell(by_id[report.nodeid], told[report.nodeid], failed, last=last)
-        except CannotFetchError as error:
-            pytest.exit(str(error), returncode=3)
-        return failed
+                    self._tell(by_id[report.nodeid], guest, told[report.nodeid], again, last=last)
+                continue
+            why = guest.why_it_never_began()
+            if why:
+                self.ledger.never_began(guest, why, last=last)
+                again += [by_id[nodeid] for nodeid in guest.group.tests]
+                continue
+            for nodeid in guest.group.tests:
+                if not any(report.when == "teardown" for report in told[nodeid]):
+                    told[nodeid].append(_died(by_id[nodeid], guest))
+                    self._tell(by_id[nodeid], guest, told[nodeid], again, last=last)
+        return again
 
     def _tell(
         self,
         item: pytest.Item,
+        guest: fleet.Guest,
         reports: Sequence[pytest.TestReport],
-        failed: list[pytest.Item],
+        again: list[pytest.Item],
         *,
         last: bool,
     ) -> None:
         """Hand the reports of one test to pytest, or keep it for another try."""
         bad = next((report for report in reports if report.failed), None)
         if bad is not None and not last:
-            failed.append(item)
-            self.more_tries.append(f"{item.nodeid}\n{bad.longreprtext}")
+            again.append(item)
+            self.ledger.more_tries.append(f"{item.nodeid}\n{bad.longreprtext}")
             return
+        self.ledger.ran[guest.kernel, guest.group.kind_name] += 1
         item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
         for report in reports:
             item.ihook.pytest_runtest_logreport(report=report)
         item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
 
+    def _groups(self, items: Sequence[pytest.Item]) -> list[fleet.Group]:
+        """Return the items of each file and kind as a group, the slowest kinds first."""
+        groups: dict[tuple[str, str], list[str]] = defaultdict(list)
+        for item in items:
+            groups[_kind(item), item.path.stem].append(item.nodeid)
+        order = sorted(groups, key=lambda key: (_SLOWEST_FIRST.index(key[0]), key[1]))
+        return [fleet.Group(kind, self._kinds[kind], f"{kind}-{stem}", groups[kind, stem]) for kind, stem in order]
+
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
-        """Show what needed another try, and why: nothing is hidden."""
-        if self.more_tries:
-            terminalreporter.section("failed at first, and were run again alone")
-            for text in self.more_tries:
-                terminalreporter.line(text)
+        """Show which kernel ran what, what did not run, and what needed another try: nothing is hidden."""
+        for title, lines in self.ledger.sections():
+            terminalreporter.section(title)
+            for line in lines:
+                terminalreporter.line(line)
 
 
 @cache
@@ -115,15 +151,6 @@ def _kind(item: pytest.Item) -> str:
     if mark is None or mark.args[0] not in KINDS:
         raise pytest.UsageError(f"{item.nodeid} is not marked @pytest.mark.kernel(one of {', '.join(KINDS)})")
     return str(mark.args[0])
-
-
-def _groups(items: Sequence[pytest.Item]) -> list[tuple[str, str, list[str]]]:
-    """Return (kind, name, tests) of each file and kind, the slowest kinds first."""
-    groups: dict[tuple[str, str], list[str]] = defaultdict(list)
-    for item in items:
-        groups[_kind(item), item.path.stem].append(item.nodeid)
-    order = sorted(groups, key=lambda key: (_SLOWEST_FIRST.index(key[0]), key[1]))
-    return [(kind, f"{kind}-{stem}", groups[kind, stem]) for kind, stem in order]
 
 
 def _died(item: pytest.Item, guest: fleet.Guest) -> pytest.TestReport:

@@ -7,34 +7,46 @@ import os
 import shutil
 import subprocess
 import time
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from harness import emulated, user_mode
-from harness.plan import CACHE, KINDS
+from harness import boot, emulated, user_mode
+from harness.plan import BEGAN, CACHE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
+    from harness.plan import Kind
+
 _POLL_S = 0.2
 _LAST_LINES = 30
 
 
-class Guest:
-    """One kernel that runs the tests of one file and ends."""
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Tests for one kernel: those of one file and kind."""
 
-    def __init__(self, kind_name: str, name: str, tests: Sequence[str]) -> None:
+    kind_name: str
+    kind: Kind
+    name: str
+    tests: Sequence[str]
+
+
+class Guest:
+    """One kernel that runs a group of tests and ends."""
+
+    def __init__(self, group: Group) -> None:
         """Boot it."""
-        self.kind_name = kind_name
-        self.tests = list(tests)
-        self.out: Path = CACHE / "runs" / name
+        self.group = group
+        self.out: Path = CACHE / "runs" / group.name
         shutil.rmtree(self.out, ignore_errors=True)
         self.out.mkdir(parents=True)
-        kind = KINDS[kind_name]
-        make = emulated.command if kind.emulated else user_mode.command
-        command = make(kind_name, kind, self.out, tests)
+        make = emulated.command if group.kind.emulated else user_mode.command
+        command = make(group.kind_name, group.kind, self.out, group.tests)
         self._read = 0
-        self._deadline_s = time.monotonic() + kind.patience_s
+        self._overdue = ""
+        self._started_s = time.monotonic()
         with (self.out / "console.log").open("wb") as console:
             self._process = subprocess.Popen(
                 command,
@@ -61,9 +73,32 @@ class Guest:
         """Return whether it is over; a kernel that takes too long is ended."""
         if self._process.poll() is not None:
             return True
-        if time.monotonic() > self._deadline_s:
+        age_s, kind = time.monotonic() - self._started_s, self.group.kind
+        if age_s > kind.patience_s:
+            self._overdue = f"its tests were not over after {kind.patience_s:g} s"
+        elif age_s > kind.boot_s and not self.kernel:
+            self._overdue = f"it had not come as far as its tests after {kind.boot_s:g} s"
+        if self._overdue:
             self.end()
         return self._process.poll() is not None
+
+    @property
+    def kernel(self) -> str:
+        """The name and version of the kernel, empty before it has come as far as its tests."""
+        began = self._text(BEGAN).strip()
+        return f"{self.engine} {began}" if began else ""
+
+    @property
+    def engine(self) -> str:
+        """The name of what the kernel runs on."""
+        return "QEMU" if self.group.kind.emulated else "user-mode Linux"
+
+    def why_it_never_began(self) -> str:
+        """Return in one line why it ended before its first test, empty where it came further."""
+        console = self._text("console.log")
+        if self._read or (self.kernel and not boot.panicked(console)):
+            return ""
+        return self._overdue or boot.why_it_ended(console)
 
     def end(self) -> None:
         """End it now, with everything that it started."""
@@ -73,24 +108,39 @@ class Guest:
 
     def last_words(self) -> str:
         """Return the end of what its tests and its console said."""
-        said = []
+        said = [self._overdue]
         for name in ("pytest.log", "console.log"):
-            path = self.out / name
-            if path.exists():
-                lines = path.read_text(encoding="utf-8", errors="replace").splitlines()[-_LAST_LINES:]
-                said += [f"--- end of {path}", *lines]
+            lines = self._text(name).splitlines()[-_LAST_LINES:]
+            said += [f"--- end of {self.out / name}", *lines]
         return "\n".join(said)
 
+    def _text(self, name: str) -> str:
+        path = self.out / name
+        return path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
 
-def run(
-    groups: Sequence[tuple[str, str, Sequence[str]]], at_once: int
-) -> Iterator[tuple[Guest, dict[str, Any] | None]]:
-    """Run (kind, name, tests) groups; yield each report with its kernel, and None once a kernel is over."""
+
+def why_user_mode_cannot_run(kind: Kind) -> str:
+    """Return in one line why user-mode Linux does not come as far as a test on this machine, empty where it does."""
+    for _ in range(2):
+        guest = Guest(Group("vcan", kind, "probe", ()))
+        try:
+            while not guest.has_ended():
+                time.sleep(_POLL_S)
+        finally:
+            guest.end()
+        why = guest.why_it_never_began()
+        if not why:
+            break
+    return why
+
+
+def run(groups: Sequence[Group], at_once: int) -> Iterator[tuple[Guest, dict[str, Any] | None]]:
+    """Run the groups; yield each report with its kernel, and None once a kernel is over."""
     waiting, running = list(groups), list[Guest]()
     try:
         while waiting or running:
             while waiting and len(running) < at_once:
-                running.append(Guest(*waiting.pop(0)))
+                running.append(Guest(waiting.pop(0)))
             for guest in list(running):
                 over = guest.has_ended()
                 for report in guest.reports():

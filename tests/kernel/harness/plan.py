@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parents[3]
@@ -11,19 +11,14 @@ CACHE = PROJECT / "build" / "kernel"
 INSIDE = "POSITIONER_KERNEL"
 """Set inside a kernel of ours, to the name of its kind."""
 RESULTS = "POSITIONER_KERNEL_RESULTS"
+PATIENCE = "POSITIONER_KERNEL_PATIENCE"
+"""Set inside a kernel of ours, to how many times longer than usual anything may take."""
+BEGAN = "began"
+"""A kernel that comes as far as its tests writes its version into the file of this name."""
 WHEELS = CACHE / "wheels"
 
-VCAN_MODULES = (
-    "net/can/can",
-    "net/can/can-raw",
-    "net/can/can-bcm",
-    "net/can/can-gw",
-    "drivers/net/can/dev/can-dev",
-    "drivers/net/can/vcan",
-    "drivers/net/can/slcan/slcan",
-    "net/sched/sch_netem",
-    "net/sched/sch_tbf",
-)
+CAN_MODULES = ("can", "can-raw", "can-bcm", "can-gw", "can-dev", "vcan", "slcan", "sch_netem", "sch_tbf")
+"""In the order of their needs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,23 +28,36 @@ class Kind:
     emulated: QEMU with its CAN controllers instead of user-mode Linux.
     booted: systemd is process 1, instead of a script.
     vcan_echo: vcan loops frames back through the queueing discipline, which netem and tbf need.
+    boot_s: how long the way to the first test may take, on a busy machine.
     patience_s: how long all tests of a file may take together, on a busy machine.
+    patience: how many times longer than usual anything may take inside.
     """
 
     emulated: bool = False
     booted: bool = False
     vcan_echo: bool = False
+    boot_s: float = 300.0
     patience_s: float = 900.0
+    patience: float = 1.0
+
+    def in_qemu(self) -> Kind:
+        """Return this kind on an emulated processor, which is slow."""
+        return self if self.emulated else replace(self, emulated=True, boot_s=900.0, patience_s=3600.0, patience=10.0)
 
 
 KINDS = {
     "vcan": Kind(),
     "faults": Kind(vcan_echo=True),
     "systemd": Kind(booted=True),
-    "controller": Kind(emulated=True, patience_s=1200.0),
+    "controller": Kind(emulated=True, boot_s=900.0, patience_s=1800.0),
 }
 
 
 def kind_inside() -> str | None:
     """Return the kind of kernel that this process runs in, None on the host."""
     return os.environ.get(INSIDE)
+
+
+def patience() -> float:
+    """Return how many times longer than usual anything may take here."""
+    return float(os.environ.get(PATIENCE, "1"))

@@ -67,7 +67,8 @@ class Announcer:
             logger.error("%s", complaint)
 
     def _announce(self, event: ModeChanged) -> None:
-        serious = event.after in {Mode.HOLD, Mode.FAILSAFE} and event.cause is not Cause.NONE
+        troubled = {Mode.HOLD, Mode.FAILSAFE, Mode.MANUAL}
+        serious = event.after in troubled and event.cause not in {Cause.NONE, Cause.MANUAL}
         self.throttle.log(logging.WARNING if serious else logging.INFO, f"mode {event.after.name}", str(event))
         cause = event.cause.name.lower().replace("_", " ")
         status = f"{event.after.name}: {cause}" if event.cause is not Cause.NONE else event.after.name

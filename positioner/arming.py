@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from positioner.manual import AUTOMATIC, is_fresh
 from positioner.wire.messages import HostRequest, Mode
 
 if TYPE_CHECKING:
@@ -28,6 +29,8 @@ def arm(settings: GuardSettings, state: GuardState, seen: Sighting, hold_ns: flo
             mode=Mode.READY,  # pragma: no mutate - anything but FAILSAFE: the table decides
         )
     fresh = state.feedback_ns is not None and now_ns - state.feedback_ns <= hold_ns
+    by_hand = is_fresh(settings, state.manual, now_ns)
+    fresh = fresh or (by_hand and state.feedback_ns is not None)  # a valve whose sensor has died can be moved by hand
     request, asked = _follow(state.request, seen.requests, fresh=fresh)
     if request is not state.request:
         state = replace(state, request=request)
@@ -44,6 +47,7 @@ def arm(settings: GuardSettings, state: GuardState, seen: Sighting, hold_ns: flo
         mode=Mode.HOLD,  # pragma: no mutate - anything but FAILSAFE: the table decides
         setpoint_ns=now_ns,
         law_failures=0,
+        manual=state.manual if by_hand else AUTOMATIC,
     )
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from positioner.events import Event, LawFellBack, Learned, MoveBegan
+from positioner.handover import start_m
 from positioner.laws.law import Decision, Observation
 from positioner.stick_slip import lessons
 
@@ -23,9 +24,12 @@ def control(
     try:
         if state.memory is None:
             # control begins: hold what is there until the host asks for something else
-            here = min(max(reading.position_m, setup.valve.travel_min_m), setup.valve.travel_max_m)
+            here = min(
+                max(start_m(state.handover, reading.position_m), setup.valve.travel_min_m), setup.valve.travel_max_m
+            )
             state = replace(state, memory=setup.law.begin(reading.position_m), stem=None, setpoint_m=here)
-        setpoint_m = state.link.setpoint_m if state.link.setpoint_m is not None else state.setpoint_m
+        asked_m = state.link.setpoint_m if state.handover is None else None
+        setpoint_m = asked_m if asked_m is not None else state.setpoint_m
         elapsed_s = reading.periods * setup.period_s
         observation = Observation(
             reading.position_m,

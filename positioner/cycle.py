@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from positioner import guard
 from positioner.closed_loop import control
 from positioner.events import Controlled, Event, LawLate, ModeChanged
+from positioner.handover import ease, follow
 from positioner.inbox import Reading, receive
 from positioner.outbox import command, status
 
@@ -42,21 +43,27 @@ def step(
         seen = replace(seen, late=True)
         events.append(LawLate(state.late_ns, setup.period_s))
     watch = guard.supervise(setup.guard, before, seen, setup.period_s, now_ns)
-    state = replace(state, link=received.link, guard=watch, late_ns=0, tally=state.tally.add(events))
+    reading = received.reading
+    measured_m = reading.position_m if reading else None
+    handover = follow(state.handover, watch.mode, measured_m, received.link.setpoint_m, state.last_ma)
+    state = replace(state, link=received.link, guard=watch, late_ns=0, tally=state.tally.add(events), handover=handover)
 
     decision: Decision | None = None
     if not watch.controls:
         state = replace(state, memory=None, stem=None) if state.memory is not None else state
-    elif received.reading is not None:
-        state, decision = control(setup, state, received.reading, events)
+    elif reading is not None:
+        state, decision = control(setup, state, reading, events)
+        if handover is not None and decision is not None and state.last_ma is not None:
+            handover, decision = ease(handover, decision, state.last_ma, now_ns)
+            state = replace(state, handover=handover)
 
     outbox: list[CanFrame] = []
     stale = guard.is_feedback_stale(setup.guard, watch, setup.period_s, now_ns)
-    if received.reading is not None or (stale and now_ns - state.command_ns >= _IDLE_COMMAND_PERIOD_NS):
-        state, frames = command(setup, state, decision, received.reading, now_ns)
+    if reading is not None or (stale and now_ns - state.command_ns >= _IDLE_COMMAND_PERIOD_NS):
+        state, frames = command(setup, state, decision, reading, now_ns)
         outbox += frames
-        if decision is not None and received.reading is not None:
-            events.append(_controlled(state, decision, received.reading))
+        if decision is not None and reading is not None:
+            events.append(_controlled(state, decision, reading))
         state, frames = status(setup, state, now_ns)
         outbox += frames
     if state.guard.mode is not before.mode or state.guard.cause is not before.cause:

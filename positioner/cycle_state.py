@@ -13,6 +13,7 @@ from positioner.tally import Tally
 if TYPE_CHECKING:
     from positioner.estimate import StemState
     from positioner.guard_settings import GuardSettings
+    from positioner.handover import Handover
     from positioner.laws.law import Law
     from positioner.model import ValveParameters
     from positioner.wire.codec import Codec
@@ -59,6 +60,7 @@ class CycleState:
     tally: Tally = field(default_factory=Tally)
     fallback_count: int = 0
     learned_count: int = 0
+    handover: Handover | None = None
 
     @property
     def last_ma(self) -> float | None:

@@ -21,7 +21,7 @@ from positioner.record import BusRecorder
 from positioner.store.client import TableKeeper
 from positioner.store.messages import Notice, Replaced, Saved, SavingFailed, SavingWorks
 from positioner.trace import TraceWriter
-from positioner.wire.messages import ActuatorState, CurrentCommand, Setpoint, StemPosition
+from positioner.wire.messages import ActuatorState, CurrentCommand, ManualCurrent, Setpoint, StemPosition
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from positioner.config import Configuration
     from positioner.store.client import KeeperEvent
 
-_WATCHED = (StemPosition, ActuatorState, Setpoint)
+_WATCHED = (StemPosition, ActuatorState, Setpoint, ManualCurrent)
 _IDLE_WAIT_S = 0.1
 _SHORTEST_WAIT_S = 0.001
 _CLOSE_TIMEOUT_S = 5.0

@@ -1,6 +1,7 @@
 """The guard: modes, stale data, and the last word on the current. Pure.
 
     INIT -> READY -> ACTIVE <-> HOLD -> FAILSAFE (latched until it is armed again)
+                     ACTIVE, HOLD <-> MANUAL
 
 The guard knows nothing of the law but its number: whatever it is, what leaves is inside the loop's limits.
 """
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from positioner.arming import arm
 from positioner.guard_state import GuardState, Sighting
+from positioner.manual import hear
 from positioner.wire.messages import Cause, Mode
 
 if TYPE_CHECKING:
@@ -28,6 +30,7 @@ def supervise(settings: GuardSettings, state: GuardState, seen: Sighting, period
     foreign_ns = now_ns if seen.foreign_command else state.foreign_ns
     if foreign_ns is not None and now_ns - foreign_ns > _FOREIGN_MEMORY_NS:
         foreign_ns = None
+    manual = hear(state.manual, seen.manual, now_ns)
     state = GuardState(
         state.mode,
         state.cause,
@@ -35,11 +38,12 @@ def supervise(settings: GuardSettings, state: GuardState, seen: Sighting, period
         state.ever_armed,
         state.request,
         now_ns if seen.feedback else state.feedback_ns,
-        now_ns if seen.setpoint else state.setpoint_ns,
+        now_ns if seen.setpoint or manual.heard_ns == now_ns else state.setpoint_ns,
         foreign_ns,
         state.law_failures,
         Cause.FEEDBACK_STALE if seen.feedback else seen.refused or state.no_feedback,
         state.late_cycles + 1 if seen.late else 0,
+        manual,
     )
     state = arm(settings, state, seen, settings.feedback_hold_periods * period_s * _NS, now_ns)
     mode, cause = _mode(settings, state, period_s, now_ns)
@@ -51,7 +55,9 @@ def _mode(settings: GuardSettings, state: GuardState, period_s: float, now_ns: i
     if state.feedback_ns is None:
         return Mode.INIT, Cause.WAITING_FOR_FEEDBACK
     silent_periods = (now_ns - state.feedback_ns) / (period_s * _NS)
-    silent_s = math.inf if state.setpoint_ns is None else (now_ns - state.setpoint_ns) / _NS
+    by_hand = state.manual.current_ma is not None
+    ordered_ns = state.manual.heard_ns if by_hand else state.setpoint_ns
+    silent_s = math.inf if ordered_ns is None else (now_ns - ordered_ns) / _NS
     foreign = state.foreign_ns is not None
     dead = silent_periods > settings.feedback_failsafe_periods
     rules = (
@@ -60,6 +66,11 @@ def _mode(settings: GuardSettings, state: GuardState, period_s: float, now_ns: i
         (not state.armed and foreign, Mode.READY, Cause.FOREIGN_COMMAND),
         (not state.armed and state.ever_armed, Mode.READY, Cause.DISARMED),
         (not state.armed, Mode.READY, Cause.WAITING_FOR_ARM),
+        (by_hand and 0.0 < settings.setpoint_failsafe_s < silent_s, Mode.FAILSAFE, Cause.SETPOINT_STALE),
+        (by_hand and 0.0 < settings.setpoint_hold_s < silent_s, Mode.MANUAL, Cause.SETPOINT_STALE),
+        (by_hand and dead, Mode.MANUAL, state.no_feedback),
+        (by_hand and foreign, Mode.MANUAL, Cause.FOREIGN_COMMAND),
+        (by_hand, Mode.MANUAL, Cause.MANUAL),
         (dead, Mode.FAILSAFE, state.no_feedback),
         (state.law_failures >= settings.law_failsafe_cycles, Mode.FAILSAFE, Cause.LAW_FAILED),
         (0.0 < settings.setpoint_failsafe_s < silent_s, Mode.FAILSAFE, Cause.SETPOINT_STALE),

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from positioner.wire.messages import Cause, Health, HostRequest, Mode
+from positioner.manual import AUTOMATIC, Manual
+from positioner.wire.messages import Cause, Health, HostRequest, ManualCurrent, Mode
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,6 +14,7 @@ class Sighting:
 
     requests: in their order, a repeated one once; refused: why a reading could not be true; late: the cycle before took
         longer than a period.
+    manual: what the host last said of manual mode.
     """
 
     feedback: bool = False
@@ -21,6 +23,7 @@ class Sighting:
     foreign_command: bool = False
     refused: Cause | None = None
     late: bool = False
+    manual: ManualCurrent | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,22 +41,28 @@ class GuardState:
     law_failures: int = 0
     no_feedback: Cause = Cause.FEEDBACK_STALE  # what it is called when feedback is missing
     late_cycles: int = 0
+    manual: Manual = AUTOMATIC
 
     @property
     def transmits(self) -> bool:
         """Whether commands may leave."""
-        return self.mode in {Mode.ACTIVE, Mode.HOLD, Mode.FAILSAFE}
+        return self.mode in {Mode.ACTIVE, Mode.HOLD, Mode.FAILSAFE, Mode.MANUAL}
 
     @property
     def controls(self) -> bool:
         """Whether the law's answer counts."""
         return self.mode in {Mode.ACTIVE, Mode.HOLD}
 
+    @property
+    def manual_ma(self) -> float | None:
+        """The current that a person gives in mA, None but in manual mode."""
+        return self.manual.current_ma if self.mode is Mode.MANUAL else None
+
     def health(self, *, table_saved: bool) -> Health:
         """Return the NAMUR NE 107 status signal."""
         if self.mode is Mode.FAILSAFE or self.foreign_ns is not None:
             return Health.FAILURE
-        if self.mode in {Mode.INIT, Mode.READY}:
+        if self.mode in {Mode.INIT, Mode.READY, Mode.MANUAL}:
             return Health.FUNCTION_CHECK
         if self.mode is Mode.HOLD or self.cause is Cause.LAW_LATE:
             return Health.OUT_OF_SPECIFICATION

@@ -16,6 +16,7 @@ from positioner.wire.messages import (
     Counted,
     CurrentCommand,
     HostRequest,
+    ManualCurrent,
     Message,
     Setpoint,
     StemPosition,
@@ -65,7 +66,7 @@ class Received:
 
 _IGNORED = frozenset({Reason.UNKNOWN_ID})
 """Other nodes' traffic is nobody's mistake."""
-_COUNTED = (StemPosition, Setpoint, ActuatorState)
+_COUNTED = (StemPosition, Setpoint, ActuatorState, ManualCurrent)
 
 
 def receive(
@@ -114,6 +115,7 @@ class _Batch:
         self.reading: Reading | None = None
         self.setpoint = False
         self.requests: list[HostRequest] = []
+        self.manual: ManualCurrent | None = None
         self.foreign = False
         self.refused: Cause | None = None
         self.events: list[Event] = []
@@ -130,7 +132,9 @@ class _Batch:
             self.rejected_count,
             self._periods - (self.reading.periods if self.reading else 0),
         )
-        seen = Sighting(self.reading is not None, self.setpoint, tuple(self.requests), self.foreign, self.refused)
+        reading = self.reading is not None
+        requests = tuple(self.requests)
+        seen = Sighting(reading, self.setpoint, requests, self.foreign, self.refused, manual=self.manual)
         return Received(link, self.reading, seen, tuple(self.events))
 
     def in_sequence(self, message: Message, counter: int | None, modulus: int) -> int:
@@ -158,6 +162,8 @@ class _Batch:
                 self._take_position(message, counter, lost)
             case Setpoint():
                 self._take_setpoint(message, counter)
+            case ManualCurrent():
+                self.manual = message
             case ActuatorState():
                 self.pressure_pa = message.pressure_pa
             case CurrentCommand():

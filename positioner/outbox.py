@@ -25,7 +25,8 @@ def command(
     here_m = reading.position_m if reading else state.setpoint_m
     last_ma = state.last_ma if state.last_ma is not None else setup.valve.balance_current_ma(here_m)
     elapsed_s = (now_ns - state.command_ns) / _NS if state.sent else setup.period_s
-    current_ma = guard.admit(setup.guard, state.guard, decision.current_ma if decision else None, last_ma, elapsed_s)
+    wanted_ma = decision.current_ma if decision else state.guard.manual_ma
+    current_ma = guard.admit(setup.guard, state.guard, wanted_ma, last_ma, elapsed_s)
     if current_ma is None:
         return replace(state, sent=()), []
     message = CurrentCommand(

@@ -32,6 +32,8 @@ from positioner.wire.messages import (
     CurrentCommand,
     Health,
     HostRequest,
+    ManualCurrent,
+    ManualRequest,
     Mode,
     PositionerCount,
     PositionerStatus,
@@ -361,6 +363,115 @@ def test_a_foreign_command_while_armed_is_told_and_does_not_stop_control() -> No
     assert told(watch(state, EVERYTHING, 2 * SECOND + MS + 1)) == (Mode.ACTIVE, Cause.NONE)
 
 
+# manual mode
+
+
+def by_hand(current_ma: float = 9.5, *, feedback: bool = True, setpoint: bool = True) -> Sighting:
+    return Sighting(feedback=feedback, setpoint=setpoint, manual=ManualCurrent(current_ma))
+
+
+AUTO = Sighting(feedback=True, setpoint=True, manual=ManualCurrent(9.5, ManualRequest.AUTO))
+
+
+def test_manual_mode_begins_and_ends_with_a_frame_and_only_while_armed() -> None:
+    assert told(watch(ready_at(SECOND), by_hand(), SECOND)) == (Mode.READY, Cause.WAITING_FOR_ARM)
+    state = watch(active_at(SECOND), by_hand(), SECOND)
+    assert told(state) == (Mode.MANUAL, Cause.MANUAL)
+    assert (state.manual_ma, state.transmits, state.controls) == (9.5, True, False)
+    assert admit(SETTINGS, state, state.manual_ma, 9.0, PERIOD_S) == 9.5
+    state = watch(state, by_hand(11.0), SECOND + MS)
+    assert state.manual_ma == 11.0
+    state = watch(state, EVERYTHING, SECOND + 2 * MS)
+    assert (state.mode, state.manual_ma) == (Mode.MANUAL, 11.0)
+    state = watch(state, AUTO, SECOND + 3 * MS)
+    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+    assert state.manual_ma is None
+
+
+def test_disarming_ends_manual_mode() -> None:
+    state = watch(watch(active_at(SECOND), by_hand(), SECOND), DISARM, SECOND + MS)
+    assert told(state) == (Mode.READY, Cause.DISARMED)
+    assert (state.manual_ma, state.transmits) == (None, False)
+
+
+@pytest.mark.parametrize(
+    ("age_ns", "expected"),
+    [
+        (500 * MS, (Mode.MANUAL, Cause.MANUAL)),
+        (500 * MS + 1, (Mode.MANUAL, Cause.SETPOINT_STALE)),
+        (10 * SECOND, (Mode.MANUAL, Cause.SETPOINT_STALE)),
+        (10 * SECOND + 1, (Mode.FAILSAFE, Cause.SETPOINT_STALE)),
+    ],
+)
+def test_in_manual_mode_only_the_manual_frame_is_the_hosts_sign_of_life(
+    age_ns: int, expected: tuple[Mode, Cause]
+) -> None:
+    state = watch(active_at(SECOND), by_hand(), SECOND)
+    state = watch(state, EVERYTHING, SECOND + age_ns)
+    assert told(state) == expected
+    if state.mode is Mode.MANUAL:
+        assert state.manual_ma == 9.5
+
+
+def test_zero_means_that_a_manual_current_never_ages() -> None:
+    tuning = replace(SETTINGS, setpoint_hold_s=0.0, setpoint_failsafe_s=0.0)
+    state = watch(active_at(SECOND, tuning), by_hand(), SECOND, tuning)
+    state = watch(state, EVERYTHING, 10**6 * SECOND, tuning)
+    assert told(state) == (Mode.MANUAL, Cause.MANUAL)
+
+
+def test_lost_feedback_is_told_and_does_not_end_manual_mode() -> None:
+    state = watch(active_at(SECOND), by_hand(), SECOND)
+    state = watch(state, by_hand(feedback=False), SECOND + 10 * MS)
+    assert told(state) == (Mode.MANUAL, Cause.MANUAL)
+    state = watch(state, by_hand(8.0, feedback=False), SECOND + 10 * MS + 1)
+    assert told(state) == (Mode.MANUAL, Cause.FEEDBACK_STALE)
+    assert state.manual_ma == 8.0
+    assert told(watch(state, Sighting(manual=AUTO.manual), 2 * SECOND)) == (Mode.FAILSAFE, Cause.FEEDBACK_STALE)
+    assert told(watch(state, by_hand(), 2 * SECOND)) == (Mode.MANUAL, Cause.MANUAL)
+
+
+def test_a_valve_whose_sensor_died_is_armed_again_while_the_host_asks_for_manual_mode() -> None:
+    dead = watch(active_at(SECOND), NOTHING, 2 * SECOND)
+    assert told(dead) == (Mode.FAILSAFE, Cause.FEEDBACK_STALE)
+    arm = Sighting(setpoint=True, requests=(HostRequest.ARM,))
+    none = Sighting(setpoint=True, requests=(HostRequest.NONE,))
+    dead = watch(dead, none, 2 * SECOND + MS)
+    assert watch(dead, arm, 2 * SECOND + 2 * MS).mode is Mode.FAILSAFE
+    asked = watch(dead, by_hand(feedback=False), 2 * SECOND + 2 * MS)
+    assert asked.mode is Mode.FAILSAFE
+    state = watch(asked, arm, 2 * SECOND + 502 * MS)
+    assert told(state) == (Mode.MANUAL, Cause.FEEDBACK_STALE)
+    assert watch(asked, arm, 2 * SECOND + 502 * MS + 1).mode is Mode.FAILSAFE
+    never = watch(GuardState(request=HostRequest.NONE), by_hand(feedback=False), SECOND)
+    assert not watch(never, replace(arm, manual=ManualCurrent(9.5)), SECOND).armed
+
+
+def test_who_arms_long_after_the_last_manual_frame_begins_in_automatic_mode() -> None:
+    state = watch(watch(active_at(SECOND), by_hand(), SECOND), EVERYTHING, 20 * SECOND)
+    assert told(state) == (Mode.FAILSAFE, Cause.SETPOINT_STALE)
+    state = watch(watch(state, RELEASED, 20 * SECOND), ARM, 20 * SECOND)
+    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+
+
+def test_back_in_automatic_mode_the_host_has_its_time_to_send_a_setpoint() -> None:
+    state = watch(active_at(SECOND), by_hand(), SECOND)
+    for second in range(2, 20):
+        state = watch(state, by_hand(setpoint=False), second * SECOND)
+    auto = Sighting(feedback=True, manual=ManualCurrent(0.0, ManualRequest.AUTO))
+    state = watch(state, auto, 19 * SECOND + 400 * MS)
+    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+    state = watch(state, auto, 19 * SECOND + 500 * MS + 1)
+    assert told(state) == (Mode.HOLD, Cause.SETPOINT_STALE)
+
+
+def test_another_controller_in_manual_mode_is_a_failure_that_is_told() -> None:
+    state = watch(active_at(SECOND), by_hand(), SECOND)
+    state = watch(state, replace(by_hand(), foreign_command=True), SECOND + MS)
+    assert told(state) == (Mode.MANUAL, Cause.FOREIGN_COMMAND)
+    assert state.health(table_saved=True) is Health.FAILURE
+
+
 # health
 
 
@@ -373,6 +484,7 @@ def test_a_foreign_command_while_armed_is_told_and_does_not_stop_control() -> No
         (Mode.ACTIVE, False, Health.MAINTENANCE_REQUIRED),
         (Mode.HOLD, False, Health.OUT_OF_SPECIFICATION),
         (Mode.FAILSAFE, True, Health.FAILURE),
+        (Mode.MANUAL, False, Health.FUNCTION_CHECK),
     ],
 )
 def test_health_is_the_ne_107_signal_of_the_mode(mode: Mode, saved: bool, expected: Health) -> None:
@@ -570,7 +682,7 @@ class AnythingOnTheBus(RuleBasedStateMachine):
         self.setup = Setup(CODEC, VALVE, LIMITS, self.law, PERIOD_S)
         self.state = CycleState()
         self.now_ns = SECOND
-        self.counters = {StemPosition: 0, Setpoint: 0, CurrentCommand: 0}
+        self.counters = {StemPosition: 0, Setpoint: 0, CurrentCommand: 0, ManualCurrent: 0}
         self.was_armed = False
         self.feedback_ns: int | None = None
         self.usable_ns: int | None = None
@@ -594,7 +706,7 @@ class AnythingOnTheBus(RuleBasedStateMachine):
             assert LIMITS.current_low_ma - 5e-4 <= command.current_ma <= LIMITS.current_high_ma + 5e-4
             assert command.mode is guard.mode
 
-    def next_counter(self, kind: type[StemPosition | Setpoint | CurrentCommand], step: int = 1) -> int:
+    def next_counter(self, kind: type[StemPosition | Setpoint | CurrentCommand | ManualCurrent], step: int = 1) -> int:
         self.counters[kind] += step
         return self.counters[kind]
 
@@ -625,7 +737,7 @@ class AnythingOnTheBus(RuleBasedStateMachine):
 
     @rule(
         data=st.binary(max_size=8),
-        identifier=st.sampled_from([0x100, 0x110, 0x120, 0x111, 0x7FF]),
+        identifier=st.sampled_from([0x100, 0x110, 0x120, 0x121, 0x111, 0x7FF]),
         kind=st.integers(0, 3),
     )
     def garbage(self, data: bytes, identifier: int, kind: int) -> None:
@@ -634,6 +746,12 @@ class AnythingOnTheBus(RuleBasedStateMachine):
     @rule(current_ma=st.floats(0.0, 25.0))
     def foreign_command(self, current_ma: float) -> None:
         self.turn(CODEC.encode(CurrentCommand(current_ma), self.next_counter(CurrentCommand)))
+
+    @rule(current_ma=st.floats(0.0, 25.0), request=st.sampled_from(ManualRequest))
+    def by_hand(self, current_ma: float, request: ManualRequest) -> None:
+        learned, samples = self.state.learned_count, self.state.table.sequence
+        self.turn(CODEC.encode(ManualCurrent(current_ma, request), self.next_counter(ManualCurrent)))
+        assert (self.state.learned_count, self.state.table.sequence) == (learned, samples)
 
     @rule(repeat=st.integers(1, 30), elapsed_ns=st.integers(MS // 10, 5 * MS))
     def silence(self, repeat: int, elapsed_ns: int) -> None:
@@ -715,6 +833,10 @@ class AnythingOnTheBus(RuleBasedStateMachine):
         age_ns = self.now_ns - guard.feedback_ns
         assert self.feedback_ns is not None
         assert guard.feedback_ns <= self.feedback_ns
+        if guard.mode is Mode.MANUAL:
+            assert guard.manual.heard_ns is not None
+            assert self.now_ns - guard.manual.heard_ns <= 0.2 * SECOND
+            return
         if age_ns > 10 * MS:
             assert guard.mode is Mode.FAILSAFE
         elif age_ns > 3 * MS:

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from positioner.guard import _mode, supervise
 from positioner.guard_settings import GuardSettings
 from positioner.guard_state import GuardState, Sighting
-from positioner.wire.messages import Cause, HostRequest, Mode
+from positioner.manual import AUTOMATIC, Manual
+from positioner.wire.messages import Cause, HostRequest, ManualCurrent, ManualRequest, Mode
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,6 +24,7 @@ MS = 1_000_000
 PERIOD_S = 0.001
 NOW_NS = 10**12
 LIMITS = GuardSettings(setpoint_hold_s=0.005, setpoint_failsafe_s=0.02, law_failsafe_cycles=2)
+AUTO, MANUAL = ManualCurrent(9.5, ManualRequest.AUTO), ManualCurrent(9.5)
 NO_FEEDBACK = (Cause.FEEDBACK_STALE, Cause.FEEDBACK_IMPLAUSIBLE, Cause.FEEDBACK_FROZEN)
 
 
@@ -46,6 +48,14 @@ def setpoint_age_s(state: GuardState) -> float:
     return (NOW_NS - (state.setpoint_ns or 0)) / 1e9
 
 
+def is_by_hand(state: GuardState) -> bool:
+    return state.manual.current_ma is not None
+
+
+def manual_age_s(state: GuardState) -> float:
+    return (NOW_NS - state.manual.heard_ns) / 1e9 if state.manual.heard_ns is not None else 0.0
+
+
 MEANING: dict[str, Callable[[GuardState], bool]] = {
     "no valid feedback yet": lambda it: it.feedback_ns is None,
     "already failed safe, not armed again": lambda it: it.mode is Mode.FAILSAFE,
@@ -53,6 +63,11 @@ MEANING: dict[str, Callable[[GuardState], bool]] = {
     "not armed, another controller seen within 1 s": lambda it: not it.armed and it.foreign_ns is not None,
     "not armed, was armed before": lambda it: not it.armed and it.ever_armed,
     "not armed": lambda it: not it.armed,
+    "by hand, MANUAL_CURRENT older than `setpoint_failsafe_s` (10 s)": lambda it: manual_age_s(it) > 0.02,
+    "by hand, MANUAL_CURRENT older than `setpoint_hold_s` (0.5 s)": lambda it: manual_age_s(it) > 0.005,
+    "by hand, feedback older than `feedback_failsafe_periods`": lambda it: is_by_hand(it) and feedback_age_ms(it) > 10,
+    "by hand, another controller seen within 1 s": lambda it: is_by_hand(it) and it.foreign_ns is not None,
+    "by hand": is_by_hand,
     "feedback older than `feedback_failsafe_periods` (10)": lambda it: feedback_age_ms(it) > 10,
     "`law_failsafe_cycles` (10) cycles in a row without an answer of the law": lambda it: it.law_failures >= 2,
     "setpoint older than `setpoint_failsafe_s` (10 s)": lambda it: setpoint_age_s(it) > 0.02,
@@ -77,8 +92,9 @@ AGES = st.one_of(st.none(), st.sampled_from([0, 3, 4, 5, 6, 10, 11, 20, 21]))
     failures=st.integers(0, 3),
     no_feedback=st.sampled_from(NO_FEEDBACK),
     late=st.integers(0, 3),
+    manual_ms=AGES,
 )
-@example(Mode.ACTIVE, Cause.NONE, True, True, 0, 0, False, 0, Cause.FEEDBACK_STALE, 0)
+@example(Mode.ACTIVE, Cause.NONE, True, True, 0, 0, False, 0, Cause.FEEDBACK_STALE, 0, None)
 @settings(max_examples=600, deadline=None)
 def test_the_first_row_that_holds_gives_mode_and_cause(
     mode: Mode,
@@ -91,6 +107,7 @@ def test_the_first_row_that_holds_gives_mode_and_cause(
     failures: int,
     no_feedback: Cause,
     late: int,
+    manual_ms: int | None,
 ) -> None:
     state = GuardState(
         mode,
@@ -103,6 +120,7 @@ def test_the_first_row_that_holds_gives_mode_and_cause(
         law_failures=failures,
         no_feedback=no_feedback,
         late_cycles=late,
+        manual=AUTOMATIC if manual_ms is None else Manual(9.5, NOW_NS - manual_ms * MS),
     )
     _, its_mode, its_cause = next(row for row in CONDITIONS if MEANING[row[0]](state))
     if its_cause == "feedback stale, implausible or frozen":
@@ -131,6 +149,7 @@ def wander(steps: int) -> dict[tuple[Mode, Mode], set[Cause]]:
             foreign_command=chance.random() < 0.1,
             refused=None if good else chance.choice((None, Cause.FEEDBACK_IMPLAUSIBLE, Cause.FEEDBACK_FROZEN)),
             late=chance.random() < 0.4,
+            manual=chance.choice((None, None, None, AUTO, MANUAL)),
         )
         failed = before.controls and chance.random() < 0.4
         before = replace(before, law_failures=before.law_failures + 1) if failed else before

@@ -24,6 +24,8 @@ from positioner.wire.messages import (
     CurrentCommand,
     Health,
     HostRequest,
+    ManualCurrent,
+    ManualRequest,
     Mode,
     Motion,
     PlantTruth,
@@ -64,6 +66,10 @@ GOLDEN: list[Golden] = [
     (
         Setpoint(0.1, HostRequest.DISARM),
         *(171, 0x120, 0x1F20, [(24, 28, 10000000), (52, 4, 2)], "15 7f ab 80 96 98 20 00"),
+    ),
+    (
+        ManualCurrent(9.5),
+        *(255, 0x121, 0x1F21, [(24, 16, 9500), (40, 4, 1)], "30 ca ff 1c 25 01 00 00"),
     ),
     (
         CurrentCommand(12.345, 17, 34, Mode.HOLD, Motion.SETTLE),
@@ -140,6 +146,7 @@ ANY_MESSAGE = st.one_of(
     st.builds(StemPosition, POSITION, BYTE, st.sampled_from(Quality)),
     st.builds(ActuatorState, st.floats(0.0, 16e6)),
     st.builds(Setpoint, POSITION, st.sampled_from(HostRequest)),
+    st.builds(ManualCurrent, st.floats(0.0, 25.0), st.sampled_from(ManualRequest)),
     st.builds(CurrentCommand, st.floats(0.0, 25.0), BYTE, BYTE, st.sampled_from(Mode), st.sampled_from(Motion)),
     st.builds(
         PositionerStatus,
@@ -185,6 +192,7 @@ def test_a_running_counter_wraps_at_256_and_no_echo_is_sent_as_0() -> None:
         *(StemPosition(0.0, echo) for echo in (-1, 256)),
         *(Setpoint(value) for value in (math.nan, math.inf, -math.inf, 1.342 + 1e-8, -1.342 - 1e-8)),
         *(ActuatorState(value) for value in (math.nan, math.inf, -1.0, 16e6 + 1.0)),
+        *(ManualCurrent(value) for value in (math.nan, math.inf, -0.001, 25.001)),
         *(CurrentCommand(value) for value in (math.nan, math.inf, -math.inf, -0.001, 25.001, 1e300)),
         *(PlantTruth(value, 0.0) for value in (math.nan, math.inf, -0.01001, 0.66101)),
         *(PlantTruth(0.0, value) for value in (math.nan, math.inf, -8.192, 8.192)),
@@ -215,9 +223,11 @@ def test_a_rounding_error_beyond_the_range_is_sent_as_the_limit_and_a_third_of_a
         (0x170, 0x1F70, (50, 14, -8192), Reason.OUT_OF_RANGE),
         (0x110, 0x1F10, (60, 4, 4), Reason.UNDEFINED_VALUE),
         (0x120, 0x1F20, (52, 4, 3), Reason.UNDEFINED_VALUE),
-        (0x100, 0x1F00, (56, 4, 5), Reason.UNDEFINED_VALUE),
+        (0x121, 0x1F21, (24, 16, 25_001), Reason.OUT_OF_RANGE),
+        (0x121, 0x1F21, (40, 4, 2), Reason.UNDEFINED_VALUE),
+        (0x100, 0x1F00, (56, 4, 6), Reason.UNDEFINED_VALUE),
         (0x100, 0x1F00, (60, 4, 4), Reason.UNDEFINED_VALUE),
-        (0x140, 0x1F40, (24, 4, 5), Reason.UNDEFINED_VALUE),
+        (0x140, 0x1F40, (24, 4, 6), Reason.UNDEFINED_VALUE),
         (0x140, 0x1F40, (28, 4, 5), Reason.UNDEFINED_VALUE),
         (0x140, 0x1F40, (32, 6, 23), Reason.UNDEFINED_VALUE),
     ],
@@ -244,7 +254,7 @@ def test_every_single_and_double_bit_error_is_refused(message: Message) -> None:
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda message: type(message).__name__)
 def test_a_frame_under_the_identifier_of_another_message_is_refused(message: Message) -> None:
     frame = CODEC.encode(message, 3)
-    for identifier in {0x100, 0x110, 0x111, 0x120, 0x140, 0x170} - {frame.arbitration_id}:
+    for identifier in {0x100, 0x110, 0x111, 0x120, 0x121, 0x140, 0x170} - {frame.arbitration_id}:
         assert reason_for(replace(frame, arbitration_id=identifier)) is Reason.WRONG_CRC
 
 
@@ -268,7 +278,7 @@ def test_error_remote_and_unknown_frames_are_told_apart() -> None:
 def test_valves_on_one_bus_never_take_each_others_frames() -> None:
     codecs = [make_codec(WireSettings(id_offset=offset)) for offset in ID_OFFSETS]
     formats = [form for codec in codecs for form in codec.by_kind.values()]
-    assert len({form.arbitration_id for form in formats}) == len({form.data_id for form in formats}) == 10 * 7
+    assert len({form.arbitration_id for form in formats}) == len({form.data_id for form in formats}) == 10 * 8
     assert max(form.arbitration_id for form in formats) <= 0x7FF
     for form in formats:
         assert form.data_id is not None

@@ -17,6 +17,7 @@ from positioner.wire.messages import (
     Counted,
     Health,
     HostRequest,
+    ManualRequest,
     Mode,
     Motion,
     Quality,
@@ -55,12 +56,13 @@ def test_the_packaged_text_is_this_file() -> None:
     assert packaged_dbc_text() == DBC.read_text(encoding="utf-8")
 
 
-def test_the_dbc_holds_the_seven_messages_under_their_identifiers() -> None:
+def test_the_dbc_holds_the_eight_messages_under_their_identifiers() -> None:
     assert {message.name: message.frame_id for message in MESSAGES} == {
         "CURRENT_COMMAND": 0x100,
         "STEM_POSITION": 0x110,
         "ACTUATOR_STATE": 0x111,
         "SETPOINT": 0x120,
+        "MANUAL_CURRENT": 0x121,
         "POSITIONER_STATUS": 0x140,
         "POSITIONER_COUNT": 0x141,
         "PLANT_TRUTH": 0x170,
@@ -98,6 +100,7 @@ def test_cycle_times_in_ms_are_attributes() -> None:
         "STEM_POSITION": 1,
         "ACTUATOR_STATE": 10,
         "SETPOINT": 10,
+        "MANUAL_CURRENT": 50,
         "POSITIONER_STATUS": 100,
         "POSITIONER_COUNT": 100,
         "PLANT_TRUTH": 1,
@@ -125,7 +128,7 @@ def test_the_unit_of_a_signal_fits_the_suffix_of_its_field_and_is_scaled_to_si()
             else:
                 assert not field.name.endswith(("_m", "_m_per_s", "_ma", "_pa"))
                 assert field.si_per_bit == 1
-    assert physical == 6
+    assert physical == 7
 
 
 def test_every_signal_but_the_crc_and_the_counter_is_a_field() -> None:
@@ -147,6 +150,7 @@ def test_every_value_table_is_its_enumeration() -> None:
         ("CURRENT_COMMAND", "Mode"): Mode,
         ("CURRENT_COMMAND", "Motion"): Motion,
         ("SETPOINT", "Request"): HostRequest,
+        ("MANUAL_CURRENT", "Request"): ManualRequest,
         ("POSITIONER_STATUS", "Mode"): Mode,
         ("POSITIONER_STATUS", "Health"): Health,
         ("POSITIONER_STATUS", "Cause"): Cause,

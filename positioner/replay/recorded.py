@@ -6,13 +6,20 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from positioner.wire.formats import FrameRejectedError
-from positioner.wire.messages import ActuatorState, CurrentCommand, PositionerStatus, Setpoint, StemPosition
+from positioner.wire.messages import (
+    ActuatorState,
+    CurrentCommand,
+    ManualCurrent,
+    PositionerStatus,
+    Setpoint,
+    StemPosition,
+)
 
 if TYPE_CHECKING:
     from positioner.replay.log import LogFrame
     from positioner.wire.codec import Codec
 
-INPUTS = (StemPosition, ActuatorState, Setpoint, CurrentCommand)
+INPUTS = (StemPosition, ActuatorState, Setpoint, ManualCurrent, CurrentCommand)
 """What a positioner hears; a command that it hears is somebody else's."""
 NOTE_ID = 0x1FFFFFFF
 """Identifier of a note in the positioner's own record (`positioner.record`)."""

@@ -34,6 +34,7 @@ _OWN_NAMES: Mapping[type[Message], tuple[str, Mapping[str, str]]] = {
     ),
     messages.ActuatorState: ("ACTUATOR_STATE", {"pressure_pa": "Pressure_kPa"}),
     messages.Setpoint: ("SETPOINT", {"setpoint_m": "Setpoint_mm", "request": "Request"}),
+    messages.ManualCurrent: ("MANUAL_CURRENT", {"current_ma": "Current_mA", "request": "Request"}),
     messages.CurrentCommand: (
         "CURRENT_COMMAND",
         {

@@ -31,6 +31,7 @@ class Mode(IntEnum):
     ACTIVE = 2
     HOLD = 3
     FAILSAFE = 4
+    MANUAL = 5
 
 
 class Motion(IntEnum):
@@ -57,6 +58,13 @@ class HostRequest(IntEnum):
     NONE = 0
     ARM = 1
     DISARM = 2
+
+
+class ManualRequest(IntEnum):
+    """Who gives the current: the law, or a person at the host."""
+
+    AUTO = 0
+    MANUAL = 1
 
 
 class Health(IntEnum):
@@ -146,6 +154,14 @@ class Setpoint:
 
 
 @dataclass(frozen=True, slots=True)
+class ManualCurrent:
+    """MANUAL_CURRENT, host → positioner: the loop current that a person asks for, cyclic while manual mode lasts."""
+
+    current_ma: float
+    request: ManualRequest = ManualRequest.MANUAL
+
+
+@dataclass(frozen=True, slots=True)
 class CurrentCommand:
     """CURRENT_COMMAND, positioner → plant: the loop current u."""
 
@@ -186,4 +202,13 @@ class PlantTruth:
     velocity_m_per_s: float
 
 
-Message = StemPosition | ActuatorState | Setpoint | CurrentCommand | PositionerStatus | PositionerCount | PlantTruth
+Message = (
+    StemPosition
+    | ActuatorState
+    | Setpoint
+    | ManualCurrent
+    | CurrentCommand
+    | PositionerStatus
+    | PositionerCount
+    | PlantTruth
+)

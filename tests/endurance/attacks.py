@@ -16,6 +16,8 @@ from positioner.wire.messages import (
     CanFrame,
     CurrentCommand,
     HostRequest,
+    ManualCurrent,
+    ManualRequest,
     Mode,
     Motion,
     PlantTruth,
@@ -69,6 +71,7 @@ class Adversary:
                 StemPosition(self.position_m, byte, chance.choice((Quality.VALID, Quality.SUSPECT))),
                 StemPosition(self.position_m, byte),
                 Setpoint(chance.uniform(0.0, 0.1397), chance.choice(list(HostRequest))),
+                ManualCurrent(chance.uniform(0.0, 25.0), chance.choice(list(ManualRequest))),
                 CurrentCommand(
                     chance.uniform(0.0, 25.0), byte, byte, chance.choice(list(Mode)), chance.choice(list(Motion))
                 ),

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from plant_emulator.device import DeviceState
     from positioner.wire.messages import CanFrame
 
-COMMAND, POSITION, PRESSURE, SETPOINT = 0x100, 0x110, 0x111, 0x120
-COUNTED_BY_POSITIONER = frozenset({POSITION, PRESSURE, SETPOINT})
+COMMAND, POSITION, PRESSURE, SETPOINT, MANUAL = 0x100, 0x110, 0x111, 0x120, 0x121
+COUNTED_BY_POSITIONER = frozenset({POSITION, PRESSURE, SETPOINT, MANUAL})
 IGNORED = "unknown identifier"
 
 
@@ -97,7 +97,8 @@ class Positioner:
         seen, link = received.seen, received.link
         doubts = [event for event in received.events if isinstance(event, FeedbackRefused | SetpointRefused)]
         foreign = [event for event in received.events if isinstance(event, ForeignCommand)]
-        if not taken and (received.reading or seen.feedback or seen.setpoint or seen.requests or foreign or doubts):
+        orders = seen.setpoint or seen.requests or seen.manual
+        if not taken and (received.reading or seen.feedback or orders or foreign or doubts):
             raise DisagreementError("a frame that was not taken had an effect")
         kind = frame.arbitration_id
         if not taken or not KINDS[kind].ranges:
@@ -106,6 +107,7 @@ class Positioner:
         effects = {
             POSITION: (received.reading.position_m if received.reading else None, 1e-8),
             SETPOINT: (link.setpoint_m if seen.setpoint else None, 1e-8),
+            MANUAL: (seen.manual.current_ma if seen.manual else None, 1e-3),
             PRESSURE: (link.pressure_pa, 1.0),
             COMMAND: (foreign[0].current_ma if foreign else None, 1e-3),
         }

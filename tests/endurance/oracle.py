@@ -45,12 +45,13 @@ class Kind:
 KINDS = {
     0x100: Kind(
         *("CURRENT_COMMAND", 0x1F00, (Signal(24, 16, 0, 25000),)),
-        (Signal(56, 4, 0, 4), Signal(60, 4, 0, 3)),
+        (Signal(56, 4, 0, 5), Signal(60, 4, 0, 3)),
     ),
     0x110: Kind("STEM_POSITION", 0x1F10, (Signal(24, 28, -134200000, 134200000),), (Signal(60, 4, 0, 3),)),
     0x111: Kind("ACTUATOR_STATE", 0x1F11, (Signal(24, 24, 0, 16000000),)),
     0x120: Kind("SETPOINT", 0x1F20, (Signal(24, 28, -134200000, 134200000),), (Signal(52, 4, 0, 2),)),
-    0x140: Kind("POSITIONER_STATUS", 0x1F40, (), (Signal(24, 4, 0, 4), Signal(28, 4, 0, 4), Signal(32, 6, 0, 22))),
+    0x121: Kind("MANUAL_CURRENT", 0x1F21, (Signal(24, 16, 0, 25000),), (Signal(40, 4, 0, 1),)),
+    0x140: Kind("POSITIONER_STATUS", 0x1F40, (), (Signal(24, 4, 0, 5), Signal(28, 4, 0, 4), Signal(32, 6, 0, 22))),
     0x141: Kind("POSITIONER_COUNT", 0x1F41, (), (Signal(24, 8, 1, 19),)),
     0x170: Kind("PLANT_TRUTH", 0x1F70, (Signal(24, 26, 0, 67100000), Signal(50, 14, -8191, 8191))),
 }

@@ -45,8 +45,11 @@ def on_vcan(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 @pytest.mark.short_form
 def test_a_daemon_asks_the_kernel_for_just_the_identifiers_of_its_dbc(tmp_path: Path) -> None:
     with Service(tmp_path) as own:
-        # CURRENT_COMMAND (a foreign one), STEM_POSITION, ACTUATOR_STATE and SETPOINT, besides the test's own "all"
-        assert filters(own.address.channel) == {"all", *(f"{i:03x} 800007ff" for i in (0x100, 0x110, 0x111, 0x120))}
+        # CURRENT_COMMAND (a foreign one), STEM_POSITION, ACTUATOR_STATE, SETPOINT, MANUAL_CURRENT; the test hears all
+        assert filters(own.address.channel) == {
+            "all",
+            *(f"{i:03x} 800007ff" for i in (0x100, 0x110, 0x111, 0x120, 0x121)),
+        }
         assert own.stop() == 0
     (tmp_path / "user").mkdir()
     (tmp_path / "user" / "users.dbc").write_text(USERS_DBC, encoding="utf-8")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from plant_emulator.parameters import PlantSettings
 from positioner.errors import ConfigurationError, Problem
+from positioner.nearest import nearest
 from positioner.settings import build, laid_over, line_of, read_text, tables
 
 if TYPE_CHECKING:
@@ -24,6 +25,12 @@ def preset_names() -> tuple[str, ...]:
     """Return the names of the presets, sorted."""
     files = resources.files("plant_emulator").joinpath("presets").iterdir()
     return tuple(sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml")))
+
+
+def root_preset(name: str) -> str:
+    """Return the preset that `name` rests on in the end: the valve of which it is a variant, or itself."""
+    below = tables(_preset_text(name), name).get("preset")
+    return name if below is None else root_preset(below)
 
 
 def preset_summary(name: str) -> str:
@@ -75,7 +82,7 @@ def _resolved(values: Mapping[str, Any], source: str, text: str) -> dict[str, An
         return dict(values)
     name = values["preset"]
     if name not in preset_names():
-        message = f"is no preset; known: {', '.join(preset_names())}"
+        message = f"is no preset; {nearest(str(name), preset_names())}"
         raise ConfigurationError(source, (Problem(f"preset = {name!r}", line_of(text, ("preset",)), message),))
     below = _preset_text(name)
     return laid_over(_resolved(tables(below, name), name, below), values)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +17,9 @@ from positioner.guard_settings import FailsafeAction, GuardSettings
 from positioner.laws.registry import LAWS, Ingredients
 from positioner.laws.settings import ControlSettings
 from positioner.model import ValveParameters  # noqa: TC001 - pydantic reads this hint at run time
+from positioner.nearest import nearest
 from positioner.solver import QpSolver
+from positioner.valve_presets import PRESETS, missing, resolved
 from positioner.wire.codec import Codec, WireSettings, make_codec
 from positioner.wire.formats import EncodingError
 from positioner.wire.messages import CurrentCommand
@@ -109,6 +110,9 @@ def parse_config(text: str, source: str, base: Path) -> Configuration:
     found: Configuration | None = None
     _anchor_dbc(tables, base)
     _name_channel(tables)
+    problems += _valve_problems(tables, text)
+    if isinstance(tables.get("valve"), dict):
+        tables["valve"] = resolved(tables["valve"])
     try:
         found = settings.build(tables, Configuration, source, text)
     except ConfigurationError as error:
@@ -178,9 +182,23 @@ def _law_problems(tables: dict[str, Any], text: str) -> list[Problem]:
     law = control.get("law") if isinstance(control, dict) else None
     if not isinstance(law, str) or law in LAWS:
         return []
-    close = difflib.get_close_matches(law, LAWS, n=1, cutoff=0.4)
-    advice = f"did you mean '{close[0]}'?" if close else f"known: {', '.join(LAWS)}"
-    return [Problem(f"control.law = '{law}'", settings.line_of(text, ("control", "law")), f"is no law; {advice}")]
+    where, told = f"control.law = '{law}'", f"is no law; {nearest(law, LAWS)}"
+    return [Problem(where, settings.line_of(text, ("control", "law")), told)]
+
+
+def _valve_problems(tables: dict[str, Any], text: str) -> list[Problem]:
+    """Return what `[valve]` lacks: it names a preset, or gives its parameters; an id alone is no valve."""
+    valve = tables.get("valve")
+    if not isinstance(valve, dict):
+        return []
+    preset = valve.get("preset")
+    if preset is not None and not (isinstance(preset, str) and preset in PRESETS):
+        told = f"is no valve; {nearest(str(preset), PRESETS)}"
+        return [Problem(f"valve.preset = {preset!r}", settings.line_of(text, ("valve", "preset")), told)]
+    if lacks := missing(valve):
+        told = f"lacks {', '.join(lacks)}: give them, or name a valve with `preset` ({', '.join(PRESETS)})"
+        return [Problem("valve", settings.line_of(text, ("valve",)), told)]
+    return []
 
 
 def _key(where: str) -> tuple[str, ...]:

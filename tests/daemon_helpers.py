@@ -50,7 +50,7 @@ def own_address() -> BusAddress:
 def write_configuration(folder: Path, bus: BusAddress, **tables: dict[str, Any]) -> Path:
     """Write the configuration of a valve on `bus`, with its state beside it, and return its path."""
     values: dict[str, Any] = {
-        "valve": {"id": "FV-101"},
+        "valve": {"id": "FV-101", "preset": "paper"},
         "bus": {"interface": bus.interface, "channel": bus.channel, "port": bus.port},
         "state": {"directory": str(folder / "state")},
         **tables,

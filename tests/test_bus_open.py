@@ -79,7 +79,7 @@ def test_channels_and_options_reach_the_interface_as_numbers_and_words(
         shown = f"{channel}" if isinstance(channel, int) else f'"{channel}"'
         lines = [f"{key} = {str(value).lower()}" for key, value in options.items()]
         table = f'[bus]\ninterface = "{address.interface}"\nchannel = {shown}\n[bus.options]\n' + "\n".join(lines)
-        assert parse_config(f'[valve]\nid = "v"\n{table}\n', "valve.toml", None).bus == address  # type: ignore[arg-type]
+        assert parse_config(f'[valve]\nid = "v"\npreset = "paper"\n{table}\n', "valve.toml", None).bus == address  # type: ignore[arg-type]
     assert parse_address(str(address)) == address
     open_bus(address, ()).shutdown()
     assert adapter.seen == (channel, options)
@@ -207,22 +207,22 @@ def test_a_thousand_tries_to_open_a_bus_leave_no_garbage(
 
 
 MISTAKES = [
-    ('interface = "scketcan"', 4, "bus.interface = 'scketcan': is unknown; did you mean 'socketcan'?"),
-    ('interface = "zzz"', 4, "bus.interface = 'zzz': is none of kvaser, "),
-    ('channel = "a-name-too-long-for-it"', 4, "must have 1 to 15 characters"),
-    ('interface = "udp_multicast"\nchannel = "10.0.0.1"', 5, "bus.channel = '10.0.0.1': is no multicast group"),
-    ('interface = "kvaser"\noptions.receive_own_messages = true', 5, "hear its own commands as another controller's"),
-    ('interface = "kvaser"\noptions.channel = 3', 5, "bus.options.channel = 3: is no option"),
-    ("options.bitrate = 500000", 4, "bus.options.bitrate = 500000: is set on the interface itself: sudo ip link set"),
-    ('interface = "udp_multicast"\nchannel = "ff11::1"\noptions.hop_limit = 3', 6, "is no option of the embedded bus"),
-    ('interface = "kvaser"\noptions.bitrate = [1]', 5, "bus.options.bitrate"),
+    ('interface = "scketcan"', 5, "bus.interface = 'scketcan': is unknown; did you mean 'socketcan'?"),
+    ('interface = "zzz"', 5, "bus.interface = 'zzz': is none of kvaser, "),
+    ('channel = "a-name-too-long-for-it"', 5, "must have 1 to 15 characters"),
+    ('interface = "udp_multicast"\nchannel = "10.0.0.1"', 6, "bus.channel = '10.0.0.1': is no multicast group"),
+    ('interface = "kvaser"\noptions.receive_own_messages = true', 6, "hear its own commands as another controller's"),
+    ('interface = "kvaser"\noptions.channel = 3', 6, "bus.options.channel = 3: is no option"),
+    ("options.bitrate = 500000", 5, "bus.options.bitrate = 500000: is set on the interface itself: sudo ip link set"),
+    ('interface = "udp_multicast"\nchannel = "ff11::1"\noptions.hop_limit = 3', 7, "is no option of the embedded bus"),
+    ('interface = "kvaser"\noptions.bitrate = [1]', 6, "bus.options.bitrate"),
 ]
 
 
 @pytest.mark.parametrize(("table", "line", "told"), MISTAKES)
 def test_a_bus_that_can_never_be_opened_is_a_mistake_of_the_configuration(table: str, line: int, told: str) -> None:
     with pytest.raises(ConfigurationError) as caught:
-        parse_config(f'[valve]\nid = "v"\n[bus]\n{table}\n', "valve.toml", Path())
+        parse_config(f'[valve]\nid = "v"\npreset = "paper"\n[bus]\n{table}\n', "valve.toml", Path())
     assert f"valve.toml: line {line}: " in str(caught.value)
     assert told in str(caught.value)
 
@@ -230,7 +230,7 @@ def test_a_bus_that_can_never_be_opened_is_a_mistake_of_the_configuration(table:
 @pytest.mark.parametrize("command", [["check", "{valve}"], ["run", "--config", "{valve}"]])
 def test_check_and_run_know_no_scketcan(command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "valve.toml"
-    path.write_text('[valve]\nid = "v"\n[bus]\ninterface = "scketcan"\n', encoding="utf-8")
+    path.write_text('[valve]\nid = "v"\npreset = "paper"\n[bus]\ninterface = "scketcan"\n', encoding="utf-8")
     assert main([word.format(valve=path) for word in command]) == ExitCode.CONFIG
     (line,) = capsys.readouterr().err.splitlines()
     assert "did you mean 'socketcan'?" in line
@@ -257,7 +257,9 @@ def test_run_ends_with_one_line_where_the_driver_is_missing(
 ) -> None:
     monkeypatch.setattr(adapter, "failure", NameError("name 'canGetNumberOfChannels' is not defined"))
     path = tmp_path / "valve.toml"
-    path.write_text(f'[valve]\nid = "v"\n[state]\ndirectory = "{tmp_path / "state"}"\n', encoding="utf-8")
+    path.write_text(
+        f'[valve]\nid = "v"\npreset = "paper"\n[state]\ndirectory = "{tmp_path / "state"}"\n', encoding="utf-8"
+    )
     assert main(["run", "--config", str(path), "--bus", "kvaser:0"]) == ExitCode.CONFIG
     assert (
         capsys.readouterr()

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).resolve().parents[1]
 WIDEST = 120
-GOOD = '[valve]\nid = "FV-101"\n'
+GOOD = '[valve]\nid = "FV-101"\npreset = "paper"\n'
 
 
 def commands(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
@@ -127,7 +127,7 @@ def test_a_good_configuration_is_told_with_what_it_means(tmp_path: Path, capsys:
 def test_every_mistake_of_a_configuration_comes_at_once_with_its_line(tmp_path: Path, capsys: Output) -> None:
     path = tmp_path / "valve.toml"
     path.write_text(
-        '[valve]\nid = "FV-101"\nmass_kg = 1361\ntravel_maks_m = 0.1\n\n[wire]\ndbc = "absent.dbc"\n'
+        '[valve]\nid = "FV-101"\npreset = "paper"\nmass_kg = 1361\ntravel_maks_m = 0.1\n\n[wire]\ndbc = "absent.dbc"\n'
         '\n[control]\nlaw = "papper"\n\n[guard]\nauto_arm = "yes"\n',
         encoding="utf-8",
     )
@@ -136,7 +136,7 @@ def test_every_mistake_of_a_configuration_comes_at_once_with_its_line(tmp_path: 
     assert captured.out == ""
     lines = captured.err.splitlines()
     assert [line.removeprefix("positioner: ").split(f"{path}: ")[1].split(": ")[0] for line in lines] == [
-        "line 3", "line 4", "line 7", "line 10", "line 13",
+        "line 4", "line 5", "line 8", "line 11", "line 14",
     ]  # fmt: skip
     assert "valve.mass_kg = 1361: must be less than or equal to 200" in lines[0]
     assert "valve.travel_maks_m: unknown key; did you mean 'travel_max_m'?" in lines[1]

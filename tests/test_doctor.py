@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     Output = pytest.CaptureFixture[str]
 
 CODEC = make_codec()
-VALVE = '[valve]\nid = "FV-101"\n'
+VALVE = '[valve]\nid = "FV-101"\npreset = "paper"\n'
 
 
 @pytest.fixture
@@ -125,7 +125,7 @@ def test_a_wrong_configuration_is_told_line_by_line_with_its_own_status(
     path.write_text(f"{VALVE}mass_kg = 1361\ntravel_maks_m = 0.1\n", encoding="utf-8")
     status, found, told = examined(capsys, "--config", str(path))
     wrong = [finding for finding in told["findings"] if finding["subject"] == "configuration"]
-    assert (status, told["exit_status"], [finding["text"][:6] for finding in wrong]) == (78, 78, ["line 3", "line 4"])
+    assert (status, told["exit_status"], [finding["text"][:6] for finding in wrong]) == (78, 78, ["line 4", "line 5"])
     assert {finding["mend"] for finding in wrong} == {f"positioner check {path}"}
     assert "feedback" not in found
     assert examined(capsys, "--config", str(tmp_path / "absent.toml"))[0] == ExitCode.CONFIG

@@ -22,7 +22,7 @@ from positioner.place import Place, place_of
 from positioner.store import access
 from positioner.store.vault import TABLE
 
-VALVE = '[valve]\nid = "FV-101"\n'
+VALVE = '[valve]\nid = "FV-101"\npreset = "paper"\n'
 
 
 def test_the_policy_of_a_process_is_read_from_the_kernel() -> None:

@@ -61,6 +61,7 @@ PLUMBING = (
     "positioner.console",
     "positioner.errors",
     "positioner.settings",
+    "positioner.nearest",
     "positioner.notify",
 )
 """What the plant emulator shares with the positioner: the wire and tools, no physics."""

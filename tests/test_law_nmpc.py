@@ -46,7 +46,7 @@ class Unsolvable:
 
 
 def make_law(solver: Solver | None = None, **valve: float) -> NmpcLaw:
-    config = parse_config('[valve]\nid = "paper"\n', "test", Path())
+    config = parse_config('[valve]\nid = "paper"\npreset = "paper"\n', "test", Path())
     parts = Ingredients(
         ControlSettings(law="nmpc"),
         ValveParameters(id="paper", **valve),

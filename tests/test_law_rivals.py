@@ -83,7 +83,9 @@ MIDDLE_MA = VALVE.balance_current_ma(0.08)
 
 
 def rival(name: str) -> Law[Any]:
-    return parse_config(f'[valve]\nid = "v"\n[control]\nlaw = "{name}"\n', "valve.toml", Path()).make_law()
+    return parse_config(
+        f'[valve]\nid = "v"\npreset = "paper"\n[control]\nlaw = "{name}"\n', "valve.toml", Path()
+    ).make_law()
 
 
 def test_a_pi_that_cancels_the_pole_of_a_linear_plant_makes_it_first_order() -> None:
@@ -362,7 +364,7 @@ def test_a_law_is_made_with_its_own_parameters(name: str) -> None:
 
 def refused(text: str) -> list[str]:
     with pytest.raises(ConfigurationError) as caught:
-        parse_config(f'[valve]\nid = "v"\n{text}', "valve.toml", Path())
+        parse_config(f'[valve]\nid = "v"\npreset = "paper"\n{text}', "valve.toml", Path())
     return str(caught.value).splitlines()
 
 

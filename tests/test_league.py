@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from plant_emulator.presets import plant_settings
-from positioner.bench.conditions import CONDITIONS, Condition, check_setpoints, restartable_mm
+from positioner.bench.conditions import CONDITIONS, Condition, check_setpoints
 from positioner.bench.league import SETPOINTS_MM, Bout, LeagueSettings, code_digest, play_league
 from positioner.bench.league_page import LeaguePage, to_markdown, write_page
 from positioner.bench.limit import optimal_move
 from positioner.bench.metrics import DwellMetrics
+from positioner.bench.playable import restartable_mm
 from positioner.bench.standings import bootstrap_interval, optimal_median_s, standings, summaries
 from positioner.cli.main import main
 from positioner.errors import ConfigurationError, ExitCode

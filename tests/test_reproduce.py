@@ -13,8 +13,8 @@ from matplotlib.image import imread
 from plant_emulator.presets import plant_settings
 from positioner.bench import reproduce as reproduction
 from positioner.bench.claims import Verdict, verdicts
-from positioner.bench.conditions import restartable_mm
 from positioner.bench.metrics import Trace
+from positioner.bench.playable import restartable_mm
 from positioner.bench.readings import NoiseReading, Reading, UnitReading, readings
 from positioner.bench.reproduce import SIMULATIONS, Curves, Half, Outcome, Run, all_runs, half_figures, play, reproduce
 from positioner.bench.reproduce_page import FIGURE_OF, TITLES

@@ -21,6 +21,7 @@ BO_ 513 IP_COMMAND: 2 POSITIONER
 """
 VALVE = """[valve]
 id = "v"
+preset = "paper"
 [wire]
 dbc = "narrow.dbc"
 [wire.current_command]

@@ -6,12 +6,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from plant_emulator.presets import plant_settings
-from positioner.errors import ConfigurationError, Problem
+from positioner.bench.playable import setpoint_problems
+from positioner.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from plant_emulator.parameters import PlantSettings
-
-LOOP_LOW_MA, LOOP_HIGH_MA = 4.0, 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,28 +50,16 @@ CONDITIONS = (
 )
 
 
-def restartable_mm(settings: PlantSettings) -> tuple[float, float]:
-    """Return the range in mm from which 4 to 20 mA can start the stem both ways: K x + F_0 ± F_s within B·u."""
-    valve = settings.valve
-    gain = valve.diaphragm_area_m2 * valve.pressure_gain_pa_per_ma
-    friction_n = valve.static_friction_n * (1.0 + settings.stochastic.friction_fraction)
-    low = (gain * LOOP_LOW_MA - valve.bench_set_n + friction_n) / valve.spring_rate_n_per_m
-    high = (gain * LOOP_HIGH_MA - valve.bench_set_n - friction_n) / valve.spring_rate_n_per_m
-    return max(low, valve.travel_min_m) * 1e3, min(high, valve.travel_max_m) * 1e3
-
-
 def check_setpoints(setpoints_mm: tuple[float, ...], conditions: tuple[Condition, ...]) -> None:
     """Refuse setpoints from which some plant cannot be restarted: a law would be judged on what no law can do.
 
     Raises:
         ConfigurationError: with a line for each setpoint and the plant that rules it out.
     """
-    problems = []
-    for setpoint in setpoints_mm:
-        for condition in conditions:
-            low, high = restartable_mm(condition.settings)
-            if not low <= setpoint <= high:
-                told = f"4 to 20 mA restart {condition.name} both ways from {low:.1f} to {high:.1f} mm only"
-                problems.append(Problem(f"setpoint {setpoint:g} mm", None, told))
+    problems = [
+        problem
+        for condition in conditions
+        for problem in setpoint_problems(setpoints_mm, condition.name, condition.settings)
+    ]
     if problems:
         raise ConfigurationError("league", tuple(problems))

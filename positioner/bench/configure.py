@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import tomli_w
 
+from plant_emulator.presets import DEFAULT_PRESET, plant_settings, preset_names, root_preset
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -18,16 +20,28 @@ VALVE_ID = "bench"
 
 
 def configuration_text(scenario: Scenario, address: BusAddress, state: Path) -> str:
-    """Return the `valve.toml` of the daemon that `scenario` asks for."""
+    """Return the `valve.toml` of the daemon that `scenario` asks for.
+
+    Where the scenario says nothing else, the daemon believes in the valve, and in its sensor, of which the plant is a
+    variant.
+    """
+    preset = scenario.plant.get("preset", DEFAULT_PRESET)
+    nominal = root_preset(preset) if preset in preset_names() else DEFAULT_PRESET
     control: dict[str, Any] = {"law": scenario.law, "sample_period_s": scenario.sample_period_s}
     if scenario.table_from_s is not None:
         control["table_from_s"] = scenario.table_from_s
     tables: dict[str, Any] = {
-        "valve": {"id": VALVE_ID, **scenario.valve},
+        "valve": {"id": VALVE_ID, "preset": nominal, **scenario.valve},
         "bus": {key: value for key, value in asdict(address).items() if value != {}},
         "control": {**control, **scenario.control},
-        "estimator": scenario.estimator,
+        "estimator": {**_nominal_noise(nominal), **scenario.estimator},
         "guard": {"auto_arm": True, **scenario.guard},
         "state": {"directory": str(state)},
     }
     return tomli_w.dumps(tables)
+
+
+def _nominal_noise(preset: str) -> dict[str, float]:
+    """Return what the datasheet of a valve's sensor says of its noise."""
+    sensor = plant_settings(preset).sensor
+    return {"noise_of_reading": sensor.noise_of_reading, "noise_of_span": sensor.noise_of_span}

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plant_emulator import sensor, valve
-from plant_emulator.presets import plant_settings
 from positioner.bench.inprocess import configure
 from positioner.bench.metrics import Trace, dwell_metrics
+from positioner.bench.playable import check_playable
 from positioner.laws.law import Observation
 from positioner.stiction import StictionTable
 from positioner.wire.messages import CurrentCommand, PlantTruth, Setpoint, StemPosition
@@ -35,7 +35,7 @@ def play_directly(scenario: Scenario) -> Iterator[DwellMetrics]:
     """
     configuration = configure(scenario)
     law = configuration.make_law()
-    plant_is = plant_settings(overrides=scenario.plant)
+    plant_is = check_playable(scenario, configuration)
     codec = configuration.make_codec()
     as_reading, as_truth = _rounding(codec, StemPosition, "position_m"), _rounding(codec, PlantTruth, "position_m")
     as_setpoint, as_command = _rounding(codec, Setpoint, "setpoint_m"), _rounding(codec, CurrentCommand, "current_ma")

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plant_emulator.device import advance, initial_device, publish, take
-from plant_emulator.presets import plant_settings
 from positioner import cycle
 from positioner.bench.configure import configuration_text
+from positioner.bench.playable import check_playable
 from positioner.bench.recording import Recording
 from positioner.bus_address import BusAddress
 from positioner.config import Configuration, parse_config
@@ -24,7 +24,6 @@ from positioner.wire.messages import Setpoint
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from plant_emulator.parameters import PlantSettings
     from positioner.bench.scenario import Scenario
     from positioner.events import Event
     from positioner.wire.messages import CanFrame
@@ -59,10 +58,10 @@ def run_in_process(
     """Return the run of `scenario`, starting from `table`; `progress` hears how many samples are done.
 
     Raises:
-        ConfigurationError: the scenario's tables do not make a valve or a positioner.
+        ConfigurationError: the scenario's tables do not make a valve or a positioner, or contradict each other.
     """
     configuration = configure(scenario)
-    settings: PlantSettings = plant_settings(overrides=scenario.plant)
+    settings = check_playable(scenario, configuration)
     codec = configuration.make_codec()
     period_s = scenario.sample_period_s
     setup = Setup(codec, configuration.valve, configuration.guard, configuration.make_law(), period_s)

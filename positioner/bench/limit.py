@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from plant_emulator import valve
-from positioner.bench.conditions import LOOP_HIGH_MA, LOOP_LOW_MA
+from positioner.bench.playable import LOOP_HIGH_MA, LOOP_LOW_MA
 
 if TYPE_CHECKING:
     from plant_emulator.parameters import PlantSettings

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 
 import tomli_w
 
-from plant_emulator.presets import DEFAULT_PRESET, plant_settings
+from plant_emulator.presets import DEFAULT_PRESET
 from positioner.bench import metrics
 from positioner.bench.configure import configuration_text
 from positioner.bench.host import Host
 from positioner.bench.modes import mode_spans
+from positioner.bench.playable import check_playable
 from positioner.bench.processes import Child
 from positioner.bench.recording import Recording
 from positioner.bench.result import Result, RunInfo, TableSummary, installed_versions, summary_of, to_json
@@ -95,8 +96,11 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
     address, reason = choose_bus(options.bus)
     say(reason)
     out = options.out
-    state = options.state or _fresh_state(out / "state", say)
+    state = options.state or out / "state"
     configuration = _write_configuration(scenario, options, address, state)
+    plant = check_playable(scenario, configuration)
+    if options.state is None:
+        _empty(state, say)
     started, begun_s = datetime.now(UTC), time.monotonic()
     before = _table(state, configuration)
     _keep_start(state, out / "state-before")
@@ -116,7 +120,8 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
     result = Result(
         scenario=scenario,
         span_mm=span_m * 1e3,
-        modes=mode_spans(recording.said, scenario.duration_s, _silent_after_s(scenario)),
+        # so long after a command the actuator obeys no more; three periods are the guard's own patience
+        modes=mode_spans(recording.said, scenario.duration_s, max(plant.deadman_s, 3.0 * scenario.sample_period_s)),
         totals=metrics.totals(dwells),
         dwells=dwells,
         table_before=before,
@@ -139,18 +144,12 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
     return result
 
 
-def _silent_after_s(scenario: Scenario) -> float:
-    """Return how long after a command the actuator obeys no more; three periods are the guard's own patience."""
-    return max(plant_settings(overrides=scenario.plant).deadman_s, 3.0 * scenario.sample_period_s)
-
-
-def _fresh_state(directory: Path, say: Callable[[str], object]) -> Path:
-    """Return the run's own state directory with an empty table; what an earlier run left there is backed up."""
+def _empty(directory: Path, say: Callable[[str], object]) -> None:
+    """Let the run's own state directory have an empty table; what an earlier run left there is backed up."""
     if directory.exists():
         backup = access.reset(directory)
         if backup:
             say(f"the table of the last run is kept in {backup}; --state {directory} would have started from it")
-    return directory
 
 
 def _write_configuration(scenario: Scenario, options: BenchOptions, address: BusAddress, state: Path) -> Configuration:

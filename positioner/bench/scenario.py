@@ -6,7 +6,6 @@ unread: the plant emulator and the daemon know their own keys and check them, so
 
 from __future__ import annotations
 
-import difflib
 import math
 from dataclasses import asdict, dataclass, field
 from importlib import resources
@@ -17,6 +16,7 @@ from annotated_types import Interval, Len
 
 from positioner import settings
 from positioner.errors import ConfigurationError, Problem
+from positioner.nearest import nearest
 
 _MULTIPLES = (
     ("setpoint_period_s", "sample_period_s"),
@@ -156,7 +156,4 @@ def _is_multiple(longer_s: float, shorter_s: float) -> bool:
 
 
 def _unknown(name: str) -> str:
-    known = scenario_names()
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
-    hint = f"did you mean {close[0]!r}? " if close else ""
-    return f"unknown scenario; {hint}known: {', '.join(known)}; or give the path of a .toml file"
+    return f"unknown scenario; {nearest(name, scenario_names())}; or give the path of a .toml file"

@@ -123,7 +123,7 @@ class DaemonSlot:
     def _tables(self) -> dict[str, object]:
         bus = self._bus.address
         return {
-            "valve": {"id": _VALVE},
+            "valve": {"id": _VALVE, "preset": "paper"},
             "bus": {"interface": bus.interface, "channel": bus.channel, "port": bus.port},
             "state": {"directory": str(self._judge.state)},
             "control": {"sample_period_s": _PERIOD_S, "table_cell_m": _WIDTH_M},

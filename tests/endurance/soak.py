@@ -159,7 +159,7 @@ class Soak:
     def _write_configuration(self) -> None:
         bus = self._address
         (self._folder / "valve.toml").write_text(
-            f'[valve]\nid = "{_VALVE}"\n'
+            f'[valve]\nid = "{_VALVE}"\npreset = "paper"\n'
             f'[bus]\ninterface = "{bus.interface}"\nchannel = "{bus.channel}"\nport = {bus.port}\n'
             f'[state]\ndirectory = "{self._folder / "state"}"\n'
             f"[control]\nsample_period_s = {_PERIOD_S}\ntable_cell_m = {_WIDTH_M}\n",

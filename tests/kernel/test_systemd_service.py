@@ -120,7 +120,9 @@ def test_a_bus_that_is_deleted_and_made_again_brings_the_service_back_by_itself(
 
 @pytest.mark.short_form
 def test_a_wrong_configuration_fails_once_and_says_why() -> None:
-    (CONFIGURATIONS / "bad.toml").write_text('[valve]\nid = "bad"\n[control]\nlaw = "nmcp"\n', encoding="utf-8")
+    (CONFIGURATIONS / "bad.toml").write_text(
+        '[valve]\nid = "bad"\npreset = "paper"\n[control]\nlaw = "nmcp"\n', encoding="utf-8"
+    )
     unit = "positioner@bad.service"
     systemctl("start", unit, check=False)
     until(lambda: show(unit, "ActiveState") == "failed")

@@ -1,0 +1,81 @@
+"""What a bench or a league refuses to play: setpoints that no law can serve, another valve than the plant's. Pure."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from plant_emulator.presets import DEFAULT_PRESET, plant_settings, root_preset
+from positioner.errors import ConfigurationError, Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from plant_emulator.parameters import PlantSettings
+    from positioner.bench.scenario import Scenario
+    from positioner.config import Configuration
+
+LOOP_LOW_MA, LOOP_HIGH_MA = 4.0, 20.0
+_GEOMETRY = ("span_m", "travel_min_m", "travel_max_m")
+"""What anybody reads off a valve: where plant and controller differ in these, one of them is another valve's."""
+
+
+def restartable_mm(
+    settings: PlantSettings, low_ma: float = LOOP_LOW_MA, high_ma: float = LOOP_HIGH_MA
+) -> tuple[float, float]:
+    """Return the range in mm from which `low_ma` to `high_ma` can start the stem both ways: K x + F_0 ± F_s in B·u."""
+    valve = settings.valve
+    gain = valve.diaphragm_area_m2 * valve.pressure_gain_pa_per_ma
+    friction_n = valve.static_friction_n * (1.0 + settings.stochastic.friction_fraction)
+    low = (gain * low_ma - valve.bench_set_n + friction_n) / valve.spring_rate_n_per_m
+    high = (gain * high_ma - valve.bench_set_n - friction_n) / valve.spring_rate_n_per_m
+    return max(low, valve.travel_min_m) * 1e3, min(high, valve.travel_max_m) * 1e3
+
+
+def setpoint_problems(
+    setpoints_mm: Iterable[float],
+    name: str,
+    settings: PlantSettings,
+    low_ma: float = LOOP_LOW_MA,
+    high_ma: float = LOOP_HIGH_MA,
+) -> Iterator[Problem]:
+    """Yield a problem for each setpoint from which the plant `name` cannot be restarted: no law can serve it."""
+    low_mm, high_mm = restartable_mm(settings, low_ma, high_ma)
+    loop = f"{low_ma:g} to {high_ma:g} mA restart {name} both ways"
+    for setpoint_mm in dict.fromkeys(setpoints_mm):
+        if low_mm <= setpoint_mm <= high_mm:
+            continue
+        told = f"{loop} from {low_mm:.1f} to {high_mm:.1f} mm only" if low_mm <= high_mm else f"{loop} from nowhere"
+        if low_mm <= 1e3 * setpoint_mm <= high_mm:
+            told += f"; setpoints are in mm: {1e3 * setpoint_mm:g}?"
+        yield Problem(f"setpoint {setpoint_mm:g} mm", None, told)
+
+
+def check_playable(scenario: Scenario, configuration: Configuration) -> PlantSettings:
+    """Return the plant of `scenario`, which the positioner of `configuration` is to control.
+
+    Raises:
+        ConfigurationError: the plant is none, is another valve than the positioner believes in, or cannot reach a
+            setpoint within the guard's currents.
+    """
+    plant, guard = plant_settings(overrides=scenario.plant), configuration.guard
+    problems = [*_contradictions(scenario, plant, configuration)]
+    name = plant.preset or "the plant"
+    problems += setpoint_problems(scenario.setpoints_mm, name, plant, guard.current_low_ma, guard.current_high_ma)
+    if problems:
+        raise ConfigurationError(scenario.name, tuple(problems))
+    return plant
+
+
+def _contradictions(scenario: Scenario, plant: PlantSettings, configuration: Configuration) -> Iterator[Problem]:
+    own = root_preset(plant.preset or DEFAULT_PRESET)
+    believed = scenario.valve.get("preset", own)
+    if believed != own:
+        told = f"the plant is {own!r}; leave it out, and [valve] follows the plant"
+        yield Problem(f"valve.preset = {believed!r}", None, told)
+        return
+    for key in _GEOMETRY:
+        theirs, ours = getattr(plant.valve, key), getattr(configuration.valve, key)
+        if not math.isclose(theirs, ours, rel_tol=1e-9, abs_tol=1e-9):
+            told = f"contradicts plant.valve.{key} = {theirs:g}: give both the same"
+            yield Problem(f"valve.{key} = {ours:g}", None, told)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from plant_emulator.leg import Ending, Leg
-from plant_emulator.mechanics import FORCE_MARGIN_N
 from plant_emulator.oscillator import Glide
 from plant_emulator.roots import TIME_TOLERANCE_S, clear_time, crossing, first_event
 
@@ -90,11 +89,11 @@ def creep(
     direction: int,
     force: PushingForce,
     static_n: float,
-    edge_n: float,
+    limit_n: float,
     horizon_s: float,
     border_m: float,
 ) -> Leg:
-    """Return the leg at DV exactly, while the pull is above F_s, yet not above `edge_n`, the sliding friction at DV."""
+    """Return the leg at DV exactly, while the pull is above F_s, yet below `limit_n`, where it makes the stem slide."""
     valve = mechanics.settings.valve
     v = direction * mechanics.band_m_per_s
     bend = abs(force.deviation_n) * force.rate_per_s**2
@@ -102,7 +101,7 @@ def creep(
     def clear(t: float) -> tuple[float, float]:
         pull = direction * (force.at(t) - valve.bench_set_n - valve.spring_rate_n_per_m * (x + v * t))
         slope = direction * (force.slope(t) - valve.spring_rate_n_per_m * v)
-        return clear_time(pull - static_n, slope, bend), clear_time(edge_n + FORCE_MARGIN_N - pull, -slope, bend)
+        return clear_time(pull - static_n, slope, bend), clear_time(limit_n - pull, -slope, bend)
 
     t, ended = first_event(lambda instant: min(clear(instant)), horizon_s)
     if direction * (x + v * t - border_m) >= 0.0:

@@ -7,6 +7,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from plant_emulator.oscillator import Oscillator
+from plant_emulator.roots import TIME_TOLERANCE_S
 
 if TYPE_CHECKING:
     from plant_emulator.parameters import PlantSettings
@@ -18,6 +19,14 @@ _FLAT = 5.0
 """Times V_s: from this speed on the Stribeck term is below 1.4e-11 of F_s - F_c, and the closed form holds."""
 _FLAT_AGAIN = 6.0
 """Times V_s: slow sliding is left at this speed, later than it is entered."""
+
+
+def located_n(slope_n_per_s: float) -> float:
+    """Return by how much in N a force that changes at `slope_n_per_s` may miss a limit where it is located, signed.
+
+    Twice what it changes by within the tolerance of `roots`: a motion that begins beyond it lasts longer than that.
+    """
+    return 2.0 * TIME_TOLERANCE_S * slope_n_per_s
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -45,9 +45,12 @@ def first_event(clear: Callable[[float], float], horizon_s: float) -> tuple[floa
 
 
 def crossing(gap: Callable[[float], float], low_s: float, high_s: float) -> float:
-    """Return where `gap` changes sign between `low_s` and `high_s`, by the Illinois method."""
+    """Return where `gap` changes sign between `low_s` and `high_s`, by the Illinois method.
+
+    Where rounding leaves no change of sign, `low_s` lies on the zero, a hair beyond it.
+    """
     low, high = gap(low_s), gap(high_s)
-    if low == 0.0:
+    if low == 0.0 or (high != 0.0 and (low > 0.0) == (high > 0.0)):
         return low_s
     for _ in range(_BISECTIONS):
         if high == 0.0 or abs(high_s - low_s) < TIME_TOLERANCE_S:

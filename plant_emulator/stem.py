@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from plant_emulator.friction import CELL_WIDTH_M, Packing, after_crossing, after_stop, stribeck_n
 from plant_emulator.leg import Ending, Leg
 from plant_emulator.legs import break_away, coast, creep
-from plant_emulator.mechanics import FORCE_MARGIN_N, Mechanics
+from plant_emulator.mechanics import FORCE_MARGIN_N, Mechanics, located_n
 from plant_emulator.stribeck import StribeckSlide
 
 if TYPE_CHECKING:
@@ -99,17 +99,22 @@ class Stem:
         if abs(v) < band or along != self.direction:
             return break_away(mechanics, x, v, along, force, packing.static_n, left_s, border_m)
         edge_n = self._sliding_n(band)
-        if abs(pull) > edge_n + 0.5 * FORCE_MARGIN_N:
+        quickest_n_per_s = abs(force.slope(0.0)) + mechanics.settings.valve.spring_rate_n_per_m * band
+        margin_n = max(FORCE_MARGIN_N, 2.0 * located_n(quickest_n_per_s))
+        if not mechanics.sticks or abs(pull) > edge_n + 0.5 * margin_n:
             return self._slide(force, left_s)
-        return creep(mechanics, x, along, force, packing.static_n, edge_n, left_s, border_m)
+        return creep(mechanics, x, along, force, packing.static_n, edge_n + margin_n, left_s, border_m)
 
     def _rest(self, force: PushingForce, left_s: float) -> Leg:
         """Return the rest until the pressure overcomes static friction; the travel stops hold any force."""
         valve = self.mechanics.settings.valve
         balance_n = valve.bench_set_n + valve.spring_rate_n_per_m * self.position_m
         hold_n = max(self.packing.static_n, FORCE_MARGIN_N) + FORCE_MARGIN_N
-        up_s = force.time_above(balance_n + hold_n) if self.position_m < valve.travel_max_m else math.inf
-        down_s = force.time_below(balance_n - hold_n) if self.position_m > valve.travel_min_m else math.inf
+        # a pull on its way back is at the limit, not above it, where the stop before was located
+        hair_n = located_n(force.slope(0.0))
+        up_n, down_n = balance_n + hold_n + max(0.0, -hair_n), balance_n - hold_n - max(0.0, hair_n)
+        up_s = force.time_above(up_n) if self.position_m < valve.travel_max_m else math.inf
+        down_s = force.time_below(down_n) if self.position_m > valve.travel_min_m else math.inf
         slip_s = min(up_s, down_s)
         if slip_s >= left_s:
             return Leg(left_s, self.position_m, 0.0, Ending.OPEN)

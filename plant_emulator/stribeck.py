@@ -61,6 +61,10 @@ class StribeckSlide:
             if trial.error > 1.0:
                 h *= max(0.2, 0.9 * trial.error**-0.2)
                 continue
+            if self.sign * point.v <= low and self.sign * trial.v < low and self.sign * point.a > 0.0:
+                # it leaves the bound and is back within the step: the event is its return, not its start
+                h *= 0.5
+                continue
             event = self._event(t, point, h, trial, low, border_m)
             if event is not None:
                 return event

@@ -100,6 +100,9 @@ def test_a_crossing_is_found_to_a_rounding_error() -> None:
     assert crossing(lambda t: 1.0 - math.exp(t - 1.0), 0.0, 3.0) == pytest.approx(1.0, abs=1e-12)
     assert crossing(lambda t: t, 0.0, 1.0) == 0.0
     assert crossing(lambda t: t - 1.0, 0.0, 1.0) == 1.0
+    assert (
+        crossing(lambda t: t + 1e-18, 0.0, 1.0) == 0.0
+    )  # no change of sign: the start is on the zero, but for rounding
 
 
 def test_a_march_that_cannot_end_gives_up_before_any_event() -> None:

@@ -1,0 +1,133 @@
+"""Time passes in every plant: between two instants there are few events, however fast the pressure settles."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
+
+from plant_emulator import valve
+from plant_emulator.presets import plant_settings, preset_names
+from plant_emulator.stem import Stem
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from plant_emulator.leg import Leg
+    from plant_emulator.oscillator import PushingForce
+    from plant_emulator.parameters import PlantSettings
+    from plant_emulator.valve import PlantState
+
+EVENTS_PER_S = 1e4
+"""Far above what a stem can do, far below what fits into the tolerance of a located event."""
+EVENTS = 100
+"""A few at one instant are right: a stop, a new draw of the friction, a slip, a border."""
+
+
+class _NoProgressError(AssertionError):
+    pass
+
+
+@pytest.fixture(scope="module")
+def _counted_events() -> Iterator[None]:
+    """Make every `Stem.advance` fail that takes more events than time can hold."""
+    advance, leg = Stem.advance, Stem._leg
+    left = [0.0]
+
+    def counting(stem: Stem, force: PushingForce, left_s: float) -> Leg:
+        left[0] -= 1
+        if left[0] < 0:
+            raise _NoProgressError(f"{stem} has {left_s} s left")
+        return leg(stem, force, left_s)
+
+    def allowing(stem: Stem, force: PushingForce, duration_s: float) -> None:
+        left[0] = EVENTS + EVENTS_PER_S * duration_s
+        advance(stem, force, duration_s)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Stem, "_leg", counting)
+        patch.setattr(Stem, "advance", allowing)
+        yield
+
+
+lags_s = st.floats(-4.0, -2.0).map(lambda exponent: 10.0**exponent)
+"""0.1 to 10 ms, each decade alike."""
+commands = st.lists(
+    st.tuples(st.floats(0.0, 24.0), st.floats(-4.0, -1.0).map(lambda exponent: 10.0**exponent)), min_size=1, max_size=8
+)
+
+
+def _plant(
+    preset: str, fill_s: float, vent_s: float, dead_s: float, spring: float, viscous: float, band: float
+) -> PlantSettings:
+    base = plant_settings(preset).valve
+    return plant_settings(
+        preset,
+        {
+            "actuator": {"fill_time_constant_s": fill_s, "vent_time_constant_s": vent_s, "dead_time_s": dead_s},
+            "valve": {
+                "spring_rate_n_per_m": spring * base.spring_rate_n_per_m,
+                "viscous_friction_n_s_per_m": viscous * base.viscous_friction_n_s_per_m,
+                "stick_velocity_m_per_s": band * base.stick_velocity_m_per_s,
+            },
+        },
+    )
+
+
+plants = st.builds(
+    _plant,
+    st.sampled_from(preset_names()),
+    lags_s,
+    lags_s,
+    st.one_of(st.just(0.0), st.floats(1e-5, 0.02)),
+    st.sampled_from([1.0, 0.1, 50.0]),
+    st.sampled_from([1.0, 0.0, 8.0]),
+    st.sampled_from([1.0, 0.01, 20.0]),
+)
+
+
+@pytest.mark.usefixtures("_counted_events")
+@settings(max_examples=400, deadline=None, derandomize=True)
+@given(plants, commands, st.integers(0, 50))
+def test_time_passes_whatever_the_lags_the_dead_time_and_the_commands(
+    plant: PlantSettings, sequence: list[tuple[float, float]], seed: int
+) -> None:
+    state = valve.initial_state(plant, seed)
+    for current_ma, duration_s in sequence:
+        state = valve.step(plant, state, current_ma, duration_s)
+        assert math.isfinite(state.position_m)
+
+
+@pytest.mark.usefixtures("_counted_events")
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(plants, st.sampled_from([(24.0, 0.0), (0.0, 24.0)]), st.floats(-9.0, -3.0), st.integers(0, 50))
+@example(_plant("paper", 0.00017, 0.00087, 0.0, 1.0, 1.0, 1.0), (24.0, 0.0), -6.7, 0)  # stops while the pull falls fast
+@example(_plant("graphite", 0.00068, 0.00744, 0.0, 1.0, 8.0, 1.0), (24.0, 0.0), -7.0, 0)  # creeps while it rises fast
+@example(_plant("graphite", 0.0001, 0.0001, 0.0, 1.0, 1.0, 0.01), (0.0, 24.0), -6.375, 0)  # slides for nanoseconds
+def test_a_push_taken_back_just_after_the_slip_ends(
+    plant: PlantSettings, push: tuple[float, float], exponent: float, seed: int
+) -> None:
+    there_ma, back_ma = push
+    state = valve.initial_state(plant, seed)
+    push_n = _push_n(plant, state, there_ma)
+    assume(push_n > state.packing.static_n)
+    slip_s = _slip_s(plant, state, push_n, filling=there_ma > back_ma)
+    for current_ma, duration_s in ((there_ma, slip_s + 10.0**exponent), (back_ma, 0.05), (there_ma, 0.05)):
+        state = valve.step(plant, state, current_ma, duration_s)
+    assert state.slips or not plant.valve.static_friction_n
+
+
+def _push_n(plant: PlantSettings, state: PlantState, current_ma: float) -> float:
+    """Return by how much the force of `current_ma` in the end differs from that of `state`, in N."""
+    v = plant.valve
+    return abs(v.diaphragm_area_m2 * (v.pressure_gain_pa_per_ma * current_ma - state.pressure_pa))
+
+
+def _slip_s(plant: PlantSettings, state: PlantState, push_n: float, *, filling: bool) -> float:
+    """Return when `state`, in balance, slips under a push that grows to `push_n`: dead time, then until F_s, in s."""
+    actuator = plant.actuator
+    lag_s = actuator.fill_time_constant_s if filling else actuator.vent_time_constant_s
+    return actuator.dead_time_s + lag_s * math.log(push_n / (push_n - state.packing.static_n))

@@ -6,14 +6,13 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from positioner.events import Event, LawFellBack, Learned, MoveBegan
+from positioner.events import Event, LawFellBack, MoveBegan
 from positioner.handover import start_m
 from positioner.laws.law import Decision, Observation
-from positioner.stick_slip import lessons
+from positioner.learning import believe, learn
 
 if TYPE_CHECKING:
     from positioner.cycle_state import CycleState, Setup
-    from positioner.estimate import StemState
     from positioner.inbox import Reading
 
 
@@ -21,6 +20,7 @@ def control(
     setup: Setup, state: CycleState, reading: Reading, events: list[Event]
 ) -> tuple[CycleState, Decision | None]:
     """Return the state after estimate, learning and decision. A law that raises has decided nothing."""
+    state = believe(setup, state, events)
     try:
         if state.memory is None:
             # control begins: hold what is there until the host asks for something else
@@ -40,7 +40,7 @@ def control(
             state.link.pressure_pa,
         )
         memory, stem = setup.law.estimate(state.memory, observation)
-        state = _learn(setup, state, stem, observation.applied_ma, events)
+        state = learn(setup, state, stem, observation.applied_ma, events)
         memory, decision = setup.law.decide(memory, stem, observation, state.table)
         _check(decision)
     except Exception as error:  # noqa: BLE001 - whatever a law does, the valve gets a command that somebody chose
@@ -61,18 +61,6 @@ def control(
         fallback_count=state.fallback_count + bool(decision.fallback),
     )
     return state, decision
-
-
-def _learn(setup: Setup, state: CycleState, stem: StemState, applied_ma: float, events: list[Event]) -> CycleState:
-    """Return the state with what the edge to `stem`, if there is one, teaches its table."""
-    if not setup.learns or state.stem is None:
-        return state
-    table = state.table
-    for sample in lessons(state.stem, stem, applied_ma):
-        table = table.record(sample.quantity, sample.position_m, sample.direction, sample.value)
-        events.append(Learned(sample, table.sequence))
-    learned = table.sequence - state.table.sequence
-    return replace(state, table=table, learned_count=state.learned_count + learned) if learned else state
 
 
 def _check(decision: Decision) -> None:

@@ -11,6 +11,7 @@ import tomli_w
 
 from positioner import settings
 from positioner.bus_address import BusAddress, problems_of
+from positioner.credible import Limits
 from positioner.errors import ConfigurationError, Problem
 from positioner.estimate import EstimatorSettings
 from positioner.guard_settings import FailsafeAction, GuardSettings
@@ -67,6 +68,12 @@ class Configuration:
             return Path(given.split(":", maxsplit=1)[0])
         home = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
         return Path(home) / "positioner" / self.valve.id
+
+    @property
+    def limits(self) -> Limits:
+        """What is credible of this valve's stiction table: what its law can itself come to believe."""
+        own = self.control.nmpc
+        return Limits(self.valve, own.adaptation.least, own.adaptation.most, own.watch.ratio_most)
 
     def make_codec(self) -> Codec:
         """Return the codec of this valve's bus.

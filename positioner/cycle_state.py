@@ -11,6 +11,7 @@ from positioner.stiction import StictionTable
 from positioner.tally import Tally
 
 if TYPE_CHECKING:
+    from positioner.credible import Limits
     from positioner.estimate import StemState
     from positioner.guard_settings import GuardSettings
     from positioner.handover import Handover
@@ -21,7 +22,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What never changes while a positioner runs. `learns` is off where commands never reach the valve (dry run)."""
+    """What never changes while a positioner runs. `learns` is off where commands never reach the valve (dry run).
+
+    limits: what is credible of a table, None for that of the valve within the usual range of spring and friction.
+    """
 
     codec: Codec
     valve: ValveParameters
@@ -29,6 +33,7 @@ class Setup:
     law: Law[Any]
     period_s: float
     learns: bool = True
+    limits: Limits | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +46,13 @@ class Sent:
 
 @dataclass(frozen=True, slots=True)
 class CycleState:
-    """Everything a positioner carries on. `memory` is the law's own; the shell tells `table_saved` and `late_ns`."""
+    """Everything a positioner carries on. `memory` is the law's own; the shell tells `table_saved` and `late_ns`.
+
+    believed: the table as this cycle left it; another one comes from outside, and is looked through first.
+    """
 
     table: StictionTable = field(default_factory=StictionTable)
+    believed: StictionTable | None = None
     guard: GuardState = field(default_factory=GuardState)
     link: LinkState = field(default_factory=LinkState)
     memory: Any = None

@@ -89,6 +89,7 @@ class Daemon:
             configuration.make_law(),
             self._period_s,
             learns=not options.dry_run,
+            limits=configuration.limits,
         )
         self._state = CycleState(table=table)
         try:

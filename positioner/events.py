@@ -109,6 +109,31 @@ class Learned:
 
 
 @dataclass(frozen=True, slots=True)
+class NotBelieved:
+    """Samples that physics excludes, `count` of them, `sample` the first: taught just now, or in a given table."""
+
+    sample: LearnedSample
+    low: float
+    high: float
+    count: int
+    taught: bool
+
+    def __str__(self) -> str:
+        """One line for the log."""
+        sample = self.sample
+        what = f"{sample.quantity} = {sample.value:.6g} at {sample.position_m * 1e3:.2f} mm, {sample.direction}"
+        possible = (
+            f"this valve can have {self.low:.6g} to {self.high:.6g} there"
+            if self.low <= self.high
+            else "that is outside the travel"
+        )
+        if self.taught:
+            return f"not learned: {what}: {possible}"
+        others = f" (and {self.count - 1} more)" if self.count > 1 else ""
+        return f"the table is not believed where it says {what}: {possible}{others}; mend [valve], or reset the table"
+
+
+@dataclass(frozen=True, slots=True)
 class LawFellBack:
     """The law could not do what it wanted, or failed; `why` says it in words."""
 
@@ -167,6 +192,7 @@ Event = (
     | ForeignCommand
     | ModeChanged
     | Learned
+    | NotBelieved
     | LawFellBack
     | LawLate
     | MoveBegan

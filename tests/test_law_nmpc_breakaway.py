@@ -120,7 +120,7 @@ def judged(readings_at_m: float, count: int = 400) -> tuple[Watch, Resting, Tria
     """Return the outcome of a move of 1 mm from 80 mm whose stem is then read at `readings_at_m`."""
     origin = FILTER.at_rest(0.08, (5e-5) ** 2, NOMINAL, SIGMAS)
     stem = FILTER.at_rest(0.081, (2e-4) ** 2, NOMINAL._replace(friction_n=1500.0), SIGMAS)
-    state = Watch(RATIO, trial=Trial(origin, 1.0, at_limit=True), landing=Landing(0.081, 1.0))
+    state = Watch(RATIO, trial=Trial(origin, 1.0, at_limit=True), landing=Landing(0.08, 0.081, 1.0))
     for _ in range(count):
         after = average(stem, readings_at_m, SIGMA_M**2)
         state, stem, decided = judge(WatchSettings(), state, stem, after, readings_at_m, SIGMA_M**2)
@@ -134,7 +134,7 @@ def test_a_push_that_freed_the_stem_lowers_static_friction_a_little() -> None:
     assert decided is not None
     assert state.ratio == pytest.approx(RATIO * (1.0 - WatchSettings().ratio_fall))
     assert stem.x == pytest.approx(0.081)
-    assert state.landing == Landing(0.081, 1.0)
+    assert state.landing == Landing(0.08, 0.081, 1.0)
 
 
 def test_a_push_that_failed_is_undone_and_raises_static_friction() -> None:
@@ -150,11 +150,10 @@ def test_a_push_that_failed_is_undone_and_raises_static_friction() -> None:
 def test_a_move_too_small_to_tell_ends_without_a_lesson() -> None:
     origin = FILTER.at_rest(0.08, (2e-4) ** 2, NOMINAL, SIGMAS)
     stem = FILTER.at_rest(0.0801, (2e-4) ** 2, NOMINAL, SIGMAS)
-    state, _, decided = judge(
-        WatchSettings(), Watch(RATIO, trial=Trial(origin, 1.0, at_limit=True)), stem, stem, 0.08005, SIGMA_M**2
-    )
+    state = Watch(RATIO, trial=Trial(origin, 1.0, at_limit=True), landing=Landing(0.08, 0.0801, 1.0))
+    state, _, decided = judge(WatchSettings(), state, stem, stem, 0.08005, SIGMA_M**2)
     assert decided is None
-    assert state.trial is None
+    assert (state.trial, state.landing) == (None, None)
     assert state.ratio == RATIO
 
 
@@ -180,10 +179,24 @@ def test_a_landing_bias_counts_once_it_is_beyond_doubt() -> None:
     assert landing_bias_m(table, 0.08, 1.0) == 0.0
     for bias in (4e-4, 5e-4, 6e-4, 5e-4):
         assert landing_bias_m(table.record(Quantity.LANDING_BIAS, 0.08, Direction.OPENING, -bias), 0.08, 1.0) <= 0.0
-        sample = Landing(0.08, 1.0).sample(FILTER.at_rest(0.08 + bias, 1e-10, NOMINAL, SIGMAS))
+        (sample,) = Landing(0.07, 0.08, 1.0).samples(FILTER.at_rest(0.08 + bias, 1e-10, NOMINAL, SIGMAS))
         table = table.record(sample.quantity, sample.position_m, sample.direction, sample.value)
     assert landing_bias_m(table, 0.08, 1.0) == pytest.approx(5e-4)
     assert landing_bias_m(table, 0.08, -1.0) == 0.0
     for bias in (-4e-4, -6e-4, 5e-4, -5e-4):
         table = table.record(Quantity.LANDING_BIAS, 0.08, Direction.OPENING, bias)
     assert landing_bias_m(table, 0.08, 1.0) == 0.0
+
+
+@pytest.mark.parametrize(("rest_m", "teaches"), [(0.0805, True), (0.0815, True), (0.0792, False), (0.0828, False)])
+def test_a_landing_beside_its_aim_by_more_than_the_way_teaches_nothing(rest_m: float, teaches: bool) -> None:
+    there = FILTER.at_rest(rest_m, 1e-10, NOMINAL, SIGMAS)
+    taught = Landing(0.08, 0.081, 1.0).samples(there)
+    assert [each.value for each in taught] == ([pytest.approx(rest_m - 0.081)] if teaches else [])
+
+
+@pytest.mark.parametrize(("stop_m", "planned"), [(0.08, False), (0.0807, True), (0.0813, True), (0.0825, False)])
+def test_a_stop_that_the_model_saw_elsewhere_is_no_landing(stop_m: float, planned: bool) -> None:
+    there = FILTER.at_rest(stop_m, 1e-8, NOMINAL, SIGMAS)
+    assert there.sigma_m == pytest.approx(2.2e-4, abs=1e-5)
+    assert Landing(0.08, 0.081, 1.0).is_planned(there) is planned

@@ -64,7 +64,8 @@ def run_in_process(
     settings = check_playable(scenario, configuration)
     codec = configuration.make_codec()
     period_s = scenario.sample_period_s
-    setup = Setup(codec, configuration.valve, configuration.guard, configuration.make_law(), period_s)
+    law = configuration.make_law()
+    setup = Setup(codec, configuration.valve, configuration.guard, law, period_s, limits=configuration.limits)
     state = CycleState(table=table or StictionTable(cell_width_m=configuration.control.table_cell_m))
     device = initial_device(settings, scenario.seed)
     samples = round(scenario.duration_s / period_s)

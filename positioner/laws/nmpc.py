@@ -99,11 +99,14 @@ class NmpcLaw:
         if not after.stopped:
             return replace(memory, stem=after), report(after)
         rest = self.filter.rest(after)
+        seen, landing = memory.watch.elsewhere(), memory.watch.landing
+        if landing is not None and not landing.is_planned(rest):
+            seen = replace(seen, landing=None)
         lesson_m_per_s = LearnedSample(Quantity.STICK_SPEED, rest.x, direction_of(stem.direction), abs(stem.v))
         memory = replace(
             memory,
             stem=rest,
-            watch=memory.watch.elsewhere(),
+            watch=seen,
             motion=Motion.SETTLE,
             settle_s=self.settings.settle_s,
             hold_ma=None,
@@ -131,7 +134,7 @@ class NmpcLaw:
             seen = replace(seen.elsewhere(), landing=None)
         taught: tuple[LearnedSample, ...] = ()
         if seen.landing is not None and seen.trial is None and after.sigma_m < self.settings.landing_sigma_m:
-            taught, seen = (seen.landing.sample(after),), replace(seen, landing=None)
+            taught, seen = seen.landing.samples(after), replace(seen, landing=None)
         memory = replace(memory, stem=after, watch=seen)
         if decided is None:
             return memory, report(after, *taught)
@@ -199,10 +202,9 @@ class NmpcLaw:
         memory = replace(memory, stem=sliding, motion=Motion.MOVE, aim_m=aim_m, corrections=memory.corrections + 1)
         memory, decision = self._follow(memory, course, ())
         at_limit = direction * (decision.current_ma - release_ma) <= _SAME_MA
-        memory = replace(
-            memory,
-            watch=replace(memory.watch, trial=Trial(here, direction, at_limit), landing=Landing(aim_m, direction)),
-        )
+        landing = Landing(here.x, aim_m, direction)
+        on_trial = replace(memory.watch, trial=Trial(here, direction, at_limit), landing=landing)
+        memory = replace(memory, watch=on_trial)
         why = f"error {1e3 * error_m:+.3f} mm; breakaway {gamma.current_ma:.3f} mA from {gamma.source}"
         return memory, replace(decision, reason=why, fallback=fallback or decision.fallback)
 

@@ -20,19 +20,35 @@ _LEAST_SAMPLES = 3
 _LARGEST_AGE = 500
 """In learned samples."""
 _SIGNIFICANT = 3.0
-"""Standard errors that a mean must be away from 0."""
+"""Standard errors that count."""
 
 
 @dataclass(frozen=True, slots=True)
 class Landing:
-    """A move that is over: where it was aimed in m, in which direction (±1)."""
+    """A move: where it began and where it was aimed in m, in which direction (±1)."""
 
+    origin_m: float
     aim_m: float
     direction: float
 
-    def sample(self, stem: Resting) -> LearnedSample:
-        """Return the landing's bias in m, once it is known where the stem is."""
-        return LearnedSample(Quantity.LANDING_BIAS, self.aim_m, direction_of(self.direction), stem.x - self.aim_m)
+    def is_planned(self, stop: Resting) -> bool:
+        """Whether the model has stopped the stem where it was aimed, as far as the model can tell.
+
+        A stop elsewhere is one that the filter has seen coming: the push came late, or was not enough. It corrects the
+        load, and is no landing.
+        """
+        return abs(stop.x - self.aim_m) <= _SIGNIFICANT * stop.sigma_m
+
+    def samples(self, stem: Resting) -> tuple[LearnedSample, ...]:
+        """Return the bias in m of a landing that is sure to have happened, once it is known where the stem is.
+
+        A move whose error is larger than its way tells of no landing: short of its origin it did not begin as planned,
+        and as far beyond its aim it is one that the law does not plan.
+        """
+        bias_m = stem.x - self.aim_m
+        if abs(bias_m) > abs(self.aim_m - self.origin_m) + _SIGNIFICANT * stem.sigma_m:
+            return ()
+        return (LearnedSample(Quantity.LANDING_BIAS, self.aim_m, direction_of(self.direction), bias_m),)
 
 
 def landing_bias_m(table: StictionTable, setpoint_m: float, direction: float) -> float:

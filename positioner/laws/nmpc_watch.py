@@ -95,7 +95,8 @@ def judge(
     """Return the watch, the estimate and the decided trial, if any, after a reading took `before` to `after`.
 
     A stem that did not move is given back the estimate from before the move, and a larger F_s. Where more readings
-    would only bring the two estimates together, the trial ends without a lesson.
+    would only bring the two estimates together, the trial ends without a lesson, and the landing, which may be none,
+    with it.
     """
     trial = state.trial
     if trial is None:
@@ -109,8 +110,9 @@ def judge(
     apart_m = after.x - origin.x
     alike = apart_m * apart_m < _ALIKE * (after.variance_m2 + origin.variance_m2)
     if abs(evidence) < settings.verdict:
-        trial = None if alike else Trial(origin, trial.direction, trial.at_limit, evidence)
-        return replace(state, trial=trial), after, None
+        if alike:
+            return replace(state, trial=None, landing=None), after, None
+        return replace(state, trial=Trial(origin, trial.direction, trial.at_limit, evidence)), after, None
     if evidence < 0.0:
         ratio = min(state.ratio * (1.0 + settings.ratio_rise), max(settings.ratio_most, state.ratio))
         return replace(state, trial=None, landing=None, ratio=ratio, drift=0.0), origin, trial

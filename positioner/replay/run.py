@@ -42,7 +42,8 @@ def replayed(
     """
     codec = configuration.make_codec()
     period_s = configuration.control.sample_period_s
-    setup = Setup(codec, configuration.valve, configuration.guard, configuration.make_law(), period_s)
+    law = configuration.make_law()
+    setup = Setup(codec, configuration.valve, configuration.guard, law, period_s, limits=configuration.limits)
     state = CycleState(table=table)
     for turn in turns:
         inbox = [frame.frame for frame in turn.inbox]

@@ -2,7 +2,8 @@
 
 It takes over every valid command, reports the measured and the true position, and does by itself what a real actuator
 does when commands stay away or say that their sender has failed: after `deadman_s` without one, or at once under a
-current that is a failure signal (NAMUR NE 43), it goes to its fail position. The next valid command ends it.
+current that is a failure signal (NAMUR NE 43), it goes to its fail position. The next valid command ends it. While no
+command acts, before the first one too, its readings say so.
 """
 
 from __future__ import annotations
@@ -15,7 +16,15 @@ from plant_emulator.parameters import FailPosition, PlantSettings
 from positioner.wire.e2e import CounterCheck, Sequence
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.loop_current import LoopSignal, signal_of
-from positioner.wire.messages import ActuatorState, CanFrame, CurrentCommand, PlantTruth, Setpoint, StemPosition
+from positioner.wire.messages import (
+    ActuatorState,
+    CanFrame,
+    CurrentCommand,
+    PlantTruth,
+    Quality,
+    Setpoint,
+    StemPosition,
+)
 
 if TYPE_CHECKING:
     from plant_emulator.sensor import SensorState
@@ -54,6 +63,11 @@ class DeviceState:
     setpoint_check: CounterCheck = field(default_factory=CounterCheck)
     signal_failed: bool = False
     failed: bool = False
+
+    @property
+    def obeys(self) -> bool:
+        """Whether a command acts on the valve."""
+        return self.current_ma is not None and not self.failed
 
 
 def initial_device(settings: PlantSettings, seed: int) -> DeviceState:
@@ -143,9 +157,10 @@ def publish(codec: Codec, settings: PlantSettings, state: DeviceState) -> tuple[
     sensed, measured_m = sensor.measure(settings, state.sensor, plant.position_m, plant.time_s)
     speed = min(max(plant.velocity_m_per_s, -_SPEED_LIMIT_M_PER_S), _SPEED_LIMIT_M_PER_S)
     true_m = min(max(plant.position_m, _TRUTH_RANGE_M[0]), _TRUTH_RANGE_M[1])
+    quality = Quality.VALID if state.obeys else Quality.FAIL_POSITION
     frames: tuple[CanFrame, ...] = (
         codec.encode(PlantTruth(true_m, speed), state.position_counter),
-        codec.encode(StemPosition(measured_m, state.command_counter), state.position_counter),
+        codec.encode(StemPosition(measured_m, state.command_counter, quality), state.position_counter),
     )
     if settings.sensor.reports_pressure:
         pressure_pa = min(max(plant.pressure_pa, 0.0), _PRESSURE_LIMIT_PA)

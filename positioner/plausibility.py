@@ -71,7 +71,8 @@ def judge(
         if jumps < JUMPS_BELIEVED:
             told = f"a jump of {abs(position - watched.position_m) * 1e3:.1f} mm"
             return replace(watched, jumps=jumps, jumped_m=position), Doubt(Counted.FEEDBACK_JUMP, told)
-    rigid_s = _rigid_s(settings, valve, watched, position, commanded_ma, elapsed_s)
+    acting_ma = None if message.quality is Quality.FAIL_POSITION else commanded_ma
+    rigid_s = _rigid_s(settings, valve, watched, position, acting_ma, elapsed_s)
     watched = Watched(position, 0, None, rigid_s)
     if rigid_s > settings.frozen_s:
         told = f"frozen: not a bit of change for {rigid_s:.3g} s under {commanded_ma:.3f} mA, which must move the stem"

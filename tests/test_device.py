@@ -21,6 +21,7 @@ from positioner.wire.messages import (
     CurrentCommand,
     Message,
     PlantTruth,
+    Quality,
     Setpoint,
     StemPosition,
 )
@@ -224,6 +225,29 @@ def test_the_deadman_has_the_length_that_the_plant_file_gives() -> None:
     settings = replace(PAPER, deadman_s=0.02)
     assert not alone_for(settings, 0.02).failed
     assert alone_for(settings, 0.0201).failed
+
+
+def quality(settings: PlantSettings, state: DeviceState) -> Quality:
+    _, frames = publish(CODEC, settings, state)
+    reading = decoded(frames)[-1][0]
+    assert isinstance(reading, StemPosition)
+    return reading.quality
+
+
+@pytest.mark.parametrize("position", FailPosition)
+def test_a_node_whose_valve_obeys_no_command_says_so_with_every_reading(position: FailPosition) -> None:
+    settings = replace(PAPER, fail_position=position)
+    assert quality(settings, initial_device(settings, 1)) is Quality.FAIL_POSITION  # nothing was commanded yet
+    obeying = taken(command(12.0, 0), state=initial_device(settings, 1))
+    assert quality(settings, obeying) is Quality.VALID
+    assert quality(settings, advance(settings, obeying, 0.1)) is Quality.VALID
+    left_alone = advance(settings, obeying, 0.101)
+    assert quality(settings, left_alone) is Quality.FAIL_POSITION
+    assert quality(settings, taken(command(12.0, 0), state=left_alone)) is Quality.FAIL_POSITION  # a repeated command
+    again = taken(command(12.0, 1), state=left_alone)
+    assert quality(settings, again) is Quality.VALID
+    assert quality(settings, taken(command(3.6, 2), state=again)) is Quality.FAIL_POSITION
+    assert quality(settings, taken(command(3.6, 0), state=initial_device(settings, 1))) is Quality.FAIL_POSITION
 
 
 # failure signals by NAMUR NE 43

@@ -33,6 +33,18 @@ class Sensor:
         return doubt.counted if doubt else None
 
 
+def test_a_reading_is_valid_and_never_frozen_while_no_command_acts_on_the_valve() -> None:
+    frozen = Sensor()
+    for _ in range(20):
+        frozen.says(HERE_M, EDGE_MA + 1.0)
+    assert frozen.says(HERE_M, EDGE_MA + 1.0) is Counted.FEEDBACK_FROZEN
+    watched = Watched()
+    for _ in range(20):
+        message = StemPosition(HERE_M, 0, Quality.FAIL_POSITION)
+        watched, doubt = judge(SETTINGS, VALVE, watched, message, EDGE_MA + 1.0, PERIOD_S)
+        assert doubt is None
+
+
 def test_a_reading_that_calls_itself_a_fault_is_none_and_a_suspect_one_is_one() -> None:
     watched = Watched(0.05, 1, 0.09, 0.5)
     after, doubt = judge(SETTINGS, VALVE, watched, StemPosition(HERE_M, 0, Quality.FAULT), None, PERIOD_S)

@@ -44,7 +44,11 @@ class Motion(IntEnum):
 
 
 class Quality(IntEnum):
-    """What the plant's node says of its position reading; FAIL_POSITION: valid, but its actuator obeys no command."""
+    """What the plant's node says of its position reading, the worst that holds.
+
+    FAIL_POSITION: the reading is valid, but no command acts on the valve: the node has heard none since its start, or
+    none for too long, or the last one is a failure signal. The command counter then names no command that acts.
+    """
 
     VALID = 0
     SUSPECT = 1

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from plant_emulator.device import advance, failure, initial_device, publish, take
 from positioner.bus import BusPort
 from positioner.errors import BenchError, ExitCode
+from positioner.line_sink import LineSink
 from positioner.notify import Notifier
 from positioner.wire.e2e import COUNTER_MODULUS
 from positioner.wire.messages import CurrentCommand, Setpoint
@@ -54,7 +55,8 @@ class EmulatorDaemon:
         self._options = options
         self._stopping = False
         identifiers = [codec.identifier(kind) for kind in (CurrentCommand, Setpoint)]
-        self._bus = BusPort(options.bus, identifiers, _say)
+        self._log = LineSink.of(sys.stderr)
+        self._bus = BusPort(options.bus, identifiers, self._say)
         self._notifier = Notifier()
         self._state = initial_device(settings, options.seed)
         self._told = ""
@@ -131,13 +133,16 @@ class EmulatorDaemon:
         if told != self._told:
             self._told = told
             line = told or "a valid command: the valve obeys again"
-            _say(line)
+            self._say(line)
             self._notifier.send(STATUS=line)
 
     def _publish(self) -> None:
         self._state, frames = publish(self._codec, self._settings, self._state)
         for frame in frames:
             self._bus.send(frame)
+
+    def _say(self, line: str) -> None:
+        self._log.write(f"plant-emulator: {line}")
 
     def _stop(self, number: int, frame: FrameType | None) -> None:
         del number, frame
@@ -150,7 +155,3 @@ def _has_setpoint(state: DeviceState, *, number: int) -> bool:
 
 def _is_answered(state: DeviceState, *, sample: int) -> bool:
     return state.answered == sample % COUNTER_MODULUS
-
-
-def _say(line: str) -> None:
-    sys.stderr.write(f"plant-emulator: {line}\n")

@@ -6,7 +6,7 @@ import logging
 from typing import TYPE_CHECKING
 
 from positioner.errors import AlreadyRunningError
-from positioner.events import Controlled, Event, ForeignCommand, Learned, ModeChanged, MoveBegan, kind_of
+from positioner.events import Controlled, Event, ForeignCommand, Learned, LinesDropped, ModeChanged, MoveBegan, kind_of
 from positioner.journal import Throttle, logger
 from positioner.notify import Notifier
 from positioner.wire.messages import Cause, Mode
@@ -40,6 +40,8 @@ class Announcer:
                     self._announce(event)
                 case Learned() | MoveBegan():
                     logger.debug("%s", event)
+                case LinesDropped():
+                    pass  # the log itself tells where they are missing
                 case ForeignCommand():
                     self.throttle.log(logging.ERROR, type(event).__name__, str(event))
                     if not ever_armed:

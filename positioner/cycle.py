@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from positioner import guard
 from positioner.closed_loop import control
-from positioner.events import Controlled, Event, LawLate, ModeChanged
+from positioner.events import Controlled, Event, LawLate, LinesDropped, ModeChanged
 from positioner.handover import ease, follow
 from positioner.inbox import Reading, receive
 from positioner.outbox import command, status
@@ -42,11 +42,21 @@ def step(
     if state.late_ns:
         seen = replace(seen, late=True)
         events.append(LawLate(state.late_ns, setup.period_s))
+    if state.lines_dropped:
+        events.append(LinesDropped(state.lines_dropped))
     watch = guard.supervise(setup.guard, before, seen, setup.period_s, now_ns)
     reading = received.reading
     measured_m = reading.position_m if reading else None
     handover = follow(state.handover, watch.mode, measured_m, received.link.setpoint_m, state.last_ma)
-    state = replace(state, link=received.link, guard=watch, late_ns=0, tally=state.tally.add(events), handover=handover)
+    state = replace(
+        state,
+        link=received.link,
+        guard=watch,
+        late_ns=0,
+        lines_dropped=0,
+        tally=state.tally.add(events),
+        handover=handover,
+    )
 
     decision: Decision | None = None
     if not watch.controls:

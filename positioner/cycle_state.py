@@ -46,8 +46,9 @@ class Sent:
 
 @dataclass(frozen=True, slots=True)
 class CycleState:
-    """Everything a positioner carries on. `memory` is the law's own; the shell tells `table_saved` and `late_ns`.
+    """Everything a positioner carries on.
 
+    `memory` is the law's own; the shell tells `table_saved`, `late_ns` and `lines_dropped`.
     believed: the table as this cycle left it; another one comes from outside, and is looked through first.
     """
 
@@ -66,6 +67,7 @@ class CycleState:
     setpoint_m: float = 0.0
     table_saved: bool = True
     late_ns: int = 0
+    lines_dropped: int = 0
     tally: Tally = field(default_factory=Tally)
     fallback_count: int = 0
     learned_count: int = 0

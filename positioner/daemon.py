@@ -16,7 +16,7 @@ from positioner.clock import Clock, LockstepClock, LockstepGate, RealClock
 from positioner.cycle_state import CycleState, Setup
 from positioner.errors import ExitCode, UsageError
 from positioner.events import Event, Learned
-from positioner.journal import logger
+from positioner.journal import dropped_lines, logger
 from positioner.record import BusRecorder
 from positioner.store.client import TableKeeper
 from positioner.store.messages import Notice, Replaced, Saved, SavingFailed, SavingWorks
@@ -101,6 +101,7 @@ class Daemon:
             raise UsageError(f"{what} {error.filename} cannot be written: {error.strerror}") from error
         self._watchdog_due_s = 0.0
         self._poll_due_s = 0.0
+        self._dropped = 0
 
     def run(self) -> ExitCode:
         """Run until SIGTERM or SIGINT; return how it ended.
@@ -156,6 +157,9 @@ class Daemon:
         self._poll_due_s = time.monotonic() + _POLL_EVERY_S
         for heard in self._keeper.poll():
             self._hear(heard)
+        if (dropped := dropped_lines()) != self._dropped:
+            self._state = replace(self._state, lines_dropped=dropped - self._dropped)
+            self._dropped = dropped
         saved = self._keeper.problem is None
         if saved is not self._state.table_saved:
             self._state = replace(self._state, table_saved=saved)

@@ -145,6 +145,13 @@ class LawFellBack:
 
 
 @dataclass(frozen=True, slots=True)
+class LinesDropped:
+    """Lines of the log that nobody read: they would have kept the loop waiting."""
+
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
 class LawLate:
     """The cycle before took longer than a sample period; its command left late."""
 
@@ -195,6 +202,7 @@ Event = (
     | NotBelieved
     | LawFellBack
     | LawLate
+    | LinesDropped
     | MoveBegan
     | Controlled
 )

@@ -7,16 +7,49 @@ import sys
 import time
 from dataclasses import dataclass
 
+from positioner.line_sink import LineSink
+
 logger = logging.getLogger("positioner")
+_warnings = logging.getLogger("py.warnings")
+
+
+class SinkHandler(logging.Handler):
+    """Writes to a sink, which never waits; `sink` counts what it dropped."""
+
+    def __init__(self, sink: LineSink) -> None:
+        """Write each record as its level and its message."""
+        super().__init__()
+        self.sink = sink
+        self.setFormatter(logging.Formatter("%(levelname)s %(message)s"))
+
+    def close(self) -> None:
+        """Let the sink go."""
+        self.sink.close()
+        super().close()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write the record."""
+        self.sink.write(self.format(record))
 
 
 def set_up(*, verbose: bool) -> None:
-    """Log to the standard error stream: journald adds time and unit, a terminal needs neither."""
-    handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(logging.Formatter("%(levelname)s %(message)s"))
-    logger.handlers[:] = [handler]
-    logger.setLevel(logging.DEBUG if verbose else logging.INFO)
-    logger.propagate = False
+    """Log to the standard error stream: journald adds time and unit, a terminal needs neither.
+
+    Warnings of libraries go the same way.
+    """
+    handler = SinkHandler(LineSink.of(sys.stderr))
+    for old in logger.handlers:
+        old.close()
+    for each, level in ((logger, logging.DEBUG if verbose else logging.INFO), (_warnings, logging.WARNING)):
+        each.handlers[:] = [handler]
+        each.setLevel(level)
+        each.propagate = False
+    logging.captureWarnings(capture=True)
+
+
+def dropped_lines() -> int:
+    """Return how many lines of the log nobody took since it was set up."""
+    return sum(handler.sink.dropped for handler in logger.handlers if isinstance(handler, SinkHandler))
 
 
 @dataclass(slots=True)

@@ -24,7 +24,7 @@ CHANNEL = "vcan0"
 """The name in the log, whatever bus it was recorded on: canplayer plays it there by default."""
 NOTE_ID = 0x1FFFFFFF
 """Identifier (extended) of a note: the byte of its kind, and a number of seven bytes, low byte first."""
-TOLD = ("table_saved", "late_ns")
+TOLD = ("table_saved", "late_ns", "lines_dropped")
 """What the shell tells the cycle by the state, in the order of the kinds of note."""
 KIND_TURN, KIND_TABLE = 0xFE, 0xFF
 """A turn without frames that changed something; a table that was put in the place of the learned one."""

@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from positioner.events import FeedbackRefused, ForeignCommand, FrameRefused, FramesLost, LawLate, SetpointRefused
+from positioner.events import (
+    FeedbackRefused,
+    ForeignCommand,
+    FrameRefused,
+    FramesLost,
+    LawLate,
+    LinesDropped,
+    SetpointRefused,
+)
 from positioner.wire.formats import Reason
 from positioner.wire.messages import Counted, PositionerCount
 
@@ -68,6 +76,8 @@ def _counted(event: Event) -> tuple[tuple[Counted, int], ...]:
             return ((Counted.LOST, event.count),)
         case FeedbackRefused():
             return ((event.counted, 1),)
+        case LinesDropped():
+            return ((Counted.LINE_DROPPED, event.count),)
         case SetpointRefused() | ForeignCommand() | LawLate():
             return ((_COUNTED_EVENTS[type(event)], 1),)
         case _:

@@ -63,6 +63,7 @@ PLUMBING = (
     "positioner.settings",
     "positioner.nearest",
     "positioner.notify",
+    "positioner.line_sink",
 )
 """What the plant emulator shares with the positioner: the wire and tools, no physics."""
 

@@ -9,6 +9,7 @@ from positioner.events import (
     FramesLost,
     LawFellBack,
     LawLate,
+    LinesDropped,
     ModeChanged,
     SetpointRefused,
     kind_of,
@@ -36,6 +37,7 @@ def test_every_trouble_counts_as_what_it_is() -> None:
         SetpointRefused(0.3, 0.0, 0.1),
         ForeignCommand(12.0),
         LawLate(2_000_000, 0.001),
+        LinesDropped(3),
     )
     assert Tally().add(events).counts == {
         Counted.LOST: 7,
@@ -44,6 +46,7 @@ def test_every_trouble_counts_as_what_it_is() -> None:
         Counted.SETPOINT_REFUSED: 1,
         Counted.FOREIGN_COMMAND: 1,
         Counted.LAW_LATE: 1,
+        Counted.LINE_DROPPED: 3,
     }
 
 

@@ -122,6 +122,40 @@ def test_a_good_configuration_is_told_with_what_it_means(tmp_path: Path, capsys:
     assert shown["stiction"] == "F_s 32.0 % of the span force"
     assert shown["slip jump"] == "5.42 mm"
     assert shown["bus"] == "socketcan:can0"
+    assert shown["bus load"] == "30 % of 1 Mbit/s at most; 90 % at 0.31 ms, the shortest period that fits"
+
+
+@pytest.mark.parametrize(
+    ("valve", "told"),
+    [
+        ('preset = "graphite"', "13.1 to 30.0 mm (to the upper stop)"),
+        ('preset = "paper"\ntravel_min_m = 0.06', "60.0 to 94.5 mm (to the lower stop)"),
+        (
+            'preset = "paper"\ntravel_min_m = 0.07\ntravel_max_m = 0.08',
+            "70.0 to 80.0 mm (to the lower and the upper stop)",
+        ),
+        (
+            'preset = "paper"\nstatic_friction_n = 4000.0',
+            "nowhere: no current within the limits frees the stem both ways",
+        ),
+    ],
+)
+def test_the_range_of_positions_ends_at_the_stops(valve: str, told: str, tmp_path: Path, capsys: Output) -> None:
+    path = tmp_path / "valve.toml"
+    path.write_text(f'[valve]\nid = "v"\n{valve}\n', encoding="utf-8")
+    assert main(["check", str(path)]) == ExitCode.OK
+    assert f"  restartable both ways  {told}\n" in capsys.readouterr().out
+
+
+def test_a_period_that_no_bus_carries_is_told_with_the_shortest_that_one_does(tmp_path: Path, capsys: Output) -> None:
+    path = tmp_path / "valve.toml"
+    path.write_text(GOOD + "[control]\nsample_period_s = 0.0001\n", encoding="utf-8")
+    assert main(["check", str(path)]) == ExitCode.OK
+    told = "273 % of 1 Mbit/s at most: more than it carries; 90 % at 0.31 ms, the shortest period that fits"
+    assert f"  bus load               {told}\n" in capsys.readouterr().out
+    page = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert "take 273 % of 1 Mbit/s" in page
+    assert "carries is 0.31 ms" in " ".join(page.split())
 
 
 def test_every_mistake_of_a_configuration_comes_at_once_with_its_line(tmp_path: Path, capsys: Output) -> None:

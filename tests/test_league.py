@@ -143,6 +143,9 @@ def test_the_page_is_written_and_says_the_same_in_all_three_forms(tmp_path: Path
     assert json.loads((tmp_path / "league.json").read_text())["standings"][0]["mean_error_pct"] == pytest.approx(0.4)
     assert "| `pi` | 0.400 | 0.400 (nominal) | 0.50 |" in to_markdown(page)
     assert (tmp_path / "league.png").read_bytes().startswith(b"\x89PNG")
+    assert "Simulation only" not in to_markdown(page)
+    fast = replace(page, settings=replace(settings, period_s=0.0001))
+    assert "Simulation only: at 0.1 ms the frames take 273 % of 1 Mbit/s" in to_markdown(fast)
 
 
 def test_an_interrupted_league_plays_only_what_is_missing_and_nothing_twice(tmp_path: Path) -> None:

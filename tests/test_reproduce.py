@@ -12,7 +12,7 @@ from matplotlib.image import imread
 
 from plant_emulator.presets import plant_settings
 from positioner.bench import reproduce as reproduction
-from positioner.bench.claims import Verdict, verdicts
+from positioner.bench.claims import Verdict, tally, verdicts
 from positioner.bench.metrics import Trace
 from positioner.bench.playable import restartable_mm
 from positioner.bench.readings import NoiseReading, Reading, UnitReading, readings
@@ -175,6 +175,32 @@ def test_every_claim_holds_where_everything_is_as_the_paper_has_it() -> None:
     found = verdicts(as_the_paper_has_it(all_runs(ALL, short=False)))
     assert len(found) == 4 * 3 + 11 * 6
     assert [verdict for verdict in found if not verdict.holds] == []
+
+
+def test_a_short_run_judges_what_moves_decide_and_nothing_else() -> None:
+    played = as_the_paper_has_it(all_runs(ALL, short=True))
+    found = verdicts(tuple(replace(each, before=CALM, after=CALM) for each in played))
+    judged = {(verdict.simulation, verdict.claim) for verdict in found if verdict.holds is not None}
+    assert judged == {
+        (1, "it overshoots in the transient"),
+        (3, "it moves as in simulation 2 until the table is used"),
+    }
+    assert tally(found)[0] == f"{sum(bool(verdict.holds) for verdict in found)} of 9 claims hold"
+    text = to_markdown(played, found)
+    assert "| 2 | stick-slip makes it oscillate continuously | not judged | as SI | not judged |" in text
+    assert "| 1 | it overshoots in the transient | **no**: overshoot 0.20 % |" in text
+    assert {verdict["holds"] for verdict in json.loads(to_json(played, found))["verdicts"]} == {True, False, None}
+
+
+def test_where_nothing_was_judged_no_claim_holds_and_none_falls() -> None:
+    found = [
+        verdict for verdict in verdicts(as_the_paper_has_it(all_runs((A,), short=True))) if verdict.simulation == 2
+    ]
+    assert tally(found) == ("no claim judged", None)
+    judged = [
+        verdict for verdict in verdicts(as_the_paper_has_it(all_runs((A,), short=True))) if verdict.simulation == 1
+    ]
+    assert tally(judged) == ("1 of 1 claim holds", True)
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from positioner.doctor.bus_load import REFUSE_ABOVE, bus_load, in_words
+from positioner.wire.codec import make_codec
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
@@ -59,7 +62,15 @@ def to_markdown(page: LeaguePage) -> str:
     for law in page.summaries:
         cells = {row.condition: row for row in page.standings if row.law == law.law}
         lines.append(_row((f"`{law.law}`", *(_interval(cells[name]) for name in conditions))))
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines + _caveat(page.settings.period_s)) + "\n"
+
+
+def _caveat(period_s: float) -> list[str]:
+    """Return what is to be said of a period that no classic bus carries."""
+    load = bus_load(make_codec(), period_s, 1_000_000)
+    if load.total <= REFUSE_ABOVE:
+        return []
+    return ["", f"Simulation only: at {period_s * 1e3:g} ms the frames take {in_words(make_codec(), period_s)}."]
 
 
 def _row(cells: Iterable[str]) -> str:

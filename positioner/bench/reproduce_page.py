@@ -11,6 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from positioner.bench.claims import tally
 from positioner.bench.readings import NoiseReading, Reading, UnitReading
 from positioner.bench.reproduce import SIMULATIONS, WITH_TABLE
 
@@ -46,6 +47,8 @@ UNITS = {UnitReading.SI: "α 5 m/s, β 150 1/m", UnitReading.CENTIMETRES: "α 5 
 
 _BLUE, _RED, _GREEN, _ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
 _INK, _GREY, _FAINT = "#222222", "#8A8A8A", "#D9D9D9"
+_WORDS = {True: "yes", False: "no", None: "not judged"}
+_COLOURS = {True: _GREEN, False: _RED, None: _GREY}
 _LIMITS = ((60.0, 95.0), (3.0, 21.0), (-2.3, 2.3))
 _TICKS = ((60, 70, 80, 90), (4, 8, 12, 16, 20), (-2, -1, 0, 1, 2))
 _QUANTITIES = ("position, mm", "current, mA", "speed, m/s")
@@ -80,8 +83,8 @@ def draw_figure(path: Path, simulation: int, outcomes: Sequence[Outcome], verdic
         _write_above(panels[0], len(own) + 1.4, heading, _INK, weight="bold")
         _write_above(panels[0], len(own) + 0.4, _figures(outcome), _INK)
         for line, verdict in enumerate(reversed(own)):
-            told = f"{'yes' if verdict.holds else 'no'}: {verdict.claim} ({verdict.seen})"
-            _write_above(panels[0], line + 0.4, told, _GREEN if verdict.holds else _RED)
+            told = f"{verdict.claim} ({verdict.seen})" if verdict.holds is not None else verdict.claim
+            _write_above(panels[0], line + 0.4, f"{_WORDS[verdict.holds]}: {told}", _COLOURS[verdict.holds])
         panels[-1].set_xlabel("time, s", fontsize=11)
     title = f"Simulation {simulation}, the paper's figure {FIGURE_OF[simulation]}: {TITLES[simulation]}"
     figure.text(0.75 / width, 1.0 - 0.42 / height, title, fontsize=17, fontweight="bold", color=_INK)
@@ -114,10 +117,9 @@ def draw_page(path: Path, outcomes: Sequence[Outcome], verdicts: Sequence[Verdic
             _draw(panels, outcome, left=simulation == SIMULATIONS[0] or (simulation - 1, reading) not in found)
             for panel in panels[:-1]:
                 panel.tick_params(labelbottom=False)
-            own = [verdict.holds for verdict in verdicts if (verdict.simulation, verdict.reading) == _key(outcome)]
+            told, all_hold = tally(v for v in verdicts if (v.simulation, v.reading) == _key(outcome))
             _write_above(panels[0], 0.4, _figures(outcome), _INK)
-            told = f"{sum(own)} of {len(own)} claims hold"
-            _write_above(panels[0], 0.4, told, _GREEN if all(own) else _RED, right=True)
+            _write_above(panels[0], 0.4, told, _COLOURS[all_hold], right=True)
         box = block.get_position(figure)
         name = reading_title(reading).replace(", α", "\nα")
         middle = (box.y0 + box.y1) / 2.0

@@ -84,7 +84,10 @@ def _heading(outcomes: Sequence[Outcome], readings: Sequence[Reading]) -> list[s
         "",
     ]
     if outcomes[0].run.short:
-        lines += ["**A short run**: its dwells show the moves, not what happens at rest.", ""]
+        lines += [
+            "**A short run**: its dwells show the moves; what happens at rest they cannot tell, and it is not judged.",
+            "",
+        ]
     lines += [f"- **{noise}**: {NOISES[noise]}" for noise in dict.fromkeys(reading.noise for reading in readings)]
     return lines + [f"- **{units}**: {UNITS[units]}" for units in UnitReading]
 
@@ -107,6 +110,8 @@ def _verdict(verdict: Verdict | None) -> str:
     """Return a cell: without a table one reading stands for both units."""
     if verdict is None:
         return "as SI"
+    if verdict.holds is None:
+        return "not judged"
     return f"{'yes' if verdict.holds else '**no**'}: {verdict.seen}"
 
 

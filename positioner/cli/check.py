@@ -6,10 +6,15 @@ import argparse
 import sys
 from importlib import resources
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from positioner.config import Configuration, load_config
+from positioner.doctor import bus_load
 from positioner.errors import ExitCode
 from positioner.place import place_of
+
+if TYPE_CHECKING:
+    from positioner.model import ValveParameters
 
 _EPILOG = """\
 examples:
@@ -56,14 +61,24 @@ def summary(configuration: Configuration, state: Path) -> str:
     high_n = gain * guard.current_high_ma - valve.bench_set_n
     friction_n = valve.static_friction_n
     span_force_n = gain * (guard.current_high_ma - guard.current_low_ma)
-    lowest_mm, highest_mm = (low_n + friction_n) / rate * 1e3, (high_n - friction_n) / rate * 1e3
     rows = (
         ("valve", f"{valve.id}, span {valve.span_m * 1e3:g} mm"),
-        ("restartable both ways", f"{lowest_mm:.1f} to {highest_mm:.1f} mm"),
+        ("restartable both ways", _range((low_n + friction_n) / rate, (high_n - friction_n) / rate, valve)),
         ("stiction", f"F_s {100 * friction_n / span_force_n:.1f} % of the span force"),
         ("slip jump", f"{(friction_n - valve.coulomb_friction_n) / rate * 1e3:.2f} mm"),
         ("law", f"{configuration.control.law}, every {configuration.control.sample_period_s * 1e3:g} ms"),
         ("bus", str(configuration.bus)),
+        ("bus load", bus_load.in_words(configuration.make_codec(), configuration.control.sample_period_s)),
         ("state", str(state)),
     )
     return "".join(f"  {name:<22} {value}\n" for name, value in rows)
+
+
+def _range(lowest_m: float, highest_m: float, valve: ValveParameters) -> str:
+    """Return a range of positions in mm, as far as the stops let the stem go."""
+    low_m, high_m = max(lowest_m, valve.travel_min_m), min(highest_m, valve.travel_max_m)
+    if low_m > high_m:
+        return "nowhere: no current within the limits frees the stem both ways"
+    stops = [stop for stop, ends in (("lower", low_m > lowest_m), ("upper", high_m < highest_m)) if ends]
+    told = f"{low_m * 1e3:.1f} to {high_m * 1e3:.1f} mm"
+    return f"{told} (to the {' and the '.join(stops)} stop)" if stops else told

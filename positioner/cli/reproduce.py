@@ -11,7 +11,8 @@ from positioner.errors import ExitCode, StateError
 _EPILOG = """\
 examples:
   positioner reproduce                     every reading: about ten minutes of one core
-  positioner reproduce --short             the same within half a minute: 15 ms a setpoint instead of 1 s
+  positioner reproduce --short             the moves, within half a minute: 15 ms a setpoint instead of 1 s, which
+                                           judges no claim about what happens at rest
   positioner reproduce --reading A         white noise and a Kalman filter only
 
 readings of the paper, where it leaves a choice:
@@ -35,7 +36,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--reading", choices=("A", "B", "both"), default="both", help="of the noise (%(default)s)")
-    parser.add_argument("--short", action="store_true", help="15 ms a setpoint: shows the moves, not the rest")
+    parser.add_argument("--short", action="store_true", help="15 ms a setpoint: shows the moves, judges no rest")
     parser.add_argument("--workers", type=int, metavar="N", help="processes (one a core)")
     parser.add_argument(
         "--out", type=Path, default=Path("reproduce"), metavar="DIR", help="output directory (%(default)s)"

@@ -86,6 +86,17 @@ def findings(
     return (Finding(Level.FAIL, _SUBJECT, text, slower),)
 
 
+def in_words(codec: Codec, sample_period_s: float, bitrate: int = _FASTEST) -> str:
+    """Return the load at `bitrate`, and the shortest sample period with which it is one that a bus can carry."""
+    load = bus_load(codec, sample_period_s, bitrate)
+    told = f"{100 * load.total:.0f} % of {bitrate / 1e6:g} Mbit/s at most"
+    if load.shortest_period_s is None:
+        return f"{told}: too slow for any sample period"
+    shortest_ms = rounded_up(load.shortest_period_s) * 1e3
+    fits = f"{100 * REFUSE_ABOVE:.0f} % at {shortest_ms:.2f} ms, the shortest period that fits"
+    return f"{told}; {fits}" if load.total <= REFUSE_ABOVE else f"{told}: more than it carries; {fits}"
+
+
 def rounded_up(period_s: float) -> float:
     """Return the period in s rounded up to whole µs."""
     return -(-round(period_s * 1e9) // 1000) / 1e6

@@ -42,6 +42,7 @@ class LinkState:
     pressure_pa: float | None = None
     rejected_count: int = 0
     periods_unread: int = 0
+    position_counter: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +113,7 @@ class _Batch:
         self.setpoint_counter = link.setpoint_counter
         self.pressure_pa = link.pressure_pa
         self.rejected_count = link.rejected_count
+        self.position_counter = link.position_counter
         self.reading: Reading | None = None
         self.setpoint = False
         self.requests: list[HostRequest] = []
@@ -131,6 +133,7 @@ class _Batch:
             self.pressure_pa,
             self.rejected_count,
             self._periods - (self.reading.periods if self.reading else 0),
+            self.reading.counter if self.reading else self.position_counter,
         )
         reading = self.reading is not None
         requests = tuple(self.requests)

@@ -31,7 +31,7 @@ def command(
         return replace(state, sent=()), []
     message = CurrentCommand(
         current_ma,
-        reading.counter if reading else None,
+        state.link.position_counter,
         state.link.setpoint_counter,
         state.guard.mode,
         decision.motion if decision else Motion.NONE,

@@ -162,6 +162,16 @@ def test_in_hold_and_failsafe_the_last_word_is_repeated_every_ten_milliseconds()
     assert len(commands(exchange.step(elapsed_ns=10 * MS))) == 1
 
 
+def test_a_command_without_a_new_reading_goes_on_naming_the_last_one() -> None:
+    exchange = Exchange()
+    for _ in range(8):
+        exchange.sample()
+    exchange.step(CODEC.encode(StemPosition(-0.5), 8))  # refused: it lies outside the travel
+    ((held, _),) = commands(exchange.step(elapsed_ns=9 * MS))
+    ((safe, _),) = commands(exchange.step(elapsed_ns=10 * MS))
+    assert [(each.mode, each.position_counter) for each in (held, safe)] == [(Mode.HOLD, 7), (Mode.FAILSAFE, 7)]
+
+
 def test_the_status_leaves_ten_times_a_second_once_it_was_armed() -> None:
     exchange = Exchange(guard=GuardSettings())
     stamps_ms = []

@@ -21,11 +21,13 @@ if TYPE_CHECKING:
 
 def arm(settings: GuardSettings, state: GuardState, seen: Sighting, hold_ns: float, now_ns: int) -> GuardState:
     """Return the state after the requests of a batch, in their order, and the automatic arming, which happens once."""
-    if HostRequest.DISARM in seen.requests:
+    disarmed = HostRequest.DISARM in seen.requests
+    if disarmed or seen.stray_disarm:
+        # a stray one disarms, and is no request that an ARM could follow: it may be as old as the bus can be
         return replace(
             state,
             armed=False,
-            request=HostRequest.DISARM,
+            request=HostRequest.DISARM if disarmed else state.request,
             mode=Mode.READY,  # pragma: no mutate - anything but FAILSAFE: the table decides
         )
     fresh = state.feedback_ns is not None and now_ns - state.feedback_ns <= hold_ns

@@ -57,6 +57,18 @@ class SetpointRefused:
 
 
 @dataclass(frozen=True, slots=True)
+class SetpointDisputed:
+    """More than one sender seems to send setpoints; the last one that was not in doubt stays in force."""
+
+    setpoint_m: float
+    why: str
+
+    def __str__(self) -> str:
+        """One line for the log."""
+        return f"setpoint {self.setpoint_m * 1e3:.3f} mm refused: {self.why}"
+
+
+@dataclass(frozen=True, slots=True)
 class FeedbackRefused:
     """A position reading is implausible and was not used."""
 
@@ -195,6 +207,7 @@ Event = (
     FrameRefused
     | FramesLost
     | SetpointRefused
+    | SetpointDisputed
     | FeedbackRefused
     | ForeignCommand
     | ModeChanged

@@ -44,6 +44,7 @@ def supervise(settings: GuardSettings, state: GuardState, seen: Sighting, period
         Cause.FEEDBACK_STALE if seen.feedback else seen.refused or state.no_feedback,
         state.late_cycles + 1 if seen.late else 0,
         manual,
+        Cause.SETPOINT_STALE if seen.setpoint else seen.setpoint_refused or state.no_setpoint,
     )
     state = arm(settings, state, seen, settings.feedback_hold_periods * period_s * _NS, now_ns)
     mode, cause = _mode(settings, state, period_s, now_ns)
@@ -73,9 +74,9 @@ def _mode(settings: GuardSettings, state: GuardState, period_s: float, now_ns: i
         (by_hand, Mode.MANUAL, Cause.MANUAL),
         (dead, Mode.FAILSAFE, state.no_feedback),
         (state.law_failures >= settings.law_failsafe_cycles, Mode.FAILSAFE, Cause.LAW_FAILED),
-        (0.0 < settings.setpoint_failsafe_s < silent_s, Mode.FAILSAFE, Cause.SETPOINT_STALE),
+        (0.0 < settings.setpoint_failsafe_s < silent_s, Mode.FAILSAFE, state.no_setpoint),
         (silent_periods > settings.feedback_hold_periods, Mode.HOLD, state.no_feedback),
-        (0.0 < settings.setpoint_hold_s < silent_s, Mode.HOLD, Cause.SETPOINT_STALE),
+        (0.0 < settings.setpoint_hold_s < silent_s, Mode.HOLD, state.no_setpoint),
         (foreign, Mode.ACTIVE, Cause.FOREIGN_COMMAND),
         (state.late_cycles >= settings.law_failsafe_cycles, Mode.ACTIVE, Cause.LAW_LATE),
     )

@@ -13,7 +13,8 @@ class Sighting:
     """What this cycle saw: a reading that can be true, a usable setpoint, what the host asks, a foreign command.
 
     requests: in their order, a repeated one once; refused: why a reading could not be true; late: the cycle before took
-        longer than a period.
+        longer than a period; stray_disarm: a DISARM in a frame out of sequence; setpoint_refused: why a setpoint was
+        not used.
     manual: what the host last said of manual mode.
     """
 
@@ -24,6 +25,8 @@ class Sighting:
     refused: Cause | None = None
     late: bool = False
     manual: ManualCurrent | None = None
+    stray_disarm: bool = False
+    setpoint_refused: Cause | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +45,7 @@ class GuardState:
     no_feedback: Cause = Cause.FEEDBACK_STALE  # what it is called when feedback is missing
     late_cycles: int = 0
     manual: Manual = AUTOMATIC
+    no_setpoint: Cause = Cause.SETPOINT_STALE  # what it is called when setpoints are missing
 
     @property
     def transmits(self) -> bool:

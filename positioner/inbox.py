@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from positioner.events import Event, FeedbackRefused, ForeignCommand, FrameRefused, FramesLost, SetpointRefused
+from positioner.events import (
+    Event,
+    FeedbackRefused,
+    ForeignCommand,
+    FrameRefused,
+    FramesLost,
+    SetpointDisputed,
+    SetpointRefused,
+)
 from positioner.guard_state import Sighting
 from positioner.plausibility import Watched, judge
 from positioner.wire.e2e import CounterCheck, Sequence
@@ -21,6 +29,7 @@ from positioner.wire.messages import (
     Setpoint,
     StemPosition,
 )
+from positioner.wire.window import Sender
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -35,7 +44,7 @@ if TYPE_CHECKING:
 class LinkState:
     """What is remembered of the other nodes between cycles."""
 
-    counters: Mapping[type[Message], CounterCheck] = field(default_factory=dict)
+    senders: Mapping[type[Message], Sender] = field(default_factory=dict)
     readings: Watched = field(default_factory=Watched)
     setpoint_m: float | None = None
     setpoint_counter: int | None = None
@@ -87,7 +96,7 @@ def receive(
     for frame in frames:
         try:
             message, counter = codec.decode(frame)
-            lost = batch.in_sequence(message, counter, codec.by_kind[type(message)].counter_modulus)
+            lost = batch.in_sequence(message, counter, codec.by_kind[type(message)].counter_modulus, frame.data)
         except FrameRejectedError as error:
             if error.reason not in _IGNORED:
                 batch.rejected_count += 1
@@ -107,7 +116,7 @@ class _Batch:
         self.valve = valve
         self.commanded_ma = commanded_ma
         self.period_s = period_s
-        self.counters = dict(link.counters)
+        self.senders = dict(link.senders)
         self.readings = link.readings
         self.setpoint_m = link.setpoint_m
         self.setpoint_counter = link.setpoint_counter
@@ -118,15 +127,17 @@ class _Batch:
         self.setpoint = False
         self.requests: list[HostRequest] = []
         self.manual: ManualCurrent | None = None
+        self.stray_disarm = False
         self.foreign = False
         self.refused: Cause | None = None
+        self.setpoint_refused: Cause | None = None
         self.events: list[Event] = []
         self._periods = link.periods_unread
 
     def result(self) -> Received:
         """Return what the batch amounts to."""
         link = LinkState(
-            self.counters,
+            self.senders,
             self.readings,
             self.setpoint_m,
             self.setpoint_counter,
@@ -135,25 +146,37 @@ class _Batch:
             self._periods - (self.reading.periods if self.reading else 0),
             self.reading.counter if self.reading else self.position_counter,
         )
-        reading = self.reading is not None
-        requests = tuple(self.requests)
-        seen = Sighting(reading, self.setpoint, requests, self.foreign, self.refused, manual=self.manual)
+        seen = Sighting(
+            self.reading is not None,
+            self.setpoint,
+            tuple(self.requests),
+            self.foreign,
+            self.refused,
+            manual=self.manual,
+            stray_disarm=self.stray_disarm,
+            setpoint_refused=self.setpoint_refused,
+        )
         return Received(link, self.reading, seen, tuple(self.events))
 
-    def in_sequence(self, message: Message, counter: int | None, modulus: int) -> int:
+    def in_sequence(self, message: Message, counter: int | None, modulus: int, data: bytes) -> int:
         """Take the counter over and return how many frames were lost before it.
+
+        A DISARM is obeyed whatever the counter of its frame: one too many is safe, one too few is not.
 
         Raises:
             FrameRejectedError: the counter is repeated or out of order.
         """
         if counter is None or not isinstance(message, _COUNTED):
             return 0
-        known = self.counters.get(type(message)) or CounterCheck(modulus=modulus)
+        known = self.senders.get(type(message)) or Sender(CounterCheck(modulus=modulus))
         # kept even when refused: the frame may be the first of a restarted sender
-        self.counters[type(message)], verdict, lost = known.check(counter)
+        self.senders[type(message)], verdict, lost = known.hear(counter, data)
         if verdict is not Sequence.FRESH:
+            disarms = isinstance(message, Setpoint) and message.request is HostRequest.DISARM
+            self.stray_disarm |= disarms
             reason = Reason.REPEATED if verdict is Sequence.REPEATED else Reason.OUT_OF_ORDER
-            raise FrameRejectedError(reason, f"{type(message).__name__} counter {counter} after {known.last}")
+            told = f"{type(message).__name__} counter {counter} after {known.check.last}"
+            raise FrameRejectedError(reason, f"{told}; its DISARM is obeyed" if disarms else told)
         if lost:
             self.events.append(FramesLost(type(message).__name__, lost))
         return lost
@@ -175,6 +198,10 @@ class _Batch:
 
     def _take_position(self, message: StemPosition, counter: int | None, lost: int) -> None:
         self._periods += lost + 1
+        if (sender := self.senders.get(StemPosition)) is not None and not sender.window.settled:
+            self.events.append(FeedbackRefused(message.position_m, sender.window.why, Counted.DISPUTED))
+            self.refused = Cause.FEEDBACK_DISPUTED
+            return
         elapsed_s = (lost + 1) * self.period_s
         self.readings, doubt = judge(self.guard, self.valve, self.readings, message, self.commanded_ma, elapsed_s)
         if doubt:
@@ -185,6 +212,11 @@ class _Batch:
             self.reading = Reading(message.position_m, counter, message.command_counter, self._periods)
 
     def _take_setpoint(self, message: Setpoint, counter: int | None) -> None:
+        if (sender := self.senders.get(Setpoint)) is not None and not sender.window.valid:
+            self.stray_disarm |= message.request is HostRequest.DISARM
+            self.setpoint_refused = Cause.SETPOINT_DISPUTED
+            self.events.append(SetpointDisputed(message.setpoint_m, sender.window.why))
+            return
         usable = self.valve.travel_min_m <= message.setpoint_m <= self.valve.travel_max_m
         # an ARM counts with a setpoint that can be used
         if (usable or message.request is not HostRequest.ARM) and [message.request] != self.requests[-1:]:

@@ -12,6 +12,7 @@ from positioner.events import (
     FramesLost,
     LawLate,
     LinesDropped,
+    SetpointDisputed,
     SetpointRefused,
 )
 from positioner.wire.formats import Reason
@@ -36,6 +37,7 @@ COUNTED_REASONS: Mapping[Reason, Counted] = {
 
 _COUNTED_EVENTS: Mapping[type[Event], Counted] = {
     SetpointRefused: Counted.SETPOINT_REFUSED,
+    SetpointDisputed: Counted.DISPUTED,
     ForeignCommand: Counted.FOREIGN_COMMAND,
     LawLate: Counted.LAW_LATE,
 }
@@ -78,7 +80,7 @@ def _counted(event: Event) -> tuple[tuple[Counted, int], ...]:
             return ((event.counted, 1),)
         case LinesDropped():
             return ((Counted.LINE_DROPPED, event.count),)
-        case SetpointRefused() | ForeignCommand() | LawLate():
+        case SetpointRefused() | SetpointDisputed() | ForeignCommand() | LawLate():
             return ((_COUNTED_EVENTS[type(event)], 1),)
         case _:
             return ()

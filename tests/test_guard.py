@@ -323,6 +323,34 @@ def test_disarming_works_in_every_mode_and_silences() -> None:
         assert off.mode is Mode.READY
 
 
+def test_a_stray_disarm_disarms_in_every_mode_and_is_no_request_that_an_arm_could_follow() -> None:
+    """A DISARM of long ago, played again: a host that holds ARM must not so be made to arm a positioner that failed."""
+    stray = Sighting(feedback=True, setpoint=True, stray_disarm=True)
+    held = watch(active_at(SECOND), NOTHING, SECOND + 5 * MS)
+    failed = watch(active_at(SECOND), NOTHING, SECOND + 11 * MS)
+    for state in (active_at(SECOND), held, failed):
+        off = watch(state, stray, SECOND + 12 * MS)
+        assert told(off) == (Mode.READY, Cause.DISARMED)
+        assert off.request is state.request
+        again = watch(off, ARM, SECOND + 13 * MS)
+        assert told(again) == (Mode.READY, Cause.DISARMED)
+        again = watch(watch(again, RELEASED, SECOND + 14 * MS), ARM, SECOND + 15 * MS)
+        assert told(again) == (Mode.ACTIVE, Cause.NONE)
+
+
+def test_disputed_setpoints_age_and_are_called_so_until_one_is_taken() -> None:
+    disputed = Sighting(feedback=True, setpoint_refused=Cause.SETPOINT_DISPUTED)
+    state = watch(active_at(SECOND), disputed, SECOND + 499 * MS)
+    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+    state = watch(state, disputed, SECOND + 501 * MS)
+    assert told(state) == (Mode.HOLD, Cause.SETPOINT_DISPUTED)
+    assert told(watch(state, Sighting(feedback=True), SECOND + 502 * MS)) == (Mode.HOLD, Cause.SETPOINT_DISPUTED)
+    assert told(watch(state, disputed, 12 * SECOND)) == (Mode.FAILSAFE, Cause.SETPOINT_DISPUTED)
+    taken = watch(state, EVERYTHING, SECOND + 502 * MS)
+    assert told(taken) == (Mode.ACTIVE, Cause.NONE)
+    assert told(watch(taken, Sighting(feedback=True), 2 * SECOND + 3 * MS)) == (Mode.HOLD, Cause.SETPOINT_STALE)
+
+
 def test_a_disarmed_positioner_says_so() -> None:
     state = watch(active_at(SECOND), DISARM, SECOND + MS)
     assert told(watch(state, EVERYTHING, SECOND + 2 * MS)) == (Mode.READY, Cause.DISARMED)

@@ -25,7 +25,8 @@ PERIOD_S = 0.001
 NOW_NS = 10**12
 LIMITS = GuardSettings(setpoint_hold_s=0.005, setpoint_failsafe_s=0.02, law_failsafe_cycles=2)
 AUTO, MANUAL = ManualCurrent(9.5, ManualRequest.AUTO), ManualCurrent(9.5)
-NO_FEEDBACK = (Cause.FEEDBACK_STALE, Cause.FEEDBACK_IMPLAUSIBLE, Cause.FEEDBACK_FROZEN)
+NO_FEEDBACK = (Cause.FEEDBACK_STALE, Cause.FEEDBACK_IMPLAUSIBLE, Cause.FEEDBACK_DISPUTED, Cause.FEEDBACK_FROZEN)
+NO_SETPOINT = (Cause.SETPOINT_STALE, Cause.SETPOINT_DISPUTED)
 
 
 def rows_of(head: str) -> list[list[str]]:
@@ -93,8 +94,9 @@ AGES = st.one_of(st.none(), st.sampled_from([0, 3, 4, 5, 6, 10, 11, 20, 21]))
     no_feedback=st.sampled_from(NO_FEEDBACK),
     late=st.integers(0, 3),
     manual_ms=AGES,
+    no_setpoint=st.sampled_from(NO_SETPOINT),
 )
-@example(Mode.ACTIVE, Cause.NONE, True, True, 0, 0, False, 0, Cause.FEEDBACK_STALE, 0, None)
+@example(Mode.ACTIVE, Cause.NONE, True, True, 0, 0, False, 0, Cause.FEEDBACK_STALE, 0, None, Cause.SETPOINT_STALE)
 @settings(max_examples=600, deadline=None)
 def test_the_first_row_that_holds_gives_mode_and_cause(
     mode: Mode,
@@ -108,6 +110,7 @@ def test_the_first_row_that_holds_gives_mode_and_cause(
     no_feedback: Cause,
     late: int,
     manual_ms: int | None,
+    no_setpoint: Cause,
 ) -> None:
     state = GuardState(
         mode,
@@ -121,10 +124,13 @@ def test_the_first_row_that_holds_gives_mode_and_cause(
         no_feedback=no_feedback,
         late_cycles=late,
         manual=AUTOMATIC if manual_ms is None else Manual(9.5, NOW_NS - manual_ms * MS),
+        no_setpoint=no_setpoint,
     )
     _, its_mode, its_cause = next(row for row in CONDITIONS if MEANING[row[0]](state))
-    if its_cause == "feedback stale, implausible or frozen":
+    if its_cause == "feedback stale, implausible, disputed or frozen":
         expected = no_feedback
+    elif its_cause == "setpoint stale or disputed":
+        expected = no_setpoint
     else:
         expected = cause if its_cause == "the cause it had" else cause_of(its_cause)
     assert _mode(LIMITS, state, PERIOD_S, NOW_NS) == (Mode[its_mode], expected)
@@ -147,9 +153,11 @@ def wander(steps: int) -> dict[tuple[Mode, Mode], set[Cause]]:
             setpoint=chance.random() < 0.5,
             requests=tuple(chance.choices((*HostRequest, HostRequest.ARM), k=chance.randrange(3))),
             foreign_command=chance.random() < 0.1,
-            refused=None if good else chance.choice((None, Cause.FEEDBACK_IMPLAUSIBLE, Cause.FEEDBACK_FROZEN)),
+            refused=None if good else chance.choice((None, *NO_FEEDBACK[1:])),
             late=chance.random() < 0.4,
             manual=chance.choice((None, None, None, AUTO, MANUAL)),
+            stray_disarm=chance.random() < 0.02,
+            setpoint_refused=chance.choice((None, None, None, None, Cause.SETPOINT_DISPUTED)),
         )
         failed = before.controls and chance.random() < 0.4
         before = replace(before, law_failures=before.law_failures + 1) if failed else before

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from positioner.events import FeedbackRefused, ForeignCommand, FrameRefused, FramesLost, SetpointRefused
+from positioner.events import (
+    FeedbackRefused,
+    ForeignCommand,
+    FrameRefused,
+    FramesLost,
+    SetpointDisputed,
+    SetpointRefused,
+)
 from positioner.guard import supervise
 from positioner.guard_settings import GuardSettings
 from positioner.guard_state import GuardState, Sighting
@@ -129,13 +136,78 @@ def test_a_repeated_frame_is_refused() -> None:
     assert received.link.readings.position_m == 0.08
 
 
-def test_an_old_frame_is_refused_and_a_restarted_sender_believed_at_its_second_frame() -> None:
+def test_an_old_frame_is_refused_and_a_restarted_sensor_believed_at_its_third_frame() -> None:
     link = take(position(0.08, 7)).link
     stale = take(position(0.08, 3), link=link)
     assert stale.reading is None
     assert reasons(stale) == [Reason.OUT_OF_ORDER]
     restarted = take(position(0.08, 4), link=stale.link)
-    assert restarted.reading is not None
+    assert restarted.reading is None
+    assert reasons(restarted) == []
+    assert restarted.seen.refused is Cause.FEEDBACK_DISPUTED
+    (event,) = restarted.events
+    assert isinstance(event, FeedbackRefused)
+    assert (event.counted, event.why.partition(":")[0]) == (Counted.DISPUTED, "its sender is in doubt")
+    again = take(position(0.08, 5), link=restarted.link)
+    assert again.reading == Reading(0.08, 5, 0, 2)  # the time of its second frame is not lost
+
+
+def test_a_restarted_host_is_believed_at_its_second_frame() -> None:
+    link = take(setpoint(0.07, 7)).link
+    stale = take(setpoint(0.08, 3, HostRequest.ARM), link=link)
+    assert reasons(stale) == [Reason.OUT_OF_ORDER]
+    assert (stale.seen.requests, stale.link.setpoint_m) == ((), 0.07)
+    restarted = take(setpoint(0.08, 4, HostRequest.ARM), link=stale.link)
+    assert (restarted.seen.requests, restarted.link.setpoint_m) == ((HostRequest.ARM,), 0.08)
+
+
+def test_two_sensors_under_one_identifier_are_disputed_and_no_feedback() -> None:
+    link = take(position(0.08, 0)).link
+    for counter in range(1, 40):
+        received = take(position(0.08, counter), position(0.12, counter + 100), link=link)
+        link = received.link
+        assert received.reading is None or counter == 1
+        assert received.seen.refused is (None if counter == 1 else Cause.FEEDBACK_DISPUTED)
+    assert link.readings.position_m == 0.08
+    (disputed,) = (event for event in received.events if isinstance(event, FeedbackRefused))
+    assert disputed.counted is Counted.DISPUTED
+    assert disputed.why.startswith("disputed: 32 of the last 64 frames came out of sequence; a second sender")
+    alone = take(*(position(0.08, counter) for counter in range(40, 56)), link=link)
+    assert (alone.reading and alone.reading.counter) == 55
+
+
+def test_two_hosts_under_one_identifier_are_disputed_and_only_their_disarm_counts() -> None:
+    link = take(setpoint(0.07, 0)).link
+    for counter in range(1, 10):
+        received = take(setpoint(0.07, counter, HostRequest.ARM), setpoint(0.09, counter + 100), link=link)
+        link = received.link
+        assert received.seen.setpoint is (counter < 5)
+        assert received.seen.setpoint_refused is (None if counter < 5 else Cause.SETPOINT_DISPUTED)
+        assert received.seen.requests == ((HostRequest.ARM,) if counter < 5 else ())
+    assert link.setpoint_m == 0.07
+    disputed = received.events[0]
+    assert isinstance(disputed, SetpointDisputed)
+    assert str(disputed).startswith("setpoint 70.000 mm refused: disputed: 8 of the last 64 frames")
+    assert take(setpoint(0.07, 10, HostRequest.DISARM), link=link).seen.stray_disarm
+
+
+@pytest.mark.parametrize("counter", range(256))
+def test_an_intact_disarm_is_obeyed_whatever_its_counter(counter: int) -> None:
+    link = take(setpoint(0.07, 100, HostRequest.ARM)).link
+    received = take(setpoint(0.07, counter, HostRequest.DISARM), link=link)
+    in_sequence = 101 <= counter <= 111
+    assert received.seen.requests == ((HostRequest.DISARM,) if in_sequence else ())
+    assert received.seen.stray_disarm is not in_sequence
+    assert len(reasons(received)) == (not in_sequence)
+    if not in_sequence:
+        assert str(received.events[0]).endswith(f"Setpoint counter {counter} after 100; its DISARM is obeyed")
+        assert received.link.setpoint_m == 0.07
+    for other in (HostRequest.NONE, HostRequest.ARM):
+        assert not take(setpoint(0.07, counter, other), link=link).seen.stray_disarm
+
+
+def test_a_damaged_disarm_is_not_obeyed() -> None:
+    assert take(damaged(setpoint(0.07, 1, HostRequest.DISARM))).seen == Sighting()
 
 
 def test_every_sender_has_its_own_counter() -> None:

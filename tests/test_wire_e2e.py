@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from positioner.wire import e2e
 from positioner.wire.e2e import CounterCheck, Sequence
 
-FRESH, REPEATED, OUT_OF_ORDER = Sequence.FRESH, Sequence.REPEATED, Sequence.OUT_OF_ORDER
+FRESH, REPEATED, LATE, OUT_OF_ORDER = Sequence.FRESH, Sequence.REPEATED, Sequence.LATE, Sequence.OUT_OF_ORDER
 
 
 def test_the_example_that_autosar_publishes_for_profile_5() -> None:
@@ -102,8 +102,35 @@ def test_a_replayed_old_frame_is_out_of_order_and_the_sender_goes_on(age: int) -
     assert verdicts([99, 100, (100 - age) % 256, 101]) == [(FRESH, 0), (FRESH, 0), (OUT_OF_ORDER, 0), (FRESH, 0)]
 
 
-def test_two_frames_that_overtook_each_other_give_one_out_of_order() -> None:
-    assert verdicts([10, 12, 11, 13]) == [(FRESH, 0), (FRESH, 1), (OUT_OF_ORDER, 0), (FRESH, 0)]
+def test_two_frames_that_overtook_each_other_make_one_late() -> None:
+    assert verdicts([10, 12, 11, 13]) == [(FRESH, 0), (FRESH, 1), (LATE, 0), (FRESH, 0)]
+
+
+def test_late_frames_are_no_restart_however_many_come() -> None:
+    assert verdicts([10, 14, 11, 12, 13, 15])[2:] == [(LATE, 0), (LATE, 0), (LATE, 0), (FRESH, 0)]
+    assert verdicts([254, 2, 255, 1, 0, 3])[2:] == [(LATE, 0), (LATE, 0), (LATE, 0), (FRESH, 0)]
+
+
+@pytest.mark.parametrize(
+    "counters",
+    [
+        [10, 12, 11, 11],  # came already
+        [10, 15, 11],  # four counts late
+        [10, 11, 10],  # was never missing
+        [10, 12, 12, 13, 14, 10],
+        [10, 12, 100, 101, 11],  # of before a restart
+    ],
+)
+def test_an_old_frame_that_was_not_missing_a_moment_ago_is_out_of_order(counters: list[int]) -> None:
+    assert verdicts(counters)[-1] == (OUT_OF_ORDER, 0)
+
+
+def test_a_repetition_in_between_does_not_make_a_late_frame_forgotten() -> None:
+    assert verdicts([10, 12, 12, 13, 11])[-1] == (LATE, 0)
+
+
+def test_a_late_frame_in_between_makes_a_restart_start_over() -> None:
+    assert verdicts([198, 200, 0, 199, 1])[-1] == (OUT_OF_ORDER, 0)
 
 
 def test_a_restarted_sender_is_taken_over_with_its_second_frame() -> None:

@@ -15,8 +15,11 @@ from enum import Enum
 COUNTER_MODULUS = 256
 MAX_LOST_FRAMES = 10
 """Frames that may be missing between two accepted ones; a larger step must be confirmed (see `CounterCheck`)."""
+MAX_LATE_FRAMES = 3
+"""How many counts a frame may come late and still pass for a missing one that was overtaken."""
 
 _CRC_START = 0xFFFF
+_LATE_BITS = (1 << MAX_LATE_FRAMES) - 1
 
 
 def crc(protected: bytes, data_id: int) -> int:
@@ -39,6 +42,7 @@ class Sequence(Enum):
 
     FRESH = "fresh"
     REPEATED = "repeated"
+    LATE = "late"
     OUT_OF_ORDER = "out of order"
 
 
@@ -47,13 +51,17 @@ class CounterCheck:
     """Follows one sender's counter.
 
     Steps of 1 to `MAX_LOST_FRAMES` + 1 are fresh (the step less one is the number of lost frames). A step of 0 is a
-    repetition. Any other step is out of order, unless the frame before was rejected for the same reason and this one
-    follows it directly: then the sender has restarted, and its new count is taken over.
+    repetition. A frame that was missing among the last `MAX_LATE_FRAMES` counts is late: the bus let others overtake
+    it. Any other step is out of order, unless the frame before was rejected for the same reason and this one follows
+    it directly: then the sender has restarted, and its new count is taken over.
+
+    missing: bit k is set while the frame of count `last` - 1 - k has not come.
     """
 
     last: int | None = None
     candidate: int | None = None
     modulus: int = COUNTER_MODULUS
+    missing: int = 0
 
     def check(self, counter: int) -> tuple[CounterCheck, Sequence, int]:
         """Return the check after `counter`, the verdict, and how many frames were lost before it."""
@@ -61,12 +69,16 @@ class CounterCheck:
             return self._at(counter), Sequence.FRESH, 0
         step = (counter - self.last) % self.modulus
         if step == 0:
-            return self._at(counter), Sequence.REPEATED, 0
+            return self._at(counter, self.missing), Sequence.REPEATED, 0
         if step <= MAX_LOST_FRAMES + 1:
-            return self._at(counter), Sequence.FRESH, step - 1
+            skipped = (1 << (step - 1)) - 1
+            return self._at(counter, (self.missing << step | skipped) & _LATE_BITS), Sequence.FRESH, step - 1
+        overtaken = 1 << (self.modulus - step - 1)
+        if self.missing & overtaken:
+            return self._at(self.last, self.missing & ~overtaken), Sequence.LATE, 0
         if self.candidate is not None and (counter - self.candidate) % self.modulus == 1:
             return self._at(counter), Sequence.FRESH, 0
-        return CounterCheck(self.last, counter, self.modulus), Sequence.OUT_OF_ORDER, 0
+        return CounterCheck(self.last, counter, self.modulus, self.missing), Sequence.OUT_OF_ORDER, 0
 
-    def _at(self, counter: int) -> CounterCheck:
-        return CounterCheck(counter, None, self.modulus)
+    def _at(self, counter: int, missing: int = 0) -> CounterCheck:
+        return CounterCheck(counter, None, self.modulus, missing)

@@ -131,6 +131,7 @@ class Counted(IntEnum):
     STALLED = 17
     PUSH_FAILED = 18
     LINE_DROPPED = 19
+    DISPUTED = 20
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,8 +32,9 @@ if TYPE_CHECKING:
     from positioner.wire.messages import Message
 
 TRUE = "true"
-HOSTILITY = 0.85
-"""Part of the frames that the adversary lays hands on."""
+HOSTILITY = (0.85, 0.2)
+"""Part of the frames that the adversary lays hands on, in turn: in the lulls disputes end, so that they can begin."""
+LULL_FRAMES = 400
 HISTORY = 600
 """Frames that the adversary remembers: more than two turns of a counter."""
 
@@ -55,7 +56,7 @@ class Adversary:
         while made < number:
             true = self.true_frame()
             heard = [(TRUE, true)]
-            if self.chance.random() < HOSTILITY:
+            if self.chance.random() < HOSTILITY[made // LULL_FRAMES % len(HOSTILITY)]:
                 attack = self.chance.choice(list(ATTACKS))
                 heard = [(attack, frame) for frame in ATTACKS[attack](self, true)]
             self.history.append(true)

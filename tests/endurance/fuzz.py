@@ -15,10 +15,17 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from endurance.attacks import ATTACKS, DAMAGING, TRUE, UNHEARD, Adversary
-from endurance.oracle import KINDS, Ledger, verdict_of
+from endurance.oracle import KINDS, Ledger, disarms, verdict_of
 from plant_emulator.device import initial_device, take
 from plant_emulator.presets import plant_settings
-from positioner.events import FeedbackRefused, ForeignCommand, FrameRefused, FramesLost, SetpointRefused
+from positioner.events import (
+    FeedbackRefused,
+    ForeignCommand,
+    FrameRefused,
+    FramesLost,
+    SetpointDisputed,
+    SetpointRefused,
+)
 from positioner.guard_settings import GuardSettings
 from positioner.inbox import LinkState, Received, receive
 from positioner.model import ValveParameters
@@ -77,7 +84,7 @@ class Positioner:
         """
         expected = verdict_of(frame)
         if expected == "good" and frame.arbitration_id in COUNTED_BY_POSITIONER:
-            expected = self.ledger.enter(frame.arbitration_id, frame.data[2])
+            expected = self.ledger.enter(frame.arbitration_id, frame.data)
         received = receive(self.codec, self.guard, self.valve, self.link, (frame,))
         refused = [event.reason.value for event in received.events if isinstance(event, FrameRefused)]
         verdict = refused[0] if refused else "good"
@@ -85,20 +92,30 @@ class Positioner:
             raise DisagreementError(f"the positioner says '{verdict}', the oracle '{expected}'")
         if (received.link.rejected_count - self.link.rejected_count) != len(refused):
             raise DisagreementError("a refused frame was not counted")
-        self._compare_values(frame, received, taken=expected == "good")
+        believed = expected == "good" and self.ledger.believes(frame.arbitration_id)
+        self._compare_values(frame, received, taken=believed, disputed=expected == "good" and not believed)
+        stray = (
+            verdict_of(frame) == "good" and not believed and frame.arbitration_id == SETPOINT and disarms(frame.data)
+        )
+        if received.seen.stray_disarm is not stray:
+            raise DisagreementError("a DISARM out of sequence was not obeyed, or none was heard as one")
         self.link, self.tally = received.link, self.tally.add(received.events)
         self.lost += sum(event.count for event in received.events if isinstance(event, FramesLost))
         if self.lost != self.ledger.lost:
             raise DisagreementError(f"{self.lost} lost frames were counted, the oracle counts {self.ledger.lost}")
-        return expected
+        return "disputed" if expected == "good" and not believed else expected
 
-    def _compare_values(self, frame: CanFrame, received: Received, *, taken: bool) -> None:
+    def _compare_values(self, frame: CanFrame, received: Received, *, taken: bool, disputed: bool) -> None:
         """Raise unless the frame had the effect that its bytes and the oracle's verdict give it."""
         seen, link = received.seen, received.link
+        said = [event for event in received.events if isinstance(event, FeedbackRefused | SetpointDisputed)]
+        if disputed and (len(said) != 1 or "sequence" not in said[0].why):
+            raise DisagreementError("a frame of a disputed sender was refused without a word")
         doubts = [event for event in received.events if isinstance(event, FeedbackRefused | SetpointRefused)]
         foreign = [event for event in received.events if isinstance(event, ForeignCommand)]
         orders = seen.setpoint or seen.requests or seen.manual
-        if not taken and (received.reading or seen.feedback or orders or foreign or doubts):
+        effect = received.reading or seen.feedback or orders or foreign
+        if not taken and (effect or (doubts and not disputed)):
             raise DisagreementError("a frame that was not taken had an effect")
         kind = frame.arbitration_id
         if not taken or not KINDS[kind].ranges:
@@ -133,7 +150,7 @@ class Valve:
         """
         before, verdict = self.state, verdict_of(frame)
         if verdict == "good" and frame.arbitration_id in {COMMAND, SETPOINT}:
-            verdict = self.ledger.enter(frame.arbitration_id, frame.data[2])
+            verdict = self.ledger.enter(frame.arbitration_id, frame.data)
         after = self.state = take(self.codec, before, (frame,))
         obeyed = (after.answered, after.command_counter, after.current_ma, after.signal_failed)
         if verdict == "good" and frame.arbitration_id == COMMAND:

@@ -52,7 +52,7 @@ KINDS = {
     0x120: Kind("SETPOINT", 0x1F20, (Signal(24, 28, -134200000, 134200000),), (Signal(52, 4, 0, 2),)),
     0x121: Kind("MANUAL_CURRENT", 0x1F21, (Signal(24, 16, 0, 25000),), (Signal(40, 4, 0, 1),)),
     0x140: Kind("POSITIONER_STATUS", 0x1F40, (), (Signal(24, 4, 0, 5), Signal(28, 4, 0, 4), Signal(32, 6, 0, 22))),
-    0x141: Kind("POSITIONER_COUNT", 0x1F41, (), (Signal(24, 8, 1, 19),)),
+    0x141: Kind("POSITIONER_COUNT", 0x1F41, (), (Signal(24, 8, 1, 20),)),
     0x170: Kind("PLANT_TRUTH", 0x1F70, (Signal(24, 26, 0, 67100000), Signal(50, 14, -8191, 8191))),
 }
 
@@ -81,22 +81,66 @@ def _content_of(kind: Kind, data: bytes) -> str:
 
 
 @dataclass
-class Ledger:
-    """Counters as DESIGN.md puts it: a step of up to 11 is a loss; a larger one needs the frame that follows it."""
+class Book:
+    """What is known of one sender: the last count, the one waiting for its successor, what may still come late."""
 
-    taken: dict[int, int] = field(default_factory=dict)
-    waiting: dict[int, int] = field(default_factory=dict)
+    last: int | None = None
+    waiting: int | None = None
+    gaps: set[int] = field(default_factory=set)
+    bytes_: bytes = b""
+    verdicts: list[bool] = field(default_factory=list)
+    disputed: bool = False
+
+    def judge(self, in_order: bool) -> None:
+        """Enter one verdict of the window: 4 wrong ones of 64 begin a dispute, 16 right ones in a row end it."""
+        self.verdicts = [*self.verdicts, in_order][-64:]
+        if self.disputed and all(self.verdicts[-16:]):
+            self.verdicts, self.disputed = [], False
+        self.disputed = self.disputed or self.verdicts.count(False) > 3
+
+
+@dataclass
+class Ledger:
+    """Counters as DESIGN.md puts it: a step of up to 11 is a loss; a larger one needs the frame that follows it.
+
+    What was missing and comes up to three counts late was overtaken: it is refused, and nothing else follows from it.
+    """
+
+    books: dict[int, Book] = field(default_factory=dict)
     lost: int = 0
 
-    def enter(self, identifier: int, counter: int) -> str:
+    def enter(self, identifier: int, data: bytes) -> str:
         """Return 'good', 'repeated counter' or 'counter out of order' and keep the books."""
-        last, waiting = self.taken.get(identifier), self.waiting.pop(identifier, None)
-        if last == counter:
+        book, counter = self.books.setdefault(identifier, Book()), data[2]
+        waiting, book.waiting = book.waiting, None
+        if book.last == counter:
+            if data != book.bytes_:
+                book.judge(in_order=False)
             return "repeated counter"
-        distance = 1 if last is None else (counter - last) % 256
-        if distance <= 11 or (waiting is not None and counter == (waiting + 1) % 256):
-            self.taken[identifier] = counter
+        distance = 1 if book.last is None else (counter - book.last) % 256
+        if distance <= 11 or (waiting is not None and counter == (waiting + 1) % 256 and counter not in book.gaps):
+            skipped = {(counter - step) % 256 for step in range(1, distance)} if distance <= 11 else set()
+            kept = book.gaps if distance <= 11 else set()
+            book.gaps = {each for each in kept | skipped if (counter - each) % 256 <= 3}
             self.lost += distance - 1 if distance <= 11 else 0
+            book.last, book.bytes_ = counter, data
+            book.judge(in_order=True)
             return "good"
-        self.waiting[identifier] = counter
+        if counter in book.gaps:
+            book.gaps.remove(counter)
+            return "counter out of order"
+        book.waiting = counter
+        book.judge(in_order=False)
         return "counter out of order"
+
+    def believes(self, identifier: int) -> bool:
+        """Return whether one sender alone seems to speak; a reading waits for two frames in order after a wrong one."""
+        book = self.books.get(identifier)
+        if book is None or identifier not in {0x110, 0x120}:
+            return True
+        return not book.disputed and (identifier == 0x120 or all(book.verdicts[-2:]))
+
+
+def disarms(data: bytes) -> bool:
+    """Return whether an intact SETPOINT frame asks to disarm."""
+    return KINDS[0x120].choices[0].raw(data) == 2

@@ -1,0 +1,78 @@
+"""Whether one sender speaks under an identifier: the window of AUTOSAR's E2E state machine over its counters. Pure.
+
+Two honest senders under one identifier both have a valid CRC; only their counters, which interleave, give them away.
+A single error is a restart, a long loss or a replay; a rate of errors is a second sender, and then neither is believed.
+
+Source: AUTOSAR FO R22-11 "E2E Protocol Specification", E2E state machine. The states INIT and VALID are one here, since
+nothing is commanded before a host arms; NoNewData is no state but the age that the guard keeps of what it accepted.
+A frame that was overtaken (late) or came twice, the same to the bit, contradicts nothing and is no error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from positioner.wire.e2e import CounterCheck, Sequence
+
+WINDOW_FRAMES = 64
+MAX_ERRORS = 3
+"""WindowSizeStateValid and MaxErrorStateValid: one error in 16 frames is a second sender.
+
+Two senders of one rate make an error of every second frame: they are disputed at the eighth frame.
+"""
+CLEAN_FRAMES = 16
+"""WindowSizeStateInvalid, all of it without an error: so many frames in sequence end a dispute."""
+SETTLED_FRAMES = 2
+"""As many frames in sequence after an error belong to one sender as far as one can see."""
+
+_WINDOW_BITS = (1 << WINDOW_FRAMES) - 1
+_CLEAN_BITS = (1 << CLEAN_FRAMES) - 1
+_SETTLED_BITS = (1 << SETTLED_FRAMES) - 1
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceWindow:
+    """The verdicts on a sender's last frames: bit 0 of `errors` is the newest, set for one out of sequence."""
+
+    errors: int = 0
+    valid: bool = True
+
+    @property
+    def settled(self) -> bool:
+        """Whether the window is valid and the newest frames were in sequence: a reading in it may be believed."""
+        return self.valid and not self.errors & _SETTLED_BITS
+
+    @property
+    def why(self) -> str:
+        """Return in words why its frames are not believed."""
+        if self.valid:
+            return "its sender is in doubt: a frame came out of sequence just before"
+        of = f"{self.errors.bit_count()} of the last {WINDOW_FRAMES} frames came out of sequence"
+        return f"disputed: {of}; a second sender under its identifier? stop one of them"
+
+    def after(self, *, error: bool) -> SequenceWindow:
+        """Return the window after one more frame."""
+        if not error and not self.errors:
+            return self
+        errors = (self.errors << 1 | error) & _WINDOW_BITS
+        if self.valid:
+            return SequenceWindow(errors, errors.bit_count() <= MAX_ERRORS)
+        return SequenceWindow(errors, valid=False) if errors & _CLEAN_BITS else SequenceWindow()
+
+
+@dataclass(frozen=True, slots=True)
+class Sender:
+    """What is remembered of the sender of one kind of frame: its counter, its window, its last bytes."""
+
+    check: CounterCheck = field(default_factory=CounterCheck)
+    window: SequenceWindow = field(default_factory=SequenceWindow)
+    data: bytes = b""
+
+    def hear(self, counter: int, data: bytes) -> tuple[Sender, Sequence, int]:
+        """Return the sender after its frame of `counter`, the verdict, and how many frames were lost before it."""
+        check, verdict, lost = self.check.check(counter)
+        if verdict is Sequence.FRESH:
+            return Sender(check, self.window.after(error=False), data), verdict, lost
+        harmless = verdict is Sequence.LATE or (verdict is Sequence.REPEATED and data == self.data)
+        window = self.window if harmless else self.window.after(error=True)
+        return Sender(check, window, self.data), verdict, lost

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 
 SAMPLES_KEPT = 10
 """Samples a cell keeps (paper §1: "the last ten (10) values")."""
+MOST_CELLS = 4096
+"""Cells a table holds: three quantities in both directions over 3.4 m of travel in cells of 5 mm."""
+FARTHEST_M = 10.0
+"""Distance from position 0 beyond which no stem is."""
 
 
 class Quantity(StrEnum):
@@ -30,6 +34,19 @@ class Quantity(StrEnum):
     """Current at the instant of a slip, Γ when averaged."""
     LANDING_BIAS = "landing_bias_m"
     """Where a planned stop came to rest, minus where it was planned."""
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The lowest and the highest sample that any valve could teach, in the quantity's unit."""
+        return _LIMITS[self]
+
+
+_LIMITS = {
+    Quantity.STICK_SPEED: (0.0, 100.0),
+    Quantity.BREAKAWAY_CURRENT: (-100.0, 100.0),
+    Quantity.LANDING_BIAS: (-0.1, 0.1),
+}
+"""On any valve; what a certain valve can teach is much less."""
 
 
 class Direction(StrEnum):
@@ -103,10 +120,13 @@ class StictionTable:
         return math.floor(position_m / self.cell_width_m + 0.5)
 
     def record(self, quantity: Quantity, position_m: float, direction: Direction, value: float) -> StictionTable:
-        """Return the table with one more sample; a value that is not finite leaves it as it is."""
-        if not (math.isfinite(value) and math.isfinite(position_m)):
+        """Return the table with one more sample; one that no valve could teach, or a cell too many, changes nothing."""
+        low, high = quantity.limits
+        if not (low <= value <= high and abs(position_m) <= FARTHEST_M):
             return self
         key = CellKey(quantity, self.index_of(position_m), direction)
+        if len(self.cells) >= MOST_CELLS and key not in self.cells:
+            return self
         sequence = self.sequence + 1
         old = self.cells.get(key)
         samples = (*(old.samples if old else ()), value)[-SAMPLES_KEPT:]

@@ -35,7 +35,8 @@ def example() -> StoredTable:
     for number in range(260):
         quantity, direction = tuple(Quantity)[number % 3], tuple(Direction)[number // 3 % 2]
         place_m = -0.0061 + 0.0041 * (number // 6 % 4)
-        stored = stored.learned(LearnedSample(quantity, place_m, direction, 0.1 + number / 7.0), NOW_S + 60 * number)
+        value = quantity.limits[1] * (0.001 + number / 700.0)
+        stored = stored.learned(LearnedSample(quantity, place_m, direction, value), NOW_S + 60 * number)
     return stored
 
 

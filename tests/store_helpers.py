@@ -27,7 +27,8 @@ def sample(number: int) -> LearnedSample:
     """The `number`-th of an endless series that visits 90 cells and never repeats a value."""
     quantity = tuple(Quantity)[number % 3]
     direction = tuple(Direction)[number // 3 % 2]
-    return LearnedSample(quantity, WIDTH_M * (number % 15), direction, 1.0 + number / 1024)
+    _, largest = quantity.limits
+    return LearnedSample(quantity, WIDTH_M * (number % 15), direction, largest * (1.0 + number / 1024) * 1e-4)
 
 
 def series(count: int, start: int = 0) -> list[LearnedSample]:
@@ -42,13 +43,12 @@ def taught(samples: Iterable[LearnedSample], valve_id: str = VALVE, width_m: flo
 
 
 def tables() -> st.SearchStrategy[StoredTable]:
-    values = st.floats(allow_nan=False, allow_infinity=False)
-    speeds = values.map(abs)
     positions = st.floats(-0.1, 0.2)
-    samples = st.one_of(
-        st.builds(LearnedSample, st.just(Quantity.STICK_SPEED), positions, st.sampled_from(Direction), speeds),
-        st.builds(LearnedSample, st.just(Quantity.LANDING_BIAS), positions, st.sampled_from(Direction), values),
-    )
+    kinds = [
+        st.builds(LearnedSample, st.just(quantity), positions, st.sampled_from(Direction), st.floats(*quantity.limits))
+        for quantity in Quantity
+    ]
+    samples = st.one_of(kinds)
     names = st.text(st.characters(codec="utf-8"), min_size=1).filter(str.isprintable)
     widths = st.floats(1e-4, 0.1)
     return st.builds(taught, st.lists(samples, max_size=40), names, widths)

@@ -10,7 +10,7 @@ from store_helpers import WIDTH_M, sample, series, tables, taught
 
 from positioner.errors import StateError
 from positioner.store import database, schema
-from positioner.store.database import Fault, TableRejectedError
+from positioner.store.file_check import Fault, TableRejectedError
 from positioner.store.vault import TABLE, Vault
 
 if TYPE_CHECKING:

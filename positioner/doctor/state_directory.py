@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from positioner.doctor.finding import Finding, Level
 from positioner.errors import StateError
 from positioner.store import access, lock
-from positioner.store.database import Fault, TableRejectedError
+from positioner.store.file_check import Fault, TableRejectedError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -11,7 +11,7 @@ from positioner.errors import AlreadyRunningError, StateError
 from positioner.stiction import StictionTable
 from positioner.store import control, database, lock, messages, requests
 from positioner.store.content import StoredTable
-from positioner.store.database import Fault, TableRejectedError
+from positioner.store.file_check import Fault, TableRejectedError
 from positioner.store.vault import GOOD_COPY, TABLE, WRITING_FAILED, Vault, remedy
 
 if TYPE_CHECKING:

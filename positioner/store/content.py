@@ -26,7 +26,7 @@ class StoredTable:
     recorded_s: Mapping[CellKey, int] = field(default_factory=lambda: MappingProxyType({}))
 
     def learned(self, sample: LearnedSample, now_s: int) -> StoredTable:
-        """Return the table with one more sample; a value that is not finite leaves it as it is."""
+        """Return the table with one more sample; as `StictionTable.record` does, which may leave it as it is."""
         table = self.table.record(sample.quantity, sample.position_m, sample.direction, sample.value)
         if table is self.table:
             return self

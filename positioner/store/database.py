@@ -10,41 +10,21 @@ import shutil
 import sqlite3
 import tempfile
 from contextlib import closing
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from positioner.errors import StateError
-from positioner.store import schema
+from positioner.errors import ConfigurationError, StateError
+from positioner.store import file_check, schema
+from positioner.store.file_check import SIDECARS, Fault, TableRejectedError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from positioner.store.content import StoredTable
 
-SIDECARS = ("-journal", "-wal", "-shm")
-_MAGIC = b"SQLite format 3\0"
-_HEADER_BYTES = 100
-_ROLLBACK_JOURNAL = b"\x01\x01"
 _BUSY_S = 1.0
-
-
-class Fault(StrEnum):
-    """Why a file is not this valve's table; the value is part of the name under which it is set aside."""
-
-    MISSING = "missing"
-    DAMAGED = "damaged"
-    FOREIGN = "foreign"
-    NEWER_SCHEMA = "newer-schema"
-    OTHER_VALVE = "other-valve"
-    OTHER_CELL_WIDTH = "other-cell-width"
-    UNEXPECTED = "unexpected"
-
-
-class TableRejectedError(StateError):
-    """A file that must not be used as the table: `path`, and `fault` and `detail` saying why."""
-
-    def __init__(self, path: Path, fault: Fault, detail: str) -> None:
-        self.path, self.fault, self.detail = path, fault, detail
-        super().__init__(f"{path} {detail}")
+_STEPS_PER_CALL, _MOST_CALLS = 10_000, 20_000
+"""Instructions of SQLite's machine between two looks, and looks until a file is taken for one that never ends."""
 
 
 def create(path: Path, stored: StoredTable) -> None:
@@ -57,7 +37,7 @@ def create(path: Path, stored: StoredTable) -> None:
     fresh = path.with_name(f"{path.name}.new")
     for suffix in ("", *SIDECARS):
         Path(f"{fresh}{suffix}").unlink(missing_ok=True)
-    with closing(connect(fresh)) as connection, schema.transaction(connection):
+    with closing(_connect(fresh)) as connection, schema.transaction(connection):
         connection.execute(f"PRAGMA application_id = {schema.APPLICATION_ID}")
         schema.migrate(connection)
         schema.write(connection, None, stored)
@@ -66,7 +46,16 @@ def create(path: Path, stored: StoredTable) -> None:
 
 
 def connect(path: Path) -> sqlite3.Connection:
-    """Return a connection for writing; a transaction that a crash left unfinished is rolled back."""
+    """Return a connection for writing; a transaction that a crash left unfinished is rolled back.
+
+    Raises:
+        TableRejectedError: the file is none that SQLite may be let near.
+    """
+    file_check.check(path)
+    return _connect(path)
+
+
+def _connect(path: Path) -> sqlite3.Connection:
     connection = sqlite3.connect(path, timeout=_BUSY_S, isolation_level=None)
     connection.execute("PRAGMA journal_mode = DELETE")
     connection.execute("PRAGMA synchronous = EXTRA")
@@ -91,7 +80,7 @@ def read(path: Path) -> StoredTable:
         TableRejectedError: the file is missing, damaged, or not a table of this program.
         StateError: the file cannot be read; the message says what to do.
     """
-    _check_header(path)
+    file_check.check(path)
     try:
         return _read(path, f"{path.absolute().as_uri()}?mode=ro")
     except sqlite3.OperationalError as error:
@@ -126,38 +115,32 @@ def _read_interrupted(path: Path) -> StoredTable:
             raise TableRejectedError(path, Fault.DAMAGED, f"is damaged: {error}") from error
 
 
-def _check_header(path: Path) -> None:
-    try:
-        with path.open("rb") as file:
-            header = file.read(_HEADER_BYTES)
-    except FileNotFoundError as error:
-        raise TableRejectedError(path, Fault.MISSING, "does not exist") from error
-    except PermissionError as error:
-        raise StateError(f"{path}: cannot be read: {error.strerror}; make it readable for this user") from error
-    except OSError as error:
-        raise TableRejectedError(path, Fault.DAMAGED, f"cannot be read: {error.strerror}") from error
-    if len(header) < _HEADER_BYTES or not header.startswith(_MAGIC):
-        raise TableRejectedError(path, Fault.DAMAGED, "is not an SQLite database")
-    if header[18:20] != _ROLLBACK_JOURNAL:  # anything else would make SQLite create files, or refuse to write later
-        raise TableRejectedError(path, Fault.DAMAGED, "is damaged: unknown journal format in its header")
-
-
 def _read(path: Path, uri: str) -> StoredTable:
     try:
         with closing(sqlite3.connect(uri, uri=True, timeout=_BUSY_S, isolation_level=None)) as connection:
+            connection.set_progress_handler(_patience(), _STEPS_PER_CALL)
+            connection.execute("PRAGMA trusted_schema = OFF")
             connection.execute("BEGIN")  # one snapshot for all that follows
             _verify(path, connection)
             if schema.version_of(connection) == len(schema.MIGRATIONS):
-                return schema.stored_in(connection)
+                return schema.stored_in(connection, str(path))
             with closing(sqlite3.connect(":memory:", isolation_level=None)) as copy:
                 connection.backup(copy)
                 with schema.transaction(copy):
                     schema.migrate(copy)
-                return schema.stored_in(copy)
+                return schema.stored_in(copy, str(path))
     except sqlite3.OperationalError:
         raise
-    except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
-        raise TableRejectedError(path, Fault.DAMAGED, f"is damaged: {error}") from error
+    except ConfigurationError as error:
+        raise TableRejectedError(path, Fault.DAMAGED, f"holds what no table may: {error.problems[0]}") from error
+    except (sqlite3.Error, ValueError, TypeError, OverflowError, OSError, RecursionError) as error:
+        raise TableRejectedError(path, Fault.DAMAGED, f"is damaged: {' '.join(str(error).split())}") from error
+
+
+def _patience() -> Callable[[], int]:
+    """Return what SQLite asks whether it shall go on: no table needs so many steps to be read."""
+    calls = iter(range(_MOST_CALLS))
+    return lambda: next(calls, None) is None
 
 
 def _verify(path: Path, connection: sqlite3.Connection) -> None:
@@ -166,9 +149,12 @@ def _verify(path: Path, connection: sqlite3.Connection) -> None:
         raise TableRejectedError(path, Fault.DAMAGED, f"is damaged: {' '.join(faults[0].split())}")
     if not schema.is_ours(connection):
         raise TableRejectedError(path, Fault.FOREIGN, "is a database of another program")
+    version = schema.version_of(connection)
+    if version <= len(schema.MIGRATIONS) and not schema.is_as_made(connection):
+        raise TableRejectedError(path, Fault.DAMAGED, "is damaged: it has other tables than this program makes")
     if not schema.is_whole(connection):
         raise TableRejectedError(path, Fault.DAMAGED, "is damaged: its content does not fit its digest")
-    if (version := schema.version_of(connection)) > len(schema.MIGRATIONS):
+    if version > len(schema.MIGRATIONS):
         known = len(schema.MIGRATIONS)
         detail = f"has schema {version}, this version knows {known}: a newer positioner wrote it"
         raise TableRejectedError(path, Fault.NEWER_SCHEMA, detail)

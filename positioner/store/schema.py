@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import hashlib
 import json
-from contextlib import contextmanager
-from types import MappingProxyType
+import re
+import sqlite3
+from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from positioner.stiction import Cell, CellKey, Direction, Quantity, StictionTable
-from positioner.store.content import StoredTable
+from positioner.stiction import MOST_CELLS
+from positioner.store import document
 
 if TYPE_CHECKING:
-    import sqlite3
     from collections.abc import Callable, Iterator
 
+    from positioner.stiction import CellKey
+    from positioner.store.content import StoredTable
+
 APPLICATION_ID = 0x53544943  # "STIC"
+
+_SCHEMA = "SELECT type, name, tbl_name, sql FROM sqlite_master"
 
 _Row: TypeAlias = tuple[Any, ...]
 
@@ -66,16 +71,30 @@ def migrate(connection: sqlite3.Connection) -> None:
         connection.execute(f"PRAGMA user_version = {number + 1}")
 
 
-def stored_in(connection: sqlite3.Connection) -> StoredTable:
-    """Return the table in a file of the current schema."""
+def stored_in(connection: sqlite3.Connection, source: str) -> StoredTable:
+    """Return the table in a file of the current schema; `source` names it in the messages.
+
+    Raises:
+        ConfigurationError: a value lies outside what a table may hold: a right digest is no proof of sense.
+        ValueError: the rows are no table at all.
+    """
     ((valve_id, cell_width_m, generation, sequence),) = connection.execute("SELECT * FROM meta")
-    cells, recorded_s = {}, {}
-    for quantity, index, direction, samples, count, newest, seconds in connection.execute("SELECT * FROM cells"):
-        key = CellKey(Quantity(quantity), index, Direction(direction))
-        cells[key] = Cell(tuple(json.loads(samples)), count, newest)
-        recorded_s[key] = seconds
-    table = StictionTable(cell_width_m, sequence, MappingProxyType(cells))
-    return StoredTable(valve_id, table, generation, MappingProxyType(recorded_s))
+    names = ("quantity", "index", "direction", "samples", "count", "sequence", "recorded")
+    rows = connection.execute("SELECT * FROM cells LIMIT ?", (MOST_CELLS + 1,))
+    cells = [
+        dict(zip(names, (*start, json.loads(samples), count, newest, document.utc_text(seconds)), strict=True))
+        for *start, samples, count, newest, seconds in rows
+    ]
+    head = {"valve": valve_id, "cell_width_m": cell_width_m, "generation": generation, "sequence": sequence}
+    return document.from_plain({"format": document.FORMAT, "schema": document.SCHEMA, **head, "cells": cells}, source)
+
+
+def is_as_made(connection: sqlite3.Connection) -> bool:
+    """Return whether the file has the tables that its version makes, and no trigger, view or other table."""
+    with closing(sqlite3.connect(":memory:", isolation_level=None)) as fresh:
+        for step in MIGRATIONS[: version_of(connection)]:
+            step(fresh)
+        return sorted(fresh.execute(_SCHEMA)) == sorted(connection.execute(_SCHEMA))
 
 
 def write(connection: sqlite3.Connection, before: StoredTable | None, after: StoredTable) -> None:
@@ -100,12 +119,14 @@ def write(connection: sqlite3.Connection, before: StoredTable | None, after: Sto
 def is_whole(connection: sqlite3.Connection) -> bool:
     """Return whether all rows are those that the digest was made of, whatever the schema's version."""
     names = connection.execute("SELECT name FROM sqlite_master WHERE type = 'table' AND name <> 'digest'").fetchall()
-    rows = {name: connection.execute(f'SELECT * FROM "{name}"').fetchall() for (name,) in names}  # noqa: S608, names come from the file
+    if not all(re.fullmatch("[a-z_]{1,32}", name) for (name,) in names):
+        return False
+    rows = {name: connection.execute(f"SELECT * FROM {name}").fetchall() for (name,) in names}  # noqa: S608, plain words only
     return connection.execute("SELECT * FROM digest").fetchall() == [(_digest(connection, rows),)]
 
 
 def _digest(connection: sqlite3.Connection, rows: dict[str, list[_Row]]) -> str:
-    schema = connection.execute("SELECT type, name, tbl_name, sql FROM sqlite_master").fetchall()
+    schema = connection.execute(_SCHEMA).fetchall()
     content = [version_of(connection), sorted(schema), {name: sorted(map(json.dumps, rows[name])) for name in rows}]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 

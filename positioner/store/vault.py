@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 from positioner.errors import StateError
 from positioner.stiction import StictionTable
-from positioner.store import database, document
+from positioner.store import database, document, file_check
 from positioner.store.content import StoredTable
-from positioner.store.database import Fault, TableRejectedError
+from positioner.store.file_check import Fault, TableRejectedError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -148,7 +148,7 @@ class Vault:
 
     def _set_aside(self, rejected: TableRejectedError) -> None:
         aside = _unused(self._directory, f"stiction.{rejected.fault}", ".sqlite")
-        for suffix in ("", *database.SIDECARS):  # a journal left behind would be rolled back into the next table
+        for suffix in ("", *file_check.SIDECARS):  # a journal left behind would be rolled back into the next table
             path = rejected.path.with_name(f"{rejected.path.name}{suffix}")
             if path.exists():
                 path.rename(self._directory / f"{aside.name}{suffix}")

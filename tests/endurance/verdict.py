@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from positioner.store.database import SIDECARS
+from positioner.store.file_check import SIDECARS
 from positioner.store.vault import TABLE, Vault
 
 if TYPE_CHECKING:

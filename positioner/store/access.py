@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from positioner.errors import AlreadyRunningError, StateError
 from positioner.stiction import StictionTable
-from positioner.store import control, database, lock, messages, requests
+from positioner.store import as_owner, control, database, lock, messages, requests
 from positioner.store.content import StoredTable
 from positioner.store.file_check import Fault, TableRejectedError
 from positioner.store.vault import GOOD_COPY, TABLE, WRITING_FAILED, Vault, remedy
@@ -66,13 +66,13 @@ def _ask(directory: Path, request: messages.Request) -> messages.Answer:
     while True:
         try:
             with lock.held(directory, patience_s=0.0):
-                return _directly(directory, request)
+                return _as_owner(directory, request)
         except AlreadyRunningError as occupied:
             try:
                 return _of_keeper(directory, request)
             except (FileNotFoundError, ConnectionError, PermissionError) as error:
-                if isinstance(request, messages.DumpRequest):
-                    return _beside_the_keeper(directory)
+                if isinstance(request, messages.DumpRequest):  # who may only read has no way to the keeper
+                    return _as_owner(directory, request)
                 if isinstance(error, PermissionError):
                     message = f"{directory / control.NAME}: {error.strerror}; become the daemon's user or its group's"
                     raise StateError(message) from error
@@ -102,12 +102,16 @@ def _of_keeper(directory: Path, request: messages.Request) -> messages.Answer:
     raise StateError(f"{directory}: unexpected answer of the keeper: {answer}")
 
 
-def _beside_the_keeper(directory: Path) -> messages.Answer:
-    """Return what the last transaction left: whoever may only read the directory has no way to the keeper."""
-    return messages.Dumped(database.read(directory / TABLE))
+def _as_owner(directory: Path, request: messages.Request) -> messages.Answer:
+    return (as_owner.ask if as_owner.is_needed(directory) else at_the_files)(directory, request)
 
 
-def _directly(directory: Path, request: messages.Request) -> messages.Answer:
+def at_the_files(directory: Path, request: messages.Request) -> messages.Answer:
+    """Return the answer that the files give, which nobody else writes meanwhile but for a keeper while one dumps.
+
+    Raises:
+        StateError: nothing was changed; the message says why.
+    """
     if isinstance(request, messages.DumpRequest):
         return messages.Dumped(_readable(directory))
     owner = _owner(directory, request)

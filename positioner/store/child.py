@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import socket
 import subprocess
-import sys
 import time
 from dataclasses import dataclass
-from pathlib import Path
 
 from positioner.errors import StateError
 from positioner.store import messages
+from positioner.store.interpreter import beyond_standard, command, environment
 from positioner.store.lines import Lines
 
 PROGRAM = "positioner.store.keeper"
 """The module that runs as the keeper; tests put one with a failing disk in its place."""
 _START_S = 30.0
 _SHIELDED = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
-_PACKAGES = str(Path(__file__).resolve().parents[2])
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,18 +51,17 @@ def start(lock_descriptor: int, opening: messages.Open) -> Child:
     Raises:
         OSError: it cannot be started.
     """
-    ours, theirs = socket.socketpair()
+    ours, theirs = (socket.socket(fileno=beyond_standard(end.detach())) for end in socket.socketpair())
     descriptors = theirs.fileno(), lock_descriptor
-    path = os.pathsep.join(filter(None, (_PACKAGES, os.environ.get("PYTHONPATH"))))
     # Blocked signals stay blocked in the child: Ctrl-C or a stop of the whole service must not end it first.
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, _SHIELDED)
     try:
         process = subprocess.Popen(  # noqa: S603, our own interpreter and module
-            [sys.executable, "-m", PROGRAM, *map(str, descriptors)],
+            command(PROGRAM, *map(str, descriptors)),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             pass_fds=descriptors,
-            env={**os.environ, "PYTHONPATH": path},
+            env=environment(),
         )
     except OSError:
         ours.close()

@@ -8,7 +8,7 @@ import time
 from typing import TYPE_CHECKING, Self, TypeAlias
 
 from positioner.errors import StateError
-from positioner.store import child, lock, messages
+from positioner.store import as_owner, child, lock, messages
 from positioner.store.messages import Notice, Replaced, Saved, SavingFailed, SavingWorks
 
 if TYPE_CHECKING:
@@ -67,6 +67,10 @@ class TableKeeper:
         except OSError as error:
             message = f"{directory}: the state directory cannot be made: {error.strerror}; choose another or make it"
             raise StateError(message) from error
+        if as_owner.is_needed(directory):
+            owner = directory.stat().st_uid
+            message = f"{directory}: belongs to user {owner}; start the positioner as that user, or choose another"
+            raise StateError(message)
         descriptor = lock.acquire(directory, patience_s)
         try:
             process = child.start(descriptor, messages.Open(str(directory), valve_id, cell_width_m, None))

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from positioner.errors import AlreadyRunningError, StateError
+from positioner.store.interpreter import beyond_standard
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -27,7 +28,7 @@ def acquire(directory: Path, patience_s: float) -> int:
         StateError: the directory cannot be opened or locked.
     """
     try:
-        descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+        descriptor = beyond_standard(os.open(directory, os.O_RDONLY | os.O_DIRECTORY))
     except OSError as error:
         message = f"{directory}: the state directory cannot be opened: {error.strerror}"
         raise StateError(message) from error

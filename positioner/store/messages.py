@@ -138,10 +138,19 @@ class Refused:
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class Rejected:
+    """Owner's process → root's: the file is no table; its `name` in the directory, the fault and the detail."""
+
+    name: str
+    fault: str
+    detail: str
+
+
 ToKeeper: TypeAlias = Open | Learn | Adopt | Close
 FromKeeper: TypeAlias = Opened | Closed | Saved | Replaced | SavingFailed | SavingWorks | Notice
 Request: TypeAlias = DumpRequest | ResetRequest | ImportRequest
-Answer: TypeAlias = Dumped | Done | Refused
+Answer: TypeAlias = Dumped | Done | Refused | Rejected
 Message: TypeAlias = ToKeeper | FromKeeper | Request | Answer
 
 _KINDS: dict[str, Callable[..., Message]] = {kind.__name__: kind for kind in Message.__args__}

@@ -1,0 +1,34 @@
+"""How the store starts its own processes: this interpreter and this package, whatever the current directory holds."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import sys
+from pathlib import Path
+
+_PACKAGES = str(Path(__file__).resolve().parents[2])
+_FIRST_FREE = 3
+
+
+def command(module: str, *arguments: str) -> list[str]:
+    """Return the command that runs `module`; -P keeps a `select.py` in the current directory from being imported."""
+    return [sys.executable, "-P", "-m", module, *arguments]
+
+
+def environment() -> dict[str, str]:
+    """Return the environment in which the package is found; empty entries would mean the current directory."""
+    given = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    return {**os.environ, "PYTHONPATH": os.pathsep.join([_PACKAGES, *filter(None, given)])}
+
+
+def beyond_standard(descriptor: int) -> int:
+    """Return the descriptor, or where it has the number of a closed standard stream a copy beyond them.
+
+    A process that is started gets streams of its own in their place, and would lose what is handed to it there.
+    """
+    if descriptor >= _FIRST_FREE:
+        return descriptor
+    moved = fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, _FIRST_FREE)
+    os.close(descriptor)
+    return moved

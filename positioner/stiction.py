@@ -15,7 +15,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
 
 SAMPLES_KEPT = 10
 """Samples a cell keeps (paper §1: "the last ten (10) values")."""
@@ -113,7 +113,7 @@ class StictionTable:
 
     cell_width_m: float = 0.005
     sequence: int = 0
-    cells: Mapping[CellKey, Cell] = field(default_factory=lambda: MappingProxyType({}))
+    cells: MappingProxyType[CellKey, Cell] = field(default_factory=lambda: MappingProxyType({}))
 
     def index_of(self, position_m: float) -> int:
         """Return the bin whose centre is nearest to `position_m`."""
@@ -131,7 +131,7 @@ class StictionTable:
         old = self.cells.get(key)
         samples = (*(old.samples if old else ()), value)[-SAMPLES_KEPT:]
         cell = Cell(samples, (old.count if old else 0) + 1, sequence)
-        return replace(self, sequence=sequence, cells=MappingProxyType({**self.cells, key: cell}))
+        return replace(self, sequence=sequence, cells=MappingProxyType(self.cells | {key: cell}))
 
     def cell(self, quantity: Quantity, position_m: float, direction: Direction) -> Cell | None:
         """Return the cell that covers `position_m`, or None where nothing was learned."""

@@ -23,7 +23,7 @@ def test_a_table_survives_the_way_through_a_document(stored: StoredTable) -> Non
 @given(tables())
 @settings(deadline=None, max_examples=30)
 def test_a_table_survives_the_way_through_a_message(stored: StoredTable) -> None:
-    message = messages.Open("/x", stored.valve_id, 0.005, stored)
+    message = messages.Adopt(stored)
     assert messages.decode(messages.encode(message)) == message
 
 

@@ -88,15 +88,17 @@ def _of_keeper(directory: Path, request: messages.Request) -> messages.Answer:
             connection.settimeout(_ANSWER_S)
             connection.connect(control.address(descriptor))
             connection.sendall(messages.encode(request) + b"\n")
+            decoder, answer = messages.Decoder(), None
             with connection.makefile("rb") as answers:
-                line = answers.readline()
+                while answer is None:
+                    line = answers.readline()
+                    if not line.endswith(b"\n"):
+                        raise ConnectionAbortedError
+                    answer = decoder.feed(line)
     except TimeoutError as error:
         raise StateError(f"{directory}: the keeper of the stiction table does not answer") from error
     finally:
         os.close(descriptor)
-    if not line.endswith(b"\n"):
-        raise ConnectionAbortedError
-    answer = messages.decode(line)
     if isinstance(answer, messages.Dumped | messages.Done | messages.Refused):
         return answer
     raise StateError(f"{directory}: unexpected answer of the keeper: {answer}")

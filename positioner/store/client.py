@@ -24,6 +24,11 @@ KeeperEvent: TypeAlias = Saved | Replaced | SavingFailed | SavingWorks | Notice
 _PATIENCE_S = 3.0
 """How long to wait for the lock: an earlier daemon's keeper, or a command, is done by then."""
 _RESTART_FIRST_S, _RESTART_LONGEST_S = 0.1, 30.0
+_LINES_PER_POLL = 4
+_TOLD_AFTER_S, _ENDED_AFTER_S = 3.0, 90.0
+"""Silence of a keeper that has something to save: it commits within half a second, and one whose disk fails says so
+every 30 s."""
+_HANGS = "the stiction table is not being saved: its keeper does not answer; the disk may hang"
 
 
 class TableKeeper:
@@ -49,6 +54,7 @@ class TableKeeper:
         self._behind = False
         self._restart_s = _RESTART_FIRST_S
         self._restart_at_s: float | None = None
+        self._silent_since_s: float | None = None
         self.problem: str | None = None
 
     @classmethod
@@ -73,7 +79,7 @@ class TableKeeper:
             raise StateError(message)
         descriptor = lock.acquire(directory, patience_s)
         try:
-            process = child.start(descriptor, messages.Open(str(directory), valve_id, cell_width_m, None))
+            process = child.start(descriptor, messages.Open(str(directory), valve_id, cell_width_m, restarted=False))
             opened, early = child.opened(process)
         except (OSError, StateError) as error:
             os.close(descriptor)
@@ -84,8 +90,11 @@ class TableKeeper:
     @property
     def saved(self) -> bool:
         """True while every recorded sample is on the disk."""
-        now = Saved(self._stored.generation, self._stored.table.sequence)
-        return self.problem is None and self._saved == now
+        return self.problem is None and self._saved == self._newest
+
+    @property
+    def _newest(self) -> Saved:
+        return Saved(self._stored.generation, self._stored.table.sequence)
 
     def record(self, samples: Sequence[LearnedSample]) -> None:
         """Hand over samples in the order in which the daemon recorded them; never waits, never raises."""
@@ -94,21 +103,22 @@ class TableKeeper:
         seconds = int(time.time())
         for sample in samples:
             self._stored = self._stored.learned(sample, seconds)
-        if self._behind or self._child.channel.pending or self._child.channel.ended:
+        if self._behind or self._child.busy or self._child.channel.ended:
             self._behind = True  # the keeper is slow or gone: it gets the whole table later, so nothing piles up here
         else:
             self._child.send(messages.Learn(self._stored.generation, tuple(samples)))
 
-    def poll(self) -> tuple[KeeperEvent, ...]:
-        """Return what has happened since the last call; never waits."""
-        channel = self._child.channel
-        heard, self._early = (*self._early, *self._child.heard()), ()
+    def poll(self, now_s: float | None = None) -> tuple[KeeperEvent, ...]:
+        """Return what has happened since the last call; never waits. `now_s` is monotonic, by default the present."""
+        now_s = time.monotonic() if now_s is None else now_s
+        heard, self._early = (*self._early, *self._child.heard(_LINES_PER_POLL)), ()
         events = [event for message in heard for event in self._hear(message)]
-        if channel.ended:
-            events.extend(self._revive(time.monotonic()))
+        if self._child.ended:
+            events.extend(self._revive(now_s))
         else:
-            channel.flush()
             self._catch_up()
+            self._child.work(_LINES_PER_POLL)
+            events.extend(self._watch(now_s, heard=bool(heard)))
         return tuple(events)
 
     def close(self, timeout_s: float) -> str | None:
@@ -123,7 +133,8 @@ class TableKeeper:
             if self._child.channel.ended:
                 self._child.end()
                 self._child = child.start(self._lock, self._opening())
-            elif self._behind:
+                self._behind = True
+            if self._behind:
                 self._child.send(messages.Adopt(self._stored))
             self._child.send(messages.Close())
             problem = self._farewell(deadline_s)
@@ -153,12 +164,29 @@ class TableKeeper:
 
     def _opening(self) -> messages.Open:
         table = self._stored.table
-        return messages.Open(str(self._directory), self._stored.valve_id, table.cell_width_m, self._stored)
+        return messages.Open(str(self._directory), self._stored.valve_id, table.cell_width_m, restarted=True)
 
     def _catch_up(self) -> None:
-        if self._behind and not self._child.channel.pending:
-            self._child.send(messages.Adopt(self._stored))
+        if self._behind and not self._child.busy:
+            self._child.begin(messages.Adopt(self._stored))
             self._behind = False
+
+    def _watch(self, now_s: float, *, heard: bool) -> Iterator[KeeperEvent]:
+        """Tell that the keeper has not saved what it was given, and end it when it says nothing at all for long."""
+        if heard or self._saved == self._newest:
+            if self.problem == _HANGS and self._saved == self._newest:
+                self.problem = None
+                yield SavingWorks()
+            self._silent_since_s = None
+            return
+        if self._silent_since_s is None:
+            self._silent_since_s = now_s
+        silent_s = now_s - self._silent_since_s
+        if silent_s > _TOLD_AFTER_S and self.problem is None:
+            self.problem = _HANGS
+            yield SavingFailed(_HANGS)
+        if silent_s > _ENDED_AFTER_S:
+            self._child.process.kill()  # what it held it gets again, and its transaction is rolled back
 
     def _hear(self, message: messages.Message) -> Iterator[KeeperEvent]:
         match message:
@@ -173,8 +201,9 @@ class TableKeeper:
                 self._stored, self._behind = message.stored, False
                 yield message
             case SavingFailed(reason) | messages.Closed(str(reason)):
-                self.problem = reason
-                yield SavingFailed(reason)
+                if reason != self.problem:
+                    self.problem = reason
+                    yield SavingFailed(reason)
             case Notice():
                 yield message
             case messages.Opened(stored, notices):
@@ -197,7 +226,8 @@ class TableKeeper:
             self._child.channel.close()
             try:
                 self._child = child.start(self._lock, self._opening())
-                self._behind = False
+                self._behind = True
+                self._silent_since_s = None
             except OSError as error:
                 self._restart_at_s = now_s + self._restart_s
                 yield Notice(f"the keeper of the stiction table cannot be started: {error}")

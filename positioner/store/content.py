@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from positioner.stiction import CellKey, LearnedSample, StictionTable
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +19,7 @@ class StoredTable:
     valve_id: str
     table: StictionTable
     generation: int = 0
-    recorded_s: Mapping[CellKey, int] = field(default_factory=lambda: MappingProxyType({}))
+    recorded_s: MappingProxyType[CellKey, int] = field(default_factory=lambda: MappingProxyType({}))
 
     def learned(self, sample: LearnedSample, now_s: int) -> StoredTable:
         """Return the table with one more sample; as `StictionTable.record` does, which may leave it as it is."""
@@ -31,7 +27,7 @@ class StoredTable:
         if table is self.table:
             return self
         key = CellKey(sample.quantity, table.index_of(sample.position_m), sample.direction)
-        return replace(self, table=table, recorded_s=MappingProxyType({**self.recorded_s, key: now_s}))
+        return replace(self, table=table, recorded_s=MappingProxyType(self.recorded_s | {key: now_s}))
 
     def emptied(self) -> StoredTable:
         """Return the empty table of the next generation."""

@@ -30,7 +30,7 @@ class ControlSocket:
 
     def __init__(self, directory: int) -> None:
         self._directory = directory
-        self._clients: list[Lines] = []
+        self._clients: dict[Lines, messages.Decoder] = {}
         self._listening: socket.socket | None = None
         self.notices: tuple[str, ...] = ()
         try:
@@ -62,17 +62,17 @@ class ControlSocket:
         """Accept, read, answer and hang up, on what is ready and without waiting."""
         for one in ready:
             if isinstance(one, Lines):
-                _converse(one, answer)
+                _converse(one, self._clients[one], answer)
             else:
                 with suppress(OSError):  # the client may have gone again
                     self._welcome(one.accept()[0])
         for client in [client for client in self._clients if client.ended]:
-            self._clients.remove(client)
+            del self._clients[client]
             client.close()
 
     def _welcome(self, connection: socket.socket) -> None:
         if len(self._clients) < _MOST_CLIENTS:
-            self._clients.append(Lines(connection))
+            self._clients[Lines(connection)] = messages.Decoder()
         else:
             connection.close()  # nobody opens that many in good faith; the daemon's samples come first
 
@@ -94,11 +94,16 @@ def _listen(directory: int) -> socket.socket:
     return listening
 
 
-def _converse(client: Lines, answer: Callable[[messages.Message, float], messages.Answer]) -> None:
+def _converse(
+    client: Lines, decoder: messages.Decoder, answer: Callable[[messages.Message, float], messages.Answer]
+) -> None:
     client.flush()
     for line in client.receive():
         try:
-            reply = answer(messages.decode(line), time.monotonic())
+            request = decoder.feed(line)
+            if request is None:
+                continue
+            reply = answer(request, time.monotonic())
         except PositionerError as error:
             reply = messages.Refused(str(error))
         client.send(messages.encode(reply))

@@ -43,6 +43,11 @@ def dumps(stored: StoredTable) -> str:
 
 def as_plain(stored: StoredTable) -> dict[str, Any]:
     """Return the document as what `json.dumps` takes."""
+    return {**head(stored), "cells": [plain_cell(*one) for one in cells_of(stored)]}
+
+
+def head(stored: StoredTable) -> dict[str, Any]:
+    """Return all of the document but its cells."""
     return {
         "format": FORMAT,
         "schema": SCHEMA,
@@ -50,18 +55,24 @@ def as_plain(stored: StoredTable) -> dict[str, Any]:
         "cell_width_m": stored.table.cell_width_m,
         "generation": stored.generation,
         "sequence": stored.table.sequence,
-        "cells": [
-            {
-                "quantity": str(key.quantity),
-                "index": key.index,
-                "direction": str(key.direction),
-                "samples": list(cell.samples),
-                "count": cell.count,
-                "sequence": cell.sequence,
-                "recorded": utc_text(stored.recorded_s[key]),
-            }
-            for key, cell in stored.table
-        ],
+    }
+
+
+def cells_of(stored: StoredTable) -> list[tuple[CellKey, Cell, int]]:
+    """Return the cells in the order of the document, each with the instant of its newest sample."""
+    return [(key, cell, stored.recorded_s[key]) for key, cell in stored.table]
+
+
+def plain_cell(key: CellKey, cell: Cell, recorded_s: int) -> dict[str, Any]:
+    """Return a cell of the document."""
+    return {
+        "quantity": str(key.quantity),
+        "index": key.index,
+        "direction": str(key.direction),
+        "samples": list(cell.samples),
+        "count": cell.count,
+        "sequence": cell.sequence,
+        "recorded": utc_text(recorded_s),
     }
 
 

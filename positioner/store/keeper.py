@@ -59,7 +59,7 @@ class Keeper:
             seconds = int(time.time())
             for sample in message.samples:
                 self.stored = self.stored.learned(sample, seconds)
-        elif isinstance(message, messages.Adopt) and message.stored.generation == self.stored.generation:
+        elif isinstance(message, messages.Adopt) and message.stored.generation >= self.stored.generation:
             self.stored = message.stored
         if self.stored is not before and self._commit_at_s is None:
             self._commit_at_s = now_s + COMMIT_AFTER_S
@@ -120,10 +120,8 @@ class Keeper:
             self._tell(messages.Saved(*saved))
 
     def _fail(self, error: Exception, now_s: float) -> None:
-        problem = f"the stiction table cannot be saved: {remedy(error)}"
-        if problem != self.problem:
-            self.problem = problem
-            self._tell(messages.SavingFailed(self.problem))
+        self.problem = f"the stiction table cannot be saved: {remedy(error)}"
+        self._tell(messages.SavingFailed(self.problem))  # each time: whoever fails aloud does not hang
         self._commit_at_s = now_s + self._retry_s
         self._retry_s = min(2.0 * self._retry_s, _RETRY_LONGEST_S)
 
@@ -141,14 +139,16 @@ class Keeper:
 def serve(channel: Lines, keeper: Keeper, control: ControlSocket, lines: list[bytes]) -> None:
     """Handle `lines`, and then messages and commands as they come, until the daemon closes or is gone."""
     ready: list[socket.socket | Lines] = []
+    decoder = messages.Decoder()
     while True:
         for line in lines:
-            message = messages.decode(line)
+            message = decoder.feed(line)
             if isinstance(message, messages.Close):
                 keeper.finish()
                 channel.send(messages.encode(messages.Closed(keeper.problem)))
                 return
-            keeper.handle(message, time.monotonic())
+            if message is not None:
+                keeper.handle(message, time.monotonic())
         channel.flush()
         control.serve(ready, keeper.answer)
         keeper.work(time.monotonic())
@@ -183,12 +183,10 @@ def run(channel: Lines, lock: int) -> None:
     except (PositionerError, OSError) as error:
         channel.send(messages.encode(messages.Closed(str(error))))
         return
-    if first.known and first.known.generation >= stored.generation:
-        stored = first.known
     with ControlSocket(lock) as control:
         notices = (*vault.take_notices(), *control.notices)
         channel.send(messages.encode(messages.Opened(stored, notices)))
-        keeper = Keeper(channel, vault, stored, time.monotonic(), _RESTARTED if first.known else None)
+        keeper = Keeper(channel, vault, stored, time.monotonic(), _RESTARTED if first.restarted else None)
         serve(channel, keeper, control, lines[1:])
     while channel.pending and not channel.ended:
         channel.wait(_LAST_TRIES_S)

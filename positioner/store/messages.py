@@ -4,25 +4,26 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, fields
+from itertools import islice
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from positioner.errors import StateError
+from positioner.errors import ConfigurationError, StateError
 from positioner.stiction import Direction, LearnedSample, Quantity
 from positioner.store import document
 from positioner.store.content import StoredTable
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
 
 @dataclass(frozen=True, slots=True)
 class Open:
-    """Daemon → keeper, first: which table; `known` is what the daemon knows already, if the keeper was restarted."""
+    """Daemon → keeper, first: which table; `restarted` when it takes the place of a keeper that ended."""
 
     directory: str
     valve_id: str
     cell_width_m: float
-    known: StoredTable | None
+    restarted: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,32 +154,74 @@ Request: TypeAlias = DumpRequest | ResetRequest | ImportRequest
 Answer: TypeAlias = Dumped | Done | Refused | Rejected
 Message: TypeAlias = ToKeeper | FromKeeper | Request | Answer
 
+_CELLS = "Cells"
 _KINDS: dict[str, Callable[..., Message]] = {kind.__name__: kind for kind in Message.__args__}
 
 
-def encode(message: Message) -> bytes:
-    """Return the message as one line."""
+CELLS_PER_LINE = 16
+"""So many cells are read or written in well under a millisecond: a control cycle can wait for one line."""
+
+
+def lines(message: Message) -> Iterator[bytes]:
+    """Yield the message line by line: a table's cells come before it, a few in each line."""
     plain = {field.name: _plain(getattr(message, field.name)) for field in fields(message)}
-    return json.dumps({"kind": type(message).__name__, **plain}).encode()
+    if table := plain.get("stored"):
+        cells = iter(table["cells"])
+        while part := list(islice(cells, CELLS_PER_LINE)):
+            yield json.dumps({"kind": _CELLS, "cells": [document.plain_cell(*one) for one in part]}).encode()
+        table["cells"] = []
+    yield json.dumps({"kind": type(message).__name__, **plain}).encode()
 
 
-def decode(line: bytes) -> Message:
-    """Return the message in a line.
+def encode(message: Message) -> bytes:
+    """Return all lines of the message, the last one without its end."""
+    return b"\n".join(lines(message))
+
+
+class Decoder:
+    """Puts messages together from lines; one for each connection."""
+
+    def __init__(self) -> None:
+        """Begin with nothing read."""
+        self._reader = document.TableReader("message")
+
+    def feed(self, line: bytes) -> Message | None:
+        """Return the message that the line completes, or None.
+
+        Raises:
+            StateError: the line is no message.
+        """
+        reader = self._reader
+        try:
+            plain = json.loads(line)
+            kind = plain.pop("kind")
+            if kind == _CELLS:
+                reader.take(plain.pop("cells"))
+                return None
+            self._reader = document.TableReader("message")
+            return _KINDS[kind](**{name: _typed(name, value, reader) for name, value in plain.items()})
+        except (ValueError, TypeError, AttributeError, KeyError, RecursionError, ConfigurationError) as error:
+            self._reader = document.TableReader("message")
+            told = f": {error}" if isinstance(error, ConfigurationError) else ""
+            raise StateError(f"not a message: {line[:80]!r}{told}") from error
+
+
+def decode(data: bytes) -> Message:
+    """Return the one message in the lines of `data`.
 
     Raises:
-        StateError: the line is no message.
+        StateError: they are none.
     """
-    try:
-        plain = json.loads(line)
-        kind = _KINDS[plain.pop("kind")]
-        return kind(**{name: _typed(name, value) for name, value in plain.items()})
-    except (ValueError, TypeError, AttributeError, KeyError, RecursionError) as error:
-        raise StateError(f"not a message: {line[:80]!r}") from error
+    decoder = Decoder()
+    found = [message for line in data.split(b"\n") if line and (message := decoder.feed(line)) is not None]
+    if len(found) != 1:
+        raise StateError(f"not a message: {data[:80]!r}")
+    return found[0]
 
 
 def _plain(value: object) -> Any:
     if isinstance(value, StoredTable):
-        return document.as_plain(value)
+        return {**document.head(value), "cells": document.cells_of(value)}
     if isinstance(value, LearnedSample):
         return [value.quantity, value.position_m, value.direction, value.value]
     if isinstance(value, tuple):
@@ -186,9 +229,9 @@ def _plain(value: object) -> Any:
     return value
 
 
-def _typed(name: str, value: Any) -> Any:
-    if name in {"stored", "known"} and value is not None:
-        return document.from_plain(value, "message")
+def _typed(name: str, value: Any, reader: document.TableReader) -> Any:
+    if name == "stored":
+        return reader.finish(value)
     if name == "samples":
         return tuple(LearnedSample(Quantity(q), float(x), Direction(d), float(y)) for q, x, d, y in value)
     return tuple(value) if isinstance(value, list) else value

@@ -91,3 +91,14 @@ def test_cells_are_told_in_order() -> None:
 def test_a_direction_is_that_of_the_sign(value: float, expected: Direction) -> None:
     assert direction_of(value) is expected
     assert expected.sign == (1.0 if value >= 0.0 else -1.0)
+
+
+@pytest.mark.parametrize("quantity", Quantity)
+def test_what_no_valve_can_teach_is_not_learned(quantity: Quantity) -> None:
+    low, high = quantity.limits
+    table = StictionTable()
+    for value in (low - 1e-9, high + 1e-9, 1e308, -1e308):
+        assert table.record(quantity, 0.05, Direction.OPENING, value) is table
+    assert table.record(quantity, 10.1, Direction.OPENING, high) is table
+    for value in (low, high):
+        assert len(table.record(quantity, 0.05, Direction.OPENING, value)) == 1

@@ -11,6 +11,7 @@ from positioner.errors import ConfigurationError, StateError
 from positioner.stiction import Direction, LearnedSample, Quantity
 from positioner.store import document
 from positioner.store.content import StoredTable
+from positioner.store.document_reader import TableReader
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -183,7 +184,7 @@ class Decoder:
 
     def __init__(self) -> None:
         """Begin with nothing read."""
-        self._reader = document.TableReader("message")
+        self._reader = TableReader("message")
 
     def feed(self, line: bytes) -> Message | None:
         """Return the message that the line completes, or None.
@@ -198,10 +199,10 @@ class Decoder:
             if kind == _CELLS:
                 reader.take(plain.pop("cells"))
                 return None
-            self._reader = document.TableReader("message")
+            self._reader = TableReader("message")
             return _KINDS[kind](**{name: _typed(name, value, reader) for name, value in plain.items()})
         except (ValueError, TypeError, AttributeError, KeyError, RecursionError, ConfigurationError) as error:
-            self._reader = document.TableReader("message")
+            self._reader = TableReader("message")
             told = f": {error}" if isinstance(error, ConfigurationError) else ""
             raise StateError(f"not a message: {line[:80]!r}{told}") from error
 
@@ -229,7 +230,7 @@ def _plain(value: object) -> Any:
     return value
 
 
-def _typed(name: str, value: Any, reader: document.TableReader) -> Any:
+def _typed(name: str, value: Any, reader: TableReader) -> Any:
     if name == "stored":
         return reader.finish(value)
     if name == "samples":

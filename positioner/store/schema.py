@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from positioner.stiction import MOST_CELLS
 from positioner.store import document
+from positioner.store.document_reader import FORMAT, SCHEMA
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -86,7 +87,7 @@ def stored_in(connection: sqlite3.Connection, source: str) -> StoredTable:
         for *start, samples, count, newest, seconds in rows
     ]
     head = {"valve": valve_id, "cell_width_m": cell_width_m, "generation": generation, "sequence": sequence}
-    return document.from_plain({"format": document.FORMAT, "schema": document.SCHEMA, **head, "cells": cells}, source)
+    return document.from_plain({"format": FORMAT, "schema": SCHEMA, **head, "cells": cells}, source)
 
 
 def is_as_made(connection: sqlite3.Connection) -> bool:

@@ -7,6 +7,7 @@ import difflib
 import ipaddress
 import re
 import socket
+import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, TypeAlias
@@ -19,7 +20,10 @@ from positioner.errors import BusUnusableError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+EMBEDDED = "embedded"
 EMBEDDED_PORT = 43513
+_NAMED = 1
+"""Embedded buses with a name and those of a bench are apart."""
 Option: TypeAlias = bool | int | float | str
 _LONGEST_NAME = 15
 """Characters of a network interface's name, IFNAMSIZ - 1 of linux/if.h."""
@@ -32,7 +36,10 @@ _OURS = frozenset({"interface", "bustype", "channel", "can_filters", "ignore_con
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BusAddress:
-    """The `[bus]` table of a configuration: an interface of python-can, its channel, and a port where it has one."""
+    """The `[bus]` table of a configuration: an interface of python-can, its channel, and a port where it has one.
+
+    The interface "embedded" is a bus inside this machine, for trying things out: its channel is any name.
+    """
 
     __pydantic_config__: ClassVar = {"extra": "forbid"}
 
@@ -40,6 +47,13 @@ class BusAddress:
     channel: str = "can0"
     port: Annotated[int, Interval(ge=1, le=65535)] = EMBEDDED_PORT
     options: dict[str, Option] = field(default_factory=dict, hash=False)
+
+    def __post_init__(self) -> None:
+        """Put the address of an embedded bus in the place of its name."""
+        if self.interface == EMBEDDED:
+            address = embedded_address(zlib.crc32(self.channel.encode()), _NAMED)
+            for name in ("interface", "channel", "port"):
+                object.__setattr__(self, name, getattr(address, name))
 
     def __str__(self) -> str:
         """The form that `parse_address` reads."""
@@ -92,7 +106,7 @@ def problems_of(address: BusAddress) -> Iterator[tuple[str, str]]:
     """Yield what no bus can be opened with: the key of the `[bus]` table with its value, and what is wrong with it."""
     interface, channel = f"interface = '{address.interface}'", f"channel = '{address.channel}'"
     if address.interface not in BACKENDS:
-        close = difflib.get_close_matches(address.interface, BACKENDS, n=1, cutoff=0.5)
+        close = difflib.get_close_matches(address.interface, (*BACKENDS, EMBEDDED), n=1, cutoff=0.5)
         yield interface, f"is unknown; did you mean '{close[0]}'?" if close else f"is none of {', '.join(BACKENDS)}"
     if address.interface == "socketcan" and not 1 <= len(address.channel) <= _LONGEST_NAME:
         yield channel, f"must have 1 to {_LONGEST_NAME} characters, as every network interface's name"
@@ -144,15 +158,17 @@ def find_vcan() -> BusAddress | None:
     return None
 
 
-def embedded_address(token: int) -> BusAddress:
+def embedded_address(token: int, family: int = 0) -> BusAddress:
     """Return an embedded bus of its own for `token`: an interface-local group, which never leaves this machine.
 
     Where the machine has no IPv6 it is an IPv4 group, which a time to live of 0 keeps on the machine.
     """
     port = EMBEDDED_PORT + token % 2000
     if _has_interface_local_groups():
-        return BusAddress(interface="udp_multicast", channel=f"ff11::7661:6c76:0:{token & 0xFFFF:x}", port=port)
-    return BusAddress(interface="udp_multicast", channel=f"239.255.{token >> 8 & 0xFF}.{token & 0xFF}", port=port)
+        group = f"ff11::7661:6c76:{family:x}:{token & 0xFFFF:x}"
+    else:
+        group = f"239.{255 - family}.{token >> 8 & 0xFF}.{token & 0xFF}"
+    return BusAddress(interface="udp_multicast", channel=group, port=port)
 
 
 def _has_interface_local_groups() -> bool:

@@ -82,5 +82,9 @@ class UsageError(PositionerError):
     exit_code = ExitCode.USAGE
 
 
+class HostError(PositionerError):
+    """What the host was asked to do cannot be done now, or the positioner does not do it."""
+
+
 class BenchError(PositionerError):
     """A bench run could not be completed."""

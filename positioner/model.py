@@ -65,6 +65,13 @@ class ValveParameters:
         """Return the current in mA that balances the spring at rest: the middle of the stick band."""
         return (self.spring_rate_n_per_m * position_m + self.bench_set_n) / self.force_gain_n_per_ma
 
+    def reach_m(self, low_ma: float, high_ma: float) -> tuple[float, float]:
+        """Return the lowest and the highest position in m that the stem can slide to under these currents."""
+        low_n = self.force_gain_n_per_ma * low_ma - self.bench_set_n + self.coulomb_friction_n
+        high_n = self.force_gain_n_per_ma * high_ma - self.bench_set_n - self.coulomb_friction_n
+        rate = self.spring_rate_n_per_m
+        return max(low_n / rate, self.travel_min_m), min(high_n / rate, self.travel_max_m)
+
     def net_force_n(self, position_m: float, current_ma: float) -> float:
         """Return F_e = F_pressure - F_spring in N (eqs 3 and 7)."""
         return self.force_gain_n_per_ma * (current_ma - self.balance_current_ma(position_m))

@@ -6,6 +6,7 @@ import errno
 import gc
 import sys
 import time
+import zlib
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -249,6 +250,17 @@ def test_an_address_of_no_bus_is_refused(text: str, told: str) -> None:
     with pytest.raises(BusUnusableError) as caught:
         parse_address(text)
     assert told in str(caught.value)
+
+
+def test_an_embedded_bus_with_a_name_is_no_benchs() -> None:
+    address = parse_address("embedded:fv101")
+    assert address == BusAddress(interface="embedded", channel="fv101")
+    assert address.is_embedded
+    assert parse_address(str(address)) == address
+    assert address != parse_address("embedded:fv102")
+    assert address.channel != embedded_address(zlib.crc32(b"fv101")).channel
+    table = '[bus]\ninterface = "embedded"\nchannel = "fv101"\n'
+    assert parse_config(f'[valve]\nid = "v"\n{table}', "valve.toml", Path()).bus == address
 
 
 @pytest.mark.bus

@@ -7,7 +7,7 @@ import argparse
 import sys
 
 import positioner
-from positioner.cli import bench, check, doctor, league, replay, reproduce, run, table, tune
+from positioner.cli import bench, check, doctor, host, league, replay, reproduce, run, table, tune
 from positioner.console import run_command
 
 _DESCRIPTION = "A positioner for sticking control valves: predictive control with a learned stiction table, over CAN."
@@ -17,6 +17,7 @@ examples:
   positioner check /etc/positioner/fv101.toml     every mistake of a configuration at once
   positioner doctor                               what stands in the way on this machine
   positioner run --config fv101.toml              control the valve
+  positioner host --config fv101.toml arm set 62% let it, and move the valve to 62 %
   positioner replay bus.log --config fv101.toml   do a recorded bus again, and compare
   positioner table dump --config fv101.toml       what was learned about its stiction
 
@@ -36,7 +37,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"positioner {positioner.__version__}")
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (run, bench, replay, league, reproduce, tune, table, check, doctor):
+    for command in (run, host, bench, replay, league, reproduce, tune, table, check, doctor):
         command.add_parser(subparsers)
     return parser
 

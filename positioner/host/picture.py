@@ -1,0 +1,142 @@
+"""What the host knows of the valve: the newest of everything that it hears, and how old it is. Pure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from positioner.handover import Handover, follow, start_m
+from positioner.host.words import CONTROLLED, in_mm, state_in_words
+from positioner.wire.formats import FrameRejectedError
+from positioner.wire.messages import (
+    CurrentCommand,
+    Mode,
+    PositionerCount,
+    PositionerStatus,
+    Quality,
+    Setpoint,
+    StemPosition,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from positioner.wire.codec import Codec
+    from positioner.wire.messages import CanFrame, Counted, Message
+
+HEARD: tuple[type[Message], ...] = (StemPosition, CurrentCommand, PositionerStatus, PositionerCount, Setpoint)
+"""What a host listens to; a setpoint that it hears is another host's."""
+SILENT_S = 0.5
+"""Whoever says nothing for so long is not there."""
+_NS = 1_000_000_000
+
+
+class Picture:
+    """The valve as seen from the bus. Instants are monotonic; None for what was never heard."""
+
+    def __init__(self, codec: Codec, span_m: float) -> None:
+        """Begin with nothing heard."""
+        self._codec = codec
+        self._span_m = span_m
+        self._heard_ns: dict[type[Message], int] = {}
+        self._track: Handover | None = None
+        self.status: PositionerStatus | None = None
+        self.command: CurrentCommand | None = None
+        self.quality = Quality.VALID
+        self.counts: dict[Counted, int] = {}
+        self.other_setpoint_m: float | None = None
+
+    def hear(self, frames: Iterable[CanFrame], now_ns: int) -> None:
+        """Take in what arrived, oldest first; of positions and commands only the newest, of the rest everything."""
+        newest: dict[tuple[int, bool], CanFrame] = {}
+        often = {self._codec.identifier(kind) for kind in (StemPosition, CurrentCommand)}
+        for frame in frames:
+            identifier = (frame.arbitration_id, frame.is_extended)
+            if identifier in often:
+                newest[identifier] = frame
+            else:
+                self._take(frame, now_ns)
+        for frame in newest.values():
+            self._take(frame, now_ns)
+
+    def _take(self, frame: CanFrame, now_ns: int) -> None:
+        try:
+            message, _ = self._codec.decode(frame)
+        except FrameRejectedError:
+            return
+        self._heard_ns[type(message)] = now_ns
+        match message:
+            case StemPosition():
+                self.quality = message.quality
+                if message.quality is not Quality.FAULT:
+                    current_ma = self.command.current_ma if self.command else None
+                    self._track = follow(self._track, Mode.MANUAL, message.position_m, None, current_ma)
+            case CurrentCommand():
+                self.command = message
+            case PositionerStatus():
+                self.status = message
+            case PositionerCount():
+                self.counts[message.counted] = message.count
+            case Setpoint():
+                self.other_setpoint_m = message.setpoint_m
+
+    def heard_since(self, kind: type[Message], instant_ns: int) -> bool:
+        """Return whether such a frame came after `instant_ns`."""
+        return self._heard_ns.get(kind, -1) > instant_ns
+
+    def is_there(self, kind: type[Message], now_ns: int) -> bool:
+        """Return whether such frames come."""
+        heard_ns = self._heard_ns.get(kind)
+        return heard_ns is not None and now_ns - heard_ns <= SILENT_S * _NS
+
+    def mode(self, now_ns: int) -> Mode | None:
+        """Return the mode in the positioner's status (a command may be another's), None while it is silent."""
+        return self.status.mode if self.status and self.is_there(PositionerStatus, now_ns) else None
+
+    def is_controlled(self, now_ns: int) -> bool:
+        """Return whether the positioner is armed and has not failed safe."""
+        return self.mode(now_ns) in CONTROLLED
+
+    @property
+    def position_m(self) -> float | None:
+        """Where the stem is: the mean of the newest readings under one current."""
+        return start_m(self._track, 0.0) if self._track and self._track.readings else None
+
+    def lines(self, setpoint_m: float | None, now_ns: int) -> list[str]:
+        """Return the status in lines; `setpoint_m` is the host's own, None where it sends none."""
+        status = self.status
+        if status is None or not self.is_there(PositionerStatus, now_ns):
+            return [self.silence(now_ns)]
+        asked_m = setpoint_m
+        if asked_m is None and self.is_there(Setpoint, now_ns):
+            asked_m = self.other_setpoint_m
+        here_m = self.position_m if self.is_there(StemPosition, now_ns) else None
+        error_m = None if asked_m is None or here_m is None or status.mode is Mode.MANUAL else here_m - asked_m
+        current = f"{self.command.current_ma:.3f} mA" if self.command else "none"
+        doubt = f", the sensor says {self.quality.name}" if self.quality is not Quality.VALID else ""
+        rows = (
+            ("mode", state_in_words(status)),
+            ("armed", "yes" if status.armed else "no"),
+            ("table", "saved" if status.table_saved else "not saved: the positioner's log says why"),
+            ("position", "no position frames come" if here_m is None else in_mm(here_m, self._span_m) + doubt),
+            ("setpoint", "nobody sends one" if asked_m is None else in_mm(asked_m, self._span_m)),
+            ("error", "-" if error_m is None else in_mm(error_m, self._span_m)),
+            ("current", current if self.is_there(CurrentCommand, now_ns) else "none is commanded"),
+            ("counted", self._counted(status)),
+        )
+        return [f"{name:<9} {value}" for name, value in rows]
+
+    def silence(self, now_ns: int) -> str:
+        """Return why the positioner may say nothing, in one line."""
+        if not self.is_there(StemPosition, now_ns):
+            return (
+                "nothing is heard: no position frames and no positioner; is the bus the right one, and is the plant on?"
+            )
+        return (
+            "position frames come, and the positioner is silent: it was not armed since its start (`arm`), "
+            "or `positioner run` is not up on this bus with this configuration"
+        )
+
+    def _counted(self, status: PositionerStatus) -> str:
+        own = f"learned {status.learned_count}, refused {status.rejected_count}, fell back {status.fallback_count}"
+        counts = [f"{kind.name.lower().replace('_', ' ')} {count}" for kind, count in sorted(self.counts.items())]
+        return ", ".join((f"{own} (each modulo 256)", *counts))

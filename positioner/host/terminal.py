@@ -1,0 +1,150 @@
+"""`positioner host` at work: verbs from the command line or the standard input, frames from and to the bus. Shell."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import sys
+import time
+from collections import deque
+from typing import TYPE_CHECKING
+
+from positioner.bus import BusPort
+from positioner.errors import ExitCode, PositionerError
+from positioner.host.picture import HEARD
+from positioner.host.session import Session
+from positioner.host.verbs import HELP_INTERACTIVE, Verb, Word, read_verbs
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from types import FrameType
+
+    from positioner.config import Configuration
+
+_TURN_S = 0.005
+_LISTEN_FIRST_S = 0.6
+"""Longer than whoever is there may be silent."""
+_NS = 1_000_000_000
+
+
+class Terminal:
+    """A session with a person, or with the script that stands for one."""
+
+    def __init__(self, configuration: Configuration, words: Sequence[str]) -> None:
+        """Read the verbs in `words`; without any they come from the standard input, a line each.
+
+        Raises:
+            UsageError: a word is no verb, or asks for what the valve or the guard does not allow.
+        """
+        self._configuration = configuration
+        self._verbs = deque(self._read(words))
+        self._is_asking = not words
+        self._is_prompting = self._is_asking and sys.stdin.isatty()
+        self._typed = b""
+        self._stopping = False
+        self._session = Session(configuration)
+        codec = configuration.make_codec()
+        self._bus = BusPort(configuration.bus, [codec.identifier(kind) for kind in HEARD], self._session.lines.append)
+
+    def run(self) -> ExitCode:
+        """Run until the verbs are done and nothing is to be kept up, or until SIGTERM, SIGINT or the end of the input.
+
+        Raises:
+            HostError: a verb of the command line could not be done.
+            BusError: the bus cannot be opened.
+        """
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._stop)
+        self._bus.open()
+        try:
+            self._listen_for(_LISTEN_FIRST_S)
+            if self._is_prompting:
+                self._say(HELP_INTERACTIVE.splitlines())
+            while not self._stopping and not self._is_finished:
+                self._turn()
+        finally:
+            self._tell()
+            self._bus.close()
+        if self._session.is_speaking:
+            self._say([self._farewell()])
+        return ExitCode.OK
+
+    @property
+    def _is_finished(self) -> bool:
+        session = self._session
+        return not (self._verbs or self._is_asking or session.is_busy or session.is_speaking)
+
+    def _listen_for(self, duration_s: float) -> None:
+        end_s = time.monotonic() + duration_s
+        while time.monotonic() < end_s and not self._stopping:
+            time.sleep(_TURN_S)
+            self._session.hear(self._bus.receive(0.0), time.monotonic_ns())
+
+    def _turn(self) -> None:
+        """Listen, begin the next verb when the last one is done, and send what is due."""
+        session = self._session
+        self._wait()
+        now_ns = time.monotonic_ns()
+        session.hear(self._bus.receive(0.0), now_ns)
+        try:
+            if self._verbs and not session.is_busy:
+                verb = self._verbs.popleft()
+                if verb.word is Word.QUIT:
+                    self._stopping = True
+                    return
+                session.begin(verb, now_ns)
+            for frame in session.advance(now_ns):
+                self._bus.send(frame)
+        except PositionerError as error:
+            if not self._is_asking:
+                raise
+            session.lines.append(str(error))
+        self._tell()
+
+    def _wait(self) -> None:
+        if not self._is_asking:
+            time.sleep(_TURN_S)
+        elif select.select([sys.stdin], [], [], _TURN_S)[0]:
+            self._take_input()
+
+    def _take_input(self) -> None:
+        """Read what was typed; the end of the input ends the session once the verbs are done."""
+        read = os.read(sys.stdin.fileno(), 4096)
+        lines = (self._typed + read).split(b"\n")
+        self._typed = lines.pop()
+        if not read:
+            lines = [self._typed]
+        for line in lines:
+            try:
+                found = self._read([line.decode("utf-8", errors="replace")])
+            except PositionerError as error:
+                self._say([str(error)])
+            else:
+                self._verbs.extend(found)
+        if not read:
+            self._is_asking = False
+            self._verbs.append(Verb(Word.QUIT))
+
+    def _read(self, words: Sequence[str]) -> tuple[Verb, ...]:
+        return read_verbs(words, self._configuration.valve, self._configuration.guard)
+
+    def _tell(self) -> None:
+        lines, self._session.lines[:] = [*self._session.lines], []
+        self._say(lines)
+
+    def _say(self, lines: Sequence[str]) -> None:
+        for line in lines:
+            sys.stdout.write(f"{line}\n")
+        if lines:
+            sys.stdout.flush()
+
+    def _farewell(self) -> str:
+        guard = self._configuration.guard
+        hold = f"holds within {guard.setpoint_hold_s:g} s" if guard.setpoint_hold_s else "goes on"
+        failsafe = f" and fails safe after {guard.setpoint_failsafe_s:g} s" if guard.setpoint_failsafe_s else ""
+        return f"no more setpoints are sent: the positioner {hold}{failsafe}; `disarm` silences it"
+
+    def _stop(self, number: int, frame: FrameType | None) -> None:
+        del number, frame
+        self._stopping = True

@@ -1,0 +1,125 @@
+"""What a person may say to the host: verbs with their numbers and units, refused before anything is sent. Pure."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from positioner.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from positioner.guard_settings import GuardSettings
+    from positioner.model import ValveParameters
+
+HELP = """\
+arm            let the positioner control the valve; without `set` the stem stays where it is
+disarm         silence it: the actuator goes to its own fail position
+set 80         move the stem to 80 mm (`set 80mm` is the same)
+set 62%        move the stem to 62 % of the span (valve.span_m), from position 0
+manual 9.5mA   give the current by hand, within the guard's limits; `manual` alone keeps the present one
+auto           back to automatic mode: the stem stays where it is until the next `set`
+status         mode, health, position, setpoint, current and counts
+"""
+HELP_INTERACTIVE = HELP + "quit           end; the positioner then holds, and fails safe later\n"
+
+
+class Word(StrEnum):
+    """The verbs."""
+
+    ARM = "arm"
+    DISARM = "disarm"
+    SET = "set"
+    MANUAL = "manual"
+    AUTO = "auto"
+    STATUS = "status"
+    HELP = "help"
+    QUIT = "quit"
+
+
+@dataclass(frozen=True, slots=True)
+class Verb:
+    """One verb; its number is a position in m with SET, a current in mA (or None) with MANUAL."""
+
+    word: Word
+    setpoint_m: float = 0.0
+    current_ma: float | None = None
+
+
+_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*(.*)", re.IGNORECASE)
+_LOOKS_LIKE_A_NUMBER = re.compile(r"[+-]?[.,]?\d.*")
+_UNITS = frozenset({"mm", "%", "ma"})
+
+
+def read_verbs(words: Sequence[str], valve: ValveParameters, guard: GuardSettings) -> tuple[Verb, ...]:
+    """Return the verbs in `words`, in their order; a unit may stand apart from its number.
+
+    Raises:
+        UsageError: a word is no verb, or a number is missing, has a wrong unit or cannot be reached.
+    """
+    left = [word.lower() for text in words for word in text.split()]
+    verbs: list[Verb] = []
+    while left:
+        word = _word(left.pop(0))
+        number = _take_number(left) if word in {Word.SET, Word.MANUAL} else ""
+        if word is Word.SET:
+            verbs.append(Verb(word, setpoint_m=_setpoint_m(number, valve, guard)))
+        elif word is Word.MANUAL and number:
+            verbs.append(Verb(word, current_ma=_current_ma(number, guard)))
+        else:
+            verbs.append(Verb(word))
+    return tuple(verbs)
+
+
+def _word(text: str) -> Word:
+    try:
+        return Word(text)
+    except ValueError:
+        close = difflib.get_close_matches(text, list(Word), n=1, cutoff=0.5)
+        advice = f"did you mean '{close[0]}'?" if close else f"known: {', '.join(Word)}"
+        raise UsageError(f"'{text}' is no verb of the host; {advice}") from None
+
+
+def _take_number(left: list[str]) -> str:
+    """Take a number and its unit from the words that are left; empty where there is none."""
+    if not left or not _LOOKS_LIKE_A_NUMBER.fullmatch(left[0]):
+        return ""
+    number = left.pop(0)
+    return number + left.pop(0) if left and left[0] in _UNITS else number
+
+
+def _value(text: str, verb: str, units: Sequence[str]) -> tuple[float, str]:
+    """Return the number in `text` and its unit, the first of `units` without one."""
+    found = _NUMBER.fullmatch(text)
+    unit = (found[2] or units[0]).lower() if found else ""
+    if not found or unit not in {each.lower() for each in units}:
+        raise UsageError(f"{verb} {text}: is no number in {' or '.join(units)}; write it like `{verb} 9.5{units[-1]}`")
+    return float(found[1]), unit
+
+
+def _setpoint_m(text: str, valve: ValveParameters, guard: GuardSettings) -> float:
+    if not text:
+        raise UsageError("set needs a position: `set 80` (mm) or `set 62%` (of the span)")
+    value, unit = _value(text, "set", ("mm", "%"))
+    setpoint_m = value / 100.0 * valve.span_m if unit == "%" else value / 1000.0
+    if not valve.travel_min_m <= setpoint_m <= valve.travel_max_m:
+        travel = f"{valve.travel_min_m * 1e3:g} to {valve.travel_max_m * 1e3:g} mm"
+        raise UsageError(f"set {text}: {setpoint_m * 1e3:g} mm is outside the travel of {travel}")
+    low_m, high_m = valve.reach_m(guard.current_low_ma, guard.current_high_ma)
+    if not low_m <= setpoint_m <= high_m:
+        loop = f"{guard.current_low_ma:g} to {guard.current_high_ma:g} mA"
+        reach = f"{low_m * 1e3:.1f} to {high_m * 1e3:.1f} mm" if low_m < high_m else "nothing"
+        raise UsageError(f"set {text}: {setpoint_m * 1e3:g} mm is out of reach: with {loop} the stem gets to {reach}")
+    return setpoint_m
+
+
+def _current_ma(text: str, guard: GuardSettings) -> float:
+    current_ma, _ = _value(text, "manual", ("mA",))
+    if not guard.current_low_ma <= current_ma <= guard.current_high_ma:
+        limits = f"{guard.current_low_ma:g} to {guard.current_high_ma:g} mA"
+        raise UsageError(f"manual {text}: {current_ma:g} mA is beyond the limits of {limits} (guard.current_*)")
+    return current_ma

@@ -1,0 +1,53 @@
+"""The positioner's state in words. Pure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from positioner.wire.messages import Cause, Mode
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from positioner.wire.messages import PositionerStatus
+
+CAUSES: Mapping[Cause, str] = {
+    Cause.NONE: "controls the valve",
+    Cause.WAITING_FOR_FEEDBACK: "waits for position frames",
+    Cause.WAITING_FOR_ARM: "waits to be armed",
+    Cause.FEEDBACK_STALE: "no position frames come",
+    Cause.FEEDBACK_IMPLAUSIBLE: "position frames come and cannot be true",
+    Cause.SETPOINT_STALE: "the host sends nothing any more",
+    Cause.FOREIGN_COMMAND: "another controller commands this valve",
+    Cause.LAW_FAILED: "the control law failed",
+    Cause.BUS_DOWN: "the bus is down",
+    Cause.STOPPED: "stopped",
+    Cause.DISARMED: "disarmed",
+    Cause.TABLE_NOT_SAVED: "the stiction table cannot be saved",
+    Cause.FEEDBACK_FROZEN: "the position reading is frozen",
+    Cause.LAW_LATE: "cycles take longer than the sample period",
+    Cause.DEVIATION: "the position stays away from the setpoint",
+    Cause.SETPOINT_UNREACHABLE: "the setpoint is out of the valve's reach",
+    Cause.STALLED: "the positioner stood still for a time",
+    Cause.FEEDBACK_DISPUTED: "two senders of position frames contradict each other",
+    Cause.SETPOINT_DISPUTED: "two hosts send setpoints",
+    Cause.ACTUATOR_FAILED: "the actuator is in its fail position and obeys no command",
+    Cause.COMMAND_IGNORED: "the valve does not follow its commands",
+    Cause.MANUAL: "the current is given by hand",
+    Cause.PERIOD_WRONG: "position frames come at another period than the configured one",
+}
+
+
+def state_in_words(status: PositionerStatus) -> str:
+    """Return mode, cause and NE 107 signal in one line."""
+    health = status.health.name.lower().replace("_", " ")
+    return f"{status.mode.name}: {CAUSES[status.cause]} (NE 107: {health})"
+
+
+def in_mm(position_m: float, span_m: float) -> str:
+    """Return a position in mm and in percent of the span."""
+    return f"{position_m * 1e3:.2f} mm ({100.0 * position_m / span_m:.2f} %)"
+
+
+CONTROLLED = frozenset({Mode.ACTIVE, Mode.HOLD, Mode.MANUAL})
+"""The modes of a positioner that was armed and has not failed safe."""

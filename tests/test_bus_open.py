@@ -260,7 +260,7 @@ def test_an_embedded_bus_with_a_name_is_no_benchs() -> None:
     assert address != parse_address("embedded:fv102")
     assert address.channel != embedded_address(zlib.crc32(b"fv101")).channel
     table = '[bus]\ninterface = "embedded"\nchannel = "fv101"\n'
-    assert parse_config(f'[valve]\nid = "v"\n{table}', "valve.toml", Path()).bus == address
+    assert parse_config(f'[valve]\nid = "v"\npreset = "paper"\n{table}', "valve.toml", Path()).bus == address
 
 
 @pytest.mark.bus

@@ -206,7 +206,7 @@ class Loop:
     """The law of a configuration and the emulated valve, in virtual time at 1 kHz."""
 
     def __init__(self, law: str, record: Path | None = None) -> None:
-        self.text = f'[valve]\nid = "V"\n[control]\nlaw = "{law}"\n[guard]\nauto_arm = true\n'
+        self.text = f'[valve]\nid = "V"\npreset = "paper"\n[control]\nlaw = "{law}"\n[guard]\nauto_arm = true\n'
         configuration = parse_config(self.text, "test", Path())
         self.codec = configuration.make_codec()
         self.setup = Setup(self.codec, configuration.valve, configuration.guard, configuration.make_law(), 0.001)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 MS = 1_000_000
 PERIOD_NS = 2 * MS
-TEXT = '[valve]\nid = "V"\n[control]\nsample_period_s = 0.002\n'
+TEXT = '[valve]\nid = "V"\npreset = "paper"\n[control]\nsample_period_s = 0.002\n'
 
 
 class Bench:

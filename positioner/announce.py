@@ -5,10 +5,11 @@ from __future__ import annotations
 import logging
 from typing import TYPE_CHECKING
 
-from positioner.errors import AlreadyRunningError
+from positioner.errors import AnotherControllerError
 from positioner.events import Controlled, Event, ForeignCommand, Learned, LinesDropped, ModeChanged, MoveBegan, kind_of
 from positioner.journal import Throttle, logger
 from positioner.notify import Notifier
+from positioner.other_controller import OtherController
 from positioner.wire.messages import Cause, Mode
 
 if TYPE_CHECKING:
@@ -24,12 +25,13 @@ class Announcer:
         self.notifier = Notifier()
         self.trace: TraceWriter | None = None
         self.ready = False
+        self._other = OtherController()
 
-    def tell(self, events: tuple[Event, ...], *, ever_armed: bool) -> None:
-        """Tell of a cycle's events.
+    def tell(self, events: tuple[Event, ...], now_ns: int, *, ever_armed: bool) -> None:
+        """Tell of the events of the cycle at `now_ns`.
 
         Raises:
-            AlreadyRunningError: another controller commands this valve, and this one was never armed.
+            AnotherControllerError: another controller goes on commanding this valve, and this one was never armed.
         """
         learned = [event for event in events if isinstance(event, Learned)]
         for event in events:
@@ -44,8 +46,8 @@ class Announcer:
                     pass  # the log itself tells where they are missing
                 case ForeignCommand():
                     self.throttle.log(logging.ERROR, type(event).__name__, str(event))
-                    if not ever_armed:
-                        raise AlreadyRunningError(f"not started: {event}")
+                    if self._other.goes_on(now_ns) and not ever_armed:
+                        raise AnotherControllerError(f"not started: {event}")
                 case _:
                     self.throttle.log(logging.WARNING, kind_of(event), str(event))
 

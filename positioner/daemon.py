@@ -59,7 +59,7 @@ class Daemon:
         """Take the table over from the state directory.
 
         Raises:
-            AlreadyRunningError: another daemon holds this valve.
+            AlreadyRunningError: another process holds this valve's state.
             StateError: the state directory cannot be used.
             UsageError: the trace cannot be written.
         """
@@ -69,7 +69,7 @@ class Daemon:
         codec = configuration.make_codec()
         control = configuration.control
         self._keeper, table, notices = TableKeeper.open(
-            configuration.state_directory, configuration.valve.id, control.table_cell_m
+            configuration.state_directory, configuration.valve.id, control.table_cell_m, tell=logger.warning
         )
         for notice in notices:
             logger.warning("%s", notice)
@@ -107,7 +107,7 @@ class Daemon:
         """Run until SIGTERM or SIGINT; return how it ended.
 
         Raises:
-            AlreadyRunningError: another controller commands this valve on the bus.
+            AnotherControllerError: another controller goes on commanding this valve on the bus.
         """
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._stop)
@@ -137,7 +137,7 @@ class Daemon:
                 self._bus.send(frame)
         self._recorder.turn(told, frames, now_ns, outbox, self._state)
         self._watch_the_time(spent_ns)
-        self._announcer.tell(events, ever_armed=self._state.guard.ever_armed)
+        self._announcer.tell(events, now_ns, ever_armed=self._state.guard.ever_armed)
         self._keep(events)
         if time.monotonic() >= self._watchdog_due_s:  # whoever waits for feedback or for arming is alive, too
             self._watchdog_due_s = time.monotonic() + _WATCHDOG_EVERY_S

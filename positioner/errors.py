@@ -19,6 +19,7 @@ class ExitCode(IntEnum):
     UNAVAILABLE = 69
     SOFTWARE = 70
     IO = 74
+    TEMPORARY = 75
     CONFIG = 78
 
 
@@ -65,7 +66,13 @@ class BusUnusableError(BusError):
 
 
 class AlreadyRunningError(PositionerError):
-    """Another daemon holds this valve."""
+    """Another process holds this valve's state, for now: a daemon, its keeper that still writes, or a command."""
+
+    exit_code = ExitCode.TEMPORARY
+
+
+class AnotherControllerError(PositionerError):
+    """Another controller commands this valve on the bus, and goes on doing so."""
 
     exit_code = ExitCode.UNAVAILABLE
 

@@ -310,7 +310,7 @@ def test_a_bench_that_is_stopped_takes_its_processes_along(tmp_path: Path) -> No
         assert "Traceback" not in error
         while port.receive(0.3):
             assert time.monotonic() < deadline_s + PATIENCE_S
-        assert again == ExitCode.UNAVAILABLE
+        assert again == ExitCode.TEMPORARY
     finally:
         process.kill()
         port.close()

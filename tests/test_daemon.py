@@ -16,7 +16,6 @@ from positioner import bus as bus_module
 from positioner import bus_open, journal
 from positioner.bus_address import BusAddress
 from positioner.daemon import RunOptions
-from positioner.errors import AlreadyRunningError
 from positioner.wire import e2e
 from positioner.wire.codec import own_database
 from positioner.wire.messages import (
@@ -244,13 +243,6 @@ def test_lost_frames_and_implausible_readings_are_told(armed: Loop) -> None:
     assert armed.told("position 300.000 mm refused: outside the travel")
     assert commands(armed.sample(position_m=HERE_M + 0.055)) == []
     assert commands(armed.sample())[0].mode is Mode.ACTIVE
-
-
-def test_another_controller_before_arming_ends_it_without_a_word(loop: Loop) -> None:
-    loop.sample()
-    with pytest.raises(AlreadyRunningError, match=r"not started: another controller commands this valve \(9.500 mA\)"):
-        loop.turn(loop.others.frame(CurrentCommand(9.5)))
-    assert loop.others.listen() == []
 
 
 def test_another_controller_after_arming_is_told_and_shown_and_the_loop_goes_on(armed: Loop) -> None:

@@ -41,9 +41,11 @@ def test_a_service_is_silent_until_armed_and_saves_its_table_at_the_end(tmp_path
         service.child.drain()
 
         second = Child("positioner.cli.main", ["run", "--config", str(service.path)], tmp_path / "second.log")
-        assert ended(second, service) == ExitCode.UNAVAILABLE
-        (line,) = second.log.read_text(encoding="utf-8").splitlines()
-        assert line.startswith(f"positioner: {tmp_path / 'state'}: in use by process {service.child.process.pid};")
+        assert ended(second, service) == ExitCode.TEMPORARY
+        waiting, line = second.log.read_text(encoding="utf-8").splitlines()
+        occupied = f"{tmp_path / 'state'}: in use by process {service.child.process.pid};"
+        assert waiting.startswith(f"WARNING waiting 10 s at most: {occupied}")
+        assert line.startswith(f"positioner: {occupied}")
 
         assert service.hear(CurrentCommand).mode is Mode.ACTIVE
         assert service.stop() == ExitCode.OK
@@ -51,11 +53,12 @@ def test_a_service_is_silent_until_armed_and_saves_its_table_at_the_end(tmp_path
     assert access.dump(tmp_path / "state").valve_id == "FV-101"
 
 
-def ended(child: Child, beside: Service) -> int:
-    """Return the exit status of a program that ends by itself, while the loop beside it goes on."""
+def ended(child: Child, beside: Service, *said: CurrentCommand) -> int:
+    """Return the exit status of a program that ends by itself, while the loop beside it goes on, and `said` is."""
     deadline_s = time.monotonic() + PATIENCE_S
     while (code := child.process.poll()) is None:
         assert time.monotonic() < deadline_s, child.log.read_text(encoding="utf-8")
+        beside.others.say(*said)
         beside.others.ask()
         beside.others.report()
         beside.others.listen(PERIOD_S)
@@ -80,8 +83,7 @@ def test_a_held_arm_does_not_arm_a_daemon_that_starts_again(tmp_path: Path) -> N
 
 def test_another_controller_on_the_bus_ends_a_daemon_before_it_says_a_word(tmp_path: Path) -> None:
     with Service(tmp_path) as service:
-        service.others.say(CurrentCommand(9.5))
-        assert ended(service.child, service) == ExitCode.UNAVAILABLE
+        assert ended(service.child, service, CurrentCommand(9.5)) == ExitCode.UNAVAILABLE
         told = "positioner: not started: another controller commands this valve (9.500 mA): stop it, or give one"
         assert [line[: len(told)] for line in service.lines if line.startswith("positioner:")] == [told]
         assert service.others.heard == []

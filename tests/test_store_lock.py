@@ -1,17 +1,15 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
-from positioner.errors import AlreadyRunningError, StateError
+from positioner.errors import AlreadyRunningError, ExitCode, StateError
 from positioner.store import lock
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 _HOLDER = """
 import sys
@@ -46,6 +44,17 @@ def test_patience_outlasts_a_holder_that_ends(tmp_path: Path) -> None:
     os.close(lock.acquire(tmp_path, 10.0))
     holder.stdout.close()
     assert holder.wait() == 0
+
+
+def test_a_lock_that_is_held_is_no_reason_to_stay_down(tmp_path: Path) -> None:
+    told: list[str] = []
+    with lock.held(tmp_path, 0.0), pytest.raises(AlreadyRunningError) as caught:
+        lock.acquire(tmp_path, 0.1, told.append)
+    assert told == [f"waiting 0.1 s at most: {caught.value}"]
+    assert caught.value.exit_code is ExitCode.TEMPORARY
+    unit = (Path(__file__).resolve().parents[1] / "systemd" / "positioner@.service").read_text(encoding="utf-8")
+    (kept_down,) = re.findall(r"^RestartPreventExitStatus=(.*)$", unit, re.MULTILINE)
+    assert str(int(caught.value.exit_code)) not in kept_down.split()
 
 
 def test_the_lock_lasts_until_the_last_copy_of_its_descriptor_is_closed(tmp_path: Path) -> None:

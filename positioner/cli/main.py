@@ -22,7 +22,7 @@ examples:
   positioner table dump --config fv101.toml       what was learned about its stiction
 
 exit status: 0 done, 1 failed, 2 usage, 69 bus or valve not available, 70 internal error, 74 state not saved,
-             78 configuration
+             75 occupied for now, 78 configuration
 completion:  eval "$(register-python-argcomplete positioner)"
 """
 

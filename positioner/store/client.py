@@ -12,7 +12,7 @@ from positioner.store import as_owner, child, lock, messages
 from positioner.store.messages import Notice, Replaced, Saved, SavingFailed, SavingWorks
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
     from positioner.stiction import LearnedSample, StictionTable
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 KeeperEvent: TypeAlias = Saved | Replaced | SavingFailed | SavingWorks | Notice
 
-_PATIENCE_S = 3.0
+_PATIENCE_S = 10.0
 """How long to wait for the lock: an earlier daemon's keeper, or a command, is done by then."""
 _RESTART_FIRST_S, _RESTART_LONGEST_S = 0.1, 30.0
 _LINES_PER_POLL = 4
@@ -59,12 +59,18 @@ class TableKeeper:
 
     @classmethod
     def open(
-        cls, state_dir: Path, valve_id: str, cell_width_m: float, patience_s: float = _PATIENCE_S
+        cls,
+        state_dir: Path,
+        valve_id: str,
+        cell_width_m: float,
+        patience_s: float = _PATIENCE_S,
+        tell: Callable[[str], object] = lambda _line: None,
     ) -> tuple[Self, StictionTable, tuple[str, ...]]:
         """Return the running keeper, the valve's table, and what was noteworthy about it, a line each.
 
         Raises:
-            AlreadyRunningError: another process uses the directory, and still did after `patience_s`.
+            AlreadyRunningError: another process uses the directory, and still did after `patience_s`;
+                `tell` was told at once for whom it waits.
             StateError: the directory or its table cannot be used.
         """
         directory = state_dir.absolute()
@@ -77,7 +83,7 @@ class TableKeeper:
             owner = directory.stat().st_uid
             message = f"{directory}: belongs to user {owner}; start the positioner as that user, or choose another"
             raise StateError(message)
-        descriptor = lock.acquire(directory, patience_s)
+        descriptor = lock.acquire(directory, patience_s, tell)
         try:
             process = child.start(descriptor, messages.Open(str(directory), valve_id, cell_width_m, restarted=False))
             opened, early = child.opened(process)

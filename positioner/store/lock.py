@@ -13,15 +13,16 @@ from positioner.errors import AlreadyRunningError, StateError
 from positioner.store.interpreter import beyond_standard
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
 _RETRY_S = 0.02
 
 
-def acquire(directory: Path, patience_s: float) -> int:
+def acquire(directory: Path, patience_s: float, tell: Callable[[str], object] = lambda _line: None) -> int:
     """Return a descriptor of the directory that holds its lock, waiting up to `patience_s` for another's end.
 
-    Whoever inherits the descriptor holds the lock too; it is free when the last copy is closed.
+    `tell` is told, once, for whom it waits. Whoever inherits the descriptor holds the lock too; it is free when the
+    last copy is closed.
 
     Raises:
         AlreadyRunningError: another process holds it; the message names it where the system tells.
@@ -33,6 +34,7 @@ def acquire(directory: Path, patience_s: float) -> int:
         message = f"{directory}: the state directory cannot be opened: {error.strerror}"
         raise StateError(message) from error
     deadline_s = time.monotonic() + patience_s
+    waiting = False
     while True:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -41,6 +43,9 @@ def acquire(directory: Path, patience_s: float) -> int:
                 message = _occupied(directory, descriptor)
                 os.close(descriptor)
                 raise AlreadyRunningError(message) from error
+            if not waiting:
+                tell(f"waiting {patience_s:g} s at most: {_occupied(directory, descriptor)}")
+            waiting = True
             time.sleep(_RETRY_S)
         except OSError as error:
             os.close(descriptor)

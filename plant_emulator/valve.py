@@ -6,7 +6,7 @@ is located. Plant time is the state's own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from plant_emulator.actuator import AirLine, commanded, pushing_force
@@ -60,6 +60,15 @@ def initial_state(settings: PlantSettings, seed: int) -> PlantState:
         line=AirLine(pressure_pa / valve.pressure_gain_pa_per_ma),
         packing=initial_packing(settings, seed),
     )
+
+
+def held_state(settings: PlantSettings, seed: int, current_ma: float) -> PlantState:
+    """Return a valve that is held at its initial position, with the pressure that belongs to `current_ma`."""
+    state = initial_state(settings, seed)
+    pressure_pa = settings.valve.pressure_gain_pa_per_ma * current_ma
+    stem = Stem(mechanics(settings), state.position_m, 0.0, 0, 0, state.packing, 0, 0, 0, 0.0)
+    friction_n = stem.friction_n(pressure_pa * settings.valve.diaphragm_area_m2)
+    return replace(state, pressure_pa=pressure_pa, friction_n=friction_n, line=AirLine(current_ma))
 
 
 def step(settings: PlantSettings, state: PlantState, current_ma: float, duration_s: float) -> PlantState:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from plant_emulator.cli.main import main
+from plant_emulator.presets import plant_settings
 from positioner import __version__
 from positioner.errors import ExitCode
 
@@ -34,6 +35,26 @@ def test_simulate_writes_one_row_per_period_and_the_start(capsys: Output) -> Non
     assert {row["current_ma"] for row in rows[21:]} == {9.0}
     assert rows[-1]["pressure_pa"] == pytest.approx(9.0 * 5171.06775)
     assert rows[-1]["position_m"] > 0.02
+
+
+@pytest.mark.parametrize("preset", ["paper", "graphite", "stochastic"])
+@pytest.mark.parametrize("lag_s", [0.0, 0.1])
+def test_every_row_lies_inside_the_waveform_from_the_first_on(preset: str, lag_s: float, capsys: Output) -> None:
+    lag = ["--set", f"actuator.fill_time_constant_s={lag_s}", "--set", f"actuator.vent_time_constant_s={lag_s}"]
+    assert main(["simulate", "--preset", preset, *lag, "--duration", "0.5", "--low-ma", "6", "--high-ma", "8"]) == 0
+    rows = rows_of(capsys.readouterr().out)
+    gain_pa_per_ma = plant_settings(preset).valve.pressure_gain_pa_per_ma
+    for row in rows:
+        assert 6.0 <= row["current_ma"] <= 8.0
+        assert 6.0 - 1e-9 <= row["pressure_pa"] / gain_pa_per_ma <= 8.0 + 1e-9
+    assert (rows[0]["time_s"], rows[0]["current_ma"], rows[0]["velocity_m_per_s"]) == (0.0, 6.0, 0.0)
+
+
+def test_the_stem_is_held_at_the_start_by_what_friction_there_is(capsys: Output) -> None:
+    # B u - K x at 10 mm: within F_s at 4 mA, beyond it at 10 mA
+    for low_ma, held_n in (("4", 4.0 * 333.637 - 525.38), ("10", 1707.7)):
+        assert main(["simulate", "--duration", "0.01", "--low-ma", low_ma]) == 0
+        assert rows_of(capsys.readouterr().out)[0]["friction_n"] == pytest.approx(held_n, rel=1e-4)
 
 
 def test_the_triangle_goes_up_and_back_and_the_ramp_only_up(capsys: Output) -> None:

@@ -42,7 +42,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "simulate",
         help="drive a valve with a current waveform and write its motion as CSV",
         description="Drive a valve with a current waveform and write its motion as CSV, one row per period. "
-        "current_ma is the current that was held during the period that ends at time_s.",
+        "current_ma is the current that was held during the period that ends at time_s. The first row is the start: "
+        "the stem held at its initial position under the waveform's first current.",
         epilog="example: plant-emulator simulate --preset paper --set valve.mass_kg=2 --input step --duration 1 "
         "--low-ma 8 --high-ma 14 --out step.csv",
     )
@@ -80,8 +81,9 @@ def _run(options: argparse.Namespace) -> ExitCode:
 
 def _rows(settings: PlantSettings, waveform: Waveform, options: argparse.Namespace) -> Iterator[tuple[float, ...]]:
     duration_s = options.duration or waveform.duration_s
-    state = valve.initial_state(settings, options.seed)
-    yield _row(state, state.line.current_ma)
+    begin_ma = waveform.current_ma(0.0)
+    state = valve.held_state(settings, options.seed, begin_ma)
+    yield _row(state, begin_ma)
     steps = math.ceil(duration_s / options.period - 1e-9)
     for index in tqdm(range(steps), unit="step", delay=_PROGRESS_AFTER_S, leave=False, disable=None):
         current_ma = waveform.current_ma(index * options.period)

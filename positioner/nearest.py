@@ -1,9 +1,11 @@
-"""The nearest of the names that there are, for one that is none of them. Pure."""
+"""Names on a command line: what is none of those that there are is answered with the nearest of them. Pure."""
 
 from __future__ import annotations
 
 import difflib
 from typing import TYPE_CHECKING
+
+from positioner.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -11,6 +13,28 @@ if TYPE_CHECKING:
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return what to do about a `name` that is none of `known`: the nearest one, if there is one, and all of them."""
-    names = tuple(known)
+    names = tuple(map(str, known))
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
     return f"{f'did you mean {close[0]!r}? ' if close else ''}known: {', '.join(names)}"
+
+
+def check_name(what: str, name: str, known: tuple[str, ...], otherwise: str = "") -> None:
+    """Refuse a `name` that is none of `known`; `otherwise` says what else would be right.
+
+    Raises:
+        UsageError: it is none.
+    """
+    if name not in known:
+        raise UsageError(f"{what} {name!r} is unknown; {nearest(name, known)}{f'; {otherwise}' if otherwise else ''}")
+
+
+def names_in(what: str, given: str, known: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names in a list with commas, each once; blanks beside them do not count.
+
+    Raises:
+        UsageError: a name is unknown; the nearest is named.
+    """
+    names = tuple(dict.fromkeys(name.strip() for name in given.split(",")))
+    for name in names:
+        check_name(what, name, known)
+    return names

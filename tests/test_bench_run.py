@@ -319,7 +319,7 @@ def test_a_bench_that_is_stopped_takes_its_processes_along(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("arguments", "status", "told"),
     [
-        (["--scenario", "paper-vale"], ExitCode.CONFIG, "unknown scenario; did you mean 'paper-valve'?"),
+        (["--scenario", "paper-vale"], ExitCode.USAGE, "scenario 'paper-vale' is unknown; did you mean 'paper-valve'?"),
         (["--scenario", "absent.toml"], ExitCode.CONFIG, "absent.toml: file: cannot be read: No such file"),
         (["--bus", "vcan0"], ExitCode.CONFIG, "bus 'vcan0' is not INTERFACE:CHANNEL"),
         (["--bus", "socketcan:vcan77"], ExitCode.UNAVAILABLE, "bus socketcan:vcan77 cannot be opened"),

@@ -10,7 +10,7 @@ import pytest
 
 from plant_emulator.presets import plant_settings
 from positioner.bench.scenario import Scenario, load_scenario, parse_scenario, scenario_names
-from positioner.errors import ConfigurationError, ExitCode
+from positioner.errors import ConfigurationError, UsageError
 from positioner.model import ValveParameters
 from positioner.settings import build
 
@@ -128,12 +128,11 @@ def test_a_path_is_never_taken_for_a_name(missing: str) -> None:
 
 
 def test_an_unknown_name_is_answered_with_the_nearest_and_all_known_ones() -> None:
-    with pytest.raises(ConfigurationError) as caught:
+    with pytest.raises(UsageError) as caught:
         load_scenario("paper-vavle")
-    assert caught.value.exit_code is ExitCode.CONFIG
-    assert "'paper-vavle': unknown scenario; did you mean 'paper-valve'?" in str(caught.value)
+    assert "scenario 'paper-vavle' is unknown; did you mean 'paper-valve'?" in str(caught.value)
     assert all(name in str(caught.value) for name in PACKAGED)
-    with pytest.raises(ConfigurationError) as caught:
+    with pytest.raises(UsageError) as caught:
         load_scenario("qqq")
     assert "did you mean" not in str(caught.value)
 

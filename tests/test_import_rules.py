@@ -62,6 +62,7 @@ PLUMBING = (
     "positioner.errors",
     "positioner.settings",
     "positioner.nearest",
+    "positioner.parser",
     "positioner.notify",
     "positioner.line_sink",
 )

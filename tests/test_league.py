@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from plant_emulator.presets import plant_settings
-from positioner.bench.conditions import CONDITIONS, Condition, check_setpoints
+from plant_emulator.presets import plant_settings, preset_names
+from positioner.bench.conditions import NOMINAL, PLANTS, check_setpoints, reference_plant
 from positioner.bench.league import SETPOINTS_MM, Bout, LeagueSettings, code_digest, play_league
 from positioner.bench.league_page import LeaguePage, to_markdown, write_page
 from positioner.bench.limit import optimal_move
@@ -24,7 +24,7 @@ from positioner.errors import ConfigurationError, ExitCode
 if TYPE_CHECKING:
     from pathlib import Path
 
-_NOMINAL = CONDITIONS[0].settings
+_NOMINAL = plant_settings(NOMINAL)
 
 
 def _dwell(error_pct: float, settle_s: float | None = 0.01, *, cycle: bool = False) -> DwellMetrics:
@@ -44,8 +44,8 @@ def _dwell(error_pct: float, settle_s: float | None = 0.01, *, cycle: bool = Fal
     )
 
 
-def _bout(law: str, condition: str = "nominal") -> Bout:
-    return Bout(law, condition, 1, (80.0,), 1.0, 0.001)
+def _bout(law: str, plant: str = "paper") -> Bout:
+    return Bout(law, plant, 1, (80.0,), 1.0, 0.001)
 
 
 @pytest.mark.parametrize(
@@ -60,12 +60,12 @@ def test_the_restartable_range_is_that_of_the_force_balance(preset: str, low_mm:
 
 
 def test_the_usual_setpoints_are_fair_on_every_plant() -> None:
-    check_setpoints(SETPOINTS_MM, CONDITIONS)
+    check_setpoints(SETPOINTS_MM, PLANTS)
 
 
 def test_a_setpoint_that_some_plant_cannot_leave_is_refused_with_the_plant_and_its_range() -> None:
     with pytest.raises(ConfigurationError, match=r"setpoint 89 mm: 4 to 20 mA restart friction\+20 both ways"):
-        check_setpoints((80.0, 89.0), CONDITIONS)
+        check_setpoints((80.0, 89.0), PLANTS)
 
 
 @pytest.mark.parametrize(
@@ -118,7 +118,7 @@ def test_the_best_law_stands_first_and_the_others_are_measured_against_the_refer
     first, second = summaries(table, 0.005)
     assert (first.law, second.law) == ("nmpc", "pi")
     assert second.error_ratio == pytest.approx(4.0)
-    assert second.worst_condition == "friction+20"
+    assert second.worst_plant == "friction+20"
     assert first.settle_ratio == pytest.approx(2.0)
 
 
@@ -129,9 +129,9 @@ def test_a_law_that_mostly_never_settles_has_no_median() -> None:
 
 
 def test_the_page_is_written_and_says_the_same_in_all_three_forms(tmp_path: Path) -> None:
-    settings = LeagueSettings(laws=("pi",), conditions=("nominal",), seeds=(1,))
+    settings = LeagueSettings(laws=("pi",), plants=("paper",), seeds=(1,))
     table = standings({_bout("pi"): (_dwell(0.3), _dwell(0.5))})
-    settle_s, rest_s = optimal_median_s(_NOMINAL, (73.0, 87.0, 80.0))
+    settle_s, rest_s = optimal_median_s(NOMINAL, (73.0, 87.0, 80.0))
     page = LeaguePage(
         settings=settings,
         summaries=summaries(table, settle_s),
@@ -141,7 +141,7 @@ def test_the_page_is_written_and_says_the_same_in_all_three_forms(tmp_path: Path
     )
     write_page(tmp_path, page)
     assert json.loads((tmp_path / "league.json").read_text())["standings"][0]["mean_error_pct"] == pytest.approx(0.4)
-    assert "| `pi` | 0.400 | 0.400 (nominal) | 0.50 |" in to_markdown(page)
+    assert "| `pi` | 0.400 | 0.400 (paper) | 0.50 |" in to_markdown(page)
     assert (tmp_path / "league.png").read_bytes().startswith(b"\x89PNG")
     assert "Simulation only" not in to_markdown(page)
     fast = replace(page, settings=replace(settings, period_s=0.0001))
@@ -149,7 +149,7 @@ def test_the_page_is_written_and_says_the_same_in_all_three_forms(tmp_path: Path
 
 
 def test_an_interrupted_league_plays_only_what_is_missing_and_nothing_twice(tmp_path: Path) -> None:
-    settings = LeagueSettings(laws=("paper",), conditions=("nominal",), seeds=(1,), setpoints_mm=(75.0,), dwell_s=0.05)
+    settings = LeagueSettings(laws=("paper",), plants=("paper",), seeds=(1,), setpoints_mm=(75.0,), dwell_s=0.05)
     played = play_league(settings, tmp_path, workers=1)
     (path,) = tmp_path.iterdir()
     stored = json.loads(path.read_text())
@@ -169,8 +169,8 @@ def test_the_short_league_shows_our_law_ahead_within_its_bands(
     assert "time-optimal limit" in capsys.readouterr().out
     found = {law["law"]: law for law in json.loads((tmp_path / "league.json").read_text())["summaries"]}
     ours = found["nmpc"]
-    assert 0.005 < ours["nominal_error_pct"] < 0.15
-    assert 0.01 < ours["worst_condition_error_pct"] < 0.25
+    assert 0.005 < ours["reference_error_pct"] < 0.15
+    assert 0.01 < ours["worst_plant_error_pct"] < 0.25
     assert 0.02 < ours["worst_dwell_pct"] < 0.4
     assert (ours["limit_cycles"], ours["unsettled"]) == (0, 0)
     # the same medians, of the same setpoints: within the 1 % band, nothing is much faster than the limit
@@ -186,7 +186,7 @@ def test_the_short_league_shows_our_law_ahead_within_its_bands(
     ("arguments", "told"),
     [
         (["--laws", "nmcp"], "law 'nmcp' is unknown"),
-        (["--scenarios", "mars"], "scenario 'mars' is unknown"),
+        (["--plants", "mars"], "plant 'mars' is unknown"),
         (["--seeds", "x"], "seed 'x' is no whole number"),
         (["--seeds", ""], "seed '' is no whole number"),
         (["--seeds", "1.5"], "seed '1.5' is no whole number"),
@@ -214,7 +214,7 @@ def test_an_output_directory_that_cannot_be_is_told(tmp_path: Path, capsys: pyte
 
 
 def test_a_seed_or_a_law_that_is_named_twice_plays_once(tmp_path: Path) -> None:
-    told = ["--laws", "pi,pi", "--scenarios", "nominal", "--seeds", "1,1", "--setpoints", "75", "--dwell", "0.05"]
+    told = ["--laws", "pi,pi", "--plants", "paper", "--seeds", "1,1", "--setpoints", "75", "--dwell", "0.05"]
     assert main(["league", *told, "--out", str(tmp_path), "--workers", "1"]) == 0
     (row,) = json.loads((tmp_path / "league.json").read_text())["standings"]
     assert row["dwells"] == 1
@@ -225,11 +225,24 @@ def test_the_short_league_is_what_was_asked_for_where_something_was(tmp_path: Pa
     assert main(["league", "--short", *told, "--out", str(tmp_path), "--workers", "1"]) == 0
     settings = json.loads((tmp_path / "league.json").read_text())["settings"]
     assert (settings["laws"], settings["seeds"], settings["period_s"]) == (["two-move"], [7], 0.0005)
-    assert (settings["conditions"], settings["dwell_s"]) == (["nominal", "friction+20"], 0.05)
+    assert (settings["plants"], settings["dwell_s"]) == (["paper", "friction+20"], 0.05)
     assert len(settings["setpoints_mm"]) == 4
 
 
-def test_every_condition_is_another_plant() -> None:
-    plants = {replace(condition.settings, preset=None) for condition in CONDITIONS}
-    assert len(plants) == len(CONDITIONS)
-    assert Condition("nominal", {"preset": "paper"}).settings == _NOMINAL
+def test_every_plant_is_another_one_and_a_preset_of_the_emulator() -> None:
+    plants = {replace(plant_settings(name), preset=None) for name in PLANTS}
+    assert len(plants) == len(PLANTS)
+    assert set(PLANTS) <= set(preset_names())
+
+
+def test_friction_is_less_by_what_its_name_says() -> None:
+    less = plant_settings("friction-10").valve
+    for key in ("static_friction_n", "coulomb_friction_n", "viscous_friction_n_s_per_m"):
+        assert getattr(less, key) == pytest.approx(0.9 * getattr(_NOMINAL.valve, key))
+
+
+def test_a_league_without_the_nominal_plant_compares_on_the_first_and_names_it(tmp_path: Path) -> None:
+    assert (reference_plant(PLANTS), reference_plant(("graphite", "spring-10"))) == (NOMINAL, "graphite")
+    told = ["--laws", "pi", "--plants", "graphite", "--seeds", "1", "--setpoints", "20,16", "--dwell", "0.05"]
+    assert main(["league", *told, "--out", str(tmp_path), "--workers", "1"]) == 0
+    assert "| law | graphite, % |" in (tmp_path / "league.md").read_text(encoding="utf-8")

@@ -165,9 +165,9 @@ def test_a_mistake_ends_in_one_line_and_its_exit_status(
         (["simulate", "--duration", "long"], "argument --duration: 'long' is not seconds from 1e-6 to 1e6"),
         (["simulate", "--high-ma", "nan"], "argument --high-ma: 'nan' is not mA from 0 to 25"),
         (["simulate", "--seed", "-1"], "argument --seed: '-1' is no whole number from 0 on"),
-        (["simulate", "--preset", "papr"], "argument --preset: invalid choice: 'papr'"),
+        (["simulate", "--preset", "papr"], "argument --preset: 'papr' is unknown; did you mean 'paper'?"),
         (["simulate", "--preset", "paper", "--config", "x.toml"], "not allowed with argument --preset"),
-        (["tease"], "invalid choice: 'tease'"),
+        (["tease"], "'tease' is unknown"),
         ([], "the following arguments are required: COMMAND"),
     ],
 )
@@ -181,7 +181,7 @@ def test_a_wrong_command_line_is_refused(arguments: list[str], told: str, capsys
 def test_presets_are_listed_with_what_they_are(capsys: Output) -> None:
     assert main(["presets"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 9
+    assert len(lines) == 11
     assert any(line.startswith("paper ") and "Table 3" in line for line in lines)
 
 

@@ -19,8 +19,8 @@ PAPER = plant_settings("paper")
 
 def test_the_presets_are_these_and_all_can_be_read() -> None:
     assert preset_names() == (
-        "friction+10", "friction+20", "friction-20", "frictionless", "graphite", "paper", "spring-10", "spring-20",
-        "stochastic",
+        "friction+10", "friction+20", "friction-10", "friction-20", "frictionless", "graphite", "noise-free", "paper",
+        "spring-10", "spring-20", "stochastic",
     )  # fmt: skip
     for name in preset_names():
         assert plant_settings(name).preset == name
@@ -43,6 +43,7 @@ def test_the_paper_preset_is_table_3_and_equation_10() -> None:
         ("spring-20", 0.8, 1.0),
         ("friction+10", 1.0, 1.1),
         ("friction+20", 1.0, 1.2),
+        ("friction-10", 1.0, 0.9),
         ("friction-20", 1.0, 0.8),
     ],
 )
@@ -93,7 +94,9 @@ def test_overrides_may_be_text_or_tables() -> None:
 
 
 def test_an_unknown_preset_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(ConfigurationError, match=r"line 2: preset = 'papr': is no preset; known: .*graphite, paper"):
+    with pytest.raises(
+        ConfigurationError, match=r"line 2: preset = 'papr': is no preset; did you mean 'paper'\? known: ."
+    ):
         parse_plant('# mine\npreset = "papr"\n', "plant.toml")
 
 

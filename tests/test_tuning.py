@@ -13,7 +13,7 @@ import pytest
 
 from positioner import settings
 from positioner.bench import metrics, tuning
-from positioner.bench.conditions import CONDITIONS, check_setpoints
+from positioner.bench.conditions import PLANTS, check_setpoints
 from positioner.bench.direct import play_directly
 from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import load_scenario
@@ -127,7 +127,7 @@ def test_the_cost_is_what_its_equation_says() -> None:
 
 
 def test_candidates_are_judged_where_every_plant_can_be_restarted() -> None:
-    check_setpoints(tuning.SETPOINTS_MM, CONDITIONS)
+    check_setpoints(tuning.SETPOINTS_MM, PLANTS)
     scenario = scenario_of("pi", MIDDLE["pi"], 1)
     assert scenario.sample_period_s == 1e-3
     # the integral's limit cycle takes seconds

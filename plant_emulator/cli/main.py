@@ -9,6 +9,7 @@ import sys
 from plant_emulator.cli import presets, run, simulate
 from positioner import __version__
 from positioner.console import run_command
+from positioner.parser import Parser
 
 _DESCRIPTION = "A sticking control valve: Karnopp friction, simulated event by event, alone or on a CAN bus."
 _EPILOG = """\
@@ -22,9 +23,9 @@ completion:  eval "$(register-python-argcomplete plant-emulator)"
 """
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """Return the parser with every command."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="plant-emulator",
         description=_DESCRIPTION,
         epilog=_EPILOG,

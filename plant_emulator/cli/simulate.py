@@ -16,6 +16,7 @@ from plant_emulator.cli.numbers import in_range, seconds, whole
 from plant_emulator.cli.plant_options import add_plant_options, plant_of
 from plant_emulator.cli.waveforms import HIGHEST_CURRENT_MA, Shape, Waveform, from_file, shaped
 from positioner.errors import ExitCode, PositionerError
+from positioner.nearest import check_name
 
 if TYPE_CHECKING:
     import argparse
@@ -106,7 +107,10 @@ def _waveform(options: argparse.Namespace) -> Waveform:
     if options.input in tuple(Shape):
         duration_s = options.duration or _DEFAULT_DURATION_S
         return shaped(Shape(options.input), options.low_ma, options.high_ma, duration_s)
-    return from_file(Path(options.input))
+    file = Path(options.input)
+    if not file.suffix and file.name == options.input and not file.exists():
+        check_name("waveform", options.input, tuple(Shape), "or give the path of a .csv file")
+    return from_file(file)
 
 
 def _opened(out: str) -> AbstractContextManager[TextIO]:

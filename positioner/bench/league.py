@@ -19,8 +19,8 @@ from tqdm import tqdm
 import plant_emulator
 import positioner
 from positioner.bench import metrics
-from positioner.bench.conditions import CONDITIONS, Condition, check_setpoints
-from positioner.bench.inprocess import run_in_process
+from positioner.bench.conditions import check_setpoints
+from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.pool import spread_out
 from positioner.bench.scenario import Scenario, check_scenario
 from positioner.errors import StateError
@@ -33,8 +33,6 @@ SETPOINTS_MM = (73.0, 87.0, 80.0, 73.5, 81.5, 83.0, 75.0, 85.5)
 
 With three seeds, 24 dwells for each law on each plant.
 """
-
-SPAN_M = 0.127
 
 _BYSTANDERS = frozenset(
     [
@@ -71,10 +69,10 @@ _BYSTANDERS = frozenset(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeagueSettings:
-    """What is played: laws × conditions × seeds, with these setpoints, this long each, at this period."""
+    """What is played: laws × plants × seeds, with these setpoints, this long each, at this period."""
 
     laws: tuple[str, ...]
-    conditions: tuple[str, ...]
+    plants: tuple[str, ...]
     seeds: tuple[int, ...]
     setpoints_mm: tuple[float, ...] = SETPOINTS_MM
     dwell_s: float = 5.0
@@ -83,9 +81,9 @@ class LeagueSettings:
     def bouts(self) -> Iterator[Bout]:
         """Yield every bout, the slow laws first, so that the cores end together."""
         for law in sorted(self.laws, key=lambda name: not name.startswith(("paper", "nmpc"))):
-            for condition in self.conditions:
+            for plant in self.plants:
                 for seed in self.seeds:
-                    yield Bout(law, condition, seed, self.setpoints_mm, self.dwell_s, self.period_s)
+                    yield Bout(law, plant, seed, self.setpoints_mm, self.dwell_s, self.period_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +91,7 @@ class Bout:
     """One law on one plant with one seed."""
 
     law: str
-    condition: str
+    plant: str
     seed: int
     setpoints_mm: tuple[float, ...]
     dwell_s: float
@@ -103,27 +101,22 @@ class Bout:
     def key(self) -> str:
         """A name for the file of its result, which changes with everything that the result depends on but the code."""
         told = json.dumps(asdict(self)).encode()
-        return f"{self.law}-{self.condition}-{self.seed}-{hashlib.sha256(told).hexdigest()[:10]}"
+        return f"{self.law}-{self.plant}-{self.seed}-{hashlib.sha256(told).hexdigest()[:10]}"
 
     @property
     def scenario(self) -> Scenario:
         """The bout as a bench would play it."""
         return Scenario(
-            name=f"league-{self.condition}"[:40],
-            title=f"{self.law} on {self.condition}",
+            name=f"league-{self.plant}"[:40],
+            title=f"{self.law} on {self.plant}",
             law=self.law,
             seed=self.seed,
             sample_period_s=self.period_s,
             setpoint_period_s=10.0 * self.period_s,
             setpoints_mm=self.setpoints_mm,
             dwell_s=self.dwell_s,
-            plant=condition_named(self.condition).overrides,
+            plant={"preset": self.plant},
         )
-
-
-def condition_named(name: str) -> Condition:
-    """Return the condition of that name."""
-    return next(condition for condition in CONDITIONS if condition.name == name)
 
 
 def play(bout: Bout) -> tuple[metrics.DwellMetrics, ...]:
@@ -136,7 +129,7 @@ def play(bout: Bout) -> tuple[metrics.DwellMetrics, ...]:
         setpoint_m=recording.setpoint_m,
         current_ma=recording.current_ma,
     )
-    return metrics.dwell_metrics(trace, scenario.dwell_edges_s, SPAN_M)
+    return metrics.dwell_metrics(trace, scenario.dwell_edges_s, configure(scenario).valve.span_m)
 
 
 def play_league(
@@ -149,7 +142,7 @@ def play_league(
             its limits.
         StateError: `folder` cannot be written.
     """
-    check_setpoints(settings.setpoints_mm, tuple(condition_named(name) for name in settings.conditions))
+    check_setpoints(settings.setpoints_mm, settings.plants)
     bouts = tuple(settings.bouts())
     for bout in {bout.seed: bout for bout in bouts}.values():
         check_scenario(bout.scenario, "league")
@@ -177,7 +170,7 @@ def _resumed(
         for bout, dwells in results:
             played[bout] = dwells
             _store(folder / f"{bout.key}.json", code[bout.law], dwells)
-            bar.set_postfix_str(f"{bout.law} on {bout.condition}")
+            bar.set_postfix_str(f"{bout.law} on {bout.plant}")
             bar.update()
     return {bout: played[bout] for bout in bouts}
 

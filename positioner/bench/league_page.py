@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from positioner.bench.conditions import reference_plant
 from positioner.doctor.bus_load import REFUSE_ABOVE, bus_load, in_words
 from positioner.wire.codec import make_codec
 
@@ -29,7 +30,7 @@ _LEAST_SHOWN_PCT = 4e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeaguePage:
-    """Everything that a league's files show; the limits are the time-optimal medians on the nominal plant, in s."""
+    """Everything that a league's files show; the limits are the time-optimal medians, in s."""
 
     settings: LeagueSettings
     summaries: Sequence[LawSummary]
@@ -47,7 +48,14 @@ def write_page(folder: Path, page: LeaguePage) -> None:
 
 def to_markdown(page: LeaguePage) -> str:
     """Return the standings as two Markdown tables: the laws over all plants, and each law on each plant."""
-    figures = ("nominal, %", "worst plant, %", "worst dwell, %", "limit cycles", "unsettled", "settles to 1 %, ms")
+    figures = (
+        f"{reference_plant(page.settings.plants)}, %",
+        "worst plant, %",
+        "worst dwell, %",
+        "limit cycles",
+        "unsettled",
+        "settles to 1 %, ms",
+    )
     head = ("law", *figures, "× limit", "travel / ideal", "× nmpc")
     limit = f"{_ms(page.optimal_settle_1pct_s)} (rests after {_ms(page.optimal_rest_s)})"
     lines = [
@@ -57,11 +65,11 @@ def to_markdown(page: LeaguePage) -> str:
         _row(("time-optimal limit", "–", "–", "–", "–", "–", limit, "1.00", "1.00", "–")),
         "",
     ]
-    conditions = list(dict.fromkeys(standing.condition for standing in page.standings))
-    lines += [_row(("mean error, % (95 %)", *conditions)), _row("---" for _ in range(len(conditions) + 1))]
+    plants = list(dict.fromkeys(standing.plant for standing in page.standings))
+    lines += [_row(("mean error, % (95 %)", *plants)), _row("---" for _ in range(len(plants) + 1))]
     for law in page.summaries:
-        cells = {row.condition: row for row in page.standings if row.law == law.law}
-        lines.append(_row((f"`{law.law}`", *(_interval(cells[name]) for name in conditions))))
+        cells = {row.plant: row for row in page.standings if row.law == law.law}
+        lines.append(_row((f"`{law.law}`", *(_interval(cells[name]) for name in plants))))
     return "\n".join(lines + _caveat(page.settings.period_s)) + "\n"
 
 
@@ -80,8 +88,8 @@ def _row(cells: Iterable[str]) -> str:
 def _law_cells(law: LawSummary) -> tuple[str, ...]:
     return (
         f"`{law.law}`",
-        f"{law.nominal_error_pct:.3f}",
-        f"{law.worst_condition_error_pct:.3f} ({law.worst_condition})",
+        f"{law.reference_error_pct:.3f}",
+        f"{law.worst_plant_error_pct:.3f} ({law.worst_plant})",
         f"{law.worst_dwell_pct:.2f}",
         str(law.limit_cycles),
         str(law.unsettled),
@@ -101,12 +109,12 @@ def draw_league(path: Path, page: LeaguePage) -> None:
     figure = Figure(figsize=(14.0, 7.0), dpi=110)
     FigureCanvasAgg(figure)
     errors, settling = figure.subplots(1, 2, width_ratios=(3, 1))
-    conditions = list(dict.fromkeys(standing.condition for standing in page.standings))
+    plants = list(dict.fromkeys(standing.plant for standing in page.standings))
     laws = [summary.law for summary in page.summaries]
     for index, law in enumerate(laws):
-        _draw_law(errors, page, law, index, conditions, 0.7 * ((index + 0.5) / len(laws) - 0.5))
+        _draw_law(errors, page, law, index, plants, 0.7 * ((index + 0.5) / len(laws) - 0.5))
     errors.set_yscale("log")
-    errors.set_xticks(range(len(conditions)), conditions, rotation=20)
+    errors.set_xticks(range(len(plants)), plants, rotation=20)
     errors.set_ylabel("mean |error| of the last half second, % of span")
     errors.set_title("steady error, with 95 % intervals", loc="left", fontweight="bold")
     errors.grid(axis="y", color="#DDDDDD", linewidth=0.6)
@@ -120,12 +128,12 @@ def draw_league(path: Path, page: LeaguePage) -> None:
     settling.set_yticks(range(len(times)), [law for law, _ in times])
     settling.invert_yaxis()
     settling.set_xlabel("median settling to 1 %, ms; dashed: time-optimal limit")
-    settling.set_title("speed, nominal plant", loc="left", fontweight="bold")
+    settling.set_title(f"speed, {reference_plant(page.settings.plants)}", loc="left", fontweight="bold")
     for panel in (errors, settling):
         panel.spines[["top", "right"]].set_visible(False)
     settings = page.settings
     figure.suptitle(
-        f"League at {1e-3 / settings.period_s:g} kHz: {len(laws)} laws × {len(conditions)} plants × seeds "
+        f"League at {1e-3 / settings.period_s:g} kHz: {len(laws)} laws × {len(plants)} plants × seeds "
         f"{', '.join(map(str, settings.seeds))}, dwells of {settings.dwell_s:g} s",
         x=0.01,
         ha="left",
@@ -134,10 +142,10 @@ def draw_league(path: Path, page: LeaguePage) -> None:
     figure.savefig(path)
 
 
-def _draw_law(panel: Axes, page: LeaguePage, law: str, index: int, conditions: list[str], shift: float) -> None:
-    rows = {standing.condition: standing for standing in page.standings if standing.law == law}
-    where = [number + shift for number, name in enumerate(conditions) if name in rows]
-    shown = [rows[name] for name in conditions if name in rows]
+def _draw_law(panel: Axes, page: LeaguePage, law: str, index: int, plants: list[str], shift: float) -> None:
+    rows = {standing.plant: standing for standing in page.standings if standing.law == law}
+    where = [number + shift for number, name in enumerate(plants) if name in rows]
+    shown = [rows[name] for name in plants if name in rows]
     means = [max(row.mean_error_pct, _LEAST_SHOWN_PCT) for row in shown]
     below = [max(row.mean_error_pct - max(row.mean_error_low_pct, _LEAST_SHOWN_PCT), 0.0) for row in shown]
     above = [max(row.mean_error_high_pct - mean, 0.0) for mean, row in zip(means, shown, strict=True)]

@@ -16,7 +16,7 @@ from annotated_types import Interval, Len
 
 from positioner import settings
 from positioner.errors import ConfigurationError, Problem
-from positioner.nearest import nearest
+from positioner.nearest import check_name
 
 _MULTIPLES = (
     ("setpoint_period_s", "sample_period_s"),
@@ -101,12 +101,12 @@ def load_scenario(name_or_path: str) -> Scenario:
     """Return the packaged scenario of that name, or the one in that file: a path has a slash or ends in `.toml`.
 
     Raises:
-        ConfigurationError: no scenario has the name, the file cannot be read, or something in it is wrong.
+        UsageError: no scenario has the name.
+        ConfigurationError: the file cannot be read, or something in it is wrong.
     """
     if "/" in name_or_path or name_or_path.endswith(".toml"):
         return parse_scenario(settings.read_text(Path(name_or_path)), name_or_path)
-    if name_or_path not in scenario_names():
-        raise ConfigurationError("scenario", (Problem(repr(name_or_path), None, _unknown(name_or_path)),))
+    check_name("scenario", name_or_path, scenario_names(), "or give the path of a .toml file")
     file = resources.files(__package__).joinpath("scenarios", f"{name_or_path}.toml")
     return parse_scenario(file.read_text(encoding="utf-8"), f"{name_or_path}.toml")
 
@@ -153,7 +153,3 @@ def _check_periods(scenario: Scenario, source: str, text: str = "") -> None:
 def _is_multiple(longer_s: float, shorter_s: float) -> bool:
     ratio = longer_s / shorter_s
     return math.isclose(ratio, round(ratio), rel_tol=_MULTIPLE_TOLERANCE)
-
-
-def _unknown(name: str) -> str:
-    return f"unknown scenario; {nearest(name, scenario_names())}; or give the path of a .toml file"

@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from plant_emulator.presets import plant_settings
+from positioner.bench.conditions import reference_plant
 from positioner.bench.limit import optimal_move
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from plant_emulator.parameters import PlantSettings
     from positioner.bench.league import Bout
     from positioner.bench.metrics import DwellMetrics
 
@@ -29,7 +30,7 @@ class Standing:
     """One law on one plant, over all seeds and dwells; errors in percent of span, see `metrics` for definitions."""
 
     law: str
-    condition: str
+    plant: str
     dwells: int
     mean_error_pct: float
     mean_error_low_pct: float
@@ -43,12 +44,15 @@ class Standing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawSummary:
-    """One law over all plants; `error_ratio` is its worst plant's mean error over that of the reference law."""
+    """One law over all plants; `error_ratio` is its worst plant's mean error over that of the reference law.
+
+    Settling and `reference_error_pct` are those of the reference plant.
+    """
 
     law: str
-    nominal_error_pct: float
-    worst_condition: str
-    worst_condition_error_pct: float
+    reference_error_pct: float
+    worst_plant: str
+    worst_plant_error_pct: float
     worst_dwell_pct: float
     unsettled: int
     limit_cycles: int
@@ -62,16 +66,16 @@ def standings(played: Mapping[Bout, Sequence[DwellMetrics]]) -> tuple[Standing, 
     """Return one standing for each law and plant, in the order in which they were played."""
     cells: dict[tuple[str, str], list[DwellMetrics]] = {}
     for bout, dwells in played.items():
-        cells.setdefault((bout.law, bout.condition), []).extend(dwells)
-    return tuple(_standing(law, condition, dwells) for (law, condition), dwells in cells.items())
+        cells.setdefault((bout.law, bout.plant), []).extend(dwells)
+    return tuple(_standing(law, plant, dwells) for (law, plant), dwells in cells.items())
 
 
-def _standing(law: str, condition: str, dwells: list[DwellMetrics]) -> Standing:
+def _standing(law: str, plant: str, dwells: list[DwellMetrics]) -> Standing:
     errors = np.array([dwell.mean_abs_error_pct for dwell in dwells])
     low, high = bootstrap_interval(errors)
     return Standing(
         law=law,
-        condition=condition,
+        plant=plant,
         dwells=len(dwells),
         mean_error_pct=float(errors.mean()),
         mean_error_low_pct=low,
@@ -95,21 +99,21 @@ def bootstrap_interval(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> 
 def summaries(
     table: Sequence[Standing], optimal_settle_1pct_s: float | None, reference: str = "nmpc"
 ) -> tuple[LawSummary, ...]:
-    """Return one summary for each law, the best first; `optimal_settle_1pct_s` is the limit's median, nominal."""
+    """Return one summary for each law, the best first; `optimal_settle_1pct_s` is the limit's median."""
     laws = dict.fromkeys(standing.law for standing in table)
     worst = {law: max((s for s in table if s.law == law), key=lambda s: s.mean_error_pct) for law in laws}
     ours = worst[reference].mean_error_pct if reference in worst else None
     found = []
     for law in laws:
         rows = [standing for standing in table if standing.law == law]
-        nominal = next((row for row in rows if row.condition == "nominal"), rows[0])
-        settle_s = nominal.median_settle_1pct_s
+        here = next(row for row in rows if row.plant == reference_plant([each.plant for each in rows]))
+        settle_s = here.median_settle_1pct_s
         found.append(
             LawSummary(
                 law=law,
-                nominal_error_pct=nominal.mean_error_pct,
-                worst_condition=worst[law].condition,
-                worst_condition_error_pct=worst[law].mean_error_pct,
+                reference_error_pct=here.mean_error_pct,
+                worst_plant=worst[law].plant,
+                worst_plant_error_pct=worst[law].mean_error_pct,
                 worst_dwell_pct=max(row.worst_dwell_pct for row in rows),
                 unsettled=sum(row.unsettled for row in rows),
                 limit_cycles=sum(row.limit_cycles for row in rows),
@@ -119,11 +123,12 @@ def summaries(
                 error_ratio=worst[law].mean_error_pct / ours if ours else None,
             )
         )
-    return tuple(sorted(found, key=lambda summary: summary.worst_condition_error_pct))
+    return tuple(sorted(found, key=lambda summary: summary.worst_plant_error_pct))
 
 
-def optimal_median_s(settings: PlantSettings, setpoints_mm: Sequence[float]) -> tuple[float, float]:
-    """Return the time-optimal medians over the dwells on a plant, in s: until the 1 % band, and until rest."""
+def optimal_median_s(plant: str, setpoints_mm: Sequence[float]) -> tuple[float, float]:
+    """Return the time-optimal medians over the dwells on `plant`, in s: until the 1 % band, and until rest."""
+    settings = plant_settings(plant)
     starts = (settings.valve.initial_position_m * 1e3, *setpoints_mm[:-1])
     pairs = zip(starts, setpoints_mm, strict=True)
     moves = [optimal_move(settings, start * 1e-3, end * 1e-3) for start, end in pairs if start != end]

@@ -6,8 +6,10 @@ import argparse
 import signal
 import sys
 import textwrap
+from dataclasses import replace
 from pathlib import Path
 
+from positioner.bench.conditions import ALL_PLANTS
 from positioner.bench.readings import NoiseReading, UnitReading, read_as
 from positioner.bench.scenario import load_scenario, scenario_names
 from positioner.bus_address import parse_address
@@ -38,6 +40,7 @@ scenario is wrong.
 
 {_listed("scenarios", scenario_names())}
 {_listed("laws", tuple(LAWS))}
+{_listed("plants", ALL_PLANTS)}
 """
 
 
@@ -52,6 +55,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("--scenario", default="paper-valve", metavar="NAME|FILE", help="what is played (%(default)s)")
     parser.add_argument("--law", choices=tuple(LAWS), metavar="NAME", help="control law instead of the scenario's")
+    parser.add_argument(
+        "--plant", choices=ALL_PLANTS, metavar="NAME", help="preset of the emulator instead of the scenario's"
+    )
     parser.add_argument("--seed", type=_seed, metavar="N", help="seed instead of the scenario's")
     parser.add_argument("--reading", choices=tuple(NoiseReading), metavar="A|B|noise-free", help="of the paper's noise")
     parser.add_argument("--units", choices=tuple(UnitReading), metavar="SI|cm", help="of the paper's α and β")
@@ -90,6 +96,8 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     # whoever ends the bench ends its processes, too, as Ctrl-C does
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     scenario = with_law(load_scenario(arguments.scenario), arguments.law, arguments.seed)
+    if arguments.plant:
+        scenario = replace(scenario, plant={**scenario.plant, "preset": arguments.plant})
     scenario = read_as(
         scenario,
         NoiseReading(arguments.reading) if arguments.reading else None,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from positioner.errors import ExitCode, UsageError
 from positioner.laws.registry import LAWS
+from positioner.nearest import names_in
 
 if TYPE_CHECKING:
     from positioner.bench.league import LeagueSettings
@@ -34,7 +35,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--laws", metavar="A,B,…", help=f"laws (all: {', '.join(LAWS)})")
-    parser.add_argument("--scenarios", metavar="A,B,…", help="plants (all)")
+    parser.add_argument("--plants", metavar="A,B,…", help="presets of the emulator (all variants of the nominal valve)")
     parser.add_argument("--seeds", metavar="N,M,…", help="seeds (101,102,103)")
     parser.add_argument("--setpoints", metavar="MM,MM,…", help="setpoints in mm instead of the usual eight")
     parser.add_argument("--dwell", type=float, metavar="S", help="length of a dwell (5 s)")
@@ -50,14 +51,15 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
     # matplotlib and the plant are needed here only
-    from positioner.bench.league import condition_named, play_league  # noqa: PLC0415
+    from positioner.bench.conditions import reference_plant  # noqa: PLC0415
+    from positioner.bench.league import play_league  # noqa: PLC0415
     from positioner.bench.league_page import LeaguePage, to_markdown, write_page  # noqa: PLC0415
     from positioner.bench.standings import optimal_median_s, standings, summaries  # noqa: PLC0415
 
     settings = _settings(arguments)
     played = play_league(settings, arguments.out / "bouts", arguments.workers)
     table = standings(played)
-    settle_s, rest_s = optimal_median_s(condition_named("nominal").settings, settings.setpoints_mm)
+    settle_s, rest_s = optimal_median_s(reference_plant(settings.plants), settings.setpoints_mm)
     page = LeaguePage(
         settings=settings,
         summaries=summaries(table, settle_s),
@@ -77,37 +79,28 @@ def _settings(arguments: argparse.Namespace) -> LeagueSettings:
     Raises:
         UsageError: a name is unknown, or a number is none.
     """
-    from positioner.bench.conditions import CONDITIONS  # noqa: PLC0415
+    from positioner.bench.conditions import ALL_PLANTS, NOMINAL, PLANTS  # noqa: PLC0415
     from positioner.bench.league import SETPOINTS_MM, LeagueSettings  # noqa: PLC0415
 
-    plants = tuple(condition.name for condition in CONDITIONS)
-    settings = LeagueSettings(laws=tuple(LAWS), conditions=plants, seeds=(101, 102, 103))
+    settings = LeagueSettings(laws=tuple(LAWS), plants=PLANTS, seeds=(101, 102, 103))
     if arguments.short:
         settings = LeagueSettings(
             laws=("nmpc", "paper", "pi"),
-            conditions=("nominal", "friction+20"),
+            plants=(NOMINAL, "friction+20"),
             seeds=(101,),
             setpoints_mm=SETPOINTS_MM[:4],
             dwell_s=1.0,
         )
     told: dict[str, Any] = {"dwell_s": arguments.dwell, "period_s": arguments.period}
     if arguments.laws:
-        told["laws"] = _chosen("law", arguments.laws, tuple(LAWS))
-    if arguments.scenarios:
-        told["conditions"] = _chosen("scenario", arguments.scenarios, plants)
+        told["laws"] = names_in("law", arguments.laws, tuple(LAWS))
+    if arguments.plants:
+        told["plants"] = names_in("plant", arguments.plants, ALL_PLANTS)
     if arguments.seeds is not None:
         told["seeds"] = tuple(dict.fromkeys(_whole("seed", seed) for seed in arguments.seeds.split(",")))
     if arguments.setpoints:
         told["setpoints_mm"] = tuple(_number("setpoint", value) for value in arguments.setpoints.split(","))
     return replace(settings, **{name: value for name, value in told.items() if value is not None})
-
-
-def _chosen(what: str, given: str, known: tuple[str, ...]) -> tuple[str, ...]:
-    names = tuple(dict.fromkeys(given.split(",")))
-    for name in names:
-        if name not in known:
-            raise UsageError(f"{what} '{name}' is unknown; known: {', '.join(known)}")
-    return names
 
 
 def _whole(what: str, text: str) -> int:

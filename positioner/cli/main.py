@@ -9,6 +9,7 @@ import sys
 import positioner
 from positioner.cli import bench, check, doctor, host, league, replay, reproduce, run, table, tune
 from positioner.console import run_command
+from positioner.parser import Parser
 
 _DESCRIPTION = "A positioner for sticking control valves: predictive control with a learned stiction table, over CAN."
 _EPILOG = """\
@@ -27,9 +28,9 @@ completion:  eval "$(register-python-argcomplete positioner)"
 """
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """Return the parser with every command."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="positioner",
         description=_DESCRIPTION,
         epilog=_EPILOG,

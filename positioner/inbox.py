@@ -203,7 +203,9 @@ class _Batch:
             self.refused = Cause.FEEDBACK_DISPUTED
             return
         elapsed_s = (lost + 1) * self.period_s
-        self.readings, doubt = judge(self.guard, self.valve, self.readings, message, self.commanded_ma, elapsed_s)
+        self.readings, doubt = judge(
+            self.guard, self.valve, self.readings, message, self.commanded_ma, elapsed_s, self.period_s
+        )
         if doubt:
             self.events.append(FeedbackRefused(message.position_m, doubt.why, doubt.counted))
             frozen = doubt.counted is Counted.FEEDBACK_FROZEN

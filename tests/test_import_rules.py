@@ -22,7 +22,7 @@ OUTSIDE_WORLD = {
 
 STAGES = (
     *("model", "estimate", "stick_slip", "stiction", "bounds", "qp", "planner"),
-    *("guard", "guard_settings", "guard_state", "arming", "plausibility", "inbox", "tally", "events"),
+    *("guard", "guard_settings", "guard_state", "arming", "plausibility", "frozen", "inbox", "tally", "events"),
     *("cycle", "cycle_state", "closed_loop", "outbox"),
 )
 LAYERS = (

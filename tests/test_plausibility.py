@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from positioner.frozen import Noise
 from positioner.guard_settings import GuardSettings
 from positioner.model import ValveParameters
 from positioner.plausibility import STOP_BAND_OF_SPAN, Doubt, Watched, judge
@@ -51,7 +52,7 @@ def test_a_reading_that_calls_itself_a_fault_is_none_and_a_suspect_one_is_one() 
     assert doubt == Doubt(Counted.FEEDBACK_FAULT, "the sensor reports a fault")
     assert after == watched
     after, doubt = judge(SETTINGS, VALVE, Watched(), StemPosition(HERE_M, 0, Quality.SUSPECT), None, PERIOD_S)
-    assert (after, doubt) == (Watched(HERE_M), None)
+    assert (after, doubt) == (Watched(HERE_M, noise=Noise(HERE_M)), None)
 
 
 @pytest.mark.parametrize(
@@ -84,7 +85,7 @@ def test_three_jumps_to_one_place_are_a_new_truth() -> None:
     sensor = Sensor()
     said = [sensor.says(position_m) for position_m in (0.05, 0.09, 0.095, 0.09)]
     assert said == [None, Counted.FEEDBACK_JUMP, Counted.FEEDBACK_JUMP, None]
-    assert sensor.watched == Watched(0.09)
+    assert (sensor.watched.position_m, sensor.watched.jumps, sensor.watched.jumped_m) == (0.09, 0, None)
 
 
 def test_jumps_to_and_fro_are_never_believed() -> None:
@@ -154,7 +155,7 @@ def test_the_time_of_lost_frames_counts() -> None:
     assert sensor.says(HERE_M, 20.0, 0.001) is Counted.FEEDBACK_FROZEN
 
 
-def test_the_smallest_motion_proves_life_and_so_does_a_command_back_in_the_band() -> None:
+def test_the_smallest_motion_proves_life_and_a_pause_between_two_pushes_does_not() -> None:
     sensor = Sensor()
     for _ in range(8):
         assert sensor.says(HERE_M, 20.0) is None
@@ -162,8 +163,10 @@ def test_the_smallest_motion_proves_life_and_so_does_a_command_back_in_the_band(
     assert sensor.watched.rigid_s == 0.0
     for _ in range(8):
         assert sensor.says(HERE_M + 1e-8, 20.0) is None
-    assert sensor.says(HERE_M + 1e-8, BALANCE_MA) is None
-    assert sensor.watched.rigid_s == 0.0
+    for _ in range(50):
+        assert sensor.says(HERE_M + 1e-8, BALANCE_MA) is None
+    assert sensor.watched.rigid_s == 1.0
+    assert sensor.says(HERE_M + 1e-8, 20.0) is Counted.FEEDBACK_FROZEN
 
 
 def test_frozen_stays_frozen_until_the_reading_moves_or_control_ends() -> None:

@@ -9,8 +9,8 @@ believed stick band, or while nothing is commanded. The noise must be `NOISE_OF_
 so that a quantised sensor, whose readings repeat where the stem happens to rest between two steps, is left alone.
 
 How sure is it? White noise of mean absolute change d and resolution q repeats a reading with p = q / (pi d) < 2 %:
-`REPEATS` in a row have a probability of 0.02^100 where the noise was seen. Where the noise is proportional to the reading
-and 50 times smaller (the lowest place that is judged, against the full stroke), p < 0.93 at worst: 100 in a row have
+`REPEATS` in a row have a probability of 0.02^100 where it was seen. Where the noise is proportional to the reading and
+50 times smaller (the lowest place that is judged, against the full stroke), p < 0.93 at worst: 100 in a row have
 1e-3, 500 (`SILENCE_S` at 1 kHz) 1e-16, and a long row that ends makes the limit ten times as long. A sensor that holds
 its draws repeats for the time that it holds them, which `longest_s` knows.
 """

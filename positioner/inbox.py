@@ -189,7 +189,8 @@ class _Batch:
             case Setpoint():
                 self._take_setpoint(message, counter)
             case ManualCurrent():
-                self.manual = message
+                sender = self.senders.get(ManualCurrent)
+                self.manual = message if sender is None or sender.window.valid else self.manual
             case ActuatorState():
                 self.pressure_pa = message.pressure_pa
             case CurrentCommand():

@@ -30,6 +30,7 @@ from positioner.wire.messages import (
     Counted,
     CurrentCommand,
     HostRequest,
+    ManualCurrent,
     Mode,
     PlantTruth,
     PositionerStatus,
@@ -189,6 +190,15 @@ def test_two_hosts_under_one_identifier_are_disputed_and_only_their_disarm_count
     assert isinstance(disputed, SetpointDisputed)
     assert str(disputed).startswith("setpoint 70.000 mm refused: disputed: 8 of the last 64 frames")
     assert take(setpoint(0.07, 10, HostRequest.DISARM), link=link).seen.stray_disarm
+
+
+def test_two_hosts_that_give_currents_by_hand_are_both_not_believed() -> None:
+    link = take(CODEC.encode(ManualCurrent(9.5), 0)).link
+    for counter in range(1, 10):
+        frames = CODEC.encode(ManualCurrent(9.5), counter), CODEC.encode(ManualCurrent(14.0), counter + 100)
+        received = take(*frames, link=link)
+        link = received.link
+        assert received.seen.manual == (ManualCurrent(9.5) if counter < 5 else None)
 
 
 @pytest.mark.parametrize("counter", range(256))

@@ -147,6 +147,19 @@ def test_a_person_at_a_terminal_types_verbs_and_hears_of_mistakes(walk: Walk) ->
     assert said.splitlines()[-1].startswith("no more setpoints are sent: the positioner holds within 0.5 s")
 
 
+def test_a_terminal_is_prompted_and_a_signal_ends_the_host(walk: Walk) -> None:
+    keyboard, screen = os.openpty()
+    with walk.running(BLOCKS[2].partition(" arm")[0], "3", screen) as child:
+        walk.until_said("3", "status         mode, health")
+        walk.until_said("3", "\n> ")
+        os.write(keyboard, b"disarm\n")
+        walk.until_said("3", "disarmed: the positioner commands nothing")
+        child.send_signal(signal.SIGTERM)
+        assert child.wait(PATIENCE_S) == 0
+    os.close(keyboard)
+    os.close(screen)
+
+
 def test_a_verb_of_the_command_line_that_cannot_be_done_ends_the_host(walk: Walk) -> None:
     host = BLOCKS[2].strip()
     code, said = walk.done(host)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from positioner.config import Configuration
 
 _TURN_S = 0.005
+_PROMPT = "> "
 _LISTEN_FIRST_S = 0.6
 """Longer than whoever is there may be silent."""
 _NS = 1_000_000_000
@@ -64,6 +65,7 @@ class Terminal:
             while not self._stopping and not self._is_finished:
                 self._turn()
         finally:
+            self._is_prompting = False
             self._tell()
             self._bus.close()
         if self._session.is_speaking:
@@ -122,8 +124,11 @@ class Terminal:
                 self._say([str(error)])
             else:
                 self._verbs.extend(found)
+        if self._is_prompting and lines:
+            sys.stdout.write(_PROMPT)
+            sys.stdout.flush()
         if not read:
-            self._is_asking = False
+            self._is_asking = self._is_prompting = False
             self._verbs.append(Verb(Word.QUIT))
 
     def _read(self, words: Sequence[str]) -> tuple[Verb, ...]:
@@ -134,9 +139,9 @@ class Terminal:
         self._say(lines)
 
     def _say(self, lines: Sequence[str]) -> None:
-        for line in lines:
-            sys.stdout.write(f"{line}\n")
         if lines:
+            text = "".join(f"{line}\n" for line in lines)
+            sys.stdout.write(f"\r{text}{_PROMPT}" if self._is_prompting else text)
             sys.stdout.flush()
 
     def _farewell(self) -> str:

@@ -6,7 +6,17 @@ import logging
 from typing import TYPE_CHECKING
 
 from positioner.errors import AnotherControllerError
-from positioner.events import Controlled, Event, ForeignCommand, Learned, LinesDropped, ModeChanged, MoveBegan, kind_of
+from positioner.events import (
+    Controlled,
+    Event,
+    ForeignCommand,
+    Learned,
+    LinesDropped,
+    ModeChanged,
+    MoveBegan,
+    PushFailed,
+    kind_of,
+)
 from positioner.journal import Throttle, logger
 from positioner.notify import Notifier
 from positioner.other_controller import OtherController
@@ -40,7 +50,7 @@ class Announcer:
                     self._draw(event, learned)
                 case ModeChanged():
                     self._announce(event)
-                case Learned() | MoveBegan():
+                case Learned() | MoveBegan() | PushFailed(rest_s=0.0):
                     logger.debug("%s", event)
                 case LinesDropped():
                     pass  # the log itself tells where they are missing

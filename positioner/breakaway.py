@@ -61,7 +61,8 @@ def breakaway(
 ) -> Breakaway:
     """Return Γ for a stem resting at `position_m` that is to move in `direction` (±1): (K·x ± F_s)/B, or the table's.
 
-    The table's is its mean and one spread, so that most pushes free the stem, and never less than its newest sample.
+    The table's is its mean and one spread, so that most pushes free the stem, never less than its newest sample, and
+    never less than 0.9 of the model's F_s: else a table that is wrong has the law push again and again in vain.
     """
     spare_n = direction * settings.margin * static_n
     cell = table.cell(Quantity.BREAKAWAY_CURRENT, position_m, direction_of(direction))
@@ -74,10 +75,14 @@ def breakaway(
         return Breakaway(slider.current_ma(spring_n_per_m * position_m + direction * static_n + spare_n), 0)
     pushes = (cell.mean + direction * cell.spread, cell.samples[-1])
     centre_m = table.index_of(position_m) * table.cell_width_m
+    least_ma = slider.current_ma(spring_n_per_m * centre_m + direction * _LEAST_OF_MODEL * static_n)
     carried_n = spring_n_per_m * (position_m - centre_m) + spare_n
-    return Breakaway(
-        (max(pushes) if direction > 0.0 else min(pushes)) + carried_n / slider.gain_n_per_ma, len(cell.samples)
-    )
+    push_ma = max(*pushes, least_ma) if direction > 0.0 else min(*pushes, least_ma)
+    return Breakaway(push_ma + carried_n / slider.gain_n_per_ma, len(cell.samples))
+
+
+_LEAST_OF_MODEL = 0.9
+"""Part of the model's F_s that a push has at least, whatever the table says."""
 
 
 def lesson(

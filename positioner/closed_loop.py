@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from positioner.events import Event, LawFellBack, MoveBegan
+from positioner.events import Event, LawFellBack, MoveBegan, PushFailed
 from positioner.handover import start_m
 from positioner.laws.law import Decision, Observation
 from positioner.learning import believe, learn
@@ -49,6 +49,9 @@ def control(
         return replace(state, guard=watch, memory=None, stem=None, fallback_count=state.fallback_count + 1), None
     if decision.reason:
         events.append(MoveBegan(decision.reason))
+    if decision.failed_pushes:
+        events.append(PushFailed(decision.failed_pushes, decision.rest_s))
+        state = replace(state, tally=state.tally.add(events[-1:]))
     if decision.fallback:
         events.append(LawFellBack(decision.fallback))
     state = replace(

@@ -146,6 +146,21 @@ class NotBelieved:
 
 
 @dataclass(frozen=True, slots=True)
+class PushFailed:
+    """A push did not free the stem: `failed` in a row now; the law rests for `rest_s`, 0 where it tries again."""
+
+    failed: int
+    rest_s: float
+
+    def __str__(self) -> str:
+        """One line for the log."""
+        told = f"{self.failed} push(es) in a row did not free the stem"
+        if not self.rest_s:
+            return told
+        return f"{told}: the next one comes in {self.rest_s:g} s; look for a jammed stem, or an actuator without air"
+
+
+@dataclass(frozen=True, slots=True)
 class LawFellBack:
     """The law could not do what it wanted, or failed; `why` says it in words."""
 
@@ -213,6 +228,7 @@ Event = (
     | ModeChanged
     | Learned
     | NotBelieved
+    | PushFailed
     | LawFellBack
     | LawLate
     | LinesDropped

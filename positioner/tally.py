@@ -12,6 +12,7 @@ from positioner.events import (
     FramesLost,
     LawLate,
     LinesDropped,
+    PushFailed,
     SetpointDisputed,
     SetpointRefused,
 )
@@ -40,6 +41,7 @@ _COUNTED_EVENTS: Mapping[type[Event], Counted] = {
     SetpointDisputed: Counted.DISPUTED,
     ForeignCommand: Counted.FOREIGN_COMMAND,
     LawLate: Counted.LAW_LATE,
+    PushFailed: Counted.PUSH_FAILED,
 }
 _MODULUS = 1 << 32
 
@@ -80,7 +82,7 @@ def _counted(event: Event) -> tuple[tuple[Counted, int], ...]:
             return ((event.counted, 1),)
         case LinesDropped():
             return ((Counted.LINE_DROPPED, event.count),)
-        case SetpointRefused() | SetpointDisputed() | ForeignCommand() | LawLate():
+        case SetpointRefused() | SetpointDisputed() | ForeignCommand() | LawLate() | PushFailed():
             return ((_COUNTED_EVENTS[type(event)], 1),)
         case _:
             return ()

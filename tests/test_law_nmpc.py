@@ -21,6 +21,7 @@ from positioner.config import parse_config
 from positioner.events import LawFellBack
 from positioner.laws.law import Observation
 from positioner.laws.nmpc import NmpcLaw
+from positioner.laws.pushes import MOST_FAILED
 from positioner.laws.registry import LAWS, Ingredients
 from positioner.laws.settings import ControlSettings
 from positioner.model import ValveParameters
@@ -130,7 +131,7 @@ def test_what_no_current_frees_is_pushed_with_all_there_is_and_reported_but_not_
         moves += bool(decision.reason)
         reports += "more than the loop can give" in decision.fallback
         assert 4.0 <= decision.current_ma <= 20.0
-    assert 1 <= moves <= law.settings.patience_limit
+    assert 1 <= moves <= MOST_FAILED
     assert reports == moves
 
 

@@ -302,6 +302,7 @@ def test_without_noise_the_plain_law_sticks_once_and_has_no_limit_cycle(noise_fr
 
 def test_without_noise_each_dwell_teaches_one_slip_and_one_stop(noise_free: InProcessRun) -> None:
     learned = [event.sample.quantity for event in noise_free.events if isinstance(event, Learned)]
-    assert learned == [Quantity.BREAKAWAY_CURRENT, Quantity.STICK_SPEED] * 3
+    # the first slip comes at 10 mm under the whole loop, 20 mA, which is no breakaway current
+    assert learned == [Quantity.STICK_SPEED, *[Quantity.BREAKAWAY_CURRENT, Quantity.STICK_SPEED] * 2]
     assert not any(isinstance(event, LawFellBack) for event in noise_free.events)
-    assert noise_free.table.sequence == 6
+    assert noise_free.table.sequence == 5

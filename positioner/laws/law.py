@@ -47,7 +47,8 @@ class Decision:
     """What a law answers: the current in mA, the bounds that were in force, what it is doing, and why.
 
     `fallback` names the reason where the law could not do what it wanted, else it is empty; `reason` says in words
-    why a move begins, and what its first current rests on.
+    why a move begins, and what its first current rests on. `failed_pushes` is not 0 where this cycle has found that a
+    push did not free the stem: how many in a row, and `rest_s` for how long the law now leaves the stem alone.
     """
 
     current_ma: float
@@ -56,6 +57,8 @@ class Decision:
     passes: int = 0
     fallback: str = ""
     reason: str = ""
+    failed_pushes: int = 0
+    rest_s: float = 0.0
 
 
 class Law(Protocol, Generic[M]):

@@ -14,15 +14,16 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from positioner.adaptive_estimate import Resting, Sliding, average, spread_of
+from positioner.adaptive_estimate import Resting, Sliding, average
 from positioner.bounds import Bounds
-from positioner.breakaway import breakaway, lesson, recollect
+from positioner.breakaway import breakaway, recollect
 from positioner.estimate import measurement_sigma_m
 from positioner.laws.law import Decision
 from positioner.laws.nmpc_landing import Landing, landing_bias_m
 from positioner.laws.nmpc_memory import NmpcMemory, report
 from positioner.laws.nmpc_plan import Course, approach
-from positioner.laws.nmpc_watch import Trial, Watch, judge, watch
+from positioner.laws.nmpc_rest import attend
+from positioner.laws.nmpc_watch import Trial, Watch
 from positioner.stiction import LearnedSample, Quantity, StictionTable, direction_of
 from positioner.wire.messages import Motion
 
@@ -51,6 +52,11 @@ class NmpcLaw:
     table_from_s: float
     table_cell_m: float
 
+    @property
+    def longest_move_s(self) -> float:
+        """How long a move can take in s: the model of a stem that does not stop, and does not move, is wrong."""
+        return 3.0 + 10.0 * self.valve.viscous_friction_n_s_per_m / self.valve.spring_rate_n_per_m
+
     def begin(self, measured_m: float) -> NmpcMemory:
         """Return the memory of a stem that rests somewhere; the first `estimate` takes in the reading itself."""
         nominal = self.filter.nominal
@@ -67,7 +73,8 @@ class NmpcLaw:
             return self._track(memory, stem, observation, variance_m2)
         after = average(stem, observation.measured_m, variance_m2)
         if memory.motion is Motion.HOLD:
-            return self._watch(memory, stem, after, observation.measured_m, variance_m2, sigma_m)
+            own, seen = self.settings, (stem, after)
+            return attend(own, self.filter, self.table_cell_m, memory, seen, observation, variance_m2, sigma_m)
         left_s = memory.settle_s - observation.elapsed_s
         motion = Motion.SETTLE if left_s > _INSTANT_S else Motion.HOLD
         return replace(memory, stem=after, settle_s=left_s, motion=motion), report(after)
@@ -81,14 +88,28 @@ class NmpcLaw:
         if memory.setpoint_m is None:
             memory = self._recalled(memory, table)
         if observation.setpoint_m != memory.setpoint_m:
-            memory = replace(memory, setpoint_m=observation.setpoint_m, aim_m=observation.setpoint_m, corrections=0)
+            memory = replace(
+                memory,
+                setpoint_m=observation.setpoint_m,
+                aim_m=observation.setpoint_m,
+                corrections=0,
+                pushes=memory.pushes.pursuing(observation.setpoint_m, self.valve.span_m),
+            )
         here, setpoint_m = memory.stem, observation.setpoint_m
         if isinstance(here, Sliding):
             course = self._course(memory, here, memory.aim_m)
             return self._follow(memory, course, memory.plan_ma)
-        if stem.stuck and memory.motion is Motion.HOLD and self._is_worth_a_move(memory, here, setpoint_m):
-            return self._start(memory, here, setpoint_m, table)
-        return self._hold(memory, here)
+        told = memory.pushes
+        if told.untold:
+            memory = replace(memory, pushes=replace(told, untold=False))
+        may = told.may_push(observation.time_s) or told.has_moved(here.x, here.sigma_m)
+        if stem.stuck and may and memory.motion is Motion.HOLD and self._is_worth_a_move(memory, here, setpoint_m):
+            memory, decision = self._start(memory, here, observation, table)
+        else:
+            memory, decision = self._hold(memory, here)
+        if told.untold:
+            decision = replace(decision, failed_pushes=told.failed, rest_s=told.rest_s)
+        return memory, decision
 
     def _track(
         self, memory: NmpcMemory, stem: Sliding, observation: Observation, variance_m2: float
@@ -96,13 +117,16 @@ class NmpcLaw:
         """Return the memory and the sliding stem; when the model or the reading has stopped it, it settles."""
         ahead = self.filter.advance(stem, observation.applied_ma, observation.elapsed_s)
         after = self.filter.correct(ahead, observation.measured_m, variance_m2)
-        if not after.stopped:
+        overdue = observation.time_s > memory.ends_s
+        if not after.stopped and not overdue:
             return replace(memory, stem=after), report(after)
         rest = self.filter.rest(after)
         seen, landing = memory.watch.elsewhere(), memory.watch.landing
         if landing is not None and not landing.is_planned(rest):
             seen = replace(seen, landing=None)
-        lesson_m_per_s = LearnedSample(Quantity.STICK_SPEED, rest.x, direction_of(stem.direction), abs(stem.v))
+        if seen.trial is not None and not overdue:
+            stop = LearnedSample(Quantity.STICK_SPEED, rest.x, direction_of(stem.direction), abs(stem.v))
+            seen = replace(seen, trial=replace(seen.trial, stop=stop))
         memory = replace(
             memory,
             stem=rest,
@@ -111,43 +135,7 @@ class NmpcLaw:
             settle_s=self.settings.settle_s,
             hold_ma=None,
         )
-        return memory, report(rest, lesson_m_per_s)
-
-    def _watch(
-        self,
-        memory: NmpcMemory,
-        before: Resting,
-        after: Resting,
-        measured_m: float,
-        variance_m2: float,
-        sigma_m: float,
-    ) -> tuple[NmpcMemory, StemState]:
-        """Return the memory and the resting stem, with what this reading teaches beside the average."""
-        own = self.settings.watch
-        seen = watch(own, memory.watch, before, measured_m, variance_m2, sigma_m)
-        seen, after, decided = judge(own, seen, before, after, measured_m, variance_m2)
-        if seen.is_surprised(own):
-            # begin the average anew from where the innovations point
-            shift_m = seen.drift * math.sqrt(before.variance_m2 + variance_m2)
-            spread = spread_of(before)
-            after = self.filter.at_rest(before.x + shift_m, shift_m * shift_m + variance_m2, before.load, spread)
-            seen = replace(seen.elsewhere(), landing=None)
-        taught: tuple[LearnedSample, ...] = ()
-        if seen.landing is not None and seen.trial is None and after.sigma_m < self.settings.landing_sigma_m:
-            taught, seen = seen.landing.samples(after), replace(seen, landing=None)
-        memory = replace(memory, stem=after, watch=seen)
-        if decided is None:
-            return memory, report(after, *taught)
-        spring, friction_n, _ = after.load
-        push = lesson(
-            self.filter.slider,
-            self.table_cell_m,
-            decided.origin.x,
-            decided.direction,
-            spring,
-            seen.ratio * friction_n,
-        )
-        return memory, report(after, *taught, push)
+        return memory, report(rest)
 
     def _recalled(self, memory: NmpcMemory, table: StictionTable) -> NmpcMemory:
         """Return the memory with what the table remembers of K and F_s: after a restart the law is what it was."""
@@ -176,13 +164,14 @@ class NmpcLaw:
         return memory, Decision(held_ma, bounds, memory.motion, 0, fallback)
 
     def _start(
-        self, memory: NmpcMemory, here: Resting, setpoint_m: float, table: StictionTable
+        self, memory: NmpcMemory, here: Resting, observation: Observation, table: StictionTable
     ) -> tuple[NmpcMemory, Decision]:
         """Return the first current of a move, at least Γ, for one sample (eqs 25, 26; D8).
 
-        Γ beyond the loop is an estimate, so it is tried, but not for ever. The stem stays where the smallest push would
-        carry it too far past.
+        Γ beyond the loop is an estimate, so it is tried. The stem stays where the smallest push would carry it too far
+        past.
         """
+        setpoint_m = observation.setpoint_m
         error_m = setpoint_m - here.x
         direction = math.copysign(1.0, error_m)
         slider, (spring, friction_n, _) = self.filter.slider, here.load
@@ -190,9 +179,7 @@ class NmpcLaw:
         gamma = breakaway(self.settings.breakaway, slider, table, here.x, direction, spring, static_n)
         release_ma = self._clamp(gamma.current_ma)
         fallback = ""
-        if release_ma != gamma.current_ma:
-            if memory.corrections >= self.settings.patience_limit:
-                return self._hold(memory, here)
+        if direction * (gamma.current_ma - release_ma) > 0.0:
             fallback = f"breakaway takes {gamma.current_ma:.2f} mA, more than the loop can give: full push"
         aim_m = setpoint_m - landing_bias_m(table, setpoint_m, direction)
         sliding = self.filter.depart(here, direction)
@@ -203,8 +190,8 @@ class NmpcLaw:
         memory, decision = self._follow(memory, course, ())
         at_limit = direction * (decision.current_ma - release_ma) <= _SAME_MA
         landing = Landing(here.x, aim_m, direction)
-        on_trial = replace(memory.watch, trial=Trial(here, direction, at_limit), landing=landing)
-        memory = replace(memory, watch=on_trial)
+        on_trial = replace(memory.watch, trial=Trial(here, direction, at_limit, aim_m - here.x), landing=landing)
+        memory = replace(memory, watch=on_trial, ends_s=observation.time_s + self.longest_move_s)
         why = f"error {1e3 * error_m:+.3f} mm; breakaway {gamma.current_ma:.3f} mA from {gamma.source}"
         return memory, replace(decision, reason=why, fallback=fallback or decision.fallback)
 

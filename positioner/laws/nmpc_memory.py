@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from positioner.adaptive_estimate import Resting, Sliding
 from positioner.estimate import StemState
+from positioner.laws.pushes import Pushes
 from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
@@ -21,7 +23,8 @@ class NmpcMemory:
     stem: the estimate, of a sliding stem while motion is MOVE, else of a resting one.
     settle_s: what is left of SETTLE. hold_ma: the current that is held, None to choose one.
     plan_ma: the last plan, shifted by one, empty before a move.
-    setpoint_m: the setpoint pursued; aim_m: where the move is to end for it; corrections: moves made for it so far.
+    setpoint_m: the setpoint pursued; aim_m: where the move is to end for it; corrections: moves made for it so far;
+        pushes: those that failed. ends_s: when the move must be over, in the law's time.
     """
 
     stem: Resting | Sliding
@@ -33,6 +36,8 @@ class NmpcMemory:
     setpoint_m: float | None = None
     aim_m: float = 0.0
     corrections: int = 0
+    ends_s: float = math.inf
+    pushes: Pushes = field(default_factory=Pushes)
 
 
 def report(stem: Resting | Sliding, *learned: LearnedSample) -> StemState:

@@ -18,6 +18,7 @@ from positioner.sensor_noise import NoiseLevel
 if TYPE_CHECKING:
     from positioner.adaptive_estimate import Resting
     from positioner.laws.nmpc_landing import Landing
+    from positioner.stiction import LearnedSample
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,14 +47,27 @@ class Trial:
     """A move that is not yet sure to have happened.
 
     origin: the estimate of a stem that did not move. direction: ±1, of the move.
-    at_limit: it was pushed with no more than Γ.
+    at_limit: it was pushed with no more than Γ. way_m: how far it was to go.
+    stop: what its end will have taught of the stick speed.
     evidence: log likelihood ratio, positive when it moved.
     """
 
     origin: Resting
     direction: float
     at_limit: bool
+    way_m: float = 0.0
+    stop: LearnedSample | None = None
     evidence: float = 0.0
+
+    @property
+    def moved(self) -> bool:
+        """Whether the evidence says that it happened."""
+        return self.evidence > 0.0
+
+    def has_failed(self, stem: Resting) -> bool:
+        """Whether a move that ends without evidence has left the stem, as it seems to rest, where it was."""
+        doubt_m = _SIGNIFICANT * math.sqrt(stem.variance_m2 + self.origin.variance_m2)
+        return self.direction * (stem.x - self.origin.x) < abs(self.way_m) / 2.0 and abs(self.way_m) > doubt_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,14 +126,18 @@ def judge(
     if abs(evidence) < settings.verdict:
         if alike:
             return replace(state, trial=None, landing=None), after, None
-        return replace(state, trial=Trial(origin, trial.direction, trial.at_limit, evidence)), after, None
-    if evidence < 0.0:
+        going_on = Trial(origin, trial.direction, trial.at_limit, trial.way_m, trial.stop, evidence)
+        return replace(state, trial=going_on), after, None
+    decided = Trial(trial.origin, trial.direction, trial.at_limit, trial.way_m, trial.stop, evidence)
+    if not decided.moved:
         ratio = min(state.ratio * (1.0 + settings.ratio_rise), max(settings.ratio_most, state.ratio))
-        return replace(state, trial=None, landing=None, ratio=ratio, drift=0.0), origin, trial
+        return replace(state, trial=None, landing=None, ratio=ratio, drift=0.0), origin, decided
     ratio = max(1.0, state.ratio * (1.0 - settings.ratio_fall)) if trial.at_limit else state.ratio
-    return replace(state, trial=None, ratio=ratio, drift=0.0), after, trial
+    return replace(state, trial=None, ratio=ratio, drift=0.0), after, decided
 
 
+_SIGNIFICANT = 3.0
+"""Standard deviations beyond which a way is no doubt."""
 _ALIKE = 0.25
 """Squared distance of the two estimates, in their variances, below which more readings only bring them together."""
 

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from positioner.bounds import Bounds, breakaway_bounds_ma, speed_bounds_m_per_s
 from positioner.estimate import StemState, estimate, first_estimate
 from positioner.laws.law import Decision, Observation
+from positioner.laws.pushes import Pushes
 from positioner.planner import plan
 from positioner.stiction import Quantity, direction_of
 from positioner.wire.messages import Motion
@@ -29,11 +30,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class PaperMemory:
-    """What the law carries: the estimate, the plan shifted by one (H_u,), and whether breakaway was just tried."""
+    """What the law carries: the estimate, the plan shifted by one (H_u,), and what became of its breakaways."""
 
     stem: StemState
     inputs_ma: NDArray[np.float64]
     released: bool = False
+    pushes: Pushes = field(default_factory=Pushes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,17 +79,25 @@ class PaperLaw:
         self, memory: PaperMemory, stem: StemState, observation: Observation, table: StictionTable
     ) -> tuple[PaperMemory, Decision]:
         """Return the first input of the plan within the movable bounds; a missing plan holds the stem (D12)."""
+        pushes = memory.pushes.pursuing(observation.setpoint_m, self.valve.span_m)
+        if memory.released:
+            rest_m, sigma_m = stem.position_m, stem.position_sigma_m
+            moved = not stem.stuck
+            pushes = pushes.judged(moved=moved, time_s=observation.time_s, rest_m=rest_m, sigma_m=sigma_m)
+        memory = replace(memory, pushes=pushes)
         bounds, releasing = self._bounds(memory, stem, observation, table)
+        failed = (pushes.failed, pushes.rest_s) if memory.released and stem.stuck else (0, 0.0)
         guess = np.clip(memory.inputs_ma, bounds.current_low_ma, bounds.current_high_ma)
         start = (stem.position_m, stem.velocity_m_per_s)
         found = plan(self.planner, self.valve, self.solver, start, observation.setpoint_m, bounds, guess, self.period_s)
         if found is None:
             hold = self._clamp(self.valve.balance_current_ma(stem.position_m))
             memory = replace(memory, inputs_ma=np.full_like(guess, hold), released=releasing)
-            return memory, Decision(hold, bounds, Motion.HOLD, 0, "no plan within the bounds: spring balanced")
+            why = "no plan within the bounds: spring balanced"
+            return memory, Decision(hold, bounds, Motion.HOLD, 0, why, "", *failed)
         shifted = np.append(found.inputs_ma[1:], found.inputs_ma[-1])
         motion = Motion.HOLD if stem.stuck and not releasing else Motion.MOVE
-        decision = Decision(float(found.inputs_ma[0]), bounds, motion, found.passes)
+        decision = Decision(float(found.inputs_ma[0]), bounds, motion, found.passes, "", "", *failed)
         return replace(memory, inputs_ma=shifted, released=releasing), decision
 
     def _bounds(
@@ -102,7 +112,7 @@ class PaperLaw:
         direction = direction_of(error)
         if stem.stuck and abs(error) > self.bounds.breakaway_tolerance_m:
             cell = table.cell(Quantity.BREAKAWAY_CURRENT, stem.position_m, direction)
-            if cell is not None and not memory.released:
+            if cell is not None and not memory.released and memory.pushes.may_push(observation.time_s):
                 # one sample at Γ; the speed bound would forbid the push that it asks for
                 low, high = breakaway_bounds_ma(error, cell.mean, low, high)
                 return Bounds(free.speed_low_m_per_s, free.speed_high_m_per_s, low, high), True

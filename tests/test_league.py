@@ -92,10 +92,45 @@ def test_nothing_settles_before_a_stem_under_full_force_could_have_arrived() -> 
 
 def test_the_bootstrap_interval_of_a_normal_sample_is_the_textbook_one() -> None:
     values = np.random.default_rng(3).normal(1.0, 0.2, 400)
-    low, high = bootstrap_interval(values)
+    low, high = bootstrap_interval(values.tolist())
     half = 1.96 * values.std() / math.sqrt(values.size)
     assert low == pytest.approx(values.mean() - half, abs=0.15 * half)
     assert high == pytest.approx(values.mean() + half, abs=0.15 * half)
+
+
+def test_a_single_value_has_no_interval_and_equal_ones_a_narrow_one() -> None:
+    assert bootstrap_interval([0.3]) == (None, None)
+    assert bootstrap_interval([0.3, 0.3, 0.3]) == pytest.approx((0.3, 0.3))
+
+
+def test_the_interval_is_that_of_the_seeds_and_no_dwell_makes_it_narrower() -> None:
+    def played(dwells_each: int) -> tuple[float | None, float | None]:
+        runs = {replace(_bout("pi"), seed=seed): (_dwell(0.1 * seed),) * dwells_each for seed in (1, 2, 3)}
+        (row,) = standings(runs)
+        assert row.mean_error_pct == pytest.approx(0.2)
+        assert row.dwells == 3 * dwells_each
+        return row.mean_error_low_pct, row.mean_error_high_pct
+
+    assert played(1) == played(50) == pytest.approx((0.1, 0.3))
+
+
+def test_of_one_seed_no_interval_is_printed_however_many_its_dwells() -> None:
+    text = _page(seeds=(1,))
+    assert "| mean error, % | paper |" in text
+    assert "| `pi` | 0.400 |\n" in text
+    assert "(95 %)" not in text
+    assert "A single seed: no interval." in text
+    text = _page(seeds=(1, 2))
+    assert "| mean error, % (95 %) | paper |" in text
+    assert "| `pi` | 0.400 (0.400–0.400) |\n" in text
+    assert "bootstrap over the means of 2 seeds" in text
+
+
+def _page(seeds: tuple[int, ...]) -> str:
+    settings = LeagueSettings(laws=("pi",), plants=("paper",), seeds=seeds)
+    table = standings({replace(_bout("pi"), seed=seed): (_dwell(0.3), _dwell(0.5)) for seed in seeds})
+    return to_markdown(LeaguePage(settings=settings, summaries=summaries(table, 0.005), standings=table,
+                                  optimal_settle_1pct_s=0.005, optimal_rest_s=0.006))  # fmt: skip
 
 
 def test_standings_count_what_did_not_settle_and_what_cycled() -> None:

@@ -1,6 +1,7 @@
 """The league's standings: figures of each law on each plant, with their uncertainty. Pure.
 
-The interval is a percentile bootstrap over dwells (Efron and Tibshirani, 1993), 95 %, with a fixed seed.
+The dwells of one run correlate, for the law learns from each of them: what is drawn independently is a seed. The
+interval is a percentile bootstrap over the seeds' means (Efron and Tibshirani, 1993), 95 %; a single seed has none.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from statistics import fmean, median
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.stats import bootstrap
 
 from plant_emulator.presets import plant_settings
 from positioner.bench.conditions import reference_plant
@@ -21,20 +23,23 @@ if TYPE_CHECKING:
     from positioner.bench.league import Bout
     from positioner.bench.metrics import DwellMetrics
 
-_RESAMPLES = 2000
+_RESAMPLES = 9999
 _NEVER_S = 1e9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Standing:
-    """One law on one plant, over all seeds and dwells; errors in percent of span, see `metrics` for definitions."""
+    """One law on one plant, over all seeds and dwells; errors in percent of span, see `metrics` for definitions.
+
+    The limits of the mean error are None where a single seed was played.
+    """
 
     law: str
     plant: str
     dwells: int
     mean_error_pct: float
-    mean_error_low_pct: float
-    mean_error_high_pct: float
+    mean_error_low_pct: float | None
+    mean_error_high_pct: float | None
     worst_dwell_pct: float
     median_settle_1pct_s: float | None
     unsettled: int
@@ -64,23 +69,25 @@ class LawSummary:
 
 def standings(played: Mapping[Bout, Sequence[DwellMetrics]]) -> tuple[Standing, ...]:
     """Return one standing for each law and plant, in the order in which they were played."""
-    cells: dict[tuple[str, str], list[DwellMetrics]] = {}
+    cells: dict[tuple[str, str], list[Sequence[DwellMetrics]]] = {}
     for bout, dwells in played.items():
-        cells.setdefault((bout.law, bout.plant), []).extend(dwells)
-    return tuple(_standing(law, plant, dwells) for (law, plant), dwells in cells.items())
+        cells.setdefault((bout.law, bout.plant), []).append(dwells)
+    return tuple(_standing(law, plant, runs) for (law, plant), runs in cells.items())
 
 
-def _standing(law: str, plant: str, dwells: list[DwellMetrics]) -> Standing:
-    errors = np.array([dwell.mean_abs_error_pct for dwell in dwells])
-    low, high = bootstrap_interval(errors)
+def _standing(law: str, plant: str, runs: Sequence[Sequence[DwellMetrics]]) -> Standing:
+    """Return the standing after `runs`, one for each seed."""
+    dwells = [dwell for run in runs for dwell in run]
+    errors = [dwell.mean_abs_error_pct for dwell in dwells]
+    low, high = bootstrap_interval([fmean(dwell.mean_abs_error_pct for dwell in run) for run in runs])
     return Standing(
         law=law,
         plant=plant,
         dwells=len(dwells),
-        mean_error_pct=float(errors.mean()),
+        mean_error_pct=fmean(errors),
         mean_error_low_pct=low,
         mean_error_high_pct=high,
-        worst_dwell_pct=float(errors.max()),
+        worst_dwell_pct=max(errors),
         median_settle_1pct_s=_median_settle_s(dwells),
         unsettled=sum(dwell.settle_1pct_s is None for dwell in dwells),
         limit_cycles=sum(dwell.limit_cycle for dwell in dwells),
@@ -88,12 +95,12 @@ def _standing(law: str, plant: str, dwells: list[DwellMetrics]) -> Standing:
     )
 
 
-def bootstrap_interval(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> tuple[float, float]:
-    """Return the 95 % percentile bootstrap interval of the mean of `values` (n,)."""
-    rng = np.random.default_rng(0)
-    means = rng.choice(values, size=(_RESAMPLES, values.size)).mean(axis=1)
-    low, high = np.percentile(means, (2.5, 97.5))
-    return float(low), float(high)
+def bootstrap_interval(values: Sequence[float]) -> tuple[float, float] | tuple[None, None]:
+    """Return the 95 % percentile bootstrap interval of the mean of independent `values`; None for less than two."""
+    if len(values) < 2:  # noqa: PLR2004 - one value says nothing of how far another would be from it
+        return None, None
+    found = bootstrap((values,), np.mean, n_resamples=_RESAMPLES, method="percentile", random_state=0)
+    return float(found.confidence_interval.low), float(found.confidence_interval.high)
 
 
 def summaries(

@@ -6,12 +6,12 @@ import math
 import tomllib
 from dataclasses import replace
 from importlib import resources
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from positioner import settings
 from positioner.bench import metrics, tuning
 from positioner.bench.conditions import PLANTS, check_setpoints
 from positioner.bench.direct import play_directly
@@ -19,13 +19,12 @@ from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import load_scenario
 from positioner.bench.tuning import SEARCHES, Tuning, control_table, cost_of, dwell_cost, scenario_of, to_toml, tune
 from positioner.cli.main import main
+from positioner.config import parse_config
 from positioner.errors import ExitCode
 from positioner.laws.settings import ControlSettings
 from positioner.laws.tuned import table_name
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from positioner.bench.scenario import Scenario
 
 MIDDLE = {
@@ -157,30 +156,35 @@ def test_a_pulse_that_would_outlast_its_period_takes_half_of_it() -> None:
 def test_what_is_packaged_is_what_a_law_has_by_default(law: str) -> None:
     name = table_name(law)
     packaged = resources.files("positioner.laws.tuned").joinpath(f"{name}.toml").read_text(encoding="utf-8")
-    file = tomllib.loads(packaged)
-    assert file["tuning"]["law"] == law
-    assert file["tuning"]["seed"] not in tuning.LEAGUE_SEEDS
-    assert packaged.startswith(
-        f"# positioner tune {law} --budget {file['tuning']['budget']} --seed {file['tuning']['seed']}\n"
-    )
-    told = settings.build({name: file["control"][name]}, ControlSettings, "test")
-    assert told == ControlSettings()
+    told, _ = how(packaged)
+    assert told[:2] == [law, "--budget"]
+    assert int(told[-1]) not in tuning.LEAGUE_SEEDS
+    found = parse_config(packaged, "test", Path())
+    assert found.control == replace(ControlSettings(), law=law)
+    assert found.make_law().name == law
+
+
+def how(text: str) -> tuple[list[str], float]:
+    """Return the arguments of `positioner tune` and the cost in the comment of its result."""
+    command, cost, *_ = text.splitlines()
+    return command.removeprefix("# positioner tune ").split(), float(cost.removeprefix("# cost "))
 
 
 def test_the_packaged_parameters_cost_what_their_file_says() -> None:
     packaged = resources.files("positioner.laws.tuned").joinpath("two_move.toml").read_text(encoding="utf-8")
     file = tomllib.loads(packaged)
     values = tuple(file["control"]["two_move"][each.key] for each in SEARCHES["two-move"].ranges)
-    assert cost_of(scenario_of("two-move", values, file["tuning"]["seed"])) == pytest.approx(
-        file["tuning"]["cost"], rel=0.02
-    )
+    told, cost = how(packaged)
+    assert cost_of(scenario_of("two-move", values, int(told[-1]))) == pytest.approx(cost, rel=0.02)
 
 
-def test_a_result_is_a_table_for_a_configuration() -> None:
-    found = Tuning("knocker", 10, 2, MIDDLE["knocker"], 1.23456, 9.0)
-    file = tomllib.loads(to_toml(found))
-    assert file["tuning"] == {"law": "knocker", "budget": 10, "seed": 2, "cost": 1.2346}
-    knocker = settings.build(file["control"], ControlSettings, "test").knocker
+def test_a_result_is_a_configuration_that_check_accepts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = to_toml(Tuning("knocker", 10, 2, MIDDLE["knocker"], 1.23456, 9.0))
+    assert how(text) == (["knocker", "--budget", "10", "--seed", "2"], 1.2346)
+    (tmp_path / "knocker.toml").write_text(text, encoding="utf-8")
+    assert main(["check", str(tmp_path / "knocker.toml")]) == ExitCode.OK
+    assert "law                    knocker" in capsys.readouterr().out
+    knocker = parse_config(text, "test", tmp_path).control.knocker
     assert knocker.pid.proportional_gain_ma_per_m == MIDDLE["knocker"][0]
     assert knocker.off_band_m == MIDDLE["knocker"][-1]
 

@@ -42,6 +42,7 @@ _EXPLORING = 0.5
 """Share of the budget."""
 _STEP = 0.3
 """Standard deviation of a variation, in the logarithm of the value."""
+_TUNED_ON = "paper"
 _DIGITS = 4
 """Significant digits of a value; what is stored is what was tried."""
 
@@ -161,7 +162,7 @@ def scenario_of(law: str, values: tuple[float, ...], seed: int) -> Scenario:
         setpoints_mm=SETPOINTS_MM,
         visits=VISITS,
         dwell_s=DWELL_S,
-        plant={"preset": "paper"},
+        plant={"preset": _TUNED_ON},
         control=control_table(law, values),
     )
 
@@ -178,10 +179,13 @@ def control_table(law: str, values: tuple[float, ...]) -> dict[str, Any]:
 
 
 def to_toml(tuning: Tuning) -> str:
-    """Return the file of packaged parameters; its `[control]` table fits into a configuration."""
-    command = f"# positioner tune {tuning.law} --budget {tuning.budget} --seed {tuning.seed}\n"
-    how = {"law": tuning.law, "budget": tuning.budget, "seed": tuning.seed, "cost": round(tuning.cost, _DIGITS)}
-    return command + tomli_w.dumps({"tuning": how, "control": control_table(tuning.law, tuning.values)})
+    """Return a whole configuration: the valve that it was found on, the law, and its parameters.
+
+    The packaged parameters are such files; the comment says how they were found.
+    """
+    how = f"# positioner tune {tuning.law} --budget {tuning.budget} --seed {tuning.seed}\n# cost {tuning.cost:.4f}\n"
+    control = {"law": tuning.law, **control_table(tuning.law, tuning.values)}
+    return how + tomli_w.dumps({"valve": {"id": "tuned", "preset": _TUNED_ON}, "control": control})
 
 
 def _anywhere(search: Search, chance: np.random.Generator) -> tuple[float, ...]:

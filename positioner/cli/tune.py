@@ -14,8 +14,8 @@ examples:
   positioner tune pi                              a few minutes; the result goes to standard output
   positioner tune knocker --budget 400 --seed 2 --out knocker.toml
 
-The result is a [control.<law>] table for a configuration, and a table [tuning] that says how it was found. The
-packaged parameters, which every law has by default, were found in the same way.
+The result is a configuration: put your own [valve] and [bus] in, or its [control.<law>] table into yours. A comment
+says how it was found. The packaged parameters, which every law has by default, were found in the same way.
 """
 
 

@@ -1,6 +1,6 @@
 """Packaged parameters of the laws that have to be tuned: one file a law, written by `positioner tune`. Pure.
 
-Each file is a configuration's `[control.<law>]` table, and a table `[tuning]` that says how it was found.
+Each file is a whole configuration, with a comment that says how its `[control.<law>]` table was found.
 """
 
 from __future__ import annotations

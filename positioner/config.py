@@ -37,7 +37,8 @@ _LARGEST_COUNTER = 255
 class StateSettings:
     """The `[state]` table: where the stiction table is kept.
 
-    Without `directory` it is $STATE_DIRECTORY (which systemd sets), or else ~/.local/state/positioner/<valve id>.
+    A relative `directory` lies beside the file. Without one it is $STATE_DIRECTORY (which systemd sets), or else
+    ~/.local/state/positioner/<valve id>.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
@@ -90,7 +91,7 @@ class Configuration:
 
 
 def load_config(path: Path, changes: Mapping[str, Any] | None = None) -> Configuration:
-    """Return the configuration in `path`, with `changes` laid over it; a relative DBC path is taken from beside it.
+    """Return the configuration in `path`, with `changes` laid over it; relative paths lie beside it.
 
     Raises:
         ConfigurationError: with every mistake in the file, of its values, its DBC and its names alike.
@@ -115,7 +116,7 @@ def parse_config(text: str, source: str, base: Path) -> Configuration:
     tables = settings.tables(text, source)
     problems: list[Problem] = []
     found: Configuration | None = None
-    _anchor_dbc(tables, base)
+    _anchor(tables, base)
     _name_channel(tables)
     problems += _valve_problems(tables, text)
     if isinstance(tables.get("valve"), dict):
@@ -138,10 +139,12 @@ def parse_config(text: str, source: str, base: Path) -> Configuration:
     return found
 
 
-def _anchor_dbc(tables: dict[str, Any], base: Path) -> None:
-    wire = tables.get("wire")
-    if isinstance(wire, dict) and isinstance(wire.get("dbc"), str):
-        wire["dbc"] = str(base / wire["dbc"])
+def _anchor(tables: dict[str, Any], base: Path) -> None:
+    """Let a path in the tables lie where the file lies, not where a command happens to be called."""
+    for table, key in (("wire", "dbc"), ("state", "directory")):
+        found = tables.get(table)
+        if isinstance(found, dict) and isinstance(found.get(key), str):
+            found[key] = str(base / found[key])
 
 
 def _name_channel(tables: dict[str, Any]) -> None:

@@ -28,6 +28,7 @@ from positioner.bench.runner import BenchOptions, run_bench
 from positioner.bench.scenario import load_scenario
 from positioner.bus import BusPort
 from positioner.cli.main import main
+from positioner.config import load_config
 from positioner.errors import BenchError, ConfigurationError, ExitCode
 from positioner.store import access
 from positioner.wire.codec import make_codec
@@ -208,6 +209,18 @@ def test_the_processes_compute_what_the_same_loop_computes_without_them(first: P
     dwells = metrics.dwell_metrics(trace, first.scenario.dwell_edges_s, first.result.span_mm * 1e-3)
     assert dwells == first.result.dwells
     assert access.dump(first.files / "state").table == run.table
+
+
+def test_the_configuration_of_a_run_finds_its_table_from_any_directory(
+    at_once: AtOnce, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # `positioner bench --out beside` wrote it from elsewhere, with a relative path
+    monkeypatch.chdir(tmp_path)
+    capsys.readouterr()
+    config = str(at_once.files / "valve.toml")
+    assert main(["table", "dump", "--config", config, "--format", "json"]) == ExitCode.OK
+    assert json.loads(capsys.readouterr().out)["valve"] == "bench"
+    assert load_config(at_once.files / "valve.toml").state_directory == at_once.files / "state"
 
 
 def test_a_run_with_a_state_starts_from_its_table(first: Played, tmp_path: Path) -> None:

@@ -132,6 +132,17 @@ def test_a_relative_dbc_lies_beside_the_configuration(tmp_path: Path, monkeypatc
     assert configuration.make_codec().by_kind[StemPosition].arbitration_id == 512
 
 
+def test_a_relative_state_directory_lies_beside_the_configuration(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "there" / "valve.toml"
+    path.parent.mkdir()
+    path.write_text('[valve]\nid = "v"\npreset = "paper"\n[state]\ndirectory = "kept/here"\n', encoding="utf-8")
+    for cwd in (tmp_path, path.parent):
+        monkeypatch.chdir(cwd)
+        assert load_config(path).state_directory == tmp_path / "there" / "kept" / "here"
+
+
 def test_an_absolute_dbc_stays_where_it_is(tmp_path: Path) -> None:
     (tmp_path / "mine.dbc").write_text(DBC, encoding="utf-8")
     text = OWN_FRAMES.format(dbc=tmp_path / "mine.dbc", signal="StemPosition")

@@ -9,6 +9,7 @@ import shutil
 import time
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import tomli_w
@@ -42,7 +43,6 @@ from positioner.wire.messages import (
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
     from positioner.bench.scenario import Scenario
 
@@ -154,7 +154,8 @@ def _empty(directory: Path, say: Callable[[str], object]) -> None:
 
 def _write_configuration(scenario: Scenario, options: BenchOptions, address: BusAddress, state: Path) -> Configuration:
     path = options.out / "valve.toml"
-    text = configuration_text(scenario, address, state)
+    # the run's own table lies beside the file, wherever that is
+    text = configuration_text(scenario, address, state.absolute() if options.state else Path("state"))
     path.write_text(text, encoding="utf-8")
     (options.out / "plant.toml").write_text(
         tomli_w.dumps({"preset": DEFAULT_PRESET, **scenario.plant}), encoding="utf-8"

@@ -13,6 +13,7 @@ import replay_helpers as runs
 
 from positioner.bench.inprocess import run_in_process
 from positioner.cli.main import main
+from positioner.errors import ExitCode
 from positioner.replay.log import LogError, read_log
 from positioner.stiction import Direction, LearnedSample, Quantity, StictionTable
 from positioner.store import access
@@ -214,3 +215,40 @@ def test_an_unreadable_log_names_its_formats(tmp_path: Path) -> None:
         read_log(tmp_path / "bus.txt")
     (tmp_path / "cut.log.gz").write_bytes(gzip.compress(b"(0.0) can0 123#00 R\n" * 9999)[:-9])
     assert "cannot be read (EOFError" in read_log(tmp_path / "cut.log.gz").cut
+
+
+@pytest.mark.parametrize("sample", [1, 40, 149])
+@pytest.mark.parametrize("snap", [True, False])
+def test_a_log_that_starts_late_is_refused_and_not_called_different(
+    sample: int, snap: bool, bench: tuple[Path, Path], tmp_path: Path, capsys: Output
+) -> None:
+    log, config = bench
+    lines = log.read_text(encoding="ascii").splitlines(keepends=True)
+    late = [line for line in lines if float(line[1 : line.index(")")]) >= sample * 1e-3 - 1e-9]
+    # without the plant's time it is the log of somebody else on the bus
+    path = tmp_path / "late.log"
+    path.write_text("".join(late), encoding="ascii")
+    if not snap:
+        apart = ((float(line[1 : line.index(")")]) + 1e-4 * (n % 3), line.split(")")[1]) for n, line in enumerate(late))
+        path.write_text("".join(f"({stamp_s:.6f}){rest}" for stamp_s, rest in apart), encoding="ascii")
+    assert replay(path, config) == ExitCode.IO
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (told,) = captured.err.splitlines()
+    assert told.startswith(f"positioner: {path}: starts late: frame ")
+    assert f"has the counter {sample}, and a positioner begins with 0" in told
+    # what another law would have commanded can still be asked
+    assert replay(path, config, "--law", "pi-deadband") == ExitCode.OK
+    assert "starts late" in capsys.readouterr().out
+
+
+def test_a_command_before_any_reading_is_a_late_start_though_its_counter_is_0(
+    bench: tuple[Path, Path], tmp_path: Path, capsys: Output
+) -> None:
+    log, config = bench
+    lines = [line for line in log.read_text(encoding="ascii").splitlines(keepends=True) if " 170#" not in line]
+    first = next(index for index, line in enumerate(lines) if " 110#" in line)
+    path = tmp_path / "late.log"
+    path.write_text("".join(lines[:first] + lines[first + 1 :]), encoding="ascii")
+    assert replay(path, config) == ExitCode.IO
+    assert "stands before the first position frame" in capsys.readouterr().err

@@ -26,10 +26,10 @@ examples:
   positioner replay bus.log --config fv101.toml --law paper --set guard.max_rate_ma_per_s=500 --out what-if
 
 The log may be candump (.log), ASC, BLF, CSV or any other that python-can reads. It must begin before the positioner's
-first command. --law and --set ask what would have been: the law sees the valve as it moved under the recorded
-commands, and says what it would have commanded.
+first command; one that starts late is refused. --law and --set ask what would have been: the law sees the valve as it
+moved under the recorded commands, and says what it would have commanded.
 exit status: 0 identical (or, with --law or --set, done), 1 a frame differs, 74 the log or the table cannot be read,
-78 the configuration is wrong.
+or the log starts late, 78 the configuration is wrong.
 """
 
 
@@ -67,6 +67,11 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if not changes and not session.commands:
         told = "no command among them to compare with; --law says what would have been commanded"
         raise LogError(f"{arguments.log}: holds {session.readings} position frames, and {told}")
+    if not changes and session.late:
+        told = "what the positioner knew before is not in it, and nothing can be compared; log it from its start"
+        raise LogError(
+            f"{arguments.log}: starts late: {session.late}: {told}, or ask with --law what would be commanded"
+        )
     sys.stdout.write(f"{headline(session)}\n")
     codec, period_s = configuration.make_codec(), configuration.control.sample_period_s
     comparison = Comparison(codec, session.kind.knows_instants)

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 from positioner.errors import StateError
 from positioner.record import KIND_TABLE, Note
-from positioner.replay.log import BusLog, LogError, read_log
+from positioner.replay.log import BusLog, LogError, LogFrame, read_log
 from positioner.replay.recorded import Heard, Turn
 from positioner.replay.turns import LogKind, turns_of
 from positioner.stiction import StictionTable
 from positioner.store import access
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from positioner.config import Configuration
@@ -30,6 +31,8 @@ class Session:
     commands: int
     table: StictionTable
     warnings: tuple[str, ...]
+    late: str = ""
+    """How the log shows that the positioner had been at work before it; empty where it begins in time."""
 
 
 def prepare(path: Path, configuration: Configuration, state: Path | None) -> Session:
@@ -50,7 +53,23 @@ def prepare(path: Path, configuration: Configuration, state: Path | None) -> Ses
         )
     kind, turns = turns_of(codec, log.frames, configuration.control.sample_period_s)
     commands = sum(heard.is_command(frame) for turn in turns for frame in turn.recorded)
-    return Session(log, kind, turns, readings, commands, _table(configuration, state), _warnings(turns, log))
+    late = _late(heard, turns, log.frames)
+    warnings = (*_warnings(turns, log), *((f"starts late: {late}",) if late else ()))
+    return Session(log, kind, turns, readings, commands, _table(configuration, state), warnings, late)
+
+
+def _late(heard: Heard, turns: tuple[Turn, ...], frames: Sequence[LogFrame]) -> str:
+    """Return how the frames tell that the positioner had spoken before them; its counters begin at 0."""
+    command = next((frame for turn in turns for frame in turn.recorded if heard.is_command(frame)), None)
+    if command is None:
+        return ""
+    if command.number < next(frame.number for frame in frames if heard.is_position(frame)):
+        return f"a command, frame {command.number}, stands before the first position frame"
+    others = (frame for frame in frames if heard.is_output(frame) and not heard.is_command(frame))
+    for first in (command, next(others, None)):
+        if first is not None and (counter := heard.counter(first)):
+            return f"frame {first.number} has the counter {counter}, and a positioner begins with 0"
+    return ""
 
 
 def _table(configuration: Configuration, state: Path | None) -> StictionTable:

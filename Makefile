@@ -41,12 +41,27 @@ $(VENV)/installed: pyproject.toml
 clean:
 	rm -rf $(VENV) out build dist
 
-# `make install` as root: a virtual environment with the positioner, its units, and examples of network files.
+# What `make install` installs, newest versions with the hashes of their files, for every Python and processor at once.
+LOCK = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --upgrade \
+	--custom-compile-command 'make lock'
+
+.PHONY: lock
+lock: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --editable '.[lock]'
+	$(LOCK) pyproject.toml --output-file requirements/run.txt
+	$(BIN)/python -c "import tomllib; \
+	    print(*tomllib.load(open('pyproject.toml', 'rb'))['build-system']['requires'], sep='\n')" | \
+	    $(LOCK) - --output-file requirements/build.txt
+
+# `make install` as root: a virtual environment with the positioner, its units, and examples of network files. Nothing is
+# installed but what the lock files name, with its hash.
 PREFIX ?= /opt/positioner
 DESTDIR ?=
 # the system's own: a service has no way into anybody's home directory, where a version manager keeps its interpreters
 INSTALL_PYTHON ?= $(or $(wildcard /usr/bin/python3),$(PYTHON))
 INSTALLED = $(DESTDIR)$(PREFIX)
+INSTALL = '$(INSTALLED)/bin/python' -m pip --quiet --disable-pip-version-check install
+BUILD_TOOLS = $(INSTALLED)/build-tools
 SHARE = $(INSTALLED)/share/positioner
 UNIT_DIRECTORY = $(DESTDIR)/etc/systemd/system
 COMMANDS = $(DESTDIR)/usr/local/bin
@@ -61,7 +76,11 @@ install:
 	    echo 'make install: no service can run a Python in a home directory; give INSTALL_PYTHON=/usr/bin/python3' >&2; \
 	    exit 1;; esac
 	umask 022; '$(INSTALL_PYTHON)' -m venv --clear '$(INSTALLED)'
-	umask 022; '$(INSTALLED)/bin/python' -m pip install --quiet --disable-pip-version-check --upgrade .
+	umask 022; $(INSTALL) --target '$(BUILD_TOOLS)' --require-hashes --requirement requirements/build.txt
+	umask 022; $(INSTALL) --require-hashes --requirement requirements/run.txt
+	umask 022; PYTHONPATH='$(BUILD_TOOLS)' $(INSTALL) --no-deps --no-index --no-build-isolation .
+	rm -rf '$(BUILD_TOOLS)'
+	'$(INSTALLED)/bin/python' -m pip check
 	[ -z '$(DESTDIR)' ] || grep -rlI '$(INSTALLED)' '$(INSTALLED)/bin' '$(INSTALLED)/pyvenv.cfg' | \
 	    xargs --no-run-if-empty sed -i 's|$(INSTALLED)|$(PREFIX)|g'
 	install -d '$(SHARE)' '$(UNIT_DIRECTORY)' '$(COMMANDS)' '$(DESTDIR)/etc/positioner'

@@ -26,7 +26,7 @@ case "$1 $2 $3" in
         printf '#!%s/bin/python\n' "$4" > "$4/bin/$program"
         chmod 755 "$4/bin/$program"
     done ;;
-"-m pip "*) echo "$@" > "$(dirname "$0")/../asked" ;;
+"-m pip "*) echo "PYTHONPATH=$PYTHONPATH $*" >> "$(dirname "$0")/../asked" ;;
 "-c "*) echo "${BASE_PREFIX:-/usr}" ;;
 esac
 """
@@ -43,7 +43,11 @@ def interpreter(tmp_path: Path) -> Path:
 
 def make(target: str, interpreter: Path, **variables: str | Path) -> subprocess.CompletedProcess[str]:
     given = [f"{name}={value}" for name, value in {"INSTALL_PYTHON": interpreter, **variables}.items()]
-    clean = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "PREFIX", "DESTDIR"))}
+    clean = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith(("MAKE", "PREFIX", "DESTDIR", "PYTHONPATH"))
+    }
     return subprocess.run(
         ["make", "--directory", str(ROOT), target, *given],
         capture_output=True,
@@ -83,13 +87,26 @@ def test_everything_is_put_below_destdir_and_speaks_of_the_place_where_it_will_b
         text = (place / "opt/positioner" / name).read_text(encoding="utf-8")
         assert "/opt/positioner" in text
         assert str(place) not in text
-    asked = (place / "opt/positioner/asked").read_text(encoding="utf-8").split()
-    assert asked[-1] == "."
-    assert not {"-e", "--editable"} & set(asked)
     for name in UNITS:
         installed = place / "etc/systemd/system" / name
         assert installed.read_bytes() == (ROOT / "systemd" / name).read_bytes()
         assert installed.stat().st_mode & 0o777 == 0o644
+
+
+def test_nothing_is_installed_but_what_the_lock_files_name_with_its_hash(interpreter: Path, tmp_path: Path) -> None:
+    place = tmp_path / "root"
+    assert make("install", interpreter, DESTDIR=place).returncode == 0
+    tools = f"{place}/opt/positioner/build-tools"
+    pip = "-m pip --quiet --disable-pip-version-check install"
+    asked = (place / "opt/positioner/asked").read_text(encoding="utf-8").splitlines()
+    assert asked == [
+        f"PYTHONPATH= {pip} --target {tools} --require-hashes --requirement requirements/build.txt",
+        f"PYTHONPATH= {pip} --require-hashes --requirement requirements/run.txt",
+        # the package itself: from here, built with the locked tools
+        f"PYTHONPATH={tools} {pip} --no-deps --no-index --no-build-isolation .",
+        "PYTHONPATH= -m pip check",
+    ]
+    assert not Path(tools).exists()
 
 
 def test_a_second_install_renews_the_first(interpreter: Path, tmp_path: Path) -> None:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
+from harness import locked
 from harness.packages import CannotFetchError
 from harness.plan import PROJECT, WHEELS
 
+LOCKS = (PROJECT / "requirements" / "build.txt", PROJECT / "requirements" / "run.txt")
 _SYSTEM_PYTHON = Path("/usr/bin/python3")
 
 
@@ -20,17 +21,20 @@ def fetch() -> None:
     Raises:
         CannotFetchError: they cannot be had.
     """
-    with (PROJECT / "pyproject.toml").open("rb") as file:
-        project = tomllib.load(file)
-    wanted = [*project["project"]["dependencies"], *project["build-system"]["requires"]]
     version = _version()
-    finished = WHEELS / hashlib.sha256(f"{version} {wanted}".encode()).hexdigest()[:12]
+    # pip would evaluate the markers for the Python that runs it
+    wanted = [entry.line() for path in LOCKS for entry in locked.read(path) if entry.applies(version)]
+    text = "\n".join(sorted(set(wanted))) + "\n"
+    finished = WHEELS / hashlib.sha256(f"{version} {text}".encode()).hexdigest()[:12]
     if finished.exists():
         return
     WHEELS.mkdir(parents=True, exist_ok=True)
+    requirements = WHEELS / "requirements.txt"
+    requirements.write_text(text, encoding="utf-8")
     pip = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--dest", str(WHEELS)]
-    options = ["--only-binary", ":all:", "--implementation", "cp", "--python-version", version]
-    done = subprocess.run([*pip, *options, *wanted], check=False, capture_output=True, text=True)
+    options = ["--only-binary", ":all:", "--implementation", "cp", "--python-version", version, "--no-deps"]
+    exactly = ["--require-hashes", "--requirement", str(requirements)]
+    done = subprocess.run([*pip, *options, *exactly], check=False, capture_output=True, text=True)
     if done.returncode:
         raise CannotFetchError(
             f"kernel tests: pip download failed: {(done.stderr.strip() or 'unknown').splitlines()[-1]}"

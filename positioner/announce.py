@@ -25,6 +25,9 @@ from positioner.wire.messages import Cause, Mode
 if TYPE_CHECKING:
     from positioner.trace import TraceWriter
 
+_NEXT_TURN_S = 5.0
+"""Before the first feedback: a turn that takes longer hangs."""
+
 
 class Announcer:
     """Tells the world; `ready` once a first valid position frame has been seen."""
@@ -36,6 +39,13 @@ class Announcer:
         self.trace: TraceWriter | None = None
         self.ready = False
         self._other = OtherController()
+
+    def alive(self) -> None:
+        """Tell the service manager that a turn is complete, also while the first feedback is waited for without end."""
+        if self.ready:
+            self.notifier.send(WATCHDOG="1")
+        else:
+            self.notifier.send(EXTEND_TIMEOUT_USEC=f"{_NEXT_TURN_S * 1e6:.0f}", WATCHDOG="1")
 
     def tell(self, events: tuple[Event, ...], now_ns: int, *, ever_armed: bool) -> None:
         """Tell of the events of the cycle at `now_ns`.

@@ -141,7 +141,7 @@ class Daemon:
         self._keep(events)
         if time.monotonic() >= self._watchdog_due_s:  # whoever waits for feedback or for arming is alive, too
             self._watchdog_due_s = time.monotonic() + _WATCHDOG_EVERY_S
-            self._announcer.notifier.send(WATCHDOG="1")
+            self._announcer.alive()
 
     def _watch_the_time(self, spent_ns: int) -> None:
         """Tell the next cycle that this one took longer than a period; in lockstep the plant waits, and none does."""

@@ -353,7 +353,10 @@ def test_the_service_manager_hears_of_readiness_life_and_the_end(
         monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
         with Loop(tmp_path) as loop:
             loop.turn()
-            assert f"STATUS=waiting for position frames on {loop.address}" in notifications(manager)
+            heard = notifications(manager)
+            assert f"STATUS=waiting for position frames on {loop.address}" in heard
+            # the watchdog runs from the first turn on, and the time for the start never ends while turns are completed
+            assert {line for line in heard if "WATCHDOG=1" in line} == {"EXTEND_TIMEOUT_USEC=5000000\nWATCHDOG=1"}
             loop.sample()
             assert "READY=1\nSTATUS=READY: waiting for arm" in notifications(manager)
             for _ in range(3):

@@ -12,6 +12,7 @@ from positioner.config import StateSettings, load_config
 from positioner.daemon import Daemon, RunOptions
 from positioner.errors import UsageError
 from positioner.journal import set_up
+from positioner.memory_lock import lock_memory
 
 if TYPE_CHECKING:
     from positioner.errors import ExitCode
@@ -74,4 +75,6 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         trace=arguments.trace,
         record=arguments.record,
     )
-    return Daemon(configuration, options).run()
+    daemon = Daemon(configuration, options)
+    lock_memory()
+    return daemon.run()

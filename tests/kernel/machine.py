@@ -23,13 +23,7 @@ CONFIGURATIONS = Path("/etc/positioner")
 UNITS = Path("/etc/systemd/system")
 _VALVE = """[valve]
 id = "{valve}"
-mass_kg = 1.361
-diaphragm_area_m2 = 0.06452
-pressure_gain_pa_per_ma = 5171.06775
-spring_rate_n_per_m = 52538.0
-static_friction_n = 1707.7
-coulomb_friction_n = 1423.0
-viscous_friction_n_s_per_m = 612.9
+preset = "paper"
 [bus]
 channel = "{bus}"
 [control]

@@ -75,7 +75,6 @@ def test_a_bus_that_takes_no_frames_is_told_and_comes_back(rig: Rig) -> None:
     assert rig.mode() is Mode.ACTIVE
 
 
-@pytest.mark.short_form
 def test_a_link_that_goes_down_fails_safe_on_both_sides_and_waits_to_be_armed(rig: Rig) -> None:
     command("ip", "link", "set", rig.bus.channel, "down")
     rig.until(lambda: rig.told("-> FAILSAFE"))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import time
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -106,6 +108,75 @@ def test_a_positioner_that_hangs_is_killed_by_the_watchdog_and_comes_back(valve:
     assert "Watchdog timeout" in journal(valve.unit)
     until(lambda: valve.is_active, valve.story)
     valve.go_to(HIGH_M)
+
+
+@contextmanager
+def start_within(valve: Valve, limit_s: float) -> Iterator[None]:
+    """Let the positioner, which is stopped first, start within a shorter time than its unit says."""
+    valve.stop()
+    drop_in = Path(f"/run/systemd/system/{valve.unit}.d/start.conf")
+    drop_in.parent.mkdir(parents=True, exist_ok=True)
+    drop_in.write_text(f"[Service]\nTimeoutStartSec={limit_s}\nTimeoutStopSec=2\n", encoding="utf-8")
+    systemctl("daemon-reload")
+    try:
+        yield
+    finally:
+        drop_in.unlink()
+        systemctl("daemon-reload")
+
+
+def running_s(valve: Valve) -> float:
+    """Return how long the positioner's process has been running."""
+    return time.monotonic() - int(show(valve.unit, "ExecMainStartTimestampMonotonic")) * 1e-6
+
+
+def test_a_positioner_waits_for_its_first_feedback_without_end_and_is_killed_if_it_hangs_meanwhile(
+    valve: Valve,
+) -> None:
+    limit_s = 15.0
+    with start_within(valve, limit_s):
+        killed = journal(valve.unit).count("Watchdog timeout")
+        systemctl("start", "--no-block", valve.unit)
+        until(lambda: valve.pid and running_s(valve) > limit_s + 5.0, valve.story, PATIENCE_S * 2)
+        waiting = valve.pid
+        assert "waiting for position frames" in show(valve.unit, "StatusText")
+        assert show(valve.unit, "ActiveState") == "activating"
+        os.kill(waiting, signal.SIGSTOP)
+        until(lambda: valve.pid not in {0, waiting}, valve.story)
+    assert journal(valve.unit).count("Watchdog timeout") == killed + 1
+    systemctl("start", valve.plant)
+    until(lambda: valve.is_active, valve.story)
+
+
+def test_a_positioner_that_hangs_before_its_first_turn_is_killed_and_comes_back(valve: Valve) -> None:
+    with start_within(valve, 5.0):
+        late = journal(valve.unit).count("start operation timed out")
+        systemctl("start", "--no-block", valve.plant, valve.unit)
+        until(lambda: valve.pid, valve.story)
+        hung = valve.pid
+        os.kill(hung, signal.SIGSTOP)
+        assert show(valve.unit, "StatusText") == ""
+        until(lambda: journal(valve.unit).count("start operation timed out") > late, valve.story)
+    until(lambda: valve.pid not in {0, hung}, valve.story)
+    until(lambda: valve.is_active, valve.story, PATIENCE_S * 2)
+
+
+def test_a_positioner_that_is_killed_again_and_again_is_not_given_up(valve: Valve) -> None:
+    for _ in range(12):
+        killed = valve.pid
+        os.kill(killed, signal.SIGKILL)
+        until(lambda: valve.pid not in {0, killed}, valve.story)  # noqa: B023 - called at once
+    until(lambda: valve.is_active, valve.story)
+    assert int(show(valve.unit, "NRestarts")) >= 12
+
+
+def test_the_memory_of_the_positioner_stays_in_ram_and_within_a_limit(valve: Valve) -> None:
+    status = Path(f"/proc/{valve.pid}/status").read_text(encoding="utf-8")
+    held = dict(re.findall(r"^(VmLck|VmRSS):\s+(\d+) kB", status, re.MULTILINE))
+    assert int(held["VmLck"]) > 0
+    most = int(show(valve.unit, "MemoryMax"))
+    # several times what it needs
+    assert 0.05 * most < int(held["VmRSS"]) * 1024 < 0.4 * most
 
 
 def test_a_bus_that_is_deleted_and_made_again_brings_the_service_back_by_itself(valve: Valve) -> None:

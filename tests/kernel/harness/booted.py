@@ -31,6 +31,6 @@ done
 rm -f /etc/fstab /etc/machine-id /etc/systemd/system/*.target.wants/*
 echo 0123456789abcdef0123456789abcdef > /etc/machine-id
 : > /etc/fstab
-exec /lib/systemd/systemd systemd.unit=kernel-tests.target systemd.log_level=notice
+exec /lib/systemd/systemd systemd.unit=kernel-tests.target systemd.log_level=notice systemd.show_status=false
 """
 """Shell commands; `out` is the folder of the kernel's script and results."""

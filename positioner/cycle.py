@@ -16,6 +16,7 @@ from positioner.events import Controlled, Event, LawLate, LinesDropped, ModeChan
 from positioner.handover import ease, follow
 from positioner.inbox import Reading, receive
 from positioner.outbox import command, status
+from positioner.wire.messages import Mode
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,7 +37,7 @@ def step(
     what it has, and in HOLD or FAILSAFE the last word is repeated so that the actuator hears that somebody is there.
     """
     before = state.guard
-    commanded_ma = state.last_ma if before.controls else None
+    commanded_ma = state.last_ma if before.controls or before.mode is Mode.MANUAL else None
     received = receive(setup.codec, setup.guard, setup.valve, state.link, tuple(inbox), commanded_ma, setup.period_s)
     seen, events = received.seen, [*received.events]
     if state.late_ns:

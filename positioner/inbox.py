@@ -90,7 +90,7 @@ def receive(
 ) -> Received:
     """Return what `frames`, oldest first, amount to; the newest reading counts, no frame is lost to the checks.
 
-    commanded_ma is the current in force while a law controls, else None; `period_s` lies between two readings.
+    commanded_ma is the current that a law or a person gave, None in other modes; `period_s` lies between two readings.
     """
     batch = _Batch(guard, valve, link, commanded_ma, period_s)
     for frame in frames:

@@ -63,8 +63,8 @@ def judge(
 ) -> tuple[Watched, Doubt | None]:
     """Return what to remember, and the doubt about the reading in `message` if there is one.
 
-    commanded_ma is the current in force while a law controls, else None; `elapsed_s` lies behind the reading before;
-    readings come every `period_s`.
+    commanded_ma is the current that a law or a person gave, None in other modes; `elapsed_s` lies behind the reading
+    before; readings come every `period_s`.
     """
     position, margin = message.position_m, settings.position_margin_m
     if message.quality is Quality.FAULT:

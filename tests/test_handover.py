@@ -23,6 +23,7 @@ from positioner.laws.law import Decision
 from positioner.record import BusRecorder
 from positioner.wire.messages import (
     CanFrame,
+    Cause,
     CurrentCommand,
     Health,
     ManualCurrent,
@@ -58,6 +59,10 @@ class ByHand(Exchange):
     def order(self, current_ma: float, request: ManualRequest = ManualRequest.MANUAL) -> CanFrame:
         self.manuals += 1
         return CODEC.encode(ManualCurrent(current_ma, request), self.manuals)
+
+    def sample_by_hand(self, current_ma: float, position_m: float) -> None:
+        self.step(CODEC.encode(StemPosition(position_m), self.counter), self.order(current_ma))
+        self.counter += 1
 
     def turn(self, *frames: CanFrame, position_m: float = 0.08) -> CurrentCommand:
         reading = CODEC.encode(StemPosition(position_m), self.counter)
@@ -97,6 +102,15 @@ def test_without_feedback_a_new_current_by_hand_still_leaves() -> None:
     it.step(elapsed_ns=100 * MS)
     (command, _), *_ = commands(it.step(it.order(8.5), elapsed_ns=10 * MS))
     assert (command.mode, command.current_ma) == (Mode.MANUAL, 8.5)
+
+
+def test_a_frozen_sensor_is_told_in_manual_mode_and_does_not_end_it() -> None:
+    it = ByHand()
+    it.sample()
+    for number in range(2200):
+        it.sample_by_hand(20.0, 0.08)
+        assert (it.state.guard.cause is Cause.FEEDBACK_FROZEN) is (number > 2010), number
+    assert it.state.guard.mode is Mode.MANUAL
 
 
 def test_nothing_is_learned_in_manual_mode_and_the_law_begins_anew_behind_it() -> None:

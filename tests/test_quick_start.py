@@ -168,6 +168,10 @@ def test_a_verb_of_the_command_line_that_cannot_be_done_ends_the_host(walk: Walk
     code, said = walk.done(host.replace("62%", "99%"))
     assert (code, said.count("\n")) == (2, 1)
     assert "out of reach" in said
+    line = shlex.join(walk.command(host.partition(" arm")[0])) + " <&-"
+    closed = subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    assert (closed.returncode, closed.stderr.count("\n")) == (2, 1)
+    assert closed.stderr.startswith("positioner: there is no standard input")
     code, said = walk.done(host.partition(" arm")[0] + " status")
     assert (code, said.count("\n")) == (1, 1)
     assert said.startswith("positioner: status: nothing is heard: no position frames and no positioner")

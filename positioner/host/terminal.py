@@ -11,7 +11,7 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 from positioner.bus import BusPort
-from positioner.errors import ExitCode, PositionerError
+from positioner.errors import ExitCode, PositionerError, UsageError
 from positioner.host.picture import HEARD
 from positioner.host.session import Session
 from positioner.host.verbs import HELP_INTERACTIVE, Verb, Word, read_verbs
@@ -41,6 +41,8 @@ class Terminal:
         self._configuration = configuration
         self._verbs = deque(self._read(words))
         self._is_asking = not words
+        if self._is_asking and sys.stdin is None:  # the shell's `<&-`
+            raise UsageError("there is no standard input to read verbs from: give them on the command line")
         self._is_prompting = self._is_asking and sys.stdin.isatty()
         self._typed = b""
         self._stopping = False

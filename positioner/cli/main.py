@@ -7,7 +7,7 @@ import argparse
 import sys
 
 import positioner
-from positioner.cli import bench, check, doctor, host, league, replay, reproduce, run, table, tune
+from positioner.cli import bench, check, conformance, doctor, host, league, replay, reproduce, run, table, tune
 from positioner.console import run_command
 from positioner.parser import Parser
 
@@ -38,7 +38,7 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--version", action="version", version=f"positioner {positioner.__version__}")
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (run, host, bench, replay, league, reproduce, tune, table, check, doctor):
+    for command in (run, host, bench, replay, league, reproduce, tune, table, check, doctor, conformance):
         command.add_parser(subparsers)
     return parser
 

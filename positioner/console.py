@@ -13,6 +13,7 @@ import argcomplete
 
 from positioner.errors import ExitCode, PositionerError
 from positioner.line_sink import LineSink
+from positioner.plain_text import speak_plainly
 
 if TYPE_CHECKING:
     import argparse
@@ -29,6 +30,7 @@ _LAST_STANDARD = 2
 def run_command(parser: argparse.ArgumentParser, arguments: list[str] | None) -> int:
     """Return the exit status of the command that `parser` finds in `arguments` and that its `run` default names."""
     _open_standard_streams()
+    speak_plainly()
     argcomplete.autocomplete(parser)
     logging.getLogger("can").addHandler(logging.NullHandler())  # what it cannot do it raises, too: told once, by us
     logging.getLogger("can").propagate = False

@@ -63,6 +63,7 @@ PLUMBING = (
     "positioner.settings",
     "positioner.nearest",
     "positioner.parser",
+    "positioner.plain_text",
     "positioner.notify",
     "positioner.line_sink",
 )

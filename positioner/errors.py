@@ -38,8 +38,16 @@ class Problem:
     message: str
 
     def __str__(self) -> str:
-        """One line: `line 12: valve.mass_kg = 1361: must be at most 200`."""
-        return f"line {self.line}: {self.where}: {self.message}" if self.line else f"{self.where}: {self.message}"
+        """One line: `line 12: valve.mass_kg = 1361: must be at most 200`; what is very long is cut."""
+        where, message = _cut(self.where), _cut(self.message)
+        return f"line {self.line}: {where}: {message}" if self.line else f"{where}: {message}"
+
+
+_LONGEST_SHOWN = 600
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}…"
 
 
 class ConfigurationError(PositionerError):

@@ -11,6 +11,7 @@ import json
 import re
 import tomllib
 from dataclasses import fields, is_dataclass
+from functools import lru_cache
 from itertools import takewhile
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
 
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+_LARGEST_BYTES = 1 << 20
+_MOST_PROBLEMS = 50
 _LIMITS = frozenset({"greater_than", "greater_than_equal", "less_than", "less_than_equal"})
 _UNITS = (
     ("_n_s_per_m", "N s/m"),
@@ -68,7 +71,12 @@ def read_text(path: Path) -> str:
         ConfigurationError: the file cannot be read, or is not UTF-8 text.
     """
     try:
-        return path.read_text(encoding="utf-8")
+        with path.open("rb") as file:
+            data = file.read(_LARGEST_BYTES + 1)
+        if len(data) > _LARGEST_BYTES:
+            told = f"is larger than {_LARGEST_BYTES >> 10} KiB: no settings file is"
+            raise ConfigurationError(str(path), (Problem("file", None, told),))
+        return data.decode("utf-8")
     except OSError as error:
         raise ConfigurationError(str(path), (Problem("file", None, f"cannot be read: {error.strerror}"),)) from error
     except UnicodeDecodeError as error:
@@ -91,11 +99,17 @@ def tables(text: str, source: str) -> dict[str, Any]:
         ConfigurationError: the text is not TOML; the message gives the line.
     """
     try:
-        return tomllib.loads(text)
+        values = tomllib.loads(text)
+        json.dumps(values, default=str)  # what is nested too deeply, or too long a number, ends here
     except tomllib.TOMLDecodeError as error:
         found = _LINE_IN_TOML_ERROR.search(str(error))
         line = int(found.group(1)) if found else None
         raise ConfigurationError(source, (Problem("TOML", line, str(error)),)) from error
+    except RecursionError as error:
+        raise ConfigurationError(source, (Problem("TOML", None, "is nested too deeply"),)) from error
+    except (ValueError, OverflowError) as error:
+        raise ConfigurationError(source, (Problem("TOML", None, f"cannot be used: {error}"),)) from error
+    return values
 
 
 def changes_of(pairs: Sequence[str], example: str) -> dict[str, Any]:
@@ -124,10 +138,19 @@ def build(values: dict[str, Any], kind: type[T], source: str, text: str = "") ->
     """
     try:
         # JSON in between: its strict mode takes tables as dataclasses and still refuses "1.361" as a number
-        return TypeAdapter(kind).validate_json(json.dumps(values, default=str), strict=True)
+        built: T = _adapter(kind).validate_json(json.dumps(values, default=str), strict=True)  # type: ignore[arg-type]
     except ValidationError as error:
-        problems = tuple(_problem(item, kind, text) for item in error.errors(include_url=False))
-        raise ConfigurationError(source, tuple(sorted(problems, key=lambda p: p.line or 0))) from error
+        found = error.errors(include_url=False)
+        problems = sorted((_problem(item, kind, text) for item in found[:_MOST_PROBLEMS]), key=lambda p: p.line or 0)
+        if more := len(found) - len(problems):
+            problems.append(Problem("file", problems[-1].line, f"has {more} more mistake(s); mend these first"))
+        raise ConfigurationError(source, tuple(problems)) from error
+    return built
+
+
+@lru_cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
 
 
 def _toml_line(pair: str, example: str) -> str:
@@ -146,20 +169,27 @@ def line_of(text: str, path: tuple[str, ...]) -> int | None:
 
     That is the key's own line, dotted or not; inside an inline table the line of that table; for a table its header.
     """
-    table: tuple[str, ...] = ()
     nearest: int | None = None
     most_shared = 0
-    for number, line in enumerate(text.splitlines(), start=1):
-        if header := _HEADER.match(line):
-            key = table = _parts(header.group(1))
-        elif equation := _EQUATION.match(line):
-            key = (*table, *_parts(equation.group(1)))
-        else:
-            continue
+    for number, key in _keys_in(text):
         shared = len(tuple(takewhile(lambda pair: pair[0] == pair[1], zip(key, path, strict=False))))
         if shared > most_shared:
             nearest, most_shared = number, shared
     return nearest
+
+
+@lru_cache(maxsize=2)
+def _keys_in(text: str) -> tuple[tuple[int, tuple[str, ...]], ...]:
+    """Return the keys and the headers in `text`, each with its line."""
+    table: tuple[str, ...] = ()
+    found = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        if header := _HEADER.match(line):
+            table = _parts(header.group(1))
+            found.append((number, table))
+        elif equation := _EQUATION.match(line):
+            found.append((number, (*table, *_parts(equation.group(1)))))
+    return tuple(found)
 
 
 def _parts(keys: str) -> tuple[str, ...]:

@@ -252,3 +252,13 @@ def test_a_command_before_any_reading_is_a_late_start_though_its_counter_is_0(
     path.write_text("".join(lines[:first] + lines[first + 1 :]), encoding="ascii")
     assert replay(path, config) == ExitCode.IO
     assert "stands before the first position frame" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("stamp", ["nan", "inf", "-inf", "1e300", "-1e300"])
+def test_a_log_is_read_up_to_a_time_stamp_that_is_no_time(stamp: str, tmp_path: Path) -> None:
+    path = tmp_path / "bus.log"
+    path.write_text(f"(1.0) vcan0 110#00 R\n(1.5) vcan0 110#00 R\n({stamp}) vcan0 110#00 R\n(2.0) vcan0 110#00 R\n")
+    log = read_log(path)
+    assert [frame.time_ns for frame in log.frames] == [0, 500_000_000]
+    assert log.cut.startswith("what follows frame 2 cannot be read (ValueError: ")
+    assert log.cut.endswith(" s is no time stamp)")

@@ -9,7 +9,9 @@ from typing import Annotated, ClassVar
 import pytest
 from annotated_types import Interval
 
+from positioner import settings
 from positioner.errors import ConfigurationError, ExitCode
+from positioner.guard_settings import GuardSettings
 from positioner.settings import load, parse
 
 
@@ -167,3 +169,40 @@ def test_a_file_that_is_not_utf_8_is_told(tmp_path: Path) -> None:
     path.write_text('[valve]\nname = "Ventil µ"\n', encoding="cp1252")
     with pytest.raises(ConfigurationError, match="is not UTF-8 text"):
         load(path, Settings)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("a = " + "[" * 5000 + "]" * 5000, "TOML: is nested too deeply"),
+        (".".join(["a"] * 3000) + " = 1", "TOML: is nested too deeply"),
+        ("a = " + "9" * 5000, "TOML: cannot be used: Exceeds the limit (4300 digits)"),
+        ("a = 0x" + "f" * 5000, "TOML: cannot be used: Exceeds the limit (4300 digits)"),
+    ],
+)
+def test_what_python_cannot_hold_is_one_clear_line(text: str, told: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        settings.tables(text, "x.toml")
+    assert str(caught.value).startswith(f"x.toml: {told}")
+    assert "\n" not in str(caught.value)
+
+
+def test_ten_thousand_mistakes_are_fifty_lines_and_a_count() -> None:
+    text = "\n".join(f"surprise{number} = 1" for number in range(10_000))
+    with pytest.raises(ConfigurationError) as caught:
+        settings.parse(text, GuardSettings, "x.toml")
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 51
+    assert lines[0].startswith("x.toml: line 1: surprise0: unknown key")
+    assert lines[-1] == "x.toml: line 50: file: has 9950 more mistake(s); mend these first"
+
+
+def test_a_value_that_is_very_long_is_cut() -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        settings.parse(f'frozen_s = "{"x" * 100_000}"', GuardSettings, "x.toml")
+    assert 600 < len(str(caught.value)) < 1300
+
+
+def test_a_file_that_never_ends_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="is larger than 1024 KiB: no settings file is"):
+        settings.read_text(Path("/dev/zero"))

@@ -291,3 +291,11 @@ def test_two_messages_in_one_frame_of_the_user_are_told(dbc: Path) -> None:
     assert problems(WireSettings(dbc=dbc, setpoint=tail, stem_position=also)) == [
         "wire.dbc: Tail and Tail share the identifier 205"
     ]
+
+
+def test_a_dbc_of_more_than_a_mebibyte_is_refused_before_it_is_parsed(tmp_path: Path) -> None:
+    path = tmp_path / "large.dbc"
+    path.write_bytes(b'CM_ "' + b"x" * (1 << 20) + b'";\n')
+    assert problems(replace(ALL, dbc=path))[0].endswith(
+        "is larger than 1 MiB: leave only the messages of this valve's nodes in it"
+    )

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 _NS = 1_000_000_000
 _BLF_HEADER_BYTES = 144
+_LATEST_S = 1e11
+"""No clock of a logger is past the year 5000; NaN is no smaller either."""
 
 
 class LogError(PositionerError):
@@ -74,6 +76,7 @@ def read_log(path: Path) -> BusLog:
         for number in count(1):
             try:
                 message = next(messages, None)
+                _check_stamp(message)
             except Exception as error:  # noqa: BLE001 - the same
                 cut = f"what follows frame {len(frames)} cannot be read ({type(error).__name__}: {error})"
                 break
@@ -99,6 +102,11 @@ def _check_head(path: Path, head: bytes) -> None:
     """Refuse what cannot be BLF under the name of one: python-can would leave the file open."""
     if path.suffix.lower() == ".blf" and not (head.startswith(b"LOGG") and len(head) == _BLF_HEADER_BYTES):
         raise LogError(f"{path}: cannot be read: it is no BLF file")
+
+
+def _check_stamp(message: can.Message | None) -> None:
+    if message is not None and not abs(message.timestamp) <= _LATEST_S:
+        raise ValueError(f"{message.timestamp:g} s is no time stamp")
 
 
 def _frame(message: can.Message) -> CanFrame:

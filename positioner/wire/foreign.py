@@ -25,11 +25,21 @@ if TYPE_CHECKING:
 _CLASSIC_LENGTH = 8
 
 
+_LARGEST_BYTES = 1 << 20
+"""A larger DBC would take hundreds of MiB to read."""
+
+
 def read_messages(path: Path, problems: list[Problem]) -> tuple[DbcMessage, ...]:
     """Return the messages of the DBC in `path` or none and one more of `problems`."""
     where = f"wire.dbc = '{path}'"
     try:
-        database = cantools.database.load_string(_text(path.read_bytes()), "dbc")
+        with path.open("rb") as file:
+            data = file.read(_LARGEST_BYTES + 1)
+        if len(data) > _LARGEST_BYTES:
+            told = f"is larger than {_LARGEST_BYTES >> 20} MiB: leave only the messages of this valve's nodes in it"
+            problems.append(Problem(where, None, told))
+            return ()
+        database = cantools.database.load_string(_text(data), "dbc")
     except OSError as error:
         problems.append(Problem(where, None, f"cannot be read: {error.strerror}"))
         return ()

@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass, field, fields
 from enum import Enum, IntEnum
+from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
@@ -191,9 +192,14 @@ def is_plain_integer(signal: Signal) -> bool:
     return not signal.is_float and signal.scale == 1 and signal.offset == 0
 
 
+@lru_cache
+def _hints(kind: type[Message]) -> dict[str, Any]:
+    return get_type_hints(kind)
+
+
 def _meaning_of(kind: type[Message], name: str) -> type[Any]:
     """Return the type of a message's field: float, int, bool or an enumeration (without its None)."""
-    hint = get_type_hints(kind)[name]
+    hint = _hints(kind)[name]  # type: ignore[arg-type]
     return next(arg for arg in (get_args(hint) or (hint,)) if arg is not type(None))  # type: ignore[no-any-return]
 
 

@@ -2,6 +2,6 @@
 
 import sys
 
-from positioner.cli.main import main
+from positioner.start import main
 
 sys.exit(main())

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import can
 from can.interfaces.socketcan import SocketcanBus
 
-from positioner.errors import BusError, BusUnusableError
+from positioner.errors import PASSING, BusError, BusUnusableError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -67,6 +67,8 @@ def refusal(address: BusAddress, error: Exception) -> BusError:
     A device that is away may come; a driver that is missing, or an option that is wrong, needs somebody.
     """
     said = " ".join(str(error).split()) or type(error).__name__
+    if any(os.strerror(number) in said for number in PASSING):  # also where an interface could not be imported for it
+        return BusError(f"bus {address} cannot be opened: {said}; the system refuses")
     # ctypes, and python-can's pcan, say of a missing library what is an OSError without a number
     if isinstance(error, _NO_DRIVER) or (type(error) is OSError and error.errno is None):
         return BusUnusableError(f"bus {address} cannot be used on this machine: {said}; {_driver(address)}")

@@ -14,6 +14,7 @@ import argcomplete
 from positioner.errors import ExitCode, PositionerError
 from positioner.line_sink import LineSink
 from positioner.plain_text import speak_plainly
+from positioner.start import TRACEBACK, unforeseen
 
 if TYPE_CHECKING:
     import argparse
@@ -23,38 +24,45 @@ INTERRUPTED = 130
 """128 + SIGINT, as shells count it."""
 _PATIENCE_S = 1.0
 """How long the last line may wait for somebody to read it."""
-_NOT_WRITTEN = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG, errno.EBADF})
+_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 _LAST_STANDARD = 2
 
 
 def run_command(parser: argparse.ArgumentParser, arguments: list[str] | None) -> int:
     """Return the exit status of the command that `parser` finds in `arguments` and that its `run` default names."""
-    _open_standard_streams()
-    speak_plainly()
-    argcomplete.autocomplete(parser)
-    logging.getLogger("can").addHandler(logging.NullHandler())  # what it cannot do it raises, too: told once, by us
-    logging.getLogger("can").propagate = False
-    parsed = parser.parse_args(arguments)
-    command: Callable[[argparse.Namespace], ExitCode] = parsed.run
     try:
+        _open_standard_streams()
+        speak_plainly()
+        argcomplete.autocomplete(parser)
+        logging.getLogger("can").addHandler(logging.NullHandler())  # what it cannot do it raises, too: told once, by us
+        logging.getLogger("can").propagate = False
+        parsed = parser.parse_args(arguments)
+        command: Callable[[argparse.Namespace], ExitCode] = parsed.run
         code = int(command(parsed))
         sys.stdout.flush()
     except PositionerError as error:
         return _tell(parser, str(error), error.exit_code)
     except KeyboardInterrupt:
         return INTERRUPTED
-    except OSError as error:
-        if error.filename is not None or error.errno not in {errno.EPIPE, *_NOT_WRITTEN}:
+    except BrokenPipeError:  # the reader has gone, and wants no more
+        _discard_output()
+        return int(ExitCode.OK)
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno in _FULL and error.filename is None:
+            _discard_output()
+            return _tell(parser, f"nothing more can be written: {error.strerror}", ExitCode.IO)
+        if os.environ.get(TRACEBACK):
             raise
-        # what is still buffered goes nowhere, or the interpreter would complain when it ends
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if error.errno == errno.EPIPE:  # the reader has gone, and wants no more
-            return int(ExitCode.OK)
-        return _tell(parser, f"the output cannot be written: {error.strerror}", ExitCode.IO)
+        return _tell(parser, *unforeseen(error))
     return code
 
 
-def _tell(parser: argparse.ArgumentParser, line: str, code: ExitCode) -> int:
+def _discard_output() -> None:
+    """Let what is still buffered go nowhere, or the interpreter would complain when it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _tell(parser: argparse.ArgumentParser, line: str, code: int) -> int:
     with closing(LineSink.of(sys.stderr)) as sink:
         sink.write(f"{parser.prog}: {line}", _PATIENCE_S)
     return int(code)

@@ -6,6 +6,7 @@ bus that is away (always worth one).
 
 from __future__ import annotations
 
+import errno
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -18,9 +19,14 @@ class ExitCode(IntEnum):
     USAGE = 2
     UNAVAILABLE = 69
     SOFTWARE = 70
+    SYSTEM = 71
     IO = 74
     TEMPORARY = 75
     CONFIG = 78
+
+
+PASSING = frozenset({errno.ENOMEM, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOSPC, errno.EAGAIN, errno.EINTR})
+"""What the system refuses for now: no mistake of anybody's, and worth another start."""
 
 
 class PositionerError(Exception):

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
-from positioner.errors import ConfigurationError, Problem
+from positioner.errors import PASSING, ConfigurationError, Problem
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -69,6 +69,7 @@ def read_text(path: Path) -> str:
 
     Raises:
         ConfigurationError: the file cannot be read, or is not UTF-8 text.
+        OSError: the system refuses for now, see `PASSING`.
     """
     try:
         with path.open("rb") as file:
@@ -78,6 +79,8 @@ def read_text(path: Path) -> str:
             raise ConfigurationError(str(path), (Problem("file", None, told),))
         return data.decode("utf-8")
     except OSError as error:
+        if error.errno in PASSING:
+            raise
         raise ConfigurationError(str(path), (Problem("file", None, f"cannot be read: {error.strerror}"),)) from error
     except UnicodeDecodeError as error:
         raise ConfigurationError(str(path), (Problem("file", None, f"is not UTF-8 text: {error}"),)) from error

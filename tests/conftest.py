@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from typing import TYPE_CHECKING
 
 from hypothesis import HealthCheck, settings
 
+from positioner.start import TRACEBACK
+
 if TYPE_CHECKING:
     import pytest
+
+os.environ.setdefault(TRACEBACK, "1")  # what nobody has foreseen is to be seen whole in a test
 
 settings.register_profile("explore", deadline=None, print_blob=True)
 settings.register_profile(

@@ -66,6 +66,7 @@ PLUMBING = (
     "positioner.plain_text",
     "positioner.notify",
     "positioner.line_sink",
+    "positioner.start",
 )
 """What the plant emulator shares with the positioner: the wire and tools, no physics."""
 

@@ -22,8 +22,8 @@ examples:
   positioner replay bus.log --config fv101.toml   do a recorded bus again, and compare
   positioner table dump --config fv101.toml       what was learned about its stiction
 
-exit status: 0 done, 1 failed, 2 usage, 69 bus or valve not available, 70 internal error, 74 state not saved,
-             75 occupied for now, 78 configuration
+exit status: 0 done, 1 failed, 2 usage, 69 bus or valve not available, 70 internal error, 71 the system refuses,
+             74 state not saved, 75 occupied for now, 78 configuration
 completion:  eval "$(register-python-argcomplete positioner)"
 """
 

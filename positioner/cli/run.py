@@ -24,8 +24,9 @@ example:
 It waits for the first valid position frame and transmits nothing before it is armed: by a SETPOINT frame with
 Request = ARM after one with another request, or at once with guard.auto_arm.
 SIGTERM stops it; what it learned is saved first.
-exit status: 0 stopped, 69 another controller commands the valve, 74 the table could not be saved, 75 another process
-holds the valve's state for now, 78 the configuration is wrong or the driver of its bus is missing.
+exit status: 0 stopped, 69 another controller commands the valve, 71 the system refuses memory, a file or a socket,
+74 the table could not be saved, 75 another process holds the valve's state for now, 78 the configuration is wrong, or
+the driver of its bus is missing.
 """
 
 

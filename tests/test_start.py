@@ -1,0 +1,98 @@
+"""What nobody has foreseen ends in one line and a documented status, and in a traceback for who asks for it."""
+
+from __future__ import annotations
+
+import errno
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from plant_emulator import start as plant_start
+from positioner import start
+from positioner.cli.main import main
+from positioner.errors import ExitCode
+
+if TYPE_CHECKING:
+    Output = pytest.CaptureFixture[str]
+
+ERRORS: list[tuple[BaseException, ExitCode, str]] = [
+    (OSError(errno.EMFILE, "Too many open files"), ExitCode.SYSTEM, "the system refuses: OSError: [Errno 24] Too many"),
+    (MemoryError(), ExitCode.SYSTEM, "the system refuses: MemoryError: no more is known"),
+    (
+        ImportError("libopenblas.so:\n cannot allocate memory"),
+        ExitCode.SYSTEM,
+        "libopenblas.so: cannot allocate memory",
+    ),
+    (KeyError("x"), ExitCode.SOFTWARE, "internal error: KeyError: 'x' in "),
+]
+
+
+@pytest.fixture(autouse=True)
+def _no_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(start.TRACEBACK, raising=False)
+
+
+@pytest.mark.parametrize(("error", "status", "told"), ERRORS)
+def test_a_command_that_fails_unforeseen_ends_in_one_line(
+    error: BaseException, status: ExitCode, told: str, monkeypatch: pytest.MonkeyPatch, capsys: Output
+) -> None:
+    def fails() -> str:
+        raise error
+
+    monkeypatch.setattr("positioner.cli.check.example_text", fails)
+    assert main(["check", "--example"]) == status
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("positioner: ")
+    assert told in line
+    monkeypatch.setenv(start.TRACEBACK, "1")
+    with pytest.raises(type(error)):
+        main(["check", "--example"])
+
+
+@pytest.mark.parametrize(("program", "name"), [(start, "positioner"), (plant_start, "plant-emulator")])
+@pytest.mark.parametrize(
+    ("error", "status", "told"), [*ERRORS, (BaseException("a panic"), ExitCode.SOFTWARE, "a panic")]
+)
+def test_a_program_that_cannot_be_loaded_ends_in_one_line(
+    error: BaseException,
+    status: ExitCode,
+    told: str,
+    program: Any,
+    name: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: Output,
+) -> None:
+    def fails(_module: str) -> None:
+        raise error
+
+    monkeypatch.setattr("importlib.import_module", fails)
+    assert program.main() == status
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"{name}: cannot be loaded: ")
+    assert told in line
+    monkeypatch.setenv(start.TRACEBACK, "1")
+    with pytest.raises(type(error)):
+        program.main()
+
+
+@pytest.mark.parametrize("number", [errno.EIO, errno.EMFILE, errno.ENOMEM])
+def test_a_file_that_the_system_refuses_for_now_is_no_mistake_of_the_configuration(
+    number: int, monkeypatch: pytest.MonkeyPatch, capsys: Output, tmp_path: Path
+) -> None:
+    def refused(path: Path, *_arguments: object, **_more: object) -> str:
+        raise OSError(number, os.strerror(number), str(path))
+
+    monkeypatch.setattr(Path, "open", refused)
+    assert main(["check", str(tmp_path / "valve.toml")]) == ExitCode.SYSTEM
+    assert os.strerror(number) in capsys.readouterr().err
+
+
+def test_nothing_but_what_the_interpreter_has_loaded_is_needed_to_say_so() -> None:
+    code = "import sys; before = set(sys.modules); import positioner.start; print(*(set(sys.modules) - before))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    ours = {name for name in done.stdout.split() if name.startswith(("positioner", "can", "numpy", "pydantic"))}
+    assert ours == {"positioner", "positioner.start"}

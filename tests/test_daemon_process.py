@@ -72,7 +72,7 @@ def test_a_held_arm_does_not_arm_a_daemon_that_starts_again(tmp_path: Path) -> N
         service.kill()
         service.start()
         deadline_s = time.monotonic() + PATIENCE_S
-        while not service.told("mode INIT -> READY (waiting for arm)"):
+        while not service.told("mode INIT -> READY (waiting for arm)")[1:]:
             assert time.monotonic() < deadline_s, service.lines
             assert service.request(HostRequest.ARM) == []
         for _ in range(50):

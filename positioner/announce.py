@@ -23,6 +23,7 @@ from positioner.other_controller import OtherController
 from positioner.wire.messages import Cause, Mode
 
 if TYPE_CHECKING:
+    from positioner.machine_time import TimePort
     from positioner.trace import TraceWriter
 
 _NEXT_TURN_S = 5.0
@@ -32,9 +33,9 @@ _NEXT_TURN_S = 5.0
 class Announcer:
     """Tells the world; `ready` once a first valid position frame has been seen."""
 
-    def __init__(self) -> None:
+    def __init__(self, time: TimePort) -> None:
         """Find the service manager, if there is one; no trace is written until one is given."""
-        self.throttle = Throttle()
+        self.throttle = Throttle(time=time)
         self.notifier = Notifier()
         self.trace: TraceWriter | None = None
         self.ready = False

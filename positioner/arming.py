@@ -33,7 +33,7 @@ def arm(settings: GuardSettings, state: GuardState, seen: Sighting, hold_ns: flo
     fresh = state.feedback_ns is not None and now_ns - state.feedback_ns <= hold_ns
     by_hand = is_fresh(settings, state.manual, now_ns)
     fresh = fresh or (by_hand and state.feedback_ns is not None)  # a valve whose sensor has died can be moved by hand
-    request, asked = _follow(state.request, seen.requests, fresh=fresh)
+    request, asked = _follow(state.request if seen.waited is None else seen.waited, seen.requests, fresh=fresh)
     if request is not state.request:
         state = replace(state, request=request)
     wanted = asked or (settings.auto_arm and not state.ever_armed and request is not HostRequest.DISARM)
@@ -49,6 +49,7 @@ def arm(settings: GuardSettings, state: GuardState, seen: Sighting, hold_ns: flo
         mode=Mode.HOLD,  # pragma: no mutate - anything but FAILSAFE: the table decides
         setpoint_ns=now_ns,
         law_failures=0,
+        late_answers=0,
         manual=state.manual if by_hand else AUTOMATIC,
     )
 

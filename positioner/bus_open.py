@@ -105,6 +105,14 @@ def _confine(bus: can.BusABC, group: str) -> None:
             sock.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
 
 
+def descriptor_of(bus: can.BusABC) -> int | None:
+    """Return the descriptor that says when a frame has come, None where the interface has none."""
+    try:
+        return bus.fileno()
+    except (NotImplementedError, AttributeError):
+        return None
+
+
 def dropped_frames(bus: can.BusABC | None) -> int:
     """Return how many frames the kernel dropped because this socket's queue was full: the count of SO_RXQ_OVFL.
 

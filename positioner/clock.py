@@ -6,10 +6,10 @@ nothing else makes time pass. Two runs are then the same to the bit, however fas
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from typing import TYPE_CHECKING, Protocol
 
+from positioner.machine_time import MachineTime, TimePort
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import Setpoint, StemPosition
 
@@ -22,7 +22,9 @@ _NS_PER_US = 1000
 
 
 class Clock(Protocol):
-    """Tells the instant of a batch of frames."""
+    """Tells the instant of a batch of frames; `is_real` where frames arrive, and turns take time, by the same clock."""
+
+    is_real: bool
 
     def now_ns(self, frames: tuple[CanFrame, ...]) -> int:
         """Return the monotonic instant at which `frames` are handled."""
@@ -31,14 +33,22 @@ class Clock(Protocol):
 class RealClock:
     """The machine's monotonic clock in whole microseconds, as logs hold them; a stepped wall clock does not move it."""
 
+    is_real = True
+
+    def __init__(self, time: TimePort | None = None) -> None:
+        """Read the machine's clock, or another one."""
+        self._time = time or MachineTime()
+
     def now_ns(self, frames: tuple[CanFrame, ...]) -> int:
         """Return the present instant."""
         del frames
-        return time.monotonic_ns() // _NS_PER_US * _NS_PER_US
+        return self._time.monotonic_ns() // _NS_PER_US * _NS_PER_US
 
 
 class LockstepClock:
-    """Virtual time, driven by the counters of the position frames."""
+    """Virtual time, driven by the counters of the position frames; the plant waits, so that no turn is late."""
+
+    is_real = False
 
     def __init__(self, codec: Codec, period_s: float) -> None:
         """Start at zero; the first position frame makes the first period pass."""

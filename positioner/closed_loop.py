@@ -13,7 +13,7 @@ from positioner.learning import believe, learn
 
 if TYPE_CHECKING:
     from positioner.cycle_state import CycleState, Setup
-    from positioner.inbox import Reading
+    from positioner.link import Reading
 
 
 def control(
@@ -62,6 +62,7 @@ def control(
         control_s=state.control_s + elapsed_s,
         guard=replace(state.guard, law_failures=0) if state.guard.law_failures else state.guard,
         fallback_count=state.fallback_count + bool(decision.fallback),
+        answered=True,
     )
     return state, decision
 

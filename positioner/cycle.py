@@ -10,12 +10,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from positioner import guard
+from positioner import guard, stall
 from positioner.closed_loop import control
-from positioner.events import Controlled, Event, LawLate, LinesDropped, ModeChanged
+from positioner.events import Controlled, Event, LinesDropped, ModeChanged
 from positioner.handover import ease, follow
-from positioner.inbox import Reading, receive
+from positioner.inbox import receive
 from positioner.outbox import command, status
+from positioner.timing_events import LawLate, Stalled
 from positioner.wire.messages import Mode
 
 if TYPE_CHECKING:
@@ -23,9 +24,12 @@ if TYPE_CHECKING:
 
     from positioner.cycle_state import CycleState, Setup
     from positioner.laws.law import Decision
+    from positioner.link import Reading
     from positioner.wire.messages import CanFrame
 
-_IDLE_COMMAND_PERIOD_NS = 10_000_000
+IDLE_COMMAND_PERIOD_S = 0.01
+"""In HOLD and FAILSAFE the actuator hears the last word this often, whatever the sample period."""
+_IDLE_COMMAND_PERIOD_NS = round(IDLE_COMMAND_PERIOD_S * 1e9)
 
 
 def step(
@@ -35,16 +39,21 @@ def step(
 
     A cycle closes for every batch that holds a fresh, plausible reading. Without one, only time passes: the guard ages
     what it has, and in HOLD or FAILSAFE the last word is repeated so that the actuator hears that somebody is there.
+    `state.late_ns` is how long nobody looked at the bus before; a reading that waited meanwhile is not acted on. With
+    `state.unsent` the last command did not leave, and is not the last word.
     """
+    if state.unsent:
+        state = replace(state, sent=state.sent[:-1], unsent=False)
     before = state.guard
     commanded_ma = state.last_ma if before.controls or before.mode is Mode.MANUAL else None
-    received = receive(setup.codec, setup.guard, setup.valve, state.link, tuple(inbox), commanded_ma, setup.period_s)
-    seen, events = received.seen, [*received.events]
-    if state.late_ns:
-        seen = replace(seen, late=True)
-        events.append(LawLate(state.late_ns, setup.period_s))
-    if state.lines_dropped:
-        events.append(LinesDropped(state.lines_dropped))
+    stall_ns = stall.stall_ns(setup.guard, setup.period_s, state.late_ns, armed=before.armed)
+    fresh = stall.freshness(setup.guard, setup.period_s, now_ns, armed=before.armed, stalled=stall_ns > 0)
+    received = receive(
+        setup.codec, setup.guard, setup.valve, state.link, tuple(inbox), commanded_ma, setup.period_s, fresh
+    )
+    seen, events = received.seen, [*received.events, *_of_the_shell(setup, state, stall_ns)]
+    if state.late_ns or before.late_answers:
+        seen = replace(seen, late=state.late_ns > 0, stall_ns=stall_ns, answered=state.answered)
     watch = guard.supervise(setup.guard, before, seen, setup.period_s, now_ns)
     reading = received.reading
     measured_m = reading.position_m if reading else None
@@ -55,6 +64,7 @@ def step(
         guard=watch,
         late_ns=0,
         lines_dropped=0,
+        answered=False,
         tally=state.tally.add(events),
         handover=handover,
     )
@@ -69,7 +79,7 @@ def step(
             state = replace(state, handover=handover)
 
     outbox: list[CanFrame] = []
-    stale = guard.is_feedback_stale(setup.guard, watch, setup.period_s, now_ns)
+    stale = stall_ns > 0 or guard.is_feedback_stale(setup.guard, watch, setup.period_s, now_ns)
     if reading is not None or (stale and now_ns - state.command_ns >= _IDLE_COMMAND_PERIOD_NS):
         state, frames = command(setup, state, decision, reading, now_ns)
         outbox += frames
@@ -80,6 +90,16 @@ def step(
     if state.guard.mode is not before.mode or state.guard.cause is not before.cause:
         events.append(ModeChanged(before.mode, state.guard.mode, state.guard.cause))
     return state, tuple(outbox), tuple(events)
+
+
+def _of_the_shell(setup: Setup, state: CycleState, stall_ns: int) -> list[Event]:
+    """Return what the shell told by the state."""
+    events: list[Event] = []
+    if state.late_ns:
+        events.append(Stalled(stall_ns) if stall_ns else LawLate(state.late_ns, setup.period_s))
+    if state.lines_dropped:
+        events.append(LinesDropped(state.lines_dropped))
+    return events
 
 
 def _controlled(state: CycleState, decision: Decision, reading: Reading) -> Controlled:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from positioner.guard_state import GuardState
-from positioner.inbox import LinkState
+from positioner.link import LinkState
 from positioner.stiction import StictionTable
 from positioner.tally import Tally
 
@@ -68,6 +68,8 @@ class CycleState:
     table_saved: bool = True
     late_ns: int = 0
     lines_dropped: int = 0
+    answered: bool = False
+    unsent: bool = False
     tally: Tally = field(default_factory=Tally)
     fallback_count: int = 0
     learned_count: int = 0

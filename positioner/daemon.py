@@ -5,11 +5,10 @@ from __future__ import annotations
 import gc
 import logging
 import signal
-import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, assert_never
 
-from positioner import cycle
+from positioner import cycle, guard
 from positioner.announce import Announcer
 from positioner.bus import BusPort
 from positioner.clock import Clock, LockstepClock, LockstepGate, RealClock
@@ -17,6 +16,7 @@ from positioner.cycle_state import CycleState, Setup
 from positioner.errors import ExitCode, UsageError
 from positioner.events import Event, Learned
 from positioner.journal import dropped_lines, logger
+from positioner.ports import Ports
 from positioner.record import BusRecorder
 from positioner.store.client import TableKeeper
 from positioner.store.messages import Notice, Replaced, Saved, SavingFailed, SavingWorks
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
     from positioner.config import Configuration
     from positioner.store.client import KeeperEvent
+    from positioner.wire.messages import CanFrame
 
 _WATCHED = (StemPosition, ActuatorState, Setpoint, ManualCurrent)
 _IDLE_WAIT_S = 0.1
@@ -36,6 +37,7 @@ _SHORTEST_WAIT_S = 0.001
 _CLOSE_TIMEOUT_S = 5.0
 _WATCHDOG_EVERY_S = 0.1
 _POLL_EVERY_S = 0.02
+_NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +57,7 @@ class RunOptions:
 class Daemon:
     """One valve, one bus, one loop."""
 
-    def __init__(self, configuration: Configuration, options: RunOptions) -> None:
+    def __init__(self, configuration: Configuration, options: RunOptions, ports: Ports | None = None) -> None:
         """Take the table over from the state directory.
 
         Raises:
@@ -64,7 +66,9 @@ class Daemon:
             UsageError: the trace cannot be written.
         """
         self._options = options
-        self._announcer = Announcer()
+        ports = ports or Ports()
+        self._time = ports.time
+        self._announcer = Announcer(self._time)
         self._stopping = False
         codec = configuration.make_codec()
         control = configuration.control
@@ -78,14 +82,14 @@ class Daemon:
         self._period_s = control.sample_period_s
         # a dry run watches beside whoever controls the valve: it arms by itself and hears no commands
         kinds = _WATCHED if options.dry_run else (*_WATCHED, CurrentCommand)
-        guard = replace(configuration.guard, auto_arm=True) if options.dry_run else configuration.guard
-        self._bus = BusPort(configuration.bus, [codec.identifier(kind) for kind in kinds], self._report)
+        limits = replace(configuration.guard, auto_arm=True) if options.dry_run else configuration.guard
+        self._bus = BusPort(configuration.bus, [codec.identifier(kind) for kind in kinds], self._report, ports)
         self._gate = LockstepGate(codec, options.setpoint_every)
-        self._clock: Clock = LockstepClock(codec, self._period_s) if options.lockstep else RealClock()
+        self._clock: Clock = LockstepClock(codec, self._period_s) if options.lockstep else RealClock(self._time)
         self._setup = Setup(
             codec,
             configuration.valve,
-            guard,
+            limits,
             configuration.make_law(),
             self._period_s,
             learns=not options.dry_run,
@@ -122,39 +126,52 @@ class Daemon:
 
     def _turn(self) -> None:
         """Close one cycle, or let time pass."""
-        armed = self._state.guard.armed
-        frames = self._bus.receive(max(self._period_s, _SHORTEST_WAIT_S) if armed else _IDLE_WAIT_S)
+        frames = self._bus.receive(self._wait_s())
         if self._bus.is_open and not self._announcer.ready:
             self._announcer.notifier.send(STATUS=f"waiting for position frames on {self._bus.address}")
         frames = self._gate.admit(frames)
         now_ns = self._clock.now_ns(frames)
-        told = self._state
-        began_ns = time.monotonic_ns()
-        self._state, outbox, events = cycle.step(self._setup, told, frames, now_ns)
-        spent_ns = time.monotonic_ns() - began_ns
+        told, frames = self._timed(frames)
+        left, outbox, events = cycle.step(self._setup, told, frames, now_ns)
+        self._state = left
         if not self._options.dry_run:
-            for frame in outbox:
-                self._bus.send(frame)
-        self._recorder.turn(told, frames, now_ns, outbox, self._state)
-        self._watch_the_time(spent_ns)
+            self._send(outbox, now_ns)
+        self._recorder.turn(told, frames, now_ns, outbox, left)
         self._announcer.tell(events, now_ns, ever_armed=self._state.guard.ever_armed)
         self._keep(events)
-        if time.monotonic() >= self._watchdog_due_s:  # whoever waits for feedback or for arming is alive, too
-            self._watchdog_due_s = time.monotonic() + _WATCHDOG_EVERY_S
+        if self._time.monotonic_s() >= self._watchdog_due_s:  # whoever waits for feedback or for arming is alive, too
+            self._watchdog_due_s = self._time.monotonic_s() + _WATCHDOG_EVERY_S
             self._announcer.alive()
 
-    def _watch_the_time(self, spent_ns: int) -> None:
-        """Tell the next cycle that this one took longer than a period; in lockstep the plant waits, and none does."""
-        if spent_ns > self._period_s * 1e9 and not self._options.lockstep:
-            self._state = replace(self._state, late_ns=spent_ns)
+    def _wait_s(self) -> float:
+        """Return how long to wait for a frame: for as long as nothing is due."""
+        if not self._state.guard.armed:
+            return _IDLE_WAIT_S
+        return max(min(self._period_s, cycle.IDLE_COMMAND_PERIOD_S), _SHORTEST_WAIT_S)
+
+    def _timed(self, frames: tuple[CanFrame, ...]) -> tuple[CycleState, tuple[CanFrame, ...]]:
+        """Return what the cycle is told: frames with their arrival, and how long nobody looked if that was too long."""
+        if not self._clock.is_real:
+            return self._state, tuple(replace(frame, received_ns=0) for frame in frames)
+        gap_ns = self._bus.gap_ns
+        late = self._state.guard.armed and gap_ns > self._period_s * _NS  # before, nothing is due
+        return replace(self._state, late_ns=gap_ns) if late else self._state, frames
+
+    def _send(self, outbox: tuple[CanFrame, ...], now_ns: int) -> None:
+        """Send, but nothing that a stall in the middle of the turn has made too old meanwhile."""
+        setup, watch = self._setup, self._state.guard
+        deadline_ns = guard.deadline_ns(setup.guard, watch, setup.period_s, now_ns) if self._clock.is_real else None
+        sent = [self._bus.send(frame, deadline_ns) for frame in outbox]
+        if not all(sent[:1]):  # the command goes first
+            self._state = replace(self._state, unsent=True)
 
     def _keep(self, events: tuple[Event, ...]) -> None:
         """Hand over what was learned; take over what was reset or imported meanwhile."""
         samples = [event.sample for event in events if isinstance(event, Learned)]
         self._keeper.record(samples)
-        if time.monotonic() < self._poll_due_s:
+        if self._time.monotonic_s() < self._poll_due_s:
             return
-        self._poll_due_s = time.monotonic() + _POLL_EVERY_S
+        self._poll_due_s = self._time.monotonic_s() + _POLL_EVERY_S
         for heard in self._keeper.poll():
             self._hear(heard)
         if (dropped := dropped_lines()) != self._dropped:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from positioner.timing_events import LawLate, Stalled
 from positioner.wire.loop_current import LoopSignal, signal_of
 
 if TYPE_CHECKING:
@@ -179,21 +180,6 @@ class LinesDropped:
 
 
 @dataclass(frozen=True, slots=True)
-class LawLate:
-    """The cycle before took longer than a sample period; its command left late."""
-
-    spent_ns: int
-    period_s: float
-
-    def __str__(self) -> str:
-        """One line for the log."""
-        return (
-            f"a cycle took {self.spent_ns / 1e6:.3g} ms, longer than the period of {self.period_s * 1e3:g} ms: "
-            "give the positioner a processor of its own, or a longer control.sample_period_s"
-        )
-
-
-@dataclass(frozen=True, slots=True)
 class MoveBegan:
     """The law began a move; `why` says what for, and what its first current rests on."""
 
@@ -232,6 +218,7 @@ Event = (
     | LawFellBack
     | LawLate
     | LinesDropped
+    | Stalled
     | MoveBegan
     | Controlled
 )

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from positioner.arming import arm
 from positioner.guard_state import GuardState, Sighting
 from positioner.manual import hear
+from positioner.stall import failsafe_ns, hold_ns
 from positioner.wire.messages import Cause, Mode
 
 if TYPE_CHECKING:
@@ -31,24 +32,36 @@ def supervise(settings: GuardSettings, state: GuardState, seen: Sighting, period
     if foreign_ns is not None and now_ns - foreign_ns > _FOREIGN_MEMORY_NS:
         foreign_ns = None
     manual = hear(state.manual, seen.manual, now_ns)
+    setpoint_ns = now_ns - seen.setpoint_age_ns if seen.setpoint else state.setpoint_ns
+    if manual.heard_ns == now_ns:
+        setpoint_ns = now_ns
     state = GuardState(
         state.mode,
         state.cause,
         state.armed,
         state.ever_armed,
         state.request,
-        now_ns if seen.feedback else state.feedback_ns,
-        now_ns if seen.setpoint or manual.heard_ns == now_ns else state.setpoint_ns,
+        now_ns - seen.feedback_age_ns if seen.feedback else state.feedback_ns,
+        setpoint_ns,
         foreign_ns,
         state.law_failures,
         Cause.FEEDBACK_STALE if seen.feedback else seen.refused or state.no_feedback,
         state.late_cycles + 1 if seen.late else 0,
         manual,
         Cause.SETPOINT_STALE if seen.setpoint else seen.setpoint_refused or state.no_setpoint,
+        seen.stall_ns,
+        _late_answers(state, seen),
     )
-    state = arm(settings, state, seen, settings.feedback_hold_periods * period_s * _NS, now_ns)
+    state = arm(settings, state, seen, hold_ns(settings, period_s), now_ns)
     mode, cause = _mode(settings, state, period_s, now_ns)
     return replace(state, mode=mode, cause=cause)
+
+
+def _late_answers(state: GuardState, seen: Sighting) -> int:
+    """Return how many answers of the law in a row came after a stall, when it was too late to use them."""
+    if not seen.answered:
+        return state.late_answers
+    return state.late_answers + 1 if seen.stall_ns else 0
 
 
 def _mode(settings: GuardSettings, state: GuardState, period_s: float, now_ns: int) -> tuple[Mode, Cause]:
@@ -67,6 +80,7 @@ def _mode(settings: GuardSettings, state: GuardState, period_s: float, now_ns: i
         (not state.armed and foreign, Mode.READY, Cause.FOREIGN_COMMAND),
         (not state.armed and state.ever_armed, Mode.READY, Cause.DISARMED),
         (not state.armed, Mode.READY, Cause.WAITING_FOR_ARM),
+        (state.stall_ns > failsafe_ns(settings, period_s), Mode.FAILSAFE, Cause.STALLED),
         (by_hand and 0.0 < settings.setpoint_failsafe_s < silent_s, Mode.FAILSAFE, Cause.SETPOINT_STALE),
         (by_hand and 0.0 < settings.setpoint_hold_s < silent_s, Mode.MANUAL, Cause.SETPOINT_STALE),
         (by_hand and dead, Mode.MANUAL, state.no_feedback),
@@ -74,7 +88,9 @@ def _mode(settings: GuardSettings, state: GuardState, period_s: float, now_ns: i
         (by_hand, Mode.MANUAL, Cause.MANUAL),
         (dead, Mode.FAILSAFE, state.no_feedback),
         (state.law_failures >= settings.law_failsafe_cycles, Mode.FAILSAFE, Cause.LAW_FAILED),
+        (state.late_answers >= settings.law_failsafe_cycles, Mode.FAILSAFE, Cause.LAW_LATE),
         (0.0 < settings.setpoint_failsafe_s < silent_s, Mode.FAILSAFE, state.no_setpoint),
+        (state.stall_ns > 0, Mode.HOLD, Cause.STALLED),
         (silent_periods > settings.feedback_hold_periods, Mode.HOLD, state.no_feedback),
         (0.0 < settings.setpoint_hold_s < silent_s, Mode.HOLD, state.no_setpoint),
         (foreign, Mode.ACTIVE, Cause.FOREIGN_COMMAND),
@@ -83,11 +99,16 @@ def _mode(settings: GuardSettings, state: GuardState, period_s: float, now_ns: i
     return next(((mode, cause) for holds, mode, cause in rules if holds), (Mode.ACTIVE, Cause.NONE))
 
 
+def deadline_ns(settings: GuardSettings, state: GuardState, period_s: float, now_ns: int) -> float | None:
+    """Return the instant after which what was computed from fresh feedback may not leave; None where nothing was."""
+    if state.feedback_ns is None or is_feedback_stale(settings, state, period_s, now_ns):
+        return None
+    return state.feedback_ns + hold_ns(settings, period_s)
+
+
 def is_feedback_stale(settings: GuardSettings, state: GuardState, period_s: float, now_ns: int) -> bool:
     """Return whether the last valid feedback is older than HOLD tolerates."""
-    if state.feedback_ns is None:
-        return False
-    return now_ns - state.feedback_ns > settings.feedback_hold_periods * period_s * _NS
+    return state.feedback_ns is not None and now_ns - state.feedback_ns > hold_ns(settings, period_s)
 
 
 def admit(

@@ -12,9 +12,10 @@ from positioner.wire.messages import Cause, Health, HostRequest, ManualCurrent, 
 class Sighting:
     """What this cycle saw: a reading that can be true, a usable setpoint, what the host asks, a foreign command.
 
-    requests: in their order, a repeated one once; refused: why a reading could not be true; late: the cycle before took
-        longer than a period; stray_disarm: a DISARM in a frame out of sequence; setpoint_refused: why a setpoint was
-        not used.
+    feedback_age_ns, setpoint_age_ns: how long ago they arrived; requests: in their order, a repeated one once; waited:
+    the last request that waited for too long to arm; refused: why a reading could not be true; late: the turn before
+    took longer than a period; stall_ns: so long that it is a stall; answered: a law had answered in the turn before.
+    stray_disarm: a DISARM in a frame out of sequence; setpoint_refused: why a setpoint was not used.
     manual: what the host last said of manual mode.
     """
 
@@ -27,11 +28,19 @@ class Sighting:
     manual: ManualCurrent | None = None
     stray_disarm: bool = False
     setpoint_refused: Cause | None = None
+    feedback_age_ns: int = 0
+    setpoint_age_ns: int = 0
+    waited: HostRequest | None = None
+    stall_ns: int = 0
+    answered: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class GuardState:
-    """Mode and cause, and what decides them; instants are monotonic, None for never; late cycles count in a row."""
+    """Mode and cause, and what decides them; instants are monotonic, None for never.
+
+    late_cycles, late_answers: in a row; stall_ns: how long the process stood still just before, 0 for no stall.
+    """
 
     mode: Mode = Mode.INIT
     cause: Cause = Cause.WAITING_FOR_FEEDBACK
@@ -46,6 +55,8 @@ class GuardState:
     late_cycles: int = 0
     manual: Manual = AUTOMATIC
     no_setpoint: Cause = Cause.SETPOINT_STALE  # what it is called when setpoints are missing
+    stall_ns: int = 0
+    late_answers: int = 0
 
     @property
     def transmits(self) -> bool:

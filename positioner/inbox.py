@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from positioner.events import (
@@ -15,7 +14,9 @@ from positioner.events import (
     SetpointRefused,
 )
 from positioner.guard_state import Sighting
-from positioner.plausibility import Watched, judge
+from positioner.link import LinkState, Reading, Received
+from positioner.plausibility import judge
+from positioner.stall import Freshness
 from positioner.wire.e2e import CounterCheck, Sequence
 from positioner.wire.formats import FrameRejectedError, Reason
 from positioner.wire.messages import (
@@ -32,51 +33,16 @@ from positioner.wire.messages import (
 from positioner.wire.window import Sender
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from positioner.guard_settings import GuardSettings
     from positioner.model import ValveParameters
     from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame
 
 
-@dataclass(frozen=True, slots=True)
-class LinkState:
-    """What is remembered of the other nodes between cycles."""
-
-    senders: Mapping[type[Message], Sender] = field(default_factory=dict)
-    readings: Watched = field(default_factory=Watched)
-    setpoint_m: float | None = None
-    setpoint_counter: int | None = None
-    pressure_pa: float | None = None
-    rejected_count: int = 0
-    periods_unread: int = 0
-    position_counter: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """A plausible position reading: its frame's counter, and how many sample periods lie between it and the last."""
-
-    position_m: float
-    counter: int | None
-    command_counter: int | None
-    periods: int
-
-
-@dataclass(frozen=True, slots=True)
-class Received:
-    """What a batch of frames amounts to."""
-
-    link: LinkState
-    reading: Reading | None
-    seen: Sighting
-    events: tuple[Event, ...]
-
-
 _IGNORED = frozenset({Reason.UNKNOWN_ID})
 """Other nodes' traffic is nobody's mistake."""
 _COUNTED = (StemPosition, Setpoint, ActuatorState, ManualCurrent)
+ALL_FRESH = Freshness()
 
 
 def receive(
@@ -87,12 +53,14 @@ def receive(
     frames: tuple[CanFrame, ...],
     commanded_ma: float | None = None,
     period_s: float = 0.0,
+    fresh: Freshness = ALL_FRESH,
 ) -> Received:
     """Return what `frames`, oldest first, amount to; the newest reading counts, no frame is lost to the checks.
 
     commanded_ma is the current that a law or a person gave, None in other modes; `period_s` lies between two readings.
+    A reading that is not `fresh` is told to the guard with its age, and not handed on.
     """
-    batch = _Batch(guard, valve, link, commanded_ma, period_s)
+    batch = _Batch(guard, valve, link, commanded_ma, period_s, fresh)
     for frame in frames:
         try:
             message, counter = codec.decode(frame)
@@ -102,7 +70,7 @@ def receive(
                 batch.rejected_count += 1
                 batch.events.append(FrameRefused(error.reason, str(error)))
         else:
-            batch.take(message, counter, lost)
+            batch.take(message, counter, lost, fresh.arrived_ns(frame))
     return batch.result()
 
 
@@ -110,12 +78,19 @@ class _Batch:
     """A batch of frames on its way to being understood: the link's fields, writable until `result`."""
 
     def __init__(
-        self, guard: GuardSettings, valve: ValveParameters, link: LinkState, commanded_ma: float | None, period_s: float
+        self,
+        guard: GuardSettings,
+        valve: ValveParameters,
+        link: LinkState,
+        commanded_ma: float | None,
+        period_s: float,
+        fresh: Freshness,
     ) -> None:
         self.guard = guard
         self.valve = valve
         self.commanded_ma = commanded_ma
         self.period_s = period_s
+        self.fresh = fresh
         self.senders = dict(link.senders)
         self.readings = link.readings
         self.setpoint_m = link.setpoint_m
@@ -124,10 +99,12 @@ class _Batch:
         self.rejected_count = link.rejected_count
         self.position_counter = link.position_counter
         self.reading: Reading | None = None
-        self.setpoint = False
+        self.feedback_ns: int | None = None
+        self.setpoint_ns: int | None = None
         self.requests: list[HostRequest] = []
         self.manual: ManualCurrent | None = None
         self.stray_disarm = False
+        self.waited: HostRequest | None = None
         self.foreign = False
         self.refused: Cause | None = None
         self.setpoint_refused: Cause | None = None
@@ -146,13 +123,17 @@ class _Batch:
             self._periods - (self.reading.periods if self.reading else 0),
             self.reading.counter if self.reading else self.position_counter,
         )
+        now_ns, feedback_ns, setpoint_ns = self.fresh.now_ns, self.feedback_ns, self.setpoint_ns
         seen = Sighting(
-            self.reading is not None,
-            self.setpoint,
+            feedback_ns is not None,
+            setpoint_ns is not None,
             tuple(self.requests),
             self.foreign,
             self.refused,
             manual=self.manual,
+            feedback_age_ns=0 if feedback_ns is None else now_ns - feedback_ns,
+            setpoint_age_ns=0 if setpoint_ns is None else now_ns - setpoint_ns,
+            waited=self.waited,
             stray_disarm=self.stray_disarm,
             setpoint_refused=self.setpoint_refused,
         )
@@ -181,13 +162,13 @@ class _Batch:
             self.events.append(FramesLost(type(message).__name__, lost))
         return lost
 
-    def take(self, message: Message, counter: int | None, lost: int) -> None:
+    def take(self, message: Message, counter: int | None, lost: int, arrived_ns: int) -> None:
         """Take a message whose frame is in order; the emulator's truth and others' status are not ours to read."""
         match message:
             case StemPosition():
-                self._take_position(message, counter, lost)
+                self._take_position(message, counter, lost, arrived_ns)
             case Setpoint():
-                self._take_setpoint(message, counter)
+                self._take_setpoint(message, counter, arrived_ns)
             case ManualCurrent():
                 sender = self.senders.get(ManualCurrent)
                 self.manual = message if sender is None or sender.window.valid else self.manual
@@ -197,7 +178,7 @@ class _Batch:
                 self.foreign = True
                 self.events.append(ForeignCommand(message.current_ma))
 
-    def _take_position(self, message: StemPosition, counter: int | None, lost: int) -> None:
+    def _take_position(self, message: StemPosition, counter: int | None, lost: int, arrived_ns: int) -> None:
         self._periods += lost + 1
         if (sender := self.senders.get(StemPosition)) is not None and not sender.window.settled:
             self.events.append(FeedbackRefused(message.position_m, sender.window.why, Counted.DISPUTED))
@@ -211,10 +192,12 @@ class _Batch:
             self.events.append(FeedbackRefused(message.position_m, doubt.why, doubt.counted))
             frozen = doubt.counted is Counted.FEEDBACK_FROZEN
             self.refused = Cause.FEEDBACK_FROZEN if frozen else Cause.FEEDBACK_IMPLAUSIBLE
-        else:
-            self.reading = Reading(message.position_m, counter, message.command_counter, self._periods)
+            return
+        self.feedback_ns = arrived_ns
+        fresh = arrived_ns >= self.fresh.readings_since_ns
+        self.reading = Reading(message.position_m, counter, message.command_counter, self._periods) if fresh else None
 
-    def _take_setpoint(self, message: Setpoint, counter: int | None) -> None:
+    def _take_setpoint(self, message: Setpoint, counter: int | None, arrived_ns: int) -> None:
         if (sender := self.senders.get(Setpoint)) is not None and not sender.window.valid:
             self.stray_disarm |= message.request is HostRequest.DISARM
             self.setpoint_refused = Cause.SETPOINT_DISPUTED
@@ -222,10 +205,16 @@ class _Batch:
             return
         usable = self.valve.travel_min_m <= message.setpoint_m <= self.valve.travel_max_m
         # an ARM counts with a setpoint that can be used
-        if (usable or message.request is not HostRequest.ARM) and [message.request] != self.requests[-1:]:
-            self.requests.append(message.request)
+        if usable or message.request is not HostRequest.ARM:
+            self._take_request(message.request, arrived_ns)
         if usable:
-            self.setpoint, self.setpoint_m, self.setpoint_counter = True, message.setpoint_m, counter
+            self.setpoint_ns, self.setpoint_m, self.setpoint_counter = arrived_ns, message.setpoint_m, counter
         else:
             refused = SetpointRefused(message.setpoint_m, self.valve.travel_min_m, self.valve.travel_max_m)
             self.events.append(refused)
+
+    def _take_request(self, request: HostRequest, arrived_ns: int) -> None:
+        if request is not HostRequest.DISARM and arrived_ns < self.fresh.arms_since_ns:
+            self.waited = request
+        elif [request] != self.requests[-1:]:
+            self.requests.append(request)

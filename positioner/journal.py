@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import logging
 import sys
-import time
 from dataclasses import dataclass
 
 from positioner.line_sink import LineSink
+from positioner.machine_time import MachineTime, TimePort
 
 logger = logging.getLogger("positioner")
 _warnings = logging.getLogger("py.warnings")
@@ -61,15 +61,16 @@ class _Kind:
 class Throttle:
     """Lets one line of each kind through in a second, and counts the rest into the next one."""
 
-    def __init__(self, period_s: float = 1.0) -> None:
+    def __init__(self, period_s: float = 1.0, time: TimePort | None = None) -> None:
         """Let one line of a kind through every `period_s`."""
+        self._time = time or MachineTime()
         self._period_s = period_s
         self._kinds: dict[str, _Kind] = {}
 
     def log(self, level: int, kind: str, line: str) -> None:
         """Log `line`, unless a line of its `kind` was logged within the last second."""
         entry = self._kinds.setdefault(kind, _Kind())
-        now_s = time.monotonic()
+        now_s = self._time.monotonic_s()
         if now_s < entry.next_s:
             entry.held_back += 1
             return

@@ -10,8 +10,8 @@ from positioner.cycle_state import CycleState, Sent, Setup
 from positioner.wire.messages import CanFrame, CurrentCommand, Motion, PositionerStatus
 
 if TYPE_CHECKING:
-    from positioner.inbox import Reading
     from positioner.laws.law import Decision
+    from positioner.link import Reading
 
 _NS = 1_000_000_000
 STATUS_PERIOD_NS = _NS // 10

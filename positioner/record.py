@@ -8,7 +8,7 @@ turn's frames in notes: frames that no bus carried, under an identifier of their
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TextIO
 
 from positioner.journal import logger
@@ -24,10 +24,10 @@ CHANNEL = "vcan0"
 """The name in the log, whatever bus it was recorded on: canplayer plays it there by default."""
 NOTE_ID = 0x1FFFFFFF
 """Identifier (extended) of a note: the byte of its kind, and a number of seven bytes, low byte first."""
-TOLD = ("table_saved", "late_ns", "lines_dropped")
+TOLD = ("table_saved", "late_ns", "lines_dropped", "unsent")
 """What the shell tells the cycle by the state, in the order of the kinds of note."""
-KIND_TURN, KIND_TABLE = 0xFE, 0xFF
-"""A turn without frames that changed something; a table that was put in the place of the learned one."""
+KIND_AGE, KIND_TURN, KIND_TABLE = 0xFD, 0xFE, 0xFF
+"""How many µs the frames behind it had waited; a turn without frames that changed something; another table."""
 _ERROR_FRAME_ID = 0x20000080
 _NS_PER_US = 1000
 
@@ -74,7 +74,7 @@ class BusRecorder:
         self._left = left
         where = f"({_instant(now_ns)}) {CHANNEL}"
         lines = [f"{where} {NOTE_ID:08X}#{note.data.hex().upper()} T\n" for note in notes]
-        lines += [f"{where} {_text(frame)} R\n" for frame in inbox]
+        lines += _received(inbox, now_ns, where)
         lines += [f"{where} {_text(frame)} T\n" for frame in outbox]
         try:
             self._file.writelines(lines)
@@ -98,12 +98,22 @@ class BusRecorder:
 
     def _notes(self, told: CycleState) -> list[Note]:
         """Return what is no longer as the last turn left it: somebody has told the cycle."""
-        left = self._left
-        if left is None or left is told:
-            return []
+        left = self._left or replace(told, table_saved=True, late_ns=0, lines_dropped=0, unsent=False)
         kinds = [kind for kind, name in enumerate(TOLD) if getattr(told, name) != getattr(left, name)]
         notes = [Note(kind, int(getattr(told, TOLD[kind]))) for kind in kinds]
         return notes if told.table is left.table else [*notes, Note(KIND_TABLE)]
+
+
+def _received(inbox: Sequence[CanFrame], now_ns: int, where: str) -> list[str]:
+    """Return the lines of the frames, with a note wherever the time that they had waited changes."""
+    lines, age_us = [], 0
+    for frame in inbox:
+        waited_us = (now_ns - frame.received_ns) // _NS_PER_US if frame.received_ns else 0
+        if waited_us != age_us:
+            age_us = waited_us
+            lines.append(f"{where} {NOTE_ID:08X}#{Note(KIND_AGE, age_us).data.hex().upper()} T\n")
+        lines.append(f"{where} {_text(frame)} R\n")
+    return lines
 
 
 def _guard_moved(told: CycleState, left: CycleState) -> bool:

@@ -10,12 +10,12 @@ from positioner.events import (
     ForeignCommand,
     FrameRefused,
     FramesLost,
-    LawLate,
     LinesDropped,
     PushFailed,
     SetpointDisputed,
     SetpointRefused,
 )
+from positioner.timing_events import LawLate, Stalled
 from positioner.wire.formats import Reason
 from positioner.wire.messages import Counted, PositionerCount
 
@@ -42,6 +42,7 @@ _COUNTED_EVENTS: Mapping[type[Event], Counted] = {
     ForeignCommand: Counted.FOREIGN_COMMAND,
     LawLate: Counted.LAW_LATE,
     PushFailed: Counted.PUSH_FAILED,
+    Stalled: Counted.STALLED,
 }
 _MODULUS = 1 << 32
 
@@ -82,7 +83,7 @@ def _counted(event: Event) -> tuple[tuple[Counted, int], ...]:
             return ((event.counted, 1),)
         case LinesDropped():
             return ((Counted.LINE_DROPPED, event.count),)
-        case SetpointRefused() | SetpointDisputed() | ForeignCommand() | LawLate() | PushFailed():
+        case SetpointRefused() | SetpointDisputed() | ForeignCommand() | LawLate() | Stalled() | PushFailed():
             return ((_COUNTED_EVENTS[type(event)], 1),)
         case _:
             return ()

@@ -263,6 +263,16 @@ def test_a_bus_that_goes_down_is_a_state_and_is_told_once(monkeypatch: pytest.Mo
     port.close()
 
 
+def test_a_wall_clock_that_is_set_back_keeps_nobody_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    port = BusPort(embedded_address(os.getpid() * 64 + 77))
+    port.open()
+    start_s = time.monotonic()
+    monkeypatch.setattr("can.bus.time", lambda: time.monotonic() - (5.0 if time.monotonic() > start_s + 0.05 else 0.0))
+    assert port.receive(0.1) == ()
+    assert time.monotonic() - start_s < 4.0
+    port.close()
+
+
 def test_a_bus_that_is_not_there_says_what_to_do() -> None:
     with pytest.raises(BusError, match="sudo ip link add dev vcan77 type vcan") as caught:
         BusPort(BusAddress(channel="vcan77")).open()

@@ -13,11 +13,12 @@ from positioner.bench.scenario import load_scenario
 from positioner.bounds import Bounds
 from positioner.cycle_state import CycleState, Setup
 from positioner.estimate import StemState
-from positioner.events import Controlled, Event, LawFellBack, LawLate, Learned, ModeChanged
+from positioner.events import Controlled, Event, LawFellBack, Learned, ModeChanged
 from positioner.guard_settings import GuardSettings
 from positioner.laws.law import Decision, Observation
 from positioner.model import ValveParameters
 from positioner.stiction import Direction, LearnedSample, Quantity, StictionTable
+from positioner.timing_events import LawLate
 from positioner.wire.codec import MessageSettings, WireSettings, make_codec
 from positioner.wire.messages import (
     CanFrame,
@@ -204,7 +205,7 @@ def test_a_cycle_that_the_shell_calls_late_is_counted_told_once_and_changes_no_c
         frames, others = exchange.sample(), punctual.sample()
         assert frames[0] == others[0]
     (event,) = exchange.told(LawLate)
-    assert str(event).startswith("a cycle took 1.5 ms, longer than the period of 1 ms: give the positioner")
+    assert str(event).startswith("a turn took 1.5 ms, longer than the period of 1 ms: give the positioner")
     assert exchange.state.tally.counts == {Counted.LAW_LATE: 1}
     assert exchange.state.late_ns == 0
     for _ in range(20):

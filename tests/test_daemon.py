@@ -220,7 +220,8 @@ def test_a_thousand_bad_frames_are_one_line_and_the_next_second_counts_them(
     armed: Loop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now_s = [1e6]
-    monkeypatch.setattr(journal, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    time = SimpleNamespace(monotonic_s=lambda: now_s[0])
+    monkeypatch.setattr(armed.daemon._announcer, "throttle", journal.Throttle(time=time))
     good = armed.others.codec.encode(StemPosition(HERE_M), 1)
     crc = int.from_bytes(good.data[:2], "little")
     for number in range(1, 1001):

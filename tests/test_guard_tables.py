@@ -64,6 +64,7 @@ MEANING: dict[str, Callable[[GuardState], bool]] = {
     "not armed, another controller seen within 1 s": lambda it: not it.armed and it.foreign_ns is not None,
     "not armed, was armed before": lambda it: not it.armed and it.ever_armed,
     "not armed": lambda it: not it.armed,
+    "the process stood still for longer than `feedback_failsafe_periods` (10)": lambda it: it.stall_ns > 10 * MS,
     "by hand, MANUAL_CURRENT older than `setpoint_failsafe_s` (10 s)": lambda it: manual_age_s(it) > 0.02,
     "by hand, MANUAL_CURRENT older than `setpoint_hold_s` (0.5 s)": lambda it: manual_age_s(it) > 0.005,
     "by hand, feedback older than `feedback_failsafe_periods`": lambda it: is_by_hand(it) and feedback_age_ms(it) > 10,
@@ -71,7 +72,11 @@ MEANING: dict[str, Callable[[GuardState], bool]] = {
     "by hand": is_by_hand,
     "feedback older than `feedback_failsafe_periods` (10)": lambda it: feedback_age_ms(it) > 10,
     "`law_failsafe_cycles` (10) cycles in a row without an answer of the law": lambda it: it.law_failures >= 2,
+    "`law_failsafe_cycles` (10) answers of the law in a row that came too late to be used": lambda it: (
+        it.late_answers >= 2
+    ),
     "setpoint older than `setpoint_failsafe_s` (10 s)": lambda it: setpoint_age_s(it) > 0.02,
+    "the process stood still for longer than `feedback_hold_periods` (3)": lambda it: it.stall_ns > 0,
     "feedback older than `feedback_hold_periods` (3)": lambda it: feedback_age_ms(it) > 3,
     "setpoint older than `setpoint_hold_s` (0.5 s)": lambda it: setpoint_age_s(it) > 0.005,
     "another controller seen within 1 s": lambda it: it.foreign_ns is not None,
@@ -95,8 +100,10 @@ AGES = st.one_of(st.none(), st.sampled_from([0, 3, 4, 5, 6, 10, 11, 20, 21]))
     late=st.integers(0, 3),
     manual_ms=AGES,
     no_setpoint=st.sampled_from(NO_SETPOINT),
+    stall_ms=st.sampled_from([0, 0, 4, 10, 11]),
+    late_answers=st.integers(0, 3),
 )
-@example(Mode.ACTIVE, Cause.NONE, True, True, 0, 0, False, 0, Cause.FEEDBACK_STALE, 0, None, Cause.SETPOINT_STALE)
+@example(Mode.ACTIVE, Cause.NONE, True, True, 0, 0, False, 0, Cause.FEEDBACK_STALE, 0, None, Cause.SETPOINT_STALE, 0, 0)
 @settings(max_examples=600, deadline=None)
 def test_the_first_row_that_holds_gives_mode_and_cause(
     mode: Mode,
@@ -111,6 +118,8 @@ def test_the_first_row_that_holds_gives_mode_and_cause(
     late: int,
     manual_ms: int | None,
     no_setpoint: Cause,
+    stall_ms: int,
+    late_answers: int,
 ) -> None:
     state = GuardState(
         mode,
@@ -125,6 +134,8 @@ def test_the_first_row_that_holds_gives_mode_and_cause(
         late_cycles=late,
         manual=AUTOMATIC if manual_ms is None else Manual(9.5, NOW_NS - manual_ms * MS),
         no_setpoint=no_setpoint,
+        stall_ns=stall_ms * MS,
+        late_answers=late_answers,
     )
     _, its_mode, its_cause = next(row for row in CONDITIONS if MEANING[row[0]](state))
     if its_cause == "feedback stale, implausible, disputed or frozen":
@@ -148,10 +159,15 @@ def wander(steps: int) -> dict[tuple[Mode, Mode], set[Cause]]:
         before = GuardState() if chance.random() < 0.02 else state
         now_ns += chance.choice((1, 1, 1, 4, 6, 11, 21, 1001)) * MS
         good = chance.random() < 0.6
+        requests = tuple(chance.choices((*HostRequest, HostRequest.ARM), k=chance.randrange(3)))
+        stall_ns = chance.choice((0, 0, 0, 0, 4, 11)) * MS if before.armed else 0
         seen = Sighting(
             feedback=good,
             setpoint=chance.random() < 0.5,
-            requests=tuple(chance.choices((*HostRequest, HostRequest.ARM), k=chance.randrange(3))),
+            requests=() if stall_ns else requests,
+            waited=requests[-1] if stall_ns and requests else None,
+            stall_ns=stall_ns,
+            answered=before.controls and chance.random() < 0.7,
             foreign_command=chance.random() < 0.1,
             refused=None if good else chance.choice((None, *NO_FEEDBACK[1:])),
             late=chance.random() < 0.4,

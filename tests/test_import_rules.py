@@ -22,7 +22,8 @@ OUTSIDE_WORLD = {
 
 STAGES = (
     *("model", "estimate", "stick_slip", "stiction", "bounds", "qp", "planner"),
-    *("guard", "guard_settings", "guard_state", "arming", "plausibility", "frozen", "inbox", "tally", "events"),
+    *("guard", "guard_settings", "guard_state", "arming", "stall", "arrivals"),
+    *("plausibility", "frozen", "inbox", "link", "tally", "events", "timing_events"),
     *("cycle", "cycle_state", "closed_loop", "outbox"),
 )
 LAYERS = (
@@ -42,11 +43,14 @@ LAYERS = (
     ("positioner.closed_loop", "positioner.outbox"),
     ("positioner.cycle_state",),
     ("positioner.inbox", "positioner.tally"),
+    ("positioner.link",),
     ("positioner.events",),
+    ("positioner.timing_events",),
     ("positioner.laws",),
     ("positioner.stick_slip", "positioner.plausibility", "positioner.planner"),
     ("positioner.guard",),
     ("positioner.arming",),
+    ("positioner.stall",),
     ("positioner.guard_state", "positioner.guard_settings"),
     ("positioner.estimate", "positioner.bounds", "positioner.qp"),
     ("positioner.model", "positioner.stiction", "positioner.wire"),
@@ -57,6 +61,9 @@ PLUMBING = (
     "positioner.wire",
     "positioner.bus",
     "positioner.bus_open",
+    "positioner.machine_time",
+    "positioner.ports",
+    "positioner.arrivals",
     "positioner.bus_address",
     "positioner.console",
     "positioner.errors",

@@ -18,7 +18,8 @@ from positioner.events import (
 from positioner.guard import supervise
 from positioner.guard_settings import GuardSettings
 from positioner.guard_state import GuardState, Sighting
-from positioner.inbox import LinkState, Reading, Received, receive
+from positioner.inbox import receive
+from positioner.link import LinkState, Reading, Received
 from positioner.model import ValveParameters
 from positioner.wire.codec import MessageSettings, WireSettings, make_codec
 from positioner.wire.e2e import protect

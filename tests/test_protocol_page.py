@@ -13,8 +13,9 @@ from plant_emulator.presets import plant_settings
 from positioner.guard import supervise
 from positioner.guard_settings import GuardSettings
 from positioner.guard_state import GuardState
-from positioner.inbox import LinkState, receive
+from positioner.inbox import receive
 from positioner.laws.settings import ControlSettings
+from positioner.link import LinkState
 from positioner.model import ValveParameters
 from positioner.wire import e2e
 from positioner.wire.codec import ID_OFFSETS, WireSettings, make_codec, own_database

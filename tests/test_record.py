@@ -6,16 +6,18 @@ import signal
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import can
 import pytest
 import replay_helpers as runs
-from daemon_helpers import PATIENCE_S, Loop, own_address
+from daemon_helpers import Loop, own_address
 
 from positioner.bench.recording import Recording
 from positioner.bench.runner import BenchOptions, run_bench
 from positioner.bench.truth_log import add_truth
+from positioner.bus import BusPort
 from positioner.cli.main import main
 from positioner.clock import RealClock
 from positioner.config import load_config
@@ -114,20 +116,16 @@ def test_what_comes_in_after_something_was_sent_is_the_next_turn(tmp_path: Path)
     assert [[frame.frame.data for frame in turn.recorded] for turn in turns] == [[command.data], []]
 
 
-def test_the_daemon_notes_that_its_last_cycle_was_late(tmp_path: Path, capsys: Output) -> None:
+def test_the_daemon_notes_that_its_last_turn_was_late(
+    tmp_path: Path, capsys: Output, monkeypatch: pytest.MonkeyPatch
+) -> None:
     log = tmp_path / "bus.log"
     with Loop(tmp_path, RunOptions(record=log), guard={"auto_arm": True}) as loop:
-        late_ns = [0, 0, 0, 30_000_000]
-
-        def watch(spent_ns: int) -> None:
-            del spent_ns
-            if late_ns:
-                loop.daemon._state = replace(loop.daemon._state, late_ns=late_ns.pop(0))
-
-        loop.daemon._watch_the_time = watch  # type: ignore[method-assign]
-        deadline_s = time.monotonic() + PATIENCE_S
-        while late_ns or loop.daemon._state.late_ns or loop.daemon._state.command_counter < 5:
-            assert time.monotonic() < deadline_s
+        gap = SimpleNamespace(gap_ns=0)
+        monkeypatch.setattr(Loop, "is_real", True)
+        monkeypatch.setattr(BusPort, "gap_ns", property(lambda _port: gap.gap_ns))
+        loop.elapsed_ns = time.monotonic_ns()
+        for gap.gap_ns in (0, 0, 0, 30_000_000, 0, 0):
             loop.sample()
         loop.close()
     notes = [line.split()[2] for line in lines(log) if f"{NOTE_ID:X}#" in line]

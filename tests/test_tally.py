@@ -8,13 +8,13 @@ from positioner.events import (
     FrameRefused,
     FramesLost,
     LawFellBack,
-    LawLate,
     LinesDropped,
     ModeChanged,
     SetpointRefused,
     kind_of,
 )
 from positioner.tally import COUNTED_REASONS, Tally
+from positioner.timing_events import LawLate
 from positioner.wire.formats import Reason
 from positioner.wire.messages import Cause, Counted, Mode, PositionerCount
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from positioner import cycle
 from positioner.cycle_state import CycleState, Sent, Setup
-from positioner.record import TOLD, Note
+from positioner.record import KIND_AGE, NOTE_ID, TOLD, Note
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import CurrentCommand
 
@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from positioner.stiction import StictionTable
     from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame, Mode
+
+_BEGIN_NS = 10**15
+"""The instant of a log's first frame: later than any that a frame may have waited for."""
+_NS_PER_US = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,11 +50,25 @@ def replayed(
     setup = Setup(codec, configuration.valve, configuration.guard, law, period_s, limits=configuration.limits)
     state = CycleState(table=table)
     for turn in turns:
-        inbox = [frame.frame for frame in turn.inbox]
-        state, outbox, events = cycle.step(setup, _told(state, turn), inbox, turn.time_ns)
+        now_ns = _BEGIN_NS + turn.time_ns
+        state, outbox, events = cycle.step(setup, _told(state, turn), _inbox(turn, now_ns), now_ns)
         if follows:
             state = _followed(codec, state, turn, outbox)
         yield Outcome(turn, outbox, events, state.guard.mode)
+
+
+def _inbox(turn: Turn, now_ns: int) -> list[CanFrame]:
+    """Return the frames that the positioner took in, with their arrival where a note says how long they had waited."""
+    noted = [logged for logged in turn.notes if Note.of(logged.frame.data).kind == KIND_AGE]
+    if not noted:
+        return [logged.frame for logged in turn.inbox]
+    inbox, age_us = [], 0
+    for logged in sorted((*noted, *turn.inbox), key=lambda each: each.number):
+        if logged.frame.arbitration_id == NOTE_ID:
+            age_us = Note.of(logged.frame.data).value
+        else:
+            inbox.append(replace(logged.frame, received_ns=now_ns - age_us * _NS_PER_US))
+    return inbox
 
 
 def _told(state: CycleState, turn: Turn) -> CycleState:

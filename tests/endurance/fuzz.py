@@ -27,7 +27,8 @@ from positioner.events import (
     SetpointRefused,
 )
 from positioner.guard_settings import GuardSettings
-from positioner.inbox import LinkState, Received, receive
+from positioner.inbox import receive
+from positioner.link import LinkState, Received
 from positioner.model import ValveParameters
 from positioner.tally import Tally
 from positioner.wire.codec import make_codec

@@ -1,0 +1,49 @@
+"""The machine's clocks, and waiting: the only door through which the shell of the loop learns of time. Shell."""
+
+from __future__ import annotations
+
+import time
+from typing import NamedTuple, Protocol
+
+
+class Instant(NamedTuple):
+    """One instant on both clocks, in ns: the monotonic one, and the wall clock, which may be stepped."""
+
+    monotonic_ns: int
+    wall_ns: int
+
+
+class TimePort(Protocol):
+    """What tells the time to a loop, and lets it wait."""
+
+    def instant(self) -> Instant:
+        """Return the present instant on both clocks."""
+
+    def monotonic_ns(self) -> int:
+        """Return the monotonic clock in ns."""
+
+    def monotonic_s(self) -> float:
+        """Return the monotonic clock in s."""
+
+    def sleep(self, duration_s: float) -> None:
+        """Let `duration_s` pass."""
+
+
+class MachineTime:
+    """The machine's own clocks."""
+
+    def instant(self) -> Instant:
+        """Return the present instant on both clocks."""
+        return Instant(time.monotonic_ns(), time.time_ns())
+
+    def monotonic_ns(self) -> int:
+        """Return the monotonic clock in ns."""
+        return time.monotonic_ns()
+
+    def monotonic_s(self) -> float:
+        """Return the monotonic clock in s."""
+        return time.monotonic()
+
+    def sleep(self, duration_s: float) -> None:
+        """Let `duration_s` pass."""
+        time.sleep(duration_s)

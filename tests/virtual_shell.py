@@ -1,0 +1,202 @@
+"""A daemon in this process whose ports lead to a virtual world: clocks, a bus, and a plant and a host on it.
+
+Nothing but the ports is replaced: bus port, clocks, loop, log and keeper are those of the product. Time passes where
+the loop waits, and a little at each look at the clock; a *stall* lets much of it pass at one such place, while plant
+and host go on talking and the kernel stamps and queues what they say.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Self
+
+import can
+from daemon_helpers import write_configuration
+
+from positioner.bus_address import BusAddress
+from positioner.config import load_config
+from positioner.daemon import Daemon, RunOptions
+from positioner.journal import logger
+from positioner.machine_time import Instant
+from positioner.ports import Ports
+from positioner.wire.messages import CanFrame, Cause, CurrentCommand, HostRequest, Message, Mode, Setpoint, StemPosition
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+    from types import TracebackType
+
+HERE_M = 0.08
+_NS = 1_000_000_000
+_BOOT_NS = 5_000 * _NS
+_WALL_NS = 1_700_000_000 * _NS
+_LOOK_NS = 2_000
+_QUEUE_FRAMES = 5_000
+_SETPOINT_EVERY = 10
+
+
+@dataclass
+class Said:
+    """A command or status of the daemon, and when it left; `answered_ns`: when the reading that it echoes was sent."""
+
+    at_ns: int
+    message: Message
+    answered_ns: int | None
+
+
+@dataclass
+class Queued:
+    """A frame in the receive queue, and when it came."""
+
+    message: can.Message
+    at_ns: int
+    counter: int
+    is_position: bool
+
+
+@dataclass
+class World:
+    """Virtual time, and what plant and host say in it; `struck` is called at each look at the clock and each wait."""
+
+    period_ns: int
+    codec: Any = None
+    now_ns: int = _BOOT_NS
+    wall_step_ns: int = 0
+    request: HostRequest = HostRequest.NONE
+    stamps: bool = True
+    struck: Callable[[], int] = lambda: 0
+    queue: deque[Queued] = field(default_factory=deque)
+    said: list[Said] = field(default_factory=list)
+    sample: int = 0
+    setpoints: int = 0
+    read_ns: dict[int, int] = field(default_factory=dict)
+    plant_silent: bool = False
+
+    # what the daemon takes for the machine's clocks
+
+    def instant(self) -> Instant:
+        self._look()
+        return Instant(self.now_ns, self.now_ns + _WALL_NS - _BOOT_NS + self.wall_step_ns)
+
+    def monotonic_ns(self) -> int:
+        self._look()
+        return self.now_ns
+
+    def monotonic_s(self) -> float:
+        return self.now_ns / _NS
+
+    def sleep(self, duration_s: float) -> None:
+        self.pass_time(round(duration_s * _NS))
+
+    # what it takes for python-can's bus
+
+    def recv(self, timeout: float | None) -> can.Message | None:
+        end_ns = self.now_ns + round((timeout or 0.0) * _NS)
+        self.pass_time(self.struck())
+        while not self.queue and self.now_ns < end_ns:
+            self.pass_time(min(self._next_ns, end_ns) - self.now_ns)
+        if not self.queue:
+            return None
+        queued = self.queue.popleft()
+        if queued.is_position:
+            self.read_ns[queued.counter % 256] = queued.at_ns
+        return queued.message
+
+    def send(self, message: can.Message, timeout: float | None = None) -> None:
+        del timeout
+        decoded, _ = self.codec.decode(CanFrame(message.arbitration_id, bytes(message.data)))
+        answered = decoded.position_counter if isinstance(decoded, CurrentCommand) else None
+        self.said.append(Said(self.now_ns, decoded, None if answered is None else self.read_ns.get(answered)))
+
+    def shutdown(self) -> None:
+        pass
+
+    # the world
+
+    def pass_time(self, duration_ns: int) -> None:
+        """Let plant and host live for so long."""
+        end_ns = self.now_ns + duration_ns
+        while self._next_ns <= end_ns:
+            self.now_ns = self._next_ns
+            if not self.plant_silent:
+                self._hear(StemPosition(HERE_M + 1e-7 * (self.sample % 7)), self.sample)
+            if self.sample % _SETPOINT_EVERY == 0:
+                self._hear(Setpoint(HERE_M, self.request), self.setpoints)
+                self.setpoints += 1
+            self.sample += 1
+        self.now_ns = end_ns
+
+    @property
+    def _next_ns(self) -> int:
+        return _BOOT_NS + (self.sample + 1) * self.period_ns
+
+    def _hear(self, message: Message, counter: int) -> None:
+        frame = self.codec.encode(message, counter)
+        wall_ns = self.now_ns + _WALL_NS - _BOOT_NS + self.wall_step_ns
+        if len(self.queue) < _QUEUE_FRAMES:
+            heard = can.Message(
+                timestamp=wall_ns / _NS if self.stamps else 0.0,
+                arbitration_id=frame.arbitration_id,
+                data=frame.data,
+                is_extended_id=False,
+            )
+            self.queue.append(Queued(heard, self.now_ns, counter, isinstance(message, StemPosition)))
+
+    def _look(self) -> None:
+        self.pass_time(self.struck() + _LOOK_NS)
+
+
+class VirtualShell:
+    """A daemon with the world behind its ports, turned by the test."""
+
+    def __init__(self, folder: Path, period_s: float = 0.01, options: RunOptions | None = None, **tables: Any) -> None:
+        tables = {**tables, "control": {"sample_period_s": period_s, "law": "pi", **tables.get("control", {})}}
+        path = write_configuration(folder, BusAddress(interface="virtual", channel="none"), **tables)
+        configuration = load_config(path)
+        self.period_s = period_s
+        self.world = World(round(period_s * _NS), configuration.make_codec())
+        self.lines: list[str] = []
+        self._handler = logging.Handler()
+        self._handler.emit = lambda record: self.lines.append(record.getMessage())  # type: ignore[method-assign]
+        logger.addHandler(self._handler)
+        self._level = logger.level
+        logger.setLevel(logging.DEBUG)
+        ports = Ports(self.world, lambda _address, _wanted: self.world)  # type: ignore[arg-type, return-value]
+        self.daemon = Daemon(configuration, options or RunOptions(), ports)
+
+    def mode(self) -> Mode:
+        return self.daemon._state.guard.mode
+
+    def told_by_the_guard(self) -> tuple[Mode, Cause]:
+        return self.daemon._state.guard.mode, self.daemon._state.guard.cause
+
+    def turn(self, count: int = 1) -> None:
+        for _ in range(count):
+            self.daemon._turn()
+
+    def turn_for(self, duration_s: float) -> None:
+        """Let the daemon turn until so much time has passed."""
+        end_ns = self.world.now_ns + round(duration_s * _NS)
+        while self.world.now_ns < end_ns:
+            self.daemon._turn()
+
+    def arm(self) -> None:
+        """Ask something else, and then to arm, long enough for both to be heard."""
+        for request in (HostRequest.NONE, HostRequest.ARM):
+            self.world.request = request
+            self.turn_for(2 * _SETPOINT_EVERY * self.period_s)
+
+    def told(self, word: str) -> list[str]:
+        return [line for line in self.lines if word in line]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.daemon._close()
+        logger.removeHandler(self._handler)
+        logger.setLevel(self._level)

@@ -14,7 +14,7 @@ from positioner.bus_address import BusAddress, problems_of
 from positioner.credible import Limits
 from positioner.errors import ConfigurationError, Problem
 from positioner.estimate import EstimatorSettings
-from positioner.guard_settings import FailsafeAction, GuardSettings
+from positioner.guard_settings import GuardSettings
 from positioner.laws.registry import LAWS, Ingredients
 from positioner.laws.settings import ControlSettings
 from positioner.model import ValveParameters  # noqa: TC001 - pydantic reads this hint at run time
@@ -22,15 +22,12 @@ from positioner.nearest import nearest
 from positioner.solver import QpSolver
 from positioner.valve_presets import PRESETS, missing, resolved
 from positioner.wire.codec import Codec, WireSettings, make_codec
-from positioner.wire.formats import EncodingError
-from positioner.wire.messages import CurrentCommand
+from positioner.wire_limits import range_problems, wire_problems
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from positioner.laws.law import Law
-
-_LARGEST_COUNTER = 255
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,7 +122,7 @@ def parse_config(text: str, source: str, base: Path) -> Configuration:
         found = settings.build(tables, Configuration, source, text)
     except ConfigurationError as error:
         problems += error.problems
-    problems += _wire_problems(tables, text)
+    problems += wire_problems(tables, text)
     problems += _law_problems(tables, text)
     if found is not None:
         problems += [
@@ -133,7 +130,7 @@ def parse_config(text: str, source: str, base: Path) -> Configuration:
             for where, what in problems_of(found.bus)
         ]
     if found is not None and not problems:
-        problems += _range_problems(found, text)
+        problems += range_problems(found, text)
     if problems or found is None:
         raise ConfigurationError(source, tuple(sorted(problems, key=lambda problem: problem.line or 0)))
     return found
@@ -152,39 +149,6 @@ def _name_channel(tables: dict[str, Any]) -> None:
     bus = tables.get("bus")
     if isinstance(bus, dict) and type(bus.get("channel")) is int:
         bus["channel"] = str(bus["channel"])
-
-
-def _wire_problems(tables: dict[str, Any], text: str) -> list[Problem]:
-    """Return what is wrong with the DBC, where the [wire] table itself can be read."""
-    try:
-        make_codec(settings.build(tables.get("wire", {}), WireSettings, "[wire]"))
-    except ConfigurationError as error:
-        if error.source == "[wire]" and any(problem.where.startswith("wire.") for problem in error.problems):
-            return [
-                Problem(problem.where, settings.line_of(text, _key(problem.where)), problem.message)
-                for problem in error.problems
-            ]
-    return []
-
-
-def _range_problems(found: Configuration, text: str) -> list[Problem]:
-    """Return what a command frame of the user's DBC cannot carry: a current within the limits, or a counter."""
-    codec, guard = found.make_codec(), found.guard
-    failsafe = "failsafe_current_ma" if guard.failsafe_action is FailsafeAction.CURRENT else "failsafe_action"
-    currents_ma = {
-        "current_low_ma": guard.current_low_ma,
-        "current_high_ma": guard.current_high_ma,
-        failsafe: guard.failsafe_ma(guard.current_low_ma),
-    }
-    problems = []
-    for key, current_ma in currents_ma.items():
-        try:
-            codec.encode(CurrentCommand(current_ma, _LARGEST_COUNTER, _LARGEST_COUNTER), 0)
-        except EncodingError as error:
-            where = f"guard.{key} = {getattr(guard, key)}"
-            told = f"does not fit the command frame of the DBC: {error}"
-            problems.append(Problem(where, settings.line_of(text, ("guard", key)), told))
-    return problems
 
 
 def _law_problems(tables: dict[str, Any], text: str) -> list[Problem]:

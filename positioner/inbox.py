@@ -30,6 +30,7 @@ from positioner.wire.messages import (
     Setpoint,
     StemPosition,
 )
+from positioner.wire.rounding import meant
 from positioner.wire.window import Sender
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ def receive(
     commanded_ma is the current that a law or a person gave, None in other modes; `period_s` lies between two readings.
     A reading that is not `fresh` is told to the guard with its age, and not handed on.
     """
-    batch = _Batch(guard, valve, link, commanded_ma, period_s, fresh)
+    batch = _Batch(codec, guard, valve, link, commanded_ma, period_s, fresh)
     for frame in frames:
         try:
             message, counter = codec.decode(frame)
@@ -79,6 +80,7 @@ class _Batch:
 
     def __init__(
         self,
+        codec: Codec,
         guard: GuardSettings,
         valve: ValveParameters,
         link: LinkState,
@@ -86,6 +88,7 @@ class _Batch:
         period_s: float,
         fresh: Freshness,
     ) -> None:
+        self.codec = codec
         self.guard = guard
         self.valve = valve
         self.commanded_ma = commanded_ma
@@ -203,15 +206,16 @@ class _Batch:
             self.setpoint_refused = Cause.SETPOINT_DISPUTED
             self.events.append(SetpointDisputed(message.setpoint_m, sender.window.why))
             return
-        usable = self.valve.travel_min_m <= message.setpoint_m <= self.valve.travel_max_m
+        low_m, high_m = self.valve.travel_min_m, self.valve.travel_max_m
+        setpoint_m = meant(self.codec.field(Setpoint, "setpoint_m"), message.setpoint_m, low_m, high_m)
+        usable = setpoint_m is not None
         # an ARM counts with a setpoint that can be used
         if usable or message.request is not HostRequest.ARM:
             self._take_request(message.request, arrived_ns)
         if usable:
-            self.setpoint_ns, self.setpoint_m, self.setpoint_counter = arrived_ns, message.setpoint_m, counter
+            self.setpoint_ns, self.setpoint_m, self.setpoint_counter = arrived_ns, setpoint_m, counter
         else:
-            refused = SetpointRefused(message.setpoint_m, self.valve.travel_min_m, self.valve.travel_max_m)
-            self.events.append(refused)
+            self.events.append(SetpointRefused(message.setpoint_m, low_m, high_m))
 
     def _take_request(self, request: HostRequest, arrived_ns: int) -> None:
         if request is not HostRequest.DISARM and arrived_ns < self.fresh.arms_since_ns:

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 from positioner import guard
 from positioner.cycle_state import CycleState, Sent, Setup
-from positioner.wire.messages import CanFrame, CurrentCommand, Motion, PositionerStatus
+from positioner.wire.loop_current import same_signal
+from positioner.wire.messages import CanFrame, CurrentCommand, Mode, Motion, PositionerStatus
+from positioner.wire.rounding import inside
 
 if TYPE_CHECKING:
     from positioner.laws.law import Decision
@@ -29,6 +31,7 @@ def command(
     current_ma = guard.admit(setup.guard, state.guard, wanted_ma, last_ma, elapsed_s)
     if current_ma is None:
         return replace(state, sent=()), []
+    current_ma = inside(setup.codec.field(CurrentCommand, "current_ma"), current_ma, *_limits_ma(setup, state))
     message = CurrentCommand(
         current_ma,
         state.link.position_counter,
@@ -40,6 +43,13 @@ def command(
     counter = state.command_counter % setup.codec.by_kind[CurrentCommand].counter_modulus
     sent = (*state.sent, Sent(counter, current_ma))[-_COMMANDS_REMEMBERED:]
     return replace(state, sent=sent, command_counter=state.command_counter + 1, command_ns=now_ns), [frame]
+
+
+def _limits_ma(setup: Setup, state: CycleState) -> tuple[float, float]:
+    """Return what a current must not leave when it is rounded to the steps of its signal, in mA."""
+    if state.guard.mode is Mode.FAILSAFE:
+        return same_signal(setup.guard.failsafe_ma(setup.guard.current_low_ma))
+    return setup.guard.current_low_ma, setup.guard.current_high_ma
 
 
 def status(setup: Setup, state: CycleState, now_ns: int) -> tuple[CycleState, list[CanFrame]]:

@@ -20,7 +20,7 @@ from cantools.database.can import Database
 
 from positioner.errors import ConfigurationError, Problem
 from positioner.wire import foreign, messages
-from positioner.wire.formats import FrameFormat, FrameRejectedError, Reason, field_format, field_names
+from positioner.wire.formats import FieldFormat, FrameFormat, FrameRejectedError, Reason, field_format, field_names
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -121,6 +121,10 @@ class Codec:
         """Return the identifier under which `kind` travels, and whether it is an extended one."""
         form = self.by_kind[kind]
         return form.arbitration_id, form.dbc.is_extended_frame
+
+    def field(self, kind: type[Message], name: str) -> FieldFormat:
+        """Return how the field `name` of `kind` stands in its signal."""
+        return next(form for form in self.by_kind[kind].fields if form.name == name)
 
     def decode(self, frame: CanFrame) -> tuple[Message, int | None]:
         """Return the message in `frame` and its counter.

@@ -73,7 +73,8 @@ class FieldFormat:
     """One field of a message in one signal: value = raw * `si_per_bit` + `si_offset`, in the unit of its suffix.
 
     `lowest` and `highest` are the signal's range in the same unit, with a margin for rounding. `choices` maps the
-    value to the member of an enumeration or a bool; None for a plain number.
+    value to the member of an enumeration or a bool; None for a plain number. `float_bits` is the length of a
+    floating-point signal, 0 for an integer.
     """
 
     name: str
@@ -83,6 +84,7 @@ class FieldFormat:
     lowest: float
     highest: float
     choices: Mapping[float, IntEnum | bool] | None
+    float_bits: int = 0
 
 
 def field_format(kind: type[Message], name: str, signal: Signal, span_m: float) -> FieldFormat:
@@ -103,7 +105,8 @@ def field_format(kind: type[Message], name: str, signal: Signal, span_m: float) 
     factor, offset = _si_of_unit(name, signal.unit or "", span_m)
     si_per_bit, si_offset = signal.scale * factor, signal.offset * factor + offset
     ends = [raw * si_per_bit + si_offset for raw in (low_raw - margin, high_raw + margin)]
-    return FieldFormat(name, signal.name, si_per_bit, si_offset, min(ends), max(ends), None)
+    float_bits = signal.length if signal.is_float else 0
+    return FieldFormat(name, signal.name, si_per_bit, si_offset, min(ends), max(ends), None, float_bits)
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,3 +29,10 @@ def signal_of(current_ma: float) -> LoopSignal:
     if VALUE_LOW_MA <= current_ma <= VALUE_HIGH_MA:
         return LoopSignal.VALUE
     return LoopSignal.NEITHER if FAILURE_LOW_MA < current_ma < FAILURE_HIGH_MA else LoopSignal.FAILURE
+
+
+def same_signal(current_ma: float) -> tuple[float, float]:
+    """Return the lowest and highest current in mA that says the same as `current_ma`, a value or a failure signal."""
+    if signal_of(current_ma) is LoopSignal.VALUE:
+        return VALUE_LOW_MA, VALUE_HIGH_MA
+    return (0.0, FAILURE_LOW_MA) if current_ma < VALUE_LOW_MA else (FAILURE_HIGH_MA, LARGEST_MA)

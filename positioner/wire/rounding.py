@@ -1,0 +1,77 @@
+"""What rounding to the steps of a signal may do to a value, and how it stays inside its limits in spite of it. Pure.
+
+The step nearest to a value may lie beyond a limit that the value itself keeps. What is sent is therefore rounded to the
+inside of its limits; what is received may lie half a step outside them, and be meant for the limit itself.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from positioner.wire.formats import FieldFormat
+
+_NOISE = 1e-6
+"""Of a step: what arithmetic may add to a value that lies exactly on one, or exactly between two."""
+_FLOATS = {16: ("<e", 2.0**-10), 32: ("<f", 2.0**-23), 64: ("<d", 2.0**-52)}
+"""Format of struct and relative step of a floating-point signal, by its length in bits."""
+
+
+def meant(form: FieldFormat, value: float, low: float, high: float) -> float | None:
+    """Return what a received `value` means within `low` and `high`: a limit, where rounding alone put it outside.
+
+    None means that it lies outside by more than rounding does.
+    """
+    if low <= value <= high:
+        return value
+    limit = low if value < low else high
+    return limit if abs(value - limit) <= (0.5 + _NOISE) * _step(form, limit) else None
+
+
+def inside(form: FieldFormat, value: float, low: float, high: float) -> float:
+    """Return `value`, or the nearest one that the signal carries within `low` and `high` where its own would not be.
+
+    Where the signal carries none between them it is `value` again: `fits` tells that at the start.
+    """
+    if form.float_bits:
+        return _float_inside(form, value, low, high)
+    first, last = _raw_limits(form, low, high)
+    raw = round((value - form.si_offset) / form.si_per_bit)
+    if first > last or first <= raw <= last:
+        return value
+    return min(max(raw, first), last) * form.si_per_bit + form.si_offset
+
+
+def fits(form: FieldFormat, low: float, high: float) -> bool:
+    """Return whether the signal carries any value from `low` to `high`."""
+    if form.float_bits:
+        return max(low, form.lowest) <= min(high, form.highest)
+    first, last = _raw_limits(form, low, high)
+    return first <= last
+
+
+def _raw_limits(form: FieldFormat, low: float, high: float) -> tuple[int, int]:
+    """Return the lowest and highest raw value within `low` and `high` and the signal's range."""
+    ends = (max(low, form.lowest), min(high, form.highest))
+    bottom, top = sorted((end - form.si_offset) / form.si_per_bit for end in ends)
+    if ends[0] > ends[1]:
+        return 1, 0
+    return math.ceil(bottom - _NOISE), math.floor(top + _NOISE)
+
+
+def _float_inside(form: FieldFormat, value: float, low: float, high: float) -> float:
+    layout, epsilon = _FLOATS[form.float_bits]
+    for candidate in (value, value - epsilon * abs(value), value + epsilon * abs(value)):
+        raw = (candidate - form.si_offset) / form.si_per_bit
+        if low <= struct.unpack(layout, struct.pack(layout, raw))[0] * form.si_per_bit + form.si_offset <= high:
+            return candidate
+    return value
+
+
+def _step(form: FieldFormat, value: float) -> float:
+    """Return the distance of two neighbouring values of the signal near `value`."""
+    if not form.float_bits:
+        return abs(form.si_per_bit)
+    return _FLOATS[form.float_bits][1] * max(abs(value - form.si_offset), abs(value))

@@ -14,12 +14,12 @@ from positioner.events import (
     LinesDropped,
     ModeChanged,
     MoveBegan,
-    PushFailed,
     kind_of,
 )
 from positioner.journal import Throttle, logger
 from positioner.notify import Notifier
 from positioner.other_controller import OtherController
+from positioner.trust_events import PushFailed
 from positioner.wire.messages import Cause, Mode
 
 if TYPE_CHECKING:

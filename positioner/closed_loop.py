@@ -6,10 +6,11 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from positioner.events import Event, LawFellBack, MoveBegan, PushFailed
+from positioner.events import Event, LawFellBack, MoveBegan
 from positioner.handover import start_m
 from positioner.laws.law import Decision, Observation
 from positioner.learning import believe, learn
+from positioner.trust_events import PushFailed
 
 if TYPE_CHECKING:
     from positioner.cycle_state import CycleState, Setup
@@ -74,8 +75,6 @@ def _check(decision: Decision) -> None:
 
 
 def _applied_ma(setup: Setup, state: CycleState, reading: Reading) -> float:
-    """Return the current that acted before the reading: the command that the plant echoes, else the last one."""
-    for sent in reversed(state.sent):
-        if reading.command_counter is None or sent.counter == reading.command_counter:
-            return sent.current_ma
-    return state.last_ma if state.last_ma is not None else setup.valve.balance_current_ma(reading.position_m)
+    """Return the current that acted before the reading; before the first command, the one that balances the spring."""
+    acting_ma = state.acting.current_ma
+    return acting_ma if acting_ma is not None else setup.valve.balance_current_ma(reading.position_m)

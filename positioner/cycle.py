@@ -11,18 +11,21 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from positioner import guard, stall
+from positioner.acting import NOTHING_KNOWN, Acting, heed
 from positioner.closed_loop import control
 from positioner.events import Controlled, Event, LinesDropped, ModeChanged
 from positioner.handover import ease, follow
 from positioner.inbox import receive
 from positioner.outbox import command, status
 from positioner.timing_events import LawLate, Stalled
-from positioner.wire.messages import Mode
+from positioner.trust_events import ActingChanged
+from positioner.wire.messages import CurrentCommand, Mode
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from positioner.cycle_state import CycleState, Setup
+    from positioner.guard_state import GuardState, Sighting
     from positioner.laws.law import Decision
     from positioner.link import Reading
     from positioner.wire.messages import CanFrame
@@ -54,8 +57,9 @@ def step(
     seen, events = received.seen, [*received.events, *_of_the_shell(setup, state, stall_ns)]
     if state.late_ns or before.late_answers:
         seen = replace(seen, late=state.late_ns > 0, stall_ns=stall_ns, answered=state.answered)
-    watch = guard.supervise(setup.guard, before, seen, setup.period_s, now_ns)
     reading = received.reading
+    acting, seen = _heed(setup, state, seen, reading)
+    watch = guard.supervise(setup.guard, before, seen, setup.period_s, now_ns)
     measured_m = reading.position_m if reading else None
     handover = follow(state.handover, watch.mode, measured_m, received.link.setpoint_m, state.last_ma)
     state = replace(
@@ -67,12 +71,12 @@ def step(
         answered=False,
         tally=state.tally.add(events),
         handover=handover,
+        acting=acting,
     )
-
     decision: Decision | None = None
-    if not watch.controls:
-        state = replace(state, memory=None, stem=None) if state.memory is not None else state
-    elif reading is not None:
+    if state.memory is not None and (not watch.controls or watch.acts_again(before)):
+        state = replace(state, memory=None, stem=None)
+    if watch.controls and reading is not None:
         state, decision = control(setup, state, reading, events)
         if handover is not None and decision is not None and state.last_ma is not None:
             handover, decision = ease(handover, decision, state.last_ma, now_ns)
@@ -87,8 +91,7 @@ def step(
             events.append(_controlled(state, decision, reading))
         state, frames = status(setup, state, now_ns)
         outbox += frames
-    if state.guard.mode is not before.mode or state.guard.cause is not before.cause:
-        events.append(ModeChanged(before.mode, state.guard.mode, state.guard.cause))
+    events += _changes(before, state.guard)
     return state, tuple(outbox), tuple(events)
 
 
@@ -99,6 +102,27 @@ def _of_the_shell(setup: Setup, state: CycleState, stall_ns: int) -> list[Event]
         events.append(Stalled(stall_ns) if stall_ns else LawLate(state.late_ns, setup.period_s))
     if state.lines_dropped:
         events.append(LinesDropped(state.lines_dropped))
+    return events
+
+
+def _heed(setup: Setup, state: CycleState, seen: Sighting, reading: Reading | None) -> tuple[Acting, Sighting]:
+    """Return whether our commands act, and the sighting with why they do not; a dry run commands nobody."""
+    acting = state.acting if state.guard.controls or state.guard.mode is Mode.MANUAL else NOTHING_KNOWN
+    if reading is not None:
+        form = setup.codec.by_kind[CurrentCommand]
+        acting = heed(acting, state.sent, reading, form, reading.periods * setup.period_s)
+    if acting.fault is not None and setup.learns:
+        seen = replace(seen, idle=acting.fault)
+    return acting, seen
+
+
+def _changes(before: GuardState, after: GuardState) -> list[Event]:
+    """Return the events of a guard that went from one state to another."""
+    events: list[Event] = []
+    if after.controls and after.idle is not before.idle:
+        events.append(ActingChanged(after.idle))
+    if after.mode is not before.mode or after.cause is not before.cause:
+        events.append(ModeChanged(before.mode, after.mode, after.cause))
     return events
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from positioner.acting import NOTHING_KNOWN, Acting, Sent
 from positioner.guard_state import GuardState
 from positioner.link import LinkState
 from positioner.stiction import StictionTable
@@ -37,14 +38,6 @@ class Setup:
 
 
 @dataclass(frozen=True, slots=True)
-class Sent:
-    """A command that left: its frame's counter (modulo 256) and its current."""
-
-    counter: int
-    current_ma: float
-
-
-@dataclass(frozen=True, slots=True)
 class CycleState:
     """Everything a positioner carries on.
 
@@ -59,6 +52,7 @@ class CycleState:
     memory: Any = None
     stem: StemState | None = None
     sent: tuple[Sent, ...] = ()
+    acting: Acting = NOTHING_KNOWN
     command_counter: int = 0
     command_ns: int = 0
     status_counter: int = 0

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from positioner.timing_events import LawLate, Stalled
+from positioner.trust_events import ActingChanged, NotBelieved, PushFailed
 from positioner.wire.loop_current import LoopSignal, signal_of
 
 if TYPE_CHECKING:
@@ -122,46 +123,6 @@ class Learned:
 
 
 @dataclass(frozen=True, slots=True)
-class NotBelieved:
-    """Samples that physics excludes, `count` of them, `sample` the first: taught just now, or in a given table."""
-
-    sample: LearnedSample
-    low: float
-    high: float
-    count: int
-    taught: bool
-
-    def __str__(self) -> str:
-        """One line for the log."""
-        sample = self.sample
-        what = f"{sample.quantity} = {sample.value:.6g} at {sample.position_m * 1e3:.2f} mm, {sample.direction}"
-        possible = (
-            f"this valve can have {self.low:.6g} to {self.high:.6g} there"
-            if self.low <= self.high
-            else "that is outside the travel"
-        )
-        if self.taught:
-            return f"not learned: {what}: {possible}"
-        others = f" (and {self.count - 1} more)" if self.count > 1 else ""
-        return f"the table is not believed where it says {what}: {possible}{others}; mend [valve], or reset the table"
-
-
-@dataclass(frozen=True, slots=True)
-class PushFailed:
-    """A push did not free the stem: `failed` in a row now; the law rests for `rest_s`, 0 where it tries again."""
-
-    failed: int
-    rest_s: float
-
-    def __str__(self) -> str:
-        """One line for the log."""
-        told = f"{self.failed} push(es) in a row did not free the stem"
-        if not self.rest_s:
-            return told
-        return f"{told}: the next one comes in {self.rest_s:g} s; look for a jammed stem, or an actuator without air"
-
-
-@dataclass(frozen=True, slots=True)
 class LawFellBack:
     """The law could not do what it wanted, or failed; `why` says it in words."""
 
@@ -215,6 +176,7 @@ Event = (
     | Learned
     | NotBelieved
     | PushFailed
+    | ActingChanged
     | LawFellBack
     | LawLate
     | LinesDropped

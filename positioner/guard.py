@@ -51,6 +51,7 @@ def supervise(settings: GuardSettings, state: GuardState, seen: Sighting, period
         Cause.SETPOINT_STALE if seen.setpoint else seen.setpoint_refused or state.no_setpoint,
         seen.stall_ns,
         _late_answers(state, seen),
+        seen.idle,
     )
     state = arm(settings, state, seen, hold_ns(settings, period_s), now_ns)
     mode, cause = _mode(settings, state, period_s, now_ns)
@@ -94,6 +95,7 @@ def _mode(settings: GuardSettings, state: GuardState, period_s: float, now_ns: i
         (silent_periods > settings.feedback_hold_periods, Mode.HOLD, state.no_feedback),
         (0.0 < settings.setpoint_hold_s < silent_s, Mode.HOLD, state.no_setpoint),
         (foreign, Mode.ACTIVE, Cause.FOREIGN_COMMAND),
+        (state.idle is not None, Mode.ACTIVE, state.idle or Cause.NONE),
         (state.late_cycles >= settings.law_failsafe_cycles, Mode.ACTIVE, Cause.LAW_LATE),
     )
     return next(((mode, cause) for holds, mode, cause in rules if holds), (Mode.ACTIVE, Cause.NONE))

@@ -16,7 +16,7 @@ class Sighting:
     the last request that waited for too long to arm; refused: why a reading could not be true; late: the turn before
     took longer than a period; stall_ns: so long that it is a stall; answered: a law had answered in the turn before.
     stray_disarm: a DISARM in a frame out of sequence; setpoint_refused: why a setpoint was not used.
-    manual: what the host last said of manual mode.
+    manual: what the host last said of manual mode; idle: why commands do not act, None while they do.
     """
 
     feedback: bool = False
@@ -33,6 +33,7 @@ class Sighting:
     waited: HostRequest | None = None
     stall_ns: int = 0
     answered: bool = False
+    idle: Cause | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +58,7 @@ class GuardState:
     no_setpoint: Cause = Cause.SETPOINT_STALE  # what it is called when setpoints are missing
     stall_ns: int = 0
     late_answers: int = 0
+    idle: Cause | None = None  # why commands do not act
 
     @property
     def transmits(self) -> bool:
@@ -73,12 +75,19 @@ class GuardState:
         """The current that a person gives in mA, None but in manual mode."""
         return self.manual.current_ma if self.mode is Mode.MANUAL else None
 
+    def acts_again(self, before: GuardState) -> bool:
+        """Whether our commands act on the valve now, and ours alone, which they did not `before`."""
+        idle, foreign = before.idle is not None, before.foreign_ns is not None
+        return (idle and self.idle is None) or (foreign and self.foreign_ns is None)
+
     def health(self, *, table_saved: bool) -> Health:
         """Return the NAMUR NE 107 status signal."""
         if self.mode is Mode.FAILSAFE or self.foreign_ns is not None:
             return Health.FAILURE
         if self.mode in {Mode.INIT, Mode.READY, Mode.MANUAL}:
             return Health.FUNCTION_CHECK
+        if self.idle is not None:
+            return Health.FAILURE
         if self.mode is Mode.HOLD or self.cause is Cause.LAW_LATE:
             return Health.OUT_OF_SPECIFICATION
         return Health.GOOD if table_saved else Health.MAINTENANCE_REQUIRED

@@ -27,6 +27,7 @@ from positioner.wire.messages import (
     HostRequest,
     ManualCurrent,
     Message,
+    Quality,
     Setpoint,
     StemPosition,
 )
@@ -198,7 +199,9 @@ class _Batch:
             return
         self.feedback_ns = arrived_ns
         fresh = arrived_ns >= self.fresh.readings_since_ns
-        self.reading = Reading(message.position_m, counter, message.command_counter, self._periods) if fresh else None
+        obeys = message.quality is not Quality.FAIL_POSITION
+        reading = Reading(message.position_m, counter, message.command_counter, self._periods, obeys)
+        self.reading = reading if fresh else None
 
     def _take_setpoint(self, message: Setpoint, counter: int | None, arrived_ns: int) -> None:
         if (sender := self.senders.get(Setpoint)) is not None and not sender.window.valid:

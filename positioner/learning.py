@@ -6,8 +6,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from positioner.credible import Limits, sift
-from positioner.events import Event, Learned, NotBelieved
+from positioner.events import Event, Learned
 from positioner.stick_slip import lessons
+from positioner.trust_events import NotBelieved
 
 if TYPE_CHECKING:
     from positioner.cycle_state import CycleState, Setup
@@ -27,8 +28,8 @@ def believe(setup: Setup, state: CycleState, events: list[Event]) -> CycleState:
 
 
 def learn(setup: Setup, state: CycleState, stem: StemState, applied_ma: float, events: list[Event]) -> CycleState:
-    """Return the state with what the edge to `stem`, if there is one, teaches its table."""
-    if not setup.learns or state.stem is None:
+    """Return the state with what the edge to `stem`, if there is one, teaches; nothing while commands do not act."""
+    if not setup.learns or state.stem is None or not state.acting.teaches or state.guard.foreign_ns is not None:
         return state
     table = state.table
     for sample in lessons(state.stem, stem, applied_ma):

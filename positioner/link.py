@@ -32,12 +32,16 @@ class LinkState:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """A plausible position reading: its frame's counter, and how many sample periods lie between it and the last."""
+    """A plausible position reading: its frame's counter, and how many sample periods lie between it and the last.
+
+    command_counter: of the command that acted; obeys: whether the node's actuator obeys commands.
+    """
 
     position_m: float
     counter: int | None
     command_counter: int | None
     periods: int
+    obeys: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,18 +6,20 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from positioner import guard
-from positioner.cycle_state import CycleState, Sent, Setup
+from positioner.acting import Sent
 from positioner.wire.loop_current import same_signal
 from positioner.wire.messages import CanFrame, CurrentCommand, Mode, Motion, PositionerStatus
 from positioner.wire.rounding import inside
 
 if TYPE_CHECKING:
+    from positioner.cycle_state import CycleState, Setup
     from positioner.laws.law import Decision
     from positioner.link import Reading
 
 _NS = 1_000_000_000
 STATUS_PERIOD_NS = _NS // 10
-_COMMANDS_REMEMBERED = 16
+_COMMANDS_REMEMBERED = 255
+"""Fewer where their counter goes round sooner: each counter names one command."""
 
 
 def command(
@@ -40,8 +42,9 @@ def command(
         decision.motion if decision else Motion.NONE,
     )
     frame = setup.codec.encode(message, state.command_counter)
-    counter = state.command_counter % setup.codec.by_kind[CurrentCommand].counter_modulus
-    sent = (*state.sent, Sent(counter, current_ma))[-_COMMANDS_REMEMBERED:]
+    modulus = setup.codec.by_kind[CurrentCommand].counter_modulus
+    counter = state.command_counter % modulus
+    sent = (*state.sent, Sent(counter, current_ma))[-min(_COMMANDS_REMEMBERED, modulus - 1) :]
     return replace(state, sent=sent, command_counter=state.command_counter + 1, command_ns=now_ns), [frame]
 
 

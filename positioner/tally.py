@@ -11,11 +11,11 @@ from positioner.events import (
     FrameRefused,
     FramesLost,
     LinesDropped,
-    PushFailed,
     SetpointDisputed,
     SetpointRefused,
 )
 from positioner.timing_events import LawLate, Stalled
+from positioner.trust_events import PushFailed
 from positioner.wire.formats import Reason
 from positioner.wire.messages import Counted, PositionerCount
 

@@ -14,10 +14,11 @@ from loop_helpers import Loop
 
 from plant_emulator.presets import preset_names
 from positioner.credible import Limits, sift
-from positioner.events import Learned, NotBelieved
+from positioner.events import Learned
 from positioner.laws.registry import LAWS
 from positioner.model import ValveParameters
 from positioner.stiction import Cell, CellKey, Direction, LearnedSample, Quantity, StictionTable
+from positioner.trust_events import NotBelieved
 
 if TYPE_CHECKING:
     from positioner.wire.messages import CanFrame

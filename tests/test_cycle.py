@@ -100,7 +100,9 @@ class Exchange:
     def sample(
         self, position_m: float = 0.08, echo: int | None = None, setpoint: Setpoint | None = None
     ) -> tuple[CanFrame, ...]:
-        frames = [CODEC.encode(StemPosition(position_m, echo), self.counter)]
+        # a plant that says nothing else has obeyed the newest command
+        newest = self.state.sent[-1].counter if self.state.sent else 0
+        frames = [CODEC.encode(StemPosition(position_m, newest if echo is None else echo), self.counter)]
         self.counter += 1
         if setpoint is not None:
             frames.insert(0, CODEC.encode(setpoint, self.setpoints))
@@ -264,15 +266,15 @@ def test_an_echo_of_what_was_never_sent_means_the_last_command() -> None:
     assert exchange.law.shown[-1].applied_ma == 10.0
 
 
-def test_sixteen_commands_are_remembered() -> None:
+def test_each_counter_names_the_newest_command_that_had_it() -> None:
     exchange = Exchange()
-    for _ in range(20):
-        exchange.sample(echo=0)
-    assert len(exchange.state.sent) == 16
-    exchange.sample(echo=4)
-    assert exchange.law.shown[-1].applied_ma == pytest.approx(10.004)
-    exchange.sample(echo=4)
-    assert exchange.law.shown[-1].applied_ma == pytest.approx(10.020)
+    for _ in range(300):
+        exchange.sample()
+    assert len(exchange.state.sent) == 255
+    # 44 is forgotten, so that the last one counts; 43 is the newest, of 299; 60 is still known
+    for echo, sample in ((44, 299), (43, 299), (60, 60)):
+        exchange.sample(echo=echo)
+        assert exchange.law.shown[-1].applied_ma == pytest.approx(10.0 + 0.001 * sample, abs=1e-9)
 
 
 ECHOLESS_DBC = """VERSION ""

@@ -26,6 +26,7 @@ NOW_NS = 10**12
 LIMITS = GuardSettings(setpoint_hold_s=0.005, setpoint_failsafe_s=0.02, law_failsafe_cycles=2)
 AUTO, MANUAL = ManualCurrent(9.5, ManualRequest.AUTO), ManualCurrent(9.5)
 NO_FEEDBACK = (Cause.FEEDBACK_STALE, Cause.FEEDBACK_IMPLAUSIBLE, Cause.FEEDBACK_DISPUTED, Cause.FEEDBACK_FROZEN)
+IDLE = (Cause.ACTUATOR_FAILED, Cause.COMMAND_IGNORED)
 NO_SETPOINT = (Cause.SETPOINT_STALE, Cause.SETPOINT_DISPUTED)
 
 
@@ -80,6 +81,9 @@ MEANING: dict[str, Callable[[GuardState], bool]] = {
     "feedback older than `feedback_hold_periods` (3)": lambda it: feedback_age_ms(it) > 3,
     "setpoint older than `setpoint_hold_s` (0.5 s)": lambda it: setpoint_age_s(it) > 0.005,
     "another controller seen within 1 s": lambda it: it.foreign_ns is not None,
+    "the node's actuator obeys no command, or no newer command of ours is named as acting": lambda it: (
+        it.idle is not None
+    ),
     "`law_failsafe_cycles` (10) cycles in a row longer than a period": lambda it: it.late_cycles >= 2,
     "otherwise": lambda _: True,
 }
@@ -102,8 +106,25 @@ AGES = st.one_of(st.none(), st.sampled_from([0, 3, 4, 5, 6, 10, 11, 20, 21]))
     no_setpoint=st.sampled_from(NO_SETPOINT),
     stall_ms=st.sampled_from([0, 0, 4, 10, 11]),
     late_answers=st.integers(0, 3),
+    idle=st.sampled_from((None, *IDLE)),
 )
-@example(Mode.ACTIVE, Cause.NONE, True, True, 0, 0, False, 0, Cause.FEEDBACK_STALE, 0, None, Cause.SETPOINT_STALE, 0, 0)
+@example(
+    Mode.ACTIVE,
+    Cause.NONE,
+    True,
+    True,
+    0,
+    0,
+    False,
+    0,
+    Cause.FEEDBACK_STALE,
+    0,
+    None,
+    Cause.SETPOINT_STALE,
+    0,
+    0,
+    None,
+)
 @settings(max_examples=600, deadline=None)
 def test_the_first_row_that_holds_gives_mode_and_cause(
     mode: Mode,
@@ -120,6 +141,7 @@ def test_the_first_row_that_holds_gives_mode_and_cause(
     no_setpoint: Cause,
     stall_ms: int,
     late_answers: int,
+    idle: Cause | None,
 ) -> None:
     state = GuardState(
         mode,
@@ -136,10 +158,14 @@ def test_the_first_row_that_holds_gives_mode_and_cause(
         no_setpoint=no_setpoint,
         stall_ns=stall_ms * MS,
         late_answers=late_answers,
+        idle=idle,
     )
     _, its_mode, its_cause = next(row for row in CONDITIONS if MEANING[row[0]](state))
     if its_cause == "feedback stale, implausible, disputed or frozen":
         expected = no_feedback
+    elif its_cause == "actuator failed or command ignored":
+        assert idle is not None
+        expected = idle
     elif its_cause == "setpoint stale or disputed":
         expected = no_setpoint
     else:
@@ -174,6 +200,7 @@ def wander(steps: int) -> dict[tuple[Mode, Mode], set[Cause]]:
             manual=chance.choice((None, None, None, AUTO, MANUAL)),
             stray_disarm=chance.random() < 0.02,
             setpoint_refused=chance.choice((None, None, None, None, Cause.SETPOINT_DISPUTED)),
+            idle=chance.choice((None, None, None, *IDLE)),
         )
         failed = before.controls and chance.random() < 0.4
         before = replace(before, law_failures=before.law_failures + 1) if failed else before

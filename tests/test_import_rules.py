@@ -23,8 +23,8 @@ OUTSIDE_WORLD = {
 STAGES = (
     *("model", "estimate", "stick_slip", "stiction", "bounds", "qp", "planner"),
     *("guard", "guard_settings", "guard_state", "arming", "stall", "arrivals"),
-    *("plausibility", "frozen", "inbox", "link", "tally", "events", "timing_events"),
-    *("cycle", "cycle_state", "closed_loop", "outbox"),
+    *("plausibility", "frozen", "inbox", "link", "tally", "events", "timing_events", "trust_events"),
+    *("cycle", "cycle_state", "closed_loop", "outbox", "acting", "credible", "learning"),
 )
 LAYERS = (
     ("positioner.cli",),
@@ -45,7 +45,7 @@ LAYERS = (
     ("positioner.inbox", "positioner.tally"),
     ("positioner.link",),
     ("positioner.events",),
-    ("positioner.timing_events",),
+    ("positioner.timing_events", "positioner.trust_events"),
     ("positioner.laws",),
     ("positioner.stick_slip", "positioner.plausibility", "positioner.planner"),
     ("positioner.guard",),

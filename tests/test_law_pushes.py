@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 from loop_helpers import Loop
 
 from positioner.estimate import StemState
-from positioner.events import MoveBegan, PushFailed
+from positioner.events import MoveBegan
 from positioner.laws.law import Observation
 from positioner.laws.pushes import MOST_FAILED, Pushes
 from positioner.model import ValveParameters
 from positioner.stiction import Direction, Quantity, StictionTable
+from positioner.trust_events import PushFailed
 from positioner.wire.messages import Counted
 
 VALVE = ValveParameters(id="paper")

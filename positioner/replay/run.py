@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from positioner import cycle
-from positioner.cycle_state import CycleState, Sent, Setup
+from positioner.acting import Sent
+from positioner.cycle_state import CycleState, Setup
 from positioner.record import KIND_AGE, NOTE_ID, TOLD, Note
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import CurrentCommand

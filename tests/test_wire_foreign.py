@@ -2,18 +2,38 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import struct
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import pytest
+import tomli_w
 
-from positioner.errors import ConfigurationError
+from positioner.cli.main import main
+from positioner.errors import ConfigurationError, ExitCode
+from positioner.events import FramesLost
+from positioner.guard_settings import GuardSettings
+from positioner.inbox import receive
+from positioner.link import LinkState
+from positioner.model import ValveParameters
 from positioner.settings import parse
 from positioner.wire.codec import Codec, MessageSettings, WireSettings, make_codec
 from positioner.wire.formats import EncodingError, FrameRejectedError, Reason
-from positioner.wire.messages import ActuatorState, CanFrame, CurrentCommand, Quality, Setpoint, StemPosition
+from positioner.wire.messages import (
+    ActuatorState,
+    CanFrame,
+    Cause,
+    CurrentCommand,
+    Health,
+    Mode,
+    PositionerCount,
+    PositionerStatus,
+    Quality,
+    Setpoint,
+    StemPosition,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -46,9 +66,6 @@ BO_ 515 Wide: 16 VALVE
 BO_ 516 Mixed: 8 VALVE
  SG_ Page M : 0|8@1+ (1,0) [0|3] "" PLC
  SG_ Travel m0 : 8|16@1+ (0.01,0) [0|100] "mm" PLC
-
-BO_ 272 Clash: 2 PLC
- SG_ Target : 0|16@1+ (0.01,0) [0|100] "mm" VALVE
 
 BO_ 517 Tail: 4 PLC
  SG_ Target : 0|16@1+ (0.01,0) [0|100] "mm" VALVE
@@ -234,7 +251,7 @@ def test_every_mistake_in_the_wire_table_has_its_line_at_once(dbc: Path) -> None
         setpoint=MessageSettings(message="Tail", signals={"request": "Missing"}, counter="Scaled"),
         current_command=MessageSettings(message="Drive", signals={"current_ma": "Demand"}, counter="Alife"),
     )
-    names = "Travel, Drive, Pressure, Target, Wide, Mixed, Clash, Tail"
+    names = "Travel, Drive, Pressure, Target, Wide, Mixed, Tail"
     expected = [
         "wire.stem_position.signals.position_m = 'Temperature': has the unit 'degC', which does not fit position_m",
         "wire.stem_position.signals.qualty = 'Health': no such field; known: position_m, command_counter, quality",
@@ -268,10 +285,6 @@ def _with_sorted_names(problem: str) -> str:
             "wire.stem_position.message: Mixed is multiplexed, which is not supported",
         ),
         (
-            WireSettings(setpoint=MessageSettings(message="Clash", signals={"setpoint_m": "Target"})),
-            "wire.dbc: STEM_POSITION and Clash share the identifier 110",
-        ),
-        (
             WireSettings(setpoint=MessageSettings(message="Tail", signals={"setpoint_m": "Target"}, counter="Signed")),
             f"wire.setpoint.counter = 'Signed': {NO_COUNTER}",
         ),
@@ -299,3 +312,165 @@ def test_a_dbc_of_more_than_a_mebibyte_is_refused_before_it_is_parsed(tmp_path: 
     assert problems(replace(ALL, dbc=path))[0].endswith(
         "is larger than 1 MiB: leave only the messages of this valve's nodes in it"
     )
+
+
+# what a DBC gives to others, counters that end before their bits do, and signals that carry no number
+
+CLASHES = """BO_ 256 Lamp: 2 PLC
+ SG_ On : 0|1@1+ (1,0) [0|1] "" VALVE
+
+BO_ 320 Horn: 2 PLC
+ SG_ On : 0|1@1+ (1,0) [0|1] "" VALVE
+
+BO_ 321 Bell: 2 PLC
+ SG_ On : 0|1@1+ (1,0) [0|1] "" VALVE
+
+BO_ 368 Gong: 2 PLC
+ SG_ On : 0|1@1+ (1,0) [0|1] "" VALVE
+
+BA_DEF_ SG_"""
+
+
+@pytest.fixture
+def crowded(tmp_path: Path) -> Path:
+    path = tmp_path / "crowded.dbc"
+    path.write_text(USER_DBC.replace("BA_DEF_ SG_", CLASHES), encoding="cp1252")
+    return path
+
+
+def test_an_identifier_that_the_dbc_gives_to_another_message_is_refused_at_the_start(crowded: Path) -> None:
+    how = "= 0x7F0, for example, or move all of ours with wire.id_offset"
+    named = replace(ALL, dbc=crowded)
+    assert problems(named) == [
+        f"wire.dbc: gives the identifier {identifier} of our {ours} to {theirs}: "
+        f"give ours another with wire.identifiers.{ours.lower()} {how}"
+        for identifier, ours, theirs in (("140", "POSITIONER_STATUS", "Horn"), ("141", "POSITIONER_COUNT", "Bell"))
+    ]
+    with_our_command = replace(named, current_command=None)
+    assert problems(with_our_command)[0].startswith("wire.dbc: gives the identifier 100 of our CURRENT_COMMAND to Lamp")
+
+
+def test_the_user_names_identifiers_for_our_frames_or_moves_them_all(crowded: Path) -> None:
+    chosen = {"positioner_status": 0x345, "positioner_count": 0x346}
+    codec = make_codec(replace(ALL, dbc=crowded, identifiers=chosen))
+    assert [codec.identifier(kind) for kind in (PositionerStatus, PositionerCount)] == [(0x345, False), (0x346, False)]
+    status = PositionerStatus(Mode.READY, Cause.DISARMED, Health.GOOD, False, True, 1, 2, 3)
+    assert codec.decode(codec.encode(status, 7)) == (status, 7)
+    moved = make_codec(replace(ALL, dbc=crowded, id_offset=0x80))
+    assert moved.identifier(PositionerStatus) == (0x1C0, False)
+
+
+def test_our_own_messages_inside_the_users_dbc_are_no_clash(tmp_path: Path) -> None:
+    path = tmp_path / "both.dbc"
+    ours = 'BO_ 320 POSITIONER_STATUS: 8 PLC\n SG_ Mode : 24|4@1+ (1,0) [0|15] "" VALVE\n\n'
+    path.write_text(USER_DBC.replace("BA_DEF_ SG_", f"{ours}BA_DEF_ SG_"), encoding="cp1252")
+    assert make_codec(replace(ALL, dbc=path)).identifier(PositionerStatus) == (0x140, False)
+
+
+def test_a_named_identifier_must_be_free_and_of_a_frame_of_ours(dbc: Path) -> None:
+    chosen = {"positioner_statsu": 0x345, "setpoint": 0x346, "positioner_count": 0x110, "stem_position": 0x110}
+    told = problems(WireSettings(dbc=dbc, setpoint=ALL.setpoint, identifiers=chosen))
+    assert told[0].startswith("wire.identifiers.positioner_statsu = 0x345: is no frame of ours")
+    assert "positioner_status" in told[0]
+    assert told[1:] == [
+        "wire.identifiers.setpoint = 0x346: wire.setpoint names a message of your own, whose identifier the DBC gives",
+        "wire.dbc: STEM_POSITION and POSITIONER_COUNT share the identifier 110",
+    ]
+    with pytest.raises(
+        ConfigurationError, match=r"identifiers\.stem_position = 2048: must be less than or equal to 2047"
+    ):
+        parse("identifiers = { stem_position = 2048 }", WireSettings, "wire.toml")
+
+
+def changed(dbc: Path, old: str, new: str) -> Path:
+    text = dbc.read_text(encoding="cp1252")
+    assert old in text
+    path = dbc.with_name("changed.dbc")
+    path.write_text(text.replace(old, new), encoding="cp1252")
+    return path
+
+
+def test_a_counter_wraps_where_its_range_ends(dbc: Path) -> None:
+    path = changed(dbc, "SG_ Alive : 16|4@1+ (1,0) [0|15]", "SG_ Alive : 16|4@1+ (1,0) [0|14]")
+    path = changed(path, "SG_ Alive : 3|4@0+ (1,0) [0|15]", "SG_ Alive : 3|4@0+ (1,0) [0|14]")
+    codec = make_codec(replace(ALL, dbc=path), span_m=0.1)
+    sent = [codec.encode(CurrentCommand(12.0), counter).data[2] & 0x0F for counter in range(31)]
+    assert sent == [*range(15), *range(15), 0]
+    readings = [codec.encode(StemPosition(0.05), counter) for counter in range(60)]
+    link, lost, taken = LinkState(), 0, 0
+    for frame in readings:
+        received = receive(codec, GuardSettings(), ValveParameters(id="x"), link, (frame,))
+        link, taken = received.link, taken + (received.reading is not None)
+        lost += sum(isinstance(event, FramesLost) for event in received.events)
+    assert (lost, taken) == (0, 60)
+    invalid = replace(readings[0], data=bytes([readings[0].data[0] & 0xF0 | 0x0F, *readings[0].data[1:]]))
+    assert rejected(codec, invalid) is Reason.OUT_OF_RANGE
+
+
+TRAVEL, SUPPLY = "Travel : 15|16@0+ (0.01,-10) [-10|110]", "Supply : 0|32@1-"
+ALIVE = "SG_ Alive : 16|4@1+ (1,0) [0|15]"
+POSITION_KEY = "wire.stem_position.signals.position_m = 'Travel'"
+COUNTER_KEY = "wire.current_command.counter = 'Alive'"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "told"),
+    [
+        (
+            TRAVEL,
+            "Travel : 15|16@0+ (0,-10) [0|0]",
+            POSITION_KEY,
+            "has the scale 0 and the offset -10, which carry no number",
+        ),
+        (
+            TRAVEL,
+            "Travel : 15|16@0+ (0.01,-10) [800|900]",
+            POSITION_KEY,
+            "has the range 800 to 900, which holds no value",
+        ),
+        (
+            SUPPLY,
+            "Supply : 0|24@1-",
+            "wire.actuator_state.signals.pressure_pa = 'Supply'",
+            "is a floating-point signal of 24 bits, and there are 16, 32 and 64",
+        ),
+        (
+            ALIVE,
+            ALIVE.replace("[0|", "[1|"),
+            COUNTER_KEY,
+            "has the range 1 to 15, and a counter needs one from 0 to 3 at least",
+        ),
+        (
+            ALIVE,
+            "SG_ Alive : 16|1@1+ (1,0) [0|1]",
+            COUNTER_KEY,
+            "has the range 0 to 1, and a counter needs one from 0 to 3 at least",
+        ),
+        (ALIVE, ALIVE.replace("(1,", "(0,"), COUNTER_KEY, NO_COUNTER),
+    ],
+)
+def test_a_signal_that_carries_no_number_is_one_line_at_the_check_and_at_the_start(
+    dbc: Path, old: str, new: str, key: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = changed(dbc, old, new)
+    assert problems(replace(ALL, dbc=path)) == [f"{key}: {told}"]
+    config = dbc.with_name("valve.toml")
+    named = ("stem_position", "actuator_state", "setpoint", "current_command")
+    wire: dict[str, Any] = {"dbc": "changed.dbc"}
+    for name in named:
+        wire[name] = {each: value for each, value in asdict(getattr(ALL, name)).items() if value}
+    config.write_text(tomli_w.dumps({"valve": {"id": "x", "preset": "paper"}, "wire": wire}), encoding="utf-8")
+    for command in (["check", str(config)], ["run", "--config", str(config), "--state", str(dbc.parent)]):
+        assert main(command) == ExitCode.CONFIG
+        (line,) = capsys.readouterr().err.splitlines()
+        assert told in line
+
+
+def test_whatever_numbers_a_dbc_gives_a_signal_end_in_a_codec_or_in_a_line(dbc: Path) -> None:
+    for scale in ("0", "-0", "1e-320", "1e308", "nan", "inf", "-1"):
+        for length in (1, 8, 24, 32, 64):
+            for extra in ("[0|0]", "[5|-5]", "[nan|nan]", "[1e308|1e309]"):
+                text = f"SG_ Supply : 0|{min(length, 32)}@1- ({scale},0) {extra}"
+                path = changed(dbc, "SG_ Supply : 0|32@1- (1,0) [0|0]", text)
+                with contextlib.suppress(ConfigurationError):
+                    make_codec(replace(ALL, dbc=path))

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import resources
-from itertools import combinations
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, ClassVar
@@ -19,11 +18,13 @@ from annotated_types import Interval, MultipleOf
 from cantools.database.can import Database
 
 from positioner.errors import ConfigurationError, Problem
-from positioner.wire import foreign, messages
+from positioner.wire import foreign, identifiers, messages
 from positioner.wire.formats import FieldFormat, FrameFormat, FrameRejectedError, Reason, field_format, field_names
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from cantools.database.can.message import Message as DbcMessage
 
     from positioner.wire.messages import CanFrame, Message
 
@@ -85,7 +86,7 @@ class WireSettings:
     """The `[wire]` table: everything ours by default.
 
     `id_offset` is added to the identifiers and data IDs of our frames, so that several valves share one bus; one of
-    `ID_OFFSETS`.
+    `ID_OFFSETS`. `identifiers` names those of our frames that are to travel under another identifier.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid"}
@@ -95,6 +96,7 @@ class WireSettings:
     actuator_state: MessageSettings | None = None
     setpoint: MessageSettings | None = None
     current_command: MessageSettings | None = None
+    identifiers: dict[str, Annotated[int, Interval(ge=0, le=0x7FF)]] = field(default_factory=dict)
 
 
 _USER_KINDS: Mapping[str, type[Message]] = {
@@ -173,12 +175,15 @@ def make_codec(settings: WireSettings | None = None, *, span_m: float = 0.127) -
         ConfigurationError: the user's DBC is missing or does not hold what the settings name; every mistake at once.
     """
     settings = settings or WireSettings()
-    formats = {kind: _own_format(kind, settings.id_offset) for kind in _OWN_NAMES}
+    formats = {kind: _own_format(kind, settings) for kind in _OWN_NAMES}
     wanted = {name: chosen for name in _USER_KINDS if (chosen := getattr(settings, name)) is not None}
     problems: list[Problem] = []
     if settings.id_offset not in ID_OFFSETS:  # settings that no file reader has checked
         allowed = f"must be a multiple of {ID_OFFSETS.step} up to {ID_OFFSETS[-1]}"
         problems.append(Problem(f"wire.id_offset = {settings.id_offset}", None, allowed))
+    user_messages: tuple[DbcMessage, ...] = ()
+    ours = [name.lower() for name, _ in _OWN_NAMES.values()]
+    problems += identifiers.named(settings.identifiers, ours, wanted)
     if settings.dbc is not None:
         user_messages = foreign.read_messages(settings.dbc, problems)
         for name, chosen in wanted.items() if user_messages else ():
@@ -187,25 +192,18 @@ def make_codec(settings: WireSettings | None = None, *, span_m: float = 0.127) -
                 formats[form.kind] = form
     elif wanted:
         problems.append(Problem("wire.dbc", None, "is missing: name the DBC file that holds your messages"))
-    problems += _shared_identifiers(tuple(formats.values()))
+    problems += identifiers.shared(tuple(formats.values()))
+    problems += identifiers.taken(tuple(formats.values()), user_messages)
     if problems:
         raise ConfigurationError("[wire]", tuple(problems))
     return Codec(MappingProxyType(formats))
 
 
-def _own_format(kind: type[Message], id_offset: int) -> FrameFormat:
+def _own_format(kind: type[Message], settings: WireSettings) -> FrameFormat:
     name, signals = _OWN_NAMES[kind]
     dbc = own_database().get_message_by_name(name)
     assert dbc.dbc is not None  # noqa: S101 - for the type checker: a message read from a DBC has its DBC part
-    data_id = int(dbc.dbc.attributes["E2eDataId"].value) + id_offset
+    data_id = int(dbc.dbc.attributes["E2eDataId"].value) + settings.id_offset
     made = tuple(field_format(kind, each, dbc.get_signal_by_name(signals[each]), 1.0) for each in field_names(kind))
-    return FrameFormat(kind, dbc, dbc.frame_id + id_offset, made, data_id, "Counter")
-
-
-def _shared_identifiers(formats: tuple[FrameFormat, ...]) -> list[Problem]:
-    """Return a problem for every two messages under one identifier: a frame holds one message."""
-    return [
-        Problem("wire.dbc", None, f"{one.dbc.name} and {other.dbc.name} share the identifier {one.arbitration_id:X}")
-        for one, other in combinations(formats, 2)
-        if (one.arbitration_id, one.dbc.is_extended_frame) == (other.arbitration_id, other.dbc.is_extended_frame)
-    ]
+    identifier = settings.identifiers.get(name.lower(), dbc.frame_id + settings.id_offset)
+    return FrameFormat(kind, dbc, identifier, made, data_id, "Counter")

@@ -12,7 +12,8 @@ from cantools.database.can import Database
 from cantools.database.errors import Error as CantoolsError
 
 from positioner.errors import Problem
-from positioner.wire.formats import FrameFormat, UnfitSignalError, field_format, field_names, is_plain_integer
+from positioner.wire.formats import FrameFormat, field_format, field_names
+from positioner.wire.signals import UnfitSignalError, counter_modulus, is_plain_integer
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from positioner.wire.messages import Message
 
 _CLASSIC_LENGTH = 8
+_FEWEST_COUNTS = 4
 
 
 _LARGEST_BYTES = 1 << 20
@@ -104,6 +106,9 @@ def _check_counter(where: str, chosen: MessageSettings, dbc: DbcMessage, problem
         problems.append(Problem(key, None, f"is not in {dbc.name}, which has: {', '.join(signals)}"))
     elif signal.is_signed or not is_plain_integer(signal):
         problems.append(Problem(key, None, "is signed, scaled or fractional, and a counter needs whole numbers from 0"))
+    elif signal.minimum or counter_modulus(signal) < _FEWEST_COUNTS:
+        told = f"has the range {signal.minimum} to {signal.maximum}, and a counter needs one from 0 to 3 at least"
+        problems.append(Problem(key, None, told))
 
 
 def _text(content: bytes) -> str:

@@ -6,7 +6,6 @@ decoding (length, range, meaning) and the SI conversion are here, from numbers w
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, field, fields
 from enum import Enum, IntEnum
 from functools import lru_cache
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 from positioner.errors import PositionerError
 from positioner.wire import e2e
 from positioner.wire.messages import CanFrame, Message
+from positioner.wire.signals import UnfitSignalError, check_numbers, counter_modulus, is_plain_integer, raw_range
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -33,9 +33,6 @@ SI_PER_UNIT: Mapping[str, Mapping[str, float]] = {
 
 _MARGIN_BITS = 0.25
 """How far beyond its range a value may lie: enough for rounding errors, too little for the next bit."""
-
-_LARGEST_FLOAT = {16: 65504.0, 32: 3.4028234e38, 64: sys.float_info.max}
-"""Largest finite value of a floating-point signal, by its length in bits."""
 
 
 class Reason(Enum):
@@ -64,10 +61,6 @@ class EncodingError(PositionerError):
     """A message that does not fit its frame: a value that is not finite or out of the signal's range."""
 
 
-class UnfitSignalError(PositionerError):
-    """A signal that cannot carry a field; the text says why."""
-
-
 @dataclass(frozen=True, slots=True)
 class FieldFormat:
     """One field of a message in one signal: value = raw * `si_per_bit` + `si_offset`, in the unit of its suffix.
@@ -93,8 +86,11 @@ def field_format(kind: type[Message], name: str, signal: Signal, span_m: float) 
     Raises:
         UnfitSignalError: the signal's unit does not fit the field, or its scale does not fit a count or a state.
     """
+    check_numbers(signal)
     meaning = _meaning_of(kind, name)
-    low_raw, high_raw = _raw_range(signal)
+    low_raw, high_raw = raw_range(signal)
+    if low_raw > high_raw:
+        raise UnfitSignalError(f"has the range {signal.minimum} to {signal.maximum}, which holds no value")
     margin = 0.0 if signal.is_float else _MARGIN_BITS
     if meaning is not float:
         if not is_plain_integer(signal):
@@ -114,7 +110,7 @@ class FrameFormat:
     """One kind of message in one DBC frame.
 
     `data_id` is None where the frame carries no protection; `counter` names its counter signal, None without one.
-    `counter_modulus` is where the counter wraps: 256 in our frames, what the signal's length allows in a user's.
+    `counter_modulus` is where the counter wraps: 256 in our frames, where the range of the signal ends in a user's.
     """
 
     kind: type[Message]
@@ -129,7 +125,7 @@ class FrameFormat:
 
     def __post_init__(self) -> None:
         """Work out what every frame needs."""
-        modulus = 1 << self.dbc.get_signal_by_name(self.counter).length if self.counter else e2e.COUNTER_MODULUS
+        modulus = counter_modulus(self.dbc.get_signal_by_name(self.counter)) if self.counter else e2e.COUNTER_MODULUS
         object.__setattr__(self, "counter_modulus", modulus)
         idle_raw = {signal.name: signal.raw_initial or 0 for signal in self.dbc.signals}
         object.__setattr__(self, "_idle_raw", idle_raw)
@@ -158,7 +154,10 @@ class FrameFormat:
                     raise self._rejected(Reason.UNDEFINED_VALUE, form, value)
                 value = form.choices[value]
             values[form.name] = value
-        return self.kind(**values), raw[self.counter] if self.counter else None
+        counter: int | None = raw[self.counter] if self.counter else None
+        if counter is not None and counter >= self.counter_modulus:
+            raise FrameRejectedError(Reason.OUT_OF_RANGE, f"{self.dbc.name}.{self.counter} = {counter}")
+        return self.kind(**values), counter
 
     def encode(self, message: Message, counter: int) -> CanFrame:
         """Return the frame of `message` under the running `counter` (taken modulo `counter_modulus`).
@@ -190,11 +189,6 @@ def field_names(kind: type[Message]) -> tuple[str, ...]:
     return tuple(each.name for each in fields(kind))
 
 
-def is_plain_integer(signal: Signal) -> bool:
-    """Return whether the raw value of `signal` is its meaning: no scale, no offset, no fraction."""
-    return not signal.is_float and signal.scale == 1 and signal.offset == 0
-
-
 @lru_cache
 def _hints(kind: type[Message]) -> dict[str, Any]:
     return get_type_hints(kind)
@@ -220,17 +214,3 @@ def _si_of_unit(name: str, unit: str, span_m: float) -> tuple[float, float]:
     if unit not in SI_PER_UNIT[suffix]:
         raise UnfitSignalError(f"has the unit '{unit}', which does not fit {name}")
     return SI_PER_UNIT[suffix][unit], 0.0
-
-
-def _raw_range(signal: Signal) -> tuple[float, float]:
-    """Return the lowest and highest raw value that the signal's length and its range in the DBC, if any, allow."""
-    if signal.is_float:
-        low, high = -_LARGEST_FLOAT[signal.length], _LARGEST_FLOAT[signal.length]
-    elif signal.is_signed:
-        low, high = -(2.0 ** (signal.length - 1)), 2.0 ** (signal.length - 1) - 1.0
-    else:
-        low, high = 0.0, 2.0**signal.length - 1.0
-    ends = (signal.minimum, signal.maximum)
-    limits = [None if end is None else (end - signal.offset) / signal.scale for end in ends]
-    lower, upper = limits if signal.scale > 0 else reversed(limits)
-    return low if lower is None else max(low, lower), high if upper is None else min(high, upper)

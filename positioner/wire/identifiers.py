@@ -1,0 +1,59 @@
+"""Under which identifier each of our frames travels, and whom else's it must not be. Pure."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+from positioner.errors import Problem
+from positioner.nearest import nearest
+from positioner.wire.messages import PlantTruth
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator, Mapping, Sequence
+
+    from cantools.database.can.message import Message as DbcMessage
+
+    from positioner.wire.formats import FrameFormat
+
+_HOW = "give ours another with wire.identifiers.{} = 0x7F0, for example, or move all of ours with wire.id_offset"
+
+
+def named(identifiers: Mapping[str, int], ours: Collection[str], theirs: Collection[str]) -> Iterator[Problem]:
+    """Yield what is wrong with the names in `identifiers`: `ours` may be there, and not where the user has `theirs`."""
+    for name, identifier in identifiers.items():
+        where = f"wire.identifiers.{name} = 0x{identifier:X}"
+        if name not in ours:
+            yield Problem(where, None, f"is no frame of ours; {nearest(name, ours)}")
+        elif name in theirs:
+            yield Problem(where, None, f"wire.{name} names a message of your own, whose identifier the DBC gives")
+
+
+def shared(formats: Sequence[FrameFormat]) -> Iterator[Problem]:
+    """Yield a problem for every two messages under one identifier: a frame holds one message."""
+    for one, other in combinations(formats, 2):
+        if _address(one) == _address(other):
+            told = f"{one.dbc.name} and {other.dbc.name} share the identifier {one.arbitration_id:X}"
+            yield Problem("wire.dbc", None, told)
+
+
+def taken(formats: Sequence[FrameFormat], user_messages: Sequence[DbcMessage]) -> Iterator[Problem]:
+    """Yield a problem for every frame of ours under an identifier that the user's DBC gives to another message.
+
+    Ours would be read by nodes that know nothing of it, and theirs by us. PLANT_TRUTH is for benches, without a DBC.
+    """
+    used = {form.dbc.name for form in formats if form.data_id is None}
+    theirs = {
+        (message.frame_id, message.is_extended_frame): message.name
+        for message in user_messages
+        if message.name not in used
+    }
+    for form in formats:
+        name = theirs.get(_address(form))
+        if form.data_id is not None and form.kind is not PlantTruth and name not in {None, form.dbc.name}:
+            told = f"gives the identifier {form.arbitration_id:X} of our {form.dbc.name} to {name}"
+            yield Problem("wire.dbc", None, f"{told}: {_HOW.format(form.dbc.name.lower())}")
+
+
+def _address(form: FrameFormat) -> tuple[int, bool]:
+    return form.arbitration_id, form.dbc.is_extended_frame

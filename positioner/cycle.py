@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING
 from positioner import guard, stall
 from positioner.acting import NOTHING_KNOWN, Acting, heed
 from positioner.closed_loop import control
+from positioner.deviation import NO_DEVIATION, Deviates, Deviation, description, watch_error
 from positioner.events import Controlled, Event, LinesDropped, ModeChanged
 from positioner.handover import ease, follow
 from positioner.inbox import receive
 from positioner.outbox import command, status
 from positioner.timing_events import LawLate, Stalled
 from positioner.trust_events import ActingChanged
-from positioner.wire.messages import CurrentCommand, Mode
+from positioner.wire.messages import Cause, CurrentCommand, Mode
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -59,6 +60,9 @@ def step(
         seen = replace(seen, late=state.late_ns > 0, stall_ns=stall_ns, answered=state.answered)
     reading = received.reading
     acting, seen = _heed(setup, state, seen, reading)
+    deviation = _deviation(setup, state, reading, events)
+    if deviation.cause is not Cause.NONE:
+        seen = replace(seen, deviation=deviation.cause)
     watch = guard.supervise(setup.guard, before, seen, setup.period_s, now_ns)
     measured_m = reading.position_m if reading else None
     handover = follow(state.handover, watch.mode, measured_m, received.link.setpoint_m, state.last_ma)
@@ -72,6 +76,7 @@ def step(
         tally=state.tally.add(events),
         handover=handover,
         acting=acting,
+        deviation=deviation,
     )
     decision: Decision | None = None
     if state.memory is not None and (not watch.controls or watch.acts_again(before)):
@@ -124,6 +129,19 @@ def _changes(before: GuardState, after: GuardState) -> list[Event]:
     if after.mode is not before.mode or after.cause is not before.cause:
         events.append(ModeChanged(before.mode, after.mode, after.cause))
     return events
+
+
+def _deviation(setup: Setup, state: CycleState, reading: Reading | None, events: list[Event]) -> Deviation:
+    """Return what is known of the error, from the setpoint that the law was given last; say when it begins to count."""
+    if not state.guard.controls:
+        return NO_DEVIATION
+    if reading is None or state.memory is None:
+        return state.deviation
+    elapsed_s, setpoint_m = reading.periods * setup.period_s, state.setpoint_m
+    known = watch_error(setup.guard, setup.valve, state.deviation, reading.position_m, setpoint_m, elapsed_s)
+    if known.cause is not state.deviation.cause and known.cause is not Cause.NONE:
+        events.append(Deviates(description(setup.guard, setup.valve, known, setpoint_m)))
+    return known
 
 
 def _controlled(state: CycleState, decision: Decision, reading: Reading) -> Controlled:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from positioner.acting import NOTHING_KNOWN, Acting, Sent
+from positioner.deviation import NO_DEVIATION, Deviation
 from positioner.guard_state import GuardState
 from positioner.link import LinkState
 from positioner.stiction import StictionTable
@@ -68,6 +69,7 @@ class CycleState:
     fallback_count: int = 0
     learned_count: int = 0
     handover: Handover | None = None
+    deviation: Deviation = NO_DEVIATION
 
     @property
     def last_ma(self) -> float | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from positioner.deviation import Deviates
 from positioner.timing_events import LawLate, Stalled
 from positioner.trust_events import ActingChanged, NotBelieved, PushFailed
 from positioner.wire.loop_current import LoopSignal, signal_of
@@ -172,6 +173,7 @@ Event = (
     | SetpointDisputed
     | FeedbackRefused
     | ForeignCommand
+    | Deviates
     | ModeChanged
     | Learned
     | NotBelieved

@@ -36,6 +36,8 @@ class GuardSettings:
     max_jump_m: largest plausible step between two readings.
     frozen_s, frozen_command_ma: a reading that stays the same to the bit for so long (0: never looked at), while the
         command is so far beyond the stick band, is frozen; an actuator with a lag needs several times its lag.
+    deviation_of_span, deviation_s: an error beyond this part of the span (0: never looked at), from which the stem came
+        no nearer for so long, is told as a deviation; an actuator with a lag needs several times its lag.
     """
 
     __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
@@ -55,6 +57,8 @@ class GuardSettings:
     max_jump_m: Annotated[float, Interval(gt=0.0, le=2.0)] = 0.05
     frozen_s: Annotated[float, Interval(ge=0.0, le=3600.0)] = 2.0
     frozen_command_ma: Annotated[float, Interval(ge=0.1, le=16.0)] = 1.5
+    deviation_of_span: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.05
+    deviation_s: Annotated[float, Interval(ge=0.1, le=3600.0)] = 1.5
 
     def __post_init__(self) -> None:
         """Refuse limits in the wrong order."""

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from positioner.manual import AUTOMATIC, Manual
 from positioner.wire.messages import Cause, Health, HostRequest, ManualCurrent, Mode
 
+_OUT_OF_SPECIFICATION = frozenset({Cause.LAW_LATE, Cause.DEVIATION, Cause.SETPOINT_UNREACHABLE})
+
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
@@ -17,6 +19,7 @@ class Sighting:
     took longer than a period; stall_ns: so long that it is a stall; answered: a law had answered in the turn before.
     stray_disarm: a DISARM in a frame out of sequence; setpoint_refused: why a setpoint was not used.
     manual: what the host last said of manual mode; idle: why commands do not act, None while they do.
+    deviation: what the error is called that does not shrink, NONE where there is none.
     """
 
     feedback: bool = False
@@ -34,6 +37,7 @@ class Sighting:
     stall_ns: int = 0
     answered: bool = False
     idle: Cause | None = None
+    deviation: Cause = Cause.NONE
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +63,7 @@ class GuardState:
     stall_ns: int = 0
     late_answers: int = 0
     idle: Cause | None = None  # why commands do not act
+    deviation: Cause = Cause.NONE
 
     @property
     def transmits(self) -> bool:
@@ -88,6 +93,6 @@ class GuardState:
             return Health.FUNCTION_CHECK
         if self.idle is not None:
             return Health.FAILURE
-        if self.mode is Mode.HOLD or self.cause is Cause.LAW_LATE:
+        if self.mode is Mode.HOLD or self.cause in _OUT_OF_SPECIFICATION:
             return Health.OUT_OF_SPECIFICATION
         return Health.GOOD if table_saved else Health.MAINTENANCE_REQUIRED

@@ -500,6 +500,22 @@ def test_another_controller_in_manual_mode_is_a_failure_that_is_told() -> None:
     assert state.health(table_saved=True) is Health.FAILURE
 
 
+# deviation
+
+
+@pytest.mark.parametrize("cause", [Cause.DEVIATION, Cause.SETPOINT_UNREACHABLE])
+def test_an_error_that_stays_is_out_of_specification_and_control_goes_on(cause: Cause) -> None:
+    deviates = replace(EVERYTHING, deviation=cause)
+    state = watch(active_at(SECOND), deviates, SECOND + MS)
+    assert told(state) == (Mode.ACTIVE, cause)
+    assert state.controls
+    assert state.health(table_saved=True) is Health.OUT_OF_SPECIFICATION
+    # what is worse comes first
+    assert told(watch(state, replace(deviates, foreign_command=True), SECOND + 2 * MS))[1] is Cause.FOREIGN_COMMAND
+    assert told(watch(state, replace(NOTHING, deviation=cause), SECOND + 5 * MS)) == (Mode.HOLD, Cause.FEEDBACK_STALE)
+    assert told(watch(state, EVERYTHING, SECOND + 2 * MS)) == (Mode.ACTIVE, Cause.NONE)
+
+
 # health
 
 

@@ -27,6 +27,7 @@ LIMITS = GuardSettings(setpoint_hold_s=0.005, setpoint_failsafe_s=0.02, law_fail
 AUTO, MANUAL = ManualCurrent(9.5, ManualRequest.AUTO), ManualCurrent(9.5)
 NO_FEEDBACK = (Cause.FEEDBACK_STALE, Cause.FEEDBACK_IMPLAUSIBLE, Cause.FEEDBACK_DISPUTED, Cause.FEEDBACK_FROZEN)
 IDLE = (Cause.ACTUATOR_FAILED, Cause.COMMAND_IGNORED)
+DEVIATIONS = (Cause.NONE, Cause.DEVIATION, Cause.SETPOINT_UNREACHABLE)
 NO_SETPOINT = (Cause.SETPOINT_STALE, Cause.SETPOINT_DISPUTED)
 
 
@@ -84,6 +85,7 @@ MEANING: dict[str, Callable[[GuardState], bool]] = {
     "the node's actuator obeys no command, or no newer command of ours is named as acting": lambda it: (
         it.idle is not None
     ),
+    "an error that does not shrink (`deviation_of_span`, `deviation_s`)": lambda it: it.deviation is not Cause.NONE,
     "`law_failsafe_cycles` (10) cycles in a row longer than a period": lambda it: it.late_cycles >= 2,
     "otherwise": lambda _: True,
 }
@@ -107,6 +109,7 @@ AGES = st.one_of(st.none(), st.sampled_from([0, 3, 4, 5, 6, 10, 11, 20, 21]))
     stall_ms=st.sampled_from([0, 0, 4, 10, 11]),
     late_answers=st.integers(0, 3),
     idle=st.sampled_from((None, *IDLE)),
+    deviation=st.sampled_from(DEVIATIONS),
 )
 @example(
     Mode.ACTIVE,
@@ -124,6 +127,7 @@ AGES = st.one_of(st.none(), st.sampled_from([0, 3, 4, 5, 6, 10, 11, 20, 21]))
     0,
     0,
     None,
+    Cause.NONE,
 )
 @settings(max_examples=600, deadline=None)
 def test_the_first_row_that_holds_gives_mode_and_cause(
@@ -142,6 +146,7 @@ def test_the_first_row_that_holds_gives_mode_and_cause(
     stall_ms: int,
     late_answers: int,
     idle: Cause | None,
+    deviation: Cause,
 ) -> None:
     state = GuardState(
         mode,
@@ -159,6 +164,7 @@ def test_the_first_row_that_holds_gives_mode_and_cause(
         stall_ns=stall_ms * MS,
         late_answers=late_answers,
         idle=idle,
+        deviation=deviation,
     )
     _, its_mode, its_cause = next(row for row in CONDITIONS if MEANING[row[0]](state))
     if its_cause == "feedback stale, implausible, disputed or frozen":
@@ -168,6 +174,8 @@ def test_the_first_row_that_holds_gives_mode_and_cause(
         expected = idle
     elif its_cause == "setpoint stale or disputed":
         expected = no_setpoint
+    elif its_cause == "deviation or setpoint unreachable":
+        expected = deviation
     else:
         expected = cause if its_cause == "the cause it had" else cause_of(its_cause)
     assert _mode(LIMITS, state, PERIOD_S, NOW_NS) == (Mode[its_mode], expected)
@@ -199,6 +207,7 @@ def wander(steps: int) -> dict[tuple[Mode, Mode], set[Cause]]:
             late=chance.random() < 0.4,
             manual=chance.choice((None, None, None, AUTO, MANUAL)),
             stray_disarm=chance.random() < 0.02,
+            deviation=chance.choice((*DEVIATIONS, Cause.NONE)) if before.controls else Cause.NONE,
             setpoint_refused=chance.choice((None, None, None, None, Cause.SETPOINT_DISPUTED)),
             idle=chance.choice((None, None, None, *IDLE)),
         )

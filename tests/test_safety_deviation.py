@@ -1,0 +1,77 @@
+"""A stem that stays away from its setpoint, seen by the daemon on a bus: told once, and never 'good'."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from daemon_helpers import HERE_M, Loop
+
+from positioner.wire.messages import (
+    Cause,
+    CurrentCommand,
+    Health,
+    HostRequest,
+    Mode,
+    PositionerStatus,
+    Setpoint,
+    StemPosition,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from positioner.wire.messages import Message
+
+
+def sample(loop: Loop, setpoint_m: float, position_m: float) -> list[Message]:
+    """One period of a node that obeys: its reading names the last command."""
+    decoded = (loop.others.codec.decode(frame) for frame in reversed(loop.others.heard))
+    acting = next((counter for message, counter in decoded if isinstance(message, CurrentCommand)), None)
+    reading = loop.others.frame(StemPosition(position_m, acting))
+    return loop.turn(loop.others.frame(Setpoint(setpoint_m)), reading)
+
+
+def last_status(loop: Loop, samples: int, setpoint_m: float, position_m: float = HERE_M) -> PositionerStatus:
+    said = [message for _ in range(samples) for message in sample(loop, setpoint_m, position_m)]
+    assert [message for message in said if isinstance(message, CurrentCommand)]
+    return [message for message in said if isinstance(message, PositionerStatus)][-1]
+
+
+def trouble(status: PositionerStatus) -> tuple[Mode, Cause, Health]:
+    return status.mode, status.cause, status.health
+
+
+@pytest.mark.parametrize(
+    ("setpoint_m", "cause", "told"),
+    [
+        (HERE_M + 0.01, Cause.DEVIATION, "the stem is 10.0 mm below its setpoint of 90.0 mm and came no nearer"),
+        (0.127, Cause.SETPOINT_UNREACHABLE, "which is out of reach: 20 mA open it to 99.9 mm"),
+    ],
+)
+def test_a_stem_that_stays_away_is_told_once_and_out_of_specification(
+    tmp_path: Path, setpoint_m: float, cause: Cause, told: str
+) -> None:
+    with Loop(tmp_path, control={"law": "pi"}, guard={"frozen_s": 0.0}) as loop:
+        loop.request(HostRequest.ARM)
+        assert trouble(last_status(loop, 100, HERE_M)) == (Mode.ACTIVE, Cause.NONE, Health.GOOD)
+        assert trouble(last_status(loop, 70, setpoint_m)) == (Mode.ACTIVE, Cause.NONE, Health.GOOD)
+        for _ in range(3):
+            status = last_status(loop, 30, setpoint_m)
+            assert trouble(status) == (Mode.ACTIVE, cause, Health.OUT_OF_SPECIFICATION)
+        assert len(loop.told("deviation: ")) == 1
+        assert told in loop.told("deviation: ")[0]
+        assert trouble(last_status(loop, 30, setpoint_m, setpoint_m)) == (Mode.ACTIVE, Cause.NONE, Health.GOOD)
+
+
+def test_a_stem_that_is_not_under_control_is_away_from_nothing(tmp_path: Path) -> None:
+    with Loop(tmp_path, control={"law": "pi"}) as loop:
+        for _ in range(150):
+            loop.sample(HERE_M, 0.127)
+        assert not loop.told("deviation")
+        loop.request(HostRequest.ARM)
+        for _ in range(150):
+            loop.sample(HERE_M, 0.127)
+        assert loop.told("deviation")
+        loop.request(HostRequest.DISARM)
+        assert loop.daemon._state.deviation.cause is Cause.NONE

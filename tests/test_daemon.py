@@ -194,6 +194,7 @@ def test_every_kind_of_bad_frame_gets_a_line_that_names_it_and_the_loop_goes_on(
         assert loop.told("remote frame: STEM_POSITION")
         assert loop.told("error frame: id 110")
         assert len(loop.told("frame refused")) == len(bad) + 2
+        assert commands(loop.sample()) == []  # after a frame out of order a reading waits for the second one in order
         (command,) = commands(loop.sample())
         assert command.mode is Mode.ACTIVE
         refused = [status.rejected_count for _ in range(6) for status in statuses(loop.sample())]

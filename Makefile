@@ -163,6 +163,11 @@ fault-test: $(VENV)/installed
 soak: $(VENV)/installed
 	SOAK_SECONDS=$(SOAK_SECONDS) $(ENDURANCE).soak
 
+# Every kind of system call of a daemon fails or waits, one occasion a run.
+.PHONY: syscall-test
+syscall-test: $(VENV)/installed
+	PYTHONPATH=tests:tests/kernel $(BIN)/python -m endurance.syscall_faults
+
 .PHONY: accept-logs
 accept-logs: $(VENV)/installed
 	$(BIN)/pytest --accept-logs tests/test_replay_logs.py

@@ -163,6 +163,11 @@ fault-test: $(VENV)/installed
 soak: $(VENV)/installed
 	SOAK_SECONDS=$(SOAK_SECONDS) $(ENDURANCE).soak
 
+# A daemon whose bus goes away and comes back for two thirds of a day of its own time: nothing piles up.
+.PHONY: leak-test
+leak-test: $(VENV)/installed
+	$(ENDURANCE).leak
+
 # Every kind of system call of a daemon fails or waits, one occasion a run.
 .PHONY: syscall-test
 syscall-test: $(VENV)/installed

@@ -24,7 +24,7 @@ from positioner.ports import Ports
 from positioner.wire.messages import CanFrame, Cause, CurrentCommand, HostRequest, Message, Mode, Setpoint, StemPosition
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
     from pathlib import Path
     from types import TracebackType
 
@@ -113,6 +113,10 @@ class World:
     def shutdown(self) -> None:
         pass
 
+    def open(self, _address: BusAddress, _wanted: Iterable[tuple[int, bool]]) -> Any:
+        """Return the bus, as `bus_open.open_bus` does."""
+        return self
+
     # the world
 
     def pass_time(self, duration_ns: int) -> None:
@@ -151,19 +155,26 @@ class World:
 class VirtualShell:
     """A daemon with the world behind its ports, turned by the test."""
 
-    def __init__(self, folder: Path, period_s: float = 0.01, options: RunOptions | None = None, **tables: Any) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        period_s: float = 0.01,
+        options: RunOptions | None = None,
+        world: type[World] = World,
+        **tables: Any,
+    ) -> None:
         tables = {**tables, "control": {"sample_period_s": period_s, "law": "pi", **tables.get("control", {})}}
         path = write_configuration(folder, BusAddress(interface="virtual", channel="none"), **tables)
         configuration = load_config(path)
         self.period_s = period_s
-        self.world = World(round(period_s * _NS), configuration.make_codec())
+        self.world = world(round(period_s * _NS), configuration.make_codec())
         self.lines: list[str] = []
         self._handler = logging.Handler()
         self._handler.emit = lambda record: self.lines.append(record.getMessage())  # type: ignore[method-assign]
         logger.addHandler(self._handler)
         self._level = logger.level
         logger.setLevel(logging.DEBUG)
-        ports = Ports(self.world, lambda _address, _wanted: self.world)  # type: ignore[arg-type, return-value]
+        ports = Ports(self.world, self.world.open)
         self.daemon = Daemon(configuration, options or RunOptions(), ports)
 
     def mode(self) -> Mode:

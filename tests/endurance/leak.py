@@ -1,0 +1,185 @@
+"""A daemon whose bus goes away and comes back, over and over, under a clock of its own: does anything pile up?
+
+    PYTHONPATH=tests python -m endurance.leak [--short]
+
+Rounds of cycles and of tries to open the bus alternate; each try goes through python-can to an interface that this
+machine lacks. After each round the memory is read. What counts is its slope (Theil and Sen's, which one jump of the
+allocator does not bend), extrapolated to 30 days of the time that has passed for the daemon; in the short form, too
+short for that, it is how many blocks Python has allocated in all. The garbage collector is off, as in service, and
+finds nothing at the end. Exit status: 0 below the limits, 1 above one of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import statistics
+import sys
+import tempfile
+from array import array
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import can
+from tqdm import tqdm
+from virtual_shell import VirtualShell, World
+
+from positioner import bus_open
+from positioner.bus_address import BusAddress
+from positioner.journal import logger
+from positioner.wire.messages import HostRequest, Mode
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+RETRIES, CYCLES, ROUNDS = 100_000, 1_000_000, 100
+MOST_GROWTH = 0.01
+"""Of the memory, in 30 days."""
+_MONTH_S = 30 * 86400.0
+_ABSENT = BusAddress(channel="vcan77")
+_WARM_UP = 0.2
+"""Of the rounds: caches fill, the allocator finds its size."""
+_FREE_LISTS = 50
+"""Blocks that the interpreter keeps for later; they fill in the first rounds, and stay."""
+_MEMORY = Path("/proc/self/statm")
+_PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+
+
+@dataclass
+class Outage(World):
+    """A world whose bus can be taken away; `tries` counts the attempts to open it meanwhile."""
+
+    away: bool = False
+    tries: int = 0
+
+    def recv(self, timeout: float | None) -> can.Message | None:
+        """Return the next frame, as python-can does."""
+        if self.away:
+            raise can.CanOperationError("Network is down", 100)
+        return super().recv(timeout)
+
+    def open(self, _address: BusAddress, wanted: Iterable[tuple[int, bool]]) -> Any:
+        """Open the bus, or fail as python-can does where there is none."""
+        if self.away:
+            self.tries += 1
+            return bus_open.open_bus(_ABSENT, wanted)
+        return self
+
+
+class Record:
+    """What a run has shown, read after each round; its own memory does not grow. `garbage` was found at the end."""
+
+    def __init__(self, rounds: int) -> None:
+        self._times_s, self._resident, self._blocks, self._descriptors = (array("d", [0.0] * rounds) for _ in range(4))
+        self.garbage = 0
+        self.failed_safe = 0
+
+    def read(self, number: int, time_s: float) -> None:
+        """Read the memory after the round of that number, at that time of the daemon."""
+        self._times_s[number] = time_s
+        self._resident[number] = int(_MEMORY.read_text(encoding="ascii").split()[1]) * _PAGE_BYTES
+        self._blocks[number] = sys.getallocatedblocks()
+        self._descriptors[number] = len(os.listdir("/proc/self/fd"))  # noqa: PTH208 - as cheap as it can be
+
+    def growth(self, of: Sequence[float]) -> float:
+        """Return the growth in 30 days as a fraction of what there is, by the median of the slopes of all pairs."""
+        steady = list(zip(self._times_s, of, strict=True))[int(len(of) * _WARM_UP) :]
+        slopes = [(after - before) / (end_s - start_s) for (start_s, before), (end_s, after) in combinations(steady, 2)]
+        return statistics.median(slopes) * _MONTH_S / steady[0][1]
+
+    @property
+    def resident(self) -> float:
+        """The growth of the resident memory."""
+        return self.growth(self._resident)
+
+    @property
+    def blocks(self) -> float:
+        """The growth of the number of blocks that Python has allocated."""
+        return self.growth(self._blocks)
+
+    @property
+    def increase(self) -> int:
+        """How many blocks more there are at the end than after the rounds in which the caches fill."""
+        return round(self._blocks[-1] - self._blocks[int(len(self._blocks) * _WARM_UP)])
+
+    @property
+    def descriptors(self) -> int:
+        """How many more are open at the end."""
+        return round(self._descriptors[-1] - self._descriptors[0])
+
+    def lines(self) -> list[str]:
+        """Return what is to be printed."""
+        hours = (self._times_s[-1] - self._times_s[0]) / 3600.0
+        return [
+            f"{hours:.1f} hours of the daemon's time, in which it failed safe and was armed {self.failed_safe} times",
+            f"resident {self._resident[-1] / 2**20:.1f} MiB: {100 * self.resident:+.3f} % in 30 days",
+            f"{self._blocks[-1]:.0f} blocks of Python's allocator: {100 * self.blocks:+.3f} % in 30 days",
+            f"blocks {self.increase:+d} after a while, descriptors {self.descriptors:+d}, garbage {self.garbage}",
+        ]
+
+    @property
+    def is_good(self) -> bool:
+        """Whether nothing piles up."""
+        return max(self.resident, self.blocks) < MOST_GROWTH and self.descriptors == self.garbage == 0
+
+
+def play(folder: Path, rounds: int, retries: int, cycles: int, law: str = "nmpc") -> Record:
+    """Return what so many rounds show, which share the retries and the cycles among them."""
+    record = Record(rounds)
+    with VirtualShell(folder, control={"law": law}, world=Outage) as shell:
+        world = shell.world
+        assert isinstance(world, Outage)
+        propagate, logger.propagate = logger.propagate, False  # to a test's own log, which keeps everything
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        try:
+            for number in tqdm(range(rounds), unit="round", disable=None):
+                _round(shell, world, retries // rounds, cycles // rounds)
+                record.failed_safe += shell.mode() is Mode.FAILSAFE
+                record.read(number, world.now_ns / 1e9)
+            record.garbage = gc.collect()
+        finally:
+            gc.enable()
+            gc.unfreeze()
+            logger.propagate = propagate
+    return record
+
+
+def _round(shell: VirtualShell, world: Outage, retries: int, cycles: int) -> None:
+    """Control for so many cycles, and then lose the bus for so many tries."""
+    shell.turn_for(1.0)  # until it has tried again
+    shell.arm()
+    if shell.mode() is not Mode.ACTIVE:
+        raise RuntimeError(f"not armed: {shell.told_by_the_guard()}, {shell.lines[-5:]}")
+    shell.turn(cycles)
+    world.request = HostRequest.NONE
+    world.away, end = True, world.tries + retries
+    while world.tries < end:
+        shell.turn()
+    world.away = False
+    world.said.clear()
+    world.queue.clear()
+    shell.lines.clear()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run; return the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--short", action="store_true", help="20 rounds of 20 tries and 500 cycles")
+    options = parser.parse_args(arguments)
+    rounds, retries, cycles = (20, 400, 10_000) if options.short else (ROUNDS, RETRIES, CYCLES)
+    with tempfile.TemporaryDirectory(prefix="leak-") as folder:
+        record = play(Path(folder), rounds, retries, cycles)
+    sys.stdout.write(f"{retries} tries to open an absent bus and {cycles} cycles in {rounds} rounds\n")
+    sys.stdout.writelines(f"{line}\n" for line in record.lines())
+    if options.short:
+        return int(record.increase > _FREE_LISTS or record.descriptors != 0 or record.garbage != 0)
+    return int(not record.is_good)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -12,7 +12,7 @@ from positioner.guard_settings import FailsafeAction, GuardSettings
 from positioner.guard_state import GuardState
 from positioner.settings import build
 from positioner.wire.codec import make_codec
-from positioner.wire.loop_current import LoopSignal, signal_of
+from positioner.wire.loop_current import LoopSignal, same_signal, signal_of
 from positioner.wire.messages import CurrentCommand, Mode
 
 VALUE, FAILURE, NEITHER = LoopSignal.VALUE, LoopSignal.FAILURE, LoopSignal.NEITHER
@@ -69,3 +69,21 @@ def test_a_failsafe_current_that_says_neither_is_refused(current_ma: float) -> N
 def test_control_itself_stays_within_the_values(key: str, current_ma: float) -> None:
     with pytest.raises(ConfigurationError, match=key):
         build({key: current_ma}, GuardSettings, "guard")
+
+
+@pytest.mark.parametrize(
+    ("current_ma", "low_ma", "high_ma"),
+    [
+        (0.0, 0.0, 3.6),
+        (3.6, 0.0, 3.6),
+        (3.8, 3.8, 20.5),
+        (20.5, 3.8, 20.5),
+        (21.0, 21.0, 22.0),
+        (22.0, 21.0, 22.0),
+    ],
+)
+def test_what_says_the_same_as_a_current_reaches_from_border_to_border(
+    current_ma: float, low_ma: float, high_ma: float
+) -> None:
+    assert same_signal(current_ma) == (low_ma, high_ma)
+    assert signal_of(low_ma) is signal_of(high_ma) is signal_of(current_ma)

@@ -19,6 +19,7 @@ from positioner.laws.law import Decision, Observation
 from positioner.model import ValveParameters
 from positioner.stiction import Direction, LearnedSample, Quantity, StictionTable
 from positioner.timing_events import LawLate
+from positioner.trust_events import ActingChanged
 from positioner.wire.codec import MessageSettings, WireSettings, make_codec
 from positioner.wire.messages import (
     CanFrame,
@@ -275,6 +276,17 @@ def test_each_counter_names_the_newest_command_that_had_it() -> None:
     for echo, sample in ((44, 299), (43, 299), (60, 60)):
         exchange.sample(echo=echo)
         assert exchange.law.shown[-1].applied_ma == pytest.approx(10.0 + 0.001 * sample, abs=1e-9)
+
+
+def test_a_node_that_goes_on_naming_one_command_is_told_and_its_obedience_is_too() -> None:
+    exchange = Exchange()
+    for echo in (None, *([0] * 110), None, None):
+        exchange.sample(echo=echo)
+    assert [str(event)[:40] for event in exchange.told(ActingChanged)] == [
+        "the valve's node takes no command of our",
+        "commands act on the valve again: the law",
+    ]
+    assert len(exchange.law.begun_m) == 2
 
 
 ECHOLESS_DBC = """VERSION ""

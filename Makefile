@@ -173,6 +173,11 @@ leak-test: $(VENV)/installed
 syscall-test: $(VENV)/installed
 	PYTHONPATH=tests:tests/kernel $(BIN)/python -m endurance.syscall_faults
 
+# The memory that a replay takes, for a log of 100,000 and one of a million frames.
+.PHONY: long-replay
+long-replay: $(VENV)/installed
+	$(ENDURANCE).long_replay
+
 .PHONY: accept-logs
 accept-logs: $(VENV)/installed
 	$(BIN)/pytest --accept-logs tests/test_replay_logs.py

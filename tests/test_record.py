@@ -29,7 +29,8 @@ from positioner.record import NOTE_ID, BusRecorder, Note
 from positioner.replay import recorded
 from positioner.replay.log import read_log
 from positioner.replay.session import prepare
-from positioner.replay.turns import LogKind, turns_of
+from positioner.replay.survey import LogKind, Survey
+from positioner.replay.turns import turns_of
 from positioner.stiction import Direction, Quantity, StictionTable
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import CanFrame, Cause, CurrentCommand, Mode, PlantTruth, Setpoint, StemPosition
@@ -110,8 +111,11 @@ def test_what_comes_in_after_something_was_sent_is_the_next_turn(tmp_path: Path)
     recorder.turn(HELD, (reading,), 1_000_000, (command,), HELD)
     recorder.turn(HELD, (setpoint,), 1_000_000, (), HELD)
     recorder.close()
-    kind, turns = turns_of(codec, read_log(tmp_path / "bus.log").frames, 0.001)
-    assert kind is LogKind.RECORD
+    heard = recorded.Heard(codec)
+    survey = Survey(heard, 1_000_000)
+    log = read_log(tmp_path / "bus.log", survey.take)
+    assert survey.kind is LogKind.RECORD
+    turns = list(turns_of(survey.kind, heard, log.frames(), 1_000_000))
     assert [[frame.frame.data for frame in turn.inbox] for turn in turns] == [[reading.data], [setpoint.data]]
     assert [[frame.frame.data for frame in turn.recorded] for turn in turns] == [[command.data], []]
 

@@ -13,7 +13,7 @@ from positioner.cli.main import main
 from positioner.config import load_config
 from positioner.replay.recorded import INPUTS, Heard
 from positioner.replay.session import prepare
-from positioner.replay.turns import LogKind
+from positioner.replay.survey import LogKind
 from positioner.wire import e2e
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import CurrentCommand, StemPosition
@@ -171,7 +171,7 @@ def test_readings_that_one_command_answers_were_one_batch(tmp_path: Path, capsys
     session = prepare(log, load_config(config), None)
     assert session.kind is LogKind.BUS
     heard = Heard(CODEC)
-    sizes = [sum(heard.is_position(frame) for frame in turn.inbox) for turn in session.turns]
+    sizes = [sum(heard.is_position(frame) for frame in turn.inbox) for turn in session.turns()]
     assert sizes == [1] * 100 + [2] + [1] * 198
     assert main(["replay", str(log), "--config", str(config)]) == 1
     assert "299 recorded, 299 computed, 100 equal" in capsys.readouterr().out
@@ -190,7 +190,7 @@ def test_commands_of_another_count_are_another_controller_s(tmp_path: Path) -> N
     session = prepare(log, load_config(config), None)
     heard = Heard(CODEC)
     assert session.commands == 300
-    assert sum(heard.is_command(frame) for turn in session.turns for frame in turn.inbox) == len(places) == 5
+    assert sum(heard.is_command(frame) for turn in session.turns() for frame in turn.inbox) == len(places) == 5
 
 
 def test_what_a_replay_takes_in_is_what_the_daemon_listens_to() -> None:

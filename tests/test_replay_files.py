@@ -203,9 +203,9 @@ def test_frames_keep_their_order_and_their_time(bench: tuple[Path, Path]) -> Non
     log, _ = bench
     read = read_log(log)
     expected = run_in_process(runs.scenario("pi", seconds=0.15)).recording.frames
-    assert [frame.number for frame in read.frames] == list(range(1, len(expected) + 1))
-    assert [frame.frame.data for frame in read.frames] == [frame.data for _, _, frame in expected]
-    assert [frame.time_ns for frame in read.frames] == [round(stamp_s * 1e9) for stamp_s, _, _ in expected]
+    assert [frame.number for frame in read.frames()] == list(range(1, len(expected) + 1))
+    assert [frame.frame.data for frame in read.frames()] == [frame.data for _, _, frame in expected]
+    assert [frame.time_ns for frame in read.frames()] == [round(stamp_s * 1e9) for stamp_s, _, _ in expected]
     assert not read.cut
 
 
@@ -259,6 +259,6 @@ def test_a_log_is_read_up_to_a_time_stamp_that_is_no_time(stamp: str, tmp_path: 
     path = tmp_path / "bus.log"
     path.write_text(f"(1.0) vcan0 110#00 R\n(1.5) vcan0 110#00 R\n({stamp}) vcan0 110#00 R\n(2.0) vcan0 110#00 R\n")
     log = read_log(path)
-    assert [frame.time_ns for frame in log.frames] == [0, 500_000_000]
+    assert [frame.time_ns for frame in log.frames()] == [0, 500_000_000]
     assert log.cut.startswith("what follows frame 2 cannot be read (ValueError: ")
     assert log.cut.endswith(" s is no time stamp)")

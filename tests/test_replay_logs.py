@@ -20,7 +20,7 @@ from positioner.config import load_config
 from positioner.replay.compare import Comparison, Difference, in_words
 from positioner.replay.run import Outcome, replayed
 from positioner.replay.session import Session, prepare
-from positioner.replay.turns import LogKind
+from positioner.replay.survey import LogKind
 from positioner.wire.messages import CanFrame, Cause, CurrentCommand, Mode, PositionerStatus
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def name(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 def replay(name: str) -> Replayed:
     configuration = load_config(LOGS / f"{name}.toml")
     session = prepare(LOGS / f"{name}.log.gz", configuration, None)
-    outcomes = tuple(replayed(configuration, session.turns, session.table))
+    outcomes = tuple(replayed(configuration, session.turns(), session.table))
     return Replayed(configuration.make_codec(), session, outcomes)
 
 
@@ -139,7 +139,7 @@ def test_the_log_of_faults_met_every_mode_and_cause() -> None:
     modes: Counter[Mode] = Counter()
     causes: set[Cause] = set()
     saved: set[bool] = set()
-    for logged in (logged for turn in session.turns for logged in turn.recorded):
+    for logged in (logged for turn in session.turns() for logged in turn.recorded):
         message, _ = codec.decode(logged.frame)
         if isinstance(message, CurrentCommand):
             modes[message.mode] += 1

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
@@ -18,6 +20,9 @@ from positioner.replay.report import headline, verdict
 from positioner.replay.run import replayed
 from positioner.replay.session import prepare
 from positioner.settings import changes_of, laid_over
+
+if TYPE_CHECKING:
+    from positioner.replay.leave import Leaving
 
 _EPILOG = """\
 examples:
@@ -73,19 +78,26 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
             f"{arguments.log}: starts late: {session.late}: {told}, or ask with --law what would be commanded"
         )
     sys.stdout.write(f"{headline(session)}\n")
-    codec, period_s = configuration.make_codec(), configuration.control.sample_period_s
-    comparison = Comparison(codec, session.kind.knows_instants)
-    other = OtherLaw(codec)
-    outcomes = replayed(configuration, session.turns, session.table, follows=bool(changes))
-    for outcome in tqdm(outcomes, "replay", len(session.turns), unit=" turns", delay=1.0, leave=False, disable=None):
-        comparison.take(outcome)
-        if changes or arguments.out:
-            other.take(outcome)
+    codec = configuration.make_codec()
+    comparison, other = Comparison(codec, session.kind.knows_instants), OtherLaw(codec)
+    outcomes = replayed(configuration, session.turns(), session.table, follows=bool(changes))
+    with _leaving(arguments.out) as leaving:
+        for outcome in tqdm(outcomes, "replay", session.turn_count, unit=" turns", delay=1, leave=False, disable=None):
+            comparison.take(outcome)
+            row = other.take(outcome) if changes or leaving else None
+            if leaving and row:
+                leaving.take(row)
     sys.stdout.write(f"{other.in_words() if changes else verdict(session, comparison)}\n")
-    if arguments.out:
-        from positioner.replay.leave import leave  # noqa: PLC0415 - pictures slow every other command down
-
-        title = f"{session.log.source}: law {configuration.control.law}, period {period_s * 1e3:g} ms"
-        leave(arguments.out, other.rows, title)
+    if leaving:
+        period_s = configuration.control.sample_period_s
+        leaving.draw(f"{session.log.path}: law {configuration.control.law}, period {period_s * 1e3:g} ms")
         sys.stdout.write(f"{arguments.out}: trace.csv, replay.png\n")
     return ExitCode.OK if changes or comparison.identical else ExitCode.FAILURE
+
+
+def _leaving(folder: Path | None) -> contextlib.AbstractContextManager[Leaving | None]:
+    if folder is None:
+        return contextlib.nullcontext()
+    from positioner.replay.leave import Leaving  # noqa: PLC0415 - pictures slow every other command down
+
+    return Leaving(folder)

@@ -1,113 +1,160 @@
 """The turns in a log that somebody else wrote on the bus: the counters that commands echo tell them apart. Pure.
 
 Whatever order or delay the bus, the positioner and the logger had: a command that echoes position counter k and
-setpoint counter s was made of all frames up to these two, and of no later one.
+setpoint counter s was made of all frames up to these two, and of no later one. What a frame was to the positioner may
+show in later frames only; so each waits until `MOST_FRAMES` later ones are known.
 """
 
 from __future__ import annotations
 
+from collections import deque
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from positioner.replay.recorded import Heard, Turn, command_echo
+from positioner.replay.recorded import MOST_FRAMES, Heard, Turn, command_echo
 from positioner.wire.messages import CurrentCommand
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator
 
     from positioner.replay.log import LogFrame
 
 _PERIODS_IN_TOUCH = 10
 """A reading that no command echoes was taken together with the next one, if commands came within so many periods."""
 _MOST_LOST = 10
-_READINGS_SEARCHED = 128
+_READINGS_SEARCHED = 129
+_READINGS_REMEMBERED = 3
 
 
-def bus_turns(heard: Heard, frames: Sequence[LogFrame], period_ns: int) -> Iterator[Turn]:
+@dataclass(slots=True)
+class _Seen:
+    """A frame, and what is known of it."""
+
+    logged: LogFrame
+    is_position: bool
+    is_setpoint: bool
+    counter: int | None
+    """Its counter, if it is a reading or a setpoint."""
+    is_own: bool = False
+    """Whether it is a command of this positioner's; those of another controller have another count."""
+    answered: int | None = None
+    """The number of the reading that this command echoes; a repeated command echoes none."""
+    is_echoed: bool = False
+    """Whether a command echoes this reading."""
+
+
+def bus_turns(heard: Heard, frames: Iterable[LogFrame], period_ns: int) -> Iterator[Turn]:
     """Yield the turns that commands close, and one for each reading while the positioner was silent."""
-    own = _own_commands(heard, frames)
-    answers = _answers(heard, frames, own)
-    echoed = set(answers.values())
     touch_ns = _PERIODS_IN_TOUCH * period_ns
-    commanded_at = sorted(frames[index].time_ns for index in own)
     last_ns: int | None = None
-    later = 0
-    waiting: list[int] = []
-    loose: list[LogFrame] = []
-    for index, frame in enumerate(frames):
-        if index in own:
-            taken = _taken(heard, frames, waiting, frame, answers.get(index), echoed)
-            waiting = [each for each in waiting if each not in taken]
-            yield Turn(frame.time_ns, tuple(frames[each] for each in sorted(taken)), (frame, *loose))
-            last_ns, loose = frame.time_ns, []
+    waiting: list[_Seen] = []
+    for seen, ahead in _with_those_ahead(_Echoes(heard), frames):
+        frame = seen.logged
+        if seen.is_own:
+            taken = _taken(heard, waiting, seen)
+            waiting = [each for each in waiting if each.logged.number not in taken]
+            yield Turn(frame.time_ns, tuple(taken.values()), (frame,))
+            last_ns = frame.time_ns
         elif heard.is_output(frame) and not heard.is_command(frame):
             continue  # when a status was due hangs on the instant, which this log does not tell
         else:
-            waiting.append(index)
-            while later < len(commanded_at) and commanded_at[later] < frame.time_ns:
-                later += 1
-            soon = later < len(commanded_at) and commanded_at[later] - frame.time_ns <= touch_ns
-            in_touch = soon and last_ns is not None and frame.time_ns - last_ns <= touch_ns
-            if heard.is_position(frame) and index not in echoed and not in_touch:
-                yield Turn(frame.time_ns, tuple(frames[each] for each in waiting))
+            waiting.append(seen)
+            alone = seen.is_position and not seen.is_echoed and not _in_touch(frame, last_ns, touch_ns, ahead)
+            if alone or (last_ns is None and len(waiting) == MOST_FRAMES):
+                yield Turn(frame.time_ns, tuple(each.logged for each in waiting))
                 waiting = []
+            elif len(waiting) == MOST_FRAMES:  # it has spoken, and neither it nor the sensor does any more
+                del waiting[: MOST_FRAMES // 2]
 
 
-def _own_commands(heard: Heard, frames: Sequence[LogFrame]) -> set[int]:
-    """Return where the commands stand that follow one count; those of another controller have another."""
-    modulus = heard.codec.by_kind[CurrentCommand].counter_modulus
-    own: set[int] = set()
-    expected: int | None = None
-    recent: list[int | None] = []
-    for index, frame in enumerate(frames):
-        if heard.is_position(frame):
-            recent = [*recent[-2:], heard.counter(frame)]
-        if not heard.is_command(frame):
-            continue
-        counter = heard.counter(frame)
-        step = 0 if counter is None or expected is None else (counter - expected) % modulus
-        if step == 0 or (step <= _MOST_LOST and command_echo(heard, frame) in recent):
-            own.add(index)
-            expected = None if counter is None else (counter + 1) % modulus
-    return own
+def _with_those_ahead(echoes: _Echoes, frames: Iterable[LogFrame]) -> Iterator[tuple[_Seen, deque[_Seen]]]:
+    """Yield each frame with those that follow it, up to `MOST_FRAMES`."""
+    ahead: deque[_Seen] = deque()
+    for frame in frames:
+        ahead.append(echoes.see(frame))
+        if len(ahead) > MOST_FRAMES:
+            yield ahead.popleft(), ahead
+    while ahead:
+        yield ahead.popleft(), ahead
 
 
-def _answers(heard: Heard, frames: Sequence[LogFrame], own: set[int]) -> dict[int, int]:
-    """Return where the reading stands that each command echoes; a repeated command echoes none."""
-    answers: dict[int, int] = {}
-    readings: list[int] = []
-    for index, frame in enumerate(frames):
-        if heard.is_position(frame):
-            readings = [*readings[-_READINGS_SEARCHED:], index]
-        elif index in own and readings:
-            wanted = command_echo(heard, frame)
-            counters = ((each, heard.counter(frames[each])) for each in reversed(readings))
-            found = next((each for each, counter in counters if wanted is None or counter == wanted), None)
-            if found is not None:
-                answers[index] = found
-                readings = [each for each in readings if each > found]
-    return answers
+class _Echoes:
+    """Tells which commands are the positioner's own, and which reading each of them echoes."""
+
+    def __init__(self, heard: Heard) -> None:
+        self._heard = heard
+        self._modulus = heard.codec.by_kind[CurrentCommand].counter_modulus
+        self._expected: int | None = None
+        self._recent: deque[int | None] = deque(maxlen=_READINGS_REMEMBERED)
+        self._readings: deque[_Seen] = deque(maxlen=_READINGS_SEARCHED)
+
+    def see(self, frame: LogFrame) -> _Seen:
+        """Return the next frame; a later one may still tell that it is echoed."""
+        heard = self._heard
+        is_position, is_setpoint = heard.is_position(frame), heard.is_setpoint(frame)
+        seen = _Seen(frame, is_position, is_setpoint, heard.counter(frame) if is_position or is_setpoint else None)
+        if is_position:
+            self._recent.append(seen.counter)
+            self._readings.append(seen)
+        elif heard.is_command(frame):
+            echo = command_echo(heard, frame)
+            seen.is_own = self._follows(heard.counter(frame), echo)
+            if seen.is_own:
+                seen.answered = self._answered(echo)
+        return seen
+
+    def _follows(self, counter: int | None, echo: int | None) -> bool:
+        """Return whether a command follows the count of those before it."""
+        step = 0 if counter is None or self._expected is None else (counter - self._expected) % self._modulus
+        if step and (step > _MOST_LOST or echo not in self._recent):
+            return False
+        self._expected = None if counter is None else (counter + 1) % self._modulus
+        return True
+
+    def _answered(self, echo: int | None) -> int | None:
+        """Return the number of the latest reading with this counter; neither it nor an earlier one is looked for again.
+
+        Without a counter it is the latest reading.
+        """
+        for reading in reversed(self._readings):
+            if echo is None or reading.counter == echo:
+                reading.is_echoed = True
+                while self._readings.popleft() is not reading:
+                    pass
+                return reading.logged.number
+        return None
 
 
-def _taken(
-    heard: Heard,
-    frames: Sequence[LogFrame],
-    waiting: list[int],
-    command: LogFrame,
-    answered: int | None,
-    echoed: set[int],
-) -> set[int]:
-    """Return which of the frames `waiting` the command was made of."""
-    obeyed = heard.echo(command, "setpoint_counter")
-    setpoints = [each for each in waiting if heard.is_setpoint(frames[each])]
-    newest = max((each for each in setpoints if obeyed is None or heard.counter(frames[each]) == obeyed), default=-1)
-    taken = {each for each in setpoints if each <= newest}
+def _in_touch(frame: LogFrame, last_ns: int | None, touch_ns: int, ahead: Iterable[_Seen]) -> bool:
+    """Return whether commands came shortly before a frame, and shortly after it."""
+    if last_ns is None or abs(frame.time_ns - last_ns) > touch_ns:
+        return False
+    if last_ns >= frame.time_ns:
+        return True
+    for each in ahead:
+        later_ns = each.logged.time_ns - frame.time_ns
+        if later_ns > touch_ns:
+            return False
+        if each.is_own and later_ns >= 0:
+            return True
+    return False
+
+
+def _taken(heard: Heard, waiting: list[_Seen], command: _Seen) -> dict[int, LogFrame]:
+    """Return which of the frames `waiting` the command was made of, by their numbers."""
+    obeyed = heard.echo(command.logged, "setpoint_counter")
+    candidates = (each for each in waiting if each.is_setpoint and (obeyed is None or each.counter == obeyed))
+    newest = max((each.logged.number for each in candidates), default=0)
+    taken: dict[int, LogFrame] = {}
     for each in waiting:
-        if heard.is_setpoint(frames[each]):
-            continue
-        if heard.is_position(frames[each]):
-            passed_over = each not in echoed and answered is None
-            if passed_over or (answered is not None and each <= answered):
-                taken.add(each)
+        number = each.logged.number
+        if each.is_setpoint:
+            takes = number <= newest
+        elif each.is_position:
+            passed_over = not each.is_echoed and command.answered is None
+            takes = passed_over or (command.answered is not None and number <= command.answered)
         else:
-            taken.add(each)
+            takes = True
+        if takes:
+            taken[number] = each.logged
     return taken

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import contextlib
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -10,9 +11,10 @@ from matplotlib.figure import Figure
 
 from positioner.bench.panels import fit, line, name
 from positioner.errors import StateError
+from positioner.replay.envelope import Envelope
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from matplotlib.axes import Axes
@@ -24,24 +26,62 @@ COLUMNS = (
     "time_s", "setpoint_m", "measured_m", "recorded_ma", "computed_ma", "recorded_mode", "computed_mode",
     "fallback", "reason",
 )  # fmt: skip
+_CURVES = ("setpoint_m", "measured_m", "recorded_ma", "computed_ma")
 _RECORDED, _COMPUTED, _SETPOINT, _MEASURED = "#0072B2", "#D55E00", "#009E73", "#8A8A8A"
 
 
-def leave(folder: Path, rows: Sequence[Row], title: str) -> None:
-    """Write both files into `folder`.
+class Leaving:
+    """Both files of a folder: a context within which `trace.csv` is written row by row."""
 
-    Raises:
-        StateError: the folder cannot be written.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with (folder / "trace.csv").open("w", encoding="utf-8") as file:
-            file.write(",".join(COLUMNS) + "\n")
-            file.writelines(_text(row) for row in rows)
-        if rows:
-            _draw(folder / "replay.png", rows, title)
-    except OSError as error:
-        raise StateError(f"{error.filename or folder}: cannot be written: {error.strerror}") from error
+    def __init__(self, folder: Path) -> None:
+        """Begin `trace.csv` in `folder`.
+
+        Raises:
+            StateError: the folder cannot be written.
+        """
+        self._folder = folder
+        self._envelope = Envelope(len(_CURVES))
+        self._is_empty = True
+        with self._told():
+            folder.mkdir(parents=True, exist_ok=True)
+            self._trace = (folder / "trace.csv").open("w", encoding="utf-8")
+            self._trace.write(",".join(COLUMNS) + "\n")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._told():
+            self._trace.close()
+
+    def take(self, row: Row) -> None:
+        """Append one row.
+
+        Raises:
+            StateError: the folder cannot be written.
+        """
+        with self._told():
+            self._trace.write(_text(row))
+        self._envelope.append(row.time_s, [getattr(row, name) for name in _CURVES])
+        self._is_empty = False
+
+    def draw(self, title: str) -> None:
+        """Leave `replay.png`, if there was a row.
+
+        Raises:
+            StateError: the folder cannot be written.
+        """
+        if not self._is_empty:
+            with self._told():
+                _draw(self._folder / "replay.png", *self._envelope.lines(), title)
+
+    @contextlib.contextmanager
+    def _told(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            told = f"{error.filename or self._folder}: cannot be written: {error.strerror}"
+            raise StateError(told) from error
 
 
 def _text(row: Row) -> str:
@@ -52,20 +92,17 @@ def _text(row: Row) -> str:
     return ",".join((f"{row.time_s:.6f}", *cells, mode, str(int(row.computed_mode)), *words)) + "\n"
 
 
-def _draw(path: Path, rows: Sequence[Row], title: str) -> None:
+def _draw(path: Path, time_s: NDArray[np.float64], values: NDArray[np.float64], title: str) -> None:
     figure = Figure(figsize=(16, 9), dpi=100, facecolor="white")
     FigureCanvasAgg(figure)
     above, below = figure.subplots(2, 1, sharex=True)
     figure.subplots_adjust(left=0.065, right=0.872, top=0.93, bottom=0.07, hspace=0.09)
-    time_s = np.array([row.time_s for row in rows])
-    setpoint_mm = _column([row.setpoint_m for row in rows]) * 1e3
-    measured_mm = _column([row.measured_m for row in rows]) * 1e3
+    setpoint_m, measured_m, recorded_ma, computed_ma = values.T
+    setpoint_mm, measured_mm = setpoint_m * 1e3, measured_m * 1e3
     line(above, time_s, measured_mm, _MEASURED, width=0.8, zorder=2.0)
     line(above, time_s, setpoint_mm, _SETPOINT, width=1.4)
     _fit(above, [setpoint_mm, measured_mm], (1.0, 99.0))
     name(above, [("measured", _MEASURED), ("setpoint", _SETPOINT)])
-    recorded_ma = _column([row.recorded_ma for row in rows])
-    computed_ma = _column([row.computed_ma for row in rows])
     line(below, time_s, recorded_ma, _RECORDED, width=3.0, alpha=0.55, zorder=3.0)
     line(below, time_s, computed_ma, _COMPUTED, width=1.2)
     _fit(below, [recorded_ma, computed_ma], (0.0, 100.0))
@@ -83,7 +120,3 @@ def _fit(panel: Axes, curves: Sequence[NDArray[np.float64]], percentiles: tuple[
     known = [curve[np.isfinite(curve)] for curve in curves]
     if any(curve.size for curve in known):
         fit(panel, [curve for curve in known if curve.size], percentiles)
-
-
-def _column(values: Sequence[float | None]) -> NDArray[np.float64]:
-    return np.array([np.nan if value is None else value for value in values], dtype=np.float64)

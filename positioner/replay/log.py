@@ -1,9 +1,12 @@
-"""A recorded bus as frames: candump, ASC, BLF, CSV, or whatever else python-can reads. Shell."""
+"""A recorded bus as frames: candump, ASC, BLF, CSV, or whatever else python-can reads. Shell.
+
+The frames stay in the file, and each pass reads them anew: a log may be longer than the memory.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import count
+from itertools import count, islice
 from typing import TYPE_CHECKING
 
 import can
@@ -13,7 +16,7 @@ from positioner.errors import ExitCode, PositionerError
 from positioner.wire.messages import CanFrame
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
 _NS = 1_000_000_000
@@ -40,30 +43,88 @@ class LogFrame:
 
 @dataclass(frozen=True, slots=True)
 class BusLog:
-    """A log: its frames in order, the time stamp of the first in s, and where and why it ends early, if it does."""
+    """A log: how many frames it has, the time stamps of first and last in s, and where and why it ends early, if so."""
 
-    source: str
-    frames: tuple[LogFrame, ...]
+    path: Path
+    count: int
     begin_s: float
+    end_s: float
     cut: str = ""
+
+    def frames(self) -> Iterator[LogFrame]:
+        """Yield the frames in order, read from the file anew.
+
+        Raises:
+            LogError: the file is no longer what it was.
+        """
+        found = 0
+        for frame in islice(_Pass(self.path), self.count):
+            found = frame.number
+            yield frame
+        if found < self.count:
+            raise LogError(f"{self.path}: changed while it was read: of {self.count} frames it holds {found} now")
 
     def instant_s(self, frame: LogFrame) -> float:
         """Return the time stamp that `frame` has in the file, in s."""
         return self.begin_s + frame.time_ns / _NS
 
 
-def read_log(path: Path) -> BusLog:
-    """Return the log in `path`; of a log that is cut or damaged on the way, what stands before.
+def read_log(path: Path, show: Callable[[LogFrame], None] = lambda _: None) -> BusLog:
+    """Return the log in `path`, after one pass that `show` sees; of one that is cut or damaged, what stands before.
 
     Raises:
         LogError: it cannot be read at all, or holds no frame.
     """
-    frames: list[LogFrame] = []
-    begin_s, cut = 0.0, ""
+    read, last = _Pass(path), None
+    for last in tqdm(read, "reading", unit=" frames", delay=1.0, leave=False, disable=None):
+        show(last)
+    if last is None:
+        raise LogError(f"{path}: holds no frame{f': {read.cut}' if read.cut else ''}; known formats: {_formats()}")
+    return BusLog(path, last.number, read.begin_s, read.begin_s + last.time_ns / _NS, read.cut)
+
+
+class _Pass:
+    """One pass over a file: its frames, and, behind the last, why no further one can be read."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.begin_s = 0.0
+        self.cut = ""
+
+    def __iter__(self) -> Iterator[LogFrame]:
+        read, last = 0, None
+        with _opened(self.path) as reader:
+            messages: Iterator[can.Message] = iter(reader)
+            for number in count(1):
+                try:
+                    message = next(messages, None)
+                    _check_stamp(message)
+                except Exception as error:  # noqa: BLE001 - whatever a damaged file makes python-can raise
+                    self.cut = f"what follows frame {read} cannot be read ({type(error).__name__}: {error})"
+                    break
+                if message is None:
+                    break
+                if last:
+                    yield last
+                self.begin_s = self.begin_s if last else message.timestamp
+                # to the microsecond: stamps that are large floating-point numbers carry no more
+                time_ns = round((message.timestamp - self.begin_s) * 1e6) * 1000
+                read, last = number, LogFrame(number, time_ns, _frame(message), sent=not message.is_rx)
+            promised = getattr(reader, "object_count", read)
+        if not self.cut and _ends_within_a_line(self.path):
+            self.cut = f"the line behind frame {max(0, read - 1)} is not complete"
+            return
+        if not self.cut and promised > read:
+            self.cut = f"frame {read} is the last of {promised}"
+        if last:
+            yield last
+
+
+def _opened(path: Path) -> can.io.generic.MessageReader:
     try:
         with path.open("rb") as file:  # python-can's own complaint would name neither the file nor the reason
             _check_head(path, file.read(_BLF_HEADER_BYTES))
-        reader = can.LogReader(path)
+        return can.LogReader(path)
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
     except LogError:
@@ -71,31 +132,6 @@ def read_log(path: Path) -> BusLog:
     except Exception as error:
         told = str(error) or type(error).__name__
         raise LogError(f"{path}: cannot be read: {told}; known formats: {_formats()}") from error
-    with reader, tqdm(desc="reading", unit=" frames", delay=1.0, leave=False, disable=None) as bar:
-        messages: Iterator[can.Message] = iter(reader)
-        for number in count(1):
-            try:
-                message = next(messages, None)
-                _check_stamp(message)
-            except Exception as error:  # noqa: BLE001 - the same
-                cut = f"what follows frame {len(frames)} cannot be read ({type(error).__name__}: {error})"
-                break
-            if message is None:
-                break
-            begin_s = begin_s if frames else message.timestamp
-            # to the microsecond: stamps that are large floating-point numbers carry no more
-            time_ns = round((message.timestamp - begin_s) * 1e6) * 1000
-            bar.update()
-            frames.append(LogFrame(number, time_ns, _frame(message), sent=not message.is_rx))
-        promised = getattr(reader, "object_count", len(frames))
-    if not cut and _ends_within_a_line(path):
-        frames = frames[:-1]
-        cut = f"the line behind frame {len(frames)} is not complete"
-    elif not cut and promised > len(frames):
-        cut = f"frame {len(frames)} is the last of {promised}"
-    if not frames:
-        raise LogError(f"{path}: holds no frame{f': {cut}' if cut else ''}; known formats: {_formats()}")
-    return BusLog(str(path), tuple(frames), begin_s, cut)
 
 
 def _check_head(path: Path, head: bytes) -> None:

@@ -20,6 +20,11 @@ if TYPE_CHECKING:
 _LEAST_DIFFERENCE_MA = 0.0005
 """Half a bit of the command frame."""
 _REASONS_TOLD = 5
+_REASONS_KEPT = 1000
+"""Some have a number in them: beyond so many different ones the others count together."""
+
+_Apart = tuple[float, float, float, float]
+"""Difference in mA, time in s, and recorded and computed current in mA."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,56 +44,55 @@ class Row:
 
 @dataclass(slots=True)
 class OtherLaw:
-    """Collects what `take` is shown."""
+    """Sums up what `take` is shown."""
 
     codec: Codec
-    rows: list[Row] = field(default_factory=list)
+    both: int = 0
+    recorded_only: int = 0
+    computed_only: int = 0
     fallbacks: Counter[str] = field(default_factory=Counter)
     modes: Counter[Mode] = field(default_factory=Counter)
+    _sum_ma: float = 0.0
+    _first: _Apart | None = None
+    _largest: _Apart | None = None
     _last_ns: int | None = None
 
-    def take(self, outcome: Outcome) -> None:
-        """Note one turn."""
+    def take(self, outcome: Outcome) -> Row | None:
+        """Note one turn, and return it, if a command was recorded or computed in it."""
         if self._last_ns is not None:
             self.modes[outcome.mode] += outcome.turn.time_ns - self._last_ns
         self._last_ns = outcome.turn.time_ns
-        self.fallbacks.update(event.why for event in outcome.events if isinstance(event, LawFellBack))
+        for event in outcome.events:
+            if isinstance(event, LawFellBack):
+                self.fallbacks[event.why if self._is_kept(event.why) else "for other reasons"] += 1
         recorded = self._command([logged.frame for logged in outcome.turn.recorded])
         computed = self._command(outcome.computed)
         if recorded is None and computed is None:
-            return
+            return None
+        self._compare(_stamp_ns(outcome) * 1e-9, recorded, computed)
         closed = next((event for event in outcome.events if isinstance(event, Controlled)), None)
-        self.rows.append(
-            Row(
-                _stamp_ns(outcome) * 1e-9,
-                closed.setpoint_m if closed else None,
-                closed.measured_m if closed else None,
-                recorded.current_ma if recorded else None,
-                computed.current_ma if computed else None,
-                recorded.mode if recorded else None,
-                outcome.mode,
-                closed.decision.fallback if closed else "",
-                closed.decision.reason if closed else "",
-            )
+        return Row(
+            _stamp_ns(outcome) * 1e-9,
+            closed.setpoint_m if closed else None,
+            closed.measured_m if closed else None,
+            recorded.current_ma if recorded else None,
+            computed.current_ma if computed else None,
+            recorded.mode if recorded else None,
+            outcome.mode,
+            closed.decision.fallback if closed else "",
+            closed.decision.reason if closed else "",
         )
 
     def in_words(self) -> str:
         """Return the summary."""
-        both = [
-            (row.time_s, row.recorded_ma, row.computed_ma)
-            for row in self.rows
-            if row.recorded_ma is not None and row.computed_ma is not None
-        ]
-        lines = [f"commands: {len(both)} in both, {self._only('recorded')}, {self._only('computed')}"]
-        apart = [(abs(other - one), time_s, one, other) for time_s, one, other in both]
-        first = next((each for each in apart if each[0] > _LEAST_DIFFERENCE_MA), None)
-        if first:
-            mean_ma = sum(gap for gap, *_ in apart) / len(apart)
+        alone = f"{self.recorded_only} recorded only, {self.computed_only} computed only"
+        lines = [f"commands: {self.both} in both, {alone}"]
+        if self._first and self._largest:
             lines += [
-                f"difference of current: mean {mean_ma:.3f} mA, largest {_at(max(apart))}",
-                f"first difference: {_at(first)}",
+                f"difference of current: mean {self._sum_ma / self.both:.3f} mA, largest {_at(self._largest)}",
+                f"first difference: {_at(self._first)}",
             ]
-        elif apart:
+        elif self.both:
             lines.append("no difference: every current is as recorded")
         told = ", ".join(f"{mode.name} {spent_ns * 1e-9:.3f} s" for mode, spent_ns in sorted(self.modes.items()))
         lines.append(f"modes: {told}")
@@ -96,10 +100,21 @@ class OtherLaw:
         lines += [f"  {times} × {why}" for why, times in self.fallbacks.most_common(_REASONS_TOLD)]
         return "\n".join(lines)
 
-    def _only(self, side: str) -> str:
-        other = "computed" if side == "recorded" else "recorded"
-        alone = sum(getattr(row, f"{other}_ma") is None for row in self.rows)
-        return f"{alone} {side} only"
+    def _is_kept(self, why: str) -> bool:
+        return why in self.fallbacks or len(self.fallbacks) < _REASONS_KEPT
+
+    def _compare(self, time_s: float, recorded: CurrentCommand | None, computed: CurrentCommand | None) -> None:
+        if recorded is None or computed is None:
+            self.recorded_only += recorded is not None
+            self.computed_only += computed is not None
+            return
+        gap_ma = abs(computed.current_ma - recorded.current_ma)
+        apart = (gap_ma, time_s, recorded.current_ma, computed.current_ma)
+        self.both += 1
+        self._sum_ma += gap_ma
+        self._largest = max(self._largest or apart, apart)
+        if self._first is None and gap_ma > _LEAST_DIFFERENCE_MA:
+            self._first = apart
 
     def _command(self, frames: Iterable[CanFrame]) -> CurrentCommand | None:
         for frame in frames:
@@ -118,6 +133,6 @@ def _stamp_ns(outcome: Outcome) -> int:
     return next((logged.time_ns for logged in (*turn.recorded, *turn.inbox)), turn.time_ns)
 
 
-def _at(apart: tuple[float, float, float, float]) -> str:
+def _at(apart: _Apart) -> str:
     gap_ma, time_s, recorded_ma, computed_ma = apart
     return f"{gap_ma:.3f} mA at {time_s:.3f} s ({recorded_ma:.3f} mA recorded, {computed_ma:.3f} mA computed)"

@@ -23,6 +23,9 @@ INPUTS = (StemPosition, ActuatorState, Setpoint, ManualCurrent, CurrentCommand)
 """What a positioner hears; a command that it hears is somebody else's."""
 NOTE_ID = 0x1FFFFFFF
 """Identifier of a note in the positioner's own record (`positioner.record`)."""
+_NOTE_BYTES = 8
+MOST_FRAMES = 4096
+"""Frames that a turn takes in at most (a real one: 1024, `positioner.bus`), and that are looked ahead in a log."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +54,8 @@ class Heard:
 
     def concerns(self, logged: LogFrame) -> bool:
         """Return whether the positioner hears or sends such a frame, or notes it."""
-        return self.is_input(logged) or self.is_output(logged) or (logged.sent and _address(logged) == (NOTE_ID, True))
+        is_note = logged.sent and _address(logged) == (NOTE_ID, True) and len(logged.frame.data) == _NOTE_BYTES
+        return self.is_input(logged) or self.is_output(logged) or is_note
 
     def is_input(self, logged: LogFrame) -> bool:
         """Return whether the positioner hears such a frame; error frames reach everybody."""

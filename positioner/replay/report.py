@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 def headline(session: Session) -> str:
     """Return what was read, and what is to be known of it, a line each."""
     log = session.log
-    lines = [f"{log.source}: {session.kind.value}, {len(log.frames)} frames, {session.readings} position frames"]
-    lines += [f"{log.source}: {warning}" for warning in session.warnings]
+    lines = [f"{log.path}: {session.kind.value}, {log.count} frames, {session.readings} position frames"]
+    lines += [f"{log.path}: {warning}" for warning in session.warnings]
     if log.cut:
-        lines.append(f"{log.source}: cut at {log.instant_s(log.frames[-1]):.6f} s: {log.cut}; what was read counts")
+        lines.append(f"{log.path}: cut at {log.end_s:.6f} s: {log.cut}; what was read counts")
     return "\n".join(lines)
 
 

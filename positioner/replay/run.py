@@ -13,7 +13,7 @@ from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import CurrentCommand
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from positioner.config import Configuration
     from positioner.events import Event
@@ -38,7 +38,7 @@ class Outcome:
 
 
 def replayed(
-    configuration: Configuration, turns: Sequence[Turn], table: StictionTable, *, follows: bool = False
+    configuration: Configuration, turns: Iterable[Turn], table: StictionTable, *, follows: bool = False
 ) -> Iterator[Outcome]:
     """Yield every turn, done again from `table` on.
 

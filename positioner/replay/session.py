@@ -5,16 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from tqdm import tqdm
+
 from positioner.errors import StateError
 from positioner.record import KIND_TABLE, Note
 from positioner.replay.log import BusLog, LogError, LogFrame, read_log
 from positioner.replay.recorded import Heard, Turn
-from positioner.replay.turns import LogKind, turns_of
+from positioner.replay.survey import LogKind, Survey
+from positioner.replay.turns import turns_of
 from positioner.stiction import StictionTable
 from positioner.store import access
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator
     from pathlib import Path
 
     from positioner.config import Configuration
@@ -22,17 +25,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """A log that is ready to be done again."""
+    """A log that is ready to be done again; its frames stay in the file."""
 
     log: BusLog
+    heard: Heard
+    period_ns: int
     kind: LogKind
-    turns: tuple[Turn, ...]
+    turn_count: int
     readings: int
     commands: int
     table: StictionTable
     warnings: tuple[str, ...]
     late: str = ""
     """How the log shows that the positioner had been at work before it; empty where it begins in time."""
+
+    def turns(self) -> Iterator[Turn]:
+        """Yield the turns, read from the file anew."""
+        return turns_of(self.kind, self.heard, self.log.frames(), self.period_ns)
 
 
 def prepare(path: Path, configuration: Configuration, state: Path | None) -> Session:
@@ -42,34 +51,49 @@ def prepare(path: Path, configuration: Configuration, state: Path | None) -> Ses
         LogError: the log cannot be read, or holds no position frame of this valve.
         StateError: the table cannot be read, or is another valve's.
     """
-    log = read_log(path)
-    codec = configuration.make_codec()
-    heard = Heard(codec)
-    readings = sum(heard.is_position(frame) for frame in log.frames)
-    if not readings:
+    heard = Heard(configuration.make_codec())
+    period_ns = round(configuration.control.sample_period_s * 1e9)
+    survey = Survey(heard, period_ns)
+    log = read_log(path, survey.take)
+    if not survey.readings:
         raise LogError(
-            f"{path}: holds {len(log.frames)} frames, and no position frame among them: is it another valve's, or does "
+            f"{path}: holds {log.count} frames, and no position frame among them: is it another valve's, or does "
             "[wire] describe other frames?"
         )
-    kind, turns = turns_of(codec, log.frames, configuration.control.sample_period_s)
-    commands = sum(heard.is_command(frame) for turn in turns for frame in turn.recorded)
-    late = _late(heard, turns, log.frames)
-    warnings = (*_warnings(turns, log), *((f"starts late: {late}",) if late else ()))
-    return Session(log, kind, turns, readings, commands, _table(configuration, state), warnings, late)
+    table = _table(configuration, state)
+    turn_count = commands = 0
+    first: LogFrame | None = None
+    replaced: LogFrame | None = None
+    turns = turns_of(survey.kind, heard, log.frames(), period_ns)
+    for turn in tqdm(turns, "sorting", unit=" turns", delay=1.0, leave=False, disable=None):
+        turn_count += 1
+        for frame in turn.recorded:
+            if heard.is_command(frame):
+                commands += 1
+                first = first or frame
+        replaced = replaced or next((frame for frame in turn.notes if _is_of_a_table(frame)), None)
+    late = _late(heard, survey, first) if first else ""
+    warnings = [f"starts late: {late}"] if late else []
+    if replaced:
+        told = f"the stiction table was replaced at {log.instant_s(replaced):.6f} s"
+        warnings.insert(0, f"{told}, and the log cannot tell by what: differences may follow")
+    return Session(
+        log, heard, period_ns, survey.kind, turn_count, survey.readings, commands, table, tuple(warnings), late
+    )
 
 
-def _late(heard: Heard, turns: tuple[Turn, ...], frames: Sequence[LogFrame]) -> str:
+def _late(heard: Heard, survey: Survey, command: LogFrame) -> str:
     """Return how the frames tell that the positioner had spoken before them; its counters begin at 0."""
-    command = next((frame for turn in turns for frame in turn.recorded if heard.is_command(frame)), None)
-    if command is None:
-        return ""
-    if command.number < next(frame.number for frame in frames if heard.is_position(frame)):
+    if survey.first_reading and command.number < survey.first_reading.number:
         return f"a command, frame {command.number}, stands before the first position frame"
-    others = (frame for frame in frames if heard.is_output(frame) and not heard.is_command(frame))
-    for first in (command, next(others, None)):
+    for first in (command, survey.first_besides):
         if first is not None and (counter := heard.counter(first)):
             return f"frame {first.number} has the counter {counter}, and a positioner begins with 0"
     return ""
+
+
+def _is_of_a_table(note: LogFrame) -> bool:
+    return Note.of(note.frame.data).kind == KIND_TABLE
 
 
 def _table(configuration: Configuration, state: Path | None) -> StictionTable:
@@ -84,13 +108,3 @@ def _table(configuration: Configuration, state: Path | None) -> StictionTable:
             f"{state}: the table has cells of {stored.table.cell_width_m:g} m, the configuration {cell_m:g} m"
         )
     return stored.table
-
-
-def _warnings(turns: tuple[Turn, ...], log: BusLog) -> tuple[str, ...]:
-    replaced = [frame for turn in turns for frame in turn.notes if Note.of(frame.frame.data).kind == KIND_TABLE]
-    if not replaced:
-        return ()
-    when = log.instant_s(replaced[0])
-    return (
-        f"the stiction table was replaced at {when:.6f} s, and the log cannot tell by what: differences may follow",
-    )

@@ -19,6 +19,8 @@ from positioner.bench import scenario
 from positioner.config import parse_config
 from positioner.errors import ConfigurationError, Problem
 from positioner.replay.log import read_log
+from positioner.replay.recorded import Heard
+from positioner.replay.survey import Survey
 from positioner.replay.turns import turns_of
 from positioner.settings import read_text
 from positioner.store import access, database, document, messages
@@ -32,8 +34,8 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[2]
 _NUMBERS = (b"0", b"-1", b"1e999", b"-1e308", b"nan", b"inf", b"9" * 40, b"9" * 5000, b"0x7f", b"1.5", b"\xff", b"\x00")
 _AS_OWNER_EVERY = 500
-_CODEC = make_codec(WireSettings())
-_PERIOD_S = 0.001
+_HEARD = Heard(make_codec(WireSettings()))
+_PERIOD_NS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -114,9 +116,9 @@ def _logs() -> tuple[bytes, ...]:
 def _read_log(number: int, data: bytes, folder: Path) -> None:
     path = folder / f"input{_LOG_SUFFIXES[number]}"
     path.write_bytes(data)
-    log = read_log(path)
-    _, turns = turns_of(_CODEC, log.frames, _PERIOD_S)
-    for _ in turns:
+    survey = Survey(_HEARD, _PERIOD_NS)
+    log = read_log(path, survey.take)
+    for _ in turns_of(survey.kind, _HEARD, log.frames(), _PERIOD_NS):
         pass
 
 

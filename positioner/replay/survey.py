@@ -1,0 +1,106 @@
+"""What a first pass over a log finds: who wrote it, and what it begins with. Pure."""
+
+from __future__ import annotations
+
+from collections import Counter
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from positioner.replay.recorded import command_echo
+
+if TYPE_CHECKING:
+    from positioner.replay.log import LogFrame
+    from positioner.replay.recorded import Heard
+
+_STAMP_NS = 1000
+
+
+class LogKind(Enum):
+    """Who wrote a log, as far as its frames tell; the value says it in words."""
+
+    RECORD = "the positioner's own record"
+    LOCKSTEP = "the log of a lockstep bench"
+    BUS = "a log of the bus"
+
+    @property
+    def knows_instants(self) -> bool:
+        """Whether the log holds the very instants that the cycle was told."""
+        return self is not LogKind.BUS
+
+
+class Survey:
+    """What `take` has seen so far: how many readings, and the first of them and of what the positioner sends."""
+
+    def __init__(self, heard: Heard, period_ns: int) -> None:
+        """Begin with nothing; `period_ns` is the sample period."""
+        self.readings = 0
+        self.first_reading: LogFrame | None = None
+        self.first_besides: LogFrame | None = None
+        """The first that a positioner sends besides its commands."""
+        self._heard = heard
+        self._sent = False
+        self._samples = _Samples(heard, period_ns)
+
+    def take(self, frame: LogFrame) -> None:
+        """Look at the next frame."""
+        heard = self._heard
+        if not heard.concerns(frame):
+            return
+        is_position = heard.is_position(frame)
+        self._samples.take(frame, is_position=is_position)
+        if is_position:
+            self.readings += 1
+            self.first_reading = self.first_reading or frame
+        elif heard.is_output(frame):
+            self._sent |= frame.sent
+            if not heard.is_command(frame):
+                self.first_besides = self.first_besides or frame
+
+    @property
+    def kind(self) -> LogKind:
+        """Who wrote the log."""
+        if self._sent:
+            return LogKind.RECORD
+        return LogKind.LOCKSTEP if self._samples.in_lockstep() else LogKind.BUS
+
+
+class _Samples:
+    """Whether every frame stands at a whole number of periods, and a command at that of its reading."""
+
+    def __init__(self, heard: Heard, period_ns: int) -> None:
+        self._heard = heard
+        self._period_ns = period_ns
+        self._whole = True
+        self._commands = self._answering = 0
+        self._time_ns = 0
+        self._read: set[int | None] = set()
+        self._echoes: Counter[int | None] = Counter()
+
+    def take(self, frame: LogFrame, *, is_position: bool) -> None:
+        """Look at the next frame."""
+        self._whole = self._whole and abs(frame.time_ns - snapped(frame, self._period_ns)) <= _STAMP_NS
+        if not self._whole:
+            return
+        if frame.time_ns != self._time_ns:
+            self._close()
+            self._time_ns = frame.time_ns
+        if is_position:
+            self._read.add(self._heard.counter(frame))
+        elif self._heard.is_command(frame):
+            self._commands += 1
+            self._echoes[command_echo(self._heard, frame)] += 1
+
+    def in_lockstep(self) -> bool:
+        """Return whether it is so for all frames, and for most commands."""
+        self._close()
+        return self._whole and self._commands > 0 and 2 * self._answering > self._commands
+
+    def _close(self) -> None:
+        self._answering += sum(times for echo, times in self._echoes.items() if echo in self._read)
+        self._read.clear()
+        self._echoes.clear()
+
+
+def snapped(frame: LogFrame, period_ns: int) -> int:
+    """Return the time of a frame to a whole number of periods, in ns."""
+    return round(frame.time_ns / period_ns) * period_ns

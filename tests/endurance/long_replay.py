@@ -1,0 +1,113 @@
+"""How much memory a replay takes: `make long-replay` prints it for two logs, one many times as long as the other.
+
+Each is what somebody else on the bus would have logged: readings, a setpoint for each tenth, and commands that echo
+them; the replay looks ahead in it, finds that every command differs, and leaves trace and picture.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from positioner.wire.codec import make_codec
+from positioner.wire.messages import CurrentCommand, HostRequest, Setpoint, StemPosition
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_CONFIGURATION = """\
+[valve]
+id = "long"
+preset = "paper"
+
+[bus]
+interface = "virtual"
+channel = "none"
+
+[control]
+law = "pi"
+sample_period_s = 0.001
+
+[guard]
+auto_arm = true
+
+[state]
+directory = "unused"
+"""
+_CHILD = """\
+import json, resource, sys
+from positioner.cli.main import main
+status = main(sys.argv[1:])
+used = resource.getrusage(resource.RUSAGE_SELF)
+print(json.dumps([int(status), used.ru_maxrss / 1024.0, used.ru_utime + used.ru_stime]))
+"""
+_SAMPLES_PER_SETPOINT = 10
+_LATE_S = 0.00042
+_DAY_FRAMES = 190_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """What the replay of a log took: its peak of memory in MiB, and processor time in s."""
+
+    frames: int
+    peak_mib: float
+    cpu_s: float
+    told: str
+
+
+def lines() -> Iterator[str]:
+    """Yield the frames of an endless log at 1 kHz, in candump's words."""
+    codec = make_codec()
+    sample = 0
+    while True:
+        setpoint = sample // _SAMPLES_PER_SETPOINT
+        frames = [(0.0, codec.encode(StemPosition(0.08), sample % 256))]
+        if sample % _SAMPLES_PER_SETPOINT == 0:
+            frames.insert(0, (0.0, codec.encode(Setpoint(0.08, HostRequest.ARM), setpoint % 256)))
+        command = CurrentCommand(12.0, position_counter=sample % 256, setpoint_counter=setpoint % 256)
+        frames.append((_LATE_S, codec.encode(command, sample % 256)))
+        for late_s, frame in frames:
+            stamp_s = 1.7e9 + sample * 1e-3 + late_s
+            yield f"({stamp_s:.6f}) vcan0 {frame.arbitration_id:03X}#{frame.data.hex()}\n"
+        sample += 1
+
+
+def replay(frames: int, folder: Path) -> Taken:
+    """Return what the replay of a log of so many frames takes, in a process of its own."""
+    log, config = folder / f"{frames}.log", folder / "valve.toml"
+    config.write_text(_CONFIGURATION, encoding="utf-8")
+    with log.open("w", encoding="ascii") as file:
+        file.writelines(islice(lines(), frames))
+    command = (sys.executable, "-c", _CHILD, "replay", log, "--config", config, "--out", folder / "out")
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    log.unlink()
+    status, peak_mib, cpu_s = json.loads(done.stdout.splitlines()[-1])
+    if status != 1:
+        raise AssertionError(done.stdout + done.stderr)
+    return Taken(frames, peak_mib, cpu_s, done.stdout)
+
+
+def main() -> None:
+    """Print both figures, and what a day's log at 1 kHz would take."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--frames", type=int, default=1_000_000, help="of the longer log")
+    longer = parser.parse_args().frames
+    with tempfile.TemporaryDirectory() as folder:
+        short, long = (replay(frames, Path(folder)) for frames in (longer // 10, longer))
+    for taken in (short, long):
+        sys.stdout.write(f"{taken.frames} frames: {taken.peak_mib:.1f} MiB, {taken.cpu_s:.0f} s of a processor\n")
+    growth_bytes = (long.peak_mib - short.peak_mib) * 2**20 / (long.frames - short.frames)
+    day_mib = short.peak_mib + growth_bytes * _DAY_FRAMES / 2**20
+    sys.stdout.write(f"{growth_bytes:.2f} bytes a frame; a day at 1 kHz, extrapolated: {day_mib:.0f} MiB\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -30,6 +30,9 @@ _NEXT_TURN_S = 5.0
 """Before the first feedback: a turn that takes longer hangs."""
 
 
+_SERIOUS = frozenset({Cause.FOREIGN_COMMAND, Cause.PERIOD_WRONG})
+
+
 class Announcer:
     """Tells the world; `ready` once a first valid position frame has been seen."""
 
@@ -93,7 +96,7 @@ class Announcer:
 
     def _announce(self, event: ModeChanged) -> None:
         troubled = {Mode.HOLD, Mode.FAILSAFE, Mode.MANUAL}
-        serious = event.after in troubled and event.cause not in {Cause.NONE, Cause.MANUAL}
+        serious = (event.after in troubled and event.cause not in {Cause.NONE, Cause.MANUAL}) or event.cause in _SERIOUS
         self.throttle.log(logging.WARNING if serious else logging.INFO, f"mode {event.after.name}", str(event))
         cause = event.cause.name.lower().replace("_", " ")
         status = f"{event.after.name}: {cause}" if event.cause is not Cause.NONE else event.after.name

@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING
 from positioner.manual import AUTOMATIC, is_fresh
 from positioner.wire.messages import HostRequest, Mode
 
+DOUBLE_ARMING_NS = 1_000_000_000
+"""Another controller's command within this time after the arming: one ARM has armed two, and both fall silent."""
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -30,6 +33,8 @@ def arm(settings: GuardSettings, state: GuardState, seen: Sighting, hold_ns: flo
             request=HostRequest.DISARM if disarmed else state.request,
             mode=Mode.READY,  # pragma: no mutate - anything but FAILSAFE: the table decides
         )
+    if state.armed and seen.foreign_command and now_ns - state.armed_ns <= DOUBLE_ARMING_NS:
+        return replace(state, armed=False, mode=Mode.READY)
     fresh = state.feedback_ns is not None and now_ns - state.feedback_ns <= hold_ns
     by_hand = is_fresh(settings, state.manual, now_ns)
     fresh = fresh or (by_hand and state.feedback_ns is not None)  # a valve whose sensor has died can be moved by hand
@@ -46,6 +51,7 @@ def arm(settings: GuardSettings, state: GuardState, seen: Sighting, hold_ns: flo
         state,
         armed=True,
         ever_armed=True,
+        armed_ns=now_ns,
         mode=Mode.HOLD,  # pragma: no mutate - anything but FAILSAFE: the table decides
         setpoint_ns=now_ns,
         law_failures=0,

@@ -65,6 +65,7 @@ class CycleState:
     lines_dropped: int = 0
     answered: bool = False
     unsent: bool = False
+    left_ma: float | None = None
     tally: Tally = field(default_factory=Tally)
     fallback_count: int = 0
     learned_count: int = 0

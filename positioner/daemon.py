@@ -16,6 +16,7 @@ from positioner.cycle_state import CycleState, Setup
 from positioner.errors import ExitCode, UsageError
 from positioner.events import Event, Learned
 from positioner.journal import dropped_lines, logger
+from positioner.lockstep_watch import LockstepWatch
 from positioner.ports import Ports
 from positioner.record import BusRecorder
 from positioner.store.client import TableKeeper
@@ -84,6 +85,7 @@ class Daemon:
         kinds = _WATCHED if options.dry_run else (*_WATCHED, CurrentCommand)
         limits = replace(configuration.guard, auto_arm=True) if options.dry_run else configuration.guard
         self._bus = BusPort(configuration.bus, [codec.identifier(kind) for kind in kinds], self._report, ports)
+        self._lockstep = LockstepWatch(codec)
         self._gate = LockstepGate(codec, options.setpoint_every)
         self._clock: Clock = LockstepClock(codec, self._period_s) if options.lockstep else RealClock(self._time)
         self._setup = Setup(
@@ -136,6 +138,8 @@ class Daemon:
         self._state = left
         if not self._options.dry_run:
             self._send(outbox, now_ns)
+        if self._options.lockstep:
+            self._lockstep.turn(frames, answered=bool(outbox))
         self._recorder.turn(told, frames, now_ns, outbox, left)
         self._announcer.tell(events, now_ns, ever_armed=self._state.guard.ever_armed)
         self._keep(events)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from positioner.deviation import Deviates
-from positioner.timing_events import LawLate, Stalled
+from positioner.timing_events import LawLate, PeriodWrong, Stalled
 from positioner.trust_events import ActingChanged, NotBelieved, PushFailed
 from positioner.wire.loop_current import LoopSignal, signal_of
 
@@ -183,6 +183,7 @@ Event = (
     | LawLate
     | LinesDropped
     | Stalled
+    | PeriodWrong
     | MoveBegan
     | Controlled
 )

@@ -53,6 +53,8 @@ def supervise(settings: GuardSettings, state: GuardState, seen: Sighting, period
         _late_answers(state, seen),
         seen.idle,
         seen.deviation,
+        state.armed_ns,
+        seen.period_wrong,
     )
     state = arm(settings, state, seen, hold_ns(settings, period_s), now_ns)
     mode, cause = _mode(settings, state, period_s, now_ns)
@@ -98,6 +100,7 @@ def _mode(settings: GuardSettings, state: GuardState, period_s: float, now_ns: i
         (foreign, Mode.ACTIVE, Cause.FOREIGN_COMMAND),
         (state.idle is not None, Mode.ACTIVE, state.idle or Cause.NONE),
         (state.deviation is not Cause.NONE, Mode.ACTIVE, state.deviation),
+        (state.period_wrong, Mode.ACTIVE, Cause.PERIOD_WRONG),
         (state.late_cycles >= settings.law_failsafe_cycles, Mode.ACTIVE, Cause.LAW_LATE),
     )
     return next(((mode, cause) for holds, mode, cause in rules if holds), (Mode.ACTIVE, Cause.NONE))

@@ -32,6 +32,8 @@ class GuardSettings:
     law_failsafe_cycles: cycles in a row without a usable answer of the law until FAILSAFE, or late until it is told.
     failsafe_action, failsafe_current_ma: what FAILSAFE commands; the current counts with action "current" only, and
         may be a failure signal (NE 43: 3.6 mA and below, 21 mA and above), which an actuator answers by itself.
+    actuator_deadman_s: after so long without a command the actuator goes to its fail position by itself; `positioner
+        check` holds the sample period against it. 0: it does not.
     position_margin_m: how far beyond the travel a reading is still plausible; noise reaches beyond a hard stop.
     max_jump_m: largest plausible step between two readings.
     frozen_s, frozen_command_ma: a reading that stays the same to the bit for so long (0: never looked at), while the
@@ -53,6 +55,7 @@ class GuardSettings:
     law_failsafe_cycles: Annotated[int, Interval(ge=1, le=1000)] = 10
     failsafe_action: FailsafeAction = FailsafeAction.LOW
     failsafe_current_ma: Annotated[float, Interval(ge=0.0, le=LARGEST_MA)] = 4.0
+    actuator_deadman_s: Annotated[float, Interval(ge=0.0, le=3600.0)] = 0.1
     position_margin_m: Annotated[float, Interval(ge=0.0, le=0.5)] = 0.02
     max_jump_m: Annotated[float, Interval(gt=0.0, le=2.0)] = 0.05
     frozen_s: Annotated[float, Interval(ge=0.0, le=3600.0)] = 2.0

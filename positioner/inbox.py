@@ -17,6 +17,7 @@ from positioner.guard_state import Sighting
 from positioner.link import LinkState, Reading, Received
 from positioner.plausibility import judge
 from positioner.stall import Freshness
+from positioner.timing_events import PeriodWrong
 from positioner.wire.e2e import CounterCheck, Sequence
 from positioner.wire.formats import FrameRejectedError, Reason
 from positioner.wire.messages import (
@@ -102,6 +103,7 @@ class _Batch:
         self.pressure_pa = link.pressure_pa
         self.rejected_count = link.rejected_count
         self.position_counter = link.position_counter
+        self.cadence = link.cadence
         self.reading: Reading | None = None
         self.feedback_ns: int | None = None
         self.setpoint_ns: int | None = None
@@ -126,6 +128,7 @@ class _Batch:
             self.rejected_count,
             self._periods - (self.reading.periods if self.reading else 0),
             self.reading.counter if self.reading else self.position_counter,
+            self.cadence,
         )
         now_ns, feedback_ns, setpoint_ns = self.fresh.now_ns, self.feedback_ns, self.setpoint_ns
         seen = Sighting(
@@ -138,6 +141,7 @@ class _Batch:
             feedback_age_ns=0 if feedback_ns is None else now_ns - feedback_ns,
             setpoint_age_ns=0 if setpoint_ns is None else now_ns - setpoint_ns,
             waited=self.waited,
+            period_wrong=self.cadence.is_wrong(self.period_s),
             stray_disarm=self.stray_disarm,
             setpoint_refused=self.setpoint_refused,
         )
@@ -184,6 +188,9 @@ class _Batch:
 
     def _take_position(self, message: StemPosition, counter: int | None, lost: int, arrived_ns: int) -> None:
         self._periods += lost + 1
+        before, self.cadence = self.cadence, self.cadence.hear(arrived_ns, lost)
+        if self.cadence.measured_s != before.measured_s and self.cadence.is_wrong(self.period_s):
+            self.events.append(PeriodWrong(self.cadence.measured_s or 0.0, self.period_s))
         if (sender := self.senders.get(StemPosition)) is not None and not sender.window.settled:
             self.events.append(FeedbackRefused(message.position_m, sender.window.why, Counted.DISPUTED))
             self.refused = Cause.FEEDBACK_DISPUTED

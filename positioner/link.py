@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from positioner.cadence import Cadence
 from positioner.plausibility import Watched
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ class LinkState:
     rejected_count: int = 0
     periods_unread: int = 0
     position_counter: int | None = None
+    cadence: Cadence = field(default_factory=Cadence)
 
 
 @dataclass(frozen=True, slots=True)

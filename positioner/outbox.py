@@ -27,12 +27,11 @@ def command(
 ) -> tuple[CycleState, list[CanFrame]]:
     """Return the state and the command frame, if one may leave."""
     here_m = reading.position_m if reading else state.setpoint_m
-    last_ma = state.last_ma if state.last_ma is not None else setup.valve.balance_current_ma(here_m)
-    elapsed_s = (now_ns - state.command_ns) / _NS if state.sent else setup.period_s
+    last_ma, elapsed_s = _last(setup, state, here_m, now_ns)
     wanted_ma = decision.current_ma if decision else state.guard.manual_ma
     current_ma = guard.admit(setup.guard, state.guard, wanted_ma, last_ma, elapsed_s)
     if current_ma is None:
-        return replace(state, sent=()), []
+        return replace(state, sent=(), left_ma=state.last_ma if state.sent else state.left_ma), []
     current_ma = inside(setup.codec.field(CurrentCommand, "current_ma"), current_ma, *_limits_ma(setup, state))
     message = CurrentCommand(
         current_ma,
@@ -53,6 +52,20 @@ def _limits_ma(setup: Setup, state: CycleState) -> tuple[float, float]:
     if state.guard.mode is Mode.FAILSAFE:
         return same_signal(setup.guard.failsafe_ma(setup.guard.current_low_ma))
     return setup.guard.current_low_ma, setup.guard.current_high_ma
+
+
+def _last(setup: Setup, state: CycleState, here_m: float, now_ns: int) -> tuple[float, float]:
+    """Return the current in mA that the next one follows, and for how long it has been there in s.
+
+    A limited rate goes on where the last command before a disarming left the actuator; otherwise control begins at the
+    current that balances the spring.
+    """
+    elapsed_s = (now_ns - state.command_ns) / _NS
+    if state.last_ma is not None:
+        return state.last_ma, elapsed_s
+    if state.left_ma is not None and setup.guard.max_rate_ma_per_s > 0.0:
+        return state.left_ma, elapsed_s
+    return setup.valve.balance_current_ma(here_m), setup.period_s
 
 
 def status(setup: Setup, state: CycleState, now_ns: int) -> tuple[CycleState, list[CanFrame]]:

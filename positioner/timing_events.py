@@ -21,6 +21,21 @@ class LawLate:
 
 
 @dataclass(frozen=True, slots=True)
+class PeriodWrong:
+    """Position frames come at another period than the configured one."""
+
+    measured_s: float
+    period_s: float
+
+    def __str__(self) -> str:
+        """One line for the log."""
+        return (
+            f"position frames come every {self.measured_s * 1e3:.3g} ms, and control.sample_period_s says "
+            f"{self.period_s * 1e3:g} ms: ages and the law's time are wrong by as much; mend one of them"
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class Stalled:
     """The process stood still, or took too long, while it was armed: longer than HOLD tolerates without feedback."""
 

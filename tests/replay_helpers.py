@@ -96,7 +96,7 @@ def of_faults(sample: int) -> Instant:
         host=not 1950 <= sample < 2600,
         request=request,
         setpoint_m=0.5 if 2850 <= sample < 2870 else setpoint_m,
-        foreign=1700 <= sample < 1710,
+        foreign=2620 <= sample < 2630,
         table_saved=not 2300 <= sample < 2450,
         late_ns=1_234_567 if sample in {150, 151, 2500} else 0,
     )

@@ -413,6 +413,23 @@ def test_disarming_ends_control_and_forgets_the_commands() -> None:
     ]
 
 
+def test_a_rate_limit_goes_on_over_disarming() -> None:
+    # 10 mA/s; FAILSAFE is at 4 mA, and a law that wants 20 mA is disarmed and armed again in 11 ms
+    exchange = Exchange(Pusher(), GuardSettings(max_rate_ma_per_s=10.0, setpoint_hold_s=0.0))
+    exchange.sample(setpoint=Setpoint(0.08))
+    exchange.sample(setpoint=Setpoint(0.08, HostRequest.ARM))
+    exchange.step(elapsed_ns=20 * MS)
+    assert (exchange.state.guard.mode, exchange.state.last_ma) == (Mode.FAILSAFE, 4.0)
+    for _ in range(10):
+        exchange.sample(setpoint=Setpoint(0.08, HostRequest.DISARM))
+    assert exchange.state.last_ma is None
+    ((command, _),) = commands(exchange.sample(setpoint=Setpoint(0.08, HostRequest.ARM)))
+    assert command.mode is Mode.ACTIVE
+    assert command.current_ma == pytest.approx(4.0 + 10.0 * 0.011, abs=1e-3)
+    ((command, _),) = commands(exchange.sample())
+    assert command.current_ma == pytest.approx(4.0 + 10.0 * 0.012, abs=1e-3)
+
+
 def test_a_rate_limit_starts_at_what_balances_the_spring() -> None:
     exchange = Exchange(guard=GuardSettings(auto_arm=True, max_rate_ma_per_s=100.0))
     ((first, _),) = commands(exchange.sample())

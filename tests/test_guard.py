@@ -264,6 +264,22 @@ def test_requests_mean_the_same_in_one_batch_and_in_many(
     assert (one_batch.mode is Mode.ACTIVE) is bool(edges)
 
 
+@pytest.mark.parametrize("since_ms", [1, 500, 1000])
+def test_another_controller_s_command_right_after_the_arming_disarms(since_ms: int) -> None:
+    alive = Sighting(feedback=True, setpoint=True, requests=(HostRequest.ARM,))
+    state = active_at(SECOND)
+    for passed_ms in range(1, since_ms):
+        state = watch(state, alive, SECOND + passed_ms * MS)
+    state = watch(state, replace(alive, foreign_command=True), SECOND + since_ms * MS)
+    assert told(state) == (Mode.READY, Cause.FOREIGN_COMMAND)
+    assert not state.transmits
+    for passed_ms in range(1, 3000):  # the held ARM does not arm again, however long ago the other one was heard
+        state = watch(state, alive, SECOND + (since_ms + passed_ms) * MS)
+        assert not state.armed
+    state = watch(watch(state, RELEASED, 5 * SECOND), ARM, 5 * SECOND + MS)
+    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+
+
 def test_the_automatic_arming_waits_while_the_host_wants_it_disarmed() -> None:
     tuning = GuardSettings(auto_arm=True)
     state = watch(GuardState(), DISARM, SECOND, tuning)
@@ -383,7 +399,7 @@ def test_a_foreign_command_forbids_the_first_arming_for_a_second() -> None:
 
 
 def test_a_foreign_command_while_armed_is_told_and_does_not_stop_control() -> None:
-    state = watch(active_at(SECOND), FOREIGN, SECOND + MS)
+    state = watch(replace(active_at(SECOND), armed_ns=0), FOREIGN, SECOND + MS)
     assert told(state) == (Mode.ACTIVE, Cause.FOREIGN_COMMAND)
     assert state.health(table_saved=True) is Health.FAILURE
     state = watch(state, EVERYTHING, 2 * SECOND + MS)
@@ -494,7 +510,7 @@ def test_back_in_automatic_mode_the_host_has_its_time_to_send_a_setpoint() -> No
 
 
 def test_another_controller_in_manual_mode_is_a_failure_that_is_told() -> None:
-    state = watch(active_at(SECOND), by_hand(), SECOND)
+    state = watch(replace(active_at(SECOND), armed_ns=0), by_hand(), SECOND)
     state = watch(state, replace(by_hand(), foreign_command=True), SECOND + MS)
     assert told(state) == (Mode.MANUAL, Cause.FOREIGN_COMMAND)
     assert state.health(table_saved=True) is Health.FAILURE

@@ -86,6 +86,7 @@ MEANING: dict[str, Callable[[GuardState], bool]] = {
         it.idle is not None
     ),
     "an error that does not shrink (`deviation_of_span`, `deviation_s`)": lambda it: it.deviation is not Cause.NONE,
+    "position frames come at another period than `sample_period_s`, by a fifth": lambda it: it.period_wrong,
     "`law_failsafe_cycles` (10) cycles in a row longer than a period": lambda it: it.late_cycles >= 2,
     "otherwise": lambda _: True,
 }
@@ -110,6 +111,7 @@ AGES = st.one_of(st.none(), st.sampled_from([0, 3, 4, 5, 6, 10, 11, 20, 21]))
     late_answers=st.integers(0, 3),
     idle=st.sampled_from((None, *IDLE)),
     deviation=st.sampled_from(DEVIATIONS),
+    period_wrong=st.booleans(),
 )
 @example(
     Mode.ACTIVE,
@@ -128,6 +130,7 @@ AGES = st.one_of(st.none(), st.sampled_from([0, 3, 4, 5, 6, 10, 11, 20, 21]))
     0,
     None,
     Cause.NONE,
+    False,
 )
 @settings(max_examples=600, deadline=None)
 def test_the_first_row_that_holds_gives_mode_and_cause(
@@ -147,6 +150,7 @@ def test_the_first_row_that_holds_gives_mode_and_cause(
     late_answers: int,
     idle: Cause | None,
     deviation: Cause,
+    period_wrong: bool,
 ) -> None:
     state = GuardState(
         mode,
@@ -165,6 +169,7 @@ def test_the_first_row_that_holds_gives_mode_and_cause(
         late_answers=late_answers,
         idle=idle,
         deviation=deviation,
+        period_wrong=period_wrong,
     )
     _, its_mode, its_cause = next(row for row in CONDITIONS if MEANING[row[0]](state))
     if its_cause == "feedback stale, implausible, disputed or frozen":
@@ -205,6 +210,7 @@ def wander(steps: int) -> dict[tuple[Mode, Mode], set[Cause]]:
             foreign_command=chance.random() < 0.1,
             refused=None if good else chance.choice((None, *NO_FEEDBACK[1:])),
             late=chance.random() < 0.4,
+            period_wrong=chance.random() < 0.3,
             manual=chance.choice((None, None, None, AUTO, MANUAL)),
             stray_disarm=chance.random() < 0.02,
             deviation=chance.choice((*DEVIATIONS, Cause.NONE)) if before.controls else Cause.NONE,
@@ -213,6 +219,7 @@ def wander(steps: int) -> dict[tuple[Mode, Mode], set[Cause]]:
         )
         failed = before.controls and chance.random() < 0.4
         before = replace(before, law_failures=before.law_failures + 1) if failed else before
+        before = replace(before, armed_ns=before.armed_ns - 1001 * MS) if chance.random() < 0.2 else before
         state = supervise(LIMITS, before, seen, PERIOD_S, now_ns)
         if state.mode is not before.mode:
             found[before.mode, state.mode].add(state.cause)
@@ -224,4 +231,4 @@ def test_the_transitions_of_the_table_are_those_that_happen_and_no_others() -> N
         (Mode[one], Mode[other]): {cause_of(cause) for cause in causes.split(",")}
         for one, other, causes in rows_of("| from | to | causes |")
     }
-    assert wander(100_000) == written
+    assert wander(150_000) == written

@@ -22,7 +22,7 @@ OUTSIDE_WORLD = {
 
 STAGES = (
     *("model", "estimate", "stick_slip", "stiction", "bounds", "qp", "planner"),
-    *("guard", "guard_settings", "guard_state", "arming", "stall", "arrivals"),
+    *("guard", "guard_settings", "guard_state", "arming", "stall", "arrivals", "cadence"),
     *("plausibility", "frozen", "deviation", "inbox", "link", "tally", "events", "timing_events", "trust_events"),
     *("cycle", "cycle_state", "closed_loop", "outbox", "acting", "credible", "learning"),
 )

@@ -73,6 +73,7 @@ class World:
     setpoints: int = 0
     read_ns: dict[int, int] = field(default_factory=dict)
     plant_silent: bool = False
+    acting: int | None = None
 
     # what the daemon takes for the machine's clocks
 
@@ -106,8 +107,10 @@ class World:
 
     def send(self, message: can.Message, timeout: float | None = None) -> None:
         del timeout
-        decoded, _ = self.codec.decode(CanFrame(message.arbitration_id, bytes(message.data)))
-        answered = decoded.position_counter if isinstance(decoded, CurrentCommand) else None
+        decoded, counter = self.codec.decode(CanFrame(message.arbitration_id, bytes(message.data)))
+        answered = None
+        if isinstance(decoded, CurrentCommand):
+            self.acting, answered = counter, decoded.position_counter
         self.said.append(Said(self.now_ns, decoded, None if answered is None else self.read_ns.get(answered)))
 
     def shutdown(self) -> None:
@@ -125,7 +128,7 @@ class World:
         while self._next_ns <= end_ns:
             self.now_ns = self._next_ns
             if not self.plant_silent:
-                self._hear(StemPosition(HERE_M + 1e-7 * (self.sample % 7)), self.sample)
+                self._hear(StemPosition(HERE_M + 1e-7 * (self.sample % 7), self.acting), self.sample)
             if self.sample % _SETPOINT_EVERY == 0:
                 self._hear(Setpoint(HERE_M, self.request), self.setpoints)
                 self.setpoints += 1

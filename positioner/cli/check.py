@@ -67,11 +67,27 @@ def summary(configuration: Configuration, state: Path) -> str:
         ("stiction", f"F_s {100 * friction_n / span_force_n:.1f} % of the span force"),
         ("slip jump", f"{(friction_n - valve.coulomb_friction_n) / rate * 1e3:.2f} mm"),
         ("law", f"{configuration.control.law}, every {configuration.control.sample_period_s * 1e3:g} ms"),
+        ("actuator's deadman", _deadman(configuration)),
         ("bus", str(configuration.bus)),
         ("bus load", bus_load.in_words(configuration.make_codec(), configuration.control.sample_period_s)),
         ("state", str(state)),
     )
     return "".join(f"  {name:<22} {value}\n" for name, value in rows)
+
+
+def _deadman(configuration: Configuration) -> str:
+    """Return the actuator's deadman, and whether commands come soon enough for it."""
+    deadman_s, periods = configuration.guard.actuator_deadman_s, configuration.guard.feedback_hold_periods
+    if deadman_s == 0.0:
+        return "none"
+    told = f"{deadman_s * 1e3:g} ms"
+    longest_s = deadman_s / periods
+    if configuration.control.sample_period_s <= longest_s:
+        return told
+    return (
+        f"{told}: the sample period is too long for it; beyond {longest_s * 1e3:.3g} ms the actuator goes to its fail "
+        f"position before HOLD, which comes after {periods} periods without feedback, repeats a command"
+    )
 
 
 def _range(lowest_m: float, highest_m: float, valve: ValveParameters) -> str:

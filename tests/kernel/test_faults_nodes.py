@@ -44,6 +44,7 @@ def test_a_flood_of_higher_priority_does_not_reach_the_positioner(rig: Rig, tmp_
 
 def test_a_second_controller_is_an_alarm_for_as_long_as_it_speaks(rig: Rig) -> None:
     numbers = iter(range(100_000))
+    rig.after(15, PositionerStatus)  # within a second after the arming it means that one ARM has armed two
 
     def status_while_it_speaks() -> PositionerStatus | None:
         rig.port.send(rig.codec.encode(CurrentCommand(12.5), next(numbers)))

@@ -12,6 +12,7 @@ from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import load_scenario
 from positioner.bounds import Bounds
 from positioner.cycle_state import CycleState, Setup
+from positioner.deviation import NO_DEVIATION, Deviates
 from positioner.estimate import StemState
 from positioner.events import Controlled, Event, LawFellBack, Learned, ModeChanged
 from positioner.guard_settings import GuardSettings
@@ -336,6 +337,22 @@ def test_where_control_begins_beyond_the_travel_its_end_is_the_setpoint(position
     exchange.sample(position_m)
     assert exchange.law.shown[0].setpoint_m == held_m
     assert exchange.law.begun_m == [position_m]
+
+
+def test_an_error_that_stays_is_told_once_shown_in_the_status_and_ends_where_control_ends() -> None:
+    exchange = Exchange()
+    said: list[CanFrame] = []
+    for sample in range(2500):
+        setpoint = Setpoint(0.092) if sample % 100 == 0 else None
+        said += exchange.sample(0.08, (exchange.state.command_counter - 1) % 256, setpoint)
+    (deviates,) = exchange.told(Deviates)
+    assert str(deviates).startswith("deviation: the stem is 12.0 mm below its setpoint of 92.0 mm and came no nearer")
+    status = [message for message, _ in map(CODEC.decode, said) if isinstance(message, PositionerStatus)][-1]
+    assert (status.mode, status.cause, status.health) == (Mode.ACTIVE, Cause.DEVIATION, Health.OUT_OF_SPECIFICATION)
+    exchange.step(elapsed_ns=11 * MS)
+    exchange.sample()
+    assert exchange.state.guard.mode is Mode.FAILSAFE
+    assert exchange.state.deviation == NO_DEVIATION
 
 
 def test_lost_frames_count_in_the_laws_time() -> None:

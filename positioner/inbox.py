@@ -193,7 +193,7 @@ class _Batch:
             self.events.append(PeriodWrong(self.cadence.measured_s or 0.0, self.period_s))
         if (sender := self.senders.get(StemPosition)) is not None and not sender.window.settled:
             self.events.append(FeedbackRefused(message.position_m, sender.window.why, Counted.DISPUTED))
-            self.refused = Cause.FEEDBACK_DISPUTED
+            self.refused = self.refused if sender.window.valid else Cause.FEEDBACK_DISPUTED
             return
         elapsed_s = (lost + 1) * self.period_s
         self.readings, doubt = judge(

@@ -5,13 +5,23 @@ from __future__ import annotations
 import random
 import time
 from array import array
+from collections import Counter
 from typing import TYPE_CHECKING
 
 from positioner.bus import BusPort
 from positioner.wire.codec import make_codec
 from positioner.wire.e2e import COUNTER_MODULUS
 from positioner.wire.formats import FrameRejectedError
-from positioner.wire.messages import CurrentCommand, HostRequest, Mode, PositionerStatus, Setpoint, StemPosition
+from positioner.wire.messages import (
+    Cause,
+    CurrentCommand,
+    HostRequest,
+    Mode,
+    PlantTruth,
+    PositionerStatus,
+    Setpoint,
+    StemPosition,
+)
 
 if TYPE_CHECKING:
     from positioner.bus_address import BusAddress
@@ -21,11 +31,21 @@ _DWELL_S = 1.5
 _LOW_M, _HIGH_M = 0.068, 0.092
 _SILENCE_S = 0.5
 """Without a command for so long the mode that was heard last is no longer known."""
+_NEVER_TRUE = frozenset(
+    {Cause.FEEDBACK_FROZEN, Cause.FEEDBACK_DISPUTED, Cause.SETPOINT_DISPUTED, Cause.SETPOINT_UNREACHABLE}
+)
+"""What no status of this soak may say: there is one sensor, which is noisy, and one host, who asks for nothing odd."""
+_LARGE_M = 0.04 * 0.127
+_LASTS_S = 1.0
+"""A deviation is true where the stem has been so far away for so long, by the emulator's own word."""
 _NS = 1_000_000_000
 
 
 class SoakHost:
-    """Plays the setpoints; `periods_s` and `latencies_s` are those of the commands, `modes` counts how often which."""
+    """Plays the setpoints; `periods_s` and `latencies_s` are those of the commands, `modes` counts how often which.
+
+    false_alarms: statuses that said what was not so, by cause.
+    """
 
     def __init__(self, address: BusAddress, seed: int) -> None:
         self._bus = BusPort(address)
@@ -42,6 +62,8 @@ class SoakHost:
         self.latencies_s = array("d")
         self.modes: dict[Mode, int] = {}
         self.unsaved = 0
+        self.false_alarms: Counter[Cause] = Counter()
+        self._near_s = time.monotonic()
 
     @property
     def is_controlled(self) -> bool:
@@ -71,6 +93,10 @@ class SoakHost:
             elif isinstance(message, PositionerStatus):
                 self._enter(message.mode)
                 self.unsaved += not message.table_saved
+                untrue = message.cause is Cause.DEVIATION and now_s - self._near_s < _LASTS_S
+                self.false_alarms[message.cause] += message.cause in _NEVER_TRUE or untrue
+            elif isinstance(message, PlantTruth) and abs(message.position_m - self._setpoint_m) < _LARGE_M:
+                self._near_s = now_s
         if self._command_ns is not None and time.monotonic_ns() - self._command_ns > _SILENCE_S * _NS:
             self._command_ns = None
             self._mode = None

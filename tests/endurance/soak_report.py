@@ -40,6 +40,7 @@ def report(
             found.append(f"{pulse.name} grew by {100 * growth:.2f} %, the limit is {100 * growth_limit:g} %")
         if pulse.leaked > 0:
             found.append(f"{pulse.name} has {pulse.leaked} more descriptors open than before")
+    found += [f"{count} statuses said {cause.name}, falsely" for cause, count in (+host.false_alarms).items()]
     lines += [f"violation: {violation}" for violation in found]
     lines.append(f"violations: {len(found)}")
     return lines, bool(found)

@@ -60,15 +60,15 @@ class SetpointRefused:
 
 
 @dataclass(frozen=True, slots=True)
-class SetpointDisputed:
-    """More than one sender seems to send setpoints; the last one that was not in doubt stays in force."""
+class OrderDisputed:
+    """More than one sender seems to give setpoints, or currents by hand; `what` was given, and was refused."""
 
-    setpoint_m: float
+    what: str
     why: str
 
     def __str__(self) -> str:
         """One line for the log."""
-        return f"setpoint {self.setpoint_m * 1e3:.3f} mm refused: {self.why}"
+        return f"{self.what} refused: {self.why}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +170,7 @@ Event = (
     FrameRefused
     | FramesLost
     | SetpointRefused
-    | SetpointDisputed
+    | OrderDisputed
     | FeedbackRefused
     | ForeignCommand
     | Deviates

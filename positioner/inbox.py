@@ -10,7 +10,7 @@ from positioner.events import (
     ForeignCommand,
     FrameRefused,
     FramesLost,
-    SetpointDisputed,
+    OrderDisputed,
     SetpointRefused,
 )
 from positioner.guard_state import Sighting
@@ -178,8 +178,7 @@ class _Batch:
             case Setpoint():
                 self._take_setpoint(message, counter, arrived_ns)
             case ManualCurrent():
-                sender = self.senders.get(ManualCurrent)
-                self.manual = message if sender is None or sender.window.valid else self.manual
+                self._take_manual(message)
             case ActuatorState():
                 self.pressure_pa = message.pressure_pa
             case CurrentCommand():
@@ -210,11 +209,19 @@ class _Batch:
         reading = Reading(message.position_m, counter, message.command_counter, self._periods, obeys)
         self.reading = reading if fresh else None
 
+    def _take_manual(self, message: ManualCurrent) -> None:
+        sender = self.senders.get(ManualCurrent)
+        if sender is None or sender.window.valid:
+            self.manual = message
+        else:
+            self.events.append(OrderDisputed(f"current {message.current_ma:.3f} mA by hand", sender.window.why))
+
     def _take_setpoint(self, message: Setpoint, counter: int | None, arrived_ns: int) -> None:
         if (sender := self.senders.get(Setpoint)) is not None and not sender.window.valid:
             self.stray_disarm |= message.request is HostRequest.DISARM
             self.setpoint_refused = Cause.SETPOINT_DISPUTED
-            self.events.append(SetpointDisputed(message.setpoint_m, sender.window.why))
+            told = f"setpoint {message.setpoint_m * 1e3:.3f} mm"
+            self.events.append(OrderDisputed(told, sender.window.why))
             return
         low_m, high_m = self.valve.travel_min_m, self.valve.travel_max_m
         setpoint_m = meant(self.codec.field(Setpoint, "setpoint_m"), message.setpoint_m, low_m, high_m)

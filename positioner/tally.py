@@ -11,7 +11,7 @@ from positioner.events import (
     FrameRefused,
     FramesLost,
     LinesDropped,
-    SetpointDisputed,
+    OrderDisputed,
     SetpointRefused,
 )
 from positioner.timing_events import LawLate, Stalled
@@ -38,7 +38,7 @@ COUNTED_REASONS: Mapping[Reason, Counted] = {
 
 _COUNTED_EVENTS: Mapping[type[Event], Counted] = {
     SetpointRefused: Counted.SETPOINT_REFUSED,
-    SetpointDisputed: Counted.DISPUTED,
+    OrderDisputed: Counted.DISPUTED,
     ForeignCommand: Counted.FOREIGN_COMMAND,
     LawLate: Counted.LAW_LATE,
     PushFailed: Counted.PUSH_FAILED,
@@ -83,7 +83,7 @@ def _counted(event: Event) -> tuple[tuple[Counted, int], ...]:
             return ((event.counted, 1),)
         case LinesDropped():
             return ((Counted.LINE_DROPPED, event.count),)
-        case SetpointRefused() | SetpointDisputed() | ForeignCommand() | LawLate() | Stalled() | PushFailed():
+        case SetpointRefused() | OrderDisputed() | ForeignCommand() | LawLate() | Stalled() | PushFailed():
             return ((_COUNTED_EVENTS[type(event)], 1),)
         case _:
             return ()

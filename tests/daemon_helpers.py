@@ -81,6 +81,12 @@ class Others:
         for message in messages:
             assert self.port.send(self.frame(message))
 
+    @property
+    def acting(self) -> int | None:
+        """The counter of the newest command heard, which acts on a valve that obeys; None before the first."""
+        decoded = (self.codec.decode(frame) for frame in reversed(self.heard))
+        return next((counter for message, counter in decoded if isinstance(message, CurrentCommand)), None)
+
     def report(self, position_m: float = HERE_M) -> None:
         self.say(StemPosition(position_m))
 

@@ -12,7 +12,7 @@ from positioner.events import (
     ForeignCommand,
     FrameRefused,
     FramesLost,
-    SetpointDisputed,
+    OrderDisputed,
     SetpointRefused,
 )
 from positioner.guard import supervise
@@ -188,7 +188,7 @@ def test_two_hosts_under_one_identifier_are_disputed_and_only_their_disarm_count
         assert received.seen.requests == ((HostRequest.ARM,) if counter < 5 else ())
     assert link.setpoint_m == 0.07
     disputed = received.events[0]
-    assert isinstance(disputed, SetpointDisputed)
+    assert isinstance(disputed, OrderDisputed)
     assert str(disputed).startswith("setpoint 70.000 mm refused: disputed: 8 of the last 64 frames")
     assert take(setpoint(0.07, 10, HostRequest.DISARM), link=link).seen.stray_disarm
 
@@ -200,6 +200,7 @@ def test_two_hosts_that_give_currents_by_hand_are_both_not_believed() -> None:
         received = take(*frames, link=link)
         link = received.link
         assert received.seen.manual == (ManualCurrent(9.5) if counter < 5 else None)
+    assert str(received.events[0]).startswith("current 9.500 mA by hand refused: disputed: 8 of the last 64 frames")
 
 
 @pytest.mark.parametrize("counter", range(256))

@@ -26,9 +26,7 @@ if TYPE_CHECKING:
 
 def sample(loop: Loop, setpoint_m: float, position_m: float) -> list[Message]:
     """One period of a node that obeys: its reading names the last command."""
-    decoded = (loop.others.codec.decode(frame) for frame in reversed(loop.others.heard))
-    acting = next((counter for message, counter in decoded if isinstance(message, CurrentCommand)), None)
-    reading = loop.others.frame(StemPosition(position_m, acting))
+    reading = loop.others.frame(StemPosition(position_m, loop.others.acting))
     return loop.turn(loop.others.frame(Setpoint(setpoint_m)), reading)
 
 

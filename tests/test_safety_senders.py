@@ -61,9 +61,9 @@ def test_a_second_host_under_the_identifier_of_the_first_is_told_and_moves_nothi
     with Loop(tmp_path) as loop:
         loop.request(HostRequest.ARM)
         said: list[Message] = []
-        for counter in range(150, 190):
-            said += loop.turn(second(loop, Setpoint(HERE_M + 0.005), counter), loop.others.frame(StemPosition(HERE_M)))
-            said += loop.sample()
+        for counter in range(150, 200):
+            setpoints = second(loop, Setpoint(HERE_M + 0.005), counter), loop.others.frame(Setpoint(HERE_M))
+            said += loop.turn(*setpoints, loop.others.frame(StemPosition(HERE_M, loop.others.acting)))
         assert loop.daemon._state.link.setpoint_m == HERE_M
         status = last_status(said)
         assert (status.mode, status.cause) == (Mode.HOLD, Cause.SETPOINT_DISPUTED)

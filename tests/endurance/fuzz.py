@@ -23,7 +23,7 @@ from positioner.events import (
     ForeignCommand,
     FrameRefused,
     FramesLost,
-    SetpointDisputed,
+    OrderDisputed,
     SetpointRefused,
 )
 from positioner.guard_settings import GuardSettings
@@ -109,7 +109,7 @@ class Positioner:
     def _compare_values(self, frame: CanFrame, received: Received, *, taken: bool, disputed: bool) -> None:
         """Raise unless the frame had the effect that its bytes and the oracle's verdict give it."""
         seen, link = received.seen, received.link
-        said = [event for event in received.events if isinstance(event, FeedbackRefused | SetpointDisputed)]
+        said = [event for event in received.events if isinstance(event, FeedbackRefused | OrderDisputed)]
         if disputed and (len(said) != 1 or "sequence" not in said[0].why):
             raise DisagreementError("a frame of a disputed sender was refused without a word")
         doubts = [event for event in received.events if isinstance(event, FeedbackRefused | SetpointRefused)]

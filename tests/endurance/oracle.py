@@ -136,9 +136,9 @@ class Ledger:
     def believes(self, identifier: int) -> bool:
         """Return whether one sender alone seems to speak; a reading waits for two frames in order after a wrong one."""
         book = self.books.get(identifier)
-        if book is None or identifier not in {0x110, 0x120}:
+        if book is None or identifier not in {0x110, 0x120, 0x121}:
             return True
-        return not book.disputed and (identifier == 0x120 or all(book.verdicts[-2:]))
+        return not book.disputed and (identifier != 0x110 or all(book.verdicts[-2:]))
 
 
 def disarms(data: bytes) -> bool:

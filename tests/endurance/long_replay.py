@@ -44,9 +44,18 @@ directory = "unused"
 _CHILD = """\
 import json, resource, sys
 from positioner.cli.main import main
+from positioner.replay.leave import Leaving
+
+def used():
+    return resource.getrusage(resource.RUSAGE_SELF)
+
+def noted(leaving, title):
+    undrawn_mib.append(used().ru_maxrss / 1024.0)
+    draw(leaving, title)
+
+undrawn_mib, draw, Leaving.draw = [], Leaving.draw, noted
 status = main(sys.argv[1:])
-used = resource.getrusage(resource.RUSAGE_SELF)
-print(json.dumps([int(status), used.ru_maxrss / 1024.0, used.ru_utime + used.ru_stime]))
+print(json.dumps([int(status), *undrawn_mib, used().ru_maxrss / 1024.0, used().ru_utime + used().ru_stime]))
 """
 _SAMPLES_PER_SETPOINT = 10
 _LATE_S = 0.00042
@@ -55,9 +64,13 @@ _DAY_FRAMES = 190_000_000
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """What the replay of a log took: its peak of memory in MiB, and processor time in s."""
+    """What the replay of a log took: its peaks of memory in MiB, without and with the picture, and processor time in s.
+
+    The picture is drawn in the end, of so many points at most, and would hide what was needed before.
+    """
 
     frames: int
+    undrawn_mib: float
     peak_mib: float
     cpu_s: float
     told: str
@@ -89,10 +102,10 @@ def replay(frames: int, folder: Path) -> Taken:
     command = (sys.executable, "-c", _CHILD, "replay", log, "--config", config, "--out", folder / "out")
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     log.unlink()
-    status, peak_mib, cpu_s = json.loads(done.stdout.splitlines()[-1])
+    status, undrawn_mib, peak_mib, cpu_s = json.loads(done.stdout.splitlines()[-1])
     if status != 1:
         raise AssertionError(done.stdout + done.stderr)
-    return Taken(frames, peak_mib, cpu_s, done.stdout)
+    return Taken(frames, undrawn_mib, peak_mib, cpu_s, done.stdout)
 
 
 def main() -> None:
@@ -103,9 +116,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         short, long = (replay(frames, Path(folder)) for frames in (longer // 10, longer))
     for taken in (short, long):
-        sys.stdout.write(f"{taken.frames} frames: {taken.peak_mib:.1f} MiB, {taken.cpu_s:.0f} s of a processor\n")
-    growth_bytes = (long.peak_mib - short.peak_mib) * 2**20 / (long.frames - short.frames)
-    day_mib = short.peak_mib + growth_bytes * _DAY_FRAMES / 2**20
+        sys.stdout.write(
+            f"{taken.frames} frames: {taken.undrawn_mib:.1f} MiB, with the picture {taken.peak_mib:.1f} MiB, "
+            f"{taken.cpu_s:.0f} s of a processor\n"
+        )
+    growth_bytes = (long.undrawn_mib - short.undrawn_mib) * 2**20 / (long.frames - short.frames)
+    day_mib = long.peak_mib + growth_bytes * _DAY_FRAMES / 2**20
     sys.stdout.write(f"{growth_bytes:.2f} bytes a frame; a day at 1 kHz, extrapolated: {day_mib:.0f} MiB\n")
 
 

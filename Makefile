@@ -160,6 +160,11 @@ crash-test: $(VENV)/installed
 fault-test: $(VENV)/installed
 	$(ENDURANCE).faults
 
+# Stalls of the process: 10,000 on a virtual clock, 200 by SIGSTOP.
+.PHONY: stall-test
+stall-test: $(VENV)/installed
+	$(ENDURANCE).stalls
+
 .PHONY: soak
 soak: $(VENV)/installed
 	SOAK_SECONDS=$(SOAK_SECONDS) $(ENDURANCE).soak

@@ -58,7 +58,11 @@ class Queued:
 
 @dataclass
 class World:
-    """Virtual time, and what plant and host say in it; `struck` is called at each look at the clock and each wait."""
+    """Virtual time, and what plant and host say in it.
+
+    struck: called at each look at the clock and each wait, for how long the process then stands still in ns; strike:
+    the instant at which it will, and for how long; compute_ns: for how long it computes before and after the law.
+    """
 
     period_ns: int
     codec: Any = None
@@ -74,6 +78,8 @@ class World:
     read_ns: dict[int, int] = field(default_factory=dict)
     plant_silent: bool = False
     acting: int | None = None
+    strike: tuple[int, int] | None = None
+    compute_ns: Callable[[], int] = lambda: 0
 
     # what the daemon takes for the machine's clocks
 
@@ -82,6 +88,7 @@ class World:
         return Instant(self.now_ns, self.now_ns + _WALL_NS - _BOOT_NS + self.wall_step_ns)
 
     def monotonic_ns(self) -> int:
+        self.pass_time(self.compute_ns())
         self._look()
         return self.now_ns
 
@@ -123,8 +130,16 @@ class World:
     # the world
 
     def pass_time(self, duration_ns: int) -> None:
-        """Let plant and host live for so long."""
+        """Let so long pass, and the stall that strikes meanwhile, if one does."""
         end_ns = self.now_ns + duration_ns
+        if self.strike is not None and self.strike[0] <= end_ns:
+            (at_ns, stall_ns), self.strike = self.strike, None
+            self._live_until(at_ns + stall_ns)
+            end_ns += stall_ns
+        self._live_until(end_ns)
+
+    def _live_until(self, end_ns: int) -> None:
+        """Let plant and host live."""
         while self._next_ns <= end_ns:
             self.now_ns = self._next_ns
             if not self.plant_silent:

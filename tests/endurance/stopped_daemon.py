@@ -1,0 +1,135 @@
+"""A daemon as a process, on an embedded bus, that is stopped and continued while a plant and a host talk to it.
+
+A third socket hears all of them: the kernel stamps every frame there at the instant at which it is sent.
+"""
+
+from __future__ import annotations
+
+import signal
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+from daemon_helpers import HERE_M, PATIENCE_S, PERIOD_S, Service
+
+from positioner.bus import BusPort
+from positioner.guard_settings import GuardSettings
+from positioner.wire.messages import CurrentCommand, HostRequest, Mode, Setpoint, StemPosition
+
+if TYPE_CHECKING:
+    import random
+    from pathlib import Path
+    from types import TracebackType
+
+    from positioner.wire.messages import CanFrame
+
+_QUIET_S = 1.2
+"""Longer than the log keeps a line of the same kind back."""
+_AFTER_S = 0.5
+_NS = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """One stop: for how long at least, the ages of what commands answered, and what the daemon made of it."""
+
+    stall_s: float
+    ages_s: tuple[float, ...]
+    latched: bool
+    told: bool
+
+
+class StoppedDaemon:
+    """The daemon, and the test that is its plant and its host, one frame of each every period."""
+
+    def __init__(self, folder: Path) -> None:
+        """Start it."""
+        self._service = Service(folder, control={"law": "pi", "sample_period_s": PERIOD_S})
+        guard = GuardSettings()
+        self.hold_s, self.failsafe_s = (
+            guard.feedback_hold_periods * PERIOD_S,
+            guard.feedback_failsafe_periods * PERIOD_S,
+        )
+        self._observer = BusPort(self._service.address)
+        self._observer.open()
+        self._request = HostRequest.NONE
+        self._due_s = time.monotonic()
+        self._acting: int | None = None
+        self._mode: Mode | None = None
+        self._read_ns: dict[int, int] = {}
+        self._ages_s: list[float] = []
+
+    def make_ready(self) -> None:
+        """Let it be ACTIVE for a while, armed anew if need be."""
+        deadline_s, active_s, turns = time.monotonic() + PATIENCE_S, None, 0
+        while active_s is None or time.monotonic() - active_s < _QUIET_S:
+            assert time.monotonic() < deadline_s, self._service.lines[-20:]
+            if self._mode is not Mode.ACTIVE:
+                self._request = (HostRequest.NONE, HostRequest.ARM)[turns // 10 % 2]
+            self._period()
+            turns += 1
+            active_s = None if self._mode is not Mode.ACTIVE else active_s or time.monotonic()
+
+    def stop_for(self, stall_s: float, chance: random.Random) -> Stop:
+        """Stop it for `stall_s` at a random instant of a period, and look at what comes of it."""
+        pid, lines = self._service.child.process.pid, len(self._service.lines)
+        self._ages_s.clear()
+        self._period(chance.uniform(0.0, PERIOD_S))
+        self._service.child.process.send_signal(signal.SIGSTOP)
+        while (state := _state_of(pid)) not in {"T", "t"}:
+            assert state, f"process {pid} has ended"
+        stopped_s = time.monotonic()
+        while (left_s := stopped_s + stall_s - time.monotonic()) > 0.0:
+            self._period(min(left_s, PERIOD_S))
+        held_s = time.monotonic() - stopped_s
+        self._service.child.process.send_signal(signal.SIGCONT)
+        end_s = time.monotonic() + _AFTER_S
+        while time.monotonic() < end_s:
+            self._period()
+        told = self._service.lines[lines:]
+        return Stop(
+            held_s,
+            tuple(self._ages_s),
+            self._mode is Mode.FAILSAFE,
+            any("-> FAILSAFE" in line for line in told) and any("stood still for" in line for line in told),
+        )
+
+    def _period(self, duration_s: float = PERIOD_S) -> None:
+        """Let up to a period pass, and say what is due at its end."""
+        end_s = time.monotonic() + duration_s
+        while (left_s := min(end_s, self._due_s) - time.monotonic()) > 0.0:
+            for frame in self._observer.receive(left_s):
+                self._hear(frame)
+        if time.monotonic() >= self._due_s:
+            self._due_s = max(self._due_s + PERIOD_S, time.monotonic())
+            self._service.others.say(Setpoint(HERE_M, self._request), StemPosition(HERE_M, self._acting))
+
+    def _hear(self, frame: CanFrame) -> None:
+        message, counter = self._service.others.codec.decode(frame)
+        match message:
+            case StemPosition() if counter is not None:
+                self._read_ns[counter] = frame.received_ns
+            case CurrentCommand():
+                self._acting, self._mode = counter, message.mode
+                read_ns = self._read_ns.get(message.position_counter or 0)
+                if message.mode is Mode.ACTIVE and read_ns is not None:
+                    self._ages_s.append((frame.received_ns - read_ns) / _NS)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._service.child.process.send_signal(signal.SIGCONT)
+        self._observer.close()
+        self._service.__exit__(kind, error, trace)
+
+
+def _state_of(pid: int) -> str:
+    """Return the state of a process as /proc tells it."""
+    try:
+        with open(f"/proc/{pid}/stat", encoding="ascii") as file:  # noqa: PTH123 - the quickest way to it
+            return file.read().rpartition(") ")[2][:1]
+    except FileNotFoundError:
+        return ""

@@ -1,0 +1,29 @@
+"""The short form of `make stall-test`: the same program, fewer stalls."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+
+
+def stalls(*arguments: str) -> tuple[int, str]:
+    """Return the exit status and the report of the stall test."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command = [sys.executable, "-m", "endurance.stalls", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    return done.returncode, done.stdout + done.stderr
+
+
+@pytest.mark.bus
+def test_stalls_at_random_instants_fail_safe_and_let_nothing_old_through() -> None:
+    code, report = stalls("--virtual", "60", "--real", "3", "--seed", "5")
+    assert code == 0, report
+    long = [(int(count), int(latched)) for count, latched in re.findall(r"(\d+), latched and told: (\d+)", report)]
+    assert [count == latched for count, latched in long] == [True, True], report
+    assert [count > 0 for count, _ in long] == [True, True], report
+    commands = [int(count) for count in re.findall(r"(\d+) commands while and after", report)]
+    assert min(commands) > 10, report

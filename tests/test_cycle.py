@@ -14,7 +14,7 @@ from positioner.bounds import Bounds
 from positioner.cycle_state import CycleState, Setup
 from positioner.deviation import NO_DEVIATION, Deviates
 from positioner.estimate import StemState
-from positioner.events import Controlled, Event, LawFellBack, Learned, ModeChanged
+from positioner.events import Controlled, Event, LawFellBack, Learned, LinesDropped, ModeChanged
 from positioner.guard_settings import GuardSettings
 from positioner.laws.law import Decision, Observation
 from positioner.model import ValveParameters
@@ -216,6 +216,17 @@ def test_a_cycle_that_the_shell_calls_late_is_counted_told_once_and_changes_no_c
         exchange.state = replace(exchange.state, late_ns=1_500_000)
         exchange.sample()
     assert exchange.state.guard.cause is Cause.LAW_LATE
+
+
+def test_lines_of_the_log_that_were_dropped_are_counted_once() -> None:
+    exchange = Exchange()
+    exchange.sample()
+    exchange.state = replace(exchange.state, lines_dropped=7)
+    exchange.sample()
+    exchange.sample()
+    assert exchange.told(LinesDropped) == [LinesDropped(7)]
+    assert exchange.state.tally.counts == {Counted.LINE_DROPPED: 7}
+    assert exchange.state.lines_dropped == 0
 
 
 class Pusher(ScriptedLaw):

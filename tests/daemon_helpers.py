@@ -84,7 +84,8 @@ class Others:
     @property
     def acting(self) -> int | None:
         """The counter of the newest command heard, which acts on a valve that obeys; None before the first."""
-        decoded = (self.codec.decode(frame) for frame in reversed(self.heard))
+        frames = (frame for frame in reversed(self.heard) if not frame.is_error and not frame.is_remote)
+        decoded = (self.codec.decode(frame) for frame in frames)
         return next((counter for message, counter in decoded if isinstance(message, CurrentCommand)), None)
 
     def report(self, position_m: float = HERE_M) -> None:
@@ -138,8 +139,8 @@ class Loop:
         return self.others.listen()
 
     def sample(self, position_m: float = HERE_M, setpoint_m: float | None = HERE_M) -> list[Message]:
-        """One period with a reading and a setpoint."""
-        frames = [self.others.frame(StemPosition(position_m))]
+        """One period with a reading, of a valve that obeys, and a setpoint."""
+        frames = [self.others.frame(StemPosition(position_m, self.others.acting))]
         if setpoint_m is not None:
             frames.insert(0, self.others.frame(Setpoint(setpoint_m)))
         return self.turn(*frames)

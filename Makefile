@@ -175,6 +175,11 @@ soak: $(VENV)/installed
 leak-test: $(VENV)/installed
 	$(ENDURANCE).leak
 
+# A thousand restarts of a daemon after faults, under held requests, with its last commands still in the transmit queue.
+.PHONY: restart-test
+restart-test: $(VENV)/installed
+	$(ENDURANCE).restarts
+
 # Every kind of system call of a daemon fails or waits, one occasion a run.
 .PHONY: syscall-test
 syscall-test: $(VENV)/installed

@@ -192,8 +192,12 @@ class VirtualShell:
         logger.addHandler(self._handler)
         self._level = logger.level
         logger.setLevel(logging.DEBUG)
-        ports = Ports(self.world, self.world.open)
-        self.daemon = Daemon(configuration, options or RunOptions(), ports)
+        self._configuration, self._options = configuration, options or RunOptions()
+        self.start_again()
+
+    def start_again(self) -> None:
+        """Put a new daemon in the place of the one that has ended."""
+        self.daemon = Daemon(self._configuration, self._options, Ports(self.world, self.world.open))
 
     def mode(self) -> Mode:
         return self.daemon._state.guard.mode

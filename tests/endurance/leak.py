@@ -43,7 +43,7 @@ _ABSENT = BusAddress(channel="vcan77")
 _WARM_UP = 0.2
 """Of the rounds: caches fill, the allocator finds its size."""
 _FREE_LISTS = 50
-"""Blocks that the interpreter keeps for later; they fill in the first rounds, and stay."""
+"""Blocks in which caches of the libraries fill slowly, and stay."""
 _MEMORY = Path("/proc/self/statm")
 _PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 
@@ -74,7 +74,8 @@ class Record:
 
     def __init__(self, rounds: int) -> None:
         self._times_s, self._resident, self._blocks, self._descriptors = (array("d", [0.0] * rounds) for _ in range(4))
-        self.garbage = 0
+        self._base = 0
+        self.garbage = self.increase = 0
         self.failed_safe = 0
 
     def read(self, number: int, time_s: float) -> None:
@@ -100,10 +101,12 @@ class Record:
         """The growth of the number of blocks that Python has allocated."""
         return self.growth(self._blocks)
 
-    @property
-    def increase(self) -> int:
-        """How many blocks more there are at the end than after the rounds in which the caches fill."""
-        return round(self._blocks[-1] - self._blocks[int(len(self._blocks) * _WARM_UP)])
+    def collect(self) -> None:
+        """Let the collector look for garbage; it empties the free lists, too, so that what is left is in use."""
+        self.garbage += gc.collect()
+        blocks = sys.getallocatedblocks()
+        self._base = self._base or blocks
+        self.increase = blocks - self._base
 
     @property
     def descriptors(self) -> int:
@@ -141,7 +144,9 @@ def play(folder: Path, rounds: int, retries: int, cycles: int, law: str = "nmpc"
                 _round(shell, world, retries // rounds, cycles // rounds)
                 record.failed_safe += shell.mode() is Mode.FAILSAFE
                 record.read(number, world.now_ns / 1e9)
-            record.garbage = gc.collect()
+                if number == int(rounds * _WARM_UP):
+                    record.collect()
+            record.collect()
         finally:
             gc.enable()
             gc.unfreeze()

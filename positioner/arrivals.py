@@ -20,6 +20,9 @@ _LEEWAY_NS = 1_000_000
 _SLEW = 1000
 """The two clocks may drift apart by one part in this (adjtimex slews by half of it), and be read 1 ms apart."""
 
+_LATEST_S = 1e10
+"""No stamp is of later than the year 2286."""
+
 
 class Arrivals:
     """Times one receiving loop. `gap_ns`: how long it was away before the last receive, or longer in it than asked."""
@@ -59,7 +62,7 @@ class Arrivals:
         longest_ns = max(now.monotonic_ns - empty.monotonic_ns, 0)
         leeway_ns = _LEEWAY_NS + longest_ns // _SLEW
         stepped_ns = (now.wall_ns - now.monotonic_ns) - (empty.wall_ns - empty.monotonic_ns)
-        age_ns = now.wall_ns - round(stamp_s * _NS) if math.isfinite(stamp_s) else math.inf
+        age_ns = now.wall_ns - round(stamp_s * _NS) if 0.0 < stamp_s < _LATEST_S else math.inf
         if abs(stepped_ns) > leeway_ns or not -leeway_ns <= age_ns <= longest_ns + leeway_ns:
             age_ns = longest_ns
         return (now.monotonic_ns - int(min(max(age_ns, 0), longest_ns))) // _NS_PER_US * _NS_PER_US

@@ -441,6 +441,15 @@ def test_disarming_ends_control_and_forgets_the_commands() -> None:
     ]
 
 
+def test_lines_that_the_log_lost_are_counted_once() -> None:
+    exchange = Exchange()
+    exchange.sample()
+    exchange.state = replace(exchange.state, lines_dropped=3)
+    exchange.sample()
+    exchange.sample()
+    assert exchange.state.tally.counts[Counted.LINE_DROPPED] == 3
+
+
 def test_a_rate_limit_goes_on_over_disarming() -> None:
     # 10 mA/s; FAILSAFE is at 4 mA, and a law that wants 20 mA is disarmed and armed again in 11 ms
     exchange = Exchange(Pusher(), GuardSettings(max_rate_ma_per_s=10.0, setpoint_hold_s=0.0))

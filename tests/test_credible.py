@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import pytest
@@ -95,22 +96,24 @@ def test_a_table_keeps_what_is_credible_of_it() -> None:
     for value in (1e-4, 2e-4, 3e-4):
         good = good.record(BIAS, 0.08, Direction.OPENING, value)
     assert sift(LIMITS, good)[0] is good
-    mixed = good.record(BIAS, 0.08, Direction.OPENING, 1.0).record(GAMMA, 0.075, Direction.CLOSING, 1e308)
+    mixed = good.record(BIAS, 0.08, Direction.OPENING, 0.09).record(GAMMA, 0.075, Direction.CLOSING, 99.0)
     table, excluded = sift(LIMITS, mixed)
-    assert [(each.quantity, each.value) for each in excluded] == [(GAMMA, 1e308), (BIAS, 1.0)]
+    assert [(each.quantity, each.value) for each in excluded] == [(GAMMA, 99.0), (BIAS, 0.09)]
     assert dict(table.cells) == {CellKey(BIAS, 16, Direction.OPENING): Cell((1e-4, 2e-4, 3e-4), 3, 4)}
     assert table.sequence == mixed.sequence
 
 
 def poisoned(value: float) -> StictionTable:
     """A table that says the same absurd thing of every quantity, everywhere, often enough to be believed."""
-    table = StictionTable(WIDTH_M)
-    for _ in range(4):
-        for index in range(round(VALVE.travel_max_m / WIDTH_M) + 1):
-            for quantity in Quantity:
-                for direction in Direction:
-                    table = table.record(quantity, index * WIDTH_M, direction, value)
-    return table
+    keys = [
+        CellKey(quantity, index, direction)
+        for index in range(round(VALVE.travel_max_m / WIDTH_M) + 1)
+        for quantity in Quantity
+        for direction in Direction
+    ]
+    # no table would record it: this one has come from elsewhere
+    cells = {key: Cell((value,) * 4, 4, len(keys)) for key in keys}
+    return StictionTable(WIDTH_M, 4 * len(keys), MappingProxyType(cells))
 
 
 @pytest.mark.parametrize("law", LAWS)

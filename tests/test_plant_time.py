@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from plant_emulator.parameters import PlantSettings
     from plant_emulator.valve import PlantState
 
-EVENTS_PER_S = 1e4
-"""Far above what a stem can do, far below what fits into the tolerance of a located event."""
+EVENTS_PER_S = 1e5
+"""Borders of a friction field every 0.1 mm at 10 m/s; far below what fits into the tolerance of a located event."""
 EVENTS = 100
 """A few at one instant are right: a stop, a new draw of the friction, a slip, a border."""
 

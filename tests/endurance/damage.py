@@ -57,7 +57,7 @@ def tables() -> tuple[StoredTable, StoredTable]:
     copied = stored
     for number in range(_LEARNED):
         quantity, direction = chance.choice(tuple(Quantity)), chance.choice(tuple(Direction))
-        sample = LearnedSample(quantity, chance.uniform(_LOW_M, _HIGH_M), direction, chance.uniform(0.0, 20.0))
+        sample = LearnedSample(quantity, chance.uniform(_LOW_M, _HIGH_M), direction, chance.uniform(*quantity.limits))
         stored = stored.learned(sample, _NOW_S + number)
         copied = stored if number < _COPIED else copied
     return stored, copied

@@ -77,7 +77,7 @@ def _opened(state: Path) -> tuple[TableKeeper, StictionTable, tuple[str, ...]]:
 def _lesson(chance: random.Random) -> LearnedSample:
     """Return a sample from any place of the travel, in all its digits."""
     quantity, direction = chance.choice(tuple(Quantity)), chance.choice(tuple(Direction))
-    return LearnedSample(quantity, chance.uniform(0.0, _TRAVEL_M), direction, chance.uniform(0.0, 20.0))
+    return LearnedSample(quantity, chance.uniform(0.0, _TRAVEL_M), direction, chance.uniform(*quantity.limits))
 
 
 def children_of(process: int) -> list[int]:

@@ -21,7 +21,7 @@ from positioner.bus_address import embedded_address
 from positioner.stiction import StictionTable
 from positioner.store import lock
 from positioner.wire.codec import make_codec
-from positioner.wire.messages import Setpoint, StemPosition
+from positioner.wire.messages import CurrentCommand, Setpoint, StemPosition
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -51,6 +51,7 @@ class DaemonSlot:
         self._bus.open()
         self._codec = make_codec()
         self._sample = 0
+        self._acting: int | None = None
         self._judge = Judge(folder / "state", _VALVE, StictionTable(cell_width_m=_WIDTH_M))
         self._configuration = folder / "valve.toml"
         self._configuration.write_text(tomli_w.dumps(self._tables()), encoding="utf-8")
@@ -107,7 +108,7 @@ class DaemonSlot:
         self._play(daemon, self._chance.uniform(0.0, _LEARNING_S))
 
     def _play(self, daemon: subprocess.Popen[bytes], duration_s: float) -> None:
-        """Be the valve and the host: a stem that moves, rests and trembles, whatever the command."""
+        """Be the valve and the host: a stem that moves, rests and trembles, whatever command it says it obeys."""
         end_s = time.monotonic() + duration_s
         while time.monotonic() < end_s and daemon.poll() is None:
             number, self._sample = self._sample, self._sample + 1
@@ -117,8 +118,10 @@ class DaemonSlot:
                 _LOW_M + (_HIGH_M - _LOW_M) * (done if opening else 1.0 - done) + _TREMOR_M * math.sin(1.7 * number)
             )
             self._bus.send(self._codec.encode(Setpoint(_HIGH_M if opening else _LOW_M), number))
-            self._bus.send(self._codec.encode(StemPosition(stem_m), number))
-            self._bus.receive(min(_ANSWER_S, max(end_s - time.monotonic(), 0.0)))
+            self._bus.send(self._codec.encode(StemPosition(stem_m, self._acting), number))
+            for frame in self._bus.receive(min(_ANSWER_S, max(end_s - time.monotonic(), 0.0))):
+                message, counter = self._codec.decode(frame)
+                self._acting = counter if isinstance(message, CurrentCommand) else self._acting
 
     def _tables(self) -> dict[str, object]:
         bus = self._bus.address

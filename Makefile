@@ -129,8 +129,7 @@ GUARDED = positioner/guard.py positioner/guard_settings.py positioner/guard_stat
 GUARDING = tests/test_guard.py tests/test_guard_tables.py tests/test_inbox.py tests/test_plausibility.py \
 	tests/test_tally.py tests/test_loop_current.py tests/test_wire_e2e.py tests/test_device.py tests/test_cycle.py \
 	tests/test_handover.py tests/test_wire_window.py tests/test_frozen.py tests/test_deviation.py tests/test_acting.py \
-	tests/test_stall.py tests/test_cadence.py tests/test_double_arming.py \
-	tests/test_arrivals.py tests/test_cadence.py tests/test_stall.py
+	tests/test_stall.py tests/test_cadence.py tests/test_double_arming.py tests/test_arrivals.py
 
 empty :=
 space := $(empty) $(empty)

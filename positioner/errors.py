@@ -45,14 +45,15 @@ class Problem:
 
     def __str__(self) -> str:
         """One line: `line 12: valve.mass_kg = 1361: must be at most 200`; what is very long is cut."""
-        where, message = _cut(self.where), _cut(self.message)
+        where, message = shortened(self.where), shortened(self.message)
         return f"line {self.line}: {where}: {message}" if self.line else f"{where}: {message}"
 
 
 _LONGEST_SHOWN = 600
 
 
-def _cut(text: str) -> str:
+def shortened(text: str) -> str:
+    """Return the text, cut where it is longer than a message should be."""
     return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}…"
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import can
 from tqdm import tqdm
 
-from positioner.errors import ExitCode, PositionerError
+from positioner.errors import ExitCode, PositionerError, shortened
 from positioner.wire.messages import CanFrame
 
 if TYPE_CHECKING:
@@ -100,7 +100,9 @@ class _Pass:
                     message = next(messages, None)
                     _check_stamp(message)
                 except Exception as error:  # noqa: BLE001 - whatever a damaged file makes python-can raise
-                    self.cut = f"what follows frame {read} cannot be read ({type(error).__name__}: {error})"
+                    self.cut = (
+                        f"what follows frame {read} cannot be read ({type(error).__name__}: {shortened(str(error))})"
+                    )
                     break
                 if message is None:
                     break
@@ -130,7 +132,7 @@ def _opened(path: Path) -> can.io.generic.MessageReader:
     except LogError:
         raise
     except Exception as error:
-        told = str(error) or type(error).__name__
+        told = shortened(str(error)) or type(error).__name__
         raise LogError(f"{path}: cannot be read: {told}; known formats: {_formats()}") from error
 
 

@@ -13,7 +13,7 @@ from positioner.manual import AUTOMATIC, is_fresh
 from positioner.wire.messages import HostRequest, Mode
 
 DOUBLE_ARMING_NS = 1_000_000_000
-"""Another controller's command within this time after the arming: one ARM has armed two, and both fall silent."""
+"""Another's command within this time after the arming, or after one like ours, is a twin's; both fall silent."""
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -33,7 +33,7 @@ def arm(settings: GuardSettings, state: GuardState, seen: Sighting, hold_ns: flo
             request=HostRequest.DISARM if disarmed else state.request,
             mode=Mode.READY,  # pragma: no mutate - anything but FAILSAFE: the table decides
         )
-    if state.armed and seen.foreign_command and now_ns - state.armed_ns <= DOUBLE_ARMING_NS:
+    if state.armed and seen.foreign_command and now_ns - state.twin_ns <= DOUBLE_ARMING_NS:
         return replace(state, armed=False, mode=Mode.READY)
     fresh = state.feedback_ns is not None and now_ns - state.feedback_ns <= hold_ns
     by_hand = is_fresh(settings, state.manual, now_ns)
@@ -51,7 +51,7 @@ def arm(settings: GuardSettings, state: GuardState, seen: Sighting, hold_ns: flo
         state,
         armed=True,
         ever_armed=True,
-        armed_ns=now_ns,
+        twin_ns=now_ns,
         mode=Mode.HOLD,  # pragma: no mutate - anything but FAILSAFE: the table decides
         setpoint_ns=now_ns,
         law_failures=0,

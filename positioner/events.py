@@ -89,6 +89,7 @@ class ForeignCommand:
     """Somebody else sends our command frame."""
 
     current_ma: float
+    counter: int | None = None
 
     def __str__(self) -> str:
         """One line for the log."""

@@ -53,7 +53,7 @@ def supervise(settings: GuardSettings, state: GuardState, seen: Sighting, period
         _late_answers(state, seen),
         seen.idle,
         seen.deviation,
-        state.armed_ns,
+        now_ns if seen.doubled else state.twin_ns,
         seen.period_wrong,
     )
     state = arm(settings, state, seen, hold_ns(settings, period_s), now_ns)

@@ -17,7 +17,7 @@ class Sighting:
     feedback_age_ns, setpoint_age_ns: how long ago they arrived; requests: in their order, a repeated one once; waited:
     the last request that waited for too long to arm; refused: why a reading could not be true; late: the turn before
     took longer than a period; stall_ns: so long that it is a stall; answered: a law had answered in the turn before;
-    period_wrong: position frames come at another period than the configured one.
+    period_wrong: position frames come at another period than the configured one; doubled: a command like one of ours.
     stray_disarm: a DISARM in a frame out of sequence; setpoint_refused: why a setpoint was not used.
     manual: what the host last said of manual mode; idle: why commands do not act, None while they do.
     deviation: what the error is called that does not shrink, NONE where there is none.
@@ -40,14 +40,15 @@ class Sighting:
     idle: Cause | None = None
     deviation: Cause = Cause.NONE
     period_wrong: bool = False
+    doubled: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class GuardState:
     """Mode and cause, and what decides them; instants are monotonic, None for never.
 
-    armed_ns: the last arming; late_cycles, late_answers: in a row; stall_ns: how long the process stood still just
-    before, 0 for no stall.
+    twin_ns: the last arming, or when a command of ours last came back; late_cycles, late_answers: in a row; stall_ns:
+    how long the process stood still just before, 0 for no stall.
     """
 
     mode: Mode = Mode.INIT
@@ -67,7 +68,7 @@ class GuardState:
     late_answers: int = 0
     idle: Cause | None = None  # why commands do not act
     deviation: Cause = Cause.NONE
-    armed_ns: int = 0
+    twin_ns: int = 0
     period_wrong: bool = False
 
     @property

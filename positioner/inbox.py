@@ -183,7 +183,7 @@ class _Batch:
                 self.pressure_pa = message.pressure_pa
             case CurrentCommand():
                 self.foreign = True
-                self.events.append(ForeignCommand(message.current_ma))
+                self.events.append(ForeignCommand(message.current_ma, counter))
 
     def _take_position(self, message: StemPosition, counter: int | None, lost: int, arrived_ns: int) -> None:
         self._periods += lost + 1

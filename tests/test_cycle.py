@@ -14,7 +14,7 @@ from positioner.bounds import Bounds
 from positioner.cycle_state import CycleState, Setup
 from positioner.deviation import NO_DEVIATION, Deviates
 from positioner.estimate import StemState
-from positioner.events import Controlled, Event, LawFellBack, Learned, LinesDropped, ModeChanged
+from positioner.events import Controlled, Event, ForeignCommand, LawFellBack, Learned, LinesDropped, ModeChanged
 from positioner.guard_settings import GuardSettings
 from positioner.laws.law import Decision, Observation
 from positioner.model import ValveParameters
@@ -439,6 +439,39 @@ def test_disarming_ends_control_and_forgets_the_commands() -> None:
         "mode READY -> ACTIVE (none)",
         "mode ACTIVE -> READY (disarmed)",
     ]
+
+
+def test_our_own_command_that_the_bus_brings_back_is_nobody_elses() -> None:
+    exchange = Exchange()
+    exchange.sample()
+    (doubled,) = (frame for frame in exchange.sample() if frame.arbitration_id == 0x100)
+    for _ in range(3):
+        exchange.step(doubled)
+        exchange.sample()
+    assert exchange.told(ForeignCommand) == []
+    assert exchange.state.guard.mode is Mode.ACTIVE
+    ((own, counter),) = commands([doubled])
+    for other in (
+        CODEC.encode(own, (counter or 0) + 100),
+        CODEC.encode(replace(own, current_ma=own.current_ma + 1e-3), 1),
+    ):
+        twin = Exchange()
+        twin.sample()
+        twin.sample()
+        twin.step(other)
+        assert len(twin.told(ForeignCommand)) == 1
+        assert twin.state.guard.mode is Mode.READY
+
+
+def test_a_twin_that_says_the_same_is_found_when_it_says_something_else() -> None:
+    exchange = Exchange(guard=GuardSettings(auto_arm=True, setpoint_hold_s=0.0, setpoint_failsafe_s=0.0))
+    doubled = exchange.sample()
+    for _ in range(3000):
+        exchange.step(*(frame for frame in doubled if frame.arbitration_id == 0x100))
+        doubled = exchange.sample()
+    assert exchange.told(ForeignCommand) == []
+    exchange.step(CODEC.encode(CurrentCommand(9.5), 77))
+    assert (exchange.state.guard.mode, exchange.state.guard.cause) == (Mode.READY, Cause.FOREIGN_COMMAND)
 
 
 def test_lines_that_the_log_lost_are_counted_once() -> None:

@@ -399,7 +399,7 @@ def test_a_foreign_command_forbids_the_first_arming_for_a_second() -> None:
 
 
 def test_a_foreign_command_while_armed_is_told_and_does_not_stop_control() -> None:
-    state = watch(replace(active_at(SECOND), armed_ns=0), FOREIGN, SECOND + MS)
+    state = watch(replace(active_at(SECOND), twin_ns=0), FOREIGN, SECOND + MS)
     assert told(state) == (Mode.ACTIVE, Cause.FOREIGN_COMMAND)
     assert state.health(table_saved=True) is Health.FAILURE
     state = watch(state, EVERYTHING, 2 * SECOND + MS)
@@ -510,7 +510,7 @@ def test_back_in_automatic_mode_the_host_has_its_time_to_send_a_setpoint() -> No
 
 
 def test_another_controller_in_manual_mode_is_a_failure_that_is_told() -> None:
-    state = watch(replace(active_at(SECOND), armed_ns=0), by_hand(), SECOND)
+    state = watch(replace(active_at(SECOND), twin_ns=0), by_hand(), SECOND)
     state = watch(state, replace(by_hand(), foreign_command=True), SECOND + MS)
     assert told(state) == (Mode.MANUAL, Cause.FOREIGN_COMMAND)
     assert state.health(table_saved=True) is Health.FAILURE

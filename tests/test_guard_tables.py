@@ -219,7 +219,7 @@ def wander(steps: int) -> dict[tuple[Mode, Mode], set[Cause]]:
         )
         failed = before.controls and chance.random() < 0.4
         before = replace(before, law_failures=before.law_failures + 1) if failed else before
-        before = replace(before, armed_ns=before.armed_ns - 1001 * MS) if chance.random() < 0.2 else before
+        before = replace(before, twin_ns=before.twin_ns - 1001 * MS) if chance.random() < 0.2 else before
         state = supervise(LIMITS, before, seen, PERIOD_S, now_ns)
         if state.mode is not before.mode:
             found[before.mode, state.mode].add(state.cause)

@@ -371,7 +371,9 @@ def test_a_command_of_somebody_else_is_seen_whatever_its_counter() -> None:
     for _ in range(2):
         received = take(frame)
         assert received.seen.foreign_command
-        assert received.events == (ForeignCommand(12.5),)
+        (event,) = received.events
+        assert isinstance(event, ForeignCommand)
+        assert event.current_ma == 12.5
         assert "another controller commands this valve (12.500 mA)" in str(received.events[0])
 
 

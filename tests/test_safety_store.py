@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import socket
 import sqlite3
+import subprocess
 from typing import TYPE_CHECKING, cast
 
 import pytest
@@ -11,12 +13,16 @@ from store_helpers import series, taught
 
 from positioner.errors import StateError
 from positioner.store import messages
+from positioner.store.child import Child
+from positioner.store.client import TableKeeper
 from positioner.store.keeper import Keeper
+from positioner.store.lines import Lines
 from positioner.store.messages import Saved, SavingFailed, SavingWorks
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from positioner.store.content import StoredTable
-    from positioner.store.lines import Lines
     from positioner.store.vault import Vault
 
 
@@ -62,7 +68,9 @@ class Disk:
     ],
     ids=str,
 )
-def test_a_save_that_fails_is_told_once_and_tried_again_ever_less_often_up_to_every_30_s(error: Exception) -> None:
+def test_a_save_that_fails_is_told_once_and_tried_again_ever_less_often_up_to_every_30_s(
+    error: Exception, tmp_path: Path
+) -> None:
     channel, disk, now_s = Channel(), Disk(error), 1000.0
     keeper = Keeper(cast("Lines", channel), cast("Vault", disk), taught(series(7)), now_s, None)
     waits_s = []
@@ -76,14 +84,23 @@ def test_a_save_that_fails_is_told_once_and_tried_again_ever_less_often_up_to_ev
         assert disk.tries == tries
         now_s += due_s
     assert waits_s == pytest.approx([0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0, 30.0, 30.0, 30.0])
-    (told,) = channel.said
+    # each failure is said, so that nobody takes the keeper for one that hangs; the daemon tells the first
+    assert len(channel.said) == 12
+    (told,) = set(channel.said)
     assert isinstance(told, SavingFailed)
+    ours, theirs = socket.socketpair()
+    theirs.sendall(b"".join(messages.encode(each) + b"\n" for each in channel.said))
+    daemon = TableKeeper(tmp_path, -1, Child(subprocess.Popen(["true"]), Lines(ours)), taught(series(7)), ())
+    heard = [event for _ in range(12) for event in daemon.poll(now_s)]
+    assert heard == [told]
+    daemon._child.end()
+    theirs.close()
     assert told.reason.startswith(f"the stiction table cannot be saved: {getattr(error, 'strerror', None) or error}; ")
     assert keeper.problem == told.reason
 
     disk.error = None
     keeper.work(now_s)
     assert disk.saved == [taught(series(7))]
-    assert channel.said[1:] == [Saved(0, 7), SavingWorks()]
+    assert channel.said[12:] == [Saved(0, 7), SavingWorks()]
     assert keeper.due_in(now_s) is None
     assert not keeper.problem

@@ -42,20 +42,22 @@ auto_arm = true
 directory = "unused"
 """
 _CHILD = """\
-import json, resource, sys
+import json, sys, time
 from positioner.cli.main import main
 from positioner.replay.leave import Leaving
 
-def used():
-    return resource.getrusage(resource.RUSAGE_SELF)
+def peak_mib():
+    # of this programme alone: ru_maxrss would begin with what the process that started it held
+    with open("/proc/self/status", encoding="ascii") as status:
+        return next(int(line.split()[1]) for line in status if line.startswith("VmHWM:")) / 1024.0
 
 def noted(leaving, title):
-    undrawn_mib.append(used().ru_maxrss / 1024.0)
+    undrawn_mib.append(peak_mib())
     draw(leaving, title)
 
 undrawn_mib, draw, Leaving.draw = [], Leaving.draw, noted
 status = main(sys.argv[1:])
-print(json.dumps([int(status), *undrawn_mib, used().ru_maxrss / 1024.0, used().ru_utime + used().ru_stime]))
+print(json.dumps([int(status), *undrawn_mib, peak_mib(), time.process_time()]))
 """
 _SAMPLES_PER_SETPOINT = 10
 _LATE_S = 0.00042

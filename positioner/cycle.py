@@ -57,7 +57,7 @@ def step(
     received = receive(
         setup.codec, setup.guard, setup.valve, state.link, tuple(inbox), commanded_ma, setup.period_s, fresh
     )
-    seen, events = _of_others(received, state.sent)
+    seen, events = _of_others(setup, received, state.sent)
     events += _of_the_shell(setup, state, stall_ns)
     if state.late_ns or before.late_answers:
         seen = replace(seen, late=state.late_ns > 0, stall_ns=stall_ns, answered=state.answered)
@@ -103,17 +103,24 @@ def step(
     return state, tuple(outbox), tuple(events)
 
 
-def _of_others(received: Received, sent: Sequence[Sent]) -> tuple[Sighting, list[Event]]:
+def _of_others(setup: Setup, received: Received, sent: Sequence[Sent]) -> tuple[Sighting, list[Event]]:
     """Return what was seen and what happened; a command like one of ours is doubled, by the bus or by a twin."""
     if not received.seen.foreign_command:
         return received.seen, [*received.events]
-    events = [event for event in received.events if not (isinstance(event, ForeignCommand) and _is_own(event, sent))]
+    step_ma = setup.codec.field(CurrentCommand, "current_ma").si_per_bit
+    events = [
+        event for event in received.events if not (isinstance(event, ForeignCommand) and _is_own(event, sent, step_ma))
+    ]
     foreign = any(isinstance(event, ForeignCommand) for event in events)
     return replace(received.seen, foreign_command=foreign, doubled=len(events) < len(received.events)), events
 
 
-def _is_own(event: ForeignCommand, sent: Sequence[Sent]) -> bool:
-    return any(each.counter == event.counter and math.isclose(each.current_ma, event.current_ma) for each in sent)
+def _is_own(event: ForeignCommand, sent: Sequence[Sent], step_ma: float) -> bool:
+    """Return whether it is like one that we sent: its signal holds the current to a step of `step_ma`."""
+    return any(
+        each.counter == event.counter and math.isclose(each.current_ma, event.current_ma, abs_tol=step_ma)
+        for each in sent
+    )
 
 
 def _of_the_shell(setup: Setup, state: CycleState, stall_ns: int) -> list[Event]:

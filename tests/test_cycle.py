@@ -441,8 +441,9 @@ def test_disarming_ends_control_and_forgets_the_commands() -> None:
     ]
 
 
-def test_our_own_command_that_the_bus_brings_back_is_nobody_elses() -> None:
-    exchange = Exchange()
+@pytest.mark.parametrize("rate_ma_per_s", [0.0, 0.3])
+def test_our_own_command_that_the_bus_brings_back_is_nobody_elses(rate_ma_per_s: float) -> None:
+    exchange = Exchange(guard=GuardSettings(auto_arm=True, max_rate_ma_per_s=rate_ma_per_s))  # steps of less than a bit
     exchange.sample()
     (doubled,) = (frame for frame in exchange.sample() if frame.arbitration_id == 0x100)
     for _ in range(3):
@@ -453,7 +454,7 @@ def test_our_own_command_that_the_bus_brings_back_is_nobody_elses() -> None:
     ((own, counter),) = commands([doubled])
     for other in (
         CODEC.encode(own, (counter or 0) + 100),
-        CODEC.encode(replace(own, current_ma=own.current_ma + 1e-3), 1),
+        CODEC.encode(replace(own, current_ma=own.current_ma + 3e-3), 1),
     ):
         twin = Exchange()
         twin.sample()

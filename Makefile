@@ -123,7 +123,7 @@ fuzz-files: $(VENV)/installed
 # What must never fail: every branch of it is run by its own tests, and no change of it escapes them.
 GUARDED = positioner/guard.py positioner/guard_settings.py positioner/guard_state.py positioner/arming.py \
 	positioner/manual.py positioner/handover.py positioner/stall.py positioner/arrivals.py positioner/cadence.py \
-	positioner/inbox.py positioner/link.py positioner/acting.py positioner/plausibility.py positioner/frozen.py \
+	positioner/inbox.py positioner/link.py positioner/acting.py positioner/twin.py positioner/plausibility.py positioner/frozen.py \
 	positioner/deviation.py positioner/tally.py \
 	positioner/wire/e2e.py positioner/wire/window.py positioner/wire/loop_current.py plant_emulator/device.py
 GUARDING = tests/test_guard.py tests/test_guard_tables.py tests/test_inbox.py tests/test_plausibility.py \

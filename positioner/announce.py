@@ -45,7 +45,11 @@ class Announcer:
         self._other = OtherController()
 
     def alive(self) -> None:
-        """Tell the service manager that a turn is complete, also while the first feedback is waited for without end."""
+        """Tell the service manager that a turn is complete, also while the first feedback is waited for without end.
+
+        The log gets what was held back for its second.
+        """
+        self.throttle.flush()
         if self.ready:
             self.notifier.send(WATCHDOG="1")
         else:

@@ -7,7 +7,6 @@ Time is an argument. The same function runs in the daemon, in tests, in replay a
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -15,22 +14,22 @@ from positioner import guard, stall
 from positioner.acting import NOTHING_KNOWN, Acting, heed
 from positioner.closed_loop import control
 from positioner.deviation import NO_DEVIATION, Deviates, Deviation, description, watch_error
-from positioner.events import Controlled, Event, ForeignCommand, LinesDropped, ModeChanged
+from positioner.events import Controlled, Event, LinesDropped, ModeChanged
 from positioner.handover import ease, follow
 from positioner.inbox import receive
 from positioner.outbox import command, status
 from positioner.timing_events import LawLate, Stalled
 from positioner.trust_events import ActingChanged
+from positioner.twin import others
 from positioner.wire.messages import Cause, CurrentCommand, Mode
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from positioner.acting import Sent
     from positioner.cycle_state import CycleState, Setup
     from positioner.guard_state import GuardState, Sighting
     from positioner.laws.law import Decision
-    from positioner.link import Reading, Received
+    from positioner.link import Reading
     from positioner.wire.messages import CanFrame
 
 IDLE_COMMAND_PERIOD_S = 0.01
@@ -57,7 +56,7 @@ def step(
     received = receive(
         setup.codec, setup.guard, setup.valve, state.link, tuple(inbox), commanded_ma, setup.period_s, fresh
     )
-    seen, events = _of_others(setup, received, state.sent)
+    seen, events, returned = others(setup.codec, received, state.sent, state.command_counter, state.returned)
     events += _of_the_shell(setup, state, stall_ns)
     if state.late_ns or before.late_answers:
         seen = replace(seen, late=state.late_ns > 0, stall_ns=stall_ns, answered=state.answered)
@@ -72,6 +71,7 @@ def step(
     state = replace(
         state,
         link=received.link,
+        returned=returned,
         guard=watch,
         late_ns=0,
         lines_dropped=0,
@@ -101,26 +101,6 @@ def step(
         outbox += frames
     events += _changes(before, state.guard)
     return state, tuple(outbox), tuple(events)
-
-
-def _of_others(setup: Setup, received: Received, sent: Sequence[Sent]) -> tuple[Sighting, list[Event]]:
-    """Return what was seen and what happened; a command like one of ours is doubled, by the bus or by a twin."""
-    if not received.seen.foreign_command:
-        return received.seen, [*received.events]
-    step_ma = setup.codec.field(CurrentCommand, "current_ma").si_per_bit
-    events = [
-        event for event in received.events if not (isinstance(event, ForeignCommand) and _is_own(event, sent, step_ma))
-    ]
-    foreign = any(isinstance(event, ForeignCommand) for event in events)
-    return replace(received.seen, foreign_command=foreign, doubled=len(events) < len(received.events)), events
-
-
-def _is_own(event: ForeignCommand, sent: Sequence[Sent], step_ma: float) -> bool:
-    """Return whether it is like one that we sent: its signal holds the current to a step of `step_ma`."""
-    return any(
-        each.counter == event.counter and math.isclose(each.current_ma, event.current_ma, abs_tol=step_ma)
-        for each in sent
-    )
 
 
 def _of_the_shell(setup: Setup, state: CycleState, stall_ns: int) -> list[Event]:

@@ -11,6 +11,7 @@ from positioner.guard_state import GuardState
 from positioner.link import LinkState
 from positioner.stiction import StictionTable
 from positioner.tally import Tally
+from positioner.twin import NOTHING_CAME_BACK, Returned
 
 if TYPE_CHECKING:
     from positioner.credible import Limits
@@ -53,6 +54,7 @@ class CycleState:
     memory: Any = None
     stem: StemState | None = None
     sent: tuple[Sent, ...] = ()
+    returned: Returned = NOTHING_CAME_BACK
     acting: Acting = NOTHING_KNOWN
     command_counter: int = 0
     command_ns: int = 0

@@ -205,6 +205,7 @@ class Daemon:
         self._announcer.notifier.send(STOPPING="1")
         problem = self._keeper.close(_CLOSE_TIMEOUT_S)
         self._announcer.end_trace()
+        self._announcer.throttle.flush(all_of_them=True)
         self._recorder.close()
         self._bus.close()
         self._announcer.notifier.close()

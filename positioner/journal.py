@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import sys
 from dataclasses import dataclass
 
@@ -54,12 +55,14 @@ def dropped_lines() -> int:
 
 @dataclass(slots=True)
 class _Kind:
-    next_s: float = 0.0
+    next_s: float = -math.inf
     held_back: int = 0
+    level: int = logging.INFO
+    line: str = ""
 
 
 class Throttle:
-    """Lets one line of each kind through in a second, and counts the rest into the next one."""
+    """Lets one line of each kind through in a second; the last of the others follows when the second is over."""
 
     def __init__(self, period_s: float = 1.0, time: TimePort | None = None) -> None:
         """Let one line of a kind through every `period_s`."""
@@ -70,10 +73,19 @@ class Throttle:
     def log(self, level: int, kind: str, line: str) -> None:
         """Log `line`, unless a line of its `kind` was logged within the last second."""
         entry = self._kinds.setdefault(kind, _Kind())
+        entry.level, entry.line, entry.held_back = level, line, entry.held_back + 1
+        self._let_through(entry, self._time.monotonic_s())
+
+    def flush(self, *, all_of_them: bool = False) -> None:
+        """Log the last line of each kind that was held back for its second, or `all_of_them` at the end."""
         now_s = self._time.monotonic_s()
+        for entry in self._kinds.values():
+            if entry.held_back:
+                self._let_through(entry, math.inf if all_of_them else now_s)
+
+    def _let_through(self, entry: _Kind, now_s: float) -> None:
         if now_s < entry.next_s:
-            entry.held_back += 1
             return
-        more = f" ({entry.held_back} more like it since the last line)" if entry.held_back else ""
-        logger.log(level, "%s%s", line, more)
+        others = entry.held_back - 1
+        logger.log(entry.level, "%s%s", entry.line, f" ({others} more like it since the last line)" if others else "")
         entry.next_s, entry.held_back = now_s + self._period_s, 0

@@ -467,12 +467,25 @@ def test_our_own_command_that_the_bus_brings_back_is_nobody_elses(rate_ma_per_s:
 def test_a_twin_that_says_the_same_is_found_when_it_says_something_else() -> None:
     exchange = Exchange(guard=GuardSettings(auto_arm=True, setpoint_hold_s=0.0, setpoint_failsafe_s=0.0))
     doubled = exchange.sample()
-    for _ in range(3000):
-        exchange.step(*(frame for frame in doubled if frame.arbitration_id == 0x100))
+    for turn in range(3000):
+        exchange.step(*(frame for frame in doubled if frame.arbitration_id == 0x100 and turn % 2))
         doubled = exchange.sample()
     assert exchange.told(ForeignCommand) == []
     exchange.step(CODEC.encode(CurrentCommand(9.5), 77))
     assert (exchange.state.guard.mode, exchange.state.guard.cause) == (Mode.READY, Cause.FOREIGN_COMMAND)
+
+
+@pytest.mark.parametrize(("of_five", "found_after"), [(5, range(40, 60)), (4, range(200, 300)), (3, range(0))])
+def test_a_twin_that_goes_on_saying_the_same_is_found_and_a_bus_that_doubles_is_not(
+    of_five: int, found_after: range
+) -> None:
+    exchange = Exchange(guard=GuardSettings(auto_arm=True, setpoint_hold_s=0.0, setpoint_failsafe_s=0.0))
+    doubled, turns = exchange.sample(), 0
+    while exchange.state.guard.armed and turns < 3000:
+        exchange.step(*(frame for frame in doubled if frame.arbitration_id == 0x100 and turns % 5 < of_five))
+        doubled, turns = exchange.sample(), turns + 1
+    assert turns in (found_after or range(3000, 3001))
+    assert len(exchange.told(ForeignCommand)) == (1 if found_after else 0)
 
 
 def test_lines_that_the_log_lost_are_counted_once() -> None:

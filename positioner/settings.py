@@ -48,6 +48,8 @@ _UNITS = (
     ("_s", "s"),
 )
 """Suffix of a key and its unit, longer suffixes first."""
+_MOST_DOTS = 50
+_BETWEEN = re.compile(r"[,=\[\]{}]")
 _LINE_IN_TOML_ERROR = re.compile(r"\(at line (\d+)")
 _KEY = r"(?:[A-Za-z0-9_\-]+|\"[^\"]*\"|'[^']*')"
 _KEYS = rf"({_KEY}(?:\s*\.\s*{_KEY})*)"
@@ -101,6 +103,8 @@ def tables(text: str, source: str) -> dict[str, Any]:
     Raises:
         ConfigurationError: the text is not TOML; the message gives the line.
     """
+    if deep := _dotted(text):
+        raise ConfigurationError(source, (Problem("TOML", deep, f"has a key of more than {_MOST_DOTS} parts"),))
     try:
         values = tomllib.loads(text)
         json.dumps(values, default=str)  # what is nested too deeply, or too long a number, ends here
@@ -113,6 +117,13 @@ def tables(text: str, source: str) -> dict[str, Any]:
     except (ValueError, OverflowError) as error:
         raise ConfigurationError(source, (Problem("TOML", None, f"cannot be used: {error}"),)) from error
     return values
+
+
+def _dotted(text: str) -> int | None:
+    """Return the first line with a key of too many parts: tomllib takes a time that grows with their square."""
+    lines = enumerate(text.splitlines(), start=1)
+    long = ((number, line) for number, line in lines if line.count(".") > _MOST_DOTS and not line.startswith("#"))
+    return next((n for n, line in long if any(key.count(".") > _MOST_DOTS for key in _BETWEEN.split(line))), None)
 
 
 def changes_of(pairs: Sequence[str], example: str) -> dict[str, Any]:

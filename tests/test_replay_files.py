@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -96,6 +97,20 @@ def test_a_binary_log_that_is_cut_counts_up_to_there(suffix: str, tmp_path: Path
     assert "what was read counts" in told[1]
     recorded = int(told[2].split()[1])
     assert 300 < recorded < 2900
+
+
+@pytest.mark.parametrize("size", [0, 15])
+def test_an_object_of_a_binary_log_that_is_smaller_than_its_header_ends_the_log(size: int, tmp_path: Path) -> None:
+    whole, damaged = tmp_path / "whole.blf", tmp_path / "damaged.blf"
+    with can.BLFWriter(whole, compression_level=0) as writer:
+        for number in range(20):
+            writer(can.Message(timestamp=1.0 + number, arbitration_id=0x110, data=bytes(8)))
+    data = bytearray(whole.read_bytes())
+    at = [found.start() for found in re.finditer(b"LOBJ", data)][11]  # the first is the container
+    data[at + 8 : at + 12] = size.to_bytes(4, "little")
+    damaged.write_bytes(data)
+    assert [read_log(path).count for path in (whole, damaged)] == [20, 10]
+    assert read_log(damaged).cut == "frame 10 is the last of 20"
 
 
 def test_what_is_no_log_is_told_in_one_line(bench: tuple[Path, Path], tmp_path: Path, capsys: Output) -> None:

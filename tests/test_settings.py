@@ -175,7 +175,8 @@ def test_a_file_that_is_not_utf_8_is_told(tmp_path: Path) -> None:
     ("text", "told"),
     [
         ("a = " + "[" * 5000 + "]" * 5000, "TOML: is nested too deeply"),
-        (".".join(["a"] * 3000) + " = 1", "TOML: is nested too deeply"),
+        ("b = 1\n" + ".".join(["a"] * 3000) + " = 1", "line 2: TOML: has a key of more than 50 parts"),
+        ("[" + " . ".join(["a"] * 52) + "]", "line 1: TOML: has a key of more than 50 parts"),
         ("a = " + "9" * 5000, "TOML: cannot be used: Exceeds the limit (4300 digits)"),
         ("a = 0x" + "f" * 5000, "TOML: cannot be used: Exceeds the limit (4300 digits)"),
     ],

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 _NS = 1_000_000_000
 _BLF_HEADER_BYTES = 144
+_BLF_OBJECT, _BLF_OBJECT_BYTES = b"LOBJ", 16
+"""What begins every object, and how long its header is, with its size in the bytes 8 to 11."""
 _LATEST_S = 1e11
 """No clock of a logger is past the year 5000; NaN is no smaller either."""
 
@@ -126,7 +128,7 @@ def _opened(path: Path) -> can.io.generic.MessageReader:
     try:
         with path.open("rb") as file:  # python-can's own complaint would name neither the file nor the reason
             _check_head(path, file.read(_BLF_HEADER_BYTES))
-        return can.LogReader(path)
+        return _finite(can.LogReader(path))
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
     except LogError:
@@ -140,6 +142,28 @@ def _check_head(path: Path, head: bytes) -> None:
     """Refuse what cannot be BLF under the name of one: python-can would leave the file open."""
     if path.suffix.lower() == ".blf" and not (head.startswith(b"LOGG") and len(head) == _BLF_HEADER_BYTES):
         raise LogError(f"{path}: cannot be read: it is no BLF file")
+
+
+def _finite(reader: can.io.generic.MessageReader) -> can.io.generic.MessageReader:
+    """Return the reader; one of BLF sees only objects behind which there is another."""
+    if isinstance(reader, can.BLFReader):
+        parse = reader._parse_data  # noqa: SLF001 - a damaged size would keep it for ever, out of anybody's reach
+        reader._parse_data = lambda data: parse(_advancing(data))  # type: ignore[method-assign]  # noqa: SLF001
+    return reader
+
+
+def _advancing(data: bytes) -> bytes:
+    """Return a part of a BLF file up to the first object that is smaller than its own header.
+
+    python-can steps from object to object by their sizes, and never leaves one of size 0.
+    """
+    at = data.find(_BLF_OBJECT)
+    while 0 <= at <= len(data) - _BLF_OBJECT_BYTES:
+        size = int.from_bytes(data[at + 8 : at + 12], "little")
+        if size < _BLF_OBJECT_BYTES:
+            return data[:at]
+        at = data.find(_BLF_OBJECT, at + size)
+    return data
 
 
 def _check_stamp(message: can.Message | None) -> None:

@@ -13,6 +13,7 @@ import argparse
 import logging
 import os
 import resource
+import signal
 import sys
 import tempfile
 import time
@@ -22,13 +23,18 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
+from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
 from endurance.file_kinds import KINDS, FileKind
 from positioner.errors import PositionerError
 
+if TYPE_CHECKING:
+    from types import FrameType
+
 MOST_CPU_S, MOST_MIB = 1.0, 256
+_ENDLESS_S = 20.0
 _LONGEST_INSERT = 1 << 16
 _LONGEST_LINE = 2000
 _CHUNK = 250
@@ -91,6 +97,15 @@ def changed(true: bytes, other: bytes, words: tuple[bytes, ...], chance: Random)
     return bytes(data)
 
 
+class EndlessError(BaseException):
+    """Reading does not end; no reader's own `except Exception` takes it."""
+
+
+def _give_up(number: int, frame: FrameType | None) -> None:
+    del number, frame
+    raise EndlessError
+
+
 def try_one(kind: FileKind, seed: int, folder: Path) -> tuple[bytes, bool, str, float]:
     """Return one input, whether it was taken, what was wrong with its treatment if anything was, and its time in s."""
     chance = Random(f"{kind.name} {seed}")  # noqa: S311, a test needs the same numbers again
@@ -98,6 +113,8 @@ def try_one(kind: FileKind, seed: int, folder: Path) -> tuple[bytes, bool, str, 
     data = changed(kind.true[number], chance.choice(kind.true), kind.words, chance)
     taken, wrong = False, ""
     began_s = time.process_time()
+    signal.signal(signal.SIGVTALRM, _give_up)
+    signal.setitimer(signal.ITIMER_VIRTUAL, _ENDLESS_S)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -109,8 +126,12 @@ def try_one(kind: FileKind, seed: int, folder: Path) -> tuple[bytes, bool, str, 
             wrong = f"{len(lines)} lines of up to {max(map(len, lines), default=0)} characters"
     except MemoryError:
         wrong = "out of memory"
+    except EndlessError:
+        wrong = f"not read after {_ENDLESS_S:.0f} s"
     except Exception as error:  # noqa: BLE001, this is what is looked for
         wrong = f"{type(error).__name__}: {str(error)[:200]!r}"
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
     spent_s = time.process_time() - began_s
     if not wrong and spent_s > MOST_CPU_S:
         wrong = f"{spent_s:.2f} s"

@@ -121,21 +121,21 @@ fuzz-files: $(VENV)/installed
 	PYTHONPATH=tests $(BIN)/python -m endurance.fuzz_files --keep out/fuzz-files
 
 # What must never fail: every branch of it is run by its own tests, and no change of it escapes them.
-GUARDED = positioner/guard.py positioner/guard_settings.py positioner/guard_state.py positioner/arming.py \
-	positioner/manual.py positioner/handover.py positioner/stall.py positioner/arrivals.py positioner/cadence.py \
-	positioner/inbox.py positioner/link.py positioner/acting.py positioner/twin.py positioner/plausibility.py positioner/frozen.py \
-	positioner/deviation.py positioner/tally.py \
+GUARDED = positioner/guard/supervisor.py positioner/guard/settings.py positioner/guard/state.py positioner/guard/arming.py \
+	positioner/guard/manual.py positioner/cycle/handover.py positioner/guard/stall.py positioner/bus/arrivals.py positioner/cycle/cadence.py \
+	positioner/cycle/inbox.py positioner/cycle/link.py positioner/cycle/acting.py positioner/cycle/twin.py positioner/cycle/plausibility.py positioner/cycle/frozen.py \
+	positioner/cycle/deviation.py positioner/cycle/tally.py \
 	positioner/wire/e2e.py positioner/wire/window.py positioner/wire/loop_current.py plant_emulator/device.py
-GUARDING = tests/test_guard.py tests/test_guard_tables.py tests/test_inbox.py tests/test_plausibility.py \
-	tests/test_tally.py tests/test_loop_current.py tests/test_wire_e2e.py tests/test_device.py tests/test_cycle.py \
-	tests/test_handover.py tests/test_wire_window.py tests/test_frozen.py tests/test_deviation.py tests/test_acting.py \
-	tests/test_stall.py tests/test_cadence.py tests/test_double_arming.py tests/test_arrivals.py
+GUARDING = tests/guard/test_guard.py tests/guard/test_guard_tables.py tests/cycle/test_inbox.py tests/cycle/test_plausibility.py \
+	tests/cycle/test_tally.py tests/wire/test_loop_current.py tests/wire/test_wire_e2e.py tests/plant_emulator/test_device.py tests/cycle/test_cycle.py \
+	tests/cycle/test_handover.py tests/wire/test_wire_window.py tests/cycle/test_frozen.py tests/cycle/test_deviation.py tests/cycle/test_acting.py \
+	tests/guard/test_stall.py tests/cycle/test_cadence.py tests/runtime/test_double_arming.py tests/bus/test_arrivals.py
 
 empty :=
 space := $(empty) $(empty)
 comma := ,
 
-CYCLE = positioner/cycle.py positioner/cycle_state.py positioner/closed_loop.py positioner/outbox.py
+CYCLE = positioner/cycle/step.py positioner/cycle/state.py positioner/cycle/control.py positioner/cycle/outbox.py
 
 .PHONY: coverage
 coverage: $(VENV)/installed
@@ -192,7 +192,7 @@ long-replay: $(VENV)/installed
 
 .PHONY: accept-logs
 accept-logs: $(VENV)/installed
-	$(BIN)/pytest --accept-logs tests/test_replay_logs.py
+	$(BIN)/pytest --accept-logs tests/replay/test_replay_logs.py
 
 # Changes the guarded modules in every way that mutmut knows; their tests find each change.
 .PHONY: mutants

@@ -10,10 +10,10 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from plant_emulator.device import advance, failure, initial_device, publish, take
-from positioner.bus import BusPort
+from positioner.bus.port import BusPort
 from positioner.errors import BenchError, ExitCode
-from positioner.line_sink import LineSink
-from positioner.notify import Notifier
+from positioner.machine.line_sink import LineSink
+from positioner.machine.notify import Notifier
 from positioner.wire.e2e import COUNTER_MODULUS
 from positioner.wire.messages import CurrentCommand, Setpoint
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from plant_emulator.device import DeviceState
     from plant_emulator.parameters import PlantSettings
-    from positioner.bus_address import BusAddress
+    from positioner.bus.address import BusAddress
     from positioner.wire.codec import Codec
 
 _WAIT_S = 0.1

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from plant_emulator.parameters import PlantSettings
 from positioner.errors import ConfigurationError, Problem
-from positioner.nearest import nearest
-from positioner.settings import build, laid_over, line_of, read_text, tables
+from positioner.inputs.nearest import nearest
+from positioner.inputs.toml_reader import build, laid_over, line_of, read_text, tables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

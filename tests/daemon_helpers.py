@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 import tomli_w
 
 from positioner.bench.processes import Child
-from positioner.bus import BusPort
-from positioner.bus_address import BusAddress, embedded_address
-from positioner.config import Configuration, load_config
-from positioner.daemon import Daemon, RunOptions
-from positioner.journal import logger
+from positioner.bus.address import BusAddress, embedded_address
+from positioner.bus.port import BusPort
+from positioner.config.configuration import Configuration, load_config
+from positioner.machine.journal import logger
+from positioner.runtime.daemon import Daemon, RunOptions
 from positioner.wire.codec import Codec, make_codec
 from positioner.wire.messages import (
     CanFrame,

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from store_helpers import NOW_S, WIDTH_M
 
-from positioner.stiction import Direction, LearnedSample, Quantity, StictionTable
 from positioner.store import database, document, schema
 from positioner.store.content import StoredTable
+from positioner.valve.stiction import Direction, LearnedSample, Quantity, StictionTable
 
 FOLDER = Path(__file__).resolve().parent / "tables"
 PRESENT = len(schema.MIGRATIONS)

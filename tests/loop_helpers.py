@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING, TypeVar
 
 from plant_emulator.device import advance, initial_device, publish, take
 from plant_emulator.presets import plant_settings
-from positioner import cycle
 from positioner.bench.inprocess import configure
 from positioner.bench.scenario import Scenario
-from positioner.cycle_state import CycleState, Setup
-from positioner.stiction import StictionTable
+from positioner.cycle.state import CycleState, Setup
+from positioner.cycle.step import step
+from positioner.valve.stiction import StictionTable
 from positioner.wire.messages import Setpoint
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Any
 
-    from positioner.events import Event
+    from positioner.cycle.events import Event
     from positioner.wire.messages import CanFrame, HostRequest
 
 E = TypeVar("E")
@@ -75,9 +75,7 @@ class Loop:
             self.device, published = publish(self.codec, self.plant, self.device)
             inbox = self.to_positioner((*frames, *published))
             self.sample += 1
-            self.state, outbox, events = cycle.step(
-                self.setup, self.state, inbox, round(self.sample * self.period_s * _NS)
-            )
+            self.state, outbox, events = step(self.setup, self.state, inbox, round(self.sample * self.period_s * _NS))
             self.events += events
             self.device = advance(self.plant, take(self.codec, self.device, self.to_plant(outbox)), self.period_s)
         return self.events[before:]

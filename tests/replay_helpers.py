@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 from plant_emulator.device import advance, initial_device, publish, take
 from plant_emulator.presets import plant_settings
-from positioner import cycle
 from positioner.bench.configure import configuration_text
 from positioner.bench.inprocess import run_in_process
 from positioner.bench.scenario import Scenario
-from positioner.bus_address import BusAddress
-from positioner.config import Configuration, parse_config
-from positioner.cycle_state import CycleState, Setup
-from positioner.record import BusRecorder
-from positioner.stiction import StictionTable
+from positioner.bus.address import BusAddress
+from positioner.config.configuration import Configuration, parse_config
+from positioner.cycle.state import CycleState, Setup
+from positioner.cycle.step import step
+from positioner.runtime.record import BusRecorder
+from positioner.valve.stiction import StictionTable
 from positioner.wire.messages import (
     CanFrame,
     CurrentCommand,
@@ -142,7 +142,7 @@ class _Faulty:
                 told = replace(told, table_saved=now.table_saved, late_ns=now.late_ns)
             # a turn a little later than its sample, as a machine has it, and never at the same time in it
             now_ns = sample * PERIOD_NS + 1000 * (100 + sample * 37 % 91)
-            self.state, outbox, _ = cycle.step(self.setup, told, inbox, now_ns)
+            self.state, outbox, _ = step(self.setup, told, inbox, now_ns)
             self.recorder.turn(told, inbox, now_ns, outbox, self.state)
             self.device = advance(self.settings, take(self.codec, self.device, outbox), PERIOD_NS / _NS)
         self.recorder.close()

@@ -9,7 +9,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "SAFETY.md"
 COLUMNS = ("", "cause", "detection", "reaction", "within", "test")
-_TEST = re.compile(r"`(test_\w+\.py::\w+(?:::\w+)?)`")
+_TEST = re.compile(r"`(\w+/test_\w+\.py::\w+(?:::\w+)?)`")
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +44,6 @@ def _row(cells: tuple[str, ...], number: int) -> Row:
         raise ValueError(f"SAFETY.md, line {number}: {len(COLUMNS)} columns are wanted, each with something in it")
     tests = tuple(f"tests/{name}" for name in _TEST.findall(cells[-1]))
     if not tests:
-        raise ValueError(f"SAFETY.md, line {number}: the last column names no `test_file.py::test_name`")
+        raise ValueError(f"SAFETY.md, line {number}: the last column names no `folder/test_file.py::test_name`")
     name, cause, detection, reaction, within, _ = cells
     return Row(name, cause, detection, reaction, within, tests)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from hypothesis import strategies as st
 
-from positioner.stiction import Direction, LearnedSample, Quantity, StictionTable
 from positioner.store.client import TableKeeper
 from positioner.store.content import StoredTable
+from positioner.valve.stiction import Direction, LearnedSample, Quantity, StictionTable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

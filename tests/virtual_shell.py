@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Any, Self
 import can
 from daemon_helpers import write_configuration
 
-from positioner.bus_address import BusAddress
-from positioner.config import load_config
-from positioner.daemon import Daemon, RunOptions
-from positioner.journal import logger
-from positioner.machine_time import Instant
-from positioner.ports import Ports
+from positioner.bus.address import BusAddress
+from positioner.bus.ports import Ports
+from positioner.config.configuration import load_config
+from positioner.machine.journal import logger
+from positioner.machine.time import Instant
+from positioner.runtime.daemon import Daemon, RunOptions
 from positioner.wire.messages import CanFrame, Cause, CurrentCommand, HostRequest, Message, Mode, Setpoint, StemPosition
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ class World:
         pass
 
     def open(self, _address: BusAddress, _wanted: Iterable[tuple[int, bool]]) -> Any:
-        """Return the bus, as `bus_open.open_bus` does."""
+        """Return the bus, as `bus.opening.open_bus` does."""
         return self
 
     # the world

@@ -8,8 +8,8 @@ import sys
 
 from plant_emulator.cli import presets, run, simulate
 from positioner import __version__
-from positioner.console import run_command
-from positioner.parser import Parser
+from positioner.inputs.parser import Parser
+from positioner.machine.console import run_command
 
 _DESCRIPTION = "A sticking control valve: Karnopp friction, simulated event by event, alone or on a CAN bus."
 _EPILOG = """\

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plant_emulator.presets import DEFAULT_PRESET, overridden, preset_names
-from positioner.settings import changes_of, read_text, tables
+from positioner.inputs.toml_reader import changes_of, read_text, tables
 
 if TYPE_CHECKING:
     import argparse

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from plant_emulator.cli.numbers import seconds, whole
 from plant_emulator.cli.plant_options import add_plant_options, plant_of
 from plant_emulator.daemon import EmulatorDaemon, RunOptions
-from positioner.bus_address import parse_address
+from positioner.bus.address import parse_address
 from positioner.wire.codec import WireSettings, make_codec
 
 if TYPE_CHECKING:

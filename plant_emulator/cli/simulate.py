@@ -16,7 +16,7 @@ from plant_emulator.cli.numbers import in_range, seconds, whole
 from plant_emulator.cli.plant_options import add_plant_options, plant_of
 from plant_emulator.cli.waveforms import HIGHEST_CURRENT_MA, Shape, Waveform, from_file, shaped
 from positioner.errors import ExitCode, PositionerError
-from positioner.nearest import check_name
+from positioner.inputs.nearest import check_name
 
 if TYPE_CHECKING:
     import argparse

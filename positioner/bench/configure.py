@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from positioner.bench.scenario import Scenario
-    from positioner.bus_address import BusAddress
+    from positioner.bus.address import BusAddress
 
 VALVE_ID = "bench"
 """Identity of the emulated valve: one table serves all scenarios, if the user carries it over with --state."""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from positioner.bench.recording import Recording
     from positioner.bench.scenario import Scenario
-    from positioner.bus import BusPort
+    from positioner.bus.port import BusPort
     from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame
 

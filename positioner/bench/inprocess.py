@@ -10,22 +10,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plant_emulator.device import advance, initial_device, publish, take
-from positioner import cycle
 from positioner.bench.configure import configuration_text
 from positioner.bench.playable import check_playable
 from positioner.bench.recording import Recording
-from positioner.bus_address import BusAddress
-from positioner.config import Configuration, parse_config
-from positioner.cycle_state import CycleState, Setup
-from positioner.events import Controlled
-from positioner.stiction import StictionTable
+from positioner.bus.address import BusAddress
+from positioner.config.configuration import Configuration, parse_config
+from positioner.cycle.events import Controlled
+from positioner.cycle.state import CycleState, Setup
+from positioner.cycle.step import step
+from positioner.valve.stiction import StictionTable
 from positioner.wire.messages import Setpoint
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from positioner.bench.scenario import Scenario
-    from positioner.events import Event
+    from positioner.cycle.events import Event
     from positioner.wire.messages import CanFrame
 
 _NS = 1_000_000_000
@@ -79,7 +79,7 @@ def run_in_process(
         device, published = publish(codec, settings, device)
         inbox += published
         # the daemon's clock in lockstep: one period with each position frame
-        state, outbox, happened = cycle.step(setup, state, inbox, round((sample + 1) * period_s * _NS))
+        state, outbox, happened = step(setup, state, inbox, round((sample + 1) * period_s * _NS))
         for frame in (*inbox, *outbox):
             recording.hear(frame, sample * period_s)
         device = advance(settings, take(codec, device, outbox), period_s)

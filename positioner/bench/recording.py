@@ -16,7 +16,7 @@ import numpy as np
 from can.io.canutils import CanutilsLogWriter
 
 from positioner.bench.modes import Said
-from positioner.outbox import STATUS_PERIOD_NS
+from positioner.cycle.outbox import STATUS_PERIOD_NS
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import (
     ActuatorState,

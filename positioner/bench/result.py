@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 
 import positioner
 from positioner.bench.modes import active_fraction, mode_lines
-from positioner.stiction import Quantity
+from positioner.valve.stiction import Quantity
 
 if TYPE_CHECKING:
     from positioner.bench.metrics import DwellMetrics, Totals
     from positioner.bench.modes import ModeSpan
     from positioner.bench.scenario import Scenario
-    from positioner.stiction import StictionTable
+    from positioner.valve.stiction import StictionTable
 
 SIGNIFICANT_DIGITS = 6
 """Digits of every figure in `result.json`: far finer than any figure means, far coarser than double precision."""

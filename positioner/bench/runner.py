@@ -26,12 +26,12 @@ from positioner.bench.result import Result, RunInfo, TableSummary, installed_ver
 from positioner.bench.trace_data import trend_data
 from positioner.bench.trend import draw_trend
 from positioner.bench.truth_log import add_truth
-from positioner.bus import BusPort
-from positioner.bus_address import BusAddress, embedded_address, find_vcan
-from positioner.config import Configuration, parse_config
+from positioner.bus.address import BusAddress, embedded_address, find_vcan
+from positioner.bus.port import BusPort
+from positioner.config.configuration import Configuration, parse_config
 from positioner.errors import BenchError, StateError
-from positioner.stiction import StictionTable
 from positioner.store import access, lock
+from positioner.valve.stiction import StictionTable
 from positioner.wire.messages import (
     ActuatorState,
     CurrentCommand,

@@ -14,9 +14,9 @@ from typing import Annotated, Any, ClassVar
 
 from annotated_types import Interval, Len
 
-from positioner import settings
 from positioner.errors import ConfigurationError, Problem
-from positioner.nearest import check_name
+from positioner.inputs import toml_reader
+from positioner.inputs.nearest import check_name
 
 _MULTIPLES = (
     ("setpoint_period_s", "sample_period_s"),
@@ -105,7 +105,7 @@ def load_scenario(name_or_path: str) -> Scenario:
         ConfigurationError: the file cannot be read, or something in it is wrong.
     """
     if "/" in name_or_path or name_or_path.endswith(".toml"):
-        return parse_scenario(settings.read_text(Path(name_or_path)), name_or_path)
+        return parse_scenario(toml_reader.read_text(Path(name_or_path)), name_or_path)
     check_name("scenario", name_or_path, scenario_names(), "or give the path of a .toml file")
     file = resources.files(__package__).joinpath("scenarios", f"{name_or_path}.toml")
     return parse_scenario(file.read_text(encoding="utf-8"), f"{name_or_path}.toml")
@@ -117,7 +117,7 @@ def parse_scenario(text: str, source: str) -> Scenario:
     Raises:
         ConfigurationError: a key is unknown, a value out of its limits, or the periods do not fit into each other.
     """
-    scenario = settings.parse(text, Scenario, source)
+    scenario = toml_reader.parse(text, Scenario, source)
     _check_periods(scenario, source, text)
     return scenario
 
@@ -128,7 +128,7 @@ def check_scenario(scenario: Scenario, source: str) -> None:
     Raises:
         ConfigurationError: as `parse_scenario`.
     """
-    settings.build(asdict(scenario), Scenario, source)
+    toml_reader.build(asdict(scenario), Scenario, source)
     _check_periods(scenario, source)
 
 
@@ -136,7 +136,7 @@ def _check_periods(scenario: Scenario, source: str, text: str = "") -> None:
     problems = tuple(
         Problem(
             f"{longer} = {getattr(scenario, longer)}",
-            settings.line_of(text, (longer,)),
+            toml_reader.line_of(text, (longer,)),
             f"must be a whole multiple of {shorter} = {getattr(scenario, shorter)}",
         )
         for longer, shorter in _MULTIPLES
@@ -145,7 +145,7 @@ def _check_periods(scenario: Scenario, source: str, text: str = "") -> None:
     if scenario.samples_per_setpoint > MOST_SAMPLES_PER_SETPOINT:
         where = f"setpoint_period_s = {scenario.setpoint_period_s}"
         told = f"must be at most {MOST_SAMPLES_PER_SETPOINT} sample periods: the sockets have no room for more frames"
-        problems = (*problems, Problem(where, settings.line_of(text, ("setpoint_period_s",)), told))
+        problems = (*problems, Problem(where, toml_reader.line_of(text, ("setpoint_period_s",)), told))
     if problems:
         raise ConfigurationError(source, problems)
 

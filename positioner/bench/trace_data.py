@@ -9,7 +9,7 @@ import numpy as np
 
 from positioner.bench.reasons import reasons
 from positioner.bench.trend import TrendData
-from positioner.stiction import Quantity
+from positioner.valve.stiction import Quantity
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,7 +9,7 @@ from __future__ import annotations
 import heapq
 from typing import TYPE_CHECKING
 
-from positioner.record import CHANNEL
+from positioner.runtime.record import CHANNEL
 from positioner.wire.messages import PlantTruth
 
 if TYPE_CHECKING:

@@ -9,12 +9,12 @@ import textwrap
 from dataclasses import replace
 from pathlib import Path
 
-from positioner.bench.conditions import ALL_PLANTS
-from positioner.bench.readings import NoiseReading, UnitReading, read_as
 from positioner.bench.scenario import load_scenario, scenario_names
-from positioner.bus_address import parse_address
+from positioner.bus.address import parse_address
 from positioner.errors import BenchError, ExitCode
 from positioner.laws.registry import LAWS
+from positioner.studies.conditions import ALL_PLANTS
+from positioner.studies.readings import NoiseReading, UnitReading, read_as
 
 
 def _listed(what: str, names: tuple[str, ...]) -> str:

@@ -8,13 +8,13 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from positioner.config import Configuration, load_config
+from positioner.config.configuration import Configuration, load_config
+from positioner.config.place import place_of
 from positioner.doctor import bus_load
 from positioner.errors import ExitCode
-from positioner.place import place_of
 
 if TYPE_CHECKING:
-    from positioner.model import ValveParameters
+    from positioner.valve.model import ValveParameters
 
 _EPILOG = """\
 examples:

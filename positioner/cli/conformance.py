@@ -7,7 +7,7 @@ import math
 import sys
 from typing import TYPE_CHECKING
 
-from positioner.bus_address import parse_address
+from positioner.bus.address import parse_address
 from positioner.conformance.host import HostExamination, HostLimits
 from positioner.conformance.plant import PlantExamination, PlantLimits
 from positioner.conformance.report import as_json, lines

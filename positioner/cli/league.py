@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from positioner.errors import ExitCode, UsageError
+from positioner.inputs.nearest import names_in
 from positioner.laws.registry import LAWS
-from positioner.nearest import names_in
 
 if TYPE_CHECKING:
-    from positioner.bench.league import LeagueSettings
+    from positioner.studies.league import LeagueSettings
 
 _EPILOG = """\
 examples:
@@ -51,10 +51,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
     # matplotlib and the plant are needed here only
-    from positioner.bench.conditions import reference_plant  # noqa: PLC0415
-    from positioner.bench.league import play_league  # noqa: PLC0415
-    from positioner.bench.league_page import LeaguePage, to_markdown, write_page  # noqa: PLC0415
-    from positioner.bench.standings import optimal_median_s, standings, summaries  # noqa: PLC0415
+    from positioner.studies.conditions import reference_plant  # noqa: PLC0415
+    from positioner.studies.league import play_league  # noqa: PLC0415
+    from positioner.studies.league_page import LeaguePage, to_markdown, write_page  # noqa: PLC0415
+    from positioner.studies.standings import optimal_median_s, standings, summaries  # noqa: PLC0415
 
     settings = _settings(arguments)
     played = play_league(settings, arguments.out / "bouts", arguments.workers)
@@ -79,8 +79,8 @@ def _settings(arguments: argparse.Namespace) -> LeagueSettings:
     Raises:
         UsageError: a name is unknown, or a number is none.
     """
-    from positioner.bench.conditions import ALL_PLANTS, NOMINAL, PLANTS  # noqa: PLC0415
-    from positioner.bench.league import SETPOINTS_MM, LeagueSettings  # noqa: PLC0415
+    from positioner.studies.conditions import ALL_PLANTS, NOMINAL, PLANTS  # noqa: PLC0415
+    from positioner.studies.league import SETPOINTS_MM, LeagueSettings  # noqa: PLC0415
 
     settings = LeagueSettings(laws=tuple(LAWS), plants=PLANTS, seeds=(101, 102, 103))
     if arguments.short:

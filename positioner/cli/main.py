@@ -8,8 +8,8 @@ import sys
 
 import positioner
 from positioner.cli import bench, check, conformance, doctor, host, league, replay, reproduce, run, table, tune
-from positioner.console import run_command
-from positioner.parser import Parser
+from positioner.inputs.parser import Parser
+from positioner.machine.console import run_command
 
 _DESCRIPTION = "A positioner for sticking control valves: predictive control with a learned stiction table, over CAN."
 _EPILOG = """\

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from positioner.config import load_config
+from positioner.config.configuration import load_config
 from positioner.errors import ExitCode
+from positioner.inputs.toml_reader import changes_of, laid_over
 from positioner.laws.registry import LAWS
 from positioner.replay.compare import Comparison
 from positioner.replay.log import LogError
@@ -19,7 +20,6 @@ from positioner.replay.other import OtherLaw
 from positioner.replay.report import headline, verdict
 from positioner.replay.run import replayed
 from positioner.replay.session import prepare
-from positioner.settings import changes_of, laid_over
 
 if TYPE_CHECKING:
     from positioner.replay.leave import Leaving

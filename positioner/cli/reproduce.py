@@ -46,11 +46,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
     # matplotlib and the plant are needed here only
-    from positioner.bench.claims import verdicts  # noqa: PLC0415
-    from positioner.bench.readings import NoiseReading, readings  # noqa: PLC0415
-    from positioner.bench.reproduce import SIMULATIONS, all_runs, reproduce  # noqa: PLC0415
-    from positioner.bench.reproduce_page import FIGURE_OF, draw_figure, draw_page  # noqa: PLC0415
-    from positioner.bench.reproduce_table import to_json, to_markdown  # noqa: PLC0415
+    from positioner.studies.claims import verdicts  # noqa: PLC0415
+    from positioner.studies.readings import NoiseReading, readings  # noqa: PLC0415
+    from positioner.studies.reproduce import SIMULATIONS, all_runs, reproduce  # noqa: PLC0415
+    from positioner.studies.reproduce_page import FIGURE_OF, draw_figure, draw_page  # noqa: PLC0415
+    from positioner.studies.reproduce_table import to_json, to_markdown  # noqa: PLC0415
 
     both = (NoiseReading.FILTERED, NoiseReading.RAW)
     noises = both if arguments.reading == "both" else (NoiseReading(arguments.reading),)

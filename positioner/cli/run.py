@@ -7,12 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from positioner.bus_address import parse_address
-from positioner.config import StateSettings, load_config
-from positioner.daemon import Daemon, RunOptions
+from positioner.bus.address import parse_address
+from positioner.config.configuration import StateSettings, load_config
 from positioner.errors import UsageError
-from positioner.journal import set_up
-from positioner.memory_lock import lock_memory
+from positioner.machine.journal import set_up
+from positioner.machine.memory_lock import lock_memory
+from positioner.runtime.daemon import Daemon, RunOptions
 
 if TYPE_CHECKING:
     from positioner.errors import ExitCode

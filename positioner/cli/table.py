@@ -11,16 +11,16 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from positioner.cli import table_text
+from positioner.config.place import place_of
 from positioner.errors import ExitCode, StateError
-from positioner.place import place_of
-from positioner.stiction import Quantity
 from positioner.store import access, document
+from positioner.valve.stiction import Quantity
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable
 
-    from positioner.config import Configuration
+    from positioner.config.configuration import Configuration
     from positioner.store.content import StoredTable
 
 
@@ -125,7 +125,7 @@ def _directory(args: argparse.Namespace) -> Path:
 
 
 def _configuration(path: Path) -> Configuration:
-    from positioner.config import load_config  # noqa: PLC0415, with --state neither numpy nor a solver is needed
+    from positioner.config.configuration import load_config  # noqa: PLC0415, with --state neither numpy nor a solver is needed
 
     return load_config(path)
 

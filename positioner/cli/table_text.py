@@ -5,8 +5,8 @@ from __future__ import annotations
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from positioner.stiction import Cell, CellKey, Direction, Quantity
 from positioner.store.document import utc_text
+from positioner.valve.stiction import Cell, CellKey, Direction, Quantity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

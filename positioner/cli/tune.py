@@ -6,8 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from positioner.bench.tuning import LEAGUE_SEEDS, SEARCHES, to_toml, tune
 from positioner.errors import ExitCode, StateError, UsageError
+from positioner.studies.tuning import LEAGUE_SEEDS, SEARCHES, to_toml, tune
 
 _EPILOG = """\
 examples:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Protocol
 
-from positioner.bus import BusPort
+from positioner.bus.port import BusPort
 from positioner.errors import BusError
 from positioner.wire.messages import CurrentCommand
 
 if TYPE_CHECKING:
-    from positioner.bus_address import BusAddress
+    from positioner.bus.address import BusAddress
     from positioner.conformance.rules import Finding
     from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame

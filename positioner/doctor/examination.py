@@ -6,11 +6,11 @@ import shlex
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from positioner.config import Configuration, load_config
+from positioner.config.configuration import Configuration, load_config
+from positioner.config.place import place_of
 from positioner.doctor import bus_load, feedback, link_findings, machine, scheduling, state_directory
 from positioner.doctor.finding import Finding, Level, worst
 from positioner.errors import ConfigurationError, ExitCode
-from positioner.place import place_of
 from positioner.store import lock
 from positioner.wire.messages import StemPosition
 

@@ -9,7 +9,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from positioner.bus import BusPort
+from positioner.bus.port import BusPort
 from positioner.doctor.finding import Finding, Level
 from positioner.errors import BusError
 from positioner.wire.formats import FrameRejectedError, Reason
@@ -18,7 +18,7 @@ from positioner.wire.messages import CurrentCommand, Quality, StemPosition
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from positioner.bus_address import BusAddress
+    from positioner.bus.address import BusAddress
     from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame
 

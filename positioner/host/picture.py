@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from positioner.handover import Handover, follow, start_m
+from positioner.cycle.handover import Handover, follow, start_m
 from positioner.host.words import CONTROLLED, in_mm, state_in_words
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import (

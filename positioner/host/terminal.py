@@ -10,7 +10,7 @@ import time
 from collections import deque
 from typing import TYPE_CHECKING
 
-from positioner.bus import BusPort
+from positioner.bus.port import BusPort
 from positioner.errors import ExitCode, PositionerError, UsageError
 from positioner.host.picture import HEARD
 from positioner.host.session import Session
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from types import FrameType
 
-    from positioner.config import Configuration
+    from positioner.config.configuration import Configuration
 
 _TURN_S = 0.005
 _PROMPT = "> "

@@ -13,8 +13,8 @@ from positioner.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from positioner.guard_settings import GuardSettings
-    from positioner.model import ValveParameters
+    from positioner.guard.settings import GuardSettings
+    from positioner.valve.model import ValveParameters
 
 HELP = """\
 arm            let the positioner control the valve; without `set` the stem stays where it is

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
-    from positioner.bounds import Bounds
-    from positioner.estimate import StemState
-    from positioner.stiction import StictionTable
+    from positioner.laws.bounds import Bounds
+    from positioner.valve.state import StemState
+    from positioner.valve.stiction import StictionTable
 
 M = TypeVar("M")
 

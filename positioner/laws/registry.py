@@ -6,26 +6,26 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from positioner.adaptive_estimate import AdaptiveFilter
-from positioner.adaptive_slide import load_of, slider_of
-from positioner.laws.knocker import Knocker, KnockerMemory
-from positioner.laws.nmpc import NmpcLaw
-from positioner.laws.paper import PaperLaw
-from positioner.laws.pi import NoCompensator, PiLaw
-from positioner.laws.pid import PidController
-from positioner.laws.reinforcement import Reinforcement
-from positioner.laws.two_move import TwoMoveLaw
+from positioner.laws.nmpc.filter import AdaptiveFilter
+from positioner.laws.nmpc.law import NmpcLaw
+from positioner.laws.nmpc.slide import load_of, slider_of
+from positioner.laws.paper.law import PaperLaw
+from positioner.laws.rivals.knocker import Knocker, KnockerMemory
+from positioner.laws.rivals.pi import NoCompensator, PiLaw
+from positioner.laws.rivals.pid import PidController
+from positioner.laws.rivals.reinforcement import Reinforcement
+from positioner.laws.rivals.two_move import TwoMoveLaw
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from positioner.estimate import EstimatorSettings
-    from positioner.guard_settings import GuardSettings
+    from positioner.guard.settings import GuardSettings
+    from positioner.laws.estimator_settings import EstimatorSettings
     from positioner.laws.law import Law
-    from positioner.laws.pid import PidSettings
+    from positioner.laws.rivals.pid import PidSettings
     from positioner.laws.settings import ControlSettings
-    from positioner.model import ValveParameters
-    from positioner.planner import Solver
+    from positioner.optimization.qp import Solver
+    from positioner.valve.model import ValveParameters
 
 
 @dataclass(frozen=True, slots=True)

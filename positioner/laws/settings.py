@@ -8,15 +8,15 @@ from typing import Annotated, Any, ClassVar
 
 from annotated_types import Interval
 
-from positioner.bounds import BoundSettings
-from positioner.laws.knocker import KnockerSettings
-from positioner.laws.nmpc_settings import NmpcSettings
-from positioner.laws.pi import PiDeadbandSettings
-from positioner.laws.pid import PidSettings
-from positioner.laws.reinforcement import ReinforcementSettings
+from positioner.laws.nmpc.settings import NmpcSettings
+from positioner.laws.paper.bounds import BoundSettings
+from positioner.laws.paper.planner import PlannerSettings
+from positioner.laws.rivals.knocker import KnockerSettings
+from positioner.laws.rivals.pi import PiDeadbandSettings
+from positioner.laws.rivals.pid import PidSettings
+from positioner.laws.rivals.reinforcement import ReinforcementSettings
+from positioner.laws.rivals.two_move import TwoMoveRetrySettings, TwoMoveSettings
 from positioner.laws.tuned import tuned
-from positioner.laws.two_move import TwoMoveRetrySettings, TwoMoveSettings
-from positioner.planner import PlannerSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from positioner.events import Controlled, LawFellBack
+from positioner.cycle.events import Controlled, LawFellBack
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import CurrentCommand, Mode
 

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 INPUTS = (StemPosition, ActuatorState, Setpoint, ManualCurrent, CurrentCommand)
 """What a positioner hears; a command that it hears is somebody else's."""
 NOTE_ID = 0x1FFFFFFF
-"""Identifier of a note in the positioner's own record (`positioner.record`)."""
+"""Identifier of a note in the positioner's own record (`positioner.runtime.record`)."""
 _NOTE_BYTES = 8
 MOST_FRAMES = 4096
-"""Frames that a turn takes in at most (a real one: 1024, `positioner.bus`), and that are looked ahead in a log."""
+"""Frames that a turn takes in at most (a real one: 1024, `positioner.bus.port`), and that are looked ahead in a log."""
 
 
 @dataclass(frozen=True, slots=True)

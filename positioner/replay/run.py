@@ -5,20 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from positioner import cycle
-from positioner.acting import Sent
-from positioner.cycle_state import CycleState, Setup
-from positioner.record import KIND_AGE, NOTE_ID, TOLD, Note
+from positioner.cycle.acting import Sent
+from positioner.cycle.state import CycleState, Setup
+from positioner.cycle.step import step
+from positioner.runtime.record import KIND_AGE, NOTE_ID, TOLD, Note
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import CurrentCommand
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from positioner.config import Configuration
-    from positioner.events import Event
+    from positioner.config.configuration import Configuration
+    from positioner.cycle.events import Event
     from positioner.replay.recorded import Turn
-    from positioner.stiction import StictionTable
+    from positioner.valve.stiction import StictionTable
     from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame, Mode
 
@@ -52,7 +52,7 @@ def replayed(
     state = CycleState(table=table)
     for turn in turns:
         now_ns = _BEGIN_NS + turn.time_ns
-        state, outbox, events = cycle.step(setup, _told(state, turn), _inbox(turn, now_ns), now_ns)
+        state, outbox, events = step(setup, _told(state, turn), _inbox(turn, now_ns), now_ns)
         if follows:
             state = _followed(codec, state, turn, outbox)
         yield Outcome(turn, outbox, events, state.guard.mode)

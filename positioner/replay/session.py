@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from positioner.errors import StateError
-from positioner.record import KIND_TABLE, Note
 from positioner.replay.log import BusLog, LogError, LogFrame, read_log
 from positioner.replay.recorded import Heard, Turn
 from positioner.replay.survey import LogKind, Survey
 from positioner.replay.turns import turns_of
-from positioner.stiction import StictionTable
+from positioner.runtime.record import KIND_TABLE, Note
 from positioner.store import access
+from positioner.valve.stiction import StictionTable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from positioner.config import Configuration
+    from positioner.config.configuration import Configuration
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,11 +8,11 @@ import time
 from typing import TYPE_CHECKING
 
 from positioner.errors import AlreadyRunningError, StateError
-from positioner.stiction import StictionTable
 from positioner.store import as_owner, control, database, lock, messages, requests
 from positioner.store.content import StoredTable
 from positioner.store.file_check import Fault, TableRejectedError
 from positioner.store.vault import GOOD_COPY, TABLE, WRITING_FAILED, Vault, remedy
+from positioner.valve.stiction import StictionTable
 
 if TYPE_CHECKING:
     from pathlib import Path

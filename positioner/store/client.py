@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
-    from positioner.stiction import LearnedSample, StictionTable
     from positioner.store.child import Child
     from positioner.store.content import StoredTable
+    from positioner.valve.stiction import LearnedSample, StictionTable
 
 KeeperEvent: TypeAlias = Saved | Replaced | SavingFailed | SavingWorks | Notice
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from positioner.stiction import CellKey, LearnedSample, StictionTable
+from positioner.valve.stiction import CellKey, LearnedSample, StictionTable
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,12 +15,12 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from positioner.errors import ConfigurationError, Problem
-from positioner.stiction import MOST_CELLS
 from positioner.store.document_reader import FORMAT, SCHEMA, TableReader
+from positioner.valve.stiction import MOST_CELLS
 
 if TYPE_CHECKING:
-    from positioner.stiction import Cell, CellKey
     from positioner.store.content import StoredTable
+    from positioner.valve.stiction import Cell, CellKey
 
 
 def dumps(stored: StoredTable) -> str:

@@ -8,8 +8,17 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from positioner.errors import ConfigurationError, Problem
-from positioner.stiction import FARTHEST_M, MOST_CELLS, SAMPLES_KEPT, Cell, CellKey, Direction, Quantity, StictionTable
 from positioner.store.content import StoredTable
+from positioner.valve.stiction import (
+    FARTHEST_M,
+    MOST_CELLS,
+    SAMPLES_KEPT,
+    Cell,
+    CellKey,
+    Direction,
+    Quantity,
+    StictionTable,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

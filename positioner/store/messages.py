@@ -8,10 +8,10 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from positioner.errors import ConfigurationError, StateError
-from positioner.stiction import Direction, LearnedSample, Quantity
 from positioner.store import document
 from positioner.store.content import StoredTable
 from positioner.store.document_reader import TableReader
+from positioner.valve.stiction import Direction, LearnedSample, Quantity
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -9,15 +9,15 @@ import sqlite3
 from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from positioner.stiction import MOST_CELLS
 from positioner.store import document
 from positioner.store.document_reader import FORMAT, SCHEMA
+from positioner.valve.stiction import MOST_CELLS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from positioner.stiction import CellKey
     from positioner.store.content import StoredTable
+    from positioner.valve.stiction import CellKey
 
 APPLICATION_ID = 0x53544943  # "STIC"
 

@@ -9,10 +9,10 @@ import time
 from typing import TYPE_CHECKING
 
 from positioner.errors import StateError
-from positioner.stiction import StictionTable
 from positioner.store import database, document, file_check
 from positioner.store.content import StoredTable
 from positioner.store.file_check import Fault, TableRejectedError
+from positioner.valve.stiction import StictionTable
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -6,7 +6,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING
 
 from positioner.errors import Problem
-from positioner.nearest import nearest
+from positioner.inputs.nearest import nearest
 from positioner.wire.messages import PlantTruth
 
 if TYPE_CHECKING:

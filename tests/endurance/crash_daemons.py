@@ -16,10 +16,10 @@ import tomli_w
 from endurance import diary
 from endurance.learner import PATIENCE_S, TOO_BUSY
 from endurance.verdict import Judge, Outcome
-from positioner.bus import BusPort
-from positioner.bus_address import embedded_address
-from positioner.stiction import StictionTable
+from positioner.bus.address import embedded_address
+from positioner.bus.port import BusPort
 from positioner.store import lock
+from positioner.valve.stiction import StictionTable
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import CurrentCommand, Setpoint, StemPosition
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from endurance import diary, learner
 from endurance.verdict import Judge, Outcome
-from positioner.stiction import StictionTable
 from positioner.store import lock
+from positioner.valve.stiction import StictionTable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

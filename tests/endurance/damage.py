@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from tqdm import tqdm
 
-from positioner.stiction import Direction, LearnedSample, Quantity, StictionTable
 from positioner.store import database
 from positioner.store.content import StoredTable
 from positioner.store.vault import GOOD_COPY, TABLE, Vault
+from positioner.valve.stiction import Direction, LearnedSample, Quantity, StictionTable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -8,7 +8,7 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from positioner.stiction import Direction, LearnedSample, Quantity
+from positioner.valve.stiction import Direction, LearnedSample, Quantity
 
 if TYPE_CHECKING:
     from pathlib import Path

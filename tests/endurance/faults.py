@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING, Any
 from tqdm import tqdm
 
 from endurance.faulty_loop import FAULTS, HEALTHY, PERIOD_S, Loop
-from positioner.bench.conditions import PLANTS
-from positioner.bench.pool import spread_out
 from positioner.bench.scenario import Scenario
 from positioner.laws.registry import LAWS
+from positioner.studies.conditions import PLANTS
+from positioner.studies.pool import spread_out
 from positioner.wire.messages import Cause
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from plant_emulator.device import DeviceState, advance, initial_device, publish, take
 from plant_emulator.presets import plant_settings
 from positioner.bench.inprocess import configure
-from positioner.cycle import step
-from positioner.cycle_state import CycleState, Setup
+from positioner.cycle.state import CycleState, Setup
+from positioner.cycle.step import step
 from positioner.wire.messages import (
     CanFrame,
     Cause,

@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING
 
 import can
 from store_helpers import VALVE, WIDTH_M, series, taught
-from test_wire_foreign import ALL, USER_DBC
+from user_dbc import ALL, USER_DBC
 
 from plant_emulator.presets import parse_plant
 from positioner.bench import scenario
-from positioner.config import parse_config
+from positioner.config.configuration import parse_config
 from positioner.errors import ConfigurationError, Problem
+from positioner.inputs.toml_reader import read_text
 from positioner.replay.log import read_log
 from positioner.replay.recorded import Heard
 from positioner.replay.survey import Survey
 from positioner.replay.turns import turns_of
-from positioner.settings import read_text
 from positioner.store import access, database, document, messages
 from positioner.store.messages import Adopt, ImportRequest, Learn
 from positioner.store.vault import TABLE, Vault

@@ -18,7 +18,7 @@ from endurance.attacks import ATTACKS, DAMAGING, TRUE, UNHEARD, Adversary
 from endurance.oracle import KINDS, Ledger, disarms, verdict_of
 from plant_emulator.device import initial_device, take
 from plant_emulator.presets import plant_settings
-from positioner.events import (
+from positioner.cycle.events import (
     FeedbackRefused,
     ForeignCommand,
     FrameRefused,
@@ -26,11 +26,11 @@ from positioner.events import (
     OrderDisputed,
     SetpointRefused,
 )
-from positioner.guard_settings import GuardSettings
-from positioner.inbox import receive
-from positioner.link import LinkState, Received
-from positioner.model import ValveParameters
-from positioner.tally import Tally
+from positioner.cycle.inbox import receive
+from positioner.cycle.link import LinkState, Received
+from positioner.cycle.tally import Tally
+from positioner.guard.settings import GuardSettings
+from positioner.valve.model import ValveParameters
 from positioner.wire.codec import make_codec
 
 if TYPE_CHECKING:

@@ -27,9 +27,9 @@ import can
 from tqdm import tqdm
 from virtual_shell import VirtualShell, World
 
-from positioner import bus_open
-from positioner.bus_address import BusAddress
-from positioner.journal import logger
+from positioner.bus import opening as bus_open
+from positioner.bus.address import BusAddress
+from positioner.machine.journal import logger
 from positioner.wire.messages import HostRequest, Mode
 
 if TYPE_CHECKING:

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 from endurance.diary import DiaryWriter
 from positioner.errors import StateError
-from positioner.stiction import Direction, LearnedSample, Quantity
 from positioner.store.client import TableKeeper
+from positioner.valve.stiction import Direction, LearnedSample, Quantity
 
 if TYPE_CHECKING:
     from typing import NoReturn
 
-    from positioner.stiction import StictionTable
+    from positioner.valve.stiction import StictionTable
 
 VALVE = "FV-101"
 WIDTH_M = 0.005

@@ -26,14 +26,14 @@ from virtual_shell import VirtualShell
 
 from endurance.leak import Outage
 from positioner.errors import ExitCode, PositionerError
-from positioner.journal import logger
+from positioner.machine.journal import logger
 from positioner.wire.messages import CurrentCommand, HostRequest, Message, Mode, Setpoint
 
 if TYPE_CHECKING:
     import subprocess
     from collections.abc import Iterable, Iterator
 
-    from positioner.bus_address import BusAddress
+    from positioner.bus.address import BusAddress
 
 FAULTS = ("none", "feedback lost", "setpoint lost", "bus away", "another controller", "stall", "disarmed")
 ENDS = ("kill", "watchdog", "crash", "stop")

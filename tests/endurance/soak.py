@@ -23,10 +23,10 @@ from endurance.soak_host import SoakHost
 from endurance.soak_report import report
 from endurance.verdict import taught
 from positioner.bench.processes import Child
-from positioner.bus_address import embedded_address
+from positioner.bus.address import embedded_address
 from positioner.errors import BenchError
-from positioner.stiction import StictionTable
 from positioner.store import access
+from positioner.valve.stiction import StictionTable
 
 if TYPE_CHECKING:
     from collections.abc import Callable

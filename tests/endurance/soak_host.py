@@ -8,7 +8,7 @@ from array import array
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from positioner.bus import BusPort
+from positioner.bus.port import BusPort
 from positioner.wire.codec import make_codec
 from positioner.wire.e2e import COUNTER_MODULUS
 from positioner.wire.formats import FrameRejectedError
@@ -24,7 +24,7 @@ from positioner.wire.messages import (
 )
 
 if TYPE_CHECKING:
-    from positioner.bus_address import BusAddress
+    from positioner.bus.address import BusAddress
 
 _SETPOINT_EVERY_S = 0.05
 _DWELL_S = 1.5

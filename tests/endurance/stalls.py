@@ -26,7 +26,7 @@ from tqdm import tqdm
 from virtual_shell import VirtualShell
 
 from endurance.stopped_daemon import StoppedDaemon
-from positioner.journal import logger
+from positioner.machine.journal import logger
 from positioner.wire.messages import CurrentCommand, Mode
 
 if TYPE_CHECKING:

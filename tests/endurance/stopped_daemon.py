@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Self
 
 from daemon_helpers import HERE_M, PATIENCE_S, PERIOD_S, Service
 
-from positioner.bus import BusPort
-from positioner.guard_settings import GuardSettings
+from positioner.bus.port import BusPort
+from positioner.guard.settings import GuardSettings
 from positioner.wire.messages import CurrentCommand, HostRequest, Mode, Setpoint, StemPosition
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from endurance.diary import Entry
-    from positioner.stiction import StictionTable
+    from positioner.valve.stiction import StictionTable
 
 _NS = 1_000_000_000
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from endurance.diary import DiaryWriter
 from positioner.cli.main import main
-from positioner.events import Learned
-from positioner.journal import logger
+from positioner.cycle.events import Learned
+from positioner.machine.journal import logger
 
 
 class Watch(logging.Filter):

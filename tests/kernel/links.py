@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 
 from harness.plan import patience
 
-from positioner.bus_address import BusAddress
+from positioner.bus.address import BusAddress
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

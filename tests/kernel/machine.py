@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from links import PATIENCE_S, command, until
 from rig import CLOSED_M, HIGH_M, LOW_M, NEAR_M, PERIOD_S
 
-from positioner.bus import BusPort
-from positioner.bus_address import BusAddress
+from positioner.bus.address import BusAddress
+from positioner.bus.port import BusPort
 from positioner.wire.codec import make_codec
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import HostRequest, Message, PlantTruth, Setpoint

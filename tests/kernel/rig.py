@@ -13,7 +13,7 @@ from daemon_helpers import write_configuration
 from links import PATIENCE_S
 
 from positioner.bench.processes import Child
-from positioner.bus import BusPort
+from positioner.bus.port import BusPort
 from positioner.wire.codec import make_codec
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import (
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
-    from positioner.bus_address import BusAddress
+    from positioner.bus.address import BusAddress
 
 PERIOD_S = 0.02
 HOLD_PERIODS = 25

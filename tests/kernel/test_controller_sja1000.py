@@ -13,7 +13,7 @@ from links import command
 
 from positioner.bench.inprocess import run_in_process
 from positioner.bench.scenario import load_scenario
-from positioner.bus_address import BusAddress
+from positioner.bus.address import BusAddress
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

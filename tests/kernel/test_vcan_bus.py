@@ -12,13 +12,13 @@ import pytest
 from links import command, until, vcan
 from test_bus_embedded import BusContract
 
-from positioner.bus import BusPort
+from positioner.bus.port import BusPort
 from positioner.wire.messages import CanFrame
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from positioner.bus_address import BusAddress
+    from positioner.bus.address import BusAddress
 
 pytestmark = [pytest.mark.kernel("vcan"), pytest.mark.short_form]
 QUEUE_FRAMES = 278

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from positioner.bus_address import BusAddress
+    from positioner.bus.address import BusAddress
 
 pytestmark = pytest.mark.kernel("vcan")
 

@@ -10,7 +10,7 @@ import pytest
 from daemon_helpers import write_configuration
 from links import Program, command, until, vcan
 
-from positioner.bus import BusPort
+from positioner.bus.port import BusPort
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -22,14 +22,14 @@ from links import PATIENCE_S, Program, command, until, vcan
 from test_daemon_process import PATIENT
 from test_vcan_bus import filters
 
-from positioner.bus import BusPort
+from positioner.bus.port import BusPort
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import CanFrame, CurrentCommand, HostRequest, PlantTruth, Setpoint, StemPosition
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from positioner.bus_address import BusAddress
+    from positioner.bus.address import BusAddress
 
 pytestmark = pytest.mark.kernel("vcan")
 DBC = Path(__file__).parents[2] / "dbc" / "positioner.dbc"

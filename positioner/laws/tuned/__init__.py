@@ -9,7 +9,7 @@ from functools import cache
 from importlib import resources
 from typing import Any, TypeVar
 
-from positioner import settings
+from positioner.inputs import toml_reader
 
 T = TypeVar("T")
 
@@ -28,5 +28,5 @@ def tuned(law: str, kind: type[T]) -> T:
     """
     source = f"{table_name(law)}.toml"
     text = resources.files(__package__).joinpath(source).read_text(encoding="utf-8")
-    table: dict[str, Any] = settings.tables(text, source)["control"][table_name(law)]
-    return settings.build(table, kind, source)
+    table: dict[str, Any] = toml_reader.tables(text, source)["control"][table_name(law)]
+    return toml_reader.build(table, kind, source)

@@ -68,7 +68,7 @@ def _write_inside(out: Path, kind_name: str, kind: Kind, tests: Sequence[str]) -
         RESULTS: str(out / "results.jsonl"),
         PATIENCE: str(kind.patience),
         "PATH": "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin",
-        "PYTHONPATH": f"{PROJECT}:{PROJECT}/tests:{PROJECT}/tests/kernel",
+        "PYTHONPATH": f"{PROJECT}:{PROJECT}/tests:{PROJECT}/tests/kernel:{PROJECT}/tests/bus:{PROJECT}/tests/runtime",
         "PYTHONDONTWRITEBYTECODE": "1",
         "HOME": _HOME,
         "TMPDIR": _HOME,

@@ -1,0 +1,217 @@
+"""The CAN port: frames in batches, oldest first, on whatever bus python-can knows. Shell.
+
+A bus that is not there yet, goes down or comes back is a state of this port, never an exception in the loop.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import select
+from collections import deque
+from typing import TYPE_CHECKING
+
+import can
+
+from positioner.bus.arrivals import Arrivals
+from positioner.bus.opening import REFUSALS, descriptor_of, dropped_frames, mend, open_bus, refusal
+from positioner.bus.ports import Ports
+from positioner.errors import BusError, BusUnusableError
+from positioner.wire.messages import CanFrame
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from positioner.bus.address import BusAddress
+
+_MOST_FRAMES_PER_BATCH = 1024
+_REOPEN_EVERY_S = 0.5
+_SEND_TIMEOUT_S = 0.05
+_NS = 1_000_000_000
+
+
+class BusPort:
+    """One node's connection to a bus; opened on first use, and again whenever it was lost."""
+
+    def __init__(
+        self,
+        address: BusAddress,
+        identifiers: Iterable[tuple[int, bool]] = (),
+        report: Callable[[str], None] = lambda _line: None,
+        ports: Ports | None = None,
+    ) -> None:
+        """Prepare the port; `identifiers` (with their extended flag) are all it will receive, none means everything."""
+        self.address = address
+        self._ports = ports or Ports()
+        self._time = self._ports.time
+        self._arrivals = Arrivals()
+        self._wanted = frozenset(identifiers)
+        self._report = report
+        self._bus: can.BusABC | None = None
+        self._descriptor: int | None = None
+        self._was_open = False
+        self._complaint = ""
+        self._next_try_s = 0.0
+        self._echoes: deque[tuple[int, bytes]] = deque(maxlen=64)
+        self._dropped = 0
+        self.send_failures = 0
+        self.overruns = 0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the bus is there."""
+        return self._bus is not None
+
+    @property
+    def gap_ns(self) -> int:
+        """How long nobody received before the last receive ended, but for the time that it was asked to wait."""
+        return self._arrivals.gap_ns
+
+    def open(self) -> None:
+        """Open the bus now.
+
+        Raises:
+            BusError: it cannot be opened; the message says why and what to do.
+            BusUnusableError: nor will it ever be.
+        """
+        try:
+            self._bus = (self._ports.open_bus or open_bus)(self.address, self._wanted)
+        except REFUSALS as error:
+            raise refusal(self.address, error) from error
+        self._descriptor = descriptor_of(self._bus)
+        self._was_open = True
+        self._arrivals.reopened(self._time.instant())
+        self._dropped = 0
+        if self._complaint:
+            self._report(f"bus {self.address} is there again")
+            self._complaint = ""
+
+    def receive(self, timeout_s: float) -> tuple[CanFrame, ...]:
+        """Return what has arrived, oldest first, after waiting up to `timeout_s` for the first frame.
+
+        Raises:
+            BusUnusableError: the bus was never open, and never will be.
+        """
+        self._arrivals.begin(self._time.instant(), timeout_s)
+        frames: list[CanFrame] = []
+        if self._bus is None and not self._try_open():
+            self._time.sleep(min(timeout_s, max(self._next_try_s - self._time.monotonic_s(), 0.0)))
+        else:
+            self._drain(frames, timeout_s)
+        self._arrivals.end(self._time.instant())
+        return tuple(frames)
+
+    def _drain(self, frames: list[CanFrame], timeout_s: float) -> None:
+        looked = self._time.instant()
+        end_ns = looked.monotonic_ns + round(timeout_s * _NS)
+        try:
+            for _ in range(_MOST_FRAMES_PER_BATCH):  # of whatever kind: a flood must not keep the cycle waiting
+                # an echo, or what is not for us, is nothing to wake up for
+                message = self._receive_one(0.0 if frames else max(end_ns - looked.monotonic_ns, 0) / _NS)
+                if message is None:
+                    self._arrivals.seen_empty(looked)
+                    break
+                looked = self._time.instant()
+                frame = _frame(message, self._arrivals.arrived_ns(message.timestamp, looked))
+                if not self._is_echo(frame) and self._is_wanted(frame):
+                    frames.append(frame)
+            self._count_overruns()
+        except (can.CanError, OSError) as error:
+            self._lose(f"bus {self.address} is down: {error}; {mend(self.address)}")
+
+    def send(self, frame: CanFrame, deadline_ns: float | None = None) -> bool:
+        """Send `frame`; False when the bus did not take it, or when the monotonic `deadline_ns` has passed."""
+        if self._bus is None:
+            return False
+        message = can.Message(
+            arbitration_id=frame.arbitration_id,
+            data=frame.data,
+            is_extended_id=frame.is_extended,
+            check=False,
+        )
+        if deadline_ns is not None and self._time.monotonic_ns() > deadline_ns:
+            return False
+        try:
+            self._bus.send(message, timeout=_SEND_TIMEOUT_S if not self.address.is_embedded else None)
+        except (can.CanError, OSError) as error:
+            self.send_failures += 1
+            self._complain(f"bus {self.address} did not take a frame: {error}; {mend(self.address)}")
+            return False
+        self._complaint = ""
+        if self.address.is_embedded:
+            self._echoes.append((frame.arbitration_id, frame.data))
+        return True
+
+    def close(self) -> None:
+        """Give the bus back."""
+        if self._bus is not None:
+            with contextlib.suppress(can.CanError, OSError):
+                self._bus.shutdown()
+            self._bus = None
+
+    def _receive_one(self, timeout_s: float) -> can.Message | None:
+        assert self._bus is not None  # noqa: S101 - receive() has opened it
+        if timeout_s > 0.0 and self._descriptor is not None:
+            # python-can's own waiting is by the wall clock: one that is set back would keep it for as long
+            select.select((self._descriptor,), (), (), timeout_s)
+            timeout_s = 0.0
+        try:
+            return self._bus.recv(timeout_s)
+        except can.CanOperationError as error:
+            if not self.address.is_embedded:
+                raise
+            # whatever is no frame on the embedded bus is dropped; the socket itself is sound
+            self._complain(f"bus {self.address}: something that is no CAN frame was dropped ({error})")
+            return can.Message(is_error_frame=True)
+
+    def _count_overruns(self) -> None:
+        dropped = dropped_frames(self._bus)
+        if dropped > self._dropped:
+            self.overruns += dropped - self._dropped
+            self._dropped = dropped
+            told = f"bus {self.address}: the receive queue was full, {self.overruns} frame(s) lost so far"
+            self._report(f"{told}; this process gets too little of the processor, or the bus carries too much")
+
+    def _is_echo(self, frame: CanFrame) -> bool:
+        """Return whether `frame` is our own: UDP multicast hands a sender its own frames, in the order it sent them."""
+        if not self.address.is_embedded or (frame.arbitration_id, frame.data) not in self._echoes:
+            return False
+        while self._echoes.popleft() != (frame.arbitration_id, frame.data):
+            pass
+        return True
+
+    def _is_wanted(self, frame: CanFrame) -> bool:
+        return not self._wanted or frame.is_error or (frame.arbitration_id, frame.is_extended) in self._wanted
+
+    def _try_open(self) -> bool:
+        if self._time.monotonic_s() < self._next_try_s:
+            return False
+        self._next_try_s = self._time.monotonic_s() + _REOPEN_EVERY_S
+        try:
+            self.open()
+        except BusError as error:
+            if isinstance(error, BusUnusableError) and not self._was_open:
+                raise
+            self._complain(str(error))
+        return self._bus is not None
+
+    def _lose(self, complaint: str) -> None:
+        self.close()
+        self._echoes.clear()
+        self._next_try_s = self._time.monotonic_s() + _REOPEN_EVERY_S
+        self._complain(complaint)
+
+    def _complain(self, complaint: str) -> None:
+        if complaint != self._complaint:
+            self._complaint = complaint
+            self._report(complaint)
+
+
+def _frame(message: can.Message, received_ns: int) -> CanFrame:
+    return CanFrame(
+        message.arbitration_id,
+        bytes(message.data),
+        message.is_extended_id,
+        message.is_error_frame,
+        message.is_remote_frame,
+        received_ns,
+    )

@@ -1,0 +1,179 @@
+"""The configuration of one positioner: `valve.toml` in, frozen dataclasses out. Shell."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import tomli_w
+
+from positioner.bus.address import BusAddress, problems_of
+from positioner.config.wire_limits import range_problems, wire_problems
+from positioner.errors import ConfigurationError, Problem
+from positioner.guard.settings import GuardSettings
+from positioner.inputs import toml_reader
+from positioner.inputs.nearest import nearest
+from positioner.laws.estimator_settings import EstimatorSettings
+from positioner.laws.registry import LAWS, Ingredients
+from positioner.laws.settings import ControlSettings
+from positioner.optimization.solver import QpSolver
+from positioner.valve.credible import Limits
+from positioner.valve.model import ValveParameters  # noqa: TC001 - pydantic reads this hint at run time
+from positioner.valve.presets import PRESETS, missing, resolved
+from positioner.wire.codec import Codec, WireSettings, make_codec
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from positioner.laws.law import Law
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StateSettings:
+    """The `[state]` table: where the stiction table is kept.
+
+    A relative `directory` lies beside the file. Without one it is $STATE_DIRECTORY (which systemd sets), or else
+    ~/.local/state/positioner/<valve id>.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
+
+    directory: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Configuration:
+    """Everything a positioner is told; one field a table of the file."""
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "allow_inf_nan": False}
+
+    valve: ValveParameters
+    bus: BusAddress = field(default_factory=BusAddress)
+    wire: WireSettings = field(default_factory=WireSettings)
+    control: ControlSettings = field(default_factory=ControlSettings)
+    estimator: EstimatorSettings = field(default_factory=EstimatorSettings)
+    guard: GuardSettings = field(default_factory=GuardSettings)
+    state: StateSettings = field(default_factory=StateSettings)
+
+    @property
+    def state_directory(self) -> Path:
+        """Where the stiction table of this valve is kept."""
+        if self.state.directory is not None:
+            return self.state.directory
+        if given := os.environ.get("STATE_DIRECTORY"):
+            return Path(given.split(":", maxsplit=1)[0])
+        home = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+        return Path(home) / "positioner" / self.valve.id
+
+    @property
+    def limits(self) -> Limits:
+        """What is credible of this valve's stiction table: what its law can itself come to believe."""
+        own = self.control.nmpc
+        return Limits(self.valve, own.adaptation.least, own.adaptation.most, own.watch.ratio_most)
+
+    def make_codec(self) -> Codec:
+        """Return the codec of this valve's bus.
+
+        Raises:
+            ConfigurationError: the user's DBC does not hold what the file names.
+        """
+        return make_codec(self.wire, span_m=self.valve.span_m)
+
+    def make_law(self) -> Law[Any]:
+        """Return a new instance of the chosen law, with a solver of its own."""
+        _, make = LAWS[self.control.law]
+        return make(Ingredients(self.control, self.valve, self.estimator, self.guard, QpSolver))
+
+
+def load_config(path: Path, changes: Mapping[str, Any] | None = None) -> Configuration:
+    """Return the configuration in `path`, with `changes` laid over it; relative paths lie beside it.
+
+    Raises:
+        ConfigurationError: with every mistake in the file, of its values, its DBC and its names alike.
+    """
+    text = toml_reader.read_text(path)
+    if not changes:
+        return parse_config(text, str(path), path.parent)
+    changed = tomli_w.dumps(toml_reader.laid_over(toml_reader.tables(text, str(path)), changes))
+    try:
+        return parse_config(changed, f"{path} with --set", path.parent)
+    except ConfigurationError as error:  # lines of a text that nobody has seen would mislead
+        problems = tuple(Problem(problem.where, None, problem.message) for problem in error.problems)
+        raise ConfigurationError(error.source, problems) from error
+
+
+def parse_config(text: str, source: str, base: Path) -> Configuration:
+    """Return the configuration in `text`; relative paths start at `base`.
+
+    Raises:
+        ConfigurationError: as `load_config`.
+    """
+    tables = toml_reader.tables(text, source)
+    problems: list[Problem] = []
+    found: Configuration | None = None
+    _anchor(tables, base)
+    _name_channel(tables)
+    problems += _valve_problems(tables, text)
+    if isinstance(tables.get("valve"), dict):
+        tables["valve"] = resolved(tables["valve"])
+    try:
+        found = toml_reader.build(tables, Configuration, source, text)
+    except ConfigurationError as error:
+        problems += error.problems
+    problems += wire_problems(tables, text)
+    problems += _law_problems(tables, text)
+    if found is not None:
+        problems += [
+            Problem(f"bus.{where}", toml_reader.line_of(text, _key(f"bus.{where}")), what)
+            for where, what in problems_of(found.bus)
+        ]
+    if found is not None and not problems:
+        problems += range_problems(found, text)
+    if problems or found is None:
+        raise ConfigurationError(source, tuple(sorted(problems, key=lambda problem: problem.line or 0)))
+    return found
+
+
+def _anchor(tables: dict[str, Any], base: Path) -> None:
+    """Let a path in the tables lie where the file lies, not where a command happens to be called."""
+    for table, key in (("wire", "dbc"), ("state", "directory")):
+        found = tables.get(table)
+        if isinstance(found, dict) and isinstance(found.get(key), str):
+            found[key] = str(base / found[key])
+
+
+def _name_channel(tables: dict[str, Any]) -> None:
+    """Take a channel that is written as a number for its name."""
+    bus = tables.get("bus")
+    if isinstance(bus, dict) and type(bus.get("channel")) is int:
+        bus["channel"] = str(bus["channel"])
+
+
+def _law_problems(tables: dict[str, Any], text: str) -> list[Problem]:
+    control = tables.get("control")
+    law = control.get("law") if isinstance(control, dict) else None
+    if not isinstance(law, str) or law in LAWS:
+        return []
+    where, told = f"control.law = '{law}'", f"is no law; {nearest(law, LAWS)}"
+    return [Problem(where, toml_reader.line_of(text, ("control", "law")), told)]
+
+
+def _valve_problems(tables: dict[str, Any], text: str) -> list[Problem]:
+    """Return what `[valve]` lacks: it names a preset, or gives its parameters; an id alone is no valve."""
+    valve = tables.get("valve")
+    if not isinstance(valve, dict):
+        return []
+    preset = valve.get("preset")
+    if preset is not None and not (isinstance(preset, str) and preset in PRESETS):
+        told = f"is no valve; {nearest(str(preset), PRESETS)}"
+        return [Problem(f"valve.preset = {preset!r}", toml_reader.line_of(text, ("valve", "preset")), told)]
+    if lacks := missing(valve):
+        told = f"lacks {', '.join(lacks)}: give them, or name a valve with `preset` ({', '.join(PRESETS)})"
+        return [Problem("valve", toml_reader.line_of(text, ("valve",)), told)]
+    return []
+
+
+def _key(where: str) -> tuple[str, ...]:
+    return tuple(where.split(" = ", maxsplit=1)[0].split("."))

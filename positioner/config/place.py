@@ -1,0 +1,36 @@
+"""Where a valve's state is kept, and the systemd unit that runs it: told by the place of its configuration. Shell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from positioner.config.configuration import Configuration
+
+CONFIGURATIONS = Path("/etc/positioner")
+SERVICE_STATES = Path("/var/lib/positioner")
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """The state directory of a valve, and its unit; None for a positioner that no unit of ours runs."""
+
+    state: Path
+    unit: str | None
+
+
+def place_of(configuration: Configuration, path: Path, state: Path | None = None) -> Place:
+    """Return where the valve of the configuration in `path` lives; `state` is a directory that was asked for.
+
+    The unit `positioner@NAME` reads `/etc/positioner/NAME.toml` and keeps its state in `/var/lib/positioner/NAME`,
+    unless the file says otherwise.
+    """
+    absolute = path.absolute()
+    is_of_unit = absolute.parent == CONFIGURATIONS and absolute.suffix == ".toml"
+    unit = f"positioner@{absolute.stem}" if is_of_unit else None
+    if state is None:
+        served = is_of_unit and configuration.state.directory is None
+        state = SERVICE_STATES / absolute.stem if served else configuration.state_directory
+    return Place(state.absolute(), unit)

@@ -1,0 +1,129 @@
+"""Whether the stem stays away from its setpoint: an error beyond a limit, without progress, for too long. Pure.
+
+Whatever is the matter (no air, a stuck stem, a reversed action, a sensor that says something else, a valve that is not
+the configured one, a law that gives up), the error is what a host can see, and it is never 'good'. NAMUR NE 107 calls a
+deviation from the set value of an actuator, found by its own diagnosis, *out of specification*; control goes on.
+
+A stem on its way is no deviation, however long the stroke: the time begins anew with each step of the stem towards the
+setpoint. A setpoint that the loop current cannot reach, by the believed spring and friction, is called so, and is told
+from a smaller error on.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from positioner.wire.messages import Cause
+
+if TYPE_CHECKING:
+    from positioner.guard.settings import GuardSettings
+    from positioner.valve.model import ValveParameters
+
+FILTER_S = 0.1
+"""Time constant of the mean reading: noise of 2 % of the reading, each draw held for 10 ms, becomes one of 0.3 %."""
+PROGRESS_OF_LIMIT = 0.2
+"""A step towards the setpoint, as a part of the limit, that begins the time anew; 1 % of span by default."""
+UNREACHABLE_OF_LIMIT = 0.2
+"""From which part of the limit on the error from a setpoint out of reach is told."""
+RETURN_OF_LIMIT = 0.8
+"""Within which part of its limit an error that was told is forgotten."""
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation:
+    """What is known of the error.
+
+    position_m: the mean reading; mark_m: the farthest that it came towards the setpoint, in `direction` (+1 or -1; 0
+    while the error is small); from_m: where it was when the error grew large; waited_s: time without progress.
+    cause: NONE, DEVIATION or SETPOINT_UNREACHABLE.
+    """
+
+    position_m: float | None = None
+    direction: int = 0
+    mark_m: float = 0.0
+    from_m: float = 0.0
+    waited_s: float = 0.0
+    cause: Cause = Cause.NONE
+
+
+@dataclass(frozen=True, slots=True)
+class Deviates:
+    """The stem stays away from its setpoint; `why` says what the readings show."""
+
+    why: str
+
+    def __str__(self) -> str:
+        """One line for the log."""
+        return f"deviation: {self.why}"
+
+
+NO_DEVIATION = Deviation()
+
+
+def watch_error(
+    settings: GuardSettings,
+    valve: ValveParameters,
+    known: Deviation,
+    measured_m: float,
+    setpoint_m: float,
+    elapsed_s: float,
+) -> Deviation:
+    """Return what is known after the reading `measured_m`, `elapsed_s` behind the one before, towards `setpoint_m`."""
+    if settings.deviation_of_span == 0.0:
+        return NO_DEVIATION
+    weight = 1.0 - math.exp(-elapsed_s / FILTER_S)
+    mean_m = measured_m if known.position_m is None else known.position_m + weight * (measured_m - known.position_m)
+    error_m = setpoint_m - mean_m
+    reachable = is_reachable(settings, valve, setpoint_m, mean_m)
+    if reachable and known.cause is Cause.SETPOINT_UNREACHABLE:
+        known = Deviation(known.position_m)  # another setpoint: the stem has only begun
+    limit_m = settings.deviation_of_span * valve.span_m
+    threshold_m = limit_m * (1.0 if reachable else UNREACHABLE_OF_LIMIT)
+    if abs(error_m) <= threshold_m * (1.0 if known.cause is Cause.NONE else RETURN_OF_LIMIT):
+        return Deviation(mean_m)
+    direction = 1 if error_m > 0.0 else -1
+    mark_m, from_m, waited_s = known.mark_m, known.from_m, known.waited_s + elapsed_s
+    if direction != known.direction:
+        mark_m = mean_m
+        from_m = mean_m if known.direction == 0 else from_m
+    elif direction * (mean_m - mark_m) >= PROGRESS_OF_LIMIT * limit_m:
+        mark_m, from_m, waited_s = mean_m, mean_m, 0.0
+    cause = known.cause
+    if cause is not Cause.NONE or waited_s > settings.deviation_s:
+        cause = Cause.DEVIATION if reachable else Cause.SETPOINT_UNREACHABLE
+    return Deviation(mean_m, direction, mark_m, from_m, waited_s, cause)
+
+
+def is_reachable(settings: GuardSettings, valve: ValveParameters, setpoint_m: float, position_m: float) -> bool:
+    """Return whether the loop current can bring a stem from `position_m` to `setpoint_m`, by the believed valve."""
+    low_m, high_m = reach_m(settings, valve)
+    return setpoint_m <= high_m if setpoint_m > position_m else setpoint_m >= low_m
+
+
+def reach_m(settings: GuardSettings, valve: ValveParameters) -> tuple[float, float]:
+    """Return how far the stem closes and how far it opens in m: where spring, friction and current balance (eq. 3)."""
+    friction_ma = valve.coulomb_friction_n / valve.force_gain_n_per_ma
+    metres_per_ma = valve.force_gain_n_per_ma / valve.spring_rate_n_per_m
+    middle_ma = valve.balance_current_ma(0.0)
+    low_m = (settings.current_low_ma + friction_ma - middle_ma) * metres_per_ma
+    high_m = (settings.current_high_ma - friction_ma - middle_ma) * metres_per_ma
+    return low_m, high_m
+
+
+def description(settings: GuardSettings, valve: ValveParameters, known: Deviation, setpoint_m: float) -> str:
+    """Return in words what is the matter, as far as the reading shows it."""
+    position_m = known.position_m if known.position_m is not None else setpoint_m
+    off_m = position_m - setpoint_m
+    told = f"the stem is {abs(off_m) * 1e3:.1f} mm {'below' if off_m < 0.0 else 'above'} its setpoint"
+    told += f" of {setpoint_m * 1e3:.1f} mm"
+    if known.cause is Cause.SETPOINT_UNREACHABLE:
+        low_m, high_m = reach_m(settings, valve)
+        if off_m < 0.0:
+            return f"{told}, which is out of reach: {settings.current_high_ma:g} mA open it to {high_m * 1e3:.1f} mm"
+        return f"{told}, which is out of reach: {settings.current_low_ma:g} mA close it to {low_m * 1e3:.1f} mm"
+    away_m = -known.direction * (position_m - known.from_m)
+    if away_m > PROGRESS_OF_LIMIT * settings.deviation_of_span * valve.span_m:
+        return f"{told} and went {away_m * 1e3:.1f} mm the other way: is the action reversed?"
+    return f"{told} and came no nearer for {known.waited_s:.3g} s: look at air, actuator and sensor"

@@ -1,0 +1,199 @@
+"""What a cycle reports besides its frames: typed events that the shell logs, stores and draws. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from positioner.cycle.deviation import Deviates
+from positioner.cycle.timing_events import LawLate, PeriodWrong, Stalled
+from positioner.cycle.trust_events import ActingChanged, NotBelieved, PushFailed
+from positioner.wire.loop_current import LoopSignal, signal_of
+
+if TYPE_CHECKING:
+    from positioner.laws.law import Decision
+    from positioner.valve.state import StemState
+    from positioner.valve.stiction import LearnedSample
+    from positioner.wire.formats import Reason
+    from positioner.wire.messages import Cause, Counted, Mode
+
+
+@dataclass(frozen=True, slots=True)
+class FrameRefused:
+    """A frame was not taken."""
+
+    reason: Reason
+    detail: str
+
+    def __str__(self) -> str:
+        """One line for the log."""
+        return f"frame refused: {self.detail}"
+
+
+@dataclass(frozen=True, slots=True)
+class FramesLost:
+    """The counter of a sender shows that frames are missing."""
+
+    sender: str
+    count: int
+
+    def __str__(self) -> str:
+        """One line for the log."""
+        return f"{self.count} frame(s) of {self.sender} lost on the bus"
+
+
+@dataclass(frozen=True, slots=True)
+class SetpointRefused:
+    """A setpoint lies outside the travel; the last good one stays in force."""
+
+    setpoint_m: float
+    travel_min_m: float
+    travel_max_m: float
+
+    def __str__(self) -> str:
+        """One line for the log."""
+        travel = f"{self.travel_min_m * 1e3:g} to {self.travel_max_m * 1e3:g} mm"
+        return (
+            f"setpoint {self.setpoint_m * 1e3:.3f} mm refused: outside the travel of {travel}; "
+            "the last one stays (mend the host, or valve.travel_* in the configuration)"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class OrderDisputed:
+    """More than one sender seems to give setpoints, or currents by hand; `what` was given, and was refused."""
+
+    what: str
+    why: str
+
+    def __str__(self) -> str:
+        """One line for the log."""
+        return f"{self.what} refused: {self.why}"
+
+
+@dataclass(frozen=True, slots=True)
+class FeedbackRefused:
+    """A position reading is implausible and was not used."""
+
+    position_m: float
+    why: str
+    counted: Counted
+
+    def __str__(self) -> str:
+        """One line for the log."""
+        return f"position {self.position_m * 1e3:.3f} mm refused: {self.why}"
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignCommand:
+    """Somebody else sends our command frame."""
+
+    current_ma: float
+    counter: int | None = None
+
+    def __str__(self) -> str:
+        """One line for the log."""
+        failure = ", a failure signal" if signal_of(self.current_ma) is LoopSignal.FAILURE else ""
+        told = f"another controller commands this valve ({self.current_ma:.3f} mA{failure})"
+        return f"{told}: stop it, or give one another id_offset"
+
+
+@dataclass(frozen=True, slots=True)
+class ModeChanged:
+    """The guard changed its mode."""
+
+    before: Mode
+    after: Mode
+    cause: Cause
+
+    def __str__(self) -> str:
+        """One line for the log."""
+        return f"mode {self.before.name} -> {self.after.name} ({self.cause.name.lower().replace('_', ' ')})"
+
+
+@dataclass(frozen=True, slots=True)
+class Learned:
+    """A stop or a slip taught the table something."""
+
+    sample: LearnedSample
+    sequence: int
+
+    def __str__(self) -> str:
+        """One line for the log."""
+        sample = self.sample
+        return f"learned {sample.quantity} = {sample.value:.6g} at {sample.position_m * 1e3:.2f} mm, {sample.direction}"
+
+
+@dataclass(frozen=True, slots=True)
+class LawFellBack:
+    """The law could not do what it wanted, or failed; `why` says it in words."""
+
+    why: str
+
+    def __str__(self) -> str:
+        """One line for the log."""
+        return f"law fell back: {self.why}"
+
+
+@dataclass(frozen=True, slots=True)
+class LinesDropped:
+    """Lines of the log that nobody read: they would have kept the loop waiting."""
+
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class MoveBegan:
+    """The law began a move; `why` says what for, and what its first current rests on."""
+
+    why: str
+
+    def __str__(self) -> str:
+        """One line for the log."""
+        return f"move: {self.why}"
+
+
+@dataclass(frozen=True, slots=True)
+class Controlled:
+    """One closed cycle: the reading, the estimate, the decision and the current that the guard let through."""
+
+    time_s: float
+    setpoint_m: float
+    measured_m: float
+    stem: StemState
+    decision: Decision
+    current_ma: float
+    mode: Mode
+    table_sequence: int
+
+
+Event = (
+    FrameRefused
+    | FramesLost
+    | SetpointRefused
+    | OrderDisputed
+    | FeedbackRefused
+    | ForeignCommand
+    | Deviates
+    | ModeChanged
+    | Learned
+    | NotBelieved
+    | PushFailed
+    | ActingChanged
+    | LawFellBack
+    | LawLate
+    | LinesDropped
+    | Stalled
+    | PeriodWrong
+    | MoveBegan
+    | Controlled
+)
+
+
+def kind_of(event: Event) -> str:
+    """Return what counts as one kind of line: refused frames are told apart by their reason, readings by the doubt."""
+    if isinstance(event, FrameRefused):
+        return f"{type(event).__name__} {event.reason.value}"
+    if isinstance(event, FeedbackRefused):
+        return f"{type(event).__name__} {event.counted.name}"
+    return type(event).__name__

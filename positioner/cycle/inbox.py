@@ -1,0 +1,241 @@
+"""From frames to what they mean: the newest valid reading, the newest usable setpoint, and everything refused. Pure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from positioner.cycle.events import (
+    Event,
+    FeedbackRefused,
+    ForeignCommand,
+    FrameRefused,
+    FramesLost,
+    OrderDisputed,
+    SetpointRefused,
+)
+from positioner.cycle.link import LinkState, Reading, Received
+from positioner.cycle.plausibility import judge
+from positioner.cycle.timing_events import PeriodWrong
+from positioner.guard.stall import Freshness
+from positioner.guard.state import Sighting
+from positioner.wire.e2e import CounterCheck, Sequence
+from positioner.wire.formats import FrameRejectedError, Reason
+from positioner.wire.messages import (
+    ActuatorState,
+    Cause,
+    Counted,
+    CurrentCommand,
+    HostRequest,
+    ManualCurrent,
+    Message,
+    Quality,
+    Setpoint,
+    StemPosition,
+)
+from positioner.wire.rounding import meant
+from positioner.wire.window import Sender
+
+if TYPE_CHECKING:
+    from positioner.guard.settings import GuardSettings
+    from positioner.valve.model import ValveParameters
+    from positioner.wire.codec import Codec
+    from positioner.wire.messages import CanFrame
+
+
+_IGNORED = frozenset({Reason.UNKNOWN_ID})
+"""Other nodes' traffic is nobody's mistake."""
+_COUNTED = (StemPosition, Setpoint, ActuatorState, ManualCurrent)
+ALL_FRESH = Freshness()
+
+
+def receive(
+    codec: Codec,
+    guard: GuardSettings,
+    valve: ValveParameters,
+    link: LinkState,
+    frames: tuple[CanFrame, ...],
+    commanded_ma: float | None = None,
+    period_s: float = 0.0,
+    fresh: Freshness = ALL_FRESH,
+) -> Received:
+    """Return what `frames`, oldest first, amount to; the newest reading counts, no frame is lost to the checks.
+
+    commanded_ma is the current that a law or a person gave, None in other modes; `period_s` lies between two readings.
+    A reading that is not `fresh` is told to the guard with its age, and not handed on.
+    """
+    batch = _Batch(codec, guard, valve, link, commanded_ma, period_s, fresh)
+    for frame in frames:
+        try:
+            message, counter = codec.decode(frame)
+            lost = batch.in_sequence(message, counter, codec.by_kind[type(message)].counter_modulus, frame.data)
+        except FrameRejectedError as error:
+            if error.reason not in _IGNORED:
+                batch.rejected_count += 1
+                batch.events.append(FrameRefused(error.reason, str(error)))
+        else:
+            batch.take(message, counter, lost, fresh.arrived_ns(frame))
+    return batch.result()
+
+
+class _Batch:
+    """A batch of frames on its way to being understood: the link's fields, writable until `result`."""
+
+    def __init__(
+        self,
+        codec: Codec,
+        guard: GuardSettings,
+        valve: ValveParameters,
+        link: LinkState,
+        commanded_ma: float | None,
+        period_s: float,
+        fresh: Freshness,
+    ) -> None:
+        self.codec = codec
+        self.guard = guard
+        self.valve = valve
+        self.commanded_ma = commanded_ma
+        self.period_s = period_s
+        self.fresh = fresh
+        self.senders = dict(link.senders)
+        self.readings = link.readings
+        self.setpoint_m = link.setpoint_m
+        self.setpoint_counter = link.setpoint_counter
+        self.pressure_pa = link.pressure_pa
+        self.rejected_count = link.rejected_count
+        self.position_counter = link.position_counter
+        self.cadence = link.cadence
+        self.reading: Reading | None = None
+        self.feedback_ns: int | None = None
+        self.setpoint_ns: int | None = None
+        self.requests: list[HostRequest] = []
+        self.manual: ManualCurrent | None = None
+        self.stray_disarm = False
+        self.waited: HostRequest | None = None
+        self.foreign = False
+        self.refused: Cause | None = None
+        self.setpoint_refused: Cause | None = None
+        self.events: list[Event] = []
+        self._periods = link.periods_unread
+
+    def result(self) -> Received:
+        """Return what the batch amounts to."""
+        link = LinkState(
+            self.senders,
+            self.readings,
+            self.setpoint_m,
+            self.setpoint_counter,
+            self.pressure_pa,
+            self.rejected_count,
+            self._periods - (self.reading.periods if self.reading else 0),
+            self.reading.counter if self.reading else self.position_counter,
+            self.cadence,
+        )
+        now_ns, feedback_ns, setpoint_ns = self.fresh.now_ns, self.feedback_ns, self.setpoint_ns
+        seen = Sighting(
+            feedback_ns is not None,
+            setpoint_ns is not None,
+            tuple(self.requests),
+            self.foreign,
+            self.refused,
+            manual=self.manual,
+            feedback_age_ns=0 if feedback_ns is None else now_ns - feedback_ns,
+            setpoint_age_ns=0 if setpoint_ns is None else now_ns - setpoint_ns,
+            waited=self.waited,
+            period_wrong=self.cadence.is_wrong(self.period_s),
+            stray_disarm=self.stray_disarm,
+            setpoint_refused=self.setpoint_refused,
+        )
+        return Received(link, self.reading, seen, tuple(self.events))
+
+    def in_sequence(self, message: Message, counter: int | None, modulus: int, data: bytes) -> int:
+        """Take the counter over and return how many frames were lost before it.
+
+        A DISARM is obeyed whatever the counter of its frame: one too many is safe, one too few is not.
+
+        Raises:
+            FrameRejectedError: the counter is repeated or out of order.
+        """
+        if counter is None or not isinstance(message, _COUNTED):
+            return 0
+        known = self.senders.get(type(message)) or Sender(CounterCheck(modulus=modulus))
+        # kept even when refused: the frame may be the first of a restarted sender
+        self.senders[type(message)], verdict, lost = known.hear(counter, data)
+        if verdict is not Sequence.FRESH:
+            disarms = isinstance(message, Setpoint) and message.request is HostRequest.DISARM
+            self.stray_disarm |= disarms
+            reason = Reason.REPEATED if verdict is Sequence.REPEATED else Reason.OUT_OF_ORDER
+            told = f"{type(message).__name__} counter {counter} after {known.check.last}"
+            raise FrameRejectedError(reason, f"{told}; its DISARM is obeyed" if disarms else told)
+        if lost:
+            self.events.append(FramesLost(type(message).__name__, lost))
+        return lost
+
+    def take(self, message: Message, counter: int | None, lost: int, arrived_ns: int) -> None:
+        """Take a message whose frame is in order; the emulator's truth and others' status are not ours to read."""
+        match message:
+            case StemPosition():
+                self._take_position(message, counter, lost, arrived_ns)
+            case Setpoint():
+                self._take_setpoint(message, counter, arrived_ns)
+            case ManualCurrent():
+                self._take_manual(message)
+            case ActuatorState():
+                self.pressure_pa = message.pressure_pa
+            case CurrentCommand():
+                self.foreign = True
+                self.events.append(ForeignCommand(message.current_ma, counter))
+
+    def _take_position(self, message: StemPosition, counter: int | None, lost: int, arrived_ns: int) -> None:
+        self._periods += lost + 1
+        before, self.cadence = self.cadence, self.cadence.hear(arrived_ns, lost)
+        if self.cadence.measured_s != before.measured_s and self.cadence.is_wrong(self.period_s):
+            self.events.append(PeriodWrong(self.cadence.measured_s or 0.0, self.period_s))
+        if (sender := self.senders.get(StemPosition)) is not None and not sender.window.settled:
+            self.events.append(FeedbackRefused(message.position_m, sender.window.why, Counted.DISPUTED))
+            self.refused = self.refused if sender.window.valid else Cause.FEEDBACK_DISPUTED
+            return
+        elapsed_s = (lost + 1) * self.period_s
+        self.readings, doubt = judge(
+            self.guard, self.valve, self.readings, message, self.commanded_ma, elapsed_s, self.period_s
+        )
+        if doubt:
+            self.events.append(FeedbackRefused(message.position_m, doubt.why, doubt.counted))
+            frozen = doubt.counted is Counted.FEEDBACK_FROZEN
+            self.refused = Cause.FEEDBACK_FROZEN if frozen else Cause.FEEDBACK_IMPLAUSIBLE
+            return
+        self.feedback_ns = arrived_ns
+        fresh = arrived_ns >= self.fresh.readings_since_ns
+        obeys = message.quality is not Quality.FAIL_POSITION
+        reading = Reading(message.position_m, counter, message.command_counter, self._periods, obeys)
+        self.reading = reading if fresh else None
+
+    def _take_manual(self, message: ManualCurrent) -> None:
+        sender = self.senders.get(ManualCurrent)
+        if sender is None or sender.window.valid:
+            self.manual = message
+        else:
+            self.events.append(OrderDisputed(f"current {message.current_ma:.3f} mA by hand", sender.window.why))
+
+    def _take_setpoint(self, message: Setpoint, counter: int | None, arrived_ns: int) -> None:
+        if (sender := self.senders.get(Setpoint)) is not None and not sender.window.valid:
+            self.stray_disarm |= message.request is HostRequest.DISARM
+            self.setpoint_refused = Cause.SETPOINT_DISPUTED
+            told = f"setpoint {message.setpoint_m * 1e3:.3f} mm"
+            self.events.append(OrderDisputed(told, sender.window.why))
+            return
+        low_m, high_m = self.valve.travel_min_m, self.valve.travel_max_m
+        setpoint_m = meant(self.codec.field(Setpoint, "setpoint_m"), message.setpoint_m, low_m, high_m)
+        usable = setpoint_m is not None
+        # an ARM counts with a setpoint that can be used
+        if usable or message.request is not HostRequest.ARM:
+            self._take_request(message.request, arrived_ns)
+        if usable:
+            self.setpoint_ns, self.setpoint_m, self.setpoint_counter = arrived_ns, setpoint_m, counter
+        else:
+            self.events.append(SetpointRefused(message.setpoint_m, low_m, high_m))
+
+    def _take_request(self, request: HostRequest, arrived_ns: int) -> None:
+        if request is not HostRequest.DISARM and arrived_ns < self.fresh.arms_since_ns:
+            self.waited = request
+        elif [request] != self.requests[-1:]:
+            self.requests.append(request)

@@ -1,0 +1,56 @@
+"""What a batch of frames amounts to, and what is remembered of the other nodes until the next one. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from positioner.cycle.cadence import Cadence
+from positioner.cycle.plausibility import Watched
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from positioner.cycle.events import Event
+    from positioner.guard.state import Sighting
+    from positioner.wire.messages import Message
+    from positioner.wire.window import Sender
+
+
+@dataclass(frozen=True, slots=True)
+class LinkState:
+    """What is remembered of the other nodes between cycles."""
+
+    senders: Mapping[type[Message], Sender] = field(default_factory=dict)
+    readings: Watched = field(default_factory=Watched)
+    setpoint_m: float | None = None
+    setpoint_counter: int | None = None
+    pressure_pa: float | None = None
+    rejected_count: int = 0
+    periods_unread: int = 0
+    position_counter: int | None = None
+    cadence: Cadence = field(default_factory=Cadence)
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A plausible position reading: its frame's counter, and how many sample periods lie between it and the last.
+
+    command_counter: of the command that acted; obeys: whether the node's actuator obeys commands.
+    """
+
+    position_m: float
+    counter: int | None
+    command_counter: int | None
+    periods: int
+    obeys: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """What a batch of frames amounts to."""
+
+    link: LinkState
+    reading: Reading | None
+    seen: Sighting
+    events: tuple[Event, ...]

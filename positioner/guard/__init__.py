@@ -1,0 +1,1 @@
+"""The guard: modes, arming, stalls, manual mode, and the last word on the current. Pure."""

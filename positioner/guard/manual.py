@@ -1,0 +1,44 @@
+"""Manual mode: the host gives the current, the law is out, and the guard keeps its limits. Pure.
+
+The host sends MANUAL_CURRENT as long as manual mode lasts; a frame with the request AUTO ends it. An actuator without a
+sensor can still be moved by hand, so manual mode needs no feedback. Whoever arms begins in manual mode if the host asks
+for it at that time, and in automatic mode otherwise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from positioner.wire.messages import ManualRequest
+
+if TYPE_CHECKING:
+    from positioner.guard.settings import GuardSettings
+    from positioner.wire.messages import ManualCurrent
+
+_NS = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Manual:
+    """The current that the host asks for by hand, and when it last did; None and None in automatic mode."""
+
+    current_ma: float | None = None
+    heard_ns: int | None = None
+
+
+AUTOMATIC = Manual()
+
+
+def hear(manual: Manual, asked: ManualCurrent | None, now_ns: int) -> Manual:
+    """Return what the host asks for by hand after the newest MANUAL_CURRENT, `asked`; None where none came."""
+    if asked is None:
+        return manual
+    return Manual(asked.current_ma, now_ns) if asked.request is ManualRequest.MANUAL else AUTOMATIC
+
+
+def is_fresh(settings: GuardSettings, manual: Manual, now_ns: int) -> bool:
+    """Return whether the host asks for manual mode right now: within `setpoint_hold_s`."""
+    if manual.heard_ns is None:
+        return False
+    return settings.setpoint_hold_s == 0.0 or now_ns - manual.heard_ns <= settings.setpoint_hold_s * _NS

@@ -1,0 +1,1 @@
+"""The default law, and everything that only it uses. Pure."""

@@ -1,0 +1,144 @@
+"""The breakaway current Γ, from the stiction table where it knows and from the model elsewhere (paper §5.2). Pure.
+
+Inside a cell of the table Γ rises with the spring by K·(cell width)/B, more than a tenth of F_s. So what is recorded,
+and what is read, is Γ at the centre of the cell; the spring carries it to where the stem stands.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+from annotated_types import Interval
+
+from positioner.laws.nmpc.slide import Load
+from positioner.valve.stiction import LearnedSample, Quantity, direction_of
+
+if TYPE_CHECKING:
+    from positioner.laws.nmpc.slide import Slider
+    from positioner.valve.stiction import StictionTable
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BreakawaySettings:
+    """The `[control.nmpc.breakaway]` table of a configuration; forces as fractions of F_s.
+
+    margin: what is pushed beyond F_s.
+    least_count, largest_age, largest_spread: a cell with fewer samples, an older newest one (in learned samples), or
+        samples further apart than that is not used.
+    """
+
+    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
+
+    margin: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.02
+    least_count: Annotated[int, Interval(ge=1, le=1000)] = 3
+    largest_age: Annotated[int, Interval(ge=1, le=1_000_000)] = 500
+    largest_spread: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.06
+
+
+@dataclass(frozen=True, slots=True)
+class Breakaway:
+    """Γ in mA, and how many samples of the table it rests on; 0 when it is the model's."""
+
+    current_ma: float
+    samples: int
+
+    @property
+    def source(self) -> str:
+        """Where it comes from, in words."""
+        return f"the table ({self.samples} samples)" if self.samples else "the model"
+
+
+def breakaway(
+    settings: BreakawaySettings,
+    slider: Slider,
+    table: StictionTable,
+    position_m: float,
+    direction: float,
+    spring_n_per_m: float,
+    static_n: float,
+) -> Breakaway:
+    """Return Γ for a stem resting at `position_m` that is to move in `direction` (±1): (K·x ± F_s)/B, or the table's.
+
+    The table's is its mean and one spread, so that most pushes free the stem, never less than its newest sample, and
+    never less than 0.9 of the model's F_s: else a table that is wrong has the law push again and again in vain.
+    """
+    spare_n = direction * settings.margin * static_n
+    cell = table.cell(Quantity.BREAKAWAY_CURRENT, position_m, direction_of(direction))
+    if (
+        cell is None
+        or cell.count < settings.least_count
+        or table.age(cell) > settings.largest_age
+        or cell.spread * slider.gain_n_per_ma > settings.largest_spread * static_n
+    ):
+        return Breakaway(slider.current_ma(spring_n_per_m * position_m + direction * static_n + spare_n), 0)
+    pushes = (cell.mean + direction * cell.spread, cell.samples[-1])
+    centre_m = table.index_of(position_m) * table.cell_width_m
+    least_ma = slider.current_ma(spring_n_per_m * centre_m + direction * _LEAST_OF_MODEL * static_n)
+    carried_n = spring_n_per_m * (position_m - centre_m) + spare_n
+    push_ma = max(*pushes, least_ma) if direction > 0.0 else min(*pushes, least_ma)
+    return Breakaway(push_ma + carried_n / slider.gain_n_per_ma, len(cell.samples))
+
+
+_LEAST_OF_MODEL = 0.9
+"""Part of the model's F_s that a push has at least, whatever the table says."""
+
+
+def lesson(
+    slider: Slider, cell_width_m: float, position_m: float, direction: float, spring_n_per_m: float, static_n: float
+) -> LearnedSample:
+    """Return the sample for the table: Γ in mA at the centre of the cell that holds `position_m`."""
+    centre_m = round(position_m / cell_width_m) * cell_width_m
+    current_ma = slider.current_ma(spring_n_per_m * centre_m + direction * static_n)
+    return LearnedSample(Quantity.BREAKAWAY_CURRENT, centre_m, direction_of(direction), current_ma)
+
+
+_SAMPLES_PER_CELL = 4
+"""Samples that add to the weight of their cell's newest one; what errs in one, errs in its neighbours."""
+
+
+def recollect(
+    settings: BreakawaySettings, slider: Slider, table: StictionTable, prior: Load, sigmas: Load, ratio: float
+) -> tuple[Load, Load]:
+    """Return the load and its standard deviations that a table remembers, `prior` and `sigmas` without any cell.
+
+    K and F_s are the least squares of B·Γ = K·x ± F_s over the newest Γ of all breakaway cells but stale and scattered
+    ones, weighed against the prior; F_c follows as F_s/`ratio`. Each Γ holds what was believed of K and F_s when it was
+    learned, so the newer it is, the more it counts. F_v is taken to have changed as F_c: packing that grips harder does
+    so at every speed. A valve without friction has nothing to break away from, and its table nothing to remember.
+    """
+    static_n = ratio * prior.friction_n
+    if static_n < _SURE:
+        return prior, sigmas
+    sure_n = max(max(settings.margin, _LEAST_DOUBT) * static_n, _SURE)
+    # information matrix [[a, b], [b, c]] and vector (d, e) of the deviations from the prior
+    a, b, c = max(sigmas.spring_n_per_m, _SURE) ** -2, 0.0, max(ratio * sigmas.friction_n, _SURE) ** -2
+    d, e = 0.0, 0.0
+    for key, cell in table:
+        spread_n = cell.spread * slider.gain_n_per_ma
+        if (
+            key.quantity is not Quantity.BREAKAWAY_CURRENT
+            or table.age(cell) > settings.largest_age
+            or spread_n > settings.largest_spread * static_n
+        ):
+            continue
+        x, s = key.index * table.cell_width_m, key.direction.sign
+        error_n = slider.push_n(cell.samples[-1], s, static_n) - prior.spring_n_per_m * x
+        samples = min(len(cell.samples), _SAMPLES_PER_CELL) * _FADING ** table.age(cell)
+        weight = samples / (sure_n * sure_n)
+        a, b, c = a + weight * x * x, b + weight * x * s, c + weight
+        d, e = d + weight * x * error_n, e + weight * s * error_n
+    det = a * c - b * b
+    friction_n = prior.friction_n + (a * e - b * d) / (det * ratio)
+    grip = friction_n / prior.friction_n
+    load = Load(prior.spring_n_per_m + (c * d - b * e) / det, friction_n, prior.viscous_n_s_per_m * grip)
+    return load, Load(math.sqrt(c / det), math.sqrt(a / det) / ratio, sigmas.viscous_n_s_per_m)
+
+
+_FADING = 0.9
+"""Weight of a cell's newest sample for each sample learned since, anywhere."""
+_SURE = 1e-3
+"""N/m or N: no prior, and no sample, is surer than that; less static friction is none."""
+_LEAST_DOUBT = 0.005
+"""Part of F_s that a sample is uncertain by at least, however small the margin of a push is chosen."""

@@ -1,0 +1,172 @@
+"""Position, speed, spring rate and friction of the stem: an extended Kalman filter with the stop inside. Pure.
+
+While the stem slides, the filter has five states: x, v, K, F_c and F_v. Its covariance goes through the flow of
+`slide`, stop and all, so that the error of a landing corrects the load. While the stem rests nothing moves:
+the filter is a plain average of the position, and the load follows it along the one line that the covariance leaves.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import numpy as np
+from annotated_types import Interval
+
+from positioner.laws.nmpc.slide import Load
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from positioner.laws.nmpc.slide import Slider
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AdaptationSettings:
+    """The `[control.nmpc.adaptation]` table of a configuration; fractions are of the nominal K_m, F_c and F_v.
+
+    spring_sigma, friction_sigma, viscous_sigma: how far the configured values may be off.
+    friction_per_move, friction_per_m: how F_c wanders from move to move, and per metre.
+    force_noise_n: force that the model does not know, white per sample, while sliding.
+    landing_noise_m: error of a landing that none of the states explains.
+    least, most: limits of the estimates.
+    """
+
+    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
+
+    spring_sigma: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.12
+    friction_sigma: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.12
+    viscous_sigma: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.12
+    friction_per_move: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.02
+    friction_per_m: Annotated[float, Interval(ge=0.0, le=100.0)] = 0.1
+    force_noise_n: Annotated[float, Interval(ge=0.0, le=1e5)] = 30.0
+    landing_noise_m: Annotated[float, Interval(ge=0.0, le=0.01)] = 2e-4
+    least: Annotated[float, Interval(gt=0.0, le=1.0)] = 0.6
+    most: Annotated[float, Interval(ge=1.0, le=10.0)] = 1.5
+
+
+@dataclass(frozen=True, slots=True)
+class Sliding:
+    """The estimate while the stem slides: x (m), v (m/s), the load, and their covariance (5, 5), never written.
+
+    `direction` is that of the move (±1), `stopped` whether friction has ended it.
+    """
+
+    x: float
+    v: float
+    load: Load
+    covariance: NDArray[np.float64]
+    direction: float
+    stopped: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Resting:
+    """The estimate while the stem rests at x (m): its variance (m²), and the load, which follows x.
+
+    slopes: derivatives of the load to x, from the regression that the covariance is; `anchor` is the estimate that
+    came to rest.
+    """
+
+    x: float
+    variance_m2: float
+    anchor: Sliding
+    slopes: Load
+
+    @property
+    def load(self) -> Load:
+        """The load in SI units."""
+        moved = self.x - self.anchor.x
+        return Load(*(own + slope * moved for own, slope in zip(self.anchor.load, self.slopes, strict=True)))
+
+    @property
+    def sigma_m(self) -> float:
+        """Standard deviation of x in m."""
+        return math.sqrt(self.variance_m2)
+
+
+@dataclass(frozen=True, slots=True)
+class AdaptiveFilter:
+    """The filter of one valve: its motion, its nominal load, and what it takes as unknown."""
+
+    settings: AdaptationSettings
+    slider: Slider
+    nominal: Load
+
+    def at_rest(self, x: float, variance_m2: float, load: Load, sigmas: Load) -> Resting:
+        """Return the estimate of a stem that rests at x, with the load and its standard deviations."""
+        covariance = np.diag([variance_m2, 0.0, *(sigma * sigma for sigma in sigmas)])
+        return self.rest(Sliding(x, 0.0, self._limited(load), covariance, 1.0, True))
+
+    def prior_sigmas(self) -> Load:
+        """Return the standard deviations of a load of which nothing was learned."""
+        own, nominal = self.settings, self.nominal
+        return Load(
+            own.spring_sigma * nominal.spring_n_per_m,
+            own.friction_sigma * nominal.friction_n,
+            own.viscous_sigma * nominal.viscous_n_s_per_m,
+        )
+
+    def depart(self, rest: Resting, direction: float) -> Sliding:
+        """Return the estimate at the start of a move: what the average taught, and friction a little less certain."""
+        covariance = rest.anchor.covariance.copy()
+        line = covariance[0] / covariance[0, 0]
+        covariance -= np.outer(line, line) * (covariance[0, 0] - rest.variance_m2)
+        covariance[3, 3] += (self.settings.friction_per_move * self.nominal.friction_n) ** 2
+        return Sliding(rest.x, 0.0, self._limited(rest.load), covariance, direction)
+
+    def advance(self, state: Sliding, current_ma: float, duration_s: float) -> Sliding:
+        """Return the prediction after `duration_s` under `current_ma`; a stop inside is part of it."""
+        s = state.direction
+        flow = self.slider.flow(state.x, state.v, current_ma, state.load, s, duration_s)
+        transition = np.eye(5)
+        transition[0] = flow.dx_dx, flow.dx_dv, flow.dx_dk, -s * flow.dx_dq, flow.dx_dc
+        transition[1] = flow.dv_dx, flow.dv_dv, flow.dv_dk, -s * flow.dv_dq, flow.dv_dc
+        covariance = transition @ state.covariance @ transition.T
+        if not flow.stopped:
+            covariance[1, 1] += (self.settings.force_noise_n / self.slider.mass_kg * duration_s) ** 2
+        wander_n = self.settings.friction_per_m * self.nominal.friction_n
+        covariance[3, 3] += wander_n * wander_n * abs(flow.x - state.x)
+        return Sliding(flow.x, flow.v, state.load, covariance, s, flow.stopped)
+
+    def correct(self, state: Sliding, measured_m: float, variance_m2: float) -> Sliding:
+        """Return the estimate after a reading with the variance `variance_m2`; friction forbids a change of sign."""
+        column = state.covariance[:, 0]
+        gain = column / (column[0] + variance_m2)
+        covariance = state.covariance - np.outer(gain, column)
+        dx, dv, *change = (gain * (measured_m - state.x)).tolist()
+        load = self._limited(Load(*(old + new for old, new in zip(state.load, change, strict=True))))
+        v = state.v + dv
+        stopped = state.stopped or (state.v != 0.0 and v * state.direction <= 0.0)
+        return Sliding(state.x + dx, 0.0 if stopped else v, load, covariance, state.direction, stopped)
+
+    def rest(self, state: Sliding) -> Resting:
+        """Return the estimate of a stem that has come to rest, a little less certain of where."""
+        covariance = state.covariance.copy()
+        covariance[1, :] = covariance[:, 1] = 0.0
+        covariance[0, 0] += max(self.settings.landing_noise_m, _SHARPEST_M) ** 2
+        x_x, _, *others = covariance[0].tolist()
+        anchor = Sliding(state.x, 0.0, state.load, covariance, state.direction, True)
+        return Resting(state.x, x_x, anchor, Load(*(each / x_x for each in others)))
+
+    def _limited(self, load: Load) -> Load:
+        """Return the load inside its limits."""
+        least, most = self.settings.least, self.settings.most
+        return Load(*(min(max(own, least * by), most * by) for own, by in zip(load, self.nominal, strict=True)))
+
+
+_SHARPEST_M = 1e-9
+"""A landing is never known better."""
+
+
+def spread_of(rest: Resting) -> Load:
+    """Return the standard deviations of the load when the stem came to rest."""
+    return Load(*np.sqrt(rest.anchor.covariance.diagonal()[2:]).tolist())
+
+
+def average(rest: Resting, measured_m: float, variance_m2: float) -> Resting:
+    """Return the estimate after one more reading of a resting stem."""
+    gain = rest.variance_m2 / (rest.variance_m2 + variance_m2)
+    x = rest.x + gain * (measured_m - rest.x)
+    return Resting(x, (1.0 - gain) * rest.variance_m2, rest.anchor, rest.slopes)

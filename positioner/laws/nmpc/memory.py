@@ -1,0 +1,48 @@
+"""What the law `nmpc` carries from cycle to cycle, and how it tells of the stem. Pure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from positioner.laws.nmpc.filter import Resting, Sliding
+from positioner.laws.pushes import Pushes
+from positioner.valve.state import StemState
+from positioner.wire.messages import Motion
+
+if TYPE_CHECKING:
+    from positioner.laws.nmpc.verification import Watch
+    from positioner.valve.stiction import LearnedSample
+
+
+@dataclass(frozen=True, slots=True)
+class NmpcMemory:
+    """What the law carries.
+
+    stem: the estimate, of a sliding stem while motion is MOVE, else of a resting one.
+    settle_s: what is left of SETTLE. hold_ma: the current that is held, None to choose one.
+    plan_ma: the last plan, shifted by one, empty before a move.
+    setpoint_m: the setpoint pursued; aim_m: where the move is to end for it; corrections: moves made for it so far;
+        pushes: those that failed. ends_s: when the move must be over, in the law's time.
+    """
+
+    stem: Resting | Sliding
+    watch: Watch
+    motion: Motion = Motion.HOLD
+    settle_s: float = 0.0
+    hold_ma: float | None = None
+    plan_ma: tuple[float, ...] = ()
+    setpoint_m: float | None = None
+    aim_m: float = 0.0
+    corrections: int = 0
+    ends_s: float = math.inf
+    pushes: Pushes = field(default_factory=Pushes)
+
+
+def report(stem: Resting | Sliding, *learned: LearnedSample) -> StemState:
+    """Return the estimate as the rest of the positioner knows it."""
+    if isinstance(stem, Resting):
+        return StemState(stem.x, 0.0, True, stem.anchor.direction, stem.variance_m2, 0.0, 0.0, 0.0, learned)
+    (xx, xv), (_, vv) = stem.covariance[:2, :2].tolist()
+    return StemState(stem.x, stem.v, False, stem.direction, xx, xv, vv, 0.0, learned)

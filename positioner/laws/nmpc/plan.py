@@ -1,0 +1,196 @@
+"""The iterative LTV-QP of the law `nmpc`: as fast as can be, and never too fast to stop at the target. Pure.
+
+The paper's movable speed bound v ≤ restVel(r - x) (eqs 22 to 24) is here the exact one: the speed from which braking
+with a given current ends at r. As a bound on the state, s·X(x, v) ≤ s·r with X the stopping point, it is linearised
+along the prediction, at every step of the horizon and in every pass (steps 1 to 5 of paper §4.1). Where the present
+speed breaks it already, it is relaxed to what full braking reaches (D10): a programme always has a solution.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
+
+import numpy as np
+from annotated_types import Interval
+
+from positioner.laws.nmpc.slide import STOPPING_TIME_S
+from positioner.optimization.qp import QuadraticProgram
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from positioner.laws.nmpc.slide import Load, Slider
+    from positioner.optimization.qp import Solver
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ApproachSettings:
+    """The `[control.nmpc.approach]` table of a configuration.
+
+    prediction_steps, control_steps: H_p, H_u.
+    terminal_factor: weight of the last predicted error, relative to the others.
+    input_weight: weight of a current away from the braking current, relative to that of the error it makes.
+    max_passes, pass_tolerance_ma: the passes end when no input changes by more, so that the bound holds at every step.
+    """
+
+    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
+
+    prediction_steps: Annotated[int, Interval(ge=1, le=100)] = 4
+    control_steps: Annotated[int, Interval(ge=1, le=100)] = 4
+    terminal_factor: Annotated[float, Interval(ge=0.0, le=1e3)] = 3.0
+    input_weight: Annotated[float, Interval(gt=0.0, le=1e3)] = 0.03
+    max_passes: Annotated[int, Interval(ge=1, le=50)] = 6
+    pass_tolerance_ma: Annotated[float, Interval(gt=0.0, le=1.0)] = 5e-3
+
+    def __post_init__(self) -> None:
+        """Refuse a control horizon beyond the prediction."""
+        if self.control_steps > self.prediction_steps:
+            raise ValueError("control_steps exceeds prediction_steps")
+
+
+class Course(NamedTuple):
+    """A move to be planned: from x (m) and v (m/s) in `direction` (±1) to the target, against `load`.
+
+    brake_ma: the current that the stem is to stop under, in the stick band of the target.
+    weakest_ma, strongest_ma: the least and the most current, seen in the direction of the move.
+    release_ma: the least current of the first step, Γ for a stem that still sticks (eqs 25, 26), else `weakest_ma`.
+    """
+
+    x: float
+    v: float
+    direction: float
+    target_m: float
+    load: Load
+    brake_ma: float
+    weakest_ma: float
+    strongest_ma: float
+    release_ma: float
+
+    def smallest_m(self, slider: Slider, period_s: float) -> float:
+        """Return where the smallest push ends: one sample of the least current, then braking."""
+        s, load = self.direction, self.load
+        pushed = slider.flow(self.x, self.v, self.release_ma, load, s, period_s)
+        return slider.flow(pushed.x, pushed.v, self.brake_ma, load, s, STOPPING_TIME_S).x
+
+
+@dataclass(frozen=True, slots=True)
+class Approach:
+    """The plan: inputs (H_u) in mA, the speed bound after the first step in m/s, and the passes it took."""
+
+    inputs_ma: tuple[float, ...]
+    speed_limit_m_per_s: float
+    passes: int
+
+
+class Line(NamedTuple):
+    """The prediction along given inputs: positions (H_p), stopping points (H_p), and their derivatives (H_p, H_u)."""
+
+    positions: list[float]
+    stops: list[float]
+    position_rows: list[list[float]]
+    stop_rows: list[list[float]]
+    speed_limit: float
+
+
+def approach(
+    settings: ApproachSettings,
+    slider: Slider,
+    solver: Solver,
+    course: Course,
+    guess_ma: tuple[float, ...],
+    period_s: float,
+) -> Approach | None:
+    """Return the plan for `course`, or None when a programme was not solved; guess_ma (H_u) starts the passes."""
+    low, high = _limits(course, len(guess_ma))
+    braking = [course.release_ma, *(course.weakest_ma,) * (len(guess_ma) - 1)]
+    if course.direction * (course.smallest_m(slider, period_s) - course.target_m) >= 0.0:
+        # not even the least current stops before the target: a programme would have this one solution
+        line = predict(settings, slider, course, braking, period_s)
+        return Approach(tuple(braking), line.speed_limit, 0)
+    inputs = np.clip(guess_ma, low, high)
+    passes, change = 0, math.inf
+    while change >= settings.pass_tolerance_ma and passes < settings.max_passes:
+        line = predict(settings, slider, course, inputs.tolist(), period_s)
+        solution = solver.solve(program(settings, course, line, inputs))
+        if solution is None:
+            return None
+        found = np.clip(solution.z, low, high)
+        passes, change, inputs = passes + 1, float(np.max(np.abs(found - inputs))), found
+    return Approach(tuple(inputs.tolist()), line.speed_limit, passes)
+
+
+def predict(
+    settings: ApproachSettings, slider: Slider, course: Course, inputs_ma: list[float], period_s: float
+) -> Line:
+    """Return the exact motion under `inputs_ma` (H_u), the last one held, linearised step by step."""
+    s, load, gain, count = course.direction, course.load, slider.gain_n_per_ma, len(inputs_ma)
+    x, v = course.x, course.v
+    x_row, v_row = [0.0] * count, [0.0] * count
+    line = Line([], [], [], [], 0.0)
+    limit = 0.0
+    for step in range(settings.prediction_steps):
+        # Loop invariant: x_row and v_row are the derivatives of x and v to the inputs
+        index = min(step, count - 1)
+        move = slider.flow(x, v, inputs_ma[index], load, s, period_s)
+        x_row, v_row = (
+            [move.dx_dx * a + move.dx_dv * b for a, b in zip(x_row, v_row, strict=True)],
+            [move.dv_dx * a + move.dv_dv * b for a, b in zip(x_row, v_row, strict=True)],
+        )
+        x_row[index] += move.dx_dq * gain
+        v_row[index] += move.dv_dq * gain
+        x, v = move.x, move.v
+        stop = slider.flow(x, v, course.brake_ma, load, s, STOPPING_TIME_S)
+        line.positions.append(x)
+        line.stops.append(stop.x)
+        line.position_rows.append(x_row)
+        line.stop_rows.append([stop.dx_dx * a + stop.dx_dv * b for a, b in zip(x_row, v_row, strict=True)])
+        if step == 0:
+            limit = v + (course.target_m - stop.x) / stop.dx_dv if stop.dx_dv > 0.0 else v
+    return line._replace(speed_limit=limit)
+
+
+def program(settings: ApproachSettings, course: Course, line: Line, inputs_ma: NDArray[np.float64]) -> QuadraticProgram:
+    """Return the programme in the inputs (H_u): tracking, the limits of the current, and the H_p stopping points.
+
+    Positions are scaled so that the first input moves the last one by 1; each stopping point, so that no input moves it
+    by more than 1. Far from the target, where the braking current still drives the stem, none of them moves it by much.
+    """
+    s, count = course.direction, len(inputs_ma)
+    rows = np.array(line.position_rows)
+    unit = rows[-1, 0] or 1.0
+    rows /= unit
+    weights = np.ones(settings.prediction_steps)
+    weights[-1] = settings.terminal_factor
+    weighted = rows.T * weights
+    # a target beyond the reach of all currents is nearer for the solver, and the plan is the same
+    wanted = np.clip((course.target_m - np.array(line.positions)) / unit, -_REACH_MA, _REACH_MA)
+    errors = wanted + rows @ inputs_ma
+    hessian = weighted @ rows + settings.input_weight * np.eye(count)
+    gradient = -(weighted @ errors) - settings.input_weight * course.brake_ma
+
+    stops = s * np.array(line.stop_rows)
+    scales = np.maximum(np.abs(stops).max(axis=1), _LEAST_M_PER_MA)
+    stops /= scales[:, np.newaxis]
+    room = s * (course.target_m - np.array(line.stops)) / scales + stops @ inputs_ma
+    low, high = _limits(course, count)
+    braking = low if s > 0.0 else high
+    lower = np.concatenate([low, np.full(len(stops), -_FREE)])
+    upper = np.concatenate([high, np.maximum(room, stops @ braking)])
+    return QuadraticProgram(hessian, gradient, np.vstack([np.eye(count), stops]), lower, upper)
+
+
+def _limits(course: Course, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the lowest and the highest inputs (count,) in mA; the first one starts at Γ."""
+    braking, driving = np.full(count, course.weakest_ma), np.full(count, course.strongest_ma)
+    braking[0] = course.release_ma
+    return (braking, driving) if course.direction > 0.0 else (driving, braking)
+
+
+_LEAST_M_PER_MA = 1e-9
+"""An input that moves a stopping point by less, does not move it."""
+_REACH_MA = 20.0
+"""No error is worth more current than this."""
+_FREE = 1e6
+"""A bound that no row of the programme comes near."""

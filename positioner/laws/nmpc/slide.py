@@ -1,0 +1,152 @@
+"""Sliding with a spring rate and friction that are estimates themselves: closed form and every derivative. Pure.
+
+The motion of `model.slide`, m·v̇ = q - K·x - F_v·v with the net push q = B·u - bench set - s·F_c, for any q, K and
+F_v, with its derivatives to all that it depends on. A stop inside the sample is part of the flow, so that where the
+stem comes to rest tells of K, F_c and F_v. At the stop v = 0: its instant moves, its place does not, to first order,
+and the derivatives of the place are those at a fixed time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from positioner.valve.model import ValveParameters
+
+_DEGENERATE = 1e-9
+"""|ω²| below this part of h² counts as critical damping."""
+
+_ALIKE = 1e-2
+"""Part of h that two real poles differ from it by, below which they count as nearly one."""
+
+_SERIES = 1e-2
+"""|ω² t²| below which a derivative is taken from its series."""
+
+STOPPING_TIME_S = 60.0
+"""Longer than any stop takes; a frictionless stem, which never stops, has then come to its rest."""
+
+
+class Flow(NamedTuple):
+    """Where a slide ends: x (m), v (m/s), whether it stopped, and derivatives to x, v, the net push q, K and F_v."""
+
+    x: float
+    v: float
+    stopped: bool
+    dx_dx: float
+    dx_dv: float
+    dx_dq: float
+    dx_dk: float
+    dx_dc: float
+    dv_dx: float
+    dv_dv: float
+    dv_dq: float
+    dv_dk: float
+    dv_dc: float
+
+
+class Load(NamedTuple):
+    """What resists the motion: K (N/m), F_c (N) and F_v (N s/m)."""
+
+    spring_n_per_m: float
+    friction_n: float
+    viscous_n_s_per_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Slider:
+    """What the motion needs of the valve, and takes as known: m, B and the bench set."""
+
+    mass_kg: float
+    gain_n_per_ma: float
+    bench_set_n: float
+
+    def push_n(self, current_ma: float, direction: float, friction_n: float) -> float:
+        """Return q in N: the force of the current, less the preload and the friction of a move in `direction` (±1)."""
+        return self.gain_n_per_ma * current_ma - self.bench_set_n - direction * friction_n
+
+    def current_ma(self, force_n: float) -> float:
+        """Return the current in mA whose force, less the preload, is `force_n`."""
+        return (force_n + self.bench_set_n) / self.gain_n_per_ma
+
+    def flow(self, x: float, v: float, current_ma: float, load: Load, direction: float, duration_s: float) -> Flow:
+        """Return the motion in `direction` (±1) under `current_ma`, at most `duration_s`.
+
+        A stem that rests, unpushed, or that moves against `direction`, has stopped at once.
+        """
+        rate, friction_n, viscous = load
+        q = self.push_n(current_ma, direction, friction_n)
+        half = viscous / (2.0 * self.mass_kg)
+        stiffness = rate / self.mass_kg
+        omega2 = stiffness - half * half
+        z = x - q / rate
+        stop_s = _stop_time_s(z, v, half, omega2, stiffness, direction)
+        stopped = stop_s <= duration_s
+        t = stop_s if stopped else duration_s
+        even, odd, odd_slope = _modes(half, omega2, stiffness, t)
+        # z(t) = a z + b v and v(t) = c z + d v
+        a, b = even + half * odd, odd
+        c, d = -stiffness * odd, even - half * odd
+        # ω² grows with K by 1/m, and falls with h by 2h; h grows with F_v by 1/2m
+        even_slope, mass = -0.5 * t * odd, self.mass_kg
+        b_k, b_h = odd_slope / mass, -t * odd - 2.0 * half * odd_slope
+        even_h = -t * even - 2.0 * half * even_slope
+        tilt = q / (rate * rate)
+        x_end, dx_dq = q / rate + a * z + b * v, (1.0 - a) / rate
+        dx_dk = (a - 1.0) * tilt + (even_slope / mass + half * b_k) * z + b_k * v
+        dx_dc = ((even_h + odd + half * b_h) * z + b_h * v) / (2.0 * mass)
+        if stopped:
+            return Flow(x_end, 0.0, True, a, b, dx_dq, dx_dk, dx_dc, 0.0, 0.0, 0.0, 0.0, 0.0)
+        dv_dk = c * tilt - (odd / mass + stiffness * b_k) * z + (even_slope / mass - half * b_k) * v
+        dv_dc = ((even_h - odd - half * b_h) * v - stiffness * b_h * z) / (2.0 * mass)
+        return Flow(x_end, c * z + d * v, False, a, b, dx_dq, dx_dk, dx_dc, c, d, -c / rate, dv_dk, dv_dc)
+
+
+def slider_of(valve: ValveParameters) -> Slider:
+    """Return the slider of `valve`."""
+    return Slider(valve.mass_kg, valve.force_gain_n_per_ma, valve.bench_set_n)
+
+
+def load_of(valve: ValveParameters) -> Load:
+    """Return the nominal load of `valve`."""
+    return Load(valve.spring_rate_n_per_m, valve.coulomb_friction_n, valve.viscous_friction_n_s_per_m)
+
+
+def _modes(half: float, omega2: float, stiffness: float, t: float) -> tuple[float, float, float]:
+    """Return e^(-ht) cos ωt, e^(-ht) sin(ωt)/ω and the latter's derivative to ω²; hyperbolic when overdamped."""
+    if omega2 < -_DEGENERATE * half * half:
+        sigma = math.sqrt(-omega2)
+        if sigma < _ALIKE * half and sigma * t < 1.0:
+            # the difference of two poles this much alike would cancel
+            decay = math.exp(-half * t)
+            even, odd = decay * math.cosh(sigma * t), decay * math.sinh(sigma * t) / sigma
+        else:
+            # by its two real poles: cosh alone overflows in a long slide
+            slow, fast = math.exp(-stiffness / (half + sigma) * t), math.exp(-(half + sigma) * t)
+            even, odd = (slow + fast) / 2.0, (slow - fast) / (2.0 * sigma)
+    else:
+        omega, decay = math.sqrt(max(omega2, 0.0)), math.exp(-half * t)
+        even, odd = decay * math.cos(omega * t), decay * (math.sin(omega * t) / omega if omega else t)
+    turn = omega2 * t * t
+    if abs(turn) < _SERIES:
+        # the difference below would cancel
+        return even, odd, -math.exp(-half * t) * t**3 * (1.0 / 6.0 - turn / 60.0 + turn * turn / 1680.0)
+    return even, odd, (t * even - odd) / (2.0 * omega2)
+
+
+def _stop_time_s(z: float, v: float, half: float, omega2: float, stiffness: float, direction: float) -> float:
+    """Return when v(t) = e^(-ht) [v cos ωt - (h v + K/m z) sin(ωt)/ω] first reaches 0, infinity if never."""
+    if direction * v < 0.0 or (v == 0.0 and direction * z >= 0.0):
+        return 0.0
+    slope = half * v + stiffness * z
+    if abs(omega2) <= _DEGENERATE * half * half:
+        return v / slope if slope and v / slope > 0.0 else math.inf
+    if omega2 > 0.0:
+        omega = math.sqrt(omega2)
+        # + 0.0: a rest may come as -0.0, whose angle is -π
+        angle = math.atan2((v + 0.0) * omega, slope)
+        return (angle if angle > 0.0 else angle + math.pi) / omega
+    sigma = math.sqrt(-omega2)
+    ratio = v * sigma / slope if slope else math.inf
+    return math.atanh(ratio) / sigma if 0.0 < ratio < 1.0 else math.inf

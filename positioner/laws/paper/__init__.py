@@ -1,0 +1,1 @@
+"""The paper's controller: estimator, movable bounds, planner. Pure."""

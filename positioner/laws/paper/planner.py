@@ -1,0 +1,179 @@
+"""The iterative LTV-QP predictive controller: Steps 1 to 5 of paper §4.1. Pure, but for the solver passed in.
+
+The model is eq. 29 in steps of T_s (forward Euler), with the friction as an affine term (D5) and with sign(v) = 0
+inside a dead zone (D7). In each pass the friction along the horizon is that of the last predicted trajectory.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import numpy as np
+from annotated_types import Interval
+
+from positioner.optimization.qp import Horizon, QuadraticProgram, predict, tracking_cost
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from positioner.laws.bounds import Bounds
+    from positioner.optimization.qp import Solver
+    from positioner.valve.model import ValveParameters
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannerSettings:
+    """The `[control.planner]` table of a configuration (paper Table 5).
+
+    prediction_steps, control_steps: H_p, H_u.
+    error_weight_per_cm2, terminal_factor: Q per squared cm (D4), and the factor on its last entry (1 in the paper).
+    input_weight_per_ma2: R per squared mA.
+    max_passes, pass_tolerance_ma: when Step 5 ends.
+    sign_dead_zone_m_per_s: speed below which the model has no Coulomb friction (D7).
+    """
+
+    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
+
+    prediction_steps: Annotated[int, Interval(ge=2, le=100)] = 4
+    control_steps: Annotated[int, Interval(ge=1, le=100)] = 4
+    error_weight_per_cm2: Annotated[float, Interval(gt=0.0, le=1e6)] = 1.0
+    terminal_factor: Annotated[float, Interval(ge=0.0, le=1e3)] = 1.0
+    input_weight_per_ma2: Annotated[float, Interval(gt=0.0, le=1e3)] = 1e-5
+    max_passes: Annotated[int, Interval(ge=1, le=50)] = 8
+    pass_tolerance_ma: Annotated[float, Interval(gt=0.0, le=1.0)] = 1e-3
+    sign_dead_zone_m_per_s: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse a control horizon beyond the prediction."""
+        if self.control_steps > self.prediction_steps:
+            raise ValueError("control_steps exceeds prediction_steps")
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The optimal inputs U* (H_u,) in mA, the predicted states X (H_p, 2) in m and m/s, and the passes it took."""
+
+    inputs_ma: NDArray[np.float64]
+    states: NDArray[np.float64]
+    passes: int
+    converged: bool
+
+
+def plan(
+    settings: PlannerSettings,
+    valve: ValveParameters,
+    solver: Solver,
+    start: tuple[float, float],
+    setpoint_m: float,
+    bounds: Bounds,
+    inputs_ma: NDArray[np.float64],
+    period_s: float,
+) -> Plan | None:
+    """Return the plan from the state `start` (m, m/s), or None when no programme on the way has a solution.
+
+    inputs_ma (H_u,) is the first guess U(k): the last plan, shifted.
+    """
+    fixed = condense(settings, valve, period_s)
+    free = free_response(settings, valve, start, inputs_ma, period_s)  # Steps 1 to 3
+    for passes in range(1, settings.max_passes + 1):
+        solution = solver.solve(program(fixed, free, setpoint_m, bounds))  # Step 4
+        if solution is None:
+            return None
+        found = np.clip(solution.z, bounds.current_low_ma, bounds.current_high_ma)
+        change = float(np.abs(found - inputs_ma).max())
+        linearised_at, inputs_ma = free, found
+        free = free_response(settings, valve, start, inputs_ma, period_s)
+        # Step 5; the same linear model again would only give the same inputs again
+        if change < settings.pass_tolerance_ma or np.array_equal(free, linearised_at):
+            return Plan(inputs_ma, free + fixed.forced @ inputs_ma, passes, True)
+    return Plan(inputs_ma, free + fixed.forced @ inputs_ma, passes, False)
+
+
+@dataclass(frozen=True, slots=True)
+class Condensed:
+    """What no pass and no cycle changes: with the friction as an affine term, A and B of eq. 30 are constant (D5).
+
+    forced (H_p, 2, H_u): states per mA of each input. P (H_u, H_u) and gradient (H_u, H_p): the cost is
+    ½ z'Pz - z' gradient (r - free position). rows (H_u + H_p, H_u): the inputs, then the speeds in mA per mA.
+    speed_unit: mA that one m/s is worth, B·T_s/m inverted. reach (H_p,): speeds under 1 mA held, in mA.
+    """
+
+    forced: NDArray[np.float64]
+    P: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    rows: NDArray[np.float64]
+    speed_unit: float
+    reach: NDArray[np.float64]
+
+
+@lru_cache(maxsize=16)
+def condense(settings: PlannerSettings, valve: ValveParameters, period_s: float) -> Condensed:
+    """Return the constant part of the programme (eqs 17, 19, 30; D3, D4)."""
+    steps, count = settings.prediction_steps, settings.control_steps
+    rate = period_s / valve.mass_kg
+    gain = valve.force_gain_n_per_ma * rate
+    A = np.array(
+        [
+            [1.0, period_s],
+            [-valve.spring_rate_n_per_m * rate, 1.0 - valve.viscous_friction_n_s_per_m * rate],
+        ]
+    )
+    horizon = Horizon(np.tile(A, (steps, 1, 1)), np.tile([0.0, gain], (steps, 1)), np.zeros((steps, 2)))
+    forced = predict(horizon, np.zeros(2), count).forced
+    weight = np.full(steps, settings.error_weight_per_cm2 * 1e4)
+    weight[-1] *= settings.terminal_factor
+    P, gradient = tracking_cost(forced[:, 0, :], weight, settings.input_weight_per_ma2)
+    speeds = forced[:, 1, :] / gain
+    return Condensed(forced, P, gradient, np.vstack([np.eye(count), speeds]), 1.0 / gain, speeds.sum(axis=1))
+
+
+def free_response(
+    settings: PlannerSettings,
+    valve: ValveParameters,
+    start: tuple[float, float],
+    inputs_ma: NDArray[np.float64],
+    period_s: float,
+) -> NDArray[np.float64]:
+    """Return the states (H_p, 2) without input, the friction being that along the trajectory under `inputs_ma`.
+
+    Eqs 29 and 30 with D1, D5 and D7: two trajectories run side by side, the one that decides the signs of the speed,
+    and the one without input that the programme needs.
+    """
+    rate = period_s / valve.mass_kg
+    stiffness, damping = -valve.spring_rate_n_per_m * rate, 1.0 - valve.viscous_friction_n_s_per_m * rate
+    gain = valve.force_gain_n_per_ma * rate
+    inputs = inputs_ma.tolist()
+    inputs += [inputs[-1]] * (settings.prediction_steps - len(inputs))
+    free = np.empty((settings.prediction_steps, 2))
+    (x, v), (free_x, free_v) = start, start
+    for i, u in enumerate(inputs):
+        force = valve.kinetic_friction_n(v) * _sign(v, settings.sign_dead_zone_m_per_s)
+        affine = -(force + valve.bench_set_n) * rate
+        x, v = x + period_s * v, stiffness * x + damping * v + affine + gain * u
+        free_x, free_v = free_x + period_s * free_v, stiffness * free_x + damping * free_v + affine
+        free[i, 0], free[i, 1] = free_x, free_v
+    return free
+
+
+def program(fixed: Condensed, free: NDArray[np.float64], setpoint_m: float, bounds: Bounds) -> QuadraticProgram:
+    """Return eq. 17 as a programme: rows are the H_u inputs, then the H_p speeds, both in mA.
+
+    The speed bound at a step is relaxed to what full braking reaches there (D10), so that a bound that moves inside
+    the present speed leaves a programme with a solution: brake as hard as the loop can.
+    """
+    low, high = bounds.current_low_ma, bounds.current_high_ma
+    speeds = free[:, 1] * fixed.speed_unit
+    count = len(fixed.P)
+    lower, upper = np.empty(len(fixed.rows)), np.empty(len(fixed.rows))
+    lower[:count], upper[:count] = low, high
+    lower[count:] = np.minimum(bounds.speed_low_m_per_s * fixed.speed_unit - speeds, fixed.reach * high)
+    upper[count:] = np.maximum(bounds.speed_high_m_per_s * fixed.speed_unit - speeds, fixed.reach * low)
+    return QuadraticProgram(fixed.P, -fixed.gradient @ (setpoint_m - free[:, 0]), fixed.rows, lower, upper)
+
+
+def _sign(v: float, dead_zone: float) -> float:
+    if abs(v) <= dead_zone:
+        return 0.0
+    return 1.0 if v > 0.0 else -1.0

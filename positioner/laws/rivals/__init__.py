@@ -1,0 +1,1 @@
+"""What others have published against stiction, to compare with. Pure."""

@@ -1,0 +1,25 @@
+"""What a law without a model knows of the stem: a filtered position, its rate of change, and nothing else. Pure."""
+
+from __future__ import annotations
+
+import math
+
+from positioner.valve.state import StemState
+
+
+def smooth(before_m: float, measured_m: float, time_constant_s: float, elapsed_s: float) -> float:
+    """Return the output in m of the first-order filter y_f += T / (T_f + T) (y - y_f), T_f the time constant."""
+    return before_m + elapsed_s / (time_constant_s + elapsed_s) * (measured_m - before_m)
+
+
+def report(position_m: float, speed_m_per_s: float) -> StemState:
+    """Return the stem as such a law sees it: never certain, and never stuck.
+
+    Under 2 % noise a filtered position cannot tell a stick from slow sliding. The stiction table belongs to the valve
+    and outlives the law: stops and slips guessed from such a position would mislead the laws that rely on it. Without
+    edges between sticking and sliding the cycle learns nothing.
+    """
+    direction = -1.0 if speed_m_per_s < 0.0 else 1.0
+    return StemState(
+        position_m, speed_m_per_s, stuck=False, direction=direction, p_xx=math.inf, p_xv=0.0, p_vv=math.inf
+    )

@@ -1,0 +1,91 @@
+"""The daemon's log: one line a fact, and at most one line a second of each kind. Shell."""
+
+from __future__ import annotations
+
+import logging
+import math
+import sys
+from dataclasses import dataclass
+
+from positioner.machine.line_sink import LineSink
+from positioner.machine.time import MachineTime, TimePort
+
+logger = logging.getLogger("positioner")
+_warnings = logging.getLogger("py.warnings")
+
+
+class SinkHandler(logging.Handler):
+    """Writes to a sink, which never waits; `sink` counts what it dropped."""
+
+    def __init__(self, sink: LineSink) -> None:
+        """Write each record as its level and its message."""
+        super().__init__()
+        self.sink = sink
+        self.setFormatter(logging.Formatter("%(levelname)s %(message)s"))
+
+    def close(self) -> None:
+        """Let the sink go."""
+        self.sink.close()
+        super().close()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write the record."""
+        self.sink.write(self.format(record))
+
+
+def set_up(*, verbose: bool) -> None:
+    """Log to the standard error stream: journald adds time and unit, a terminal needs neither.
+
+    Warnings of libraries go the same way.
+    """
+    handler = SinkHandler(LineSink.of(sys.stderr))
+    for old in logger.handlers:
+        old.close()
+    for each, level in ((logger, logging.DEBUG if verbose else logging.INFO), (_warnings, logging.WARNING)):
+        each.handlers[:] = [handler]
+        each.setLevel(level)
+        each.propagate = False
+    logging.captureWarnings(capture=True)
+
+
+def dropped_lines() -> int:
+    """Return how many lines of the log nobody took since it was set up."""
+    return sum(handler.sink.dropped for handler in logger.handlers if isinstance(handler, SinkHandler))
+
+
+@dataclass(slots=True)
+class _Kind:
+    next_s: float = -math.inf
+    held_back: int = 0
+    level: int = logging.INFO
+    line: str = ""
+
+
+class Throttle:
+    """Lets one line of each kind through in a second; the last of the others follows when the second is over."""
+
+    def __init__(self, period_s: float = 1.0, time: TimePort | None = None) -> None:
+        """Let one line of a kind through every `period_s`."""
+        self._time = time or MachineTime()
+        self._period_s = period_s
+        self._kinds: dict[str, _Kind] = {}
+
+    def log(self, level: int, kind: str, line: str) -> None:
+        """Log `line`, unless a line of its `kind` was logged within the last second."""
+        entry = self._kinds.setdefault(kind, _Kind())
+        entry.level, entry.line, entry.held_back = level, line, entry.held_back + 1
+        self._let_through(entry, self._time.monotonic_s())
+
+    def flush(self, *, all_of_them: bool = False) -> None:
+        """Log the last line of each kind that was held back for its second, or `all_of_them` at the end."""
+        now_s = self._time.monotonic_s()
+        for entry in self._kinds.values():
+            if entry.held_back:
+                self._let_through(entry, math.inf if all_of_them else now_s)
+
+    def _let_through(self, entry: _Kind, now_s: float) -> None:
+        if now_s < entry.next_s:
+            return
+        others = entry.held_back - 1
+        logger.log(entry.level, "%s%s", entry.line, f" ({others} more like it since the last line)" if others else "")
+        entry.next_s, entry.held_back = now_s + self._period_s, 0

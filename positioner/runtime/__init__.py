@@ -1,0 +1,1 @@
+"""The daemon: it waits for frames, runs the cycle, and sends, records and tells what came of it. Shell."""

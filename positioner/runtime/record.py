@@ -1,0 +1,134 @@
+"""The flight recorder: every frame that a positioner took and sent, turn by turn, as a candump log. Shell.
+
+All frames of a turn carry its instant, the very number that the cycle was told: those received as R, then those sent as
+T. `positioner replay` can then do exactly what the positioner did. What else the cycle was told stands before the
+turn's frames in notes: frames that no bus carried, under an identifier of their own.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TextIO
+
+from positioner.machine.journal import logger
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from positioner.cycle.state import CycleState
+    from positioner.wire.messages import CanFrame
+
+CHANNEL = "vcan0"
+"""The name in the log, whatever bus it was recorded on: canplayer plays it there by default."""
+NOTE_ID = 0x1FFFFFFF
+"""Identifier (extended) of a note: the byte of its kind, and a number of seven bytes, low byte first."""
+TOLD = ("table_saved", "late_ns", "lines_dropped", "unsent")
+"""What the shell tells the cycle by the state, in the order of the kinds of note."""
+KIND_AGE, KIND_TURN, KIND_TABLE = 0xFD, 0xFE, 0xFF
+"""How many µs the frames behind it had waited; a turn without frames that changed something; another table."""
+_ERROR_FRAME_ID = 0x20000080
+_NS_PER_US = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """What a positioner was told beside the frames: the kind (an index of `TOLD`, or a `KIND_`) and the value."""
+
+    kind: int
+    value: int = 0
+
+    @property
+    def data(self) -> bytes:
+        """The eight bytes of the note."""
+        return bytes((self.kind,)) + self.value.to_bytes(7, "little")
+
+    @classmethod
+    def of(cls, data: bytes) -> Note:
+        """Return the note in `data`."""
+        return cls(data[0], int.from_bytes(data[1:], "little"))
+
+
+class BusRecorder:
+    """Writes the log; the operating system does the buffering. A disk that takes no more ends it, never the loop."""
+
+    def __init__(self, path: Path | None) -> None:
+        """Create `path`; without one nothing is ever written.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        self._file: TextIO | None = path.open("w", encoding="ascii", buffering=1 << 16) if path else None
+        self._left: CycleState | None = None
+
+    def turn(
+        self, told: CycleState, inbox: Sequence[CanFrame], now_ns: int, outbox: Sequence[CanFrame], left: CycleState
+    ) -> None:
+        """Append one turn: the state that the cycle was `told`, its frames and its instant, and what it has `left`."""
+        if self._file is None:
+            return
+        notes = self._notes(told)
+        if not inbox and not outbox and _guard_moved(told, left):
+            notes.append(Note(KIND_TURN))
+        self._left = left
+        where = f"({_instant(now_ns)}) {CHANNEL}"
+        lines = [f"{where} {NOTE_ID:08X}#{note.data.hex().upper()} T\n" for note in notes]
+        lines += _received(inbox, now_ns, where)
+        lines += [f"{where} {_text(frame)} T\n" for frame in outbox]
+        try:
+            self._file.writelines(lines)
+        except OSError as error:
+            self._complain(f"the record of the bus ends here: {error.strerror}")
+
+    def close(self) -> None:
+        """Write what is left."""
+        try:
+            if self._file:
+                self._file.close()
+        except OSError as error:
+            self._complain(f"the record of the bus lacks its end: {error.strerror}")
+
+    def _complain(self, complaint: str) -> None:
+        file, self._file = self._file, None
+        logger.error("%s", complaint)
+        with contextlib.suppress(OSError):
+            if file:
+                file.close()
+
+    def _notes(self, told: CycleState) -> list[Note]:
+        """Return what is no longer as the last turn left it: somebody has told the cycle."""
+        left = self._left or replace(told, table_saved=True, late_ns=0, lines_dropped=0, unsent=False)
+        kinds = [kind for kind, name in enumerate(TOLD) if getattr(told, name) != getattr(left, name)]
+        notes = [Note(kind, int(getattr(told, TOLD[kind]))) for kind in kinds]
+        return notes if told.table is left.table else [*notes, Note(KIND_TABLE)]
+
+
+def _received(inbox: Sequence[CanFrame], now_ns: int, where: str) -> list[str]:
+    """Return the lines of the frames, with a note wherever the time that they had waited changes."""
+    lines, age_us = [], 0
+    for frame in inbox:
+        waited_us = (now_ns - frame.received_ns) // _NS_PER_US if frame.received_ns else 0
+        if waited_us != age_us:
+            age_us = waited_us
+            lines.append(f"{where} {NOTE_ID:08X}#{Note(KIND_AGE, age_us).data.hex().upper()} T\n")
+        lines.append(f"{where} {_text(frame)} R\n")
+    return lines
+
+
+def _guard_moved(told: CycleState, left: CycleState) -> bool:
+    before, after = told.guard, left.guard
+    return (before.mode, before.cause, before.late_cycles) != (after.mode, after.cause, after.late_cycles)
+
+
+def _instant(now_ns: int) -> str:
+    """Return `now_ns` in seconds with six decimals, or nine where microseconds do not hold it."""
+    seconds, rest_ns = divmod(now_ns, 1_000_000_000)
+    return f"{seconds}.{rest_ns:09d}" if rest_ns % _NS_PER_US else f"{seconds}.{rest_ns // _NS_PER_US:06d}"
+
+
+def _text(frame: CanFrame) -> str:
+    if frame.is_error:
+        return f"{_ERROR_FRAME_ID:08X}#{bytes(8).hex()}"
+    identifier = f"{frame.arbitration_id:08X}" if frame.is_extended else f"{frame.arbitration_id:03X}"
+    return f"{identifier}#R" if frame.is_remote else f"{identifier}#{frame.data.hex().upper()}"

@@ -1,0 +1,1 @@
+"""Many benches: the league of the laws, the claims of the paper, the tuning of the rivals."""

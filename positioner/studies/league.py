@@ -1,0 +1,206 @@
+"""The league: every law on every plant with every seed, in process, on all cores, resumable. Shell.
+
+A bout is one law on one plant with one seed. It runs `run_in_process`, that is the daemon's own cycle on the daemon's
+own frames, and its result is kept in a file: a league that was interrupted goes on where it stopped, and a bout whose
+code has changed since is played again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tqdm import tqdm
+
+import plant_emulator
+import positioner
+from positioner.bench import metrics
+from positioner.bench.inprocess import configure, run_in_process
+from positioner.bench.scenario import Scenario, check_scenario
+from positioner.errors import StateError
+from positioner.studies.conditions import check_setpoints
+from positioner.studies.pool import spread_out
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+SETPOINTS_MM = (73.0, 87.0, 80.0, 73.5, 81.5, 83.0, 75.0, 85.5)
+"""Large, middling and small steps in both directions, all of them where every plant can restart both ways.
+
+With three seeds, 24 dwells for each law on each plant.
+"""
+
+_BYSTANDERS = frozenset(
+    [
+        "cli",
+        "store",
+        "daemon",
+        "bus",
+        "notify",
+        "journal",
+        "trace",
+        "scenarios",
+        "runner",
+        "host",
+        "processes",
+        "result",
+        "trend",
+        "truth_log",
+        "panels",
+        "pool",
+        "reasons",
+        "trace_data",
+        "limit",
+        "standings",
+        "league_page",
+        "tuning",
+        "reproduce",
+        "reproduce_page",
+        "reproduce_table",
+        "claims",
+    ]
+)
+"""Parts of the project that no bout runs."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeagueSettings:
+    """What is played: laws × plants × seeds, with these setpoints, this long each, at this period."""
+
+    laws: tuple[str, ...]
+    plants: tuple[str, ...]
+    seeds: tuple[int, ...]
+    setpoints_mm: tuple[float, ...] = SETPOINTS_MM
+    dwell_s: float = 5.0
+    period_s: float = 0.001
+
+    def bouts(self) -> Iterator[Bout]:
+        """Yield every bout, the slow laws first, so that the cores end together."""
+        for law in sorted(self.laws, key=lambda name: not name.startswith(("paper", "nmpc"))):
+            for plant in self.plants:
+                for seed in self.seeds:
+                    yield Bout(law, plant, seed, self.setpoints_mm, self.dwell_s, self.period_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Bout:
+    """One law on one plant with one seed."""
+
+    law: str
+    plant: str
+    seed: int
+    setpoints_mm: tuple[float, ...]
+    dwell_s: float
+    period_s: float
+
+    @property
+    def key(self) -> str:
+        """A name for the file of its result, which changes with everything that the result depends on but the code."""
+        told = json.dumps(asdict(self)).encode()
+        return f"{self.law}-{self.plant}-{self.seed}-{hashlib.sha256(told).hexdigest()[:10]}"
+
+    @property
+    def scenario(self) -> Scenario:
+        """The bout as a bench would play it."""
+        return Scenario(
+            name=f"league-{self.plant}"[:40],
+            title=f"{self.law} on {self.plant}",
+            law=self.law,
+            seed=self.seed,
+            sample_period_s=self.period_s,
+            setpoint_period_s=10.0 * self.period_s,
+            setpoints_mm=self.setpoints_mm,
+            dwell_s=self.dwell_s,
+            plant={"preset": self.plant},
+        )
+
+
+def play(bout: Bout) -> tuple[metrics.DwellMetrics, ...]:
+    """Return the figures of every dwell of a bout."""
+    scenario = bout.scenario
+    recording = run_in_process(scenario).recording
+    trace = metrics.Trace(
+        time_s=recording.time_s,
+        position_m=recording.true_position_m,
+        setpoint_m=recording.setpoint_m,
+        current_ma=recording.current_ma,
+    )
+    return metrics.dwell_metrics(trace, scenario.dwell_edges_s, configure(scenario).valve.span_m)
+
+
+def play_league(
+    settings: LeagueSettings, folder: Path, workers: int | None = None
+) -> dict[Bout, tuple[metrics.DwellMetrics, ...]]:
+    """Return the figures of every bout; those already in `folder` for this very code are not played again.
+
+    Raises:
+        ConfigurationError: a setpoint from which some plant cannot be restarted, or a period, dwell or seed beyond
+            its limits.
+        StateError: `folder` cannot be written.
+    """
+    check_setpoints(settings.setpoints_mm, settings.plants)
+    bouts = tuple(settings.bouts())
+    for bout in {bout.seed: bout for bout in bouts}.values():
+        check_scenario(bout.scenario, "league")
+    code = {law: code_digest(law) for law in settings.laws}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        return _resumed(bouts, folder, code, workers)
+    except OSError as error:
+        raise StateError(f"{error.filename or folder}: cannot be written: {error.strerror}") from error
+
+
+def _resumed(
+    bouts: tuple[Bout, ...], folder: Path, code: dict[str, str], workers: int | None
+) -> dict[Bout, tuple[metrics.DwellMetrics, ...]]:
+    played: dict[Bout, tuple[metrics.DwellMetrics, ...]] = {}
+    for bout in bouts:
+        known = _stored(folder / f"{bout.key}.json", code[bout.law])
+        if known is not None:
+            played[bout] = known
+    missing = [bout for bout in bouts if bout not in played]
+    with (
+        tqdm(total=len(bouts), initial=len(played), unit=" bouts", disable=None) as bar,
+        closing(spread_out(play, missing, workers)) as results,
+    ):
+        for bout, dwells in results:
+            played[bout] = dwells
+            _store(folder / f"{bout.key}.json", code[bout.law], dwells)
+            bar.set_postfix_str(f"{bout.law} on {bout.plant}")
+            bar.update()
+    return {bout: played[bout] for bout in bouts}
+
+
+def code_digest(law: str) -> str:
+    """Return a digest of everything that a bout of `law` depends on: sources, presets and its tuned parameters."""
+    digest = hashlib.sha256()
+    for package in (positioner, plant_emulator):
+        root = Path(str(package.__file__)).parent
+        for path in sorted(root.rglob("*")):
+            within = path.relative_to(root)
+            others = within.parent.name == "tuned" and within.stem != law.replace("-", "_")
+            if (
+                path.suffix in {".py", ".toml", ".dbc"}
+                and not others
+                and _BYSTANDERS.isdisjoint((*within.parts, within.stem))
+            ):
+                digest.update(str(within).encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+def _stored(path: Path, code: str) -> tuple[metrics.DwellMetrics, ...] | None:
+    try:
+        stored: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        if stored["code"] != code:
+            return None
+        return tuple(metrics.DwellMetrics(**dwell) for dwell in stored["dwells"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None  # not played yet, or cut off while it was written
+
+
+def _store(path: Path, code: str, dwells: tuple[metrics.DwellMetrics, ...]) -> None:
+    path.write_text(json.dumps({"code": code, "dwells": [asdict(dwell) for dwell in dwells]}), encoding="utf-8")

@@ -1,0 +1,208 @@
+"""The paper's five simulations, in every reading of it, in process, on all cores. Shell."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from tqdm import tqdm
+
+from positioner.bench import metrics
+from positioner.bench.curves import envelope
+from positioner.bench.inprocess import configure, run_in_process
+from positioner.bench.scenario import load_scenario
+from positioner.studies.pool import spread_out
+from positioner.studies.readings import Reading, UnitReading, read_as
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from positioner.bench.inprocess import InProcessRun
+    from positioner.bench.scenario import Scenario
+
+SIMULATIONS = (1, 2, 3, 4, 5)
+WITH_TABLE = (3, 4, 5)
+"""Simulations in which α and β play a part."""
+
+SHORT_DWELL_S = 0.015
+"""Dwell of a short run instead of 1 s: enough for every move, not for what happens at rest."""
+
+VISIBLE_M = 127e-6
+"""Motion back from a turning point that counts as a reversal here: 0.1 % of span, what a figure of the paper could
+show. Noise alone makes the stem twitch by micrometres."""
+
+_CURVE_POINTS = 6000
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One simulation in one reading."""
+
+    simulation: int
+    reading: Reading
+    short: bool = False
+
+    @property
+    def scenario(self) -> Scenario:
+        """The packaged scenario, changed as the reading asks."""
+        scenario = read_as(load_scenario(f"paper-{self.simulation}"), self.reading.noise, self.reading.units)
+        if not self.short:
+            return scenario
+        shrink = SHORT_DWELL_S / scenario.dwell_s
+        from_s = None if scenario.table_from_s is None else scenario.table_from_s * shrink
+        return replace(scenario, dwell_s=SHORT_DWELL_S, table_from_s=from_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Half:
+    """Figures of half a run, three dwells; error, range, current and speed are those of the second half of a dwell.
+
+    error_pct, range_pct: mean |error| and peak-to-peak motion in percent of span, mean of the dwells.
+    current_range_ma: peak-to-peak current, mean of the dwells. speed_m_per_s: root mean square over the dwells.
+    reversals: those above `VISIBLE_M`, moves included. The others are those of `metrics`.
+    """
+
+    dwells: int
+    error_pct: float
+    range_pct: float
+    overshoot_pct: float
+    reversals: int
+    limit_cycles: int
+    current_range_ma: float
+    speed_m_per_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Curves:
+    """What the picture shows, thinned to its envelope; shape (points,). A bound is NaN where it is not in force."""
+
+    time_s: NDArray[np.float64]
+    setpoint_m: NDArray[np.float64]
+    position_m: NDArray[np.float64]
+    current_ma: NDArray[np.float64]
+    current_low_ma: NDArray[np.float64]
+    current_high_ma: NDArray[np.float64]
+    velocity_m_per_s: NDArray[np.float64]
+    speed_low_m_per_s: NDArray[np.float64]
+    speed_high_m_per_s: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """A run that was played: its figures before and after half time, when the table comes into use, and its curves."""
+
+    run: Run
+    before: Half
+    after: Half
+    curves: Curves
+
+
+def all_runs(readings: Sequence[Reading], *, short: bool) -> tuple[Run, ...]:
+    """Return every run; without a table α and β play no part, so simulations 1 and 2 are played in one unit."""
+    return tuple(
+        Run(simulation, reading, short)
+        for simulation in SIMULATIONS
+        for reading in readings
+        if simulation in WITH_TABLE or reading.units is UnitReading.SI
+    )
+
+
+def reproduce(runs: Sequence[Run], workers: int | None = None) -> tuple[Outcome, ...]:
+    """Return the outcome of every run, in their order; a progress bar counts them."""
+    found: dict[Run, Outcome] = {}
+    with (
+        tqdm(total=len(runs), unit=" runs", disable=None) as bar,
+        closing(spread_out(play, runs, workers)) as results,
+    ):
+        for run, outcome in results:
+            found[run] = outcome
+            bar.set_postfix_str(f"simulation {run.simulation} read as {run.reading}")
+            bar.update()
+    return tuple(found[run] for run in runs)
+
+
+def play(run: Run) -> Outcome:
+    """Return the outcome of one run."""
+    scenario = run.scenario
+    span_m = configure(scenario).valve.span_m
+    played = run_in_process(scenario)
+    recording = played.recording
+    trace = metrics.Trace(
+        time_s=recording.time_s,
+        position_m=recording.true_position_m,
+        setpoint_m=recording.setpoint_m,
+        current_ma=recording.current_ma,
+    )
+    middle = len(scenario.visited_mm) // 2
+    dwells = range(len(scenario.visited_mm))
+    return Outcome(
+        run,
+        half_figures(trace, recording.true_velocity_m_per_s, scenario, span_m, dwells[:middle]),
+        half_figures(trace, recording.true_velocity_m_per_s, scenario, span_m, dwells[middle:]),
+        _curves(scenario, played),
+    )
+
+
+def half_figures(
+    trace: metrics.Trace, velocity_m_per_s: NDArray[np.float64], scenario: Scenario, span_m: float, dwells: range
+) -> Half:
+    """Return the figures of these dwells of a run; `velocity_m_per_s` has the shape of the trace."""
+    per_dwell = scenario.samples_per_dwell
+    part = slice(dwells.start * per_dwell, dwells.stop * per_dwell)
+    ends = [slice(dwell * per_dwell + per_dwell // 2, (dwell + 1) * per_dwell) for dwell in dwells]
+    figures = metrics.dwell_metrics(trace, scenario.dwell_edges_s, span_m)[dwells.start : dwells.stop]
+    return Half(
+        dwells=len(dwells),
+        error_pct=float(np.mean([dwell.mean_abs_error_pct for dwell in figures])),
+        range_pct=float(np.mean([np.ptp(trace.position_m[end]) for end in ends])) * 100.0 / span_m,
+        overshoot_pct=max(dwell.overshoot_pct for dwell in figures),
+        reversals=metrics.count_reversals(trace.position_m[part], VISIBLE_M),
+        limit_cycles=sum(dwell.limit_cycle for dwell in figures),
+        current_range_ma=float(np.mean([np.ptp(trace.current_ma[end]) for end in ends])),
+        speed_m_per_s=float(np.sqrt(np.mean([np.mean(velocity_m_per_s[end] ** 2) for end in ends]))),
+    )
+
+
+def _curves(scenario: Scenario, played: InProcessRun) -> Curves:
+    recording, configuration = played.recording, configure(scenario)
+    # a cycle's time is that of its end: one period after its reading
+    samples = [round(cycle.time_s / recording.period_s) - 1 for cycle in played.cycles]
+    bounds = np.full((4, recording.samples), np.nan)
+    bounds[:, samples] = np.array(
+        [
+            (b.current_low_ma, b.current_high_ma, b.speed_low_m_per_s, b.speed_high_m_per_s)
+            for b in (cycle.decision.bounds for cycle in played.cycles)
+        ]
+    ).T
+    fastest = configuration.control.bounds.max_speed_m_per_s
+    loop = (configuration.guard.current_low_ma, configuration.guard.current_high_ma)
+    for bound, free in zip(bounds, (*loop, -fastest, fastest), strict=True):
+        bound[bound == free] = np.nan
+    time_s, _ = envelope(recording.time_s, recording.setpoint_m, _CURVE_POINTS)
+    columns = (
+        recording.setpoint_m,
+        recording.true_position_m,
+        recording.current_ma,
+        bounds[0],
+        bounds[1],
+        recording.true_velocity_m_per_s,
+        bounds[2],
+        bounds[3],
+    )
+    thinned = (envelope(recording.time_s, column, _CURVE_POINTS)[1] for column in columns)
+    setpoint, position, current, low, high, velocity, slow, fast = thinned
+    return Curves(
+        time_s=time_s,
+        setpoint_m=setpoint,
+        position_m=position,
+        current_ma=current,
+        current_low_ma=low,
+        current_high_ma=high,
+        velocity_m_per_s=velocity,
+        speed_low_m_per_s=slow,
+        speed_high_m_per_s=fast,
+    )

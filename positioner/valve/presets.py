@@ -1,0 +1,62 @@
+"""Valves by name, for a `[valve]` table that names one with `preset`; any other gives its parameters itself. Pure.
+
+The numbers are what a controller believes of these valves; the plant emulator's presets of these names have the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from positioner.valve.model import ValveParameters
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+REQUIRED = (
+    "mass_kg",
+    "diaphragm_area_m2",
+    "pressure_gain_pa_per_ma",
+    "spring_rate_n_per_m",
+    "static_friction_n",
+    "coulomb_friction_n",
+    "viscous_friction_n_s_per_m",
+    "span_m",
+    "travel_max_m",
+)
+"""What a table without a preset must give; the rest has a usual value: no preload, and travel from 0."""
+
+PRESETS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        "paper": {key: value for key, value in asdict(ValveParameters(id="paper")).items() if key != "id"},
+        "graphite": {
+            "mass_kg": 1.361,
+            "diaphragm_area_m2": 0.06452,
+            "pressure_gain_pa_per_ma": 6819.590825,  # 440 N/mA
+            "spring_rate_n_per_m": 206941.0,
+            "static_friction_n": 942.0,
+            "coulomb_friction_n": 665.0,
+            "viscous_friction_n_s_per_m": 70501.0,
+            "stribeck_velocity_m_per_s": 0.00326,
+            "stick_velocity_m_per_s": 0.0001524,
+            "bench_set_n": 0.0,
+            "span_m": 0.025,
+            "travel_min_m": 0.0,
+            "travel_max_m": 0.03,
+        },
+    }
+)
+"""The paper's valve (Table 3), and a slow one with graphite packing."""
+
+
+def resolved(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a `[valve]` table with the values of the preset that it names below its own; `preset` itself is gone."""
+    own = {key: value for key, value in table.items() if key != "preset"}
+    preset = table.get("preset")
+    return {**PRESETS[preset], **own} if isinstance(preset, str) and preset in PRESETS else own
+
+
+def missing(table: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the parameters that a `[valve]` table without a preset must give, and does not."""
+    return () if "preset" in table else tuple(key for key in REQUIRED if key not in table)

@@ -1,0 +1,59 @@
+"""The pool of workers: results with their items, one line when a worker dies, nothing left when it is stopped."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import closing
+from multiprocessing import active_children
+from threading import Event
+
+import pytest
+
+from positioner.errors import BenchError, UsageError
+from positioner.studies.pool import spread_out
+
+
+def interrupt_the_parent(_: int) -> None:
+    os.kill(os.getppid(), signal.SIGINT)
+    Event().wait(600.0)  # a bout that nobody wants any more
+
+
+def die(_: int) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_every_item_comes_back_with_its_result() -> None:
+    assert dict(spread_out(math.factorial, (3, 4, 5), 2)) == {3: 6, 4: 24, 5: 120}
+
+
+def test_an_interrupt_ends_the_workers_in_mid_work() -> None:
+    began_s = time.monotonic()
+    with pytest.raises(KeyboardInterrupt), closing(spread_out(interrupt_the_parent, (1, 2, 3), 1)) as results:
+        list(results)
+    assert not active_children()
+    assert time.monotonic() - began_s < 300.0  # three bouts of ten minutes were not waited for
+
+
+def test_the_suite_hears_an_interrupt_though_a_script_started_it_in_the_background() -> None:
+    shell = f"trap '' INT; exec {sys.executable} -m pytest -q -p no:cacheprovider {__file__} -k is_not_ignored"
+    done = subprocess.run(["sh", "-c", shell], check=False, capture_output=True, text=True, timeout=300.0)
+    assert "1 passed" in done.stdout, done.stdout
+
+
+def test_an_interrupt_is_not_ignored() -> None:
+    assert signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
+
+
+def test_a_worker_that_is_killed_is_one_line() -> None:
+    with pytest.raises(BenchError, match="a worker was killed"):
+        list(spread_out(die, (1,), 1))
+
+
+def test_no_workers_at_all_are_refused() -> None:
+    with pytest.raises(UsageError, match="--workers 0"):
+        list(spread_out(math.factorial, (1,), 0))

@@ -1,0 +1,148 @@
+"""The result file and its table for the terminal."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import pytest
+
+from positioner.bench.metrics import DwellMetrics, totals
+from positioner.bench.modes import ModeSpan
+from positioner.bench.result import Result, RunInfo, TableSummary, installed_versions, summary_of, to_json, to_text
+from positioner.bench.scenario import parse_scenario
+from positioner.valve.stiction import Direction, Quantity, StictionTable
+from positioner.wire.messages import Cause, Mode
+
+DWELL = DwellMetrics(
+    setpoint_mm=73.00000000000001,
+    mean_abs_error_pct=0.0812345678,
+    max_abs_error_pct=0.21,
+    settle_1pct_s=0.0063,
+    settle_2pct_s=None,
+    overshoot_pct=0.0,
+    reversals=2,
+    limit_cycle=True,
+    travel_mm=14.5,
+    ideal_travel_mm=14.0,
+    iae_mm_s=0.5,
+    command_variation_ma=20.25,
+)
+SCENARIO = parse_scenario(
+    "name='s'\ntitle='t'\nsetpoints_mm=[73]\nvisits=2\ndwell_s=1\n[plant.valve]\nx=0.123456789\n", "s.toml"
+)
+RUN = RunInfo(
+    bus="virtual:bench",
+    clock="lockstep",
+    started_at="2025-01-01T00:00:00Z",
+    wall_s=41.2,
+    machine="x86_64",
+    versions=installed_versions(),
+)
+MODES = (ModeSpan(Mode.ACTIVE, Cause.NONE, 0.0, 1.5), ModeSpan(Mode.HOLD, None, 1.5, 2.0))
+DWELLS = (DWELL, replace(DWELL, setpoint_mm=87.0, limit_cycle=False, settle_1pct_s=None, iae_mm_s=123.25))
+
+
+def result(run: RunInfo = RUN) -> Result:
+    return Result(
+        scenario=SCENARIO,
+        span_mm=127.0,
+        modes=MODES,
+        totals=totals(DWELLS),
+        dwells=DWELLS,
+        table_before=summary_of(StictionTable()),
+        table_after=summary_of(StictionTable().record(Quantity.STICK_SPEED, 0.08, Direction.OPENING, 0.01)),
+        run=run,
+    )
+
+
+def test_figures_have_six_significant_digits_and_no_negative_zero() -> None:
+    text = to_json(replace(result(), dwells=(replace(DWELL, overshoot_pct=-0.0),)))
+    dwell = json.loads(text)["dwells"][0]
+    assert dwell["mean_abs_error_pct"] == 0.0812346
+    assert dwell["setpoint_mm"] == 73.0
+    assert "-0.0" not in text
+    assert dwell["settle_2pct_s"] is None
+
+
+def test_the_scenario_is_repeated_as_it_was_written() -> None:
+    assert json.loads(to_json(result()))["scenario"]["plant"]["valve"]["x"] == 0.123456789
+
+
+def test_only_the_run_object_depends_on_the_machine_and_the_hour() -> None:
+    other = replace(RUN, bus="socketcan:can0", clock="real-time", started_at="2026-01-01T00:00:00Z", wall_s=1.0)
+    one, two = to_json(result()), to_json(result(other))
+    assert one != two
+    assert one.split('"run":')[0] == two.split('"run":')[0]
+
+
+def test_the_last_digits_of_a_figure_do_not_reach_the_file() -> None:
+    shifted = replace(result(), dwells=(replace(DWELL, travel_mm=14.5 + 1e-12), DWELLS[1]))
+    assert to_json(shifted) == to_json(result())
+    visible = replace(result(), dwells=(replace(DWELL, travel_mm=14.501), DWELLS[1]))
+    assert to_json(visible) != to_json(result())
+
+
+def test_the_keys_stand_in_the_order_of_the_dataclasses() -> None:
+    assert list(json.loads(to_json(result()))) == [
+        "scenario", "span_mm", "modes", "totals", "dwells", "table_before", "table_after", "run", "active_fraction",
+    ]  # fmt: skip
+
+
+def test_modes_and_causes_stand_in_the_file_by_name_and_in_the_table_with_their_time() -> None:
+    values = json.loads(to_json(result()))
+    assert values["modes"] == [
+        {"mode": "ACTIVE", "cause": "NONE", "begin_s": 0.0, "end_s": 1.5},
+        {"mode": "HOLD", "cause": None, "begin_s": 1.5, "end_s": 2.0},
+    ]
+    assert values["active_fraction"] == 0.75
+    lines = to_text(result()).splitlines()
+    first = lines.index("modes    ACTIVE 75 % of the time")
+    assert lines[first + 1].split() == ["1.500", "to", "2.000", "s", "HOLD:", "not", "told"]
+
+
+def test_a_figure_that_is_not_a_number_is_refused() -> None:
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        to_json(replace(result(), span_mm=float("nan")))
+
+
+def test_the_versions_are_those_of_the_installed_packages() -> None:
+    versions = json.loads(to_json(result()))["run"]["versions"]
+    assert set(versions) == {"positioner", "python", "numpy", "osqp", "cantools", "python_can"}
+    assert all(re.match(r"\d+\.\d+", number) for number in versions.values())
+
+
+def test_the_summary_of_a_table_counts_cells_recorded_and_kept_samples() -> None:
+    table = StictionTable()
+    for _ in range(12):
+        table = table.record(Quantity.BREAKAWAY_CURRENT, 0.08, Direction.CLOSING, 9.0)
+    table = table.record(Quantity.LANDING_BIAS, 0.08, Direction.OPENING, 0.0)
+    expected = TableSummary(cells=2, recorded=13, stick_speeds=0, breakaway_currents=10, landing_biases=1)
+    assert summary_of(table) == expected
+
+
+def test_the_table_is_aligned_and_fits_a_hundred_columns() -> None:
+    lines = to_text(result()).splitlines()
+    first = next(index for index, line in enumerate(lines) if "setpoint" in line)
+    table = lines[first : first + 7]
+    assert len({len(line) for line in table}) == 1
+    assert all(len(line) <= 100 for line in lines)
+    # decimal points of the last three columns stand below each other
+    points = {tuple(match.start() for match in re.finditer(r"\.", table[row]))[-3:] for row in (3, 4, 6)}
+    assert len(points) == 1
+
+
+def test_the_table_tells_settled_from_never_and_cycling_from_not() -> None:
+    text = to_text(result())
+    one, two = (line.split() for line in text.splitlines() if re.match(r"\s+[12]\s+\d", line))
+    assert one == ["1", "73.0", "0.08", "0.21", "6.3", "never", "0.00", "2", "yes", "14.50", "0.50", "20.2"]
+    assert two == ["2", "87.0", "0.08", "0.21", "never", "never", "0.00", "2", "no", "14.50", "123.25", "20.2"]
+    assert "settled  1 to 1 %, 0 to 2 %, of 2" in text
+    assert "table    0 → 1 samples, 0 → 1 cells" in text
+    assert "travel   1.04 times" in text
+
+
+def test_a_run_without_moves_has_a_dash_for_its_travel_ratio() -> None:
+    still = totals([replace(DWELL, ideal_travel_mm=0.0)])
+    assert "travel   – times" in to_text(replace(result(), totals=still))

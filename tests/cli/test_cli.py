@@ -1,0 +1,293 @@
+"""The command line: help with examples, versions, completion, exit statuses, and every mistake of a file at once."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from plant_emulator.cli import main as plant_main
+from positioner import __version__
+from positioner.cli import main as positioner_main
+from positioner.cli.main import main
+from positioner.config.configuration import parse_config
+from positioner.errors import ExitCode
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    Output = pytest.CaptureFixture[str]
+
+ROOT = Path(__file__).resolve().parents[2]
+WIDEST = 120
+GOOD = '[valve]\nid = "FV-101"\npreset = "paper"\n'
+
+
+def commands(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    """Yield `parser` and every parser of a command below it."""
+    yield parser
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for below in action.choices.values():
+                yield from commands(below)
+
+
+PARSERS = {parser.prog: parser for made in (positioner_main, plant_main) for parser in commands(made.build_parser())}
+
+
+def run(*arguments: str, module: str = "positioner", **changes: Any) -> subprocess.CompletedProcess[str]:
+    """Run one of the programs to its end."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), **changes.pop("env", {})}
+    return subprocess.run(
+        [sys.executable, "-m", module, *arguments],
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+        timeout=60.0,
+        **changes,
+    )
+
+
+def test_every_program_and_command_is_looked_at() -> None:
+    assert {"positioner", "positioner run", "positioner bench", "positioner table reset", "positioner check",
+            "plant-emulator", "plant-emulator run"} <= set(PARSERS)  # fmt: skip
+
+
+@pytest.mark.parametrize("prog", PARSERS)
+def test_help_fits_the_terminal_and_has_an_example_that_parses(prog: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", str(WIDEST))
+    parser = PARSERS[prog]
+    text = parser.format_help()
+    assert [line for line in text.splitlines() if len(line) > WIDEST] == []
+    assert parser.description
+    if any(isinstance(action, argparse._SubParsersAction) for action in parser._actions) and " " in prog:
+        return  # a group of commands: each of them has its own
+    examples = [line.split("example: ")[-1].split("   ")[0].split(" > ")[0] for line in joined(text)]
+    examples = [example.strip() for example in examples if f"{example.strip()} ".startswith(f"{prog} ")]
+    examples = [example for example in examples if "[" not in example]
+    assert examples, text
+    whole = positioner_main if prog.startswith("positioner") else plant_main
+    for example in examples:
+        whole.build_parser().parse_args(example.split()[1:])
+
+
+def joined(text: str) -> list[str]:
+    """Return the lines of a help text; what argparse wrapped after `example:` is one line again."""
+    head, found, tail = text.partition("example: ")
+    return [*head.splitlines(), f"{found}{' '.join(tail.split())}"] if found else text.splitlines()
+
+
+def test_the_exit_statuses_in_the_help_are_those_of_the_program() -> None:
+    text = PARSERS["positioner"].format_help()
+    for code in set(ExitCode) - {ExitCode.FAILURE, ExitCode.OK}:
+        assert f" {code:d} " in text
+
+
+@pytest.mark.parametrize(("program", "name"), [(positioner_main, "positioner"), (plant_main, "plant-emulator")])
+def test_the_version_is_told(program: Any, name: str, capsys: Output) -> None:
+    with pytest.raises(SystemExit) as ended:
+        program.main(["--version"])
+    assert ended.value.code == ExitCode.OK
+    assert capsys.readouterr().out == f"{name} {__version__}\n"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [[], ["runn"], ["run"], ["run", "--config"], ["bench", "--law", "none"], ["bench", "--seed", "x"], ["check"],
+     ["check", "--example", "valve.toml"], ["table"], ["table", "dump"]],
+)  # fmt: skip
+def test_a_wrong_command_line_is_a_usage_error(arguments: list[str], capsys: Output) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == ExitCode.USAGE
+    assert capsys.readouterr().err.startswith("usage: positioner")
+
+
+def test_a_good_configuration_is_told_with_what_it_means(tmp_path: Path, capsys: Output) -> None:
+    path = tmp_path / "valve.toml"
+    path.write_text(GOOD, encoding="utf-8")
+    assert main(["check", str(path)]) == ExitCode.OK
+    first, *rows = capsys.readouterr().out.splitlines()
+    assert first == f"{path}: good"
+    shown = {row[2:24].strip(): row[25:] for row in rows}
+    assert shown["valve"] == "FV-101, span 127 mm"
+    # B u ± F_s over K_m at 4 and 20 mA, F_s of the span's force, and (F_s - F_c) / K_m
+    assert shown["restartable both ways"] == "57.9 to 94.5 mm"
+    assert shown["stiction"] == "F_s 32.0 % of the span force"
+    assert shown["slip jump"] == "5.42 mm"
+    assert shown["bus"] == "socketcan:can0"
+    assert shown["bus load"] == "30 % of 1 Mbit/s at most; 90 % at 0.31 ms, the shortest period that fits"
+
+
+@pytest.mark.parametrize(
+    ("valve", "told"),
+    [
+        ('preset = "graphite"', "13.1 to 30.0 mm (to the upper stop)"),
+        ('preset = "paper"\ntravel_min_m = 0.06', "60.0 to 94.5 mm (to the lower stop)"),
+        (
+            'preset = "paper"\ntravel_min_m = 0.07\ntravel_max_m = 0.08',
+            "70.0 to 80.0 mm (to the lower and the upper stop)",
+        ),
+        (
+            'preset = "paper"\nstatic_friction_n = 4000.0',
+            "nowhere: no current within the limits frees the stem both ways",
+        ),
+    ],
+)
+def test_the_range_of_positions_ends_at_the_stops(valve: str, told: str, tmp_path: Path, capsys: Output) -> None:
+    path = tmp_path / "valve.toml"
+    path.write_text(f'[valve]\nid = "v"\n{valve}\n', encoding="utf-8")
+    assert main(["check", str(path)]) == ExitCode.OK
+    assert f"  restartable both ways  {told}\n" in capsys.readouterr().out
+
+
+def test_a_period_that_no_bus_carries_is_told_with_the_shortest_that_one_does(tmp_path: Path, capsys: Output) -> None:
+    path = tmp_path / "valve.toml"
+    path.write_text(GOOD + "[control]\nsample_period_s = 0.0001\n", encoding="utf-8")
+    assert main(["check", str(path)]) == ExitCode.OK
+    told = "273 % of 1 Mbit/s at most: more than it carries; 90 % at 0.31 ms, the shortest period that fits"
+    assert f"  bus load               {told}\n" in capsys.readouterr().out
+    page = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert "take 273 % of 1 Mbit/s" in page
+    assert "carries is 0.31 ms" in " ".join(page.split())
+
+
+def test_every_mistake_of_a_configuration_comes_at_once_with_its_line(tmp_path: Path, capsys: Output) -> None:
+    path = tmp_path / "valve.toml"
+    path.write_text(
+        '[valve]\nid = "FV-101"\npreset = "paper"\nmass_kg = 1361\ntravel_maks_m = 0.1\n\n[wire]\ndbc = "absent.dbc"\n'
+        '\n[control]\nlaw = "papper"\n\n[guard]\nauto_arm = "yes"\n',
+        encoding="utf-8",
+    )
+    assert main(["check", str(path)]) == ExitCode.CONFIG
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    lines = captured.err.splitlines()
+    assert [line.removeprefix("positioner: ").split(f"{path}: ")[1].split(": ")[0] for line in lines] == [
+        "line 4", "line 5", "line 8", "line 11", "line 14",
+    ]  # fmt: skip
+    assert "valve.mass_kg = 1361: must be less than or equal to 200" in lines[0]
+    assert "valve.travel_maks_m: unknown key; did you mean 'travel_max_m'?" in lines[1]
+    assert "absent.dbc': cannot be read: No such file or directory" in lines[2]
+    assert "control.law = 'papper': is no law; did you mean 'paper'?" in lines[3]
+    assert "guard.auto_arm = 'yes': must be a valid boolean" in lines[4]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[valve\n", "line 1: TOML"),
+        ("", "valve: is required and missing"),
+        (GOOD + "[guard]\ncurrent_low_ma = 12.0\ncurrent_high_ma = 8.0\n", "current_low_ma must be below"),
+        (GOOD + "[bus]\nport = 0\n", "bus.port = 0"),
+    ],
+)
+def test_a_mistake_is_told_by_run_as_by_check(text: str, told: str, tmp_path: Path, capsys: Output) -> None:
+    path = tmp_path / "valve.toml"
+    path.write_text(text, encoding="utf-8")
+    for command in (["check", str(path)], ["run", "--config", str(path)]):
+        assert main(command) == ExitCode.CONFIG
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith(f"positioner: {path}: ")
+        assert told in line
+
+
+def test_the_example_is_itself_a_good_configuration(tmp_path: Path, capsys: Output) -> None:
+    assert main(["check", "--example"]) == ExitCode.OK
+    text = capsys.readouterr().out
+    assert text.startswith("#")
+    assert parse_config(text, "example", tmp_path).valve.id == "FV-101"
+    path = tmp_path / "example.toml"
+    path.write_text(text, encoding="utf-8")
+    assert main(["check", str(path)]) == ExitCode.OK
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "told"),
+    [
+        (["run", "--config", "absent.toml"], ExitCode.CONFIG, "absent.toml: file: cannot be read: No such file"),
+        (["run", "--config", "{valve}", "--bus", "can0"], ExitCode.CONFIG, "bus 'can0' is not INTERFACE:CHANNEL"),
+        (["run", "--config", "{valve}", "--state", "/dev/null/x"], ExitCode.IO, "the state directory cannot be made"),
+        (["run", "--config", "{valve}", "--state", "{state}", "--trace", "/dev/null/x"], ExitCode.USAGE,
+         "trace /dev/null/x cannot be written: Not a directory"),
+        (["table", "dump", "--state", "{state}"], ExitCode.IO, "state"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_done_ends_in_one_line_and_its_status(
+    arguments: list[str], status: ExitCode, told: str, tmp_path: Path, capsys: Output
+) -> None:
+    places = {"valve": str(tmp_path / "valve.toml"), "state": str(tmp_path / "state")}
+    Path(places["valve"]).write_text(GOOD, encoding="utf-8")
+    assert main([argument.format(**places) for argument in arguments]) == status
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("positioner: ")]
+    assert told in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "told"),
+    [
+        (["--seed", "-1"], ExitCode.USAGE, "'-1' is no whole number"),
+        (["--period", "0"], ExitCode.USAGE, "'0' is not seconds"),
+        (["--preset", "steel"], ExitCode.USAGE, "steel"),
+        (["--bus", "vcan0"], ExitCode.CONFIG, "bus 'vcan0' is not INTERFACE:CHANNEL"),
+        (["--id-offset", "3"], ExitCode.CONFIG, "must be a multiple of 128"),
+        (["--config", "absent.toml"], ExitCode.CONFIG, "absent.toml: file: cannot be read"),
+    ],
+)
+def test_an_emulator_that_cannot_run_says_why(
+    arguments: list[str], status: ExitCode, told: str, capsys: Output
+) -> None:
+    try:
+        code = plant_main.main(["run", *arguments])
+    except SystemExit as ended:  # argparse's own way
+        code = int(str(ended.code))
+    assert code == status
+    assert told in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_an_interrupt_ends_as_shells_expect(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted() -> str:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("positioner.cli.check.example_text", interrupted)
+    assert main(["check", "--example"]) == 130
+
+
+@pytest.mark.bus
+def test_a_reader_that_has_gone_is_no_error() -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        done = run("check", "--example", stdout=writer)
+    finally:
+        os.close(writer)
+    assert (done.returncode, done.stderr) == (ExitCode.OK, "")
+
+
+@pytest.mark.bus
+@pytest.mark.parametrize(
+    ("module", "line", "offered"),
+    [
+        ("positioner", "positioner bench --law pap", {"paper", "paper-plain"}),
+        ("plant_emulator.cli.main", "plant-emulator run --clock l", {"lockstep"}),
+    ],
+)
+def test_a_shell_completes_commands_and_choices(module: str, line: str, offered: set[str], tmp_path: Path) -> None:
+    answer = tmp_path / "answer"
+    environment = {
+        "_ARGCOMPLETE": "1",
+        "_ARGCOMPLETE_IFS": "\n",
+        "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
+        "_ARGCOMPLETE_SHELL": "bash",
+        "COMP_LINE": line,
+        "COMP_POINT": str(len(line)),
+    }
+    done = run(module=module, env=environment, stdout=subprocess.DEVNULL)
+    assert done.returncode == ExitCode.OK, done.stderr
+    assert offered <= {word.strip() for word in answer.read_text(encoding="utf-8").split("\n")}

@@ -1,0 +1,177 @@
+"""The quick start of the README, command by command, as its reader types it."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from daemon_helpers import _TOKENS, PATIENCE_S
+
+from positioner.config.configuration import load_config
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+pytestmark = pytest.mark.bus
+ROOT = Path(__file__).resolve().parents[2]
+SECTION = (ROOT / "README.md").read_text(encoding="utf-8").split("\n## Quick start\n")[1].split("\n## ")[0]
+BLOCKS = re.findall(r"^```sh\n(.*?)^```$", SECTION, flags=re.DOTALL | re.MULTILINE)
+EXAMPLE = "examples/fv101.toml"
+BIN = Path(sys.executable).parent
+
+
+class Walk:
+    """The commands of the quick start on a bus of this test's own, on a machine that may be slow."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.channel = f"walk{next(_TOKENS)}"
+        text = (ROOT / EXAMPLE).read_text(encoding="utf-8")
+        assert text.count('channel = "fv101"') == 1
+        text = text.replace('channel = "fv101"', f'channel = "{self.channel}"')
+        self.config = folder / "fv101.toml"
+        patient, times = re.subn(r"(feedback_\w+_periods) = (\d+)", r"\1 = \g<2>0", text)
+        assert times == 2
+        self.config.write_text(patient, encoding="utf-8")
+
+    def command(self, line: str) -> list[str]:
+        """Return the words of a line of the README, with this test's programs, bus and file in their places."""
+        line = line.replace(EXAMPLE, str(self.config)).replace("embedded:fv101", f"embedded:{self.channel}")
+        program, *arguments = shlex.split(line)
+        assert program.startswith(".venv/bin/"), line
+        return [str(BIN / program.removeprefix(".venv/bin/")), *arguments]
+
+    @contextmanager
+    def running(self, line: str, name: str, stdin: int = subprocess.DEVNULL) -> Iterator[subprocess.Popen[bytes]]:
+        """Run a command beside the test, its output in a file."""
+        environment = {**os.environ, "XDG_STATE_HOME": str(self.folder / "home")}
+        with (self.folder / name).open("wb") as log:
+            child = subprocess.Popen(self.command(line), stdin=stdin, stdout=log, stderr=log, env=environment)
+        try:
+            yield child
+        finally:
+            if child.poll() is None:
+                child.terminate()
+            child.wait(PATIENCE_S)
+
+    def said(self, name: str) -> str:
+        return (self.folder / name).read_text(encoding="utf-8")
+
+    def until_said(self, name: str, words: str) -> None:
+        deadline_s = time.monotonic() + PATIENCE_S
+        while words not in self.said(name):
+            assert time.monotonic() < deadline_s, {path.name: path.read_text() for path in self.folder.iterdir()}
+            time.sleep(0.05)
+
+    def done(self, line: str) -> tuple[int, str]:
+        """Run a command to its end; return its status and what it said."""
+        done = subprocess.run(
+            self.command(line), capture_output=True, text=True, timeout=PATIENCE_S, check=False, env=os.environ
+        )
+        return done.returncode, done.stdout + done.stderr
+
+
+@pytest.fixture
+def walk(tmp_path: Path) -> Walk:
+    return Walk(tmp_path)
+
+
+def test_the_quick_start_is_three_commands_in_three_terminals_and_two_to_look_and_to_end() -> None:
+    assert [len(block.splitlines()) for block in BLOCKS] == [1, 1, 1, 2]
+    assert load_config(ROOT / EXAMPLE).bus.is_embedded
+
+
+def test_a_reader_of_the_quick_start_moves_a_valve_and_ends_it(walk: Walk) -> None:
+    plant, positioner, host, afterwards = BLOCKS
+    status, disarm = afterwards.splitlines()
+    with ExitStack() as terminals:
+        terminals.enter_context(walk.running(plant, "1"))
+        terminals.enter_context(walk.running(positioner, "2"))
+        walk.until_said("2", "READY (waiting for arm)")
+        child = terminals.enter_context(walk.running(host, "3"))
+        walk.until_said("3", "setpoint 78.74 mm (62.00 %)")
+        walk.until_said("3", "ACTIVE: controls the valve")
+        assert child.poll() is None
+
+        code, said = walk.done(status)
+        assert code == 0
+        assert re.search(r"^armed     yes$", said, re.MULTILINE)
+        assert re.search(r"^setpoint  78\.74 mm", said, re.MULTILINE)
+        assert re.search(r"^current   \d+\.\d{3} mA$", said, re.MULTILINE)
+
+        child.send_signal(signal.SIGKILL)
+        walk.until_said("2", "HOLD (setpoint stale)")
+        code, said = walk.done(disarm)
+        assert code == 0
+        assert said.splitlines()[-1] == "disarmed: the positioner commands nothing"
+        walk.until_said("2", "READY (disarmed)")
+        code, said = walk.done(status)
+        assert code == 0
+        assert re.match(r"mode      READY: disarmed \(NE 107: function check\)\narmed     no\n", said)
+
+
+def test_a_person_at_a_terminal_types_verbs_and_hears_of_mistakes(walk: Walk) -> None:
+    plant, positioner, host, _ = BLOCKS
+    read, write = os.pipe()
+    with ExitStack() as terminals:
+        terminals.enter_context(walk.running(plant, "1"))
+        terminals.enter_context(walk.running(positioner, "2"))
+        walk.until_said("2", "READY (waiting for arm)")
+        child = terminals.enter_context(walk.running(host.partition(" arm")[0], "3", read))
+        os.close(read)
+        for typed, words in (
+            ("sett 80", "'sett' is no verb of the host; did you mean 'set'?"),
+            ("set 200", "200 mm is outside the travel"),
+            ("arm", "ACTIVE: controls the valve"),
+            ("manual 9.5mA", "MANUAL: the current is given by hand"),
+            ("set 80", "say `auto` first"),
+            ("status", "current   9.500 mA"),
+        ):
+            os.write(write, f"{typed}\n".encode())
+            walk.until_said("3", words)
+        os.write(write, b"auto\nset 80\nstatus")
+        os.close(write)
+        assert child.wait(PATIENCE_S) == 0
+    said = walk.said("3")
+    assert "setpoint 80.00 mm" in said
+    assert said.count("counted ") == 2
+    assert said.splitlines()[-1].startswith("no more setpoints are sent: the positioner holds within 0.5 s")
+
+
+def test_a_terminal_is_prompted_and_a_signal_ends_the_host(walk: Walk) -> None:
+    keyboard, screen = os.openpty()
+    with walk.running(BLOCKS[2].partition(" arm")[0], "3", screen) as child:
+        walk.until_said("3", "status         mode, health")
+        walk.until_said("3", "\n> ")
+        os.write(keyboard, b"disarm\n")
+        walk.until_said("3", "disarmed: the positioner commands nothing")
+        child.send_signal(signal.SIGTERM)
+        assert child.wait(PATIENCE_S) == 0
+    os.close(keyboard)
+    os.close(screen)
+
+
+def test_a_verb_of_the_command_line_that_cannot_be_done_ends_the_host(walk: Walk) -> None:
+    host = BLOCKS[2].strip()
+    code, said = walk.done(host)
+    assert (code, said.count("\n")) == (1, 1)
+    assert said.startswith("positioner: arm: no position frames come: is the bus the right one")
+    code, said = walk.done(host.replace("62%", "99%"))
+    assert (code, said.count("\n")) == (2, 1)
+    assert "out of reach" in said
+    line = shlex.join(walk.command(host.partition(" arm")[0])) + " <&-"
+    closed = subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    assert (closed.returncode, closed.stderr.count("\n")) == (2, 1)
+    assert closed.stderr.startswith("positioner: there is no standard input")
+    code, said = walk.done(host.partition(" arm")[0] + " status")
+    assert (code, said.count("\n")) == (1, 1)
+    assert said.startswith("positioner: status: nothing is heard: no position frames and no positioner")

@@ -1,0 +1,214 @@
+"""The configuration of one positioner: every mistake at once, with its line, its limits and the nearest known key."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import fields, is_dataclass
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args, get_type_hints
+
+import pytest
+
+from positioner.config.configuration import Configuration, load_config, parse_config
+from positioner.errors import ConfigurationError, ExitCode
+from positioner.laws.registry import LAWS
+from positioner.wire.messages import StemPosition
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+DBC = """VERSION ""
+BU_: PLANT POSITIONER
+BO_ 512 VALVE_FEEDBACK: 8 PLANT
+ SG_ StemPosition : 0|32@1+ (0.001,0) [0|0] "mm" POSITIONER
+"""
+OWN_FRAMES = """[valve]
+id = "v"
+preset = "paper"
+[wire]
+dbc = "{dbc}"
+[wire.stem_position]
+message = "VALVE_FEEDBACK"
+signals = {{ position_m = "{signal}" }}
+"""
+
+
+def problems_of(text: str, base: Path = Path()) -> list[str]:
+    with pytest.raises(ConfigurationError) as caught:
+        parse_config(text, "valve.toml", base)
+    assert caught.value.exit_code is ExitCode.CONFIG
+    return str(caught.value).splitlines()
+
+
+def test_an_id_and_the_name_of_a_valve_are_all_it_takes() -> None:
+    configuration = parse_config('[valve]\nid = "FV-101"\npreset = "paper"\n', "valve.toml", Path())
+    assert configuration == Configuration(valve=configuration.valve)
+    assert configuration.valve.id == "FV-101"
+    assert configuration.make_law().name == "nmpc"
+    assert configuration.make_codec().by_kind[StemPosition].arbitration_id == 0x110
+
+
+def test_the_commented_example_shows_the_defaults() -> None:
+    text = (resources.files("positioner") / "example.toml").read_text(encoding="utf-8")
+    minimal = parse_config('[valve]\nid = "FV-101"\npreset = "paper"\n', "valve.toml", Path())
+    assert parse_config(text, "example.toml", Path()) == minimal
+
+
+def test_the_commented_example_shows_every_key_and_no_other() -> None:
+    text = (resources.files("positioner") / "example.toml").read_text(encoding="utf-8")
+    keys = {".".join(key) for key in keys_of(Configuration)} | {"valve.preset"}
+    # a key without a default stands behind a comment, with an example
+    uncommented = re.sub(r"^# (\w+ = |\[)", r"\1", text, flags=re.MULTILINE)
+    shown = set(shown_keys(tomllib.loads(uncommented), (), keys))
+    assert sorted(keys - shown) == []
+    assert sorted(shown - keys) == []
+
+
+def keys_of(kind: Any, table: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """Yield every key that a configuration may have, from its dataclasses."""
+    hints = get_type_hints(kind)
+    for each in fields(kind):
+        kinds = (hints[each.name], *get_args(hints[each.name]))
+        below = next((inner for inner in kinds if is_dataclass(inner)), None)
+        if below is None:
+            yield (*table, each.name)
+        else:
+            yield from keys_of(below, (*table, each.name))
+
+
+def shown_keys(tables: dict[str, Any], table: tuple[str, ...], keys: set[str]) -> Iterator[str]:
+    """Yield the keys in a file; a table that is itself a key, such as the options of a bus, is one."""
+    for name, value in tables.items():
+        key = ".".join((*table, name))
+        if isinstance(value, dict) and key not in keys:
+            yield from shown_keys(value, (*table, name), keys)
+        else:
+            yield key
+
+
+def test_every_mistake_is_told_at_once_with_its_line() -> None:
+    text = """[valve]
+id = "v"
+preset = "paper"
+mass_kg = 1361.0
+spring_rate_n_per_mm = 52.5
+[control]
+law = "papr"
+sample_period_s = 0.0
+[guard]
+current_low_ma = 3.0
+[wire]
+dbc = "missing.dbc"
+[buss]
+channel = "can0"
+"""
+    told = problems_of(text)
+    assert [line.split(":")[1].strip() for line in told] == [f"line {n}" for n in (4, 5, 7, 8, 10, 12, 13)]
+    assert "valve.mass_kg = 1361.0: must be less than or equal to 200" in told[0]
+    assert "unknown key; did you mean 'spring_rate_n_per_m'?" in told[1]
+    assert "control.law = 'papr': is no law; did you mean 'paper'?" in told[2]
+    assert "must be greater than or equal to 0.00001" in told[3]
+    assert "must be greater than or equal to 3.8" in told[4]
+    assert "missing.dbc" in told[5]
+    assert "did you mean 'bus'?" in told[6]
+
+
+def test_a_missing_valve_is_told() -> None:
+    assert problems_of("") == ["valve.toml: valve: is required and missing"]
+    assert "valve.toml: line 1: valve.id: is required and missing" in problems_of("[valve]\n")
+
+
+def test_what_is_no_toml_is_told_with_its_line() -> None:
+    (line,) = problems_of('[valve]\nid = "v\n')
+    assert line.startswith("valve.toml: line 2: TOML:")
+
+
+def test_a_law_that_resembles_none_gets_the_list() -> None:
+    (line,) = problems_of('[valve]\nid = "v"\npreset = "paper"\n[control]\nlaw = "zzz"\n')
+    assert line == f"valve.toml: line 5: control.law = 'zzz': is no law; known: {', '.join(LAWS)}"
+
+
+def test_a_law_that_is_no_name_is_told_once() -> None:
+    (line,) = problems_of('[valve]\nid = "v"\npreset = "paper"\n[control]\nlaw = 3\n')
+    assert line == "valve.toml: line 5: control.law = 3: must be a valid string"
+
+
+@pytest.mark.parametrize("text", ['control = 3\nwire = 3\n[valve]\nid = "v"\npreset = "paper"\n'])
+def test_a_value_in_the_place_of_a_table_is_told_once(text: str) -> None:
+    told = problems_of(text)
+    assert [line.split(":")[1].strip() for line in told] == ["line 1", "line 2"]
+
+
+def test_limits_that_contradict_each_other_are_told() -> None:
+    (line,) = problems_of(
+        '[valve]\nid = "v"\npreset = "paper"\nstatic_friction_n = 100.0\ncoulomb_friction_n = 200.0\n'
+    )
+    assert "coulomb_friction_n exceeds static_friction_n" in line
+
+
+def test_numbers_that_are_none_are_refused() -> None:
+    told = problems_of('[valve]\nid = "v"\npreset = "paper"\nmass_kg = nan\nspan_m = inf\nbench_set_n = "0"\n')
+    assert [line.split(":")[1].strip() for line in told] == ["line 4", "line 5", "line 6"]
+
+
+def test_a_relative_dbc_lies_beside_the_configuration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "mine.dbc").write_text(DBC, encoding="utf-8")
+    path = tmp_path / "there" / "valve.toml"
+    path.write_text(OWN_FRAMES.format(dbc="mine.dbc", signal="StemPosition"), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    configuration = load_config(path)
+    assert configuration.wire.dbc == tmp_path / "there" / "mine.dbc"
+    assert configuration.make_codec().by_kind[StemPosition].arbitration_id == 512
+
+
+def test_a_relative_state_directory_lies_beside_the_configuration(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "there" / "valve.toml"
+    path.parent.mkdir()
+    path.write_text('[valve]\nid = "v"\npreset = "paper"\n[state]\ndirectory = "kept/here"\n', encoding="utf-8")
+    for cwd in (tmp_path, path.parent):
+        monkeypatch.chdir(cwd)
+        assert load_config(path).state_directory == tmp_path / "there" / "kept" / "here"
+
+
+def test_an_absolute_dbc_stays_where_it_is(tmp_path: Path) -> None:
+    (tmp_path / "mine.dbc").write_text(DBC, encoding="utf-8")
+    text = OWN_FRAMES.format(dbc=tmp_path / "mine.dbc", signal="StemPosition")
+    assert parse_config(text, "valve.toml", Path("/elsewhere")).wire.dbc == tmp_path / "mine.dbc"
+
+
+def test_a_signal_that_the_dbc_does_not_hold_is_told_beside_other_mistakes(tmp_path: Path) -> None:
+    (tmp_path / "mine.dbc").write_text(DBC, encoding="utf-8")
+    text = OWN_FRAMES.format(dbc="mine.dbc", signal="StemPositon") + "[guard]\nmax_jump_m = -1.0\n"
+    told = problems_of(text, tmp_path)
+    assert len(told) == 2
+    assert "line 8" in told[0]
+    assert "StemPositon" in told[0]
+    assert "line 10" in told[1]
+
+
+def test_a_configuration_that_cannot_be_read_is_told(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="cannot be read"):
+        load_config(tmp_path / "none.toml")
+
+
+def test_the_state_directory_is_the_given_one_or_the_service_managers_or_the_users(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    plain = parse_config('[valve]\nid = "FV-101"\npreset = "paper"\n', "valve.toml", Path())
+    given = parse_config(
+        '[valve]\nid = "FV-101"\npreset = "paper"\n[state]\ndirectory = "/srv/table"\n', "valve.toml", Path()
+    )
+    monkeypatch.setenv("STATE_DIRECTORY", "/var/lib/positioner/a:/var/lib/positioner/b")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    assert given.state_directory == Path("/srv/table")
+    assert plain.state_directory == Path("/var/lib/positioner/a")
+    monkeypatch.delenv("STATE_DIRECTORY")
+    assert plain.state_directory == tmp_path / "positioner" / "FV-101"
+    monkeypatch.delenv("XDG_STATE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert plain.state_directory == tmp_path / ".local" / "state" / "positioner" / "FV-101"

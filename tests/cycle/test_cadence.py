@@ -1,0 +1,113 @@
+"""The sample period that frames show, a lockstep that is none, and how often the actuator hears a word."""
+
+from __future__ import annotations
+
+import statistics
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import pytest
+from daemon_helpers import Loop, write_configuration
+from hypothesis import given
+from hypothesis import strategies as st
+from virtual_shell import VirtualShell
+
+from positioner.bus.address import BusAddress
+from positioner.cli.main import main
+from positioner.cycle.cadence import Cadence
+from positioner.errors import ExitCode, UsageError
+from positioner.runtime.clock import LockstepClock
+from positioner.runtime.daemon import RunOptions
+from positioner.wire.messages import Cause, CurrentCommand, Health, Mode, PositionerStatus, StemPosition
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+MS = 1_000_000
+
+
+def heard(intervals_ns: list[int], lost: int = 0) -> Cadence:
+    cadence, now_ns = Cadence().hear(10**12, 0), 10**12
+    for interval_ns in intervals_ns:
+        now_ns += interval_ns
+        cadence = cadence.hear(now_ns, lost)
+    return cadence
+
+
+@given(st.lists(st.integers(0, 50 * MS), min_size=50, max_size=50))
+def test_the_measured_period_is_the_median_of_a_window(intervals_ns: list[int]) -> None:
+    assert heard(intervals_ns).measured_s == pytest.approx(statistics.median(intervals_ns) / 1e9)
+    assert heard(intervals_ns[:49]).measured_s is None
+
+
+@pytest.mark.parametrize(("measured_ms", "wrong"), [(0.79, True), (0.81, False), (1.19, False), (1.21, True)])
+def test_a_fifth_is_tolerated_both_ways(measured_ms: float, wrong: bool) -> None:
+    assert heard([round(measured_ms * MS)] * 50).is_wrong(0.001) is wrong
+    assert heard([round(3 * measured_ms * MS)] * 50, lost=2).is_wrong(0.001) is wrong
+
+
+def test_frames_that_are_late_or_read_together_make_no_period_wrong() -> None:
+    bursts = [4 * MS, 0, 0, 0] * 12 + [MS, MS]
+    assert not heard([MS] * 30 + [9 * MS] * 5 + [0] * 15).is_wrong(0.001)
+    assert heard(bursts).is_wrong(0.001)  # without the kernel's stamps, four at a time cannot be told from none
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_a_wrong_sample_period_is_told_with_the_measured_one(factor: float, tmp_path: Path) -> None:
+    with VirtualShell(tmp_path) as shell:
+        shell.world.period_ns = round(factor * shell.world.period_ns)
+        shell.turn_for(2.0)
+        assert len(shell.told(f"position frames come every {factor * 10:g} ms, and control.sample_period_s")) >= 1
+        shell.arm()
+        shell.turn_for(1.0)
+        assert shell.told_by_the_guard() == (Mode.ACTIVE, Cause.PERIOD_WRONG)
+        status = [said.message for said in shell.world.said if isinstance(said.message, PositionerStatus)][-1]
+        assert (status.cause, status.health) == (Cause.PERIOD_WRONG, Health.OUT_OF_SPECIFICATION)
+
+
+def test_lockstep_with_a_plant_that_does_not_wait_ends_in_one_line(tmp_path: Path) -> None:
+    with Loop(tmp_path, RunOptions(lockstep=True)) as loop:
+        loop.daemon._clock = LockstepClock(loop.others.codec, 0.02)
+        for _ in range(3):
+            assert loop.turn(loop.others.frame(StemPosition(0.08))) == []
+        with pytest.raises(
+            UsageError, match="4 position frames came without an answer: this plant does not wait"
+        ) as end:
+            loop.turn(loop.others.frame(StemPosition(0.08)))
+        assert end.value.exit_code is ExitCode.USAGE
+
+
+@pytest.mark.parametrize("period_s", [0.001, 0.007, 0.2])
+def test_in_hold_the_last_word_comes_every_ten_milliseconds_whatever_the_period(
+    period_s: float, tmp_path: Path
+) -> None:
+    patient = {"feedback_failsafe_periods": 10_000, "setpoint_hold_s": 0.0, "setpoint_failsafe_s": 0.0}
+    with VirtualShell(tmp_path, period_s, guard=patient) as shell:
+        shell.arm()
+        shell.world.plant_silent = True
+        shell.turn_for(4 * period_s)
+        before = len(shell.world.said)
+        shell.turn_for(1.0)
+        held = [said for said in shell.world.said[before:] if isinstance(said.message, CurrentCommand)]
+        assert {said.message.mode for said in held if isinstance(said.message, CurrentCommand)} == {Mode.HOLD}
+        gaps_ms = [(other.at_ns - one.at_ns) / MS for one, other in pairwise(held)]
+        assert 10.0 <= min(gaps_ms) <= max(gaps_ms) <= 20.0
+        assert len(held) >= 50
+
+
+@pytest.mark.parametrize(
+    ("period_s", "guard", "expected"),
+    [
+        (0.033, {}, "100 ms\n"),
+        (0.034, {}, "100 ms: the sample period is too long for it; beyond 33.3 ms the actuator goes to"),
+        (0.2, {"actuator_deadman_s": 0.601}, "601 ms\n"),
+        (0.2, {"actuator_deadman_s": 0.0}, "none\n"),
+    ],
+)
+def test_check_says_when_the_sample_period_is_too_long_for_the_deadman(
+    period_s: float, guard: dict[str, float], expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bus = BusAddress(interface="virtual", channel="none")
+    path = write_configuration(tmp_path, bus, control={"sample_period_s": period_s}, guard=guard)
+    assert main(["check", str(path)]) == 0
+    assert f"  actuator's deadman     {expected}" in capsys.readouterr().out

@@ -1,0 +1,150 @@
+"""The doctor on what a positioner runs in: its scheduling, its unit, its state directory and its table."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from daemon_helpers import own_address, write_configuration
+from store_helpers import series, taught
+
+from positioner.cli.main import main
+from positioner.config import place
+from positioner.config.configuration import load_config
+from positioner.config.place import Place, place_of
+from positioner.doctor import scheduling, state_directory
+from positioner.doctor.finding import Finding, Level, worst
+from positioner.errors import ExitCode
+from positioner.store import access
+from positioner.store.vault import TABLE
+
+VALVE = '[valve]\nid = "FV-101"\npreset = "paper"\n'
+
+
+def test_the_policy_of_a_process_is_read_from_the_kernel() -> None:
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as child:
+        os.sched_setscheduler(child.pid, os.SCHED_BATCH, os.sched_param(0))
+        finding = scheduling.of_daemon(child.pid, 0.001, "positioner@fv101")
+        slow = scheduling.of_daemon(child.pid, 0.1, None)
+        child.communicate(b"\n")
+    assert (finding.level, slow.level) == (Level.WARN, Level.OK)
+    assert finding.text.startswith(f"process {child.pid}: SCHED_BATCH on processor ")
+    assert finding.mend.startswith(f"sudo chrt --fifo --pid 50 {child.pid}; to last: ")
+    assert scheduling.of_daemon(child.pid, 0.001, None).text == f"process {child.pid} has just ended"
+
+
+FIFO = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+
+
+def test_a_real_time_policy_is_fine_at_any_period(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        "positioner.doctor.scheduling.os.sched_getscheduler", lambda _pid: os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+    )
+    monkeypatch.setattr("positioner.doctor.scheduling.os.sched_getparam", lambda _pid: os.sched_param(50))
+    finding = scheduling.of_daemon(os.getpid(), 0.0001, None)
+    assert (finding.level, "SCHED_FIFO priority 50 on processor" in finding.text) == (Level.OK, True)
+
+
+def test_the_place_of_a_configuration_tells_its_unit_and_its_state(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(place, "CONFIGURATIONS", tmp_path)
+    path = tmp_path / "fv101.toml"
+    path.write_text(VALVE, encoding="utf-8")
+    plain = load_config(path)
+    assert place_of(plain, path) == Place(Path("/var/lib/positioner/fv101"), "positioner@fv101")
+    assert place_of(plain, path, tmp_path / "x") == Place(tmp_path / "x", "positioner@fv101")
+    path.write_text(f'{VALVE}[state]\ndirectory = "{tmp_path}/own"\n', encoding="utf-8")
+    assert place_of(load_config(path), path) == Place(tmp_path / "own", "positioner@fv101")
+    elsewhere = tmp_path / "below" / "fv101.toml"
+    assert place_of(plain, elsewhere) == Place(plain.state_directory.absolute(), None)
+
+
+def test_every_command_finds_the_table_of_a_service(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(place, "CONFIGURATIONS", tmp_path)
+    monkeypatch.setattr(place, "SERVICE_STATES", tmp_path / "lib")
+    path = tmp_path / "fv101.toml"
+    path.write_text(VALVE, encoding="utf-8")
+    assert main(["check", str(path)]) == ExitCode.OK
+    assert f"state                  {tmp_path}/lib/fv101\n" in capsys.readouterr().out
+    assert main(["table", "dump", "--config", str(path)]) != ExitCode.OK
+    assert f"{tmp_path}/lib/fv101" in capsys.readouterr().err
+
+
+def state_found(folder: Path, directory: Path, unit: str | None = None) -> dict[str, Finding]:
+    configuration = load_config(write_configuration(folder, own_address()))
+    return {finding.subject: finding for finding in state_directory.findings(configuration, Place(directory, unit))}
+
+
+def test_a_state_directory_that_is_not_there_yet_is_no_fault_where_it_can_be_made(tmp_path: Path) -> None:
+    told = state_found(tmp_path, tmp_path / "a" / "b")["state"]
+    assert (told.level, told.text) == (Level.OK, f"{tmp_path}/a/b is not there yet: the first start makes it")
+    (tmp_path / "file").write_text("")
+    told = state_found(tmp_path, tmp_path / "file" / "state")["state"]
+    assert (told.level, told.mend) == (
+        Level.FAIL,
+        f"sudo install -d -m 750 -o $(id -un) {tmp_path}/file/state",
+    )
+    of_unit = state_found(tmp_path, tmp_path / "file" / "state", "positioner@fv101")["state"]
+    assert (of_unit.level, "the first start of positioner@fv101 makes it" in of_unit.text) == (Level.OK, True)
+
+
+def test_the_table_is_counted_like_its_dump(tmp_path: Path) -> None:
+    assert state_found(tmp_path, tmp_path)["table"].text == "none yet: nothing is learned"
+    access.replace(tmp_path, taught(series(200)), force=False)
+    told = state_found(tmp_path, tmp_path)["table"]
+    assert (told.level, told.text) == (Level.OK, "valve FV-101: 200 samples in 30 cells")
+
+
+def test_a_table_of_another_valve_or_of_other_cells_is_told(tmp_path: Path) -> None:
+    for number, stored in enumerate((taught(series(3), "FV-202"), taught(series(3), width_m=0.01))):
+        directory = tmp_path / str(number)
+        directory.mkdir()
+        access.replace(directory, stored, force=True)
+        told = state_found(tmp_path, directory)["table"]
+        assert told.level is Level.WARN
+        assert ("this is FV-101" if number == 0 else "10 mm, and the configuration says 5 mm") in told.text
+
+
+def test_a_damaged_table_fails(tmp_path: Path) -> None:
+    (tmp_path / TABLE).write_bytes(b"not a table" * 100)
+    told = state_found(tmp_path, tmp_path)["table"]
+    assert (told.level, "is not an SQLite database" in told.text) == (Level.FAIL, True)
+
+
+@pytest.mark.parametrize(
+    ("free_mib", "level"), [(0.5, Level.FAIL), (1.5, Level.WARN), (99.0, Level.WARN), (101.0, Level.OK)]
+)
+def test_a_full_disk_is_told(free_mib: float, level: Level, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    usage = SimpleNamespace(free=round(free_mib * 2**20))
+    monkeypatch.setattr("positioner.doctor.state_directory.shutil.disk_usage", lambda _path: usage)
+    assert state_found(tmp_path, tmp_path)["state"].level is level
+
+
+def test_a_directory_that_cannot_be_written_or_read_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("positioner.doctor.state_directory.os.access", lambda _path, _mode: False)
+    told = state_found(tmp_path, tmp_path)
+    assert (told["state"].level, "is not writable" in told["state"].text) == (Level.FAIL, True)
+    assert (told["table"].level, told["table"].mend[:28]) == (Level.WARN, "sudo positioner table dump -")
+
+
+def test_the_worst_of_nothing_is_fine() -> None:
+    assert worst(()) is Level.OK
+
+
+def test_a_directory_that_only_root_may_look_into_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    configuration = load_config(write_configuration(tmp_path, own_address()))
+
+    def refused(path: Path) -> bool:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "is_dir", refused)
+    (told,) = state_directory.findings(configuration, Place(tmp_path, "positioner@fv101"))
+    assert (told.level, told.text) == (Level.WARN, f"{tmp_path} cannot be looked into by this user")
+    assert told.mend.startswith(f"sudo ls -l {tmp_path}")

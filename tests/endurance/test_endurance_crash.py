@@ -1,0 +1,121 @@
+"""The short form of `make crash-test`: the same programs, fewer kills, and patience with a busy machine."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+from store_helpers import VALVE, WIDTH_M, series
+
+from endurance import damage, diary
+from endurance.diary import DiaryWriter, Entry
+from endurance.verdict import Judge, taught
+from positioner.store import database
+from positioner.store.content import StoredTable
+from positioner.store.vault import TABLE
+from positioner.valve.stiction import StictionTable
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+EMPTY = StictionTable(cell_width_m=WIDTH_M)
+
+
+def crash(*arguments: str) -> tuple[int, str]:
+    """Return the exit status and the report of the crash test."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command = [sys.executable, "-m", "endurance.crash", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    return done.returncode, done.stdout + done.stderr
+
+
+@pytest.mark.bus
+def test_kills_of_learners_and_daemons_leave_a_table_that_loads_without_a_hole(tmp_path: Path) -> None:
+    code, report = crash(
+        *("--kills", "20", "--daemon-kills", "2", "--slots", "3", "--daemon-slots", "1", "--damage-share", "0.001"),
+        *("--limit-s", "30", "--seed", "5", "--folder", str(tmp_path)),
+    )
+    assert code == 0, report
+    loads = [int(found) for found in re.findall(r"^(\d+) loads after", report, re.MULTILINE)]
+    assert [loads[0] >= 20, loads[1]] == [True, 2], report
+    saved = [int(found) for found in re.findall(r"^  (\d+) samples saved", report, re.MULTILINE)]
+    assert [saved[0] > 0, saved[1] > 0] == [True, True], report
+    assert report.endswith("violations: 0\n"), report
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("damage")
+
+
+@pytest.fixture(scope="module")
+def size(folder: Path) -> int:
+    return len(damage.write_tables(folder / "whole"))
+
+
+def test_a_damaged_byte_anywhere_is_harmless_or_the_table_is_set_aside_and_mended(folder: Path, size: int) -> None:
+    flips = [one for one in damage.damages(size) if one[1]]
+    found = [damage.what_becomes_of(folder, one) for one in flips[:: len(flips) // 120]]
+    assert set(found) == {"detected", "harmless"}
+    assert 40 < found.count("detected") < 120
+
+
+def test_a_table_cut_anywhere_is_set_aside_and_mended(folder: Path, size: int) -> None:
+    cuts = [one for one in damage.damages(size) if not one[1]]
+    assert len(cuts) == size
+    chosen = [*cuts[:: len(cuts) // 30], cuts[-1]]
+    assert {damage.what_becomes_of(folder, one) for one in chosen} == {"detected"}
+
+
+def entries(count: int, *, second_ns: int = 1_000_000_000) -> list[Entry]:
+    """Return a diary of `count` samples, one a second."""
+    return [Entry(number * second_ns, number + 1, sample) for number, sample in enumerate(series(count))]
+
+
+def on_disk(folder: Path, numbers: list[int]) -> Path:
+    """Return a state directory whose table holds the samples of these numbers of the series."""
+    stored = StoredTable(VALVE, EMPTY)
+    for number in numbers:
+        stored = stored.learned(series(1, number)[0], 0)
+    database.create(folder / TABLE, stored)
+    return folder
+
+
+def test_the_judge_ages_what_was_lost_from_the_diary(tmp_path: Path) -> None:
+    judge = Judge(on_disk(tmp_path, [0, 1, 2]), VALVE, EMPTY)
+    outcome = judge.look("kill", entries(5), killed_ns=4_500_000_000)
+    assert (outcome.saved, outcome.lost, outcome.oldest_s, outcome.violations) == (3, 2, 1.5, ())
+    assert judge.table == taught(EMPTY, entries(3))
+
+
+@pytest.mark.parametrize("numbers", [[0, 2, 3], [0, 2, 1], [1, 2, 3], [0, 1, 1]])
+def test_the_judge_sees_a_hole(tmp_path: Path, numbers: list[int]) -> None:
+    outcome = Judge(on_disk(tmp_path, numbers), VALVE, EMPTY).look("kill", entries(5), 0)
+    assert ["has a hole" in violation for violation in outcome.violations] == [True]
+
+
+def test_the_judge_sees_a_table_that_went_back_and_one_that_was_set_aside(tmp_path: Path) -> None:
+    judge = Judge(on_disk(tmp_path, [0]), VALVE, taught(EMPTY, entries(2)))
+    assert "went back from 2 to 1 samples" in judge.look("kill", [], 0).violations[0]
+    (tmp_path / TABLE).write_bytes(b"garbage")
+    (tmp_path / "stiction.damaged-20260101T000000Z-1.sqlite").touch()
+    told = " ".join(judge.look("kill", [], 0).violations)
+    assert "is not an SQLite database" in told
+    assert "was set aside" in told
+
+
+def test_a_diary_keeps_every_digit_and_leaves_out_a_line_cut_short(tmp_path: Path) -> None:
+    samples = series(3)
+    writer = DiaryWriter(tmp_path / "diary")
+    for number, sample in enumerate(samples):
+        writer.write(number + 1, sample)
+    with (tmp_path / "diary").open("a", encoding="ascii") as file:
+        file.write("[1, 4, ")
+    found = diary.read(tmp_path / "diary")
+    assert [entry.sample for entry in found] == samples
+    assert [entry.sequence for entry in found] == [1, 2, 3]
+    assert diary.read(tmp_path / "none") == []

@@ -1,0 +1,45 @@
+"""`make restart-test` in its short form, and that it would see what it is to see."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from endurance import restarts
+from positioner.guard.arming import _follow
+from positioner.runtime.other_controller import OtherController
+from positioner.wire.messages import HostRequest
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+pytestmark = pytest.mark.bus
+HELD = restarts.Case("feedback lost", "kill", HostRequest.ARM, (0, 0.0))
+QUEUED = restarts.Case("none", "kill", HostRequest.NONE, (128, 0.0))
+
+
+def test_no_restart_arms_what_nobody_has_asked_for_or_needs_a_person(tmp_path: Path) -> None:
+    every = list(restarts.cases())
+    assert len(every) * restarts.ROUNDS >= 1000
+    wrong, _ = restarts.play(tmp_path, every[:: len(every) // 21], seed=7)
+    assert wrong == {}
+
+
+def test_a_start_that_takes_a_held_request_for_a_new_one_is_seen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def eager(before: HostRequest | None, requests: list[HostRequest], *, fresh: bool) -> object:
+        return _follow(HostRequest.NONE if before is None else before, requests, fresh=fresh)
+
+    monkeypatch.setattr("positioner.guard.arming._follow", eager)
+    wrong, _ = restarts.play(tmp_path, [HELD], seed=7)
+    assert "commands that nobody has asked for" in wrong[HELD]
+
+
+def test_a_start_that_takes_the_last_commands_of_the_daemon_before_for_another_controller_is_seen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(OtherController, "goes_on", lambda _self, _now_ns: True)
+    wrong, _ = restarts.play(tmp_path, [QUEUED], seed=7)
+    assert wrong[QUEUED].startswith("a person is needed: status 69: not started: another controller")

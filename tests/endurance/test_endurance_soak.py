@@ -1,0 +1,65 @@
+"""The short form of `make soak`, two minutes instead of an hour, and what its figures rest on."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+
+from endurance.pulse import Pulse
+
+_SECONDS = 120
+
+
+@pytest.mark.bus
+def test_two_minutes_with_restarts_and_an_outage_leak_nothing_and_lose_nothing() -> None:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    # an hour tells 1 % of growth from a cache that fills; two minutes, in three lives, tell 3 %
+    command = [sys.executable, "-m", "endurance.soak", "--seconds", str(_SECONDS), "--growth", "0.03"]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert len(re.findall(r"^(daemon|keeper) ", done.stdout, re.MULTILINE)) == 6, done.stdout
+    lessons = re.search(r"^lessons: (\d+)$", done.stdout, re.MULTILINE)
+    assert lessons, done.stdout
+    assert int(lessons[1]) >= 1, done.stdout
+    assert done.stdout.endswith("violations: 0\n"), done.stdout
+
+
+def pulse(memory_bytes: list[int], descriptors: list[int]) -> Pulse:
+    return Pulse("daemon", 0, [float(number) for number in range(len(memory_bytes))], memory_bytes, descriptors)
+
+
+def test_memory_that_grows_after_the_warm_up_is_told_as_a_share_of_its_mean() -> None:
+    steady = [1000] * 40 + [2000] * 60
+    assert pulse(steady, [8] * 100).growth == 0.0
+    growing = [1000] * 40 + [2000 + 10 * number for number in range(60)]
+    assert pulse(growing, [8] * 100).growth == pytest.approx(590 / 2295)
+    assert pulse(growing[::-1], [8] * 100).growth < 0.0
+
+
+def test_a_descriptor_counts_as_leaked_when_it_stays_and_not_when_a_commit_opens_it() -> None:
+    commits = [8, 8, 10] * 10
+    assert pulse([1] * 30, commits).leaked == 0
+    assert pulse([1] * 30, commits[:20] + [number + 1 for number in commits[20:]]).leaked == 1
+
+
+def test_a_pulse_of_this_process_sees_its_memory_and_a_file_that_it_opens() -> None:
+    own = Pulse("test", os.getpid())
+    own.feel(0.0)
+    descriptor = os.open(os.devnull, os.O_RDONLY)
+    own.feel(1.0)
+    os.close(descriptor)
+    assert own.descriptors[1] == own.descriptors[0] + 1
+    assert 10_000_000 < own.memory_bytes[0] < 10_000_000_000
+
+
+def test_a_process_that_is_gone_leaves_its_pulse_as_it_was() -> None:
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    one = Pulse("gone", gone.pid)
+    one.feel(0.0)
+    assert one.times_s == []
+    assert not one.is_long

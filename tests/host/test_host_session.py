@@ -1,0 +1,384 @@
+"""The host against the positioner and the emulated valve, in virtual time: what each verb brings about."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from plant_emulator.device import advance, initial_device, publish, take
+from plant_emulator.presets import plant_settings
+from positioner.config.configuration import Configuration, parse_config
+from positioner.cycle.state import CycleState, Setup
+from positioner.cycle.step import step
+from positioner.errors import HostError
+from positioner.host.session import ANSWER_S, RELEASED_S, Session
+from positioner.host.verbs import Verb, Word, read_verbs
+from positioner.wire.messages import (
+    CurrentCommand,
+    HostRequest,
+    ManualCurrent,
+    ManualRequest,
+    Mode,
+    Setpoint,
+    StemPosition,
+)
+
+if TYPE_CHECKING:
+    from positioner.wire.messages import CanFrame, Message
+
+MS = 1_000_000
+PERIOD_NS = 2 * MS
+TEXT = '[valve]\nid = "V"\npreset = "paper"\n[control]\nsample_period_s = 0.002\n'
+
+
+class Bench:
+    """One host, one positioner, one valve; every turn is a period, and the host turns in each."""
+
+    def __init__(self, text: str = TEXT) -> None:
+        self.configuration: Configuration = parse_config(text, "test", Path())
+        self.codec = self.configuration.make_codec()
+        control = self.configuration.control
+        law = self.configuration.make_law()
+        self.setup = Setup(self.codec, self.configuration.valve, self.configuration.guard, law, control.sample_period_s)
+        self.plant = plant_settings("paper")
+        self.device = initial_device(self.plant, 3)
+        self.state = CycleState()
+        self.session = Session(self.configuration)
+        self.now_ns = 1000 * MS
+        self.sent: list[Message] = []
+        self.currents: list[float] = []
+        self.plant_is_on = self.positioner_is_on = self.host_is_on = True
+        self.others: list[CanFrame] = []
+        self.turns = self.foreign_every = 0
+        self.run(0.7)
+
+    def run(self, duration_s: float) -> None:
+        for _ in range(round(duration_s * 1e9 / PERIOD_NS)):
+            self.now_ns += PERIOD_NS
+            bus = [*self.others]
+            self.others = []
+            self.turns += 1
+            if self.foreign_every and self.turns % self.foreign_every == 0:
+                bus.append(self.codec.encode(CurrentCommand(9.5), self.turns // self.foreign_every))
+            if self.host_is_on:
+                frames = self.session.advance(self.now_ns)
+                self.sent += [self.codec.decode(frame)[0] for frame in frames]
+                bus += frames
+            if self.plant_is_on:
+                self.device, frames = publish(self.codec, self.plant, self.device)
+                bus += frames
+            outbox: tuple[CanFrame, ...] = ()
+            if self.positioner_is_on:
+                self.state, outbox, _ = step(self.setup, self.state, bus, self.now_ns)
+            own = {self.codec.identifier(Setpoint), self.codec.identifier(ManualCurrent)} if self.host_is_on else set()
+            heard = [frame for frame in bus if (frame.arbitration_id, frame.is_extended) not in own]
+            self.session.hear([*heard, *outbox], self.now_ns)
+            self.currents += [
+                message.current_ma
+                for message, _ in map(self.codec.decode, outbox)
+                if isinstance(message, CurrentCommand)
+            ]
+            self.device = advance(self.plant, take(self.codec, self.device, outbox), PERIOD_NS / 1e9)
+
+    def say(self, text: str, *, within_s: float = 1.0) -> None:
+        """Begin the verbs in `text`, each when the one before is done."""
+        for verb in read_verbs([text], self.configuration.valve, self.configuration.guard):
+            self.session.begin(verb, self.now_ns)
+            self.until_done(within_s)
+
+    def until_done(self, within_s: float) -> None:
+        end_ns = self.now_ns + round(within_s * 1e9)
+        while self.session.is_busy:
+            assert self.now_ns < end_ns, self.session.lines
+            self.run(PERIOD_NS / 1e9)
+
+    def is_in(self, mode: Mode) -> bool:
+        return self.state.guard.mode is mode
+
+    @property
+    def true_m(self) -> float:
+        return self.device.plant.position_m
+
+    def told(self, word: str) -> list[str]:
+        return [line for line in self.session.lines if word in line]
+
+
+def test_before_the_first_verb_not_a_frame_is_sent() -> None:
+    it = Bench()
+    it.say("help")
+    with pytest.raises(HostError, match="silent: it was not armed since its start"):
+        it.say("status", within_s=2.0)
+    assert it.sent == []
+    assert not it.session.is_speaking
+
+
+def test_arm_releases_first_and_holds_the_request_until_the_positioner_is_armed() -> None:
+    it = Bench()
+    it.say("arm")
+    assert it.is_in(Mode.ACTIVE)
+    requests = [message.request for message in it.sent if isinstance(message, Setpoint)]
+    first = requests.index(HostRequest.ARM)
+    assert first == pytest.approx(RELEASED_S / 0.01, abs=1)
+    assert set(requests[:first]) == {HostRequest.NONE}
+    it.sent.clear()
+    it.run(0.5)
+    assert {message.request for message in it.sent if isinstance(message, Setpoint)} == {HostRequest.NONE}
+    assert len(it.sent) == pytest.approx(50, abs=1)
+    assert it.told("ACTIVE") == ["ACTIVE: controls the valve (NE 107: good)"]
+
+
+def test_arm_alone_leaves_the_stem_where_it_is() -> None:
+    it = Bench()
+    before_m = it.true_m
+    it.say("arm")
+    it.run(1.0)
+    assert it.true_m == pytest.approx(before_m, abs=0.0015)
+
+
+def test_set_moves_the_stem_and_its_end_leads_to_hold_and_failsafe() -> None:
+    it = Bench()
+    it.say("arm set 62%")
+    it.run(2.0)
+    assert it.true_m == pytest.approx(0.62 * 0.127, abs=0.0015)
+    it.host_is_on = False
+    it.run(0.48)
+    assert it.is_in(Mode.ACTIVE)
+    it.run(0.06)
+    assert it.is_in(Mode.HOLD)
+    it.run(9.6)
+    assert it.is_in(Mode.FAILSAFE)
+    assert it.told("HOLD") == ["HOLD: the host sends nothing any more (NE 107: out of specification)"]
+
+
+def test_set_before_arm_waits_for_it() -> None:
+    it = Bench()
+    it.say("set 80")
+    assert it.told("setpoint") == ["setpoint 80.00 mm (62.99 %); it acts once the positioner is armed: `arm`"]
+    it.run(0.5)
+    assert it.is_in(Mode.READY)
+    it.say("arm")
+    it.run(1.5)
+    assert it.true_m == pytest.approx(0.08, abs=0.0015)
+
+
+def test_disarm_silences_and_ends_the_setpoints() -> None:
+    it = Bench()
+    it.say("arm set 80")
+    it.run(0.5)
+    it.say("disarm")
+    assert it.is_in(Mode.READY)
+    assert not it.session.is_speaking
+    it.sent.clear()
+    it.run(0.5)
+    assert it.sent == []
+    assert it.session.lines[-1] == "disarmed: the positioner commands nothing"
+    it.say("arm")
+    assert it.is_in(Mode.ACTIVE)
+
+
+def test_disarm_needs_nobody_who_answers() -> None:
+    it = Bench()
+    it.positioner_is_on = it.plant_is_on = False
+    it.run(1.0)
+    it.say("disarm")
+    requests = {message.request for message in it.sent if isinstance(message, Setpoint)}
+    assert requests == {HostRequest.DISARM}
+
+
+def test_manual_mode_and_back_without_a_bump() -> None:
+    it = Bench()
+    it.say("arm set 85")
+    it.run(1.5)
+    before_ma = it.state.last_ma
+    it.say("manual")
+    assert it.is_in(Mode.MANUAL)
+    it.run(0.5)
+    assert it.state.last_ma == pytest.approx(before_ma, abs=1e-3)
+    learned = it.state.learned_count
+    it.say("manual 19mA")
+    it.run(1.5)
+    assert it.state.last_ma == 19.0
+    moved_m = it.true_m
+    assert moved_m > 0.09
+    it.currents.clear()
+    it.say("auto")
+    assert it.is_in(Mode.ACTIVE)
+    it.run(1.5)
+    assert it.currents[0] == 19.0
+    assert max(abs(one - other) for one, other in pairwise(it.currents)) < 0.5
+    assert it.true_m == pytest.approx(moved_m, abs=0.0015)
+    assert it.state.setpoint_m == pytest.approx(moved_m, abs=0.0015)
+    assert it.state.learned_count - learned <= 1
+    it.say("set 85")
+    it.run(1.5)
+    assert it.true_m == pytest.approx(0.085, abs=0.0015)
+
+
+def test_the_frames_of_manual_mode_come_at_their_cadence_and_end_with_auto() -> None:
+    it = Bench()
+    it.say("arm manual 14mA")
+    it.sent.clear()
+    it.run(1.0)
+    by_hand = [message for message in it.sent if isinstance(message, ManualCurrent)]
+    assert len(by_hand) == pytest.approx(20, abs=1)
+    assert set(by_hand) == {ManualCurrent(14.0)}
+    it.sent.clear()
+    it.say("auto")
+    it.run(1.0)
+    by_hand = [message for message in it.sent if isinstance(message, ManualCurrent)]
+    assert {message.request for message in by_hand} == {ManualRequest.AUTO}
+    assert 1 <= len(by_hand) <= 5
+
+
+def test_a_new_current_by_hand_leaves_at_once() -> None:
+    it = Bench()
+    it.say("arm manual 14mA")
+    it.run(0.521)
+    it.session.begin(Verb(Word.MANUAL, current_ma=14.5), it.now_ns)
+    it.run(0.004)
+    assert it.state.last_ma == 14.5
+
+
+def test_with_a_dead_sensor_the_valve_is_moved_by_hand() -> None:
+    it = Bench()
+    it.say("arm set 80")
+    it.run(1.0)
+    it.plant_is_on = False
+    it.run(1.0)
+    assert it.is_in(Mode.FAILSAFE)
+    with pytest.raises(HostError, match="set: no position frames come"):
+        it.say("set 85")
+    it.say("manual 12mA")
+    assert it.is_in(Mode.FAILSAFE)
+    it.say("arm")
+    assert it.is_in(Mode.MANUAL)
+    it.say("manual 13mA")
+    it.run(0.1)
+    assert it.state.last_ma == 13.0
+    assert it.told("MANUAL") == ["MANUAL: no position frames come (NE 107: function check)"]
+
+
+@pytest.mark.parametrize(
+    ("before", "verb", "line"),
+    [
+        ("arm manual 14mA", "set 80", "set: the current is given by hand: say `auto` first"),
+        ("arm", "auto", "auto: it is in automatic mode"),
+        ("", "manual", "manual: there is no current that could be kept: give one, as in `manual 9.5mA`"),
+    ],
+)
+def test_what_cannot_be_done_now_is_told_in_one_line(before: str, verb: str, line: str) -> None:
+    it = Bench()
+    it.say(before)
+    with pytest.raises(HostError) as caught:
+        it.say(verb)
+    assert str(caught.value) == line
+    it.run(0.2)
+
+
+@pytest.mark.parametrize(("verb", "word"), [("arm", "arm"), ("set 80", "set"), ("auto", "auto")])
+def test_without_position_frames_nothing_begins(verb: str, word: str) -> None:
+    it = Bench()
+    it.plant_is_on = False
+    it.run(0.6)
+    with pytest.raises(HostError, match=f"{word}: no position frames come: is the bus the right one"):
+        it.say(verb)
+    it.run(0.2)
+    assert it.sent == []
+
+
+def test_an_arm_that_nobody_answers_says_why_that_may_be() -> None:
+    it = Bench()
+    it.positioner_is_on = False
+    with pytest.raises(HostError, match="arm: position frames come, and the positioner is silent"):
+        it.say("arm", within_s=ANSWER_S + 1.0)
+
+
+def test_an_arm_that_is_refused_says_why() -> None:
+    it = Bench()
+    it.say("arm disarm")
+    it.session.begin(Verb(Word.ARM), it.now_ns)
+    it.foreign_every = 100
+    with pytest.raises(HostError, match="arm: not done within 3 s: READY: another controller commands this valve"):
+        it.run(4.0)
+
+
+def test_another_host_is_seen_before_and_while_one_speaks() -> None:
+    it = Bench()
+    it.host_is_on = False
+    it.others = [it.codec.encode(Setpoint(0.08), 0)]
+    it.run(0.01)
+    it.host_is_on = True
+    with pytest.raises(HostError, match="arm: another host sends setpoints to this valve: end it first"):
+        it.say("arm")
+    it.run(0.6)
+    it.say("arm")
+    assert it.told("another host") == []
+    it.session.hear([it.codec.encode(Setpoint(0.08), 0)], it.now_ns)
+    it.session.hear([it.codec.encode(Setpoint(0.08), 1)], it.now_ns)
+    assert it.told("another host") == ["another host sends setpoints to this valve, too: end one of them"]
+
+
+def test_armed_already_is_no_mistake_and_brings_a_valve_back_that_was_left_alone() -> None:
+    it = Bench()
+    it.say("arm set 80")
+    it.run(1.0)
+    it.session = Session(it.configuration)
+    it.run(1.0)
+    assert it.is_in(Mode.HOLD)
+    it.say("arm")
+    assert it.told("armed already") == ["it was armed already"]
+    it.run(0.5)
+    assert it.is_in(Mode.ACTIVE)
+    assert it.true_m == pytest.approx(0.08, abs=0.002)
+
+
+def test_the_status_tells_all_there_is() -> None:
+    it = Bench()
+    it.say("arm set 80")
+    it.run(2.0)
+    it.session.lines.clear()
+    it.say("status")
+    lines = dict(line.split(maxsplit=1) for line in it.session.lines)
+    assert list(lines) == ["mode", "armed", "table", "position", "setpoint", "error", "current", "counted"]
+    assert lines["mode"] == "ACTIVE: controls the valve (NE 107: good)"
+    assert (lines["armed"], lines["table"]) == ("yes", "saved")
+    assert lines["setpoint"] == "80.00 mm (62.99 %)"
+    assert float(lines["position"].split()[0]) == pytest.approx(it.true_m * 1e3, abs=0.5)
+    assert float(lines["error"].split()[0]) == pytest.approx((it.true_m - 0.08) * 1e3, abs=0.5)
+    assert float(lines["current"].split()[0]) == pytest.approx(it.state.last_ma, abs=1e-3)
+    assert lines["counted"].startswith(f"learned {it.state.learned_count}, refused 0, fell back 0")
+    it.plant_is_on = False
+    it.run(1.0)
+    it.session.lines.clear()
+    it.say("status")
+    assert "position  no position frames come" in it.session.lines
+
+
+def test_a_positioner_that_falls_silent_is_told_once() -> None:
+    it = Bench()
+    it.say("arm")
+    it.positioner_is_on = False
+    it.run(2.0)
+    assert it.told("silent") == ["the positioner is silent"]
+
+
+def test_a_damaged_frame_is_passed_over_and_a_reading_that_is_none_is_not_shown() -> None:
+    it = Bench()
+    good = it.codec.encode(StemPosition(0.08), 0)
+    session = Session(it.configuration)
+    session.hear([type(good)(good.arbitration_id, bytes(8))], 0)
+    assert session.picture.position_m is None
+    session.hear([good], 1)
+    assert session.picture.position_m == pytest.approx(0.08)
+
+
+def test_a_short_patience_of_the_positioner_shortens_the_cadence() -> None:
+    it = Bench(TEXT + "[guard]\nsetpoint_hold_s = 0.02\nsetpoint_failsafe_s = 0.0\n")
+    it.say("arm")
+    it.sent.clear()
+    it.run(1.0)
+    assert len(it.sent) == pytest.approx(250, abs=2)
+    assert it.is_in(Mode.ACTIVE)

@@ -1,0 +1,101 @@
+"""Every law learns nothing while its commands do not act, it is told, and the law begins anew when they act again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from loop_helpers import Loop, passed
+
+from positioner.cycle.events import ForeignCommand, Learned, ModeChanged
+from positioner.cycle.trust_events import ActingChanged
+from positioner.laws.registry import LAWS
+from positioner.wire.messages import Cause, CurrentCommand, Health, Mode, Quality, StemPosition
+
+if TYPE_CHECKING:
+    from positioner.laws.law import Law
+    from positioner.wire.messages import CanFrame
+
+
+class Deaf:
+    """A node that takes no command from now on, and says so, or only goes on naming the last one that it took."""
+
+    def __init__(self, loop: Loop, *, says_so: bool) -> None:
+        self.loop, self.says_so, self.echo = loop, says_so, loop.device.command_counter
+
+    def to_plant(self, frames: tuple[CanFrame, ...]) -> tuple[CanFrame, ...]:
+        del frames
+        return ()
+
+    def to_positioner(self, frames: tuple[CanFrame, ...]) -> tuple[CanFrame, ...]:
+        return tuple(self.told(frame) for frame in frames)
+
+    def told(self, frame: CanFrame) -> CanFrame:
+        message, counter = self.loop.codec.decode(frame)
+        if not isinstance(message, StemPosition):
+            return frame
+        quality = Quality.FAIL_POSITION if self.says_so else Quality.VALID
+        return self.loop.codec.encode(StemPosition(message.position_m, self.echo, quality), counter or 0)
+
+
+class Usurper:
+    """Another controller whose commands act in the place of ours, 10 mA each."""
+
+    def __init__(self, loop: Loop) -> None:
+        self.loop, self.counter = loop, loop.device.command_counter
+
+    def to_plant(self, frames: tuple[CanFrame, ...]) -> tuple[CanFrame, ...]:
+        del frames
+        return (self.loop.codec.encode(CurrentCommand(10.0), self.counter),)
+
+    def to_positioner(self, frames: tuple[CanFrame, ...]) -> tuple[CanFrame, ...]:
+        self.counter += 1
+        return (*frames, *self.to_plant(()))
+
+
+class Counting:
+    """A law that counts how often it begins."""
+
+    def __init__(self, law: Law[Any]) -> None:
+        self.law, self.name, self.begun = law, law.name, 0
+        self.estimate, self.decide = law.estimate, law.decide
+
+    def begin(self, measured_m: float) -> Any:
+        self.begun += 1
+        return self.law.begin(measured_m)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("kind", ["failed", "deaf", "usurped"])
+def test_a_law_learns_nothing_while_its_commands_do_not_act_and_begins_anew_after(law: str, kind: str) -> None:
+    loop = Loop(law)
+    counting = Counting(loop.setup.law)
+    loop.setup = replace(loop.setup, law=counting)
+    # a foreign command within a second of the arming is another matter: one ARM has armed two
+    loop.run(1.1 if kind == "usurped" else 0.3, 0.08)
+    fault = Usurper(loop) if kind == "usurped" else Deaf(loop, says_so=kind == "failed")
+    cause = {"failed": Cause.ACTUATOR_FAILED, "deaf": Cause.COMMAND_IGNORED, "usurped": Cause.FOREIGN_COMMAND}[kind]
+    loop.to_plant, loop.to_positioner = fault.to_plant, fault.to_positioner
+    loop.run(0.005, 0.08)
+    table = loop.state.table
+    events = [event for setpoint_m in (0.073, 0.087, 0.08) for event in loop.run(0.2, setpoint_m)]
+    assert loop.state.table is table
+    assert not any(isinstance(event, Learned) for event in events)
+    guard = loop.state.guard
+    assert (guard.mode, guard.cause, guard.health(table_saved=True)) == (Mode.ACTIVE, cause, Health.FAILURE)
+    told = loop.told(ForeignCommand if kind == "usurped" else ActingChanged)
+    assert told
+    assert counting.begun == 1
+    loop.to_plant = loop.to_positioner = passed
+    events = loop.run(1.2, 0.08)
+    assert loop.state.guard.cause is Cause.NONE
+    assert counting.begun == 2
+    assert any(isinstance(event, ModeChanged) and event.cause is Cause.NONE for event in events)
+    if kind != "usurped":
+        causes = [event.cause for event in loop.told(ActingChanged)]
+        assert (causes[0], causes[-1]) == (cause, None)
+    if law == "nmpc":
+        # what was believed of the load while nothing acted is forgotten
+        assert loop.state.memory.watch.ratio < 1.2 * 1.03**3
+        assert loop.position_m == pytest.approx(0.08, abs=1e-3)

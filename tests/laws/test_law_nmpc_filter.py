@@ -1,0 +1,115 @@
+"""The adaptive filter: at rest it is a plain average and the full Kalman filter at once; a landing teaches the load."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from positioner.laws.nmpc.filter import AdaptationSettings, AdaptiveFilter, Sliding, average, spread_of
+from positioner.laws.nmpc.slide import Load, load_of, slider_of
+from positioner.valve.model import ValveParameters
+
+VALVE = ValveParameters(id="paper")
+NOMINAL = load_of(VALVE)
+SETTINGS = AdaptationSettings()
+FILTER = AdaptiveFilter(SETTINGS, slider_of(VALVE), NOMINAL)
+SIGMA_M = 1.6e-3
+readings = st.lists(st.floats(0.07, 0.09), min_size=1, max_size=40)
+
+
+def landed() -> Sliding:
+    """Return the estimate after a move of 20 ms without readings: everything is correlated with everything."""
+    state = FILTER.depart(FILTER.at_rest(0.06, 1e-8, NOMINAL, FILTER.prior_sigmas()), 1.0)
+    for _ in range(4):
+        state = FILTER.advance(state, 18.0, 1e-3)
+    while not state.stopped:
+        state = FILTER.advance(state, 9.0, 1e-3)
+    return state
+
+
+@given(readings)
+def test_at_rest_the_position_is_the_average_of_the_readings_and_the_prior(values: list[float]) -> None:
+    rest = FILTER.rest(landed())
+    weights = [1.0 / rest.variance_m2, *(SIGMA_M**-2,) * len(values)]
+    expected = np.average([rest.x, *values], weights=weights)
+    for value in values:
+        rest = average(rest, value, SIGMA_M**2)
+    assert rest.x == pytest.approx(expected, rel=1e-12)
+    assert rest.variance_m2 == pytest.approx(1.0 / sum(weights), rel=1e-12)
+
+
+@given(readings)
+def test_at_rest_the_load_is_that_of_the_full_filter(values: list[float]) -> None:
+    rest = FILTER.rest(landed())
+    x = np.array([rest.anchor.x, 0.0, *rest.anchor.load])
+    covariance = rest.anchor.covariance
+    for value in values:
+        gain = covariance[:, 0] / (covariance[0, 0] + SIGMA_M**2)
+        x = x + gain * (value - x[0])
+        covariance = covariance - np.outer(gain, covariance[0])
+        rest = average(rest, value, SIGMA_M**2)
+    assert rest.load == pytest.approx(tuple(x[2:]), rel=1e-9)
+    left = FILTER.depart(rest, -1.0)
+    covariance[3, 3] += (SETTINGS.friction_per_move * NOMINAL.friction_n) ** 2
+    assert np.allclose(left.covariance, covariance, rtol=1e-9, atol=1e-12 * np.abs(covariance).max())
+
+
+@pytest.mark.parametrize("error_m", [2e-3, -2e-3])
+def test_a_landing_beside_the_prediction_corrects_the_load_that_moved_it_there(error_m: float) -> None:
+    rest = FILTER.rest(landed())
+    for _ in range(2000):
+        rest = average(rest, landed().x + error_m, SIGMA_M**2)
+    # farther than predicted: a softer spring, less friction; and the other way round
+    assert math.copysign(1.0, rest.load.spring_n_per_m - NOMINAL.spring_n_per_m) == -math.copysign(1.0, error_m)
+    assert math.copysign(1.0, rest.load.friction_n - NOMINAL.friction_n) == -math.copysign(1.0, error_m)
+    again = FILTER.slider.flow(0.06, 0.0, 18.0, rest.load, 1.0, 4e-3)
+    again = FILTER.slider.flow(again.x, again.v, 9.0, rest.load, 1.0, 1.0)
+    # the corrected load predicts the landing: within a tenth of the error, what linearisation leaves
+    assert again.x == pytest.approx(landed().x + error_m, abs=abs(error_m) / 10.0)
+
+
+def test_the_covariance_through_a_stop_is_that_of_many_stems() -> None:
+    chance = np.random.default_rng(1)
+    sigmas = Load(300.0, 10.0, 4.0)
+    start = FILTER.at_rest(0.06, 1e-10, NOMINAL, sigmas)
+    state = FILTER.advance(Sliding(0.06, 0.0, NOMINAL, start.anchor.covariance, 1.0), 18.0, 4e-3)
+    state = FILTER.advance(state, 9.0, 1.0)
+    assert state.stopped
+    ends = []
+    for dk, df, dc in chance.normal(size=(4000, 3)) * sigmas:
+        load = Load(NOMINAL.spring_n_per_m + dk, NOMINAL.friction_n + df, NOMINAL.viscous_n_s_per_m + dc)
+        flow = FILTER.slider.flow(0.06, 0.0, 18.0, load, 1.0, 4e-3)
+        ends.append(FILTER.slider.flow(flow.x, flow.v, 9.0, load, 1.0, 1.0).x)
+    known = state.covariance[0, 0]
+    # what the filter adds on the way: force noise until the stop
+    noise = (SETTINGS.force_noise_n / VALVE.mass_kg * 4e-3) ** 2 * (0.6 / 115.0) ** 2
+    assert float(np.var(ends)) == pytest.approx(known, rel=0.06, abs=2.0 * noise)
+
+
+def test_the_load_stays_inside_its_limits() -> None:
+    rest = FILTER.at_rest(0.08, 1e-6, Load(1.0, 1e9, 1e9), FILTER.prior_sigmas())
+    assert rest.load == pytest.approx(
+        (
+            SETTINGS.least * NOMINAL.spring_n_per_m,
+            SETTINGS.most * NOMINAL.friction_n,
+            SETTINGS.most * NOMINAL.viscous_n_s_per_m,
+        )
+    )
+
+
+def test_friction_forbids_a_change_of_sign() -> None:
+    covariance = np.diag([1e-6, 1e-2, 1.0, 1.0, 1.0])
+    covariance[0, 1] = covariance[1, 0] = 9e-5
+    moving = Sliding(0.08, 0.01, NOMINAL, covariance, 1.0)
+    after = FILTER.correct(moving, 0.075, SIGMA_M**2)
+    assert after.stopped
+    assert after.v == 0.0
+
+
+def test_the_spread_of_a_rest_is_what_it_was_given() -> None:
+    sigmas = Load(5000.0, 100.0, 50.0)
+    assert spread_of(FILTER.at_rest(0.08, 1e-6, NOMINAL, sigmas)) == pytest.approx(sigmas)

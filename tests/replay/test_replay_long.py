@@ -1,0 +1,216 @@
+"""A log may be longer than the memory: it is read in passes, and nothing of it is kept."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from itertools import islice
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import replay_helpers as runs
+from endurance import long_replay
+from hypothesis import given
+from hypothesis import strategies as st
+
+from positioner.cycle.events import LawFellBack
+from positioner.replay.envelope import MOST_STRETCHES, Envelope
+from positioner.replay.leave import Leaving
+from positioner.replay.log import LogError, LogFrame, read_log
+from positioner.replay.other import OtherLaw, Row
+from positioner.replay.recorded import MOST_FRAMES, NOTE_ID, Heard, Turn
+from positioner.replay.run import Outcome
+from positioner.replay.survey import LogKind, Survey
+from positioner.replay.turns import turns_of
+from positioner.wire.codec import make_codec
+from positioner.wire.messages import CanFrame, CurrentCommand, Mode, Setpoint, StemPosition
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+    from pathlib import Path
+
+CODEC = make_codec()
+HEARD = Heard(CODEC)
+PERIOD_NS = 1_000_000
+MOST_GROWTH_MIB = 4.0
+MOST_MIB = 256.0
+STRETCHES = 64
+
+
+def test_a_log_of_four_times_the_frames_takes_no_more_memory(tmp_path: Path) -> None:
+    short, long = (long_replay.replay(frames, tmp_path) for frames in (10_000, 40_000))
+    assert "a log of the bus, 40000 frames, 19048 position frames" in long.told
+    assert abs(long.undrawn_mib - short.undrawn_mib) < MOST_GROWTH_MIB, (short, long)
+    assert long.peak_mib < MOST_MIB
+    with (tmp_path / "out" / "trace.csv").open(encoding="utf-8", newline="") as file:
+        assert sum(1 for _ in csv.DictReader(file)) == 19_048
+
+
+class Source:
+    """Frames that are made when they are asked for."""
+
+    def __init__(self) -> None:
+        self.given = 0
+
+    def sample(self, number: int, setpoint: int = 0) -> Iterator[LogFrame]:
+        reading = CODEC.encode(StemPosition(0.08), number % 256)
+        command = CurrentCommand(12.0, position_counter=number % 256, setpoint_counter=setpoint % 256)
+        yield self.frame(number * PERIOD_NS, reading)
+        yield self.frame(number * PERIOD_NS, CODEC.encode(command, number % 256))
+
+    def frame(self, time_ns: int, frame: CanFrame, *, sent: bool = False) -> LogFrame:
+        self.given += 1
+        return LogFrame(self.given, time_ns, frame, sent)
+
+
+@pytest.mark.parametrize("kind", list(LogKind))
+def test_the_turns_follow_the_frames_at_a_bounded_distance(kind: LogKind) -> None:
+    source, taken = Source(), 0
+    frames = (frame for number in range(MOST_FRAMES) for frame in source.sample(number))
+    for turn in turns_of(kind, HEARD, frames, PERIOD_NS):
+        taken += len(turn.inbox) + len(turn.recorded)
+        assert source.given - taken <= MOST_FRAMES + 2
+    assert source.given == 2 * MOST_FRAMES
+    assert taken in {source.given, source.given // 2}  # what nobody sent and no positioner hears is in no turn
+
+
+@pytest.mark.parametrize("kind", [LogKind.RECORD, LogKind.LOCKSTEP])
+def test_frames_of_one_instant_without_end_are_many_turns(kind: LogKind) -> None:
+    source = Source()
+    setpoint = CODEC.encode(Setpoint(0.08), 0)
+    turns = turns_of(kind, HEARD, (source.frame(0, setpoint) for _ in range(3 * MOST_FRAMES)), PERIOD_NS)
+    assert [len(turn.inbox) for turn in turns] == [MOST_FRAMES] * 3
+
+
+def setpoints(source: Source, count: int) -> Iterator[LogFrame]:
+    return (source.frame(source.given, CODEC.encode(Setpoint(0.08), number % 256)) for number in range(count))
+
+
+def test_of_a_host_that_speaks_alone_everything_counts_until_the_positioner_has_spoken() -> None:
+    source, many = Source(), 2 * MOST_FRAMES + 5
+    before = [*setpoints(source, many), *source.sample(0, many - 1)]
+    sizes = [len(turn.inbox) for turn in turns_of(LogKind.BUS, HEARD, before, PERIOD_NS)]
+    assert sizes == [MOST_FRAMES, MOST_FRAMES, 6]
+    source = Source()
+    after = [*source.sample(0), *setpoints(source, many), *source.sample(1, many - 1)]
+    first, last = turns_of(LogKind.BUS, HEARD, after, PERIOD_NS)
+    assert len(first.inbox) == 1
+    assert MOST_FRAMES // 2 < len(last.inbox) <= MOST_FRAMES
+    assert last.inbox[-1].number == len(after) - 1
+
+
+@st.composite
+def logs(draw: st.DrawFn) -> list[LogFrame]:
+    """A listener's log with frames that are lost, doubled, late, and another controller's."""
+    source, found = Source(), []
+    for number in range(draw(st.integers(1, 80))):
+        for frame in source.sample(number):
+            copies = draw(st.sampled_from((1, 1, 1, 1, 1, 0, 2)))
+            late_ns = draw(st.sampled_from((0, 0, 420_000, 3_000_000)))
+            found += [replace(frame, time_ns=frame.time_ns + late_ns)] * copies
+        if draw(st.integers(0, 9)) == 0:
+            foreign = CODEC.encode(CurrentCommand(9.0), draw(st.integers(0, 255)))
+            found.append(source.frame(number * PERIOD_NS, foreign))
+        if draw(st.integers(0, 3)) == 0:
+            found.append(source.frame(number * PERIOD_NS, CODEC.encode(Setpoint(0.08), draw(st.integers(0, 255)))))
+    found.sort(key=lambda frame: frame.time_ns)
+    return [replace(frame, number=number) for number, frame in enumerate(found, start=1)]
+
+
+@given(log=logs())
+def test_whatever_is_lost_or_doubled_no_frame_is_in_two_turns_and_none_answers_what_came_later(
+    log: list[LogFrame],
+) -> None:
+    turns = list(turns_of(LogKind.BUS, HEARD, log, PERIOD_NS))
+    inputs = [frame.number for turn in turns for frame in turn.inbox]
+    assert len(set(inputs)) == len(inputs)
+    closing = [frame.number for turn in turns for frame in turn.recorded]
+    assert closing == sorted(set(closing))
+    assert not set(inputs) & set(closing)
+    for turn in turns:
+        assert [frame.number for frame in turn.inbox] == sorted(frame.number for frame in turn.inbox)
+        assert all(frame.number < command.number for frame in turn.inbox for command in turn.recorded)
+
+
+def survey_of(frames: Iterable[LogFrame]) -> Survey:
+    survey = Survey(HEARD, PERIOD_NS)
+    for frame in frames:
+        survey.take(frame)
+    return survey
+
+
+def test_a_first_pass_tells_the_kind_of_log() -> None:
+    source = Source()
+    lockstep = [frame for number in range(20) for frame in source.sample(number)]
+    assert survey_of(lockstep).kind is LogKind.LOCKSTEP
+    assert survey_of(lockstep[::2]).kind is LogKind.BUS
+    assert survey_of([replace(frame, time_ns=frame.time_ns + 9000) for frame in lockstep]).kind is LogKind.BUS
+    late = [replace(frame, time_ns=frame.time_ns + PERIOD_NS * HEARD.is_command(frame)) for frame in lockstep]
+    assert survey_of(late).kind is LogKind.BUS
+    assert survey_of([*lockstep[:-1], replace(lockstep[-1], sent=True)]).kind is LogKind.RECORD
+    assert survey_of([replace(frame, sent=HEARD.is_position(frame)) for frame in lockstep]).kind is LogKind.LOCKSTEP
+
+
+def test_a_note_of_another_length_is_none() -> None:
+    whole = CanFrame(NOTE_ID, bytes(8), is_extended=True)
+    assert HEARD.concerns(LogFrame(1, 0, whole, sent=True))
+    assert not HEARD.concerns(LogFrame(1, 0, replace(whole, data=b""), sent=True))
+
+
+def test_a_log_that_loses_its_end_between_two_passes_is_told(tmp_path: Path) -> None:
+    path, _ = runs.leave_bench(tmp_path, runs.scenario("pi", seconds=0.03))
+    log = read_log(path)
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join([*lines, lines[-1]]))
+    assert sum(1 for _ in log.frames()) == log.count == len(lines)  # one that grows is replayed as it was
+    path.write_bytes(b"".join(lines[:40]))
+    with pytest.raises(LogError, match=f"changed while it was read: of {len(lines)} frames it holds 40 now"):
+        list(log.frames())
+
+
+@given(st.integers(1, 5 * STRETCHES), st.integers(0, 2**32 - 1))
+def test_a_long_curve_keeps_its_peaks_in_a_bounded_number_of_points(samples: int, seed: int) -> None:
+    values = np.random.default_rng(seed).normal(size=samples)
+    peak = int(np.argmax(np.abs(values)))
+    envelope = Envelope(2, STRETCHES)
+    for number, value in enumerate(values):
+        envelope.append(float(number), (float(value), None if number % 2 else 1.0))
+    time_s, lines = envelope.lines()
+    assert len(time_s) == len(lines) <= 2 * STRETCHES
+    if samples <= STRETCHES:
+        assert (time_s == np.arange(samples)).all()
+        assert (lines[:, 0] == values).all()
+        assert np.isnan(lines[1::2, 1]).all()
+    assert values[peak] in lines[:, 0]
+    where = float(time_s[lines[:, 0] == values[peak]][0])
+    assert where <= peak < where + 8
+    assert lines[0, 1] == 1.0
+    assert (np.diff(time_s) >= 0.0).all()
+
+
+def test_every_row_of_a_long_trace_is_written(tmp_path: Path) -> None:
+    row = Row(0.0, 0.08, 0.081, 12.0, None, Mode.ACTIVE, Mode.HOLD, "", "a, b")
+    with Leaving(tmp_path) as leaving:
+        for number in range(MOST_STRETCHES + 1000):
+            leaving.take(replace(row, time_s=number * 1e-3))
+    leaving.draw("long")
+    lines = (tmp_path / "trace.csv").read_text(encoding="utf-8").splitlines()
+    assert lines[-1] == f"{(MOST_STRETCHES + 999) * 1e-3:.6f},0.08000000,0.08100000,12.00000000,,2,3,,a; b"
+    assert len(lines) == MOST_STRETCHES + 1001
+    assert (tmp_path / "replay.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_fallbacks_of_ever_new_reasons_are_counted_and_not_all_remembered() -> None:
+    other = OtherLaw(CODEC)
+    for number in range(5000):
+        other.take(Outcome(Turn(number, ()), (), (LawFellBack(f"gap of {number} mm"),), Mode.ACTIVE))
+    told = other.in_words().splitlines()
+    assert "fallbacks: 5000" in told
+    assert len(other.fallbacks) <= 1001
+    assert "  4000 × for other reasons" in told
+
+
+def test_lines_of_the_long_log_are_a_listener_s() -> None:
+    frames = list(islice(long_replay.lines(), 21))
+    assert len({line.split()[0] for line in frames}) == 20

@@ -1,0 +1,115 @@
+"""What the port does with a bus that says too much, and with one that takes nothing."""
+
+from __future__ import annotations
+
+import errno
+from typing import TYPE_CHECKING
+
+import can
+import pytest
+
+from positioner.bus import port as bus_module
+from positioner.bus.address import BusAddress
+from positioner.bus.port import BusPort
+from positioner.wire.messages import CanFrame
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+WANTED, UNWANTED = 0x110, 0x7DF
+BATCH = 1024
+
+
+class Flood:
+    """A bus on which a frame always waits, until `count` have been read; it takes frames unless its buffer is full."""
+
+    def __init__(self, identifiers: tuple[int, ...] = (), count: int = 0) -> None:
+        self.identifiers = identifiers
+        self.count = count
+        self.read = 0
+        self.full = False
+        self.sent: list[int] = []
+
+    def recv(self, timeout_s: float) -> can.Message | None:
+        del timeout_s
+        if self.read == self.count:
+            return None
+        self.read += 1
+        return can.Message(
+            arbitration_id=self.identifiers[self.read % len(self.identifiers)],
+            data=self.read.to_bytes(2, "big"),
+            is_extended_id=False,
+        )
+
+    def send(self, message: can.Message, timeout: float | None = None) -> None:
+        assert timeout is not None
+        assert 0.0 < timeout <= 0.1
+        if self.full:
+            raise can.CanOperationError("Failed to transmit: No buffer space available", errno.ENOBUFS)
+        self.sent.append(message.arbitration_id)
+
+    def shutdown(self) -> None:
+        pass
+
+
+@pytest.fixture
+def wire(monkeypatch: pytest.MonkeyPatch) -> Callable[[Flood], tuple[BusPort, list[str]]]:
+    """Return how to put a port on such a bus; the list holds what it reports."""
+
+    def put(flood: Flood) -> tuple[BusPort, list[str]]:
+        monkeypatch.setattr(bus_module, "open_bus", lambda _address, _wanted: flood)
+        lines: list[str] = []
+        return BusPort(BusAddress(channel="can7"), [(WANTED, False)], lines.append), lines
+
+    return put
+
+
+@pytest.mark.parametrize("identifiers", [(WANTED,), (UNWANTED,), (WANTED, UNWANTED)])
+def test_a_flood_is_taken_in_batches_of_at_most_1024_frames_between_which_a_cycle_closes(
+    identifiers: tuple[int, ...], wire: Callable[[Flood], tuple[BusPort, list[str]]]
+) -> None:
+    flood = Flood(identifiers, count=5 * BATCH // 2)
+    port, _ = wire(flood)
+    read: list[int] = [0]
+    taken: list[CanFrame] = []
+    for _ in range(3):
+        taken += port.receive(0.01)
+        read.append(flood.read)
+    assert read == [0, BATCH, 2 * BATCH, 5 * BATCH // 2]
+    numbers = [int.from_bytes(frame.data, "big") for frame in taken]
+    assert numbers == [n for n in range(1, flood.count + 1) if identifiers[n % len(identifiers)] == WANTED]
+
+
+def test_a_frame_that_the_bus_does_not_take_is_told_once_and_the_next_one_is_sent(
+    wire: Callable[[Flood], tuple[BusPort, list[str]]],
+) -> None:
+    flood = Flood()
+    port, lines = wire(flood)
+    port.open()
+    flood.full = True
+    assert [port.send(CanFrame(0x100, bytes(8))) for _ in range(5)] == [False] * 5
+    flood.full = False
+    assert port.send(CanFrame(0x101, bytes(8)))
+    assert flood.sent == [0x101]
+    assert port.send_failures == 5
+    assert port.is_open
+    (line,) = lines
+    assert "did not take a frame: Failed to transmit: No buffer space available" in line
+    flood.full = True
+    assert not port.send(CanFrame(0x102, bytes(8)))
+    assert len(lines) == 2
+
+
+def test_frames_that_the_receive_queue_dropped_are_counted_and_told(
+    wire: Callable[[Flood], tuple[BusPort, list[str]]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    port, lines = wire(Flood())
+    dropped = iter([0, 3, 3, 5])
+    monkeypatch.setattr(bus_module, "dropped_frames", lambda _bus: next(dropped))
+    seen = []
+    for _ in range(4):
+        port.receive(0.0)
+        seen.append(port.overruns)
+    assert seen == [0, 3, 3, 5]
+    assert ["3 frame(s) lost so far" in lines[0], "5 frame(s) lost so far" in lines[1]] == [True, True]
+    assert len(lines) == 2

@@ -16,7 +16,8 @@ from positioner.bus.address import BusAddress, embedded_address
 from positioner.bus.port import BusPort
 from positioner.config.configuration import Configuration, load_config
 from positioner.machine.journal import logger
-from positioner.runtime.daemon import Daemon, RunOptions
+from positioner.runtime.daemon import Daemon
+from positioner.runtime.session import RunOptions
 from positioner.wire.codec import Codec, make_codec
 from positioner.wire.messages import (
     CanFrame,

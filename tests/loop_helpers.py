@@ -8,6 +8,7 @@ from plant_emulator.device import advance, initial_device, publish, take
 from plant_emulator.presets import plant_settings
 from positioner.bench.inprocess import configure
 from positioner.bench.scenario import Scenario
+from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
 from positioner.valve.stiction import StictionTable
@@ -75,7 +76,8 @@ class Loop:
             self.device, published = publish(self.codec, self.plant, self.device)
             inbox = self.to_positioner((*frames, *published))
             self.sample += 1
-            self.state, outbox, events = step(self.setup, self.state, inbox, round(self.sample * self.period_s * _NS))
+            told = CycleInput(tuple(inbox), round(self.sample * self.period_s * _NS))
+            self.state, outbox, events = step(self.setup, self.state, told)
             self.events += events
             self.device = advance(self.plant, take(self.codec, self.device, self.to_plant(outbox)), self.period_s)
         return self.events[before:]

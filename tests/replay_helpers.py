@@ -13,6 +13,7 @@ from positioner.bench.inprocess import run_in_process
 from positioner.bench.scenario import Scenario
 from positioner.bus.address import BusAddress
 from positioner.config.configuration import Configuration, parse_config
+from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
 from positioner.runtime.record import BusRecorder
@@ -137,13 +138,11 @@ class _Faulty:
             inbox = [*self._of_host(sample, now), *self._of_plant(now)]
             if now.foreign:
                 inbox.append(self.codec.encode(CurrentCommand(12.0), 7 * sample))
-            told = self.state
-            if (told.table_saved, told.late_ns) != (now.table_saved, now.late_ns):
-                told = replace(told, table_saved=now.table_saved, late_ns=now.late_ns)
             # a turn a little later than its sample, as a machine has it, and never at the same time in it
             now_ns = sample * PERIOD_NS + 1000 * (100 + sample * 37 % 91)
-            self.state, outbox, _ = step(self.setup, told, inbox, now_ns)
-            self.recorder.turn(told, inbox, now_ns, outbox, self.state)
+            told = CycleInput(tuple(inbox), now_ns, now.late_ns, table_saved=now.table_saved)
+            self.state, outbox, _ = step(self.setup, self.state, told)
+            self.recorder.turn(told, outbox, self.state.guard)
             self.device = advance(self.settings, take(self.codec, self.device, outbox), PERIOD_NS / _NS)
         self.recorder.close()
 

@@ -20,7 +20,8 @@ from positioner.bus.ports import Ports
 from positioner.config.configuration import load_config
 from positioner.machine.journal import logger
 from positioner.machine.time import Instant
-from positioner.runtime.daemon import Daemon, RunOptions
+from positioner.runtime.daemon import Daemon
+from positioner.runtime.session import RunOptions
 from positioner.wire.messages import CanFrame, Cause, CurrentCommand, HostRequest, Message, Mode, Setpoint, StemPosition
 
 if TYPE_CHECKING:
@@ -200,10 +201,10 @@ class VirtualShell:
         self.daemon = Daemon(self._configuration, self._options, Ports(self.world, self.world.open))
 
     def mode(self) -> Mode:
-        return self.daemon._state.guard.mode
+        return self.daemon.session.state.guard.mode
 
     def told_by_the_guard(self) -> tuple[Mode, Cause]:
-        return self.daemon._state.guard.mode, self.daemon._state.guard.cause
+        return self.daemon.session.state.guard.mode, self.daemon.session.state.guard.cause
 
     def turn(self, count: int = 1) -> None:
         for _ in range(count):

@@ -16,6 +16,7 @@ from positioner.bench.recording import Recording
 from positioner.bus.address import BusAddress
 from positioner.config.configuration import Configuration, parse_config
 from positioner.cycle.events import Controlled
+from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
 from positioner.valve.stiction import StictionTable
@@ -79,7 +80,7 @@ def run_in_process(
         device, published = publish(codec, settings, device)
         inbox += published
         # the daemon's clock in lockstep: one period with each position frame
-        state, outbox, happened = step(setup, state, inbox, round((sample + 1) * period_s * _NS))
+        state, outbox, happened = step(setup, state, CycleInput(tuple(inbox), round((sample + 1) * period_s * _NS)))
         for frame in (*inbox, *outbox):
             recording.hear(frame, sample * period_s)
         device = advance(settings, take(codec, device, outbox), period_s)

@@ -12,7 +12,8 @@ from positioner.config.configuration import StateSettings, load_config
 from positioner.errors import UsageError
 from positioner.machine.journal import set_up
 from positioner.machine.memory_lock import lock_memory
-from positioner.runtime.daemon import Daemon, RunOptions
+from positioner.runtime.daemon import Daemon
+from positioner.runtime.session import RunOptions
 
 if TYPE_CHECKING:
     from positioner.errors import ExitCode

@@ -43,7 +43,7 @@ class Setup:
 class CycleState:
     """Everything a positioner carries on.
 
-    `memory` is the law's own; the shell tells `table_saved`, `late_ns` and `lines_dropped`.
+    `memory` is the law's own.
     believed: the table as this cycle left it; another one comes from outside, and is looked through first.
     """
 
@@ -63,10 +63,7 @@ class CycleState:
     control_s: float = 0.0
     setpoint_m: float = 0.0
     table_saved: bool = True
-    late_ns: int = 0
-    lines_dropped: int = 0
     answered: bool = False
-    unsent: bool = False
     left_ma: float | None = None
     tally: Tally = field(default_factory=Tally)
     fallback_count: int = 0

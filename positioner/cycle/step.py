@@ -25,8 +25,7 @@ from positioner.guard import supervisor as guard
 from positioner.wire.messages import Cause, CurrentCommand, Mode
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
+    from positioner.cycle.input import CycleInput
     from positioner.cycle.link import Reading
     from positioner.cycle.state import CycleState, Setup
     from positioner.guard.state import GuardState, Sighting
@@ -39,28 +38,28 @@ _IDLE_COMMAND_PERIOD_NS = round(IDLE_COMMAND_PERIOD_S * 1e9)
 
 
 def step(
-    setup: Setup, state: CycleState, inbox: Sequence[CanFrame], now_ns: int
+    setup: Setup, state: CycleState, told: CycleInput
 ) -> tuple[CycleState, tuple[CanFrame, ...], tuple[Event, ...]]:
-    """Return the state, the frames to send and the events after the frames in `inbox`, oldest first, at `now_ns`.
+    """Return the state, the frames to send and the events after what the cycle was `told`.
 
     A cycle closes for every batch that holds a fresh, plausible reading. Without one, only time passes: the guard ages
     what it has, and in HOLD or FAILSAFE the last word is repeated so that the actuator hears that somebody is there.
-    `state.late_ns` is how long nobody looked at the bus before; a reading that waited meanwhile is not acted on. With
-    `state.unsent` the last command did not leave, and is not the last word.
+    A reading that waited while nobody looked at the bus is not acted on; a command that did not leave is not the last
+    word.
     """
-    if state.unsent:
-        state = replace(state, sent=state.sent[:-1], unsent=False)
-    before = state.guard
+    if told.unsent:
+        state = replace(state, sent=state.sent[:-1])
+    before, now_ns = state.guard, told.now_ns
     commanded_ma = state.last_ma if before.controls or before.mode is Mode.MANUAL else None
-    stall_ns = stall.stall_ns(setup.guard, setup.period_s, state.late_ns, armed=before.armed)
+    stall_ns = stall.stall_ns(setup.guard, setup.period_s, told.late_ns, armed=before.armed)
     fresh = stall.freshness(setup.guard, setup.period_s, now_ns, armed=before.armed, stalled=stall_ns > 0)
     received = receive(
-        setup.codec, setup.guard, setup.valve, state.link, tuple(inbox), commanded_ma, setup.period_s, fresh
+        setup.codec, setup.guard, setup.valve, state.link, told.frames, commanded_ma, setup.period_s, fresh
     )
     seen, events, returned = others(setup.codec, received, state.sent, state.command_counter, state.returned)
-    events += _of_the_shell(setup, state, stall_ns)
-    if state.late_ns or before.late_answers:
-        seen = replace(seen, late=state.late_ns > 0, stall_ns=stall_ns, answered=state.answered)
+    events += _of_the_shell(setup, told, stall_ns)
+    if told.late_ns or before.late_answers:
+        seen = replace(seen, late=told.late_ns > 0, stall_ns=stall_ns, answered=state.answered)
     reading = received.reading
     acting, seen = _heed(setup, state, seen, reading)
     deviation = _deviation(setup, state, reading, events)
@@ -74,8 +73,8 @@ def step(
         link=received.link,
         returned=returned,
         guard=watch,
-        late_ns=0,
-        lines_dropped=0,
+        table=state.table if told.table is None else told.table,
+        table_saved=told.table_saved,
         answered=False,
         tally=state.tally.add(events),
         handover=handover,
@@ -104,13 +103,13 @@ def step(
     return state, tuple(outbox), tuple(events)
 
 
-def _of_the_shell(setup: Setup, state: CycleState, stall_ns: int) -> list[Event]:
-    """Return what the shell told by the state."""
+def _of_the_shell(setup: Setup, told: CycleInput, stall_ns: int) -> list[Event]:
+    """Return what the shell has told."""
     events: list[Event] = []
-    if state.late_ns:
-        events.append(Stalled(stall_ns) if stall_ns else LawLate(state.late_ns, setup.period_s))
-    if state.lines_dropped:
-        events.append(LinesDropped(state.lines_dropped))
+    if told.late_ns:
+        events.append(Stalled(stall_ns) if stall_ns else LawLate(told.late_ns, setup.period_s))
+    if told.lines_dropped:
+        events.append(LinesDropped(told.lines_dropped))
     return events
 
 

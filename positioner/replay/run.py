@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from positioner.cycle.acting import Sent
+from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
 from positioner.runtime.record import KIND_AGE, NOTE_ID, TOLD, Note
@@ -51,35 +52,36 @@ def replayed(
     setup = Setup(codec, configuration.valve, configuration.guard, law, period_s, limits=configuration.limits)
     state = CycleState(table=table)
     for turn in turns:
-        now_ns = _BEGIN_NS + turn.time_ns
-        state, outbox, events = step(setup, _told(state, turn), _inbox(turn, now_ns), now_ns)
+        state, outbox, events = step(setup, state, _told(turn, table_saved=state.table_saved))
         if follows:
             state = _followed(codec, state, turn, outbox)
         yield Outcome(turn, outbox, events, state.guard.mode)
 
 
-def _inbox(turn: Turn, now_ns: int) -> list[CanFrame]:
+def _inbox(turn: Turn, now_ns: int) -> tuple[CanFrame, ...]:
     """Return the frames that the positioner took in, with their arrival where a note says how long they had waited."""
     noted = [logged for logged in turn.notes if Note.of(logged.frame.data).kind == KIND_AGE]
     if not noted:
-        return [logged.frame for logged in turn.inbox]
+        return tuple(logged.frame for logged in turn.inbox)
     inbox, age_us = [], 0
     for logged in sorted((*noted, *turn.inbox), key=lambda each: each.number):
         if logged.frame.arbitration_id == NOTE_ID:
             age_us = Note.of(logged.frame.data).value
         else:
             inbox.append(replace(logged.frame, received_ns=now_ns - age_us * _NS_PER_US))
-    return inbox
+    return tuple(inbox)
 
 
-def _told(state: CycleState, turn: Turn) -> CycleState:
-    """Return the state with what the positioner's shell told it; a note says so."""
+def _told(turn: Turn, *, table_saved: bool) -> CycleInput:
+    """Return what the cycle was told, the notes' part included; what was said of the table holds until another note."""
+    now_ns = _BEGIN_NS + turn.time_ns
+    told = CycleInput(_inbox(turn, now_ns), now_ns, table_saved=table_saved)
     for logged in turn.notes:
         note = Note.of(logged.frame.data)
         if note.kind < len(TOLD):
-            before = getattr(state, TOLD[note.kind])
-            state = replace(state, **{TOLD[note.kind]: type(before)(note.value)})
-    return state
+            usual = getattr(told, TOLD[note.kind])
+            told = replace(told, **{TOLD[note.kind]: type(usual)(note.value)})
+    return told
 
 
 def _followed(codec: Codec, state: CycleState, turn: Turn, outbox: tuple[CanFrame, ...]) -> CycleState:

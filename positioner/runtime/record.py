@@ -8,16 +8,17 @@ turn's frames in notes: frames that no bus carried, under an identifier of their
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, TextIO
 
+from positioner.guard.state import GuardState
 from positioner.machine.journal import logger
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from positioner.cycle.state import CycleState
+    from positioner.cycle.input import CycleInput
     from positioner.wire.messages import CanFrame
 
 CHANNEL = "vcan0"
@@ -25,7 +26,7 @@ CHANNEL = "vcan0"
 NOTE_ID = 0x1FFFFFFF
 """Identifier (extended) of a note: the byte of its kind, and a number of seven bytes, low byte first."""
 TOLD = ("table_saved", "late_ns", "lines_dropped", "unsent")
-"""What the shell tells the cycle by the state, in the order of the kinds of note."""
+"""What the shell tells the cycle beside the frames, in the order of the kinds of note."""
 KIND_AGE, KIND_TURN, KIND_TABLE = 0xFD, 0xFE, 0xFF
 """How many µs the frames behind it had waited; a turn without frames that changed something; another table."""
 _ERROR_FRAME_ID = 0x20000080
@@ -60,21 +61,20 @@ class BusRecorder:
             OSError: it cannot be written.
         """
         self._file: TextIO | None = path.open("w", encoding="ascii", buffering=1 << 16) if path else None
-        self._left: CycleState | None = None
+        self._guard = GuardState()
+        self._table_saved = True
 
-    def turn(
-        self, told: CycleState, inbox: Sequence[CanFrame], now_ns: int, outbox: Sequence[CanFrame], left: CycleState
-    ) -> None:
-        """Append one turn: the state that the cycle was `told`, its frames and its instant, and what it has `left`."""
+    def turn(self, told: CycleInput, outbox: Sequence[CanFrame], guard: GuardState) -> None:
+        """Append one turn: what the cycle was `told`, what it sends, and the guard as it has left it."""
         if self._file is None:
             return
         notes = self._notes(told)
-        if not inbox and not outbox and _guard_moved(told, left):
+        if not told.frames and not outbox and _moved(self._guard, guard):
             notes.append(Note(KIND_TURN))
-        self._left = left
-        where = f"({_instant(now_ns)}) {CHANNEL}"
+        self._guard, self._table_saved = guard, told.table_saved
+        where = f"({_instant(told.now_ns)}) {CHANNEL}"
         lines = [f"{where} {NOTE_ID:08X}#{note.data.hex().upper()} T\n" for note in notes]
-        lines += _received(inbox, now_ns, where)
+        lines += _received(told.frames, told.now_ns, where)
         lines += [f"{where} {_text(frame)} T\n" for frame in outbox]
         try:
             self._file.writelines(lines)
@@ -96,12 +96,12 @@ class BusRecorder:
             if file:
                 file.close()
 
-    def _notes(self, told: CycleState) -> list[Note]:
+    def _notes(self, told: CycleInput) -> list[Note]:
         """Return what is no longer as the last turn left it: somebody has told the cycle."""
-        left = self._left or replace(told, table_saved=True, late_ns=0, lines_dropped=0, unsent=False)
-        kinds = [kind for kind, name in enumerate(TOLD) if getattr(told, name) != getattr(left, name)]
-        notes = [Note(kind, int(getattr(told, TOLD[kind]))) for kind in kinds]
-        return notes if told.table is left.table else [*notes, Note(KIND_TABLE)]
+        usual = (self._table_saved, 0, 0, False)
+        values = [getattr(told, name) for name in TOLD]
+        notes = [Note(kind, int(value)) for kind, value in enumerate(values) if value != usual[kind]]
+        return notes if told.table is None else [*notes, Note(KIND_TABLE)]
 
 
 def _received(inbox: Sequence[CanFrame], now_ns: int, where: str) -> list[str]:
@@ -116,8 +116,7 @@ def _received(inbox: Sequence[CanFrame], now_ns: int, where: str) -> list[str]:
     return lines
 
 
-def _guard_moved(told: CycleState, left: CycleState) -> bool:
-    before, after = told.guard, left.guard
+def _moved(before: GuardState, after: GuardState) -> bool:
     return (before.mode, before.cause, before.late_cycles) != (after.mode, after.cause, after.late_cycles)
 
 

@@ -17,7 +17,7 @@ from positioner.cli.main import main
 from positioner.cycle.cadence import Cadence
 from positioner.errors import ExitCode, UsageError
 from positioner.runtime.clock import LockstepClock
-from positioner.runtime.daemon import RunOptions
+from positioner.runtime.session import RunOptions
 from positioner.wire.messages import Cause, CurrentCommand, Health, Mode, PositionerStatus, StemPosition
 
 if TYPE_CHECKING:

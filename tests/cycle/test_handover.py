@@ -16,6 +16,7 @@ from positioner.cli.main import main
 from positioner.config.configuration import parse_config
 from positioner.cycle.events import Learned
 from positioner.cycle.handover import Handover, ease, follow, start_m
+from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
 from positioner.guard.settings import GuardSettings
@@ -243,9 +244,9 @@ class Loop:
                 self.manuals += 1
                 frames = (*frames, self.codec.encode(manual, self.manuals))
             self.now_ns += MS
-            told = self.state
-            self.state, outbox, _ = step(self.setup, told, frames, self.now_ns)
-            self.recorder.turn(told, frames, self.now_ns, outbox, self.state)
+            told = CycleInput(tuple(frames), self.now_ns)
+            self.state, outbox, _ = step(self.setup, self.state, told)
+            self.recorder.turn(told, outbox, self.state.guard)
             currents += [command.current_ma for command, _ in commands(outbox)]
             self.device = advance(self.plant, take(self.codec, self.device, tuple(outbox)), 0.001)
         return currents

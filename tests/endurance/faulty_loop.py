@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from plant_emulator.device import DeviceState, advance, initial_device, publish, take
 from plant_emulator.presets import plant_settings
 from positioner.bench.inprocess import configure
+from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
 from positioner.wire.messages import (
@@ -77,7 +78,9 @@ class Loop:
         self.device, published = publish(codec, self.plant, self.device)
         inbox += fault.sensor(self, published)
         self.sample += 1
-        self.state, outbox, _ = step(self.setup, self.state, inbox, round(self.sample * PERIOD_S * _NS))
+        self.state, outbox, _ = step(
+            self.setup, self.state, CycleInput(tuple(inbox), round(self.sample * PERIOD_S * _NS))
+        )
         for frame in outbox:
             message, _ = codec.decode(frame)
             self.said = message if isinstance(message, PositionerStatus) else self.said

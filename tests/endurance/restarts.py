@@ -170,7 +170,7 @@ class Matrix:
         if how == "stop":
             self._shell.daemon._close()
             return
-        keeper = self._shell.daemon._keeper
+        keeper = self._shell.daemon.session.keeper
         if how == "watchdog":  # it hung until the service manager lost its patience
             self._world.pass_time(2 * _NS)
         keeper._child.channel.close()

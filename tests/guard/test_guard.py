@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
+from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
 from positioner.errors import ConfigurationError
@@ -748,9 +749,9 @@ class AnythingOnTheBus(RuleBasedStateMachine):
         self.usable_ns: int | None = None
         self.failures = 0
 
-    def turn(self, *frames: CanFrame, good: bool = False) -> None:
+    def turn(self, *frames: CanFrame, good: bool = False, late_ns: int = 0) -> None:
         """Let a cycle pass and check what left."""
-        self.state, outbox, _ = step(self.setup, self.state, frames, self.now_ns)
+        self.state, outbox, _ = step(self.setup, self.state, CycleInput(frames, self.now_ns, late_ns))
         guard = self.state.guard
         self.was_armed |= guard.armed
         if good:
@@ -871,9 +872,7 @@ class AnythingOnTheBus(RuleBasedStateMachine):
 
     @rule(spent_ns=st.integers(1, SECOND))
     def late_cycle(self, spent_ns: int) -> None:
-        self.state = replace(self.state, late_ns=spent_ns)
-        self.turn()
-        assert self.state.late_ns == 0
+        self.turn(late_ns=spent_ns)
 
     @invariant()
     def what_is_refused_is_counted_by_its_cause(self) -> None:
@@ -930,7 +929,7 @@ def test_a_law_without_a_usable_answer_keeps_the_last_current_and_then_fails_saf
     for sample in range(8):
         law.answer = 13.0 if sample < 2 else answer
         frame = CODEC.encode(StemPosition(0.08), sample)
-        state, outbox, _ = step(setup, state, (frame,), (1000 + sample) * MS)
+        state, outbox, _ = step(setup, state, CycleInput((frame,), (1000 + sample) * MS))
         (command,) = [m for m, _ in map(CODEC.decode, outbox) if isinstance(m, CurrentCommand)]
         commands.append((command.current_ma, command.mode))
     assert commands == [(13.0, Mode.ACTIVE)] * 5 + [(4.0, Mode.FAILSAFE)] * 3

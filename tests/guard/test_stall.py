@@ -9,7 +9,7 @@ import pytest
 from virtual_shell import VirtualShell
 
 from positioner.cli.main import main
-from positioner.runtime.daemon import RunOptions
+from positioner.runtime.session import RunOptions
 from positioner.wire.messages import Cause, Counted, CurrentCommand, HostRequest, Mode, PositionerStatus
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def test_a_stall_beyond_the_hold_limit_holds_for_a_turn_and_is_told(stall_ms: fl
         assert len(shell.told("stood still for")) == 1
         said = [said.message for said in shell.world.said[before:]]
         assert Mode.HOLD in {message.mode for message in said if isinstance(message, CurrentCommand)}
-        assert shell.daemon._state.tally.counts[Counted.STALLED] == place + 1
+        assert shell.daemon.session.state.tally.counts[Counted.STALLED] == place + 1
     assert oldest_answer_ms(shell) <= HOLD_MS
 
 
@@ -112,7 +112,7 @@ def test_after_a_stall_the_last_word_comes_before_any_new_one(shell: VirtualShel
     shell.turn()
     modes = [said.message.mode for said in shell.world.said[before:] if isinstance(said.message, CurrentCommand)]
     assert modes[0] is Mode.HOLD
-    assert shell.daemon._state.link.periods_unread > 0  # the law will know how much time has passed
+    assert shell.daemon.session.state.link.periods_unread > 0  # the law will know how much time has passed
 
 
 PATIENT = {"feedback_failsafe_periods": 10_000, "setpoint_hold_s": 0.0, "setpoint_failsafe_s": 0.0}
@@ -202,7 +202,7 @@ def test_a_disarm_that_was_asked_during_a_stall_disarms(shell: VirtualShell) -> 
 def test_a_law_that_is_always_too_late_to_be_used_fails_safe(
     shell: VirtualShell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    law: Any = type(shell.daemon._setup.law)
+    law: Any = type(shell.daemon.session.setup.law)
     decide = law.decide
 
     def slow(*arguments: Any) -> Any:

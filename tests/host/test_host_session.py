@@ -11,6 +11,7 @@ import pytest
 from plant_emulator.device import advance, initial_device, publish, take
 from plant_emulator.presets import plant_settings
 from positioner.config.configuration import Configuration, parse_config
+from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
 from positioner.errors import HostError
@@ -72,7 +73,7 @@ class Bench:
                 bus += frames
             outbox: tuple[CanFrame, ...] = ()
             if self.positioner_is_on:
-                self.state, outbox, _ = step(self.setup, self.state, bus, self.now_ns)
+                self.state, outbox, _ = step(self.setup, self.state, CycleInput(tuple(bus), self.now_ns))
             own = {self.codec.identifier(Setpoint), self.codec.identifier(ManualCurrent)} if self.host_is_on else set()
             heard = [frame for frame in bus if (frame.arbitration_id, frame.is_extended) not in own]
             self.session.hear([*heard, *outbox], self.now_ns)

@@ -203,7 +203,7 @@ def test_lines_that_were_dropped_are_counted_on_the_bus(tmp_path: Path, monkeypa
         filled(ends)
         for _ in range(5):
             journal.logger.warning("nobody reads this")
-        monkeypatch.setattr("positioner.runtime.daemon._POLL_EVERY_S", 0.0)
+        monkeypatch.setattr("positioner.runtime.session._POLL_EVERY_S", 0.0)
         counts: dict[Counted, int] = {}
         for _ in range(100):  # one count behind each status, in turn
             said = loop.sample()

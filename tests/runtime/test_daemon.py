@@ -16,7 +16,7 @@ from positioner.bus import opening as bus_open
 from positioner.bus import port as bus_module
 from positioner.bus.address import BusAddress
 from positioner.machine import journal
-from positioner.runtime.daemon import RunOptions
+from positioner.runtime.session import RunOptions
 from positioner.wire import e2e
 from positioner.wire.codec import own_database
 from positioner.wire.messages import (
@@ -166,7 +166,7 @@ def test_a_setpoint_outside_the_travel_is_told_and_the_last_one_stays(armed: Loo
     armed.sample()
     (command,) = commands(armed.sample(setpoint_m=0.15))
     assert command.setpoint_counter == 1
-    assert armed.daemon._state.setpoint_m == pytest.approx(HERE_M)
+    assert armed.daemon.session.state.setpoint_m == pytest.approx(HERE_M)
     (line,) = armed.told("setpoint")
     assert line.startswith("setpoint 150.000 mm refused: outside the travel of 0 to 139.7 mm; the last one stays")
 
@@ -340,7 +340,7 @@ def test_a_dry_run_never_transmits_and_never_learns(dry_run: bool, tmp_path: Pat
         for number in range(120):  # rest, a slide of 30 mm, rest: a stick and a slip for whoever learns
             position_m = HERE_M + 0.001 * min(max(number - 40, 0), 30)
             said += loop.sample(position_m, setpoint_m=0.12)
-        table = loop.daemon._state.table
+        table = loop.daemon.session.state.table
         if dry_run:
             assert (said, table.sequence) == ([], 0)
         else:

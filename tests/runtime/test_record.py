@@ -20,7 +20,7 @@ from positioner.bench.truth_log import add_truth
 from positioner.bus.port import BusPort
 from positioner.cli.main import main
 from positioner.config.configuration import load_config
-from positioner.cycle.state import CycleState
+from positioner.cycle.input import CycleInput
 from positioner.guard.state import GuardState
 from positioner.machine.journal import logger
 from positioner.replay import recorded
@@ -29,8 +29,8 @@ from positioner.replay.session import prepare
 from positioner.replay.survey import LogKind, Survey
 from positioner.replay.turns import turns_of
 from positioner.runtime.clock import RealClock
-from positioner.runtime.daemon import RunOptions
 from positioner.runtime.record import NOTE_ID, BusRecorder, Note
+from positioner.runtime.session import RunOptions
 from positioner.valve.stiction import Direction, Quantity, StictionTable
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import CanFrame, Cause, CurrentCommand, Mode, PlantTruth, Setpoint, StemPosition
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     Output = pytest.CaptureFixture[str]
 
 FRAME = CanFrame(0x110, bytes(range(8)))
-HELD = CycleState(guard=GuardState(Mode.HOLD, Cause.FEEDBACK_STALE))
+HELD = GuardState(Mode.HOLD, Cause.FEEDBACK_STALE)
 
 
 def lines(path: Path) -> list[str]:
@@ -48,10 +48,9 @@ def lines(path: Path) -> list[str]:
 
 def test_a_turn_is_its_frames_under_one_instant(tmp_path: Path) -> None:
     recorder = BusRecorder(tmp_path / "bus.log")
-    state = CycleState()
     inbox = (FRAME, CanFrame(0x1ABCDE, b"\x01", is_extended=True), CanFrame(0x123, b"", is_remote=True))
-    recorder.turn(state, inbox, 12_000_345_000, (CanFrame(0x100, b"\xff"),), state)
-    recorder.turn(state, (CanFrame(0, b"", is_error=True),), 13_000_000_001, (), state)
+    recorder.turn(CycleInput(inbox, 12_000_345_000), (CanFrame(0x100, b"\xff"),), HELD)
+    recorder.turn(CycleInput((CanFrame(0, b"", is_error=True),), 13_000_000_001), (), HELD)
     recorder.close()
     assert lines(tmp_path / "bus.log") == [
         "(12.000345) vcan0 110#0001020304050607 R",
@@ -69,10 +68,9 @@ def test_a_turn_is_its_frames_under_one_instant(tmp_path: Path) -> None:
 
 def test_an_empty_turn_is_noted_where_it_moves_the_guard(tmp_path: Path) -> None:
     recorder = BusRecorder(tmp_path / "bus.log")
-    recorder.turn(HELD, (), 1_000_000, (), HELD)
-    failed = replace(HELD, guard=GuardState(Mode.FAILSAFE, Cause.FEEDBACK_STALE))
-    recorder.turn(HELD, (), 2_000_000, (), failed)
-    recorder.turn(failed, (), 3_000_000, (), replace(failed, guard=replace(failed.guard, late_cycles=1)))
+    recorder.turn(CycleInput((), 1_000_000), (), GuardState())
+    recorder.turn(CycleInput((), 2_000_000), (), HELD)
+    recorder.turn(CycleInput((), 3_000_000), (), replace(HELD, late_cycles=1))
     recorder.close()
     empty = f"vcan0 {NOTE_ID:08X}#FE00000000000000 T"
     assert lines(tmp_path / "bus.log") == [f"(0.002000) {empty}", f"(0.003000) {empty}"]
@@ -80,14 +78,11 @@ def test_an_empty_turn_is_noted_where_it_moves_the_guard(tmp_path: Path) -> None
 
 def test_what_the_shell_tells_the_cycle_is_noted_before_its_frames(tmp_path: Path) -> None:
     recorder = BusRecorder(tmp_path / "bus.log")
-    state = CycleState()
     table = StictionTable().record(Quantity.BREAKAWAY_CURRENT, 0.08, Direction.OPENING, 14.0)
-    recorder.turn(state, (FRAME,), 1_000_000, (), state)
-    unsaved = replace(state, table_saved=False)
-    recorder.turn(unsaved, (FRAME,), 2_000_000, (), unsaved)
-    recorder.turn(unsaved, (FRAME,), 3_000_000, (), unsaved)
-    recorder.turn(replace(unsaved, late_ns=0x1234), (FRAME,), 3_500_000, (), unsaved)
-    recorder.turn(replace(unsaved, table=table), (FRAME,), 4_000_000, (), state)
+    usual = CycleInput((FRAME,), 1_000_000)
+    unsaved = replace(usual, table_saved=False)
+    for told in (usual, unsaved, unsaved, replace(unsaved, late_ns=0x1234), replace(unsaved, table=table)):
+        recorder.turn(told, (), HELD)
     recorder.close()
     noted = [line.split()[2] for line in lines(tmp_path / "bus.log")]
     frame = "110#0001020304050607"
@@ -108,8 +103,8 @@ def test_what_comes_in_after_something_was_sent_is_the_next_turn(tmp_path: Path)
         codec.encode(message, 0) for message in (StemPosition(0.08), CurrentCommand(12.0), Setpoint(0.08))
     )
     recorder = BusRecorder(tmp_path / "bus.log")
-    recorder.turn(HELD, (reading,), 1_000_000, (command,), HELD)
-    recorder.turn(HELD, (setpoint,), 1_000_000, (), HELD)
+    recorder.turn(CycleInput((reading,), 1_000_000), (command,), HELD)
+    recorder.turn(CycleInput((setpoint,), 1_000_000), (), HELD)
     recorder.close()
     heard = recorded.Heard(codec)
     survey = Survey(heard, 1_000_000)
@@ -143,14 +138,14 @@ def test_a_full_disk_ends_the_record_and_nothing_else(monkeypatch: pytest.Monkey
     monkeypatch.setattr(logger, "error", lambda form, *words: lines.append(form % words))
     recorder = BusRecorder(Path("/dev/full"))
     for turn in range(3000):
-        recorder.turn(HELD, (FRAME,), turn * 1_000_000, (), HELD)
+        recorder.turn(CycleInput((FRAME,), turn * 1_000_000), (), HELD)
     recorder.close()
     assert lines == ["the record of the bus ends here: No space left on device"]
 
 
 def test_without_a_path_nothing_is_recorded() -> None:
     recorder = BusRecorder(None)
-    recorder.turn(HELD, (FRAME,), 0, (), HELD)
+    recorder.turn(CycleInput((FRAME,), 0), (), HELD)
     recorder.close()
 
 
@@ -210,8 +205,8 @@ def test_the_truth_is_merged_by_time_and_the_log_starts_at_zero(tmp_path: Path) 
     recording.hear(truth[0], 0.0005)
     recording.hear(truth[1], 0.0015)
     recorder = BusRecorder(tmp_path / "bus.log")
-    recorder.turn(HELD, (FRAME,), 5_000_200_000, (), HELD)
-    recorder.turn(HELD, (FRAME,), 5_001_000_000, (), HELD)
+    recorder.turn(CycleInput((FRAME,), 5_000_200_000), (), HELD)
+    recorder.turn(CycleInput((FRAME,), 5_001_000_000), (), HELD)
     recorder.close()
     add_truth(tmp_path / "bus.log", recording)
     assert [line.split(" vcan0 ")[0] for line in lines(tmp_path / "bus.log")] == [

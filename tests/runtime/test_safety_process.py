@@ -16,6 +16,7 @@ from daemon_helpers import HERE_M, PERIOD_S, Loop
 from positioner.bus.port import BusPort
 from positioner.errors import ExitCode
 from positioner.runtime import daemon as daemon_module
+from positioner.runtime import session
 from positioner.store import access
 
 if TYPE_CHECKING:
@@ -62,13 +63,13 @@ def test_a_signal_to_stop_ends_the_loop_after_the_turn_and_saves_the_table(
             turns[-1] = "done"
 
         monkeypatch.setattr(loop.daemon, "_turn", turn)
-        monkeypatch.setattr(daemon_module, "_CLOSE_TIMEOUT_S", 60.0)  # a busy machine
+        monkeypatch.setattr(session, "_CLOSE_TIMEOUT_S", 60.0)  # a busy machine
         loop._running = None
         assert loop.daemon.run() is ExitCode.OK
         assert turns == ["done", "done"]
         assert loop.lines[-1] == "stopped; the stiction table is saved"
         table = access.dump(tmp_path / "state").table
-        assert table == loop.daemon._state.table
+        assert table == loop.daemon.session.state.table
         assert table.sequence > 0
 
 
@@ -108,4 +109,4 @@ def test_the_service_manager_does_not_restart_what_no_restart_mends(service: con
 def test_the_service_manager_waits_longer_for_the_end_than_the_daemon_for_its_table(
     service: configparser.SectionProxy,
 ) -> None:
-    assert seconds(service.get("TimeoutStopSec")) > daemon_module._CLOSE_TIMEOUT_S
+    assert seconds(service.get("TimeoutStopSec")) > session._CLOSE_TIMEOUT_S

@@ -1,0 +1,30 @@
+"""What a cycle is told: the frames, the instant, and what its shell knows besides. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from positioner.valve.stiction import StictionTable
+    from positioner.wire.messages import CanFrame
+
+
+@dataclass(frozen=True, slots=True)
+class CycleInput:
+    """All that one cycle learns from outside; the record holds it, and replay reads it there.
+
+    frames: received since the last cycle, oldest first; now_ns: the monotonic instant.
+    late_ns: how long nobody looked at the bus before, 0 where that was no longer than a period.
+    lines_dropped: lines of the log that nobody took since the last cycle.
+    table_saved: whether what was learned is on the disk; table: another stiction table, where it was replaced.
+    unsent: the last command did not leave.
+    """
+
+    frames: tuple[CanFrame, ...]
+    now_ns: int
+    late_ns: int = 0
+    lines_dropped: int = 0
+    table_saved: bool = True
+    unsent: bool = False
+    table: StictionTable | None = None

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Annotated, Any, ClassVar
+from typing import Annotated
 
 from annotated_types import Interval
 
-_STRICT = {"extra": "forbid", "allow_inf_nan": False}
+from positioner.inputs.table import SettingsTable
 
 
 class FailPosition(StrEnum):
@@ -25,10 +25,8 @@ class FailPosition(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ValveSettings:
+class ValveSettings(SettingsTable):
     """Stem, spring, packing and diaphragm (paper Table 3); the travel is bounded by two inelastic stops."""
-
-    __pydantic_config__: ClassVar[Any] = _STRICT
 
     mass_kg: Annotated[float, Interval(ge=0.01, le=200.0)]
     """m."""
@@ -71,10 +69,8 @@ class ValveSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ActuatorSettings:
+class ActuatorSettings(SettingsTable):
     """I/P converter and air line: dead time, then a first-order lag; all 0 is eq. 10 (P = K_p·u at once)."""
-
-    __pydantic_config__: ClassVar[Any] = _STRICT
 
     fill_time_constant_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 0.0
     """Lag while the pressure rises."""
@@ -84,10 +80,8 @@ class ActuatorSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SensorSettings:
+class SensorSettings(SettingsTable):
     """Position sensor: Gaussian noise, then quantisation."""
-
-    __pydantic_config__: ClassVar[Any] = _STRICT
 
     noise_of_reading: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0
     """Standard deviation as a fraction of the reading; the paper's "2 %" is 0.02."""
@@ -102,20 +96,16 @@ class SensorSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StochasticSettings:
+class StochasticSettings(SettingsTable):
     """Friction that varies: half of it with the position, half redrawn at every stop."""
-
-    __pydantic_config__: ClassVar[Any] = _STRICT
 
     friction_fraction: Annotated[float, Interval(ge=0.0, le=0.9)] = 0.0
     """Largest deviation of F_s and F_c, as a fraction of each."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlantSettings:
+class PlantSettings(SettingsTable):
     """One emulated valve; `preset` names the settings that the rest was laid over."""
-
-    __pydantic_config__: ClassVar[Any] = _STRICT
 
     preset: str | None = None
     valve: ValveSettings

@@ -10,13 +10,14 @@ import math
 from dataclasses import asdict, dataclass, field
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 from annotated_types import Interval, Len
 
 from positioner.errors import ConfigurationError, Problem
 from positioner.inputs import toml_reader
 from positioner.inputs.nearest import check_name
+from positioner.inputs.table import SettingsTable
 
 _MULTIPLES = (
     ("setpoint_period_s", "sample_period_s"),
@@ -32,10 +33,8 @@ _MULTIPLE_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scenario:
+class Scenario(SettingsTable):
     """One bench run: which valve, which law, which setpoints, for how long, and which random numbers."""
-
-    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
     name: Annotated[str, Len(1, 40)]
     title: Annotated[str, Len(1, 80)]

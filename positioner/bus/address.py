@@ -10,12 +10,13 @@ import socket
 import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from annotated_types import Interval
 from can.interfaces import BACKENDS
 
 from positioner.errors import BusUnusableError
+from positioner.inputs.table import SettingsTable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,13 +36,11 @@ _OURS = frozenset({"interface", "bustype", "channel", "can_filters", "ignore_con
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BusAddress:
+class BusAddress(SettingsTable):
     """The `[bus]` table of a configuration: an interface of python-can, its channel, and a port where it has one.
 
     The interface "embedded" is a bus inside this machine, for trying things out: its channel is any name.
     """
-
-    __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     interface: str = "socketcan"
     channel: str = "can0"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import tomli_w
 
@@ -15,6 +15,7 @@ from positioner.errors import ConfigurationError, Problem
 from positioner.guard.settings import GuardSettings
 from positioner.inputs import toml_reader
 from positioner.inputs.nearest import nearest
+from positioner.inputs.table import SettingsTable
 from positioner.laws.estimator_settings import EstimatorSettings
 from positioner.laws.registry import LAWS, Ingredients
 from positioner.laws.settings import ControlSettings
@@ -31,23 +32,19 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StateSettings:
+class StateSettings(SettingsTable):
     """The `[state]` table: where the stiction table is kept.
 
     A relative `directory` lies beside the file. Without one it is $STATE_DIRECTORY (which systemd sets), or else
     ~/.local/state/positioner/<valve id>.
     """
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
-
     directory: Path | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Configuration:
+class Configuration(SettingsTable):
     """Everything a positioner is told; one field a table of the file."""
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "allow_inf_nan": False}
 
     valve: ValveParameters
     bus: BusAddress = field(default_factory=BusAddress)

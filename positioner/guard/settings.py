@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from annotated_types import Interval
 
+from positioner.inputs.table import SettingsTable
 from positioner.wire.loop_current import LARGEST_MA, VALUE_HIGH_MA, VALUE_LOW_MA, LoopSignal, signal_of
 
 
@@ -21,7 +22,7 @@ class FailsafeAction(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GuardSettings:
+class GuardSettings(SettingsTable):
     """The `[guard]` table of a configuration.
 
     auto_arm: arm at the first valid feedback, for benches; otherwise the host arms.
@@ -41,8 +42,6 @@ class GuardSettings:
     deviation_of_span, deviation_s: an error beyond this part of the span (0: never looked at), from which the stem came
         no nearer for so long, is told as a deviation; an actuator with a lag needs several times its lag.
     """
-
-    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
     auto_arm: bool = False
     current_low_ma: Annotated[float, Interval(ge=VALUE_LOW_MA, le=VALUE_HIGH_MA)] = 4.0

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 from annotated_types import Interval
+
+from positioner.inputs.table import SettingsTable
 
 if TYPE_CHECKING:
     from positioner.valve.model import ValveParameters
@@ -24,7 +26,7 @@ class EstimationMethod(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EstimatorSettings:
+class EstimatorSettings(SettingsTable):
     """The `[estimator]` table of a configuration.
 
     method: how the paper's law finds position and speed.
@@ -33,8 +35,6 @@ class EstimatorSettings:
     slip_threshold_sigma: smoothed innovation, in its own σ, that ends a stick the model would keep.
     slip_smoothing: weight of the newest innovation in that smoothing.
     """
-
-    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
     method: EstimationMethod = EstimationMethod.KALMAN
     noise_of_reading: Annotated[float, Interval(ge=0.0, le=0.5)] = 0.02

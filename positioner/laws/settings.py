@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Annotated, Any, ClassVar
+from typing import Annotated
 
 from annotated_types import Interval
 
+from positioner.inputs.table import SettingsTable
 from positioner.laws.nmpc.settings import NmpcSettings
 from positioner.laws.paper.bounds import BoundSettings
 from positioner.laws.paper.planner import PlannerSettings
@@ -20,7 +21,7 @@ from positioner.laws.tuned import tuned
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ControlSettings:
+class ControlSettings(SettingsTable):
     """What every law may be told.
 
     law: the control law, by name.
@@ -32,8 +33,6 @@ class ControlSettings:
     pi ... two_move_retry: the laws of those names, packaged as `positioner tune` found them. Their parameters belong
         together: a table replaces all of them.
     """
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "allow_inf_nan": False}
 
     law: str = "nmpc"
     sample_period_s: Annotated[float, Interval(ge=1e-5, le=1.0)] = 0.001

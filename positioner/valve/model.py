@@ -9,13 +9,15 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from annotated_types import Interval
 
+from positioner.inputs.table import SettingsTable
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ValveParameters:
+class ValveParameters(SettingsTable):
     """Nominal parameters of the valve (paper Table 3), the `[valve]` table of a configuration.
 
     id: identity of the valve; the stiction table belongs to it.
@@ -29,8 +31,6 @@ class ValveParameters:
     bench_set_n: spring force at position 0 (preload), 0 in the paper.
     span_m: what errors in percent refer to; travel_min_m, travel_max_m: the hard stops.
     """
-
-    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
     id: str
     mass_kg: Annotated[float, Interval(ge=0.01, le=200.0)] = 1.361

@@ -11,13 +11,14 @@ from functools import cache
 from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 import cantools.database
 from annotated_types import Interval, MultipleOf
 from cantools.database.can import Database
 
 from positioner.errors import ConfigurationError, Problem
+from positioner.inputs.table import SettingsTable
 from positioner.wire import foreign, identifiers, messages
 from positioner.wire.formats import FieldFormat, FrameFormat, FrameRejectedError, Reason, field_format, field_names
 
@@ -72,24 +73,22 @@ ID_OFFSETS = range(0, 0x500, 0x80)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MessageSettings:
+class MessageSettings(SettingsTable):
     """A message of the user's DBC: its name, its signals by field, its counter signal, if any."""
 
-    __pydantic_config__: ClassVar = {"extra": "forbid"}
     message: str
     signals: dict[str, str]
     counter: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WireSettings:
+class WireSettings(SettingsTable):
     """The `[wire]` table: everything ours by default.
 
     `id_offset` is added to the identifiers and data IDs of our frames, so that several valves share one bus; one of
     `ID_OFFSETS`. `identifiers` names those of our frames that are to travel under another identifier.
     """
 
-    __pydantic_config__: ClassVar = {"extra": "forbid"}
     id_offset: Annotated[int, Interval(ge=ID_OFFSETS[0], le=ID_OFFSETS[-1]), MultipleOf(ID_OFFSETS.step)] = 0
     dbc: Path | None = None
     stem_position: MessageSettings | None = None

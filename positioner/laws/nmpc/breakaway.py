@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 from annotated_types import Interval
 
+from positioner.inputs.table import SettingsTable
 from positioner.laws.nmpc.slide import Load
 from positioner.valve.stiction import LearnedSample, Quantity, direction_of
 
@@ -21,15 +22,13 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BreakawaySettings:
+class BreakawaySettings(SettingsTable):
     """The `[control.nmpc.breakaway]` table of a configuration; forces as fractions of F_s.
 
     margin: what is pushed beyond F_s.
     least_count, largest_age, largest_spread: a cell with fewer samples, an older newest one (in learned samples), or
         samples further apart than that is not used.
     """
-
-    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
     margin: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.02
     least_count: Annotated[int, Interval(ge=1, le=1000)] = 3

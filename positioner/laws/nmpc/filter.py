@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from annotated_types import Interval
 
+from positioner.inputs.table import SettingsTable
 from positioner.laws.nmpc.slide import Load
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AdaptationSettings:
+class AdaptationSettings(SettingsTable):
     """The `[control.nmpc.adaptation]` table of a configuration; fractions are of the nominal K_m, F_c and F_v.
 
     spring_sigma, friction_sigma, viscous_sigma: how far the configured values may be off.
@@ -32,8 +33,6 @@ class AdaptationSettings:
     landing_noise_m: error of a landing that none of the states explains.
     least, most: limits of the estimates.
     """
-
-    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
     spring_sigma: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.12
     friction_sigma: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.12

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Interval
 
+from positioner.inputs.table import SettingsTable
 from positioner.laws.nmpc.slide import STOPPING_TIME_S
 from positioner.optimization.qp import QuadraticProgram
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ApproachSettings:
+class ApproachSettings(SettingsTable):
     """The `[control.nmpc.approach]` table of a configuration.
 
     prediction_steps, control_steps: H_p, H_u.
@@ -34,8 +35,6 @@ class ApproachSettings:
     input_weight: weight of a current away from the braking current, relative to that of the error it makes.
     max_passes, pass_tolerance_ma: the passes end when no input changes by more, so that the bound holds at every step.
     """
-
-    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
     prediction_steps: Annotated[int, Interval(ge=1, le=100)] = 4
     control_steps: Annotated[int, Interval(ge=1, le=100)] = 4

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from annotated_types import Interval
 
+from positioner.inputs.table import SettingsTable
 from positioner.laws.nmpc.breakaway import BreakawaySettings
 from positioner.laws.nmpc.filter import AdaptationSettings
 from positioner.laws.nmpc.plan import ApproachSettings
@@ -14,7 +15,7 @@ from positioner.laws.nmpc.verification import WatchSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NmpcSettings:
+class NmpcSettings(SettingsTable):
     """What the law `nmpc` may be told.
 
     tolerance_m: error that is not worth a correction, however well it is known.
@@ -27,8 +28,6 @@ class NmpcSettings:
     landing_sigma_m: how well the end of a move must be known to teach the table.
     settle_s: after a stop, until readings count as of a resting stem.
     """
-
-    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
     tolerance_m: Annotated[float, Interval(ge=1e-6, le=0.05)] = 5e-5
     doubt_sigma: Annotated[float, Interval(ge=0.0, le=20.0)] = 3.5

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 from annotated_types import Interval
 
+from positioner.inputs.table import SettingsTable
 from positioner.laws.nmpc.filter import average
 from positioner.laws.nmpc.sensor_noise import NoiseLevel
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WatchSettings:
+class WatchSettings(SettingsTable):
     """The `[control.nmpc.watch]` table of a configuration.
 
     verdict: log likelihood ratio that decides whether a move has happened.
@@ -31,8 +32,6 @@ class WatchSettings:
     surprise_sigma, surprise_weight: smoothed innovation, in its own σ, at which a resting stem must have moved, and
         the weight of the newest innovation in it.
     """
-
-    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
     verdict: Annotated[float, Interval(gt=0.0, le=100.0)] = 4.0
     ratio_rise: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.03

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from annotated_types import Interval
+
+from positioner.inputs.table import SettingsTable
 
 
 class ApproachForm(StrEnum):
@@ -20,7 +22,7 @@ class ApproachForm(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BoundSettings:
+class BoundSettings(SettingsTable):
     """The `[control.bounds]` table of a configuration.
 
     approach_form: eq. 21 or 22.
@@ -30,8 +32,6 @@ class BoundSettings:
     max_speed_m_per_s: V_min and V_max of eqs 23 and 24.
     breakaway_tolerance_m: error below which the stem is left where it sticks.
     """
-
-    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
     approach_form: ApproachForm = ApproachForm.EXPONENTIAL
     approach_span_m_per_s: Annotated[float, Interval(gt=0.0, le=100.0)] = 5.0

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from annotated_types import Interval
 
+from positioner.inputs.table import SettingsTable
 from positioner.optimization.qp import Horizon, QuadraticProgram, predict, tracking_cost
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlannerSettings:
+class PlannerSettings(SettingsTable):
     """The `[control.planner]` table of a configuration (paper Table 5).
 
     prediction_steps, control_steps: H_p, H_u.
@@ -33,8 +34,6 @@ class PlannerSettings:
     max_passes, pass_tolerance_ma: when Step 5 ends.
     sign_dead_zone_m_per_s: speed below which the model has no Coulomb friction (D7).
     """
-
-    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
     prediction_steps: Annotated[int, Interval(ge=2, le=100)] = 4
     control_steps: Annotated[int, Interval(ge=1, le=100)] = 4

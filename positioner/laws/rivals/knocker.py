@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from annotated_types import Interval
 
+from positioner.inputs.table import SettingsTable
 from positioner.laws.rivals.pid import PidSettings  # noqa: TC001 - pydantic reads this hint at run time
 
 _INSTANT_S = 1e-9
@@ -21,14 +22,12 @@ _INSTANT_S = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class KnockerSettings:
+class KnockerSettings(SettingsTable):
     """The `[control.knocker]` table: the controller and its pulses.
 
     pulse_amplitude_ma, pulse_width_s, pulse_period_s: a, τ and h_k.
     off_band_m: error below which no pulse begins; 0 knocks always.
     """
-
-    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
     pid: PidSettings
     pulse_amplitude_ma: Annotated[float, Interval(ge=0.0, le=16.0)]

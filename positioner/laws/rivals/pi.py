@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Annotated, Generic, Protocol, TypeVar
 
 from annotated_types import Interval
 
+from positioner.inputs.table import SettingsTable
 from positioner.laws.bounds import Bounds
 from positioner.laws.law import Decision
 from positioner.laws.rivals.model_free import report
@@ -29,10 +30,8 @@ C = TypeVar("C")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PiDeadbandSettings:
+class PiDeadbandSettings(SettingsTable):
     """The `[control.pi_deadband]` table: the controller, and the error in m below which its current is frozen."""
-
-    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
     pid: PidSettings
     deadband_m: Annotated[float, Interval(ge=0.0, le=0.1)]

@@ -8,22 +8,21 @@ y_f is the reading behind a first-order filter. The derivative acts on the posit
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from annotated_types import Interval
 
+from positioner.inputs.table import SettingsTable
 from positioner.laws.rivals.model_free import smooth
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PidSettings:
+class PidSettings(SettingsTable):
     """Gains; they belong together, so a table names all of them.
 
     proportional_gain_ma_per_m, integral_gain_ma_per_m_s, derivative_gain_ma_s_per_m: K_p, K_i, K_d.
     filter_time_constant_s: T_f; 0 leaves the reading as it is.
     """
-
-    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
     proportional_gain_ma_per_m: Annotated[float, Interval(ge=0.0, le=1e5)]
     integral_gain_ma_per_m_s: Annotated[float, Interval(ge=0.0, le=1e7)]

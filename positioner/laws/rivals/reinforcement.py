@@ -9,22 +9,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from annotated_types import Interval
 
+from positioner.inputs.table import SettingsTable
 from positioner.laws.rivals.pid import PidSettings  # noqa: TC001 - pydantic reads this hint at run time
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReinforcementSettings:
+class ReinforcementSettings(SettingsTable):
     """The `[control.constant_reinforcement]` table: the controller and what is added.
 
     reinforcement_ma: a.
     off_band_m: error below which nothing is added; 0 always adds.
     """
-
-    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
     pid: PidSettings
     reinforcement_ma: Annotated[float, Interval(ge=0.0, le=16.0)]

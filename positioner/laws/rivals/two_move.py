@@ -13,10 +13,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 from annotated_types import Interval
 
+from positioner.inputs.table import SettingsTable
 from positioner.laws.bounds import Bounds
 from positioner.laws.law import Decision
 from positioner.laws.rivals.model_free import report
@@ -35,21 +36,19 @@ _INSTANT_S = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TwoMoveSettings:
+class TwoMoveSettings(SettingsTable):
     """The `[control.two_move]` table.
 
     move_s: how long a move takes.
     back_off_m: how far the stem is taken away where the setpoint is too close; more than 1.15 slip jumps.
     """
 
-    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
-
     move_s: Annotated[float, Interval(gt=0.0, le=60.0)]
     back_off_m: Annotated[float, Interval(gt=0.0, le=0.5)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TwoMoveRetrySettings:
+class TwoMoveRetrySettings(SettingsTable):
     """The `[control.two_move_retry]` table: the moves, and when they are made again.
 
     averaging_s: how long readings are averaged after a move before it is judged.
@@ -57,8 +56,6 @@ class TwoMoveRetrySettings:
     most_retries: for one setpoint.
     learning_gain: share of the error that corrects b.
     """
-
-    __pydantic_config__: ClassVar = {"extra": "forbid", "allow_inf_nan": False}
 
     moves: TwoMoveSettings
     averaging_s: Annotated[float, Interval(gt=0.0, le=600.0)]

@@ -52,11 +52,10 @@ class QuadraticProgram:
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """The minimiser z (n,) and the multipliers y (m,) of a solved programme, and what it cost."""
+    """The minimiser z (n,) and the multipliers y (m,) of a solved programme."""
 
     z: NDArray[np.float64]
     y: NDArray[np.float64]
-    iterations: int
 
 
 class Solver(Protocol):

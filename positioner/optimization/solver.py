@@ -64,7 +64,7 @@ class QpSolver:
         if result.info.status_val != osqp.SolverStatus.OSQP_SOLVED:
             self._solver.warm_start(x=np.zeros_like(program.q), y=np.zeros_like(program.l))
             return None
-        return Solution(np.array(result.x), np.array(result.y), int(result.info.iter))
+        return Solution(np.array(result.x), np.array(result.y))
 
     def _take_matrices(self, program: QuadraticProgram) -> bool:
         """Hand P and A to the workspace unless they are the very objects it has; False where they are not finite."""

@@ -92,10 +92,7 @@ class Cause(IntEnum):
     SETPOINT_STALE = 5
     FOREIGN_COMMAND = 6
     LAW_FAILED = 7
-    BUS_DOWN = 8
-    STOPPED = 9
     DISARMED = 10
-    TABLE_NOT_SAVED = 11
     FEEDBACK_FROZEN = 12
     LAW_LATE = 13
     DEVIATION = 14

@@ -255,7 +255,7 @@ class ScriptedSolver:
 
     def solve(self, program: QuadraticProgram) -> Solution | None:
         answer = next(self.answers_ma, None)
-        return None if answer is None else Solution(np.full(len(program.q), answer), np.zeros(len(program.l)), 1)
+        return None if answer is None else Solution(np.full(len(program.q), answer), np.zeros(len(program.l)))
 
 
 @pytest.mark.parametrize("answers_ma", [[], [10.0, 11.0]])

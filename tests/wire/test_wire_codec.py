@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 CODEC = make_codec()
 STATUS = PositionerStatus(
     mode=Mode.FAILSAFE,
-    cause=Cause.TABLE_NOT_SAVED,
+    cause=Cause.FEEDBACK_FROZEN,
     health=Health.FAILURE,
     armed=True,
     table_saved=False,
@@ -78,8 +78,8 @@ GOLDEN: list[Golden] = [
     ),
     (
         STATUS,
-        *(7, 0x140, 0x1F40, [(24, 4, 4), (28, 4, 4), (32, 6, 11), (38, 1, 1), (40, 8, 1), (48, 8, 2), (56, 8, 3)]),
-        "c5 b3 07 44 4b 01 02 03",
+        *(7, 0x140, 0x1F40, [(24, 4, 4), (28, 4, 4), (32, 6, 12), (38, 1, 1), (40, 8, 1), (48, 8, 2), (56, 8, 3)]),
+        "84 7b 07 44 4c 01 02 03",
     ),
     (PlantTruth(0.05, -0.25), 9, 0x170, 0x1F70, [(24, 26, 6000000), (50, 14, -250)], "b0 43 09 80 8d 5b 18 fc"),
 ]

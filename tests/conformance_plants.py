@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, ClassVar
 from plant_emulator import device
 from plant_emulator.presets import plant_settings
 from positioner.wire import e2e
-from positioner.wire.codec import WireSettings, make_codec
+from positioner.wire.codec import make_codec
 from positioner.wire.e2e import CounterCheck
 from positioner.wire.messages import CanFrame, CurrentCommand, PlantTruth, Quality, StemPosition
+from positioner.wire.settings import WireSettings
 
 if TYPE_CHECKING:
     from plant_emulator.parameters import PlantSettings

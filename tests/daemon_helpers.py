@@ -14,7 +14,7 @@ import tomli_w
 from positioner.bench.processes import Child
 from positioner.bus.address import BusAddress, embedded_address
 from positioner.bus.port import BusPort
-from positioner.config.configuration import Configuration, load_config
+from positioner.config.reader import load_config
 from positioner.machine.journal import logger
 from positioner.runtime.daemon import Daemon
 from positioner.runtime.session import RunOptions
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
+    from positioner.config.schema import Configuration
     from positioner.errors import ExitCode
 
 PATIENCE_S = 60.0

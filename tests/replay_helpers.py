@@ -12,7 +12,7 @@ from positioner.bench.configure import configuration_text
 from positioner.bench.inprocess import run_in_process
 from positioner.bench.scenario import Scenario
 from positioner.bus.address import BusAddress
-from positioner.config.configuration import Configuration, parse_config
+from positioner.config.reader import parse_config
 from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
@@ -29,6 +29,7 @@ from positioner.wire.messages import (
 )
 
 if TYPE_CHECKING:
+    from positioner.config.schema import Configuration
     from positioner.wire.codec import Codec
 
 PERIOD_NS = 1_000_000

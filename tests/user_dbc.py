@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from positioner.wire.codec import MessageSettings, WireSettings
+from positioner.wire.settings import MessageSettings, WireSettings
 
 USER_DBC = """VERSION ""
 NS_ :

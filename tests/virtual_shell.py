@@ -17,7 +17,7 @@ from daemon_helpers import write_configuration
 
 from positioner.bus.address import BusAddress
 from positioner.bus.ports import Ports
-from positioner.config.configuration import load_config
+from positioner.config.reader import load_config
 from positioner.machine.journal import logger
 from positioner.machine.time import Instant
 from positioner.runtime.daemon import Daemon

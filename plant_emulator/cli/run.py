@@ -9,7 +9,8 @@ from plant_emulator.cli.numbers import seconds, whole
 from plant_emulator.cli.plant_options import add_plant_options, plant_of
 from plant_emulator.daemon import EmulatorDaemon, RunOptions
 from positioner.bus.address import parse_address
-from positioner.wire.codec import WireSettings, make_codec
+from positioner.wire.codec import make_codec
+from positioner.wire.settings import WireSettings
 
 if TYPE_CHECKING:
     from positioner.errors import ExitCode

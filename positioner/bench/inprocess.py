@@ -14,7 +14,7 @@ from positioner.bench.configure import configuration_text
 from positioner.bench.playable import check_playable
 from positioner.bench.recording import Recording
 from positioner.bus.address import BusAddress
-from positioner.config.configuration import Configuration, parse_config
+from positioner.config.reader import parse_config
 from positioner.cycle.events import Controlled
 from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState, Setup
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from positioner.bench.scenario import Scenario
+    from positioner.config.schema import Configuration
     from positioner.cycle.events import Event
     from positioner.wire.messages import CanFrame
 

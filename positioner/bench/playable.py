@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from plant_emulator.parameters import PlantSettings
     from positioner.bench.scenario import Scenario
-    from positioner.config.configuration import Configuration
+    from positioner.config.schema import Configuration
 
 LOOP_LOW_MA, LOOP_HIGH_MA = 4.0, 20.0
 _GEOMETRY = ("span_m", "travel_min_m", "travel_max_m")

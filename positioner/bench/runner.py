@@ -28,7 +28,7 @@ from positioner.bench.trend import draw_trend
 from positioner.bench.truth_log import add_truth
 from positioner.bus.address import BusAddress, embedded_address, find_vcan
 from positioner.bus.port import BusPort
-from positioner.config.configuration import Configuration, parse_config
+from positioner.config.reader import parse_config
 from positioner.errors import BenchError, StateError
 from positioner.store import access, lock
 from positioner.valve.stiction import StictionTable
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from positioner.bench.scenario import Scenario
+    from positioner.config.schema import Configuration
 
 _HEARD = (StemPosition, ActuatorState, PlantTruth, CurrentCommand, PositionerStatus, PositionerCount)
 

@@ -8,12 +8,13 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from positioner.config.configuration import Configuration, load_config
 from positioner.config.place import place_of
+from positioner.config.reader import load_config
 from positioner.doctor import bus_load
 from positioner.errors import ExitCode
 
 if TYPE_CHECKING:
+    from positioner.config.schema import Configuration
     from positioner.valve.model import ValveParameters
 
 _EPILOG = """\

@@ -15,8 +15,9 @@ from positioner.conformance.rules import conforms
 from positioner.conformance.script import Script
 from positioner.conformance.session import Examination, examine
 from positioner.errors import ExitCode
-from positioner.wire.codec import WireSettings, make_codec
+from positioner.wire.codec import make_codec
 from positioner.wire.loop_current import VALUE_HIGH_MA, VALUE_LOW_MA
+from positioner.wire.settings import WireSettings
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from positioner.bus.address import parse_address
-from positioner.config.configuration import load_config
+from positioner.config.reader import load_config
 from positioner.host.terminal import Terminal
 from positioner.host.verbs import HELP
 

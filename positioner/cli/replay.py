@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from positioner.config.configuration import load_config
+from positioner.config.reader import load_config
 from positioner.errors import ExitCode
 from positioner.inputs.toml_reader import changes_of, laid_over
 from positioner.laws.registry import LAWS

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from positioner.bus.address import parse_address
-from positioner.config.configuration import StateSettings, load_config
+from positioner.config.reader import load_config
+from positioner.config.schema import StateSettings
 from positioner.errors import UsageError
 from positioner.machine.journal import set_up
 from positioner.machine.memory_lock import lock_memory

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable
 
-    from positioner.config.configuration import Configuration
+    from positioner.config.schema import Configuration
     from positioner.store.content import StoredTable
 
 
@@ -125,7 +125,7 @@ def _directory(args: argparse.Namespace) -> Path:
 
 
 def _configuration(path: Path) -> Configuration:
-    from positioner.config.configuration import load_config  # noqa: PLC0415, with --state neither numpy nor a solver is needed
+    from positioner.config.reader import load_config  # noqa: PLC0415, with --state neither numpy nor a solver is needed
 
     return load_config(path)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from positioner.config.configuration import Configuration
+    from positioner.config.schema import Configuration
 
 CONFIGURATIONS = Path("/etc/positioner")
 SERVICE_STATES = Path("/var/lib/positioner")

@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Any
 from positioner.errors import ConfigurationError, Problem
 from positioner.guard.settings import FailsafeAction
 from positioner.inputs import toml_reader
-from positioner.wire.codec import WireSettings, make_codec
+from positioner.wire.codec import make_codec
 from positioner.wire.formats import EncodingError
 from positioner.wire.loop_current import same_signal
 from positioner.wire.messages import CurrentCommand
 from positioner.wire.rounding import fits
+from positioner.wire.settings import WireSettings
 
 if TYPE_CHECKING:
-    from positioner.config.configuration import Configuration
+    from positioner.config.schema import Configuration
     from positioner.guard.settings import GuardSettings
     from positioner.wire.formats import FieldFormat
 

@@ -6,8 +6,8 @@ import shlex
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from positioner.config.configuration import Configuration, load_config
 from positioner.config.place import place_of
+from positioner.config.reader import load_config
 from positioner.doctor import bus_load, feedback, link_findings, machine, scheduling, state_directory
 from positioner.doctor.finding import Finding, Level, worst
 from positioner.errors import ConfigurationError, ExitCode
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from positioner.config.schema import Configuration
     from positioner.doctor.link import Link
 
 

@@ -15,8 +15,8 @@ from positioner.store.file_check import Fault, TableRejectedError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from positioner.config.configuration import Configuration
     from positioner.config.place import Place
+    from positioner.config.schema import Configuration
     from positioner.store.content import StoredTable
 
 ROOM_WANTED_BYTES = 100 << 20

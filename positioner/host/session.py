@@ -27,7 +27,7 @@ from positioner.wire.messages import (
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from positioner.config.configuration import Configuration
+    from positioner.config.schema import Configuration
     from positioner.wire.messages import CanFrame
 
 RELEASED_S = 0.1

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from types import FrameType
 
-    from positioner.config.configuration import Configuration
+    from positioner.config.schema import Configuration
 
 _TURN_S = 0.005
 _PROMPT = "> "

@@ -16,7 +16,7 @@ from positioner.wire.messages import CurrentCommand
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from positioner.config.configuration import Configuration
+    from positioner.config.schema import Configuration
     from positioner.cycle.events import Event
     from positioner.replay.recorded import Turn
     from positioner.valve.stiction import StictionTable

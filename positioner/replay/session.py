@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from positioner.config.configuration import Configuration
+    from positioner.config.schema import Configuration
 
 
 @dataclass(frozen=True, slots=True)

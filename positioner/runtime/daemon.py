@@ -22,7 +22,7 @@ from positioner.wire.messages import ActuatorState, CurrentCommand, ManualCurren
 if TYPE_CHECKING:
     from types import FrameType
 
-    from positioner.config.configuration import Configuration
+    from positioner.config.schema import Configuration
     from positioner.runtime.session import RunOptions
     from positioner.wire.messages import CanFrame
 

@@ -20,7 +20,7 @@ from positioner.store.messages import Notice, Replaced, Saved, SavingFailed, Sav
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from positioner.config.configuration import Configuration
+    from positioner.config.schema import Configuration
     from positioner.guard.settings import GuardSettings
     from positioner.machine.time import TimePort
     from positioner.store.client import KeeperEvent

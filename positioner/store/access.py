@@ -8,14 +8,13 @@ import time
 from typing import TYPE_CHECKING
 
 from positioner.errors import AlreadyRunningError, StateError
-from positioner.store import as_owner, control, database, lock, messages, requests
-from positioner.store.content import StoredTable
-from positioner.store.file_check import Fault, TableRejectedError
-from positioner.store.vault import GOOD_COPY, TABLE, WRITING_FAILED, Vault, remedy
-from positioner.valve.stiction import StictionTable
+from positioner.store import as_owner, control, lock, messages
+from positioner.store.at_files import at_the_files
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from positioner.store.content import StoredTable
 
 _PATIENCE_S = 5.0
 """How long to wait for a daemon that is starting or ending, or for another command."""
@@ -106,47 +105,3 @@ def _of_keeper(directory: Path, request: messages.Request) -> messages.Answer:
 
 def _as_owner(directory: Path, request: messages.Request) -> messages.Answer:
     return (as_owner.ask if as_owner.is_needed(directory) else at_the_files)(directory, request)
-
-
-def at_the_files(directory: Path, request: messages.Request) -> messages.Answer:
-    """Return the answer that the files give, which nobody else writes meanwhile but for a keeper while one dumps.
-
-    Raises:
-        StateError: nothing was changed; the message says why.
-    """
-    if isinstance(request, messages.DumpRequest):
-        return messages.Dumped(_readable(directory))
-    owner = _owner(directory, request)
-    vault = Vault(directory, owner.valve_id, owner.table.cell_width_m)
-    try:
-        done = requests.replaced(vault, vault.load(), request)
-        vault.copy(done.stored)
-    except WRITING_FAILED as error:
-        raise error if isinstance(error, StateError) else StateError(f"{directory}: {remedy(error)}") from error
-    finally:
-        vault.close()
-    return messages.Done(done.backup)
-
-
-def _readable(directory: Path) -> StoredTable:
-    """Return the table, or its good copy where the table is missing or damaged."""
-    try:
-        return database.read(directory / TABLE)
-    except TableRejectedError as rejected:
-        try:
-            return database.read(directory / GOOD_COPY)
-        except TableRejectedError:
-            raise rejected from None
-
-
-def _owner(directory: Path, request: messages.Request) -> StoredTable:
-    """Return the table that says whose directory this is: the one in it, or else the one to import."""
-    try:
-        return _readable(directory)
-    except TableRejectedError as rejected:
-        if not isinstance(request, messages.ImportRequest):
-            raise
-        if rejected.fault in {Fault.FOREIGN, Fault.NEWER_SCHEMA}:
-            raise
-        empty = StictionTable(cell_width_m=request.stored.table.cell_width_m)
-        return StoredTable(request.stored.valve_id, empty)

@@ -10,15 +10,12 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from positioner.errors import PositionerError, StateError
 from positioner.store import messages
+from positioner.store.at_files import at_the_files
 from positioner.store.file_check import Fault, TableRejectedError
 from positioner.store.interpreter import command, environment
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 _ANSWER_S = 30.0
 
@@ -74,22 +71,20 @@ def _become_owner(descriptor: int) -> None:
     os.setresuid(status.st_uid, status.st_uid, status.st_uid)
 
 
-def _answer(line: bytes, act: Callable[[Path, messages.Request], messages.Answer]) -> messages.Answer:
+def _answer(line: bytes) -> messages.Answer:
     request = messages.decode(line)
     if not isinstance(request, messages.DumpRequest | messages.ResetRequest | messages.ImportRequest):
         raise StateError(f"not a request: {request}")
-    return act(Path("/"), request)
+    return at_the_files(Path("/"), request)
 
 
 def main() -> None:
     """Answer the request on the standard input as the owner of the directory whose descriptor is the argument."""
-    from positioner.store import access  # noqa: PLC0415, it knows this module
-
     answer: messages.Answer
     try:
         line = sys.stdin.buffer.read()
         _become_owner(int(sys.argv[1]))
-        answer = _answer(line, access.at_the_files)
+        answer = _answer(line)
     except TableRejectedError as rejected:
         answer = messages.Rejected(rejected.path.name, rejected.fault, rejected.detail)
     except (PositionerError, OSError) as error:

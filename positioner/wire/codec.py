@@ -11,16 +11,15 @@ from functools import cache
 from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import cantools.database
-from annotated_types import Interval, MultipleOf
 from cantools.database.can import Database
 
 from positioner.errors import ConfigurationError, Problem
-from positioner.inputs.table import SettingsTable
 from positioner.wire import foreign, identifiers, messages
 from positioner.wire.formats import FieldFormat, FrameFormat, FrameRejectedError, Reason, field_format, field_names
+from positioner.wire.settings import ID_OFFSETS, WireSettings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -66,36 +65,6 @@ _OWN_NAMES: Mapping[type[Message], tuple[str, Mapping[str, str]]] = {
         {"position_m": "TruePosition_mm", "velocity_m_per_s": "TrueVelocity_mm_per_s"},
     ),
 }
-
-
-ID_OFFSETS = range(0, 0x500, 0x80)
-"""What may be added to our identifiers, 0x100 to 0x17F: no frame of one valve then passes for one of another."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MessageSettings(SettingsTable):
-    """A message of the user's DBC: its name, its signals by field, its counter signal, if any."""
-
-    message: str
-    signals: dict[str, str]
-    counter: str | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WireSettings(SettingsTable):
-    """The `[wire]` table: everything ours by default.
-
-    `id_offset` is added to the identifiers and data IDs of our frames, so that several valves share one bus; one of
-    `ID_OFFSETS`. `identifiers` names those of our frames that are to travel under another identifier.
-    """
-
-    id_offset: Annotated[int, Interval(ge=ID_OFFSETS[0], le=ID_OFFSETS[-1]), MultipleOf(ID_OFFSETS.step)] = 0
-    dbc: Path | None = None
-    stem_position: MessageSettings | None = None
-    actuator_state: MessageSettings | None = None
-    setpoint: MessageSettings | None = None
-    current_command: MessageSettings | None = None
-    identifiers: dict[str, Annotated[int, Interval(ge=0, le=0x7FF)]] = field(default_factory=dict)
 
 
 _USER_KINDS: Mapping[str, type[Message]] = {

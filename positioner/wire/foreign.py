@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
     from cantools.database.can.message import Message as DbcMessage
 
-    from positioner.wire.codec import MessageSettings
     from positioner.wire.messages import Message
+    from positioner.wire.settings import MessageSettings
 
 _CLASSIC_LENGTH = 8
 _FEWEST_COUNTS = 4

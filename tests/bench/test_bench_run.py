@@ -28,7 +28,7 @@ from positioner.bench.runner import BenchOptions, run_bench
 from positioner.bench.scenario import load_scenario
 from positioner.bus.port import BusPort
 from positioner.cli.main import main
-from positioner.config.configuration import load_config
+from positioner.config.reader import load_config
 from positioner.errors import BenchError, ConfigurationError, ExitCode
 from positioner.store import access
 from positioner.wire.codec import make_codec

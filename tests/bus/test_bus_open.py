@@ -19,7 +19,7 @@ from positioner.bus.address import BusAddress, embedded_address, parse_address
 from positioner.bus.opening import open_bus
 from positioner.bus.port import BusPort
 from positioner.cli.main import main
-from positioner.config.configuration import parse_config
+from positioner.config.reader import parse_config
 from positioner.errors import BusError, BusUnusableError, ConfigurationError, ExitCode
 from positioner.wire.messages import CanFrame
 

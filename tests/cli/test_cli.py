@@ -15,7 +15,7 @@ from plant_emulator.cli import main as plant_main
 from positioner import __version__
 from positioner.cli import main as positioner_main
 from positioner.cli.main import main
-from positioner.config.configuration import parse_config
+from positioner.config.reader import parse_config
 from positioner.errors import ExitCode
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import pytest
 from daemon_helpers import _TOKENS, PATIENCE_S
 
-from positioner.config.configuration import load_config
+from positioner.config.reader import load_config
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

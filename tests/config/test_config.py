@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
 import pytest
 
-from positioner.config.configuration import Configuration, load_config, parse_config
+from positioner.config.reader import load_config, parse_config
+from positioner.config.schema import Configuration
 from positioner.errors import ConfigurationError, ExitCode
 from positioner.laws.registry import LAWS
 from positioner.wire.messages import StemPosition

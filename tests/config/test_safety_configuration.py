@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from positioner.config.configuration import parse_config
+from positioner.config.reader import parse_config
 from positioner.errors import ConfigurationError
 from positioner.wire.messages import CurrentCommand
 

@@ -18,8 +18,9 @@ from positioner.guard.supervisor import supervise
 from positioner.laws.settings import ControlSettings
 from positioner.valve.model import ValveParameters
 from positioner.wire import e2e
-from positioner.wire.codec import ID_OFFSETS, WireSettings, make_codec, own_database
+from positioner.wire.codec import make_codec, own_database
 from positioner.wire.messages import CanFrame, CurrentCommand, HostRequest, Setpoint, StemPosition
+from positioner.wire.settings import ID_OFFSETS, WireSettings
 from positioner.wire.window import CLEAN_FRAMES, MAX_ERRORS, WINDOW_FRAMES
 
 PAGE = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text(encoding="utf-8")

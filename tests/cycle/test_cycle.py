@@ -22,7 +22,7 @@ from positioner.laws.law import Decision, Observation
 from positioner.valve.model import ValveParameters
 from positioner.valve.state import StemState
 from positioner.valve.stiction import Direction, LearnedSample, Quantity, StictionTable
-from positioner.wire.codec import MessageSettings, WireSettings, make_codec
+from positioner.wire.codec import make_codec
 from positioner.wire.messages import (
     CanFrame,
     Cause,
@@ -37,6 +37,7 @@ from positioner.wire.messages import (
     Setpoint,
     StemPosition,
 )
+from positioner.wire.settings import MessageSettings, WireSettings
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -13,7 +13,7 @@ from test_cycle import CODEC, MS, RESTING, SLIDING, WIDE, Exchange, ScriptedLaw,
 from plant_emulator.device import advance, initial_device, publish, take
 from plant_emulator.presets import plant_settings
 from positioner.cli.main import main
-from positioner.config.configuration import parse_config
+from positioner.config.reader import parse_config
 from positioner.cycle.events import Learned
 from positioner.cycle.handover import Handover, ease, follow, start_m
 from positioner.cycle.input import CycleInput

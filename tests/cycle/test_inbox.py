@@ -21,7 +21,7 @@ from positioner.guard.settings import GuardSettings
 from positioner.guard.state import GuardState, Sighting
 from positioner.guard.supervisor import supervise
 from positioner.valve.model import ValveParameters
-from positioner.wire.codec import MessageSettings, WireSettings, make_codec
+from positioner.wire.codec import make_codec
 from positioner.wire.e2e import protect
 from positioner.wire.formats import Reason
 from positioner.wire.messages import (
@@ -39,6 +39,7 @@ from positioner.wire.messages import (
     Setpoint,
     StemPosition,
 )
+from positioner.wire.settings import MessageSettings, WireSettings
 
 if TYPE_CHECKING:
     from pathlib import Path

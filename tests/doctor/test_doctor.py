@@ -13,7 +13,7 @@ from daemon_helpers import Others, Service, own_address, write_configuration
 from link_answers import ALL, MCP251X, VCAN0
 
 from positioner.cli.main import main
-from positioner.config.configuration import load_config
+from positioner.config.reader import load_config
 from positioner.doctor import feedback, machine
 from positioner.doctor.finding import Finding, Level
 from positioner.errors import ExitCode

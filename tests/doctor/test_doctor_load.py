@@ -9,7 +9,8 @@ import pytest
 
 from positioner.doctor.bus_load import bus_load, findings, frame_bits, rounded_up
 from positioner.doctor.finding import Level
-from positioner.wire.codec import MessageSettings, WireSettings, make_codec
+from positioner.wire.codec import make_codec
+from positioner.wire.settings import MessageSettings, WireSettings
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -14,8 +14,8 @@ from store_helpers import series, taught
 
 from positioner.cli.main import main
 from positioner.config import place
-from positioner.config.configuration import load_config
 from positioner.config.place import Place, place_of
+from positioner.config.reader import load_config
 from positioner.doctor import scheduling, state_directory
 from positioner.doctor.finding import Finding, Level, worst
 from positioner.errors import ExitCode

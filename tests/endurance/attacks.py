@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from e2e import p05
 
 from endurance.oracle import KINDS
-from positioner.wire.codec import ID_OFFSETS, WireSettings, make_codec
+from positioner.wire.codec import make_codec
 from positioner.wire.messages import (
     ActuatorState,
     CanFrame,
@@ -25,6 +25,7 @@ from positioner.wire.messages import (
     Setpoint,
     StemPosition,
 )
+from positioner.wire.settings import ID_OFFSETS, WireSettings
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping

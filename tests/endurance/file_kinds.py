@@ -16,7 +16,7 @@ from user_dbc import ALL, USER_DBC
 
 from plant_emulator.presets import parse_plant
 from positioner.bench import scenario
-from positioner.config.configuration import parse_config
+from positioner.config.reader import parse_config
 from positioner.errors import ConfigurationError, Problem
 from positioner.inputs.toml_reader import read_text
 from positioner.replay.log import read_log
@@ -26,7 +26,8 @@ from positioner.replay.turns import turns_of
 from positioner.store import access, database, document, messages
 from positioner.store.messages import Adopt, ImportRequest, Learn
 from positioner.store.vault import TABLE, Vault
-from positioner.wire.codec import WireSettings, make_codec
+from positioner.wire.codec import make_codec
+from positioner.wire.settings import WireSettings
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,7 +10,7 @@ import pytest
 
 from plant_emulator.device import advance, initial_device, publish, take
 from plant_emulator.presets import plant_settings
-from positioner.config.configuration import Configuration, parse_config
+from positioner.config.reader import parse_config
 from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
@@ -28,6 +28,7 @@ from positioner.wire.messages import (
 )
 
 if TYPE_CHECKING:
+    from positioner.config.schema import Configuration
     from positioner.wire.messages import CanFrame, Message
 
 MS = 1_000_000

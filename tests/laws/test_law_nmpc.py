@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from positioner.bench.inprocess import InProcessRun, run_in_process
 from positioner.bench.metrics import DwellMetrics, Trace, dwell_metrics, totals
 from positioner.bench.scenario import Scenario
-from positioner.config.configuration import parse_config
+from positioner.config.reader import parse_config
 from positioner.cycle.events import LawFellBack
 from positioner.laws.law import Observation
 from positioner.laws.nmpc.filter import Resting, Sliding

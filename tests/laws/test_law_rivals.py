@@ -14,7 +14,7 @@ from plant_emulator.presets import plant_settings
 from plant_emulator.valve import initial_state, step
 from positioner.bench.inprocess import run_in_process
 from positioner.bench.scenario import load_scenario
-from positioner.config.configuration import parse_config
+from positioner.config.reader import parse_config
 from positioner.errors import ConfigurationError
 from positioner.laws.law import Observation
 from positioner.laws.rivals.knocker import Knocker, KnockerSettings

@@ -14,7 +14,7 @@ from plant_emulator.device import DeviceState, advance, failure, initial_device,
 from plant_emulator.parameters import FailPosition, PlantSettings
 from plant_emulator.presets import plant_settings
 from positioner.bus.address import BusAddress
-from positioner.wire.codec import MessageSettings, WireSettings, make_codec
+from positioner.wire.codec import make_codec
 from positioner.wire.messages import (
     ActuatorState,
     CanFrame,
@@ -25,6 +25,7 @@ from positioner.wire.messages import (
     Setpoint,
     StemPosition,
 )
+from positioner.wire.settings import MessageSettings, WireSettings
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -9,7 +9,7 @@ import pytest
 import replay_helpers as runs
 
 from positioner.cli.main import main
-from positioner.config.configuration import load_config
+from positioner.config.reader import load_config
 from positioner.replay.recorded import INPUTS, Heard
 from positioner.replay.session import prepare
 from positioner.replay.survey import LogKind

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import pytest
 import replay_helpers as runs
 
-from positioner.config.configuration import load_config
+from positioner.config.reader import load_config
 from positioner.replay.compare import Comparison, Difference, in_words
 from positioner.replay.run import Outcome, replayed
 from positioner.replay.session import Session, prepare

@@ -8,8 +8,9 @@ from itertools import permutations
 from typing import TYPE_CHECKING
 
 from positioner.runtime.clock import LockstepClock, LockstepGate, RealClock
-from positioner.wire.codec import WireSettings, make_codec
+from positioner.wire.codec import make_codec
 from positioner.wire.messages import CanFrame, CurrentCommand, Setpoint, StemPosition
+from positioner.wire.settings import WireSettings
 
 if TYPE_CHECKING:
     import pytest

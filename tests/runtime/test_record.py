@@ -19,7 +19,7 @@ from positioner.bench.runner import BenchOptions, run_bench
 from positioner.bench.truth_log import add_truth
 from positioner.bus.port import BusPort
 from positioner.cli.main import main
-from positioner.config.configuration import load_config
+from positioner.config.reader import load_config
 from positioner.cycle.input import CycleInput
 from positioner.guard.state import GuardState
 from positioner.machine.journal import logger

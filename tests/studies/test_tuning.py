@@ -16,7 +16,7 @@ from positioner.bench import metrics
 from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import load_scenario
 from positioner.cli.main import main
-from positioner.config.configuration import parse_config
+from positioner.config.reader import parse_config
 from positioner.errors import ExitCode
 from positioner.laws.settings import ControlSettings
 from positioner.laws.tuned import table_name

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from positioner.errors import ConfigurationError
 from positioner.inputs.toml_reader import parse
-from positioner.wire.codec import ID_OFFSETS, WireSettings, make_codec
+from positioner.wire.codec import make_codec
 from positioner.wire.formats import EncodingError, FrameRejectedError, Reason
 from positioner.wire.messages import (
     ActuatorState,
@@ -35,6 +35,7 @@ from positioner.wire.messages import (
     Setpoint,
     StemPosition,
 )
+from positioner.wire.settings import ID_OFFSETS, WireSettings
 
 if TYPE_CHECKING:
     from positioner.wire.messages import Message

@@ -20,7 +20,7 @@ from positioner.errors import ConfigurationError, ExitCode
 from positioner.guard.settings import GuardSettings
 from positioner.inputs.toml_reader import parse
 from positioner.valve.model import ValveParameters
-from positioner.wire.codec import Codec, MessageSettings, WireSettings, make_codec
+from positioner.wire.codec import Codec, make_codec
 from positioner.wire.formats import EncodingError, FrameRejectedError, Reason
 from positioner.wire.messages import (
     ActuatorState,
@@ -35,6 +35,7 @@ from positioner.wire.messages import (
     Setpoint,
     StemPosition,
 )
+from positioner.wire.settings import MessageSettings, WireSettings
 
 if TYPE_CHECKING:
     from pathlib import Path

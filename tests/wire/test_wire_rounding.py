@@ -11,14 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_cycle import VALVE, Exchange
 
-from positioner.config.configuration import load_config
+from positioner.config.reader import load_config
 from positioner.errors import ConfigurationError
 from positioner.guard.settings import FailsafeAction, GuardSettings
-from positioner.wire.codec import Codec, MessageSettings, WireSettings, make_codec
+from positioner.wire.codec import Codec, make_codec
 from positioner.wire.formats import FieldFormat, field_format
 from positioner.wire.loop_current import signal_of
 from positioner.wire.messages import CurrentCommand, HostRequest, Mode, Setpoint
 from positioner.wire.rounding import fits, inside, meant
+from positioner.wire.settings import MessageSettings, WireSettings
 
 if TYPE_CHECKING:
     from pathlib import Path

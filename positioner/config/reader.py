@@ -1,87 +1,23 @@
-"""The configuration of one positioner: `valve.toml` in, frozen dataclasses out. Shell."""
+"""Reads the configuration of one positioner, with every mistake in it. Shell."""
 
 from __future__ import annotations
 
-import os
-from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import tomli_w
 
-from positioner.bus.address import BusAddress, problems_of
+from positioner.bus.address import problems_of
+from positioner.config.schema import Configuration
 from positioner.config.wire_limits import range_problems, wire_problems
 from positioner.errors import ConfigurationError, Problem
-from positioner.guard.settings import GuardSettings
 from positioner.inputs import toml_reader
 from positioner.inputs.nearest import nearest
-from positioner.inputs.table import SettingsTable
-from positioner.laws.estimator_settings import EstimatorSettings
-from positioner.laws.registry import LAWS, Ingredients
-from positioner.laws.settings import ControlSettings
-from positioner.optimization.solver import QpSolver
-from positioner.valve.credible import Limits
-from positioner.valve.model import ValveParameters  # noqa: TC001 - pydantic reads this hint at run time
+from positioner.laws.registry import LAWS
 from positioner.valve.presets import PRESETS, missing, resolved
-from positioner.wire.codec import Codec, WireSettings, make_codec
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-    from positioner.laws.law import Law
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StateSettings(SettingsTable):
-    """The `[state]` table: where the stiction table is kept.
-
-    A relative `directory` lies beside the file. Without one it is $STATE_DIRECTORY (which systemd sets), or else
-    ~/.local/state/positioner/<valve id>.
-    """
-
-    directory: Path | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Configuration(SettingsTable):
-    """Everything a positioner is told; one field a table of the file."""
-
-    valve: ValveParameters
-    bus: BusAddress = field(default_factory=BusAddress)
-    wire: WireSettings = field(default_factory=WireSettings)
-    control: ControlSettings = field(default_factory=ControlSettings)
-    estimator: EstimatorSettings = field(default_factory=EstimatorSettings)
-    guard: GuardSettings = field(default_factory=GuardSettings)
-    state: StateSettings = field(default_factory=StateSettings)
-
-    @property
-    def state_directory(self) -> Path:
-        """Where the stiction table of this valve is kept."""
-        if self.state.directory is not None:
-            return self.state.directory
-        if given := os.environ.get("STATE_DIRECTORY"):
-            return Path(given.split(":", maxsplit=1)[0])
-        home = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-        return Path(home) / "positioner" / self.valve.id
-
-    @property
-    def limits(self) -> Limits:
-        """What is credible of this valve's stiction table: what its law can itself come to believe."""
-        own = self.control.nmpc
-        return Limits(self.valve, own.adaptation.least, own.adaptation.most, own.watch.ratio_most)
-
-    def make_codec(self) -> Codec:
-        """Return the codec of this valve's bus.
-
-        Raises:
-            ConfigurationError: the user's DBC does not hold what the file names.
-        """
-        return make_codec(self.wire, span_m=self.valve.span_m)
-
-    def make_law(self) -> Law[Any]:
-        """Return a new instance of the chosen law, with a solver of its own."""
-        _, make = LAWS[self.control.law]
-        return make(Ingredients(self.control, self.valve, self.estimator, self.guard, QpSolver))
+    from pathlib import Path
 
 
 def load_config(path: Path, changes: Mapping[str, Any] | None = None) -> Configuration:

@@ -1,0 +1,40 @@
+"""The `[wire]` table of a configuration. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path  # noqa: TC003 - pydantic reads this hint at run time
+from typing import Annotated
+
+from annotated_types import Interval, MultipleOf
+
+from positioner.inputs.table import SettingsTable
+
+ID_OFFSETS = range(0, 0x500, 0x80)
+"""What may be added to our identifiers, 0x100 to 0x17F: no frame of one valve then passes for one of another."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MessageSettings(SettingsTable):
+    """A message of the user's DBC: its name, its signals by field, its counter signal, if any."""
+
+    message: str
+    signals: dict[str, str]
+    counter: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WireSettings(SettingsTable):
+    """The `[wire]` table: everything ours by default.
+
+    `id_offset` is added to the identifiers and data IDs of our frames, so that several valves share one bus; one of
+    `ID_OFFSETS`. `identifiers` names those of our frames that are to travel under another identifier.
+    """
+
+    id_offset: Annotated[int, Interval(ge=ID_OFFSETS[0], le=ID_OFFSETS[-1]), MultipleOf(ID_OFFSETS.step)] = 0
+    dbc: Path | None = None
+    stem_position: MessageSettings | None = None
+    actuator_state: MessageSettings | None = None
+    setpoint: MessageSettings | None = None
+    current_command: MessageSettings | None = None
+    identifiers: dict[str, Annotated[int, Interval(ge=0, le=0x7FF)]] = field(default_factory=dict)

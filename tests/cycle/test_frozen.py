@@ -148,7 +148,7 @@ def test_a_clean_sensor_is_never_frozen_in_the_stick_band(step_m: float) -> None
 
 
 @given(sigma_of_step=st.floats(0.02, 8.0), seed=st.integers(0, 99), held=st.sampled_from([1, 10]))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_a_quantised_sensor_is_never_frozen_wherever_the_stem_rests(sigma_of_step: float, seed: int, held: int) -> None:
     """Noise of some steps or less: at one place it toggles, at the next one it may stand still."""
     step_m, sensor = 1e-4, Sensor()

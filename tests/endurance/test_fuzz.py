@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from endurance.attacks import ATTACKS, DAMAGING, TRUE, UNHEARD
@@ -86,7 +86,6 @@ def test_the_oracle_knows_every_frame_of_the_dbc() -> None:
 
 
 @given(st.lists(st.integers(0, 255), max_size=60))
-@settings(deadline=None)
 def test_any_counters_whatsoever_are_judged_alike_by_two_who_know_nothing_of_each_other(counters: list[int]) -> None:
     ledger, check = Ledger(), CounterCheck()
     for counter in counters:

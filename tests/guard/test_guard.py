@@ -633,7 +633,6 @@ def test_a_failsafe_that_holds_stays_inside_the_limits() -> None:
     st.sampled_from([0.0, 10.0]),
     st.sampled_from(list(FailsafeAction)),
 )
-@settings(deadline=None)
 def test_what_leaves_is_inside_the_limits_whatever_happens(
     mode: Mode, wanted_ma: float | None, last_ma: float, elapsed_s: float, rate: float, action: FailsafeAction
 ) -> None:
@@ -914,7 +913,7 @@ class AnythingOnTheBus(RuleBasedStateMachine):
 
 TestAnythingOnTheBus = AnythingOnTheBus.TestCase
 TestAnythingOnTheBus.settings = settings(
-    max_examples=60, stateful_step_count=40, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+    max_examples=60, stateful_step_count=40, suppress_health_check=[HealthCheck.too_slow]
 )
 
 

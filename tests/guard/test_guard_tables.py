@@ -132,7 +132,7 @@ AGES = st.one_of(st.none(), st.sampled_from([0, 3, 4, 5, 6, 10, 11, 20, 21]))
     Cause.NONE,
     False,
 )
-@settings(max_examples=600, deadline=None)
+@settings(max_examples=600)
 def test_the_first_row_that_holds_gives_mode_and_cause(
     mode: Mode,
     cause: Cause,

@@ -124,7 +124,7 @@ moving_states = st.builds(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(moving_states, st.floats(0.0, 0.14), st.floats(4.0, 20.0), st.sampled_from([1e-4, 1e-3, 5e-3]))
 @example(StemState(0.05078125, -0.0, False, -1.0, 3.8e-6, 0.0, 0.25), 0.03125, 12.0, 1e-4)  # a far correction
 def test_friction_stops_a_stem_before_its_speed_changes_sign(
@@ -142,7 +142,7 @@ def test_friction_stops_a_stem_before_its_speed_changes_sign(
         assert abs(VALVE.net_force_n(judged_m, applied_ma)) <= VALVE.static_friction_n
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(moving_states, st.floats(0.0, 0.14), st.floats(4.0, 20.0), st.sampled_from([1e-4, 1e-3, 5e-3]))
 def test_the_covariance_stays_one(state: StemState, measured_m: float, applied_ma: float, period_s: float) -> None:
     after = estimate(EstimatorSettings(), VALVE, state, measured_m, applied_ma, period_s)

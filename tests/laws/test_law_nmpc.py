@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from unsolvable import Unsolvable
 
 from positioner.bench.inprocess import InProcessRun, run_in_process
 from positioner.bench.metrics import DwellMetrics, Trace, dwell_metrics, totals
@@ -32,17 +33,10 @@ from positioner.wire.messages import Motion
 if TYPE_CHECKING:
     from positioner.laws.law import Decision
     from positioner.laws.nmpc.memory import NmpcMemory
-    from positioner.optimization.qp import QuadraticProgram, Solver
+    from positioner.optimization.qp import Solver
 
 PERIOD_S = 1e-3
 SPAN_M = 0.127
-
-
-class Unsolvable:
-    """A solver that never finds anything."""
-
-    def solve(self, program: QuadraticProgram) -> None:
-        del program
 
 
 def make_law(solver: Solver | None = None, **valve: float) -> NmpcLaw:
@@ -189,7 +183,7 @@ def test_a_table_that_is_not_to_be_used_yet_is_not_used() -> None:
     assert "the table" in law.decide(memory, stem, replace(seen, time_s=3.0), table)[1].reason
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     st.lists(st.floats(-0.02, 0.16), min_size=5, max_size=60),
     st.lists(st.floats(0.0, 0.1397), min_size=1, max_size=3),

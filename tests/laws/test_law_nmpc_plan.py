@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
+from unsolvable import Unsolvable
 
 from positioner.laws.nmpc.plan import ApproachSettings, Course, approach, predict, program
 from positioner.laws.nmpc.slide import STOPPING_TIME_S, Load, load_of, slider_of
 from positioner.optimization.solver import QpSolver
 from positioner.valve.model import ValveParameters
-
-if TYPE_CHECKING:
-    from positioner.optimization.qp import QuadraticProgram
 
 VALVE = ValveParameters(id="paper")
 SLIDER = slider_of(VALVE)
@@ -23,13 +19,6 @@ SETTINGS = ApproachSettings()
 SOLVER = QpSolver(4, 8)
 PERIODS_S = (1e-4, 1e-3)
 SOFT_MARGIN_M = 2e-6
-
-
-class Unsolvable:
-    """A solver that never finds anything."""
-
-    def solve(self, program: QuadraticProgram) -> None:
-        del program
 
 
 def course_of(load: Load, s: float, x: float, speed: float, distance: float, *, released: bool = True) -> Course:
@@ -57,7 +46,6 @@ def landing_m(course: Course, first_ma: float, period_s: float) -> float:
     return SLIDER.flow(first.x, first.v, course.brake_ma, course.load, course.direction, STOPPING_TIME_S).x
 
 
-@settings(deadline=None)
 @given(courses, st.sampled_from(PERIODS_S))
 def test_inside_the_limits_and_at_every_step_of_the_prediction_still_able_to_stop(
     course: Course, period_s: float
@@ -76,7 +64,6 @@ def test_inside_the_limits_and_at_every_step_of_the_prediction_still_able_to_sto
         assert past_m <= max(least_m, 0.0) + SOFT_MARGIN_M
 
 
-@settings(deadline=None)
 @given(courses, st.sampled_from(PERIODS_S))
 def test_the_stem_goes_as_far_as_it_may(course: Course, period_s: float) -> None:
     plan = approach(SETTINGS, SLIDER, SOLVER, course, (course.brake_ma,) * 4, period_s)
@@ -128,7 +115,6 @@ def test_the_linear_model_is_that_of_the_motion(s: float) -> None:
             assert (other.stops[i] - line.stops[i]) / 1e-4 == pytest.approx(line.stop_rows[i][j], rel=1e-3, abs=1e-9)
 
 
-@settings(deadline=None)
 @given(courses, st.sampled_from(PERIODS_S))
 def test_full_braking_solves_every_programme_as_a_last_resort(course: Course, period_s: float) -> None:
     inputs = np.full(4, course.brake_ma)
@@ -140,7 +126,6 @@ def test_full_braking_solves_every_programme_as_a_last_resort(course: Course, pe
     assert np.all(np.linalg.eigvalsh(posed.P) > 0.0)
 
 
-@settings(deadline=None)
 @given(loads, st.floats(0.0, 3.0), st.floats(2e-2, 6.5e-2), st.sampled_from(PERIODS_S))
 def test_programmes_are_well_scaled_also_far_from_the_target(
     load: Load, speed: float, distance: float, period_s: float

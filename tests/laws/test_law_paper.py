@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from unsolvable import Unsolvable
 
 from plant_emulator.presets import plant_settings
 from positioner.bench.inprocess import InProcessRun, run_in_process
@@ -43,13 +44,6 @@ TABLE = (
     .record(Quantity.STICK_SPEED, 0.087, Direction.OPENING, 0.4)
     .record(Quantity.STICK_SPEED, 0.073, Direction.CLOSING, 0.2)
 )
-
-
-class Unsolvable:
-    """A solver that never finds anything."""
-
-    def solve(self, program: QuadraticProgram) -> None:
-        del program
 
 
 def paper_law(*, use_table: bool = True, table_from_s: float = 0.0) -> PaperLaw:

@@ -62,7 +62,7 @@ def cost(tuning: PlannerSettings, states: np.ndarray, inputs: np.ndarray, setpoi
     return float(weight @ error_cm**2 + tuning.input_weight_per_ma2 * inputs @ inputs)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.sampled_from([PAPER, HELD, replace(PAPER, sign_dead_zone_m_per_s=0.1)]),
     starts,
@@ -79,7 +79,7 @@ def test_the_states_are_those_of_the_papers_model(
         np.testing.assert_allclose(states, simulated(tuning, valve, start, inputs, period_s), rtol=1e-9, atol=1e-11)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.sampled_from([PAPER, HELD]), starts, setpoints_m, st.sampled_from([SLOW_S, FAST_S]))
 def test_the_programme_costs_what_equation_17_costs(
     tuning: PlannerSettings, start: tuple[float, float], setpoint_m: float, period_s: float
@@ -109,7 +109,7 @@ one_sided_bounds = st.builds(
 """What eqs 23 to 26 can make: the speed bound moves on one side only."""
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     st.sampled_from([PAPER, HELD]),
     st.tuples(st.floats(-0.01, 0.14), st.floats(-3.0, 3.0)),
@@ -154,7 +154,7 @@ def test_a_bound_inside_the_present_speed_asks_for_full_braking() -> None:
     assert found.inputs_ma == pytest.approx(np.full(4, 4.0), abs=0.02)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.sampled_from([(PAPER, SLOW_S), (PAPER, FAST_S), (HELD, SLOW_S)]),
     starts,

@@ -20,7 +20,7 @@ def random_horizon(steps: int, size: int, seed: int) -> tuple[Horizon, np.ndarra
     return horizon, random.normal(size=size), random
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(sizes)
 def test_a_prediction_is_the_simulation_step_by_step(case: tuple[int, int, int, int]) -> None:
     steps, control_steps, size, seed = case
@@ -51,7 +51,7 @@ def test_an_input_does_not_act_before_its_step() -> None:
         assert forced[i, :, i] == pytest.approx(horizon.B[i])
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(sizes, st.floats(1e-6, 1e3), st.floats(-10.0, 10.0))
 def test_the_cost_is_equation_17_but_for_a_constant(
     case: tuple[int, int, int, int], input_weight: float, reference: float

@@ -45,7 +45,7 @@ def assert_optimal(program: QuadraticProgram, solution: Solution) -> None:
     np.testing.assert_allclose(np.minimum(y, 0.0) * (rows - program.l), 0.0, atol=10 * TOLERANCE)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.integers(0, 2**32 - 1))
 def test_a_solution_satisfies_the_optimality_conditions(seed: int) -> None:
     program = random_program(seed)

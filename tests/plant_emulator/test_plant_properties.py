@@ -40,7 +40,7 @@ def energy_j(plant: PlantSettings, state: PlantState) -> float:
     return 0.5 * v.mass_kg * state.velocity_m_per_s**2 + 0.5 * v.spring_rate_n_per_m * state.position_m**2
 
 
-@settings(max_examples=120, deadline=None, derandomize=True)
+@settings(max_examples=120)
 @given(st.sampled_from(PRESETS), commands, st.integers(0, 50))
 def test_the_stem_never_gains_more_energy_than_the_pressure_gives(
     preset: str, sequence: list[tuple[float, float]], seed: int
@@ -54,7 +54,7 @@ def test_the_stem_never_gains_more_energy_than_the_pressure_gives(
         state = after
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=150)
 @given(lagging_plants, commands, st.integers(0, 50))
 def test_the_stem_stays_in_its_travel_and_rests_only_without_speed(
     plant: PlantSettings, sequence: list[tuple[float, float]], seed: int
@@ -71,7 +71,7 @@ def test_the_stem_stays_in_its_travel_and_rests_only_without_speed(
             assert state.position_m == before.position_m
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60)
 @given(lagging_plants, commands, st.integers(2, 40), st.integers(0, 50))
 def test_no_cut_of_time_changes_the_motion(
     plant: PlantSettings, sequence: list[tuple[float, float]], pieces: int, seed: int

@@ -90,7 +90,7 @@ plants = st.builds(
 
 
 @pytest.mark.usefixtures("_counted_events")
-@settings(max_examples=400, deadline=None, derandomize=True)
+@settings(max_examples=400)
 @given(plants, commands, st.integers(0, 50))
 def test_time_passes_whatever_the_lags_the_dead_time_and_the_commands(
     plant: PlantSettings, sequence: list[tuple[float, float]], seed: int
@@ -102,7 +102,7 @@ def test_time_passes_whatever_the_lags_the_dead_time_and_the_commands(
 
 
 @pytest.mark.usefixtures("_counted_events")
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=300)
 @given(plants, st.sampled_from([(24.0, 0.0), (0.0, 24.0)]), st.floats(-9.0, -3.0), st.integers(0, 50))
 @example(_plant("paper", 0.00017, 0.00087, 0.0, 1.0, 1.0, 1.0), (24.0, 0.0), -6.7, 0)  # stops while the pull falls fast
 @example(_plant("graphite", 0.00068, 0.00744, 0.0, 1.0, 8.0, 1.0), (24.0, 0.0), -7.0, 0)  # creeps while it rises fast

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @given(tables(), tables())
-@settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_what_is_created_and_updated_is_read_back(tmp_path: Path, first: StoredTable, second: StoredTable) -> None:
     path = tmp_path / TABLE
     database.create(path, first)

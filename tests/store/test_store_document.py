@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 
 @given(tables())
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_a_table_survives_the_way_through_a_document(stored: StoredTable) -> None:
     assert document.loads(document.dumps(stored), "x") == stored
 
 
 @given(tables())
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_a_table_survives_the_way_through_a_message(stored: StoredTable) -> None:
     message = messages.Adopt(stored)
     assert messages.decode(messages.encode(message)) == message

@@ -63,7 +63,7 @@ def integrated(
     return float(run.y[0, -1]), float(run.y[1, -1]), stopped_s
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(any_valve, positions_m, speeds_m_per_s, currents_ma, signs, durations_s)
 def test_a_slide_is_what_an_independent_integration_finds(
     valve: ValveParameters, x: float, speed: float, u: float, direction: float, duration_s: float
@@ -154,7 +154,7 @@ def test_a_very_long_sample_of_a_stiffly_damped_valve_ends_at_the_balance_and_do
     assert motion.x == pytest.approx(rest, abs=1e-12)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(any_valve, positions_m, speeds_m_per_s, currents_ma, signs, durations_s)
 def test_the_derivatives_are_those_of_finite_differences(
     valve: ValveParameters, x: float, speed: float, u: float, direction: float, duration_s: float
@@ -176,7 +176,7 @@ def test_the_derivatives_are_those_of_finite_differences(
         assert getattr(motion, f"d{name}_dv") == pytest.approx(by_v, rel=2e-3, abs=2e-5 if name == "x" else 2e-3)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(any_valve, positions_m, speeds_m_per_s, currents_ma, signs)
 def test_two_short_slides_are_one_long_slide(
     valve: ValveParameters, x: float, speed: float, u: float, direction: float

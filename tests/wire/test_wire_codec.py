@@ -161,7 +161,7 @@ HALF_BIT = {"position_m": 5e-9, "setpoint_m": 5e-9, "current_ma": 5e-4, "pressur
 
 
 @given(message=ANY_MESSAGE, counter=BYTE)
-@settings(deadline=None, max_examples=400)
+@settings(max_examples=400)
 def test_every_message_comes_back_within_half_a_bit(message: Message, counter: int) -> None:
     decoded, decoded_counter = CODEC.decode(CODEC.encode(message, counter))
     assert type(decoded) is type(message)
@@ -172,7 +172,7 @@ def test_every_message_comes_back_within_half_a_bit(message: Message, counter: i
 
 
 @given(message=ANY_MESSAGE)
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 def test_encoding_what_was_decoded_gives_the_same_bytes(message: Message) -> None:
     frame = CODEC.encode(message, 77)
     decoded, _ = CODEC.decode(frame)

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 from e2e import p05
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from positioner.wire import e2e
@@ -21,7 +21,6 @@ def test_the_example_that_autosar_publishes_for_profile_5() -> None:
 
 
 @given(payload=st.binary(min_size=8, max_size=8), data_id=st.integers(0, 0xFFFF))
-@settings(deadline=None)
 def test_protection_equals_an_independent_implementation(payload: bytes, data_id: int) -> None:
     theirs = bytearray(payload)
     p05.e2e_p05_protect(theirs, data_id, increment_counter=False)
@@ -162,7 +161,6 @@ def test_a_counter_of_four_bits_wraps_loses_and_restarts() -> None:
 
 
 @given(start=st.integers(0, 255), steps=st.lists(st.integers(1, 11), max_size=300))
-@settings(deadline=None)
 def test_whatever_a_sender_loses_in_runs_of_ten_the_count_of_lost_frames_is_right(start: int, steps: list[int]) -> None:
     counters = [(start + total) % 256 for total in itertools.accumulate(steps, initial=0)]
     seen = verdicts(counters)

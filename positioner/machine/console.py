@@ -34,8 +34,9 @@ def run_command(parser: argparse.ArgumentParser, arguments: list[str] | None) ->
         _open_standard_streams()
         speak_plainly()
         argcomplete.autocomplete(parser)
-        logging.getLogger("can").addHandler(logging.NullHandler())  # what it cannot do it raises, too: told once, by us
-        logging.getLogger("can").propagate = False
+        for library in ("can", "cantools"):  # what they cannot do they raise, too: told once, by us
+            logging.getLogger(library).addHandler(logging.NullHandler())
+            logging.getLogger(library).propagate = False
         parsed = parser.parse_args(arguments)
         command: Callable[[argparse.Namespace], ExitCode] = parsed.run
         code = int(command(parsed))

@@ -13,7 +13,7 @@ from cantools.database.errors import Error as CantoolsError
 
 from positioner.errors import Problem
 from positioner.wire.formats import FrameFormat, field_format, field_names
-from positioner.wire.signals import UnfitSignalError, counter_modulus, is_plain_integer
+from positioner.wire.signals import UnfitSignalError, check_numbers, counter_modulus, is_plain_integer
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -64,11 +64,8 @@ def frame_format(
 ) -> FrameFormat | None:
     """Return the format of `kind` that the user has `chosen` in the table `where`, or None and more `problems`."""
     before = len(problems)
-    by_name = {message.name: message for message in user_messages}
-    dbc = by_name.get(chosen.message)
+    dbc = _chosen(where, chosen.message, user_messages, problems)
     if dbc is None:
-        key = f"{where}.message = '{chosen.message}'"
-        problems.append(Problem(key, None, f"is not in the DBC, which has: {', '.join(by_name)}"))
         return None
     if dbc.length > _CLASSIC_LENGTH:
         problems.append(Problem(f"{where}.message", None, f"{dbc.name} is longer than the 8 bytes of classic CAN"))
@@ -96,6 +93,17 @@ def frame_format(
     return FrameFormat(kind, dbc, dbc.frame_id, tuple(made), None, chosen.counter)
 
 
+def _chosen(where: str, name: str, user_messages: tuple[DbcMessage, ...], problems: list[Problem]) -> DbcMessage | None:
+    """Return the one message of that name, or None and one more of `problems`."""
+    found = [message for message in user_messages if message.name == name]
+    if len(found) == 1:
+        return found[0]
+    names = ", ".join(dict.fromkeys(message.name for message in user_messages))
+    told = f"stands {len(found)} times in the DBC: leave one" if found else f"is not in the DBC, which has: {names}"
+    problems.append(Problem(f"{where}.message = '{name}'", None, told))
+    return None
+
+
 def _check_counter(where: str, chosen: MessageSettings, dbc: DbcMessage, problems: list[Problem]) -> None:
     if chosen.counter is None:
         return
@@ -104,9 +112,16 @@ def _check_counter(where: str, chosen: MessageSettings, dbc: DbcMessage, problem
     signal = signals.get(chosen.counter)
     if signal is None:
         problems.append(Problem(key, None, f"is not in {dbc.name}, which has: {', '.join(signals)}"))
-    elif signal.is_signed or not is_plain_integer(signal):
+        return
+    if signal.is_signed or not is_plain_integer(signal):
         problems.append(Problem(key, None, "is signed, scaled or fractional, and a counter needs whole numbers from 0"))
-    elif signal.minimum or counter_modulus(signal) < _FEWEST_COUNTS:
+        return
+    try:
+        check_numbers(signal)
+    except UnfitSignalError as error:
+        problems.append(Problem(key, None, str(error)))
+        return
+    if signal.minimum or counter_modulus(signal) < _FEWEST_COUNTS:
         told = f"has the range {signal.minimum} to {signal.maximum}, and a counter needs one from 0 to 3 at least"
         problems.append(Problem(key, None, told))
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from typing import TYPE_CHECKING
 
-from positioner.errors import PositionerError
+from positioner.errors import PositionerError, shortened
 
 if TYPE_CHECKING:
     from cantools.database.can.signal import Signal
 
+_MOST_BITS = 64
 _LARGEST_FLOAT = {16: 65504.0, 32: 3.4028234e38, 64: sys.float_info.max}
 """Largest finite value of a floating-point signal, by its length in bits."""
 
@@ -30,13 +30,17 @@ def is_plain_integer(signal: Signal) -> bool:
 
 
 def check_numbers(signal: Signal) -> None:
-    """Raise UnfitSignalError where a signal's scale, offset or length can carry no number."""
+    """Raise UnfitSignalError where a signal's scale, offset, range or length can carry no number."""
+    if not signal.is_float and signal.length > _MOST_BITS:
+        raise UnfitSignalError(f"has {signal.length} bits, and there are {_MOST_BITS} in a frame")
     if signal.is_float and signal.length not in _LARGEST_FLOAT:
         raise UnfitSignalError(f"is a floating-point signal of {signal.length} bits, and there are 16, 32 and 64")
-    if signal.scale == 0 or not (math.isfinite(signal.scale) and math.isfinite(signal.offset)):
-        raise UnfitSignalError(
-            f"has the scale {signal.scale:g} and the offset {signal.offset:g}, which carry no number"
-        )
+    numbers = {"scale": signal.scale, "offset": signal.offset, "minimum": signal.minimum, "maximum": signal.maximum}
+    for name, value in numbers.items():
+        if value is not None and not abs(value) <= sys.float_info.max:
+            raise UnfitSignalError(f"has the {name} {shortened(str(value))}, which is no number that a signal can have")
+    if signal.scale == 0:
+        raise UnfitSignalError("has the scale 0, which carries no number")
 
 
 def raw_range(signal: Signal) -> tuple[float, float]:
@@ -48,6 +52,6 @@ def raw_range(signal: Signal) -> tuple[float, float]:
     else:
         low, high = 0.0, 2.0**signal.length - 1.0
     ends = (signal.minimum, signal.maximum)
-    limits = [None if end is None else (end - signal.offset) / signal.scale for end in ends]
+    limits = [None if end is None else (float(end) - float(signal.offset)) / float(signal.scale) for end in ends]
     lower, upper = limits if signal.scale > 0 else reversed(limits)
     return low if lower is None else max(low, lower), high if upper is None else min(high, upper)

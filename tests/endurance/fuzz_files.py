@@ -188,7 +188,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--keep", default="", metavar="DIR", help="where inputs that lead to a violation are kept")
     arguments = parser.parse_args()
-    logging.getLogger("can").setLevel(logging.CRITICAL)  # as for our commands: its complaints would be gigabytes here
+    for library in ("can", "cantools"):  # as for our commands: their complaints would be gigabytes here
+        logging.getLogger(library).setLevel(logging.CRITICAL)
     if arguments.keep:
         Path(arguments.keep).mkdir(parents=True, exist_ok=True)
     found = fuzz(arguments.share, arguments.seed, arguments.keep)

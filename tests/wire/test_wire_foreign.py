@@ -364,7 +364,15 @@ def test_a_counter_wraps_where_its_range_ends(dbc: Path) -> None:
 TRAVEL, SUPPLY = "Travel : 15|16@0+ (0.01,-10) [-10|110]", "Supply : 0|32@1-"
 ALIVE = "SG_ Alive : 16|4@1+ (1,0) [0|15]"
 POSITION_KEY = "wire.stem_position.signals.position_m = 'Travel'"
+NO_NUMBER = "which is no number that a signal can have"
 COUNTER_KEY = "wire.current_command.counter = 'Alive'"
+
+
+def test_a_message_that_stands_twice_in_the_dbc_is_refused(dbc: Path) -> None:
+    twice = changed(dbc, "BO_ 515 Wide: 16 VALVE", "BO_ 515 Target: 8 VALVE")
+    assert problems(replace(ALL, dbc=twice)) == [
+        "wire.setpoint.message = 'Target': stands 2 times in the DBC: leave one"
+    ]
 
 
 @pytest.mark.parametrize(
@@ -374,7 +382,7 @@ COUNTER_KEY = "wire.current_command.counter = 'Alive'"
             TRAVEL,
             "Travel : 15|16@0+ (0,-10) [0|0]",
             POSITION_KEY,
-            "has the scale 0 and the offset -10, which carry no number",
+            "has the scale 0, which carries no number",
         ),
         (
             TRAVEL,
@@ -401,6 +409,15 @@ COUNTER_KEY = "wire.current_command.counter = 'Alive'"
             "has the range 0 to 1, and a counter needs one from 0 to 3 at least",
         ),
         (ALIVE, ALIVE.replace("(1,", "(0,"), COUNTER_KEY, NO_COUNTER),
+        *(
+            (TRAVEL, TRAVEL.replace(old, new), POSITION_KEY, f"has the {name} {told}, {NO_NUMBER}")
+            for old, new, name, told in (
+                ("(0.01", f"(1{'0' * 400}", "scale", "1" + "0" * 400),
+                ("-10)", "1e999)", "offset", "inf"),
+                ("[-10", f"[-1{'0' * 400}", "minimum", "-1" + "0" * 400),
+            )
+        ),
+        (ALIVE, ALIVE.replace("15]", "-1e999]"), COUNTER_KEY, f"has the maximum -inf, {NO_NUMBER}"),
     ],
 )
 def test_a_signal_that_carries_no_number_is_one_line_at_the_check_and_at_the_start(

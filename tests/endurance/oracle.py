@@ -26,6 +26,10 @@ class Signal:
     length: int
     low: int
     high: int
+    never: frozenset[int] = frozenset()
+
+    def may_be(self, raw: int) -> bool:
+        return self.low <= raw <= self.high and raw not in self.never
 
     def raw(self, data: bytes) -> int:
         word = int.from_bytes(data, "little") >> self.start & ((1 << self.length) - 1)
@@ -42,6 +46,9 @@ class Kind:
     choices: tuple[Signal, ...] = ()
 
 
+_RETIRED = frozenset({8, 9, 11})
+"""Causes that were never said, and are no more."""
+
 KINDS = {
     0x100: Kind(
         *("CURRENT_COMMAND", 0x1F00, (Signal(24, 16, 0, 25000),)),
@@ -51,7 +58,9 @@ KINDS = {
     0x111: Kind("ACTUATOR_STATE", 0x1F11, (Signal(24, 24, 0, 16000000),)),
     0x120: Kind("SETPOINT", 0x1F20, (Signal(24, 28, -134200000, 134200000),), (Signal(52, 4, 0, 2),)),
     0x121: Kind("MANUAL_CURRENT", 0x1F21, (Signal(24, 16, 0, 25000),), (Signal(40, 4, 0, 1),)),
-    0x140: Kind("POSITIONER_STATUS", 0x1F40, (), (Signal(24, 4, 0, 5), Signal(28, 4, 0, 4), Signal(32, 6, 0, 22))),
+    0x140: Kind(
+        "POSITIONER_STATUS", 0x1F40, (), (Signal(24, 4, 0, 5), Signal(28, 4, 0, 4), Signal(32, 6, 0, 22, _RETIRED))
+    ),
     0x141: Kind("POSITIONER_COUNT", 0x1F41, (), (Signal(24, 8, 1, 20),)),
     0x170: Kind("PLANT_TRUTH", 0x1F70, (Signal(24, 26, 0, 67100000), Signal(50, 14, -8191, 8191))),
 }
@@ -73,9 +82,9 @@ def verdict_of(frame: CanFrame) -> str:
 def _content_of(kind: Kind, data: bytes) -> str:
     if not p05.e2e_p05_check(data, kind.data_id):
         return "wrong CRC"
-    if any(not signal.low <= signal.raw(data) <= signal.high for signal in kind.ranges):
+    if any(not signal.may_be(signal.raw(data)) for signal in kind.ranges):
         return "value out of range"
-    if any(not signal.low <= signal.raw(data) <= signal.high for signal in kind.choices):
+    if any(not signal.may_be(signal.raw(data)) for signal in kind.choices):
         return "undefined value"
     return "good"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 from random import Random
 from typing import TYPE_CHECKING
@@ -67,5 +68,17 @@ def test_what_it_looks_for_is_found_and_kept(
 
 
 def test_what_takes_too_long_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fuzz_files, "MOST_CPU_S", 0.0)
+    monkeypatch.setattr(fuzz_files, "MOST_CPU_S", -1.0)
     assert fuzz_files.run_part("json", range(1), "").violations[0].endswith(" s")
+
+
+def test_what_never_ends_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    def goes_on(number: int, data: bytes, folder: Path) -> None:
+        del number, data, folder
+        while True:
+            with contextlib.suppress(Exception):
+                pass
+
+    monkeypatch.setitem(KINDS, "json", replace(JSON, read=goes_on))
+    monkeypatch.setattr(fuzz_files, "_ENDLESS_S", 0.05)
+    assert fuzz_files.run_part("json", range(1), "").violations[0] == "json 0: not read after 0 s"

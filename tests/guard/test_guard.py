@@ -299,6 +299,7 @@ def test_arming_needs_fresh_feedback() -> None:
     assert watch(state, asked, SECOND + 3 * MS).armed
     assert not watch(state, asked, SECOND + 3 * MS + 1).armed
     assert not watch(GuardState(), asked, SECOND).armed
+    assert not watch(GuardState(), Sighting(), SECOND, GuardSettings(auto_arm=True)).armed
 
 
 def test_an_arm_before_the_feedback_is_heard_when_it_is_repeated() -> None:

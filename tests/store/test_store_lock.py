@@ -40,8 +40,8 @@ def test_patience_outlasts_a_holder_that_ends(tmp_path: Path) -> None:
     assert holder.stdout.readline() == "held\n"
     with pytest.raises(AlreadyRunningError, match=f"in use by process {holder.pid};"):
         lock.acquire(tmp_path, 0.0)
-    holder.stdin.close()
-    os.close(lock.acquire(tmp_path, 10.0))
+    end = holder.stdin.close  # it ends when it is waited for, no sooner
+    os.close(lock.acquire(tmp_path, 10.0, lambda _: end()))
     holder.stdout.close()
     assert holder.wait() == 0
 

@@ -1,8 +1,6 @@
 # PYTHON_ARGCOMPLETE_OK
 """The first lines of the emulator's program. Shell."""
 
-from __future__ import annotations
-
 import sys
 
 from positioner.start import load

@@ -5,9 +5,6 @@ Nothing of ours is imported before, and of the libraries nothing but what the in
 that is short of memory or descriptors gets a line and a status, never a traceback.
 """
 
-from __future__ import annotations
-
-import importlib
 import os
 import sys
 
@@ -24,7 +21,7 @@ def main() -> int:
 def load(program: str, module: str) -> int:
     """Run `main` of `module`; return its exit status, or that of a program that cannot be loaded."""
     try:
-        command = importlib.import_module(module).main
+        command = __import__(module, fromlist=("main",)).main  # importlib might have to be loaded first
     except (KeyboardInterrupt, SystemExit):
         raise
     except BaseException as error:  # a library written in Rust panics with less than an Exception

@@ -81,7 +81,7 @@ class BusUnusableError(BusError):
 
 
 class AlreadyRunningError(PositionerError):
-    """Another process holds this valve's state, for now: a daemon, its keeper that still writes, or a command."""
+    """Another process holds this valve's state, for now: a daemon, its table writer that still writes, or a command."""
 
     exit_code = ExitCode.TEMPORARY
 

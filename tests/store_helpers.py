@@ -1,4 +1,4 @@
-"""Tables to store, and how to wait for a keeper."""
+"""Tables to store, and how to wait for a table writer."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from hypothesis import strategies as st
 
-from positioner.store.client import TableKeeper
+from positioner.store.client import TableWriterClient
 from positioner.store.content import StoredTable
 from positioner.valve.stiction import Direction, LearnedSample, Quantity, StictionTable
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from pathlib import Path
 
-    from positioner.store.client import KeeperEvent
+    from positioner.store.client import WriterEvent
 
 VALVE = "FV-101"
 WIDTH_M = 0.005
@@ -54,17 +54,17 @@ def tables() -> st.SearchStrategy[StoredTable]:
     return st.builds(taught, st.lists(samples, max_size=40), names, widths)
 
 
-def wait_for(keeper: TableKeeper, done: Callable[[], bool], timeout_s: float = 10.0) -> list[KeeperEvent]:
+def wait_for(writer: TableWriterClient, done: Callable[[], bool], timeout_s: float = 10.0) -> list[WriterEvent]:
     """Return the events up to the moment at which `done` holds."""
-    events: list[KeeperEvent] = []
+    events: list[WriterEvent] = []
     deadline_s = time.monotonic() + timeout_s
     while True:
-        events.extend(keeper.poll())
+        events.extend(writer.poll())
         if done():
             return events
         assert time.monotonic() < deadline_s, events
-        select.select([keeper._child.channel] if keeper._child.channel.fileno() >= 0 else [], [], [], 0.02)
+        select.select([writer._child.channel] if writer._child.channel.fileno() >= 0 else [], [], [], 0.02)
 
 
-def opened(directory: Path, valve_id: str = VALVE) -> tuple[TableKeeper, StictionTable, tuple[str, ...]]:
-    return TableKeeper.open(directory, valve_id, WIDTH_M)
+def opened(directory: Path, valve_id: str = VALVE) -> tuple[TableWriterClient, StictionTable, tuple[str, ...]]:
+    return TableWriterClient.open(directory, valve_id, WIDTH_M)

@@ -1,6 +1,6 @@
 """A daemon in this process whose ports lead to a virtual world: clocks, a bus, and a plant and a host on it.
 
-Nothing but the ports is replaced: bus port, clocks, loop, log and keeper are those of the product. Time passes where
+Nothing but the ports is replaced: bus port, clocks, loop, log and table writer are the product's. Time passes where
 the loop waits, and a little at each look at the clock; a *stall* lets much of it pass at one such place, while plant
 and host go on talking and the kernel stamps and queues what they say.
 """

@@ -14,7 +14,7 @@ from positioner.guard import supervisor as guard
 from positioner.machine.journal import dropped_lines, logger
 from positioner.runtime.record import BusRecorder
 from positioner.runtime.trace import TraceWriter
-from positioner.store.client import TableKeeper
+from positioner.store.client import TableWriterClient
 from positioner.store.messages import Notice, Replaced, Saved, SavingFailed, SavingWorks
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from positioner.config.schema import Configuration
     from positioner.guard.settings import GuardSettings
     from positioner.machine.time import TimePort
-    from positioner.store.client import KeeperEvent
+    from positioner.store.client import WriterEvent
     from positioner.valve.stiction import StictionTable
     from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame
@@ -61,7 +61,7 @@ class Session:
         """
         self._time = time
         control = configuration.control
-        self.keeper, table, notices = TableKeeper.open(
+        self.table_writer, table, notices = TableWriterClient.open(
             configuration.state_directory, configuration.valve.id, control.table_cell_m, tell=logger.warning
         )
         for notice in notices:
@@ -82,7 +82,7 @@ class Session:
             self.trace = TraceWriter(options.trace) if options.trace else None
             self._recorder = BusRecorder(options.record)
         except OSError as error:
-            self.keeper.close(_CLOSE_TIMEOUT_S)
+            self.table_writer.close(_CLOSE_TIMEOUT_S)
             what = "record" if error.filename == str(options.record) else "trace"
             raise UsageError(f"{what} {error.filename} cannot be written: {error.strerror}") from error
         self._turn: tuple[CycleInput, tuple[CanFrame, ...]] | None = None
@@ -121,16 +121,16 @@ class Session:
 
     def keep(self, events: tuple[Event, ...]) -> None:
         """Hand over what was learned; take over what was reset or imported meanwhile."""
-        self.keeper.record([event.sample for event in events if isinstance(event, Learned)])
+        self.table_writer.record([event.sample for event in events if isinstance(event, Learned)])
         if self._time.monotonic_s() < self._poll_due_s:
             return
         self._poll_due_s = self._time.monotonic_s() + _POLL_EVERY_S
-        for heard in self.keeper.poll():
+        for heard in self.table_writer.poll():
             self._hear(heard)
         self._lines_dropped = dropped_lines()
-        self._table_saved = self.keeper.problem is None
+        self._table_saved = self.table_writer.problem is None
 
-    def _hear(self, heard: KeeperEvent) -> None:
+    def _hear(self, heard: WriterEvent) -> None:
         match heard:
             case Replaced():
                 self._replaced = heard.stored.table
@@ -148,6 +148,6 @@ class Session:
 
     def close(self) -> str | None:
         """Save the table and end the record; return what went wrong with the table."""
-        problem = self.keeper.close(_CLOSE_TIMEOUT_S)
+        problem = self.table_writer.close(_CLOSE_TIMEOUT_S)
         self._recorder.close()
         return problem

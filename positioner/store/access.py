@@ -1,4 +1,4 @@
-"""The table for the command line: through the keeper while a daemon runs, on the files while none does."""
+"""The table for the command line: through the table writer while a daemon runs, on the files while none does."""
 
 from __future__ import annotations
 
@@ -68,9 +68,9 @@ def _ask(directory: Path, request: messages.Request) -> messages.Answer:
                 return _as_owner(directory, request)
         except AlreadyRunningError as occupied:
             try:
-                return _of_keeper(directory, request)
+                return _of_writer(directory, request)
             except (FileNotFoundError, ConnectionError, PermissionError) as error:
-                if isinstance(request, messages.DumpRequest):  # who may only read has no way to the keeper
+                if isinstance(request, messages.DumpRequest):  # who may only read has no way to the table writer
                     return _as_owner(directory, request)
                 if isinstance(error, PermissionError):
                     message = f"{directory / control.NAME}: {error.strerror}; become the daemon's user or its group's"
@@ -80,7 +80,7 @@ def _ask(directory: Path, request: messages.Request) -> messages.Answer:
         time.sleep(_RETRY_S)
 
 
-def _of_keeper(directory: Path, request: messages.Request) -> messages.Answer:
+def _of_writer(directory: Path, request: messages.Request) -> messages.Answer:
     descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
@@ -95,12 +95,12 @@ def _of_keeper(directory: Path, request: messages.Request) -> messages.Answer:
                         raise ConnectionAbortedError
                     answer = decoder.feed(line)
     except TimeoutError as error:
-        raise StateError(f"{directory}: the keeper of the stiction table does not answer") from error
+        raise StateError(f"{directory}: the table writer does not answer") from error
     finally:
         os.close(descriptor)
     if isinstance(answer, messages.Dumped | messages.Done | messages.Refused):
         return answer
-    raise StateError(f"{directory}: unexpected answer of the keeper: {answer}")
+    raise StateError(f"{directory}: unexpected answer of the table writer: {answer}")
 
 
 def _as_owner(directory: Path, request: messages.Request) -> messages.Answer:

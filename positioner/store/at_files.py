@@ -8,7 +8,7 @@ from positioner.errors import StateError
 from positioner.store import database, messages, requests
 from positioner.store.content import StoredTable
 from positioner.store.file_check import Fault, TableRejectedError
-from positioner.store.vault import GOOD_COPY, TABLE, WRITING_FAILED, Vault, remedy
+from positioner.store.table_directory import GOOD_COPY, TABLE, WRITING_FAILED, TableDirectory, remedy
 from positioner.valve.stiction import StictionTable
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def at_the_files(directory: Path, request: messages.Request) -> messages.Answer:
-    """Return the answer that the files give, which nobody else writes meanwhile but for a keeper while one dumps.
+    """Return the answer that the files give, which nobody else writes meanwhile but for a table writer while one dumps.
 
     Raises:
         StateError: nothing was changed; the message says why.
@@ -24,14 +24,14 @@ def at_the_files(directory: Path, request: messages.Request) -> messages.Answer:
     if isinstance(request, messages.DumpRequest):
         return messages.Dumped(_readable(directory))
     owner = _owner(directory, request)
-    vault = Vault(directory, owner.valve_id, owner.table.cell_width_m)
+    table_directory = TableDirectory(directory, owner.valve_id, owner.table.cell_width_m)
     try:
-        done = requests.replaced(vault, vault.load(), request)
-        vault.copy(done.stored)
+        done = requests.replaced(table_directory, table_directory.load(), request)
+        table_directory.copy(done.stored)
     except WRITING_FAILED as error:
         raise error if isinstance(error, StateError) else StateError(f"{directory}: {remedy(error)}") from error
     finally:
-        vault.close()
+        table_directory.close()
     return messages.Done(done.backup)
 
 

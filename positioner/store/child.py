@@ -1,4 +1,4 @@
-"""The keeper's process, as its parent holds it."""
+"""The table writer's process, as its parent holds it."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from positioner.store.lines import Lines
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-PROGRAM = "positioner.store.keeper"
-"""The module that runs as the keeper; tests put one with a failing disk in its place."""
+PROGRAM = "positioner.store.writer"
+"""The module that runs as the table writer; tests put one with a failing disk in its place."""
 _START_S = 30.0
 _SHIELDED = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 
 
 class Child:
-    """The keeper's process and the daemon's end of the channel to it."""
+    """The table writer's process and the daemon's end of the channel to it."""
 
     def __init__(self, process: subprocess.Popen[bytes], channel: Lines) -> None:
         """Take the process and the channel over."""
@@ -45,13 +45,13 @@ class Child:
         """True once the process is gone and all that it said has been heard."""
         return self.channel.ended and not self._unread
 
-    def send(self, message: messages.ToKeeper) -> None:
+    def send(self, message: messages.ToWriter) -> None:
         """Queue a message, behind the rest of one that was begun."""
         for line in (*self._unsent, *messages.lines(message)):
             self.channel.send(line)
         self._sends = False
 
-    def begin(self, message: messages.ToKeeper) -> None:
+    def begin(self, message: messages.ToWriter) -> None:
         """Queue a message that `work` writes and sends a few lines at a time."""
         self._unsent, self._sends = messages.lines(message), True
 
@@ -88,7 +88,7 @@ class Child:
 
 
 def start(lock_descriptor: int, opening: messages.Open) -> Child:
-    """Return the keeper, started but not waited for, with its first message on the way.
+    """Return the table writer, started but not waited for, with its first message on the way.
 
     Raises:
         OSError: it cannot be started.
@@ -117,13 +117,13 @@ def start(lock_descriptor: int, opening: messages.Open) -> Child:
 
 
 def opened(child: Child) -> tuple[messages.Opened, tuple[messages.Message, ...]]:
-    """Return the keeper's first answer, and what came with it: a first save may already have failed.
+    """Return the table writer's first answer, and what came with it: a first save may already have failed.
 
     Raises:
         StateError: there is none, or it is a refusal.
     """
     deadline_s = time.monotonic() + _START_S
-    reason = "the keeper of the stiction table does not start"
+    reason = "the table writer does not start"
     while (left_s := deadline_s - time.monotonic()) > 0.0 and not child.channel.ended:
         child.channel.wait(left_s)
         child.channel.flush()

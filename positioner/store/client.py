@@ -1,4 +1,4 @@
-"""The daemon's side of the keeper: start it, hand it samples, hear from it, close it, and never wait in between."""
+"""The daemon's side of the table writer: starts it, sends it samples, receives its events, closes it; never waits."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ if TYPE_CHECKING:
     from positioner.store.content import StoredTable
     from positioner.valve.stiction import LearnedSample, StictionTable
 
-KeeperEvent: TypeAlias = Saved | Replaced | SavingFailed | SavingWorks | Notice
+WriterEvent: TypeAlias = Saved | Replaced | SavingFailed | SavingWorks | Notice
 
 _PATIENCE_S = 10.0
-"""How long to wait for the lock: an earlier daemon's keeper, or a command, is done by then."""
+"""How long to wait for the lock: an earlier daemon's table writer, or a command, is done by then."""
 _RESTART_FIRST_S, _RESTART_LONGEST_S = 0.1, 30.0
 _LINES_PER_POLL = 4
 _TOLD_AFTER_S, _ENDED_AFTER_S = 3.0, 90.0
-"""Silence of a keeper that has something to save: it commits within half a second, and one whose disk fails says so
+"""Silence of a table writer that has something to save: it commits within half a second, and reports a disk that fails
 every 30 s."""
-_HANGS = "the stiction table is not being saved: its keeper does not answer; the disk may hang"
+_HANGS = "the stiction table is not being saved: its table writer does not answer; the disk may hang"
 
 
-class TableKeeper:
-    """The keeper as the daemon sees it; `problem` says in one line why the table is not being saved, or is None.
+class TableWriterClient:
+    """The table writer as the daemon sees it; `problem` says in one line why the table is not being saved, or is None.
 
     In each cycle call `record` before `poll`: then samples taught before a reset go to the table that was reset.
     """
@@ -66,7 +66,7 @@ class TableKeeper:
         patience_s: float = _PATIENCE_S,
         tell: Callable[[str], object] = lambda _line: None,
     ) -> tuple[Self, StictionTable, tuple[str, ...]]:
-        """Return the running keeper, the valve's table, and what was noteworthy about it, a line each.
+        """Return the running table writer, the valve's table, and what was noteworthy about it, a line each.
 
         Raises:
             AlreadyRunningError: another process uses the directory, and still did after `patience_s`;
@@ -90,8 +90,8 @@ class TableKeeper:
         except (OSError, StateError) as error:
             os.close(descriptor)
             raise StateError(f"the stiction table cannot be opened: {error}") from error
-        keeper = cls(directory, descriptor, process, opened.stored, early)
-        return keeper, opened.stored.table, opened.notices
+        writer = cls(directory, descriptor, process, opened.stored, early)
+        return writer, opened.stored.table, opened.notices
 
     @property
     def saved(self) -> bool:
@@ -110,11 +110,11 @@ class TableKeeper:
         for sample in samples:
             self._stored = self._stored.learned(sample, seconds)
         if self._behind or self._child.busy or self._child.channel.ended:
-            self._behind = True  # the keeper is slow or gone: it gets the whole table later, so nothing piles up here
+            self._behind = True  # the table writer is slow or gone: it gets the whole table later; nothing piles up
         else:
             self._child.send(messages.Learn(self._stored.generation, tuple(samples)))
 
-    def poll(self, now_s: float | None = None) -> tuple[KeeperEvent, ...]:
+    def poll(self, now_s: float | None = None) -> tuple[WriterEvent, ...]:
         """Return what has happened since the last call; never waits. `now_s` is monotonic, by default the present."""
         now_s = time.monotonic() if now_s is None else now_s
         heard, self._early = (*self._early, *self._child.heard(_LINES_PER_POLL)), ()
@@ -128,9 +128,9 @@ class TableKeeper:
         return tuple(events)
 
     def close(self, timeout_s: float) -> str | None:
-        """Save everything and end the keeper; return why that failed, or None.
+        """Save everything and end the table writer; return why that failed, or None.
 
-        Within `timeout_s`; a keeper that needs longer goes on without the daemon, and so does its lock.
+        Within `timeout_s`; a table writer that needs longer goes on without the daemon, and so does its lock.
         """
         deadline_s = time.monotonic() + timeout_s
         for message in self._early:
@@ -145,13 +145,13 @@ class TableKeeper:
             self._child.send(messages.Close())
             problem = self._farewell(deadline_s)
         except OSError as error:
-            problem = f"the stiction table is not saved: its keeper cannot be started: {error}"
+            problem = f"the stiction table is not saved: its table writer cannot be started: {error}"
         self._child.channel.close()
         os.close(self._lock)
         try:
             self._child.process.wait(max(0.0, deadline_s - time.monotonic()))
         except subprocess.TimeoutExpired:
-            return problem or f"the keeper of the stiction table (process {self._child.process.pid}) does not end"
+            return problem or f"the table writer (process {self._child.process.pid}) does not end"
         return problem
 
     def _farewell(self, deadline_s: float) -> str | None:
@@ -166,7 +166,8 @@ class TableKeeper:
         if self.saved:
             return None
         unsaved = self._stored.table.sequence - max(0, self._saved.sequence)
-        return f"the stiction table's newest samples (up to {unsaved}) are not known to be saved: its keeper is silent"
+        samples = f"the stiction table's newest samples (up to {unsaved})"
+        return f"{samples} are not known to be saved: its table writer is silent"
 
     def _opening(self) -> messages.Open:
         table = self._stored.table
@@ -177,8 +178,8 @@ class TableKeeper:
             self._child.begin(messages.Adopt(self._stored))
             self._behind = False
 
-    def _watch(self, now_s: float, *, heard: bool) -> Iterator[KeeperEvent]:
-        """Tell that the keeper has not saved what it was given, and end it when it says nothing at all for long."""
+    def _watch(self, now_s: float, *, heard: bool) -> Iterator[WriterEvent]:
+        """Report that the table writer has not saved its samples, and end it when it has been silent for long."""
         if heard or self._saved == self._newest:
             if self.problem == _HANGS and self._saved == self._newest:
                 self.problem = None
@@ -194,7 +195,7 @@ class TableKeeper:
         if silent_s > _ENDED_AFTER_S:
             self._child.process.kill()  # what it held it gets again, and its transaction is rolled back
 
-    def _hear(self, message: messages.Message) -> Iterator[KeeperEvent]:
+    def _hear(self, message: messages.Message) -> Iterator[WriterEvent]:
         match message:
             case Saved():
                 self._saved = message
@@ -216,16 +217,16 @@ class TableKeeper:
                 yield from map(Notice, notices)
                 if stored.generation > self._stored.generation:
                     self._stored, self._behind = stored, False
-                    yield Replaced(stored, "reset or import, just before the keeper ended")
+                    yield Replaced(stored, "reset or import, just before the table writer ended")
 
-    def _revive(self, now_s: float) -> Iterator[KeeperEvent]:
-        """Start the keeper again once it is surely gone: there must never be two."""
+    def _revive(self, now_s: float) -> Iterator[WriterEvent]:
+        """Start the table writer again once it is surely gone: there must never be two."""
         if self._restart_at_s is None:
             self._child.process.kill()
             self._restart_at_s = now_s + self._restart_s
             self._restart_s = min(2.0 * self._restart_s, _RESTART_LONGEST_S)
             if self.problem is None:
-                self.problem = "the keeper of the stiction table ended unexpectedly; it is being started again"
+                self.problem = "the table writer ended unexpectedly; it is being started again"
                 yield SavingFailed(self.problem)
         elif now_s >= self._restart_at_s and self._child.process.poll() is not None:
             self._restart_at_s = None
@@ -236,4 +237,4 @@ class TableKeeper:
                 self._silent_since_s = None
             except OSError as error:
                 self._restart_at_s = now_s + self._restart_s
-                yield Notice(f"the keeper of the stiction table cannot be started: {error}")
+                yield Notice(f"the table writer cannot be started: {error}")

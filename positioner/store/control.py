@@ -1,4 +1,4 @@
-"""`control.sock`, the keeper's door for the command line: one request a line, one answer a line."""
+"""`control.sock`, the table writer's door for the command line: one request a line, one answer a line."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class ControlSocket:
 
 def _listen(directory: int) -> socket.socket:
     with suppress(FileNotFoundError):
-        os.unlink(NAME, dir_fd=directory)  # left by a keeper that was killed: the lock says that there is no other
+        os.unlink(NAME, dir_fd=directory)  # left by a table writer that was killed: the lock says there is no other
     listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     mask = os.umask(0o117)
     try:

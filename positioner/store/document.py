@@ -1,4 +1,4 @@
-"""The stiction table as a JSON document: the format of `table export`, of backups and of the keeper's sockets. Pure.
+"""The stiction table as a JSON document: the format of `table export`, of backups and of messages. Pure.
 
     {"format": "positioner-stiction-table", "schema": 1, "valve": "FV-101", "cell_width_m": 0.005,
      "generation": 0, "sequence": 12, "cells": [

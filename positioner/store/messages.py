@@ -1,4 +1,4 @@
-"""What daemon, keeper and command line tell each other, one JSON line each."""
+"""What daemon, table writer and command line tell each other, one JSON line each."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Open:
-    """Daemon → keeper, first: which table; `restarted` when it takes the place of a keeper that ended."""
+    """Daemon → table writer, first: which table; `restarted` when it takes the place of a table writer that ended."""
 
     directory: str
     valve_id: str
@@ -29,7 +29,7 @@ class Open:
 
 @dataclass(frozen=True, slots=True)
 class Opened:
-    """Keeper → daemon: the table as it was found, and what was noteworthy about it."""
+    """Table writer → daemon: the table as it was found, and what was noteworthy about it."""
 
     stored: StoredTable
     notices: tuple[str, ...]
@@ -37,7 +37,7 @@ class Opened:
 
 @dataclass(frozen=True, slots=True)
 class Learn:
-    """Daemon → keeper: samples, in the order in which they were recorded."""
+    """Daemon → table writer: samples, in the order in which they were recorded."""
 
     generation: int
     samples: tuple[LearnedSample, ...]
@@ -45,26 +45,26 @@ class Learn:
 
 @dataclass(frozen=True, slots=True)
 class Adopt:
-    """Daemon → keeper: the whole table, in place of samples that could not be sent one by one."""
+    """Daemon → table writer: the whole table, in place of samples that could not be sent one by one."""
 
     stored: StoredTable
 
 
 @dataclass(frozen=True, slots=True)
 class Close:
-    """Daemon → keeper: save, answer `Closed`, end."""
+    """Daemon → table writer: save, answer `Closed`, end."""
 
 
 @dataclass(frozen=True, slots=True)
 class Closed:
-    """Keeper → daemon: everything is saved, or why it is not."""
+    """Table writer → daemon: everything is saved, or why it is not."""
 
     problem: str | None
 
 
 @dataclass(frozen=True, slots=True)
 class Saved:
-    """Keeper → daemon: the table up to `sequence` is on the disk."""
+    """Table writer → daemon: the table up to `sequence` is on the disk."""
 
     generation: int
     sequence: int
@@ -72,7 +72,7 @@ class Saved:
 
 @dataclass(frozen=True, slots=True)
 class Replaced:
-    """Keeper → daemon: the table was replaced by command; `reason` says by which and where the former one is."""
+    """Table writer → daemon: the table was replaced by command; `reason` says by which and where the former one is."""
 
     stored: StoredTable
     reason: str
@@ -80,19 +80,19 @@ class Replaced:
 
 @dataclass(frozen=True, slots=True)
 class SavingFailed:
-    """Keeper → daemon, once: the table cannot be saved; why, and what to do."""
+    """Table writer → daemon, once: the table cannot be saved; why, and what to do."""
 
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
 class SavingWorks:
-    """Keeper → daemon, once: the table could be saved again."""
+    """Table writer → daemon, once: the table could be saved again."""
 
 
 @dataclass(frozen=True, slots=True)
 class Notice:
-    """Keeper → daemon: a line for the log."""
+    """Table writer → daemon: a line for the log."""
 
     text: str
 
@@ -103,17 +103,17 @@ class Notice:
 
 @dataclass(frozen=True, slots=True)
 class DumpRequest:
-    """Command line → keeper: what is in the table?"""
+    """Command line → table writer: what is in the table?"""
 
 
 @dataclass(frozen=True, slots=True)
 class ResetRequest:
-    """Command line → keeper: back the table up and empty it."""
+    """Command line → table writer: back the table up and empty it."""
 
 
 @dataclass(frozen=True, slots=True)
 class ImportRequest:
-    """Command line → keeper: back the table up and replace it; `force` takes another valve's table too."""
+    """Command line → table writer: back the table up and replace it; `force` takes another valve's table too."""
 
     stored: StoredTable
     force: bool
@@ -121,21 +121,21 @@ class ImportRequest:
 
 @dataclass(frozen=True, slots=True)
 class Dumped:
-    """Keeper → command line: the table."""
+    """Table writer → command line: the table."""
 
     stored: StoredTable
 
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """Keeper → command line: the table was replaced; `backup` holds the former one, if it held anything."""
+    """Table writer → command line: the table was replaced; `backup` holds the former one, if it held anything."""
 
     backup: str | None
 
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """Keeper → command line: nothing was changed, and why."""
+    """Table writer → command line: nothing was changed, and why."""
 
     reason: str
 
@@ -149,11 +149,11 @@ class Rejected:
     detail: str
 
 
-ToKeeper: TypeAlias = Open | Learn | Adopt | Close
-FromKeeper: TypeAlias = Opened | Closed | Saved | Replaced | SavingFailed | SavingWorks | Notice
+ToWriter: TypeAlias = Open | Learn | Adopt | Close
+FromWriter: TypeAlias = Opened | Closed | Saved | Replaced | SavingFailed | SavingWorks | Notice
 Request: TypeAlias = DumpRequest | ResetRequest | ImportRequest
 Answer: TypeAlias = Dumped | Done | Refused | Rejected
-Message: TypeAlias = ToKeeper | FromKeeper | Request | Answer
+Message: TypeAlias = ToWriter | FromWriter | Request | Answer
 
 _CELLS = "Cells"
 _KINDS: dict[str, Callable[..., Message]] = {kind.__name__: kind for kind in Message.__args__}

@@ -1,4 +1,4 @@
-"""What `table reset` and `table import` do, the same whether a keeper runs or not."""
+"""What `table reset` and `table import` do, the same whether a table writer runs or not."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from positioner.errors import StateError
 from positioner.store import messages
-from positioner.store.vault import WRITING_FAILED, Vault, remedy
+from positioner.store.table_directory import WRITING_FAILED, TableDirectory, remedy
 
 if TYPE_CHECKING:
     from positioner.store.content import StoredTable
@@ -22,7 +22,7 @@ class Replacement:
     backup: str | None
 
 
-def replaced(vault: Vault, stored: StoredTable, request: messages.Message) -> Replacement:
+def replaced(table_directory: TableDirectory, stored: StoredTable, request: messages.Message) -> Replacement:
     """Return what a reset or an import made of `stored`, once it is backed up and on the disk.
 
     Raises:
@@ -36,8 +36,8 @@ def replaced(vault: Vault, stored: StoredTable, request: messages.Message) -> Re
     else:
         raise StateError(f"not a request: {request}")
     try:
-        backup = vault.back_up(stored, occasion) if len(stored.table) else None
-        vault.save(successor)
+        backup = table_directory.back_up(stored, occasion) if len(stored.table) else None
+        table_directory.save(successor)
     except WRITING_FAILED as error:
         raise StateError(f"nothing was changed, since the table cannot be saved: {remedy(error)}") from error
     suffix = f"; the former one is in {backup}" if backup else ""

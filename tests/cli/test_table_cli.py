@@ -13,7 +13,7 @@ from store_helpers import opened, series, taught, wait_for
 from positioner.cli.main import main
 from positioner.errors import ExitCode
 from positioner.store import access, document
-from positioner.store.vault import TABLE
+from positioner.store.table_directory import TABLE
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -124,12 +124,12 @@ def test_a_reset_asks_first_and_without_a_terminal_refuses(
 
 
 def test_a_reset_reaches_a_running_daemon(tmp_path: Path) -> None:
-    keeper, _, _ = opened(tmp_path)
-    keeper.record(series(30))
-    wait_for(keeper, lambda: keeper.saved)
+    writer, _, _ = opened(tmp_path)
+    writer.record(series(30))
+    wait_for(writer, lambda: writer.saved)
     assert main(["table", "reset", "--yes", "--state", str(tmp_path)]) == ExitCode.OK
-    wait_for(keeper, lambda: keeper.saved and keeper._stored.table.sequence == 0)
-    assert keeper.close(10.0) is None
+    wait_for(writer, lambda: writer.saved and writer._stored.table.sequence == 0)
+    assert writer.close(10.0) is None
 
 
 def test_importing_a_bad_file_says_every_mistake_and_changes_nothing(

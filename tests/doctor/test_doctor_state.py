@@ -20,7 +20,7 @@ from positioner.doctor import scheduling, state_directory
 from positioner.doctor.finding import Finding, Level, worst
 from positioner.errors import ExitCode
 from positioner.store import access
-from positioner.store.vault import TABLE
+from positioner.store.table_directory import TABLE
 
 VALVE = '[valve]\nid = "FV-101"\npreset = "paper"\n'
 

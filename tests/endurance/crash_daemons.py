@@ -1,4 +1,4 @@
-"""Kills whole daemons at random instants, alone or with their keeper, while a scripted valve makes them learn."""
+"""Kills whole daemons at random instants, alone or with their table writer, while a scripted valve makes them learn."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import tomli_w
 
-from endurance import diary
+from endurance import sample_log
 from endurance.learner import PATIENCE_S, TOO_BUSY
 from endurance.verdict import Judge, Outcome
 from positioner.bus.address import embedded_address
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-ALONE, TOGETHER = "daemon alone", "daemon and keeper"
+ALONE, TOGETHER = "daemon alone", "daemon and table writer"
 _VALVE = "FV-201"
 _WIDTH_M = 0.005
 _PERIOD_S = 0.01
@@ -45,7 +45,7 @@ class DaemonSlot:
     def __init__(self, folder: Path, seed: int) -> None:
         folder.mkdir()
         self._folder = folder
-        self._diary, self._log = folder / "diary", folder / "daemon.log"
+        self._sample_log, self._log = folder / "sample_log", folder / "daemon.log"
         self._chance = random.Random(seed)  # noqa: S311 - no secret
         self._bus = BusPort(embedded_address(os.getpid()))
         self._bus.open()
@@ -58,7 +58,7 @@ class DaemonSlot:
 
     def kill_one(self) -> Iterator[Outcome]:
         """Let one daemon live for a random time and kill it; yield what that left."""
-        self._diary.unlink(missing_ok=True)
+        self._sample_log.unlink(missing_ok=True)
         self._judge.state.mkdir(exist_ok=True)
         daemon = self._start()
         try:
@@ -72,8 +72,8 @@ class DaemonSlot:
         if code != -signal.SIGKILL:
             yield from self._start_again()
             return
-        with lock.held(self._judge.state, PATIENCE_S):  # a keeper that lives on saves, then lets go
-            yield self._judge.look(kind, diary.read(self._diary), killed_ns)
+        with lock.held(self._judge.state, PATIENCE_S):  # a table writer that lives on saves, then lets go
+            yield self._judge.look(kind, sample_log.read(self._sample_log), killed_ns)
 
     def _start_again(self) -> Iterator[Outcome]:
         """Kill another one in the place of a daemon that ended by itself, which only a busy machine excuses."""
@@ -90,7 +90,7 @@ class DaemonSlot:
         arguments = ["run", "--config", str(self._configuration), "--clock", "lockstep"]
         with self._log.open("wb") as output:
             return subprocess.Popen(
-                [sys.executable, "-m", "endurance.watched_daemon", str(self._diary), *arguments],
+                [sys.executable, "-m", "endurance.watched_daemon", str(self._sample_log), *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=output,
@@ -103,7 +103,7 @@ class DaemonSlot:
             self._play(daemon, self._chance.uniform(0.0, _EARLY_S))
             return
         deadline_s = time.monotonic() + PATIENCE_S
-        while not self._diary.exists() and time.monotonic() < deadline_s:
+        while not self._sample_log.exists() and time.monotonic() < deadline_s:
             self._play(daemon, 0.05)
         self._play(daemon, self._chance.uniform(0.0, _LEARNING_S))
 

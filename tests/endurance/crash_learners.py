@@ -1,4 +1,4 @@
-"""Kills learners at random instants: alone, with their keeper, and the keeper alone; then looks at their table."""
+"""Kills learners: alone, with their table writer, or only the table writer; then checks the table."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import signal
 import time
 from typing import TYPE_CHECKING
 
-from endurance import diary, learner
+from endurance import learner, sample_log
 from endurance.verdict import Judge, Outcome
 from positioner.store import lock
 from positioner.valve.stiction import StictionTable
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-ALONE, TOGETHER, KEEPER = "learner alone", "learner and keeper", "keeper alone"
+ALONE, TOGETHER, WRITER = "learner alone", "learner and table writer", "table writer alone"
 _EARLY_SHARE, _EARLY_S = 0.1, 0.25
 """One kill in ten falls into the start, within this time of the fork."""
 _LEARNING_S, _LONG_SHARE, _LONG_S = 0.5, 0.08, 3.0
 """Most learn for as long as a few commits take; some for so long that more than a second could be lost."""
-_KEEPER_SHARE = 0.2
+_WRITER_SHARE = 0.2
 _POLL_S = 0.005
 
 
@@ -32,16 +32,16 @@ class LearnerSlot:
 
     def __init__(self, folder: Path, seed: int) -> None:
         folder.mkdir()
-        self._state, self._diary, self._complaints = folder / "state", folder / "diary", folder / "complaints"
+        self._state, self._sample_log, self._complaints = folder / "state", folder / "sample_log", folder / "complaints"
         self._chance = random.Random(seed)  # noqa: S311 - no secret
         self._judge = Judge(self._state, learner.VALVE, StictionTable(cell_width_m=learner.WIDTH_M))
         self._learner = 0
 
     def kill_one(self) -> Iterator[Outcome]:
         """Let one learner live for a random time and kill it; yield the outcome of each kill, the learner's last."""
-        self._diary.unlink(missing_ok=True)
+        self._sample_log.unlink(missing_ok=True)
         self._state.mkdir(exist_ok=True)
-        self._learner = learner.start(self._state, self._diary, self._complaints, self._chance.getrandbits(32))
+        self._learner = learner.start(self._state, self._sample_log, self._complaints, self._chance.getrandbits(32))
         try:
             yield from self._live()
             kind = self._chance.choice((ALONE, TOGETHER))
@@ -49,8 +49,8 @@ class LearnerSlot:
             killed_ns = time.monotonic_ns()
         finally:
             self._end()
-        with lock.held(self._state, learner.PATIENCE_S):  # a keeper that lives on saves, then lets go
-            yield self._judge.look(kind, diary.read(self._diary), killed_ns)
+        with lock.held(self._state, learner.PATIENCE_S):  # a table writer that lives on saves, then lets go
+            yield self._judge.look(kind, sample_log.read(self._sample_log), killed_ns)
         if self._complaints.exists():
             raise AssertionError(self._complaints.read_text(encoding="utf-8"))
 
@@ -62,30 +62,30 @@ class LearnerSlot:
             time.sleep(self._chance.uniform(0.0, _EARLY_S))
             return
         self._wait_for_lessons()
-        if self._chance.random() < _KEEPER_SHARE:
+        if self._chance.random() < _WRITER_SHARE:
             time.sleep(self._chance.uniform(0.0, _LEARNING_S))
-            yield from self._kill_keeper()
+            yield from self._kill_writer()
         longest_s = _LONG_S if self._chance.random() < _LONG_SHARE else _LEARNING_S
         time.sleep(self._chance.uniform(0.0, longest_s))
 
     def _wait_for_lessons(self) -> None:
         deadline_s = time.monotonic() + learner.PATIENCE_S
-        while not self._diary.exists() and not self._complaints.exists() and time.monotonic() < deadline_s:
+        while not self._sample_log.exists() and not self._complaints.exists() and time.monotonic() < deadline_s:
             time.sleep(_POLL_S)
 
-    def _kill_keeper(self) -> Iterator[Outcome]:
-        """Kill the keeper under a learner that stands still meanwhile, so that none takes its place."""
+    def _kill_writer(self) -> Iterator[Outcome]:
+        """Kill the table writer under a learner that stands still meanwhile, so that none takes its place."""
         os.kill(self._learner, signal.SIGSTOP)
         try:
             os.waitid(os.P_PID, self._learner, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
-            keepers = [one for one in learner.children_of(self._learner) if learner.is_running(one)]
-            for one in keepers:
+            writers = [one for one in learner.children_of(self._learner) if learner.is_running(one)]
+            for one in writers:
                 os.kill(one, signal.SIGKILL)
             killed_ns = time.monotonic_ns()
-            while any(map(learner.is_running, keepers)):
+            while any(map(learner.is_running, writers)):
                 time.sleep(_POLL_S)
-            if keepers:
-                yield self._judge.look(KEEPER, diary.read(self._diary), killed_ns)
+            if writers:
+                yield self._judge.look(WRITER, sample_log.read(self._sample_log), killed_ns)
         finally:
             os.kill(self._learner, signal.SIGCONT)
 

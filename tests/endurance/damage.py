@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 from positioner.store import database
 from positioner.store.content import StoredTable
-from positioner.store.vault import GOOD_COPY, TABLE, Vault
+from positioner.store.table_directory import GOOD_COPY, TABLE, TableDirectory
 from positioner.valve.stiction import Direction, LearnedSample, Quantity, StictionTable
 
 if TYPE_CHECKING:
@@ -124,20 +124,20 @@ def _asides(state: Path) -> list[Path]:
 def _wrong(state: Path, damaged: bytes) -> Iterator[str]:
     """Yield what a start and a save on the damaged table do wrong."""
     stored, copied = tables()
-    vault = Vault(state, VALVE, WIDTH_M)
-    found = vault.load()
-    said = vault.take_notices()
+    table_directory = TableDirectory(state, VALVE, WIDTH_M)
+    found = table_directory.load()
+    said = table_directory.take_notices()
     if found not in (stored, copied):
         yield f"{state.name}: loaded as something else"
     if (found == copied) is not any("using the last good copy" in line and TABLE in line for line in said):
         yield f"{state.name}: {found.table.sequence} samples loaded, and said {said}"
     more = found.learned(LearnedSample(Quantity.BREAKAWAY_CURRENT, 0.0123, Direction.OPENING, 9.9), _NOW_S)
-    vault.save(more)
-    vault.close()
+    table_directory.save(more)
+    table_directory.close()
     if database.read(state / TABLE) != more:
         yield f"{state.name}: what was saved next is not on the disk"
     asides = _asides(state)
     if found == copied and [path.read_bytes() for path in asides] != [damaged]:
         yield f"{state.name}: the damaged table was not set aside as it was: {asides}"
-    if found == copied and not any(str(asides[0]) in line for line in vault.take_notices()):
+    if found == copied and not any(str(asides[0]) in line for line in table_directory.take_notices()):
         yield f"{state.name}: the place of the damaged table was not named"

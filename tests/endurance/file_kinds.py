@@ -25,7 +25,7 @@ from positioner.replay.survey import Survey
 from positioner.replay.turns import turns_of
 from positioner.store import access, database, document, messages
 from positioner.store.messages import Adopt, ImportRequest, Learn
-from positioner.store.vault import TABLE, Vault
+from positioner.store.table_directory import TABLE, TableDirectory
 from positioner.wire.codec import make_codec
 from positioner.wire.settings import WireSettings
 
@@ -150,10 +150,10 @@ def _read_sqlite(number: int, data: bytes, folder: Path) -> None:
         os.chown(folder, 65534, 65534)
         access.dump(folder)
     else:
-        vault = Vault(folder, VALVE, WIDTH_M)
-        stored = vault.load()
-        vault.save(stored)
-        vault.close()
+        table_directory = TableDirectory(folder, VALVE, WIDTH_M)
+        stored = table_directory.load()
+        table_directory.save(stored)
+        table_directory.close()
 
 
 def _journal() -> bytes:

@@ -11,9 +11,9 @@ import traceback
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from endurance.diary import DiaryWriter
+from endurance.sample_log import SampleLogWriter
 from positioner.errors import StateError
-from positioner.store.client import TableKeeper
+from positioner.store.client import TableWriterClient
 from positioner.valve.stiction import Direction, LearnedSample, Quantity
 
 if TYPE_CHECKING:
@@ -27,18 +27,18 @@ _TRAVEL_M = 0.127
 _LONGEST_PAUSE_S = 0.004
 PATIENCE_S = 600.0
 """How long anything may take on a busy machine; nothing waits for it in vain."""
-TOO_BUSY = "the keeper of the stiction table does not start"
-"""What the store says when a keeper was not ready in its time; any other failure to open the table is a finding."""
+TOO_BUSY = "the table writer does not start"
+"""The store's message when a table writer was not ready in time; any other failure to open the table is a finding."""
 
 
-def start(state: Path, diary: Path, complaints: Path, seed: int) -> int:
+def start(state: Path, sample_log: Path, complaints: Path, seed: int) -> int:
     """Return the process ID of a new learner, which leads a process group of its own."""
     process = os.fork()
     if process == 0:
         try:
             signal.signal(signal.SIGTERM, signal.SIG_DFL)
             os.setpgid(0, 0)
-            _learn(state, diary, random.Random(seed))  # noqa: S311 - no secret
+            _learn(state, sample_log, random.Random(seed))  # noqa: S311 - no secret
         except BaseException:  # noqa: BLE001 - whatever it is, it belongs into the report and not up this copied stack
             complaints.write_text(traceback.format_exc(), encoding="utf-8")
         finally:
@@ -48,27 +48,27 @@ def start(state: Path, diary: Path, complaints: Path, seed: int) -> int:
     return process
 
 
-def _learn(state: Path, diary: Path, chance: random.Random) -> NoReturn:
+def _learn(state: Path, sample_log: Path, chance: random.Random) -> NoReturn:
     """Do as the daemon does in its cycles: record, and poll."""
-    keeper, table, notices = _opened(state)
+    writer, table, notices = _opened(state)
     if notices:
         raise AssertionError("; ".join(notices))
-    written = DiaryWriter(diary)
+    written = SampleLogWriter(sample_log)
     sequence = table.sequence
     while True:
         sequence += 1
         sample = _lesson(chance)
         written.write(sequence, sample)
-        keeper.record([sample])
-        keeper.poll()
+        writer.record([sample])
+        writer.poll()
         time.sleep(chance.uniform(0.0, _LONGEST_PAUSE_S))
 
 
-def _opened(state: Path) -> tuple[TableKeeper, StictionTable, tuple[str, ...]]:
-    """Open the table as a service is started: again, where the machine was too busy to start a keeper in time."""
+def _opened(state: Path) -> tuple[TableWriterClient, StictionTable, tuple[str, ...]]:
+    """Open the table as a service is started: again, where the machine was too busy to start a table writer in time."""
     while True:
         try:
-            return TableKeeper.open(state, VALVE, WIDTH_M, patience_s=PATIENCE_S)
+            return TableWriterClient.open(state, VALVE, WIDTH_M, patience_s=PATIENCE_S)
         except StateError as error:
             if TOO_BUSY not in str(error):
                 raise
@@ -81,7 +81,7 @@ def _lesson(chance: random.Random) -> LearnedSample:
 
 
 def children_of(process: int) -> list[int]:
-    """Return the process IDs of its children: a learner's only one is its keeper."""
+    """Return the process IDs of its children: a learner's only one is its table writer."""
     return [int(word) for word in Path(f"/proc/{process}/task/{process}/children").read_text("ascii").split()]
 
 

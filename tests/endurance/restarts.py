@@ -129,7 +129,7 @@ class Matrix:
         return f"{len(commands)} commands that nobody has asked for" if commands else ""
 
     def close(self) -> None:
-        """Wait for the keepers of those that were killed."""
+        """Wait for the table writers of those that were killed."""
         for orphan in self._orphans:
             orphan.wait()
 
@@ -166,16 +166,16 @@ class Matrix:
         self._world.plant_silent = self._world.host_silent = self._world.away = False
 
     def _end(self, how: str) -> None:
-        """End the daemon; all but a stop leave its keeper behind, which then saves by itself."""
+        """End the daemon; all but a stop leave its table writer behind, which then saves by itself."""
         if how == "stop":
             self._shell.daemon._close()
             return
-        keeper = self._shell.daemon.session.keeper
+        writer = self._shell.daemon.session.table_writer
         if how == "watchdog":  # it hung until the service manager lost its patience
             self._world.pass_time(2 * _NS)
-        keeper._child.channel.close()
-        os.close(keeper._lock)
-        self._orphans.append(keeper._child.process)
+        writer._child.channel.close()
+        os.close(writer._lock)
+        self._orphans.append(writer._child.process)
 
     def _start_again(self) -> str:
         """Start the next daemon as its unit would; return why the unit stays down."""

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from endurance import diary
+from endurance import sample_log
 from endurance.pulse import Pulse
 from endurance.soak_host import SoakHost
 from endurance.soak_report import report
@@ -87,8 +87,8 @@ class Soak:
 
     @property
     def learned(self) -> int:
-        """How many lessons the diary holds."""
-        return len(diary.read(self._folder / "diary"))
+        """How many lessons the sample log holds."""
+        return len(sample_log.read(self._folder / "sample_log"))
 
     def _restart(self) -> None:
         self._stop_daemon()
@@ -107,10 +107,12 @@ class Soak:
             self.violations.append(f"the daemon ended with status {code}")
 
     def _judge_table(self) -> None:
-        entries = diary.read(self._folder / "diary")
+        entries = sample_log.read(self._folder / "sample_log")
         found = access.dump(self._folder / "state").table
         if not entries or found != taught(StictionTable(cell_width_m=_WIDTH_M), entries):
-            self.violations.append(f"{len(entries)} lessons in the diary, {found.sequence} in the table, or others")
+            self.violations.append(
+                f"{len(entries)} lessons in the sample log, {found.sequence} in the table, or others"
+            )
 
     def _stay(self, share: float) -> None:
         self._play(lambda: False, share * self._seconds)
@@ -120,7 +122,7 @@ class Soak:
             self.violations.append(f"not under control within {_PATIENCE_S:g} s after {what}")
         if not self._watching:
             self._watching = True
-            self._alive = [Pulse("daemon", self._daemon.process.pid), *map(_keeper, self._children())]
+            self._alive = [Pulse("daemon", self._daemon.process.pid), *map(_writer, self._children())]
             self.pulses += self._alive
 
     def _play(self, done: Callable[[], bool], timeout_s: float) -> bool:
@@ -147,7 +149,7 @@ class Soak:
         return [int(word) for word in Path(f"/proc/{process}/task/{process}/children").read_text("ascii").split()]
 
     def _start_daemon(self) -> Child:
-        arguments = [str(self._folder / "diary"), "run", "--config", str(self._folder / "valve.toml")]
+        arguments = [str(self._folder / "sample_log"), "run", "--config", str(self._folder / "valve.toml")]
         child = Child("endurance.watched_daemon", arguments, self._folder / "daemon.log")
         return _ready(child, "waiting for position frames")
 
@@ -180,8 +182,8 @@ def _ready(child: Child, field: str) -> Child:
             return child
 
 
-def _keeper(process: int) -> Pulse:
-    return Pulse("keeper", process)
+def _writer(process: int) -> Pulse:
+    return Pulse("writer", process)
 
 
 def main() -> int:

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import pytest
 from store_helpers import VALVE, WIDTH_M, series
 
-from endurance import damage, diary
-from endurance.diary import DiaryWriter, Entry
+from endurance import damage, sample_log
+from endurance.sample_log import Entry, SampleLogWriter
 from endurance.verdict import Judge, taught
 from positioner.store import database
 from positioner.store.content import StoredTable
-from positioner.store.vault import TABLE
+from positioner.store.table_directory import TABLE
 from positioner.valve.stiction import StictionTable
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def test_a_table_cut_anywhere_is_set_aside_and_mended(folder: Path, size: int) -
 
 
 def entries(count: int, *, second_ns: int = 1_000_000_000) -> list[Entry]:
-    """Return a diary of `count` samples, one a second."""
+    """Return a sample log of `count` samples, one a second."""
     return [Entry(number * second_ns, number + 1, sample) for number, sample in enumerate(series(count))]
 
 
@@ -85,7 +85,7 @@ def on_disk(folder: Path, numbers: list[int]) -> Path:
     return folder
 
 
-def test_the_judge_ages_what_was_lost_from_the_diary(tmp_path: Path) -> None:
+def test_the_judge_ages_what_was_lost_from_the_sample_log(tmp_path: Path) -> None:
     judge = Judge(on_disk(tmp_path, [0, 1, 2]), VALVE, EMPTY)
     outcome = judge.look("kill", entries(5), killed_ns=4_500_000_000)
     assert (outcome.saved, outcome.lost, outcome.oldest_s, outcome.violations) == (3, 2, 1.5, ())
@@ -108,14 +108,14 @@ def test_the_judge_sees_a_table_that_went_back_and_one_that_was_set_aside(tmp_pa
     assert "was set aside" in told
 
 
-def test_a_diary_keeps_every_digit_and_leaves_out_a_line_cut_short(tmp_path: Path) -> None:
+def test_a_sample_log_keeps_every_digit_and_leaves_out_a_line_cut_short(tmp_path: Path) -> None:
     samples = series(3)
-    writer = DiaryWriter(tmp_path / "diary")
+    writer = SampleLogWriter(tmp_path / "sample_log")
     for number, sample in enumerate(samples):
         writer.write(number + 1, sample)
-    with (tmp_path / "diary").open("a", encoding="ascii") as file:
+    with (tmp_path / "sample_log").open("a", encoding="ascii") as file:
         file.write("[1, 4, ")
-    found = diary.read(tmp_path / "diary")
+    found = sample_log.read(tmp_path / "sample_log")
     assert [entry.sample for entry in found] == samples
     assert [entry.sequence for entry in found] == [1, 2, 3]
-    assert diary.read(tmp_path / "none") == []
+    assert sample_log.read(tmp_path / "none") == []

@@ -21,7 +21,7 @@ def test_two_minutes_with_restarts_and_an_outage_leak_nothing_and_lose_nothing()
     command = [sys.executable, "-m", "endurance.soak", "--seconds", str(_SECONDS), "--growth", "0.03"]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert len(re.findall(r"^(daemon|keeper) ", done.stdout, re.MULTILINE)) == 6, done.stdout
+    assert len(re.findall(r"^(daemon|table writer) ", done.stdout, re.MULTILINE)) == 6, done.stdout
     lessons = re.search(r"^lessons: (\d+)$", done.stdout, re.MULTILINE)
     assert lessons, done.stdout
     assert int(lessons[1]) >= 1, done.stdout

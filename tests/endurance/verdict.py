@@ -1,4 +1,4 @@
-"""What a kill left: the table as the daemon's own code loads it, beside what the diary says must be in it."""
+"""What a kill left: the table as the daemon's own code loads it, beside what the sample log says must be in it."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from positioner.store.file_check import SIDECARS
-from positioner.store.vault import TABLE, Vault
+from positioner.store.table_directory import TABLE, TableDirectory
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
 
-    from endurance.diary import Entry
+    from endurance.sample_log import Entry
     from positioner.valve.stiction import StictionTable
 
 _NS = 1_000_000_000
@@ -61,7 +61,7 @@ class Tally:
 
 @dataclass(slots=True)
 class Judge:
-    """Knows what one state directory must hold: what it held when last looked at, and then the diary's samples."""
+    """Knows what one state directory must hold: what it held when last looked at, and then the sample log's samples."""
 
     state: Path
     valve_id: str
@@ -70,9 +70,9 @@ class Judge:
     def look(self, kind: str, entries: Sequence[Entry], killed_ns: int) -> Outcome:
         """Return what a kill at `killed_ns` left and cost; nobody may be writing the table meanwhile."""
         torn = any((self.state / f"{TABLE}{suffix}").exists() for suffix in SIDECARS)
-        vault = Vault(self.state, self.valve_id, self.table.cell_width_m)
-        found = vault.load().table
-        violations = [f"the load said: {notice}" for notice in vault.take_notices()]
+        table_directory = TableDirectory(self.state, self.valve_id, self.table.cell_width_m)
+        found = table_directory.load().table
+        violations = [f"the load said: {notice}" for notice in table_directory.take_notices()]
         violations += [f"{path.name} was set aside" for path in self.state.glob("stiction.*-*.sqlite*")]
         saved = [entry for entry in entries if self.table.sequence < entry.sequence <= found.sequence]
         lost = [entry for entry in entries if entry.sequence > found.sequence]
@@ -87,7 +87,7 @@ class Judge:
 
 
 def taught(table: StictionTable, entries: Iterable[Entry]) -> StictionTable:
-    """Return the table with the samples of the diary."""
+    """Return the table with the samples of the sample log."""
     for entry in entries:
         one = entry.sample
         table = table.record(one.quantity, one.position_m, one.direction, one.value)

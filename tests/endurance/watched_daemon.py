@@ -1,6 +1,6 @@
-"""`positioner` with a diary of its lessons.
+"""`positioner` with a sample log of its lessons.
 
-python -m endurance.watched_daemon DIARY run --config valve.toml
+python -m endurance.watched_daemon SAMPLE_LOG run --config valve.toml
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import logging
 import sys
 from pathlib import Path
 
-from endurance.diary import DiaryWriter
+from endurance.sample_log import SampleLogWriter
 from positioner.cli.main import main
 from positioner.cycle.events import Learned
 from positioner.machine.journal import logger
@@ -20,13 +20,13 @@ class Watch(logging.Filter):
 
     def __init__(self, path: Path) -> None:
         super().__init__()
-        self._diary = DiaryWriter(path)
+        self._sample_log = SampleLogWriter(path)
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Return whether the record belongs into the log, too."""
         event = record.args[0] if isinstance(record.args, tuple) and record.args else None
         if isinstance(event, Learned):
-            self._diary.write(event.sequence, event.sample)
+            self._sample_log.write(event.sequence, event.sample)
         return record.levelno > logging.DEBUG
 
 

@@ -78,9 +78,9 @@ def test_a_full_disk_is_told_once_and_shown_and_the_loop_goes_on(tmp_path: Path)
     with Loop(tmp_path, guard=AUTO) as loop:
         teach(loop)
         wait_until_saved(loop)
-        keeper = loop.daemon.session.keeper._child.process.pid
-        _, most = resource.prlimit(keeper, resource.RLIMIT_FSIZE)
-        resource.prlimit(keeper, resource.RLIMIT_FSIZE, (512, most))
+        writer = loop.daemon.session.table_writer._child.process.pid
+        _, most = resource.prlimit(writer, resource.RLIMIT_FSIZE)
+        resource.prlimit(writer, resource.RLIMIT_FSIZE, (512, most))
         teach(loop)
         loop.turn_until("cannot be saved")
         teach(loop)
@@ -88,7 +88,7 @@ def test_a_full_disk_is_told_once_and_shown_and_the_loop_goes_on(tmp_path: Path)
         assert (shown.table_saved, shown.health) == (False, Health.MAINTENANCE_REQUIRED)
         assert len(loop.told("cannot be saved")) == 1
         assert any(isinstance(message, CurrentCommand) for message in loop.sample())
-        resource.prlimit(keeper, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, most))
+        resource.prlimit(writer, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, most))
         loop.turn_until("saved again")
         wait_until_saved(loop)
         shown = statuses(loop, 2)[-1]
@@ -112,10 +112,10 @@ def test_a_state_directory_that_becomes_a_file_is_told_once_and_ends_in_a_status
         (tmp_path / "gone").rename(state)
 
 
-def test_a_keeper_that_dies_is_replaced_and_nothing_is_lost(tmp_path: Path) -> None:
+def test_a_table_writer_that_dies_is_replaced_and_nothing_is_lost(tmp_path: Path) -> None:
     with Loop(tmp_path, guard=AUTO) as loop:
         teach(loop)
-        loop.daemon.session.keeper._child.process.kill()
+        loop.daemon.session.table_writer._child.process.kill()
         teach(loop)
         loop.turn_until("saved again")
         teach(loop)

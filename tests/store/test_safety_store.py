@@ -1,4 +1,4 @@
-"""What the keeper does with a disk that takes nothing, under a clock of the test."""
+"""What the table writer does with a disk that takes nothing, under a clock of the test."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from store_helpers import series, taught
 from positioner.errors import StateError
 from positioner.store import messages
 from positioner.store.child import Child
-from positioner.store.client import TableKeeper
-from positioner.store.keeper import Keeper
+from positioner.store.client import TableWriterClient
 from positioner.store.lines import Lines
 from positioner.store.messages import Saved, SavingFailed, SavingWorks
+from positioner.store.writer import TableWriter
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from positioner.store.content import StoredTable
-    from positioner.store.vault import Vault
+    from positioner.store.table_directory import TableDirectory
 
 
 class Channel:
@@ -37,7 +37,7 @@ class Channel:
 
 
 class Disk:
-    """A vault on a disk that fails while it has an error."""
+    """A table directory on a disk that fails while it has an error."""
 
     def __init__(self, error: Exception | None) -> None:
         self.error = error
@@ -72,35 +72,35 @@ def test_a_save_that_fails_is_told_once_and_tried_again_ever_less_often_up_to_ev
     error: Exception, tmp_path: Path
 ) -> None:
     channel, disk, now_s = Channel(), Disk(error), 1000.0
-    keeper = Keeper(cast("Lines", channel), cast("Vault", disk), taught(series(7)), now_s, None)
+    writer = TableWriter(cast("Lines", channel), cast("TableDirectory", disk), taught(series(7)), now_s, None)
     waits_s = []
     for tries in range(1, 13):
-        keeper.work(now_s)
+        writer.work(now_s)
         assert disk.tries == tries
-        due_s = keeper.due_in(now_s)
+        due_s = writer.due_in(now_s)
         assert due_s is not None
         waits_s.append(due_s)
-        keeper.work(now_s + 0.9 * due_s)
+        writer.work(now_s + 0.9 * due_s)
         assert disk.tries == tries
         now_s += due_s
     assert waits_s == pytest.approx([0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0, 30.0, 30.0, 30.0])
-    # each failure is said, so that nobody takes the keeper for one that hangs; the daemon tells the first
+    # each failure is said, so that nobody takes the table writer for one that hangs; the daemon tells the first
     assert len(channel.said) == 12
     (told,) = set(channel.said)
     assert isinstance(told, SavingFailed)
     ours, theirs = socket.socketpair()
     theirs.sendall(b"".join(messages.encode(each) + b"\n" for each in channel.said))
-    daemon = TableKeeper(tmp_path, -1, Child(subprocess.Popen(["true"]), Lines(ours)), taught(series(7)), ())
+    daemon = TableWriterClient(tmp_path, -1, Child(subprocess.Popen(["true"]), Lines(ours)), taught(series(7)), ())
     heard = [event for _ in range(12) for event in daemon.poll(now_s)]
     assert heard == [told]
     daemon._child.end()
     theirs.close()
     assert told.reason.startswith(f"the stiction table cannot be saved: {getattr(error, 'strerror', None) or error}; ")
-    assert keeper.problem == told.reason
+    assert writer.problem == told.reason
 
     disk.error = None
-    keeper.work(now_s)
+    writer.work(now_s)
     assert disk.saved == [taught(series(7))]
     assert channel.said[12:] == [Saved(0, 7), SavingWorks()]
-    assert keeper.due_in(now_s) is None
-    assert not keeper.problem
+    assert writer.due_in(now_s) is None
+    assert not writer.problem

@@ -15,7 +15,7 @@ from store_helpers import VALVE, opened, series, taught, wait_for
 from positioner.errors import AlreadyRunningError, StateError
 from positioner.store import access, control, database, document, lock
 from positioner.store.messages import Replaced
-from positioner.store.vault import GOOD_COPY, TABLE
+from positioner.store.table_directory import GOOD_COPY, TABLE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -52,17 +52,17 @@ def _python(script: str, directory: Path) -> subprocess.Popen[str]:
     )
 
 
-@pytest.fixture(params=["keeper", "files"])
+@pytest.fixture(params=["writer", "files"])
 def directory(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Path]:
-    """A state directory with 40 samples, in the care of a keeper or of nobody."""
-    keeper, _, _ = opened(tmp_path)
-    keeper.record(series(40))
+    """A state directory with 40 samples, in the care of a table writer or of nobody."""
+    writer, _, _ = opened(tmp_path)
+    writer.record(series(40))
     if request.param == "files":
-        assert keeper.close(10.0) is None
+        assert writer.close(10.0) is None
         yield tmp_path
     else:
         yield tmp_path
-        assert keeper.close(10.0) is None
+        assert writer.close(10.0) is None
 
 
 def _cells(stored: StoredTable) -> tuple[object, ...]:
@@ -111,9 +111,9 @@ def test_a_table_of_another_cell_width_is_never_imported(directory: Path) -> Non
 
 def test_an_import_into_a_new_directory_makes_its_table(tmp_path: Path) -> None:
     assert access.replace(tmp_path, taught(series(7)), force=False) is None
-    keeper, table, notices = opened(tmp_path)
+    writer, table, notices = opened(tmp_path)
     assert (table, notices) == (taught(series(7)).table, ())
-    keeper.close(10.0)
+    writer.close(10.0)
 
 
 def test_an_import_repairs_a_damaged_table_and_loses_nothing_of_it(tmp_path: Path) -> None:
@@ -140,42 +140,42 @@ def test_a_failed_reset_without_a_daemon_changes_nothing(tmp_path: Path) -> None
 
 
 def test_commands_hammering_at_a_daemon_that_learns_lose_nothing(tmp_path: Path) -> None:
-    keeper, _, _ = opened(tmp_path)
+    writer, _, _ = opened(tmp_path)
     hammers = [_python(_HAMMER, tmp_path) for _ in range(2)]
     count = 0
     while any(hammer.poll() is None for hammer in hammers):
-        keeper.record(series(1, count))
+        writer.record(series(1, count))
         count += 1
-        wait_for(keeper, lambda: not keeper._child.channel.pending)
+        wait_for(writer, lambda: not writer._child.channel.pending)
     for hammer in hammers:
         output, _ = hammer.communicate()
         assert hammer.returncode == 0
         assert int(output) <= count
-    assert keeper.close(10.0) is None
+    assert writer.close(10.0) is None
     assert database.read(tmp_path / TABLE).table == taught(series(count)).table
 
 
-def test_imports_hammering_at_a_daemon_leave_daemon_keeper_and_disk_with_the_same_table(tmp_path: Path) -> None:
-    keeper, table, _ = opened(tmp_path)
+def test_imports_hammering_at_a_daemon_leave_daemon_table_writer_and_disk_with_the_same_table(tmp_path: Path) -> None:
+    writer, table, _ = opened(tmp_path)
     importer = _python(_IMPORTER, tmp_path)
     number = replacements = 0
     while importer.poll() is None:
         (one,) = series(1, number)
         number += 1
-        keeper.record([one])
+        writer.record([one])
         table = table.record(one.quantity, one.position_m, one.direction, one.value)
-        for event in keeper.poll():
+        for event in writer.poll():
             if isinstance(event, Replaced):
                 table = event.stored.table
                 replacements += 1
     importer.communicate()
     assert importer.returncode == 0
-    for event in wait_for(keeper, lambda: keeper.saved):
+    for event in wait_for(writer, lambda: writer.saved):
         if isinstance(event, Replaced):
             table = event.stored.table
             replacements += 1
     assert replacements == 10
-    assert keeper.close(10.0) is None
+    assert writer.close(10.0) is None
     assert database.read(tmp_path / TABLE).table == table
 
 
@@ -189,7 +189,7 @@ def test_commands_on_the_files_alone_wait_for_each_other(tmp_path: Path) -> None
     assert len(list((tmp_path / "backups").iterdir())) == 30
 
 
-def test_a_change_is_refused_while_the_directory_is_held_by_something_without_a_keeper(
+def test_a_change_is_refused_while_the_directory_is_held_by_something_without_a_table_writer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     access.replace(tmp_path, taught(series(7)), force=False)
@@ -200,8 +200,8 @@ def test_a_change_is_refused_while_the_directory_is_held_by_something_without_a_
         assert access.dump(tmp_path).table.sequence == 7
 
 
-def test_a_keeper_answers_nonsense_with_a_refusal_and_lives_on(tmp_path: Path) -> None:
-    keeper, _, _ = opened(tmp_path)
+def test_a_table_writer_answers_nonsense_with_a_refusal_and_lives_on(tmp_path: Path) -> None:
+    writer, _, _ = opened(tmp_path)
     descriptor = os.open(tmp_path, os.O_RDONLY)
     with socket.socket(socket.AF_UNIX) as client:
         client.connect(control.address(descriptor))
@@ -210,9 +210,9 @@ def test_a_keeper_answers_nonsense_with_a_refusal_and_lives_on(tmp_path: Path) -
             kinds = [b'"kind": "Refused"' in answers.readline() for _ in range(4)]
     os.close(descriptor)
     assert kinds == [True] * 4
-    keeper.record(series(3))
-    assert wait_for(keeper, lambda: keeper.saved)
-    assert keeper.close(10.0) is None
+    writer.record(series(3))
+    assert wait_for(writer, lambda: writer.saved)
+    assert writer.close(10.0) is None
 
 
 @contextmanager
@@ -238,9 +238,9 @@ def read_only() -> Iterator[Path]:
     """A state directory that may only be read, and not below a directory that only its owner may enter."""
     with tempfile.TemporaryDirectory() as name:
         place = Path(name)
-        keeper, _, _ = opened(place)
-        keeper.record(series(40))
-        keeper.close(10.0)
+        writer, _, _ = opened(place)
+        writer.record(series(40))
+        writer.close(10.0)
         place.chmod(0o555)
         yield place
         place.chmod(0o755)
@@ -271,14 +271,14 @@ def test_a_crash_is_rolled_back_for_a_reader_of_a_read_only_directory(read_only:
     assert {path: path.read_bytes() for path in read_only.glob(f"{TABLE}*")} == crashed
 
 
-def test_a_dump_by_somebody_without_a_way_to_the_keeper_reads_the_last_transaction(read_only: Path) -> None:
+def test_a_dump_by_somebody_without_a_way_to_the_table_writer_reads_the_last_transaction(read_only: Path) -> None:
     read_only.chmod(0o755)
-    keeper, _, _ = opened(read_only)
-    keeper.record(series(5, 40))
-    wait_for(keeper, lambda: keeper.saved)
+    writer, _, _ = opened(read_only)
+    writer.record(series(5, 40))
+    wait_for(writer, lambda: writer.saved)
     with _as_nobody():
         assert access.dump(read_only).table.sequence == 45
         if os.geteuid() == _NOBODY:
             with pytest.raises(StateError, match=r"control\.sock: Permission denied; become the daemon's user"):
                 access.reset(read_only)
-    assert keeper.close(10.0) is None
+    assert writer.close(10.0) is None

@@ -16,7 +16,7 @@ from positioner.cli.main import main
 from positioner.errors import ExitCode, StateError
 from positioner.store import access, as_owner, database, messages
 from positioner.store.file_check import Fault, TableRejectedError
-from positioner.store.vault import BACKUPS, GOOD_COPY, TABLE
+from positioner.store.table_directory import BACKUPS, GOOD_COPY, TABLE
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -92,18 +92,18 @@ def test_what_the_owner_finds_is_told_with_the_true_path(state: Path) -> None:
 def test_root_does_not_keep_the_table_of_somebody_else(state: Path) -> None:
     why = f"belongs to user {OWNER}; start the positioner as that user"
     with pytest.raises(StateError, match=why) if IS_ROOT else nullcontext():
-        keeper, _, _ = opened(state)
-        keeper.close(10.0)
+        writer, _, _ = opened(state)
+        writer.close(10.0)
 
 
-def test_the_keeper_imports_nothing_from_the_current_directory(tmp_path: Path) -> None:
+def test_the_table_writer_imports_nothing_from_the_current_directory(tmp_path: Path) -> None:
     for name in ("select.py", "json.py", "positioner.py"):
         (tmp_path / name).write_text("raise SystemExit('imported from the current directory')\n")
     script = (
-        "import os, sys; from pathlib import Path; from positioner.store.client import TableKeeper\n"
+        "import os, sys; from pathlib import Path; from positioner.store.client import TableWriterClient\n"
         "os.environ['PYTHONPATH'] = os.pathsep + os.environ['PYTHONPATH']  # an empty entry: the current directory\n"
-        f"keeper, _, _ = TableKeeper.open(Path(sys.argv[1]), {VALVE!r}, {WIDTH_M})\n"
-        "sys.exit(keeper.close(10.0))\n"
+        f"writer, _, _ = TableWriterClient.open(Path(sys.argv[1]), {VALVE!r}, {WIDTH_M})\n"
+        "sys.exit(writer.close(10.0))\n"
     )
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = [sys.executable, "-P", "-c", script, str(tmp_path / "state")]
@@ -111,15 +111,15 @@ def test_the_keeper_imports_nothing_from_the_current_directory(tmp_path: Path) -
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_the_keeper_works_with_all_standard_streams_closed(tmp_path: Path) -> None:
+def test_the_table_writer_works_with_all_standard_streams_closed(tmp_path: Path) -> None:
     script = (
-        "import os, sys; from pathlib import Path; from positioner.store.client import TableKeeper\n"
+        "import os, sys; from pathlib import Path; from positioner.store.client import TableWriterClient\n"
         "os.closerange(0, 3)\n"
-        f"keeper, _, _ = TableKeeper.open(Path(sys.argv[1]), {VALVE!r}, {WIDTH_M})\n"
-        "from store_helpers import series; keeper.record(series(20))\n"
+        f"writer, _, _ = TableWriterClient.open(Path(sys.argv[1]), {VALVE!r}, {WIDTH_M})\n"
+        "from store_helpers import series; writer.record(series(20))\n"
         "from positioner.store import lock\n"
         "held = lock.holder(Path(sys.argv[1])) == os.getpid() and os.path.exists(sys.argv[1] + '/control.sock')\n"
-        "os._exit(0 if held and keeper.close(10.0) is None else 1)\n"
+        "os._exit(0 if held and writer.close(10.0) is None else 1)\n"
     )
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     done = subprocess.run([sys.executable, "-c", script, str(tmp_path / "state")], env=environment, check=False)

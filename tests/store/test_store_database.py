@@ -11,7 +11,7 @@ from store_helpers import WIDTH_M, sample, series, tables, taught
 from positioner.errors import StateError
 from positioner.store import database, schema
 from positioner.store.file_check import Fault, TableRejectedError
-from positioner.store.vault import TABLE, Vault
+from positioner.store.table_directory import TABLE, TableDirectory
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -63,10 +63,10 @@ def test_a_header_byte_whose_flip_is_harmless_does_not_stop_later_saving(tmp_pat
         if not _reads(path, stored):
             continue
         harmless += 1
-        vault = Vault(tmp_path, stored.valve_id, WIDTH_M)
-        more = vault.load().learned(sample(99), 0)
-        vault.save(more)
-        vault.close()
+        table_directory = TableDirectory(tmp_path, stored.valve_id, WIDTH_M)
+        more = table_directory.load().learned(sample(99), 0)
+        table_directory.save(more)
+        table_directory.close()
         assert database.read(path) == more, place
     assert 10 < harmless < 80
 

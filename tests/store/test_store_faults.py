@@ -1,4 +1,4 @@
-"""A disk that fails under the keeper: the loop goes on, the status says so, and nothing is lost once it works again."""
+"""A disk that fails: the loop goes on, the status reports it, and nothing is lost once the disk works again."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from test_daemon_state import AUTO, statuses, teach
 
 from positioner.store import child, database
 from positioner.store.messages import Saved, SavingFailed, SavingWorks
-from positioner.store.vault import TABLE
+from positioner.store.table_directory import TABLE
 from positioner.wire.messages import CurrentCommand, Health
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 _PATIENCE_S = 300.0
-"""The keeper tries again after up to 30 s; a busy machine takes longer for everything."""
+"""The table writer tries again after up to 30 s; a busy machine takes longer for everything."""
 FAULTS = {
     "full": "database or disk is full; free some space on the disk",
     "fsync": "disk I/O error; check the disk",
@@ -64,8 +64,8 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Disk]:
         place = Path(name)
         place.chmod(0o755)
         one = Disk(place)
-        monkeypatch.setattr(child, "PROGRAM", "faulty_keeper")
-        monkeypatch.setenv("KEEPER_FAULT", str(one.fault))
+        monkeypatch.setattr(child, "PROGRAM", "faulty_writer")
+        monkeypatch.setenv("WRITER_FAULT", str(one.fault))
         monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, sys.path)))
         yield one
         one.work()
@@ -75,48 +75,48 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Disk]:
 def test_a_disk_that_fails_is_told_once_and_what_was_learned_meanwhile_is_saved_later(
     disk: Disk, how: str, words: str
 ) -> None:
-    keeper, _, _ = opened(disk.state)
-    keeper.record(series(10))
-    wait_for(keeper, lambda: keeper.saved, _PATIENCE_S)
+    writer, _, _ = opened(disk.state)
+    writer.record(series(10))
+    wait_for(writer, lambda: writer.saved, _PATIENCE_S)
     disk.fail(how)
-    keeper.record(series(10, 10))
-    events = wait_for(keeper, lambda: keeper.problem is not None, _PATIENCE_S)
-    assert str(keeper.problem).startswith("the stiction table cannot be saved: ")
-    assert str(keeper.problem).endswith(words)
-    keeper.record(series(10, 20))
+    writer.record(series(10, 10))
+    events = wait_for(writer, lambda: writer.problem is not None, _PATIENCE_S)
+    assert str(writer.problem).startswith("the stiction table cannot be saved: ")
+    assert str(writer.problem).endswith(words)
+    writer.record(series(10, 20))
     before = disk.refused
     # it goes on trying, whether there is news or not
-    events += wait_for(keeper, lambda: disk.refused >= before + 3, _PATIENCE_S)
-    assert not keeper.saved
+    events += wait_for(writer, lambda: disk.refused >= before + 3, _PATIENCE_S)
+    assert not writer.saved
     assert database.read(disk.state / TABLE).table == taught(series(10)).table
     disk.work()
-    events += wait_for(keeper, lambda: keeper.saved, _PATIENCE_S)
+    events += wait_for(writer, lambda: writer.saved, _PATIENCE_S)
     assert [type(event) for event in events if not isinstance(event, Saved)] == [SavingFailed, SavingWorks]
-    assert keeper.close(_PATIENCE_S) is None
+    assert writer.close(_PATIENCE_S) is None
     assert database.read(disk.state / TABLE).table == taught(series(30)).table
 
 
 @pytest.mark.parametrize("how", FAULTS)
 def test_a_start_on_a_disk_that_fails_learns_all_the_same_and_saves_it_later(disk: Disk, how: str) -> None:
     disk.fail(how)
-    keeper, table, _ = opened(disk.state)
+    writer, table, _ = opened(disk.state)
     assert len(table) == 0
-    keeper.record(series(10))
-    wait_for(keeper, lambda: keeper.problem is not None, _PATIENCE_S)
+    writer.record(series(10))
+    wait_for(writer, lambda: writer.problem is not None, _PATIENCE_S)
     disk.work()
-    wait_for(keeper, lambda: keeper.saved, _PATIENCE_S)
-    assert keeper.close(_PATIENCE_S) is None
+    wait_for(writer, lambda: writer.saved, _PATIENCE_S)
+    assert writer.close(_PATIENCE_S) is None
     assert database.read(disk.state / TABLE).table == taught(series(10)).table
 
 
 @pytest.mark.parametrize("how", FAULTS)
 def test_a_close_on_a_disk_that_fails_says_so_and_leaves_the_former_table_whole(disk: Disk, how: str) -> None:
-    keeper, _, _ = opened(disk.state)
-    keeper.record(series(10))
-    wait_for(keeper, lambda: keeper.saved, _PATIENCE_S)
+    writer, _, _ = opened(disk.state)
+    writer.record(series(10))
+    wait_for(writer, lambda: writer.saved, _PATIENCE_S)
     disk.fail(how)
-    keeper.record(series(10, 10))
-    assert str(keeper.close(_PATIENCE_S)).startswith("the stiction table cannot be saved: ")
+    writer.record(series(10, 10))
+    assert str(writer.close(_PATIENCE_S)).startswith("the stiction table cannot be saved: ")
     disk.work()
     again, table, notices = opened(disk.state)
     assert (table, notices) == (taught(series(10)).table, ())
@@ -138,7 +138,7 @@ def test_the_status_says_that_the_disk_fails_while_the_loop_goes_on_and_until_it
 ) -> None:
     with Loop(tmp_path, guard=AUTO, state={"directory": str(disk.state)}) as loop:
         teach(loop)
-        sample_until(loop, lambda: loop.daemon.session.keeper.saved)
+        sample_until(loop, lambda: loop.daemon.session.table_writer.saved)
         disk.fail(how)
         teach(loop)
         sample_until(loop, lambda: bool(loop.told("cannot be saved")))
@@ -151,7 +151,7 @@ def test_the_status_says_that_the_disk_fails_while_the_loop_goes_on_and_until_it
         assert any(isinstance(message, CurrentCommand) for message in loop.sample())
         disk.work()
         sample_until(loop, lambda: bool(loop.told("saved again")))
-        sample_until(loop, lambda: loop.daemon.session.keeper.saved)
+        sample_until(loop, lambda: loop.daemon.session.table_writer.saved)
         shown = statuses(loop, 2)[-1]
         assert (shown.table_saved, shown.health) == (True, Health.GOOD)
     assert database.read(disk.state / TABLE).table == loop.daemon.session.state.table

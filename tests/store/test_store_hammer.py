@@ -1,4 +1,4 @@
-"""`positioner table` and a keeper at one table: what was learned is in the table or in a backup."""
+"""`positioner table` and a table writer at one table: what was learned is in the table or in a backup."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from store_helpers import opened, sample, wait_for
 
 from positioner.store import database, document
 from positioner.store.messages import Replaced
-from positioner.store.vault import BACKUPS, TABLE
+from positioner.store.table_directory import BACKUPS, TABLE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-    from positioner.store.client import KeeperEvent, TableKeeper
+    from positioner.store.client import TableWriterClient, WriterEvent
     from positioner.store.content import StoredTable
     from positioner.valve.stiction import StictionTable
 
@@ -67,8 +67,8 @@ class User:
 class Learner:
     """The daemon's half: it records all the time, and knows what it recorded in which generation of the table."""
 
-    def __init__(self, keeper: TableKeeper, table: StictionTable) -> None:
-        self._keeper = keeper
+    def __init__(self, writer: TableWriterClient, table: StictionTable) -> None:
+        self._writer = writer
         self._generation = 0
         self._number = 0
         self._started = {0: table}
@@ -83,10 +83,10 @@ class Learner:
     def record(self) -> None:
         self._recorded_ns[self._generation].append(time.monotonic_ns())
         self._recorded[self._generation].append(self._number)
-        self._keeper.record([sample(self._number)])
+        self._writer.record([sample(self._number)])
         self._number += 1
 
-    def hear(self, events: Iterable[KeeperEvent], commanded_ns: int) -> None:
+    def hear(self, events: Iterable[WriterEvent], commanded_ns: int) -> None:
         """Take over what a command given at `commanded_ns` put in the table's place."""
         for event in events:
             if isinstance(event, Replaced):
@@ -113,7 +113,7 @@ class Learner:
         assert all(recorded_ns >= self._replaced_ns[stored.generation] for recorded_ns in later_ns)
 
 
-def test_commands_hammering_at_a_keeper_that_records_lose_nothing(tmp_path: Path) -> None:
+def test_commands_hammering_at_a_table_writer_that_records_lose_nothing(tmp_path: Path) -> None:
     state, exports = tmp_path / "state", [tmp_path / f"{number}.json" for number in range(4)]
     changer = User(
         state,
@@ -126,19 +126,19 @@ def test_commands_hammering_at_a_keeper_that_records_lose_nothing(tmp_path: Path
     reader = User(
         state, [command for path in exports[2:] for command in (["dump", "--format", "json"], ["export", str(path)])]
     )
-    keeper, table, _ = opened(state)
-    learner = Learner(keeper, table)
+    writer, table, _ = opened(state)
+    learner = Learner(writer, table)
     working = {changer, reader}
     deadline_s = time.monotonic() + _PATIENCE_S
     while working:
         assert time.monotonic() < deadline_s, (changer.said, reader.said)
         learner.record()
         idle = [user for user in working if not user.is_busy()]
-        learner.hear(keeper.poll(), changer.started_ns)  # what a finished command did is heard before the next one
+        learner.hear(writer.poll(), changer.started_ns)  # what a finished command did is heard before the next one
         working -= {user for user in idle if not user.go_on()}
         select.select([], [], [], 0.002)
-    learner.hear(wait_for(keeper, lambda: keeper.saved, _PATIENCE_S), changer.started_ns)
-    assert keeper.close(_PATIENCE_S) is None
+    learner.hear(wait_for(writer, lambda: writer.saved, _PATIENCE_S), changer.started_ns)
+    assert writer.close(_PATIENCE_S) is None
 
     assert learner.replacements == 4
     assert learner.check(database.read(state / TABLE)) == 0

@@ -15,7 +15,7 @@ from store_helpers import NOW_S, VALVE, WIDTH_M, series, taught
 from positioner.store import database, file_check, schema
 from positioner.store.content import StoredTable
 from positioner.store.file_check import Fault, TableRejectedError
-from positioner.store.vault import GOOD_COPY, TABLE, Vault
+from positioner.store.table_directory import GOOD_COPY, TABLE, TableDirectory
 from positioner.valve.stiction import Cell, CellKey, Direction, Quantity, StictionTable
 
 if TYPE_CHECKING:
@@ -69,9 +69,9 @@ def test_a_right_digest_is_no_proof_of_sense_and_the_good_copy_is_used(
     refused = rejection(tmp_path / TABLE)
     assert refused.fault is Fault.DAMAGED
     assert why in str(refused)
-    vault = Vault(tmp_path, VALVE, WIDTH_M)
-    assert vault.load() == taught(series(20))
-    (notice,) = vault.take_notices()
+    table_directory = TableDirectory(tmp_path, VALVE, WIDTH_M)
+    assert table_directory.load() == taught(series(20))
+    (notice,) = table_directory.take_notices()
     assert "using the last good copy" in notice
 
 
@@ -94,11 +94,11 @@ def test_what_is_no_plain_file_is_refused_at_once(
     refused = rejection(tmp_path / (GOOD_COPY if name == GOOD_COPY else TABLE))
     assert refused.fault is Fault.DAMAGED
     assert why in str(refused)
-    vault = Vault(tmp_path, VALVE, WIDTH_M)
-    assert vault.load() == taught(series(20))
-    vault.save(taught(series(21)))
-    vault.copy(taught(series(21)))
-    vault.close()
+    table_directory = TableDirectory(tmp_path, VALVE, WIDTH_M)
+    assert table_directory.load() == taught(series(20))
+    table_directory.save(taught(series(21)))
+    table_directory.copy(taught(series(21)))
+    table_directory.close()
     assert database.read(tmp_path / TABLE) == database.read(tmp_path / GOOD_COPY) == taught(series(21))
 
 
@@ -131,10 +131,10 @@ def test_a_journal_cannot_make_a_reader_delete_a_file(tmp_path: Path) -> None:
     assert rejection(path).fault is Fault.DAMAGED
     with pytest.raises(TableRejectedError, match="names a super-journal"):
         database.connect(path)
-    vault = Vault(tmp_path, VALVE, WIDTH_M)
-    vault.load()
-    vault.save(taught(series(21)))
-    vault.close()
+    table_directory = TableDirectory(tmp_path, VALVE, WIDTH_M)
+    table_directory.load()
+    table_directory.save(taught(series(21)))
+    table_directory.close()
     assert victim.read_text() == "precious"
     assert len(list(tmp_path.glob("stiction.damaged-*-journal"))) == 1
 

@@ -13,8 +13,8 @@ from golden_table import PRESENT
 from store_helpers import WIDTH_M, sample, wait_for
 
 from positioner.store import access, database, schema
-from positioner.store.client import TableKeeper
-from positioner.store.vault import TABLE
+from positioner.store.client import TableWriterClient
+from positioner.store.table_directory import TABLE
 from positioner.valve.stiction import SAMPLES_KEPT
 
 if TYPE_CHECKING:
@@ -62,11 +62,11 @@ def test_a_table_of_any_released_version_is_read_as_it_was_written(version: int,
 
 def test_a_daemon_takes_a_table_of_any_released_version_over_without_a_word(version: int, tmp_path: Path) -> None:
     before = golden_table.content(version)
-    keeper, table, notices = TableKeeper.open(tmp_path, before.valve_id, WIDTH_M)
+    writer, table, notices = TableWriterClient.open(tmp_path, before.valve_id, WIDTH_M)
     assert (table, notices) == (before.table, ())
-    keeper.record([sample(9)])
-    wait_for(keeper, lambda: keeper.saved, 60.0)
-    assert keeper.close(60.0) is None
+    writer.record([sample(9)])
+    wait_for(writer, lambda: writer.saved, 60.0)
+    assert writer.close(60.0) is None
     after = database.read(tmp_path / TABLE)
     one = sample(9)
     assert after.table == before.table.record(one.quantity, one.position_m, one.direction, one.value)

@@ -1,4 +1,4 @@
-"""A keeper that says nothing, and tables that are too large for one turn of the loop."""
+"""A table writer that says nothing, and tables that are too large for one turn of the loop."""
 
 from __future__ import annotations
 
@@ -33,45 +33,45 @@ def large(cells: int) -> StoredTable:
     return taught(samples[:cells], VALVE)
 
 
-def test_a_keeper_that_hangs_is_told_and_then_replaced_and_loses_nothing(tmp_path: Path) -> None:
-    keeper, _, _ = opened(tmp_path)
-    wait_for(keeper, lambda: keeper.saved)
-    pid = keeper._child.process.pid
+def test_a_table_writer_that_hangs_is_told_and_then_replaced_and_loses_nothing(tmp_path: Path) -> None:
+    writer, _, _ = opened(tmp_path)
+    wait_for(writer, lambda: writer.saved)
+    pid = writer._child.process.pid
     os.kill(pid, signal.SIGSTOP)
-    keeper.record(series(30))
-    assert keeper.poll(_FAR_S) == ()
-    assert keeper.poll(_FAR_S + 2.9) == ()
-    (told,) = keeper.poll(_FAR_S + 3.1)
+    writer.record(series(30))
+    assert writer.poll(_FAR_S) == ()
+    assert writer.poll(_FAR_S + 2.9) == ()
+    (told,) = writer.poll(_FAR_S + 3.1)
     assert isinstance(told, SavingFailed)
-    assert keeper.problem is not None
-    assert not keeper.saved
-    assert keeper.poll(_FAR_S + 89.0) == ()
-    assert keeper._child.process.poll() is None
-    keeper.poll(_FAR_S + 90.1)
-    events = wait_for(keeper, lambda: keeper.saved)
-    assert keeper._child.process.pid != pid
+    assert writer.problem is not None
+    assert not writer.saved
+    assert writer.poll(_FAR_S + 89.0) == ()
+    assert writer._child.process.poll() is None
+    writer.poll(_FAR_S + 90.1)
+    events = wait_for(writer, lambda: writer.saved)
+    assert writer._child.process.pid != pid
     assert SavingWorks() in events
-    assert keeper.close(10.0) is None
+    assert writer.close(10.0) is None
     assert access.dump(tmp_path).table == taught(series(30)).table
 
 
-def test_a_keeper_that_was_only_slow_is_told_to_work_again(tmp_path: Path) -> None:
-    keeper, _, _ = opened(tmp_path)
-    wait_for(keeper, lambda: keeper.saved)
-    pid = keeper._child.process.pid
+def test_a_table_writer_that_was_only_slow_is_told_to_work_again(tmp_path: Path) -> None:
+    writer, _, _ = opened(tmp_path)
+    wait_for(writer, lambda: writer.saved)
+    pid = writer._child.process.pid
     os.kill(pid, signal.SIGSTOP)
-    keeper.record(series(30))
-    keeper.poll(_FAR_S)
-    keeper.poll(_FAR_S + 4.0)
+    writer.record(series(30))
+    writer.poll(_FAR_S)
+    writer.poll(_FAR_S + 4.0)
     os.kill(pid, signal.SIGCONT)
-    assert SavingWorks() in wait_for(keeper, lambda: keeper.saved)
-    assert keeper._child.process.pid == pid
-    assert keeper.close(10.0) is None
+    assert SavingWorks() in wait_for(writer, lambda: writer.saved)
+    assert writer._child.process.pid == pid
+    assert writer.close(10.0) is None
 
 
 def test_the_largest_table_comes_a_few_lines_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    keeper, _, _ = opened(tmp_path)
-    wait_for(keeper, lambda: keeper.saved)
+    writer, _, _ = opened(tmp_path)
+    wait_for(writer, lambda: writer.saved)
     access.replace(tmp_path, large(MOST_CELLS), force=False)
     lines = [0]
     feed = messages.Decoder.feed
@@ -84,24 +84,24 @@ def test_the_largest_table_comes_a_few_lines_at_a_time(tmp_path: Path, monkeypat
 
     def is_there() -> bool:
         lines.append(0)
-        return keeper._stored.table.sequence == MOST_CELLS
+        return writer._stored.table.sequence == MOST_CELLS
 
-    polls = wait_for(keeper, is_there, 30.0)
+    polls = wait_for(writer, is_there, 30.0)
     assert [event.stored.table for event in polls if isinstance(event, Replaced)] == [large(MOST_CELLS).table]
     assert max(lines) == 4
     assert sum(lines) > MOST_CELLS / messages.CELLS_PER_LINE
-    assert keeper.close(10.0) is None
+    assert writer.close(10.0) is None
 
 
-def test_the_largest_table_goes_a_few_lines_at_a_time_to_a_keeper_that_is_started_again(
+def test_the_largest_table_goes_a_few_lines_at_a_time_to_a_table_writer_that_is_started_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     access_first, _, _ = opened(tmp_path)
     assert access_first.close(10.0) is None
     access.replace(tmp_path, large(MOST_CELLS), force=False)
-    keeper, table, _ = opened(tmp_path)
+    writer, table, _ = opened(tmp_path)
     assert table == large(MOST_CELLS).table
-    wait_for(keeper, lambda: keeper.saved)
+    wait_for(writer, lambda: writer.saved)
     sent = [0]
     plain_cell = document.plain_cell
 
@@ -110,17 +110,17 @@ def test_the_largest_table_goes_a_few_lines_at_a_time_to_a_keeper_that_is_starte
         return plain_cell(*one)  # type: ignore[arg-type]
 
     monkeypatch.setattr(document, "plain_cell", counting)
-    keeper._child.process.kill()
-    keeper._child.process.wait()
-    keeper.record(series(1))
+    writer._child.process.kill()
+    writer._child.process.wait()
+    writer.record(series(1))
 
     def is_saved() -> bool:
         sent.append(0)
-        return keeper.saved and sum(sent) >= MOST_CELLS
+        return writer.saved and sum(sent) >= MOST_CELLS
 
-    wait_for(keeper, is_saved, 30.0)
+    wait_for(writer, is_saved, 30.0)
     assert max(sent) == 4 * messages.CELLS_PER_LINE
-    assert keeper.close(10.0) is None
+    assert writer.close(10.0) is None
     assert access.dump(tmp_path).table.sequence == MOST_CELLS + 1
 
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import pytest
 from store_helpers import NOW_S, VALVE, WIDTH_M, sample, series, taught
 
-from positioner.store import database, document, vault
-from positioner.store.vault import GOOD_COPY, TABLE, Vault, remedy
+from positioner.store import database, document, table_directory
+from positioner.store.table_directory import GOOD_COPY, TABLE, TableDirectory, remedy
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from positioner.store.content import StoredTable
 
 
-def _vault(directory: Path, valve_id: str = VALVE, width_m: float = WIDTH_M) -> Vault:
-    return Vault(directory, valve_id, width_m)
+def _table_directory(directory: Path, valve_id: str = VALVE, width_m: float = WIDTH_M) -> TableDirectory:
+    return TableDirectory(directory, valve_id, width_m)
 
 
 def _saved(directory: Path, stored: StoredTable) -> None:
-    one = Vault(directory, stored.valve_id, stored.table.cell_width_m)
+    one = TableDirectory(directory, stored.valve_id, stored.table.cell_width_m)
     one.load()
     one.save(stored)
     one.close()
@@ -29,11 +29,13 @@ def _saved(directory: Path, stored: StoredTable) -> None:
 
 
 def _asides(directory: Path) -> list[str]:
-    return sorted(path.name for path in directory.iterdir() if path.name not in {TABLE, GOOD_COPY, vault.BACKUPS})
+    return sorted(
+        path.name for path in directory.iterdir() if path.name not in {TABLE, GOOD_COPY, table_directory.BACKUPS}
+    )
 
 
 def test_a_new_directory_holds_an_empty_table_and_nothing_is_said_about_it(tmp_path: Path) -> None:
-    one = _vault(tmp_path)
+    one = _table_directory(tmp_path)
     stored = one.load()
     assert (stored.valve_id, len(stored.table), stored.table.cell_width_m) == (VALVE, 0, WIDTH_M)
     assert list(tmp_path.iterdir()) == []
@@ -43,10 +45,10 @@ def test_a_new_directory_holds_an_empty_table_and_nothing_is_said_about_it(tmp_p
     assert database.read(tmp_path / TABLE) == stored
 
 
-def test_what_one_vault_saved_the_next_one_loads(tmp_path: Path) -> None:
+def test_what_one_table_directory_saved_the_next_one_loads(tmp_path: Path) -> None:
     stored = taught(series(100))
     _saved(tmp_path, stored)
-    assert _vault(tmp_path).load() == stored
+    assert _table_directory(tmp_path).load() == stored
 
 
 @pytest.mark.parametrize(
@@ -62,7 +64,7 @@ def test_a_table_that_is_not_this_valves_is_moved_aside_with_its_good_copy(
     stored = taught(series(20))
     _saved(tmp_path, stored)
     database.create(tmp_path / GOOD_COPY, stored)
-    one = _vault(tmp_path, valve_id, width_m)
+    one = _table_directory(tmp_path, valve_id, width_m)
     fresh = one.load()
     assert len(fresh.table) == 0
     assert any(f"{TABLE} {why}: starting with an empty table" in notice for notice in one.take_notices())
@@ -83,7 +85,7 @@ def test_a_damaged_table_is_moved_aside_and_the_good_copy_is_used(tmp_path: Path
     database.create(tmp_path / GOOD_COPY, stored)
     (tmp_path / TABLE).write_bytes(b"garbage")
     (tmp_path / f"{TABLE}-journal").write_bytes(b"a journal that must not meet the new table")
-    one = _vault(tmp_path)
+    one = _table_directory(tmp_path)
     assert one.load() == stored
     (notice,) = one.take_notices()
     assert "is not an SQLite database: using the last good copy, stiction.good.sqlite, of 20 samples" in notice
@@ -100,7 +102,7 @@ def test_a_damaged_table_is_moved_aside_and_the_good_copy_is_used(tmp_path: Path
 def test_a_missing_table_comes_back_from_the_good_copy(tmp_path: Path) -> None:
     stored = taught(series(20))
     database.create(tmp_path / GOOD_COPY, stored)
-    one = _vault(tmp_path)
+    one = _table_directory(tmp_path)
     assert one.load() == stored
     assert "does not exist: using the last good copy" in one.take_notices()[0]
 
@@ -108,7 +110,7 @@ def test_a_missing_table_comes_back_from_the_good_copy(tmp_path: Path) -> None:
 def test_tables_moved_aside_in_the_same_second_never_overwrite_each_other(tmp_path: Path) -> None:
     for number in range(12):
         (tmp_path / TABLE).write_bytes(b"%d" % number)
-        one = _vault(tmp_path)
+        one = _table_directory(tmp_path)
         one.save(one.load())
         one.close()
     contents = {(tmp_path / name).read_bytes() for name in _asides(tmp_path)}
@@ -117,7 +119,7 @@ def test_tables_moved_aside_in_the_same_second_never_overwrite_each_other(tmp_pa
 
 def test_a_table_that_someone_puts_in_the_place_of_the_open_one_is_moved_aside(tmp_path: Path) -> None:
     mine, theirs = taught(series(20)), taught(series(7))
-    one = _vault(tmp_path)
+    one = _table_directory(tmp_path)
     one.load()
     one.save(mine)
     database.create(tmp_path / TABLE, theirs)
@@ -129,8 +131,8 @@ def test_a_table_that_someone_puts_in_the_place_of_the_open_one_is_moved_aside(t
     assert database.read(tmp_path / TABLE) == more
 
 
-def test_a_table_deleted_under_a_running_vault_is_written_again(tmp_path: Path) -> None:
-    one = _vault(tmp_path)
+def test_a_table_deleted_under_a_running_table_directory_is_written_again(tmp_path: Path) -> None:
+    one = _table_directory(tmp_path)
     one.save(stored := one.load())
     (tmp_path / TABLE).unlink()
     one.save(stored)
@@ -149,7 +151,7 @@ def test_a_save_that_failed_is_repeated_whether_it_had_reached_the_disk_or_not(
             update(connection, before, after)
         raise sqlite3.OperationalError("disk I/O error")
 
-    one = _vault(tmp_path)
+    one = _table_directory(tmp_path)
     one.save(one.load())
     monkeypatch.setattr(database, "update", failing)
     with pytest.raises(sqlite3.OperationalError):
@@ -164,7 +166,7 @@ def test_a_save_that_failed_is_repeated_whether_it_had_reached_the_disk_or_not(
 
 def test_backups_of_the_same_second_are_files_of_their_own(tmp_path: Path) -> None:
     tables = [taught(series(count)) for count in range(1, 5)]
-    paths = [_vault(tmp_path).back_up(stored, "reset") for stored in tables]
+    paths = [_table_directory(tmp_path).back_up(stored, "reset") for stored in tables]
     assert [document.loads(path.read_text(encoding="utf-8"), "x") for path in paths] == tables
 
 

@@ -1,4 +1,4 @@
-"""The keeper: the process that owns the stiction table's files, so that no disk ever delays a control cycle.
+"""The table writer: the process that owns the stiction table's files, so that no disk ever delays a control cycle.
 
 The daemon starts it and talks to it over a socket pair; `positioner table` talks to it over `control.sock`. It ends
 when the daemon's end of the pair closes, however the daemon ended, and saves before. It holds a copy of the
@@ -19,7 +19,7 @@ from positioner.errors import PositionerError, StateError
 from positioner.store import messages, requests
 from positioner.store.control import ControlSocket
 from positioner.store.lines import Lines
-from positioner.store.vault import WRITING_FAILED, Vault, remedy
+from positioner.store.table_directory import WRITING_FAILED, TableDirectory, remedy
 
 if TYPE_CHECKING:
     from positioner.store.content import StoredTable
@@ -32,16 +32,18 @@ _LAST_TRIES_S = 2.0
 _RESTARTED = "restarted"
 
 
-class Keeper:
+class TableWriter:
     """One valve's table in memory and its way to the disk.
 
-    `now_s` is monotonic; `problem` says why saving fails, or failed before this keeper was started.
+    `now_s` is monotonic; `problem` says why saving fails, or failed before this table writer was started.
     """
 
-    def __init__(self, channel: Lines, vault: Vault, stored: StoredTable, now_s: float, problem: str | None) -> None:
+    def __init__(
+        self, channel: Lines, table_directory: TableDirectory, stored: StoredTable, now_s: float, problem: str | None
+    ) -> None:
         self.stored = stored
         self._channel = channel
-        self._vault = vault
+        self._table_directory = table_directory
         self._acknowledged = (-1, -1)
         self._commit_at_s: float | None = now_s
         self._copy_at_s = now_s
@@ -72,11 +74,11 @@ class Keeper:
     def save(self, now_s: float) -> None:
         """Commit the table, and copy it from time to time; tell the daemon when this fails or works again."""
         try:
-            self._vault.save(self.stored)
+            self._table_directory.save(self.stored)
             self._tell_notices()
             self._acknowledge()
             if now_s >= self._copy_at_s:
-                self._vault.copy(self.stored)
+                self._table_directory.copy(self.stored)
                 self._copy_at_s = now_s + _COPY_AFTER_S
         except WRITING_FAILED as error:
             self._fail(error, now_s)
@@ -89,7 +91,7 @@ class Keeper:
         if isinstance(request, messages.DumpRequest):
             return messages.Dumped(self.stored)
         try:
-            replaced = requests.replaced(self._vault, self.stored, request)
+            replaced = requests.replaced(self._table_directory, self.stored, request)
         except StateError as error:
             return messages.Refused(str(error))
         self.stored = replaced.stored
@@ -105,12 +107,12 @@ class Keeper:
             self._copy_at_s = 0.0
             self.save(time.monotonic())
             if self.problem is None or time.monotonic() >= deadline_s:
-                self._vault.close()
+                self._table_directory.close()
                 return
             time.sleep(_RETRY_FIRST_S)
 
     def _tell_notices(self) -> None:
-        for notice in self._vault.take_notices():
+        for notice in self._table_directory.take_notices():
             self._tell(messages.Notice(notice))
 
     def _acknowledge(self) -> None:
@@ -132,11 +134,11 @@ class Keeper:
         self._commit_at_s = None
         self._retry_s = _RETRY_FIRST_S
 
-    def _tell(self, message: messages.FromKeeper) -> None:
+    def _tell(self, message: messages.FromWriter) -> None:
         self._channel.send(messages.encode(message))
 
 
-def serve(channel: Lines, keeper: Keeper, control: ControlSocket, lines: list[bytes]) -> None:
+def serve(channel: Lines, writer: TableWriter, control: ControlSocket, lines: list[bytes]) -> None:
     """Handle `lines`, and then messages and commands as they come, until the daemon closes or is gone."""
     ready: list[socket.socket | Lines] = []
     decoder = messages.Decoder()
@@ -144,20 +146,20 @@ def serve(channel: Lines, keeper: Keeper, control: ControlSocket, lines: list[by
         for line in lines:
             message = decoder.feed(line)
             if isinstance(message, messages.Close):
-                keeper.finish()
-                channel.send(messages.encode(messages.Closed(keeper.problem)))
+                writer.finish()
+                channel.send(messages.encode(messages.Closed(writer.problem)))
                 return
             if message is not None:
-                keeper.handle(message, time.monotonic())
+                writer.handle(message, time.monotonic())
         channel.flush()
-        control.serve(ready, keeper.answer)
-        keeper.work(time.monotonic())
+        control.serve(ready, writer.answer)
+        writer.work(time.monotonic())
         if channel.ended:
-            keeper.finish()
+            writer.finish()
             return
         readers, writers = control.waiting()
         writers = [*writers, *([channel] if channel.pending else [])]
-        readable, writable, _ = select.select([channel, *readers], writers, [], keeper.due_in(time.monotonic()))
+        readable, writable, _ = select.select([channel, *readers], writers, [], writer.due_in(time.monotonic()))
         lines = channel.receive() if channel in readable else []
         ready = [one for one in (*readable, *writable) if one is not channel]
 
@@ -177,17 +179,19 @@ def run(channel: Lines, lock: int) -> None:
     first = messages.decode(lines[0])
     if not isinstance(first, messages.Open):
         raise StateError(f"not an opening message: {first}")
-    vault = Vault(Path(first.directory), first.valve_id, first.cell_width_m)
+    table_directory = TableDirectory(Path(first.directory), first.valve_id, first.cell_width_m)
     try:
-        stored = vault.load()
+        stored = table_directory.load()
     except (PositionerError, OSError) as error:
         channel.send(messages.encode(messages.Closed(str(error))))
         return
     with ControlSocket(lock) as control:
-        notices = (*vault.take_notices(), *control.notices)
+        notices = (*table_directory.take_notices(), *control.notices)
         channel.send(messages.encode(messages.Opened(stored, notices)))
-        keeper = Keeper(channel, vault, stored, time.monotonic(), _RESTARTED if first.restarted else None)
-        serve(channel, keeper, control, lines[1:])
+        writer = TableWriter(
+            channel, table_directory, stored, time.monotonic(), _RESTARTED if first.restarted else None
+        )
+        serve(channel, writer, control, lines[1:])
     while channel.pending and not channel.ended:
         channel.wait(_LAST_TRIES_S)
         channel.flush()

@@ -1,8 +1,8 @@
-"""The keeper on a disk that fails on demand: the file named by $KEEPER_FAULT says how, an empty one that it works.
+"""The table writer on a disk that fails on demand: the file named by $WRITER_FAULT says how; if empty, the disk works.
 
 full        what is committed or synced finds no space (ENOSPC, SQLITE_FULL)
 fsync       what is committed or synced fails (EIO, SQLITE_IOERR_FSYNC)
-no-rights   the keeper is nobody: what its directory's permissions forbid really fails
+no-rights   the table writer is nobody: what its directory's permissions forbid really fails
 
 Each statement that fails adds a byte to the file `refused` beside it.
 """
@@ -15,9 +15,9 @@ import sqlite3
 from pathlib import Path
 from typing import Any
 
-from positioner.store import keeper
+from positioner.store import writer
 
-_FAULT = Path(os.environ["KEEPER_FAULT"])
+_FAULT = Path(os.environ["WRITER_FAULT"])
 _NOBODY = 65534
 _AM_ROOT = os.geteuid() == 0
 _ERRORS = {
@@ -27,7 +27,7 @@ _ERRORS = {
 
 
 def _fault() -> str:
-    """Return the fault of this moment; a keeper without rights is nobody from now on, any other is itself."""
+    """Return the fault of this moment; a table writer without rights is nobody from now on, any other is itself."""
     word = _FAULT.read_text("ascii")
     if _AM_ROOT and (wanted := _NOBODY if word == "no-rights" else 0) != os.geteuid():
         os.seteuid(wanted)
@@ -78,4 +78,4 @@ def _faulty_fsync(descriptor: int) -> None:
 if __name__ == "__main__":
     sqlite3.connect = _faulty_connect  # type: ignore[assignment]
     os.fsync = _faulty_fsync  # type: ignore[assignment]
-    keeper.main()
+    writer.main()

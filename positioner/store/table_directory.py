@@ -27,7 +27,7 @@ _NO_SPACE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 _NO_PERMISSION = {errno.EACCES, errno.EPERM, errno.EROFS}
 
 
-class Vault:
+class TableDirectory:
     """The tables of one valve in its directory; its user holds the directory's lock.
 
     A method that writes raises one of `WRITING_FAILED` when it cannot; the table on the disk is then whole still,

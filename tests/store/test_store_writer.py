@@ -19,10 +19,10 @@ from store_helpers import VALVE, WIDTH_M, opened, sample, series, taught, wait_f
 from positioner.errors import AlreadyRunningError, StateError
 from positioner.store import access, database, lock
 from positioner.store.child import Child
-from positioner.store.client import TableKeeper
+from positioner.store.client import TableWriterClient
 from positioner.store.lines import Lines
 from positioner.store.messages import Open, Opened, Replaced, Saved, SavingFailed, SavingWorks, encode
-from positioner.store.vault import GOOD_COPY, TABLE
+from positioner.store.table_directory import GOOD_COPY, TABLE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,28 +35,28 @@ import select, sys
 from itertools import count
 from pathlib import Path
 from store_helpers import opened, sample
-keeper, table, _ = opened(Path(sys.argv[1]))
+writer, table, _ = opened(Path(sys.argv[1]))
 for number in count(table.sequence):
-    keeper.record([sample(number)])
-    keeper.poll()
+    writer.record([sample(number)])
+    writer.poll()
     print(number + 1, flush=True)
     select.select([], [], [], 0.001)
 """
 
 
 @pytest.fixture
-def keeper(tmp_path: Path) -> Iterator[TableKeeper]:
-    keeper, _, _ = opened(tmp_path)
-    yield keeper
-    keeper.close(10.0)
+def writer(tmp_path: Path) -> Iterator[TableWriterClient]:
+    writer, _, _ = opened(tmp_path)
+    yield writer
+    writer.close(10.0)
 
 
 def _on_disk(directory: Path) -> StictionTable:
     return database.read(directory / TABLE).table
 
 
-def _pid(keeper: TableKeeper) -> int:
-    return keeper._child.process.pid
+def _pid(writer: TableWriterClient) -> int:
+    return writer._child.process.pid
 
 
 def test_a_first_save_that_fails_at_once_is_heard_although_it_comes_with_the_first_answer(
@@ -69,35 +69,37 @@ def test_a_first_save_that_fails_at_once_is_heard_although_it_comes_with_the_fir
         return Child(subprocess.Popen(["true"]), Lines(ours))
 
     monkeypatch.setattr("positioner.store.child.start", start)
-    keeper, _, _ = opened(tmp_path)
-    assert [keeper.problem] == [None]
-    assert keeper.poll()[0] == SavingFailed("the disk is full")
-    assert keeper.problem == "the disk is full"
-    keeper._child.end()
-    os.close(keeper._lock)
+    writer, _, _ = opened(tmp_path)
+    assert [writer.problem] == [None]
+    assert writer.poll()[0] == SavingFailed("the disk is full")
+    assert writer.problem == "the disk is full"
+    writer._child.end()
+    os.close(writer._lock)
 
 
 def test_a_first_start_gives_an_empty_table_without_a_word(tmp_path: Path) -> None:
-    keeper, table, notices = opened(tmp_path / "made" / "by" / "us")
+    writer, table, notices = opened(tmp_path / "made" / "by" / "us")
     assert (len(table), table.cell_width_m, notices) == (0, WIDTH_M, ())
-    assert keeper.close(10.0) is None
+    assert writer.close(10.0) is None
 
 
-def test_samples_are_saved_after_a_fifth_of_a_second_and_acknowledged(tmp_path: Path, keeper: TableKeeper) -> None:
-    wait_for(keeper, lambda: keeper.saved)
+def test_samples_are_saved_after_a_fifth_of_a_second_and_acknowledged(
+    tmp_path: Path, writer: TableWriterClient
+) -> None:
+    wait_for(writer, lambda: writer.saved)
     started_s = time.monotonic()
-    keeper.record(series(40))
-    assert not keeper.saved
-    events = wait_for(keeper, lambda: keeper.saved)
+    writer.record(series(40))
+    assert not writer.saved
+    events = wait_for(writer, lambda: writer.saved)
     assert 0.1 < time.monotonic() - started_s < 10.0  # 0.2 s until the commit, and a noisy machine
     assert events[-1] == Saved(0, 40)
     assert _on_disk(tmp_path) == taught(series(40)).table
 
 
 def test_close_returns_after_everything_is_on_the_disk_and_in_the_good_copy(tmp_path: Path) -> None:
-    keeper, _, _ = opened(tmp_path)
-    keeper.record(series(1000))
-    assert keeper.close(10.0) is None
+    writer, _, _ = opened(tmp_path)
+    writer.record(series(1000))
+    assert writer.close(10.0) is None
     assert _on_disk(tmp_path) == database.read(tmp_path / GOOD_COPY).table == taught(series(1000)).table
     again, table, _ = opened(tmp_path)
     assert table == taught(series(1000)).table
@@ -117,49 +119,51 @@ def test_a_daemon_killed_while_it_learns_loses_nothing_that_it_had_handed_over(
         select.select([], [], [], milliseconds / 1e3)
         daemon.kill()
         handed_over = int((first + daemon.stdout.read()).split()[-1])
-    with lock.held(tmp_path, 10.0):  # its keeper saves, then lets go
+    with lock.held(tmp_path, 10.0):  # its table writer saves, then lets go
         table = _on_disk(tmp_path)
     assert handed_over <= table.sequence <= handed_over + 1
     assert table == taught(series(table.sequence)).table
 
 
-def test_a_keeper_that_dies_is_started_again_and_loses_nothing(tmp_path: Path, keeper: TableKeeper) -> None:
+def test_a_table_writer_that_dies_is_started_again_and_loses_nothing(tmp_path: Path, writer: TableWriterClient) -> None:
     count = 0
     for _ in range(2):
-        keeper.record(series(20, count))
-        wait_for(keeper, lambda: keeper.saved)
-        keeper.record(series(20, count + 20))
-        os.kill(_pid(keeper), signal.SIGKILL)
-        keeper.record(series(20, count + 40))
-        events = wait_for(keeper, lambda: keeper.problem is not None)
+        writer.record(series(20, count))
+        wait_for(writer, lambda: writer.saved)
+        writer.record(series(20, count + 20))
+        os.kill(_pid(writer), signal.SIGKILL)
+        writer.record(series(20, count + 40))
+        events = wait_for(writer, lambda: writer.problem is not None)
         assert isinstance(events[-1], SavingFailed)
-        keeper.record(series(20, count + 60))
+        writer.record(series(20, count + 60))
         count += 80
-        events = wait_for(keeper, lambda: keeper.saved)
+        events = wait_for(writer, lambda: writer.saved)
         assert [event for event in events if isinstance(event, SavingWorks)] == [SavingWorks()]
         assert _on_disk(tmp_path) == taught(series(count)).table
 
 
-def test_signals_that_end_a_daemon_do_not_end_its_keeper(keeper: TableKeeper) -> None:
+def test_signals_that_end_a_daemon_do_not_end_its_table_writer(writer: TableWriterClient) -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        os.kill(_pid(keeper), number)
-    keeper.record(series(5))
-    assert not any(isinstance(event, SavingFailed) for event in wait_for(keeper, lambda: keeper.saved))
+        os.kill(_pid(writer), number)
+    writer.record(series(5))
+    assert not any(isinstance(event, SavingFailed) for event in wait_for(writer, lambda: writer.saved))
 
 
-def test_a_slow_keeper_gets_everything_later_and_nothing_piles_up(tmp_path: Path, keeper: TableKeeper) -> None:
-    wait_for(keeper, lambda: keeper.saved)
-    os.kill(_pid(keeper), signal.SIGSTOP)
+def test_a_slow_table_writer_gets_everything_later_and_nothing_piles_up(
+    tmp_path: Path, writer: TableWriterClient
+) -> None:
+    wait_for(writer, lambda: writer.saved)
+    os.kill(_pid(writer), signal.SIGSTOP)
     longest_s = 0.0
     for number in range(6000):
         started_s = time.thread_time()
-        keeper.record([sample(number)])
+        writer.record([sample(number)])
         longest_s = max(longest_s, time.thread_time() - started_s)
-    assert keeper._behind
-    assert len(keeper._child.channel._outgoing) < 10_000
+    assert writer._behind
+    assert len(writer._child.channel._outgoing) < 10_000
     assert longest_s < 0.02
-    os.kill(_pid(keeper), signal.SIGCONT)
-    wait_for(keeper, lambda: keeper.saved)
+    os.kill(_pid(writer), signal.SIGCONT)
+    wait_for(writer, lambda: writer.saved)
     assert _on_disk(tmp_path) == taught(series(6000)).table
 
 
@@ -169,115 +173,115 @@ def _let_write(pid: int, limit: int) -> None:
 
 
 def test_a_full_disk_is_told_once_and_what_was_learned_meanwhile_is_saved_later(
-    tmp_path: Path, keeper: TableKeeper
+    tmp_path: Path, writer: TableWriterClient
 ) -> None:
-    keeper.record(series(10))
-    wait_for(keeper, lambda: keeper.saved)
-    _let_write(_pid(keeper), 0)
-    keeper.record(series(10, 10))
-    events = wait_for(keeper, lambda: keeper.problem is not None)
-    assert str(keeper.problem).startswith("the stiction table cannot be saved: ")
-    keeper.record(series(10, 20))
+    writer.record(series(10))
+    wait_for(writer, lambda: writer.saved)
+    _let_write(_pid(writer), 0)
+    writer.record(series(10, 10))
+    events = wait_for(writer, lambda: writer.problem is not None)
+    assert str(writer.problem).startswith("the stiction table cannot be saved: ")
+    writer.record(series(10, 20))
     with pytest.raises(StateError, match="nothing was changed, since the table cannot be saved"):
         access.reset(tmp_path)
     assert access.dump(tmp_path).table.sequence == 30
-    _let_write(_pid(keeper), resource.RLIM_INFINITY)
-    events += wait_for(keeper, lambda: keeper.saved and keeper.problem is None)
+    _let_write(_pid(writer), resource.RLIM_INFINITY)
+    events += wait_for(writer, lambda: writer.saved and writer.problem is None)
     assert [type(event) for event in events if not isinstance(event, Saved)] == [SavingFailed, SavingWorks]
     assert _on_disk(tmp_path) == taught(series(30)).table
 
 
 def test_a_close_that_cannot_save_says_so_and_leaves_the_former_table_whole(tmp_path: Path) -> None:
-    keeper, _, _ = opened(tmp_path)
-    keeper.record(series(10))
-    wait_for(keeper, lambda: keeper.saved)
-    _let_write(_pid(keeper), 0)
-    keeper.record(series(10, 10))
-    assert str(keeper.close(10.0)).startswith("the stiction table cannot be saved: ")
+    writer, _, _ = opened(tmp_path)
+    writer.record(series(10))
+    wait_for(writer, lambda: writer.saved)
+    _let_write(_pid(writer), 0)
+    writer.record(series(10, 10))
+    assert str(writer.close(10.0)).startswith("the stiction table cannot be saved: ")
     assert _on_disk(tmp_path) == taught(series(10)).table
 
 
 def test_a_close_that_hears_nothing_says_so_in_time(tmp_path: Path) -> None:
-    keeper, _, _ = opened(tmp_path)
-    os.kill(_pid(keeper), signal.SIGSTOP)
-    keeper.record(series(10))
+    writer, _, _ = opened(tmp_path)
+    os.kill(_pid(writer), signal.SIGSTOP)
+    writer.record(series(10))
     started_s = time.monotonic()
-    assert "samples (up to 10) are not known to be saved: its keeper is silent" in str(keeper.close(0.2))
+    assert "samples (up to 10) are not known to be saved: its table writer is silent" in str(writer.close(0.2))
     assert time.monotonic() - started_s < 30.0
-    os.kill(_pid(keeper), signal.SIGCONT)
-    keeper._child.process.wait(10.0)
+    os.kill(_pid(writer), signal.SIGCONT)
+    writer._child.process.wait(10.0)
     assert _on_disk(tmp_path) == taught(series(10)).table
 
 
-def test_a_close_after_the_keeper_died_still_saves(tmp_path: Path) -> None:
-    keeper, _, _ = opened(tmp_path)
-    os.kill(_pid(keeper), signal.SIGKILL)
-    keeper._child.process.wait()
-    keeper.record(series(10))
-    keeper.poll()
-    assert keeper.close(10.0) is None
+def test_a_close_after_the_table_writer_died_still_saves(tmp_path: Path) -> None:
+    writer, _, _ = opened(tmp_path)
+    os.kill(_pid(writer), signal.SIGKILL)
+    writer._child.process.wait()
+    writer.record(series(10))
+    writer.poll()
+    assert writer.close(10.0) is None
     assert _on_disk(tmp_path) == taught(series(10)).table
 
 
-def test_a_second_daemon_is_refused(tmp_path: Path, keeper: TableKeeper) -> None:
+def test_a_second_daemon_is_refused(tmp_path: Path, writer: TableWriterClient) -> None:
     with pytest.raises(AlreadyRunningError, match=f"in use by process {os.getpid()}"):
-        TableKeeper.open(tmp_path, VALVE, WIDTH_M, patience_s=0.0)
-    assert keeper.problem is None
+        TableWriterClient.open(tmp_path, VALVE, WIDTH_M, patience_s=0.0)
+    assert writer.problem is None
 
 
 def test_a_reset_reaches_the_daemon_by_itself_and_no_earlier_sample_undoes_it(
-    tmp_path: Path, keeper: TableKeeper
+    tmp_path: Path, writer: TableWriterClient
 ) -> None:
-    keeper.record(series(50))
+    writer.record(series(50))
     access.reset(tmp_path)
     started_s = time.monotonic()
-    keeper.record(series(5, 50))  # taught before the daemon could know
+    writer.record(series(5, 50))  # taught before the daemon could know
     events: list[object] = []
     while not any(isinstance(event, Replaced) for event in events):
-        events.extend(keeper.poll())
+        events.extend(writer.poll())
     assert time.monotonic() - started_s < 30.0
     (replaced,) = (event for event in events if isinstance(event, Replaced))
     assert len(replaced.stored.table) == 0
     assert replaced.reason.startswith(f"reset; the former one is in {tmp_path}/backups/before-reset-")
-    keeper.record(series(3, 100))
-    wait_for(keeper, lambda: keeper.saved)
+    writer.record(series(3, 100))
+    wait_for(writer, lambda: writer.saved)
     assert _on_disk(tmp_path) == taught(series(3, 100)).table
 
 
-def test_a_reset_that_a_dying_keeper_could_not_tell_is_not_undone_by_its_successor(tmp_path: Path) -> None:
-    keeper, _, _ = opened(tmp_path)
-    keeper.record(series(50))
+def test_a_reset_that_a_dying_table_writer_could_not_tell_is_not_undone_by_its_successor(tmp_path: Path) -> None:
+    writer, _, _ = opened(tmp_path)
+    writer.record(series(50))
     access.reset(tmp_path)
-    os.kill(_pid(keeper), signal.SIGKILL)
-    keeper._child.process.wait()
-    keeper._child.channel.receive()  # the news is lost
-    events = wait_for(keeper, lambda: keeper.problem is None and keeper.saved)
+    os.kill(_pid(writer), signal.SIGKILL)
+    writer._child.process.wait()
+    writer._child.channel.receive()  # the news is lost
+    events = wait_for(writer, lambda: writer.problem is None and writer.saved)
     assert [len(event.stored.table) for event in events if isinstance(event, Replaced)] == [0]
-    assert keeper.close(10.0) is None
+    assert writer.close(10.0) is None
     assert len(_on_disk(tmp_path)) == 0
 
 
 def test_damage_found_at_the_start_is_told_and_repaired(tmp_path: Path) -> None:
     database.create(tmp_path / GOOD_COPY, taught(series(8)))
     (tmp_path / TABLE).write_bytes(b"garbage")
-    keeper, table, notices = opened(tmp_path)
+    writer, table, notices = opened(tmp_path)
     assert table == taught(series(8)).table
     assert [("using the last good copy" in notice) for notice in notices] == [True]
-    events = wait_for(keeper, lambda: keeper.saved)
+    events = wait_for(writer, lambda: writer.saved)
     assert any("moved aside to" in str(event) for event in events)
-    assert keeper.close(10.0) is None
+    assert writer.close(10.0) is None
     assert _on_disk(tmp_path) == table
 
 
 def test_a_path_longer_than_a_socket_address_is_no_obstacle(tmp_path: Path) -> None:
     deep = tmp_path.joinpath(*["a-directory-with-a-long-name"] * 6)
-    keeper, _, notices = opened(deep)
+    writer, _, notices = opened(deep)
     assert notices == ()
     assert (deep / "control.sock").stat().st_mode & 0o777 == 0o660
-    keeper.record(series(3))
-    assert wait_for(keeper, lambda: keeper.saved)
+    writer.record(series(3))
+    assert wait_for(writer, lambda: writer.saved)
     assert access.dump(deep).table.sequence == 3
-    assert keeper.close(10.0) is None
+    assert writer.close(10.0) is None
     assert not (deep / "control.sock").exists()
 
 
@@ -293,11 +297,11 @@ def test_a_table_that_cannot_be_read_now_is_refused_and_neither_touched_nor_lock
         other.execute("BEGIN EXCLUSIVE")
         with pytest.raises(StateError, match=r"cannot be opened: [^\n]*in use by another program; close it$"):
             opened(tmp_path)
-    keeper, table, notices = opened(tmp_path)
+    writer, table, notices = opened(tmp_path)
     assert (table, notices) == (taught(series(8)).table, ())
-    assert keeper.close(10.0) is None
+    assert writer.close(10.0) is None
 
 
-def test_values_that_are_not_finite_are_counted_by_nobody(keeper: TableKeeper) -> None:
-    keeper.record([replace(sample(1), value=float("nan")), sample(2), replace(sample(3), value=float("inf"))])
-    assert wait_for(keeper, lambda: keeper.saved)[-1] == Saved(0, 1)
+def test_values_that_are_not_finite_are_counted_by_nobody(writer: TableWriterClient) -> None:
+    writer.record([replace(sample(1), value=float("nan")), sample(2), replace(sample(3), value=float("inf"))])
+    assert wait_for(writer, lambda: writer.saved)[-1] == Saved(0, 1)

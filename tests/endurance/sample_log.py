@@ -1,4 +1,4 @@
-"""The diary of whoever learns: what, in all its digits, and when, in a file that a kill cannot shorten."""
+"""The sample log of whoever learns: what, in all its digits, and when, in a file that a kill cannot shorten."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Entry:
     sample: LearnedSample
 
 
-class DiaryWriter:
+class SampleLogWriter:
     """Appends one line a lesson with one system call: what was written survives the writer."""
 
     def __init__(self, path: Path) -> None:

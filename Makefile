@@ -10,7 +10,7 @@ bench: $(VENV)/installed
 	$(BIN)/positioner bench --out out/bench
 
 test: $(VENV)/installed
-	$(BIN)/pytest
+	$(BIN)/pytest --numprocesses auto --dist worksteal
 
 # SocketCAN, systemd and CAN controllers in kernels of its own, fetched as packages; nothing is installed on the host.
 test-kernel: $(VENV)/installed

@@ -1,9 +1,10 @@
-"""Options of the test run, and of its property tests: the same examples in every run, unless others are asked for."""
+"""Options of the test run, what all its processes share, and the profiles of its property tests."""
 
 from __future__ import annotations
 
 import os
 import signal
+import tempfile
 from typing import TYPE_CHECKING
 
 from hypothesis import HealthCheck, settings
@@ -13,7 +14,7 @@ from positioner.start import TRACEBACK
 if TYPE_CHECKING:
     import pytest
 
-os.environ.setdefault(TRACEBACK, "1")  # what nobody has foreseen is to be seen whole in a test
+os.environ.setdefault(TRACEBACK, "1")  # an unforeseen error shows its whole traceback in a test
 
 settings.register_profile("explore", deadline=None, print_blob=True)
 settings.register_profile(
@@ -22,10 +23,14 @@ settings.register_profile(
 settings.load_profile("repeatable")
 
 
-def pytest_configure() -> None:
-    """Take Ctrl-C again where a script started the suite in the background: it would be ignored, in every child too."""
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+def pytest_configure(config: pytest.Config) -> None:
+    """Accept SIGINT, and let the processes that tests start share their compiled modules."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # so in the background of a script, and in every child
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    if os.environ.pop("PYTHONDONTWRITEBYTECODE", ""):  # it would double the time that each of them takes to start
+        folder = tempfile.TemporaryDirectory(prefix="positioner-bytecode-")
+        os.environ["PYTHONPYCACHEPREFIX"] = folder.name
+        config.add_cleanup(folder.cleanup)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

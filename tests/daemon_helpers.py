@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import logging
-import os
+import secrets
 import signal
 import time
 from typing import TYPE_CHECKING, Any, Self, TypeVar
@@ -41,12 +40,11 @@ PERIOD_S = 0.02
 HERE_M = 0.08
 _NS = 1_000_000_000
 T = TypeVar("T")
-_TOKENS = itertools.count(os.getpid() * 64 + 4096)
 
 
 def own_address() -> BusAddress:
-    """Return an embedded bus that nobody else uses."""
-    return embedded_address(next(_TOKENS))
+    """Return an embedded bus that nobody else uses, neither in this process nor in another."""
+    return embedded_address(secrets.randbits(32))
 
 
 def write_configuration(folder: Path, bus: BusAddress, **tables: dict[str, Any]) -> Path:

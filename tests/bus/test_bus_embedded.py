@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import can
 import pytest
+from daemon_helpers import own_address
 
 from positioner.bus import address as address_module
 from positioner.bus import port as bus_module
@@ -150,10 +151,8 @@ class BusContract:
 class TestEmbeddedBus(BusContract):
     """python-can's UDP multicast: the bus for machines without one."""
 
-    tokens = iter(range(os.getpid() * 64, os.getpid() * 64 + 64))
-
     def address(self) -> BusAddress:
-        return embedded_address(next(self.tokens))
+        return own_address()
 
     def test_what_is_no_can_frame_is_dropped_and_the_bus_goes_on(self) -> None:
         address = self.address()
@@ -264,7 +263,7 @@ def test_a_bus_that_goes_down_is_a_state_and_is_told_once(monkeypatch: pytest.Mo
 
 
 def test_a_wall_clock_that_is_set_back_keeps_nobody_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
-    port = BusPort(embedded_address(os.getpid() * 64 + 77))
+    port = BusPort(own_address())
     port.open()
     start_s = time.monotonic()
     monkeypatch.setattr("can.bus.time", lambda: time.monotonic() - (5.0 if time.monotonic() > start_s + 0.05 else 0.0))

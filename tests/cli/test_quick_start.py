@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import secrets
 import shlex
 import signal
 import subprocess
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from daemon_helpers import _TOKENS, PATIENCE_S
+from daemon_helpers import PATIENCE_S
 
 from positioner.config.reader import load_config
 
@@ -34,7 +35,7 @@ class Walk:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.channel = f"walk{next(_TOKENS)}"
+        self.channel = f"walk{secrets.token_hex(8)}"
         text = (ROOT / EXAMPLE).read_text(encoding="utf-8")
         assert text.count('channel = "fv101"') == 1
         text = text.replace('channel = "fv101"', f'channel = "{self.channel}"')

@@ -17,12 +17,12 @@ from positioner.laws.registry import LAWS
 from positioner.replay.compare import Comparison
 from positioner.replay.log import LogError
 from positioner.replay.other import OtherLaw
-from positioner.replay.report import headline, verdict
-from positioner.replay.run import replayed
-from positioner.replay.session import prepare
+from positioner.replay.prepare import prepare
+from positioner.replay.report import headline, summary
+from positioner.replay.run import replay_cycles
 
 if TYPE_CHECKING:
-    from positioner.replay.leave import Leaving
+    from positioner.replay.output import OutputFolder
 
 _EPILOG = """\
 examples:
@@ -68,36 +68,38 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.law:
         changes = laid_over(changes, {"control": {"law": arguments.law}})
     configuration = load_config(arguments.config, changes)
-    session = prepare(arguments.log, configuration, arguments.state)
-    if not changes and not session.commands:
+    prepared = prepare(arguments.log, configuration, arguments.state)
+    if not changes and not prepared.commands:
         told = "no command among them to compare with; --law says what would have been commanded"
-        raise LogError(f"{arguments.log}: holds {session.readings} position frames, and {told}")
-    if not changes and session.late:
+        raise LogError(f"{arguments.log}: holds {prepared.readings} position frames, and {told}")
+    if not changes and prepared.late:
         told = "what the positioner knew before is not in it, and nothing can be compared; log it from its start"
         raise LogError(
-            f"{arguments.log}: starts late: {session.late}: {told}, or ask with --law what would be commanded"
+            f"{arguments.log}: starts late: {prepared.late}: {told}, or ask with --law what would be commanded"
         )
-    sys.stdout.write(f"{headline(session)}\n")
+    sys.stdout.write(f"{headline(prepared)}\n")
     codec = configuration.make_codec()
-    comparison, other = Comparison(codec, session.kind.knows_instants), OtherLaw(codec)
-    outcomes = replayed(configuration, session.turns(), session.table, follows=bool(changes))
-    with _leaving(arguments.out) as leaving:
-        for outcome in tqdm(outcomes, "replay", session.turn_count, unit=" turns", delay=1, leave=False, disable=None):
-            comparison.take(outcome)
-            row = other.take(outcome) if changes or leaving else None
-            if leaving and row:
-                leaving.take(row)
-    sys.stdout.write(f"{other.in_words() if changes else verdict(session, comparison)}\n")
-    if leaving:
+    comparison, other = Comparison(codec, prepared.kind.knows_instants), OtherLaw(codec)
+    replayed_cycles = replay_cycles(configuration, prepared.cycles(), prepared.table, follows=bool(changes))
+    with _output(arguments.out) as output:
+        for replayed in tqdm(
+            replayed_cycles, "replay", prepared.cycle_count, unit=" cycles", delay=1, leave=False, disable=None
+        ):
+            comparison.add(replayed)
+            row = other.add(replayed) if changes or output else None
+            if output and row:
+                output.add(row)
+    sys.stdout.write(f"{other.in_words() if changes else summary(prepared, comparison)}\n")
+    if output:
         period_s = configuration.control.sample_period_s
-        leaving.draw(f"{session.log.path}: law {configuration.control.law}, period {period_s * 1e3:g} ms")
+        output.draw(f"{prepared.log.path}: law {configuration.control.law}, period {period_s * 1e3:g} ms")
         sys.stdout.write(f"{arguments.out}: trace.csv, replay.png\n")
     return ExitCode.OK if changes or comparison.identical else ExitCode.FAILURE
 
 
-def _leaving(folder: Path | None) -> contextlib.AbstractContextManager[Leaving | None]:
+def _output(folder: Path | None) -> contextlib.AbstractContextManager[OutputFolder | None]:
     if folder is None:
         return contextlib.nullcontext()
-    from positioner.replay.leave import Leaving  # noqa: PLC0415 - pictures slow every other command down
+    from positioner.replay.output import OutputFolder  # noqa: PLC0415 - pictures slow every other command down
 
-    return Leaving(folder)
+    return OutputFolder(folder)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from positioner.replay.log import LogFrame
-    from positioner.replay.run import Outcome
+    from positioner.replay.run import ReplayedCycle
     from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame
 
@@ -25,7 +25,7 @@ _UNITS = {"_ma": ("mA", 1.0, 3), "_m": ("mm", 1e3, 5)}
 class Difference:
     """A frame that is not as recorded; one of the two is None where only the other exists.
 
-    cause: the last frame that came in before it, if one did in its turn.
+    cause: the last frame that came in before it, if one did in its cycle.
     """
 
     time_ns: int
@@ -36,7 +36,7 @@ class Difference:
 
 
 @dataclass(slots=True)
-class Tally:
+class FrameCounters:
     """Counts of one kind of frame."""
 
     recorded: int = 0
@@ -47,39 +47,39 @@ class Tally:
 
 @dataclass(slots=True)
 class Comparison:
-    """What `take` has seen so far: a tally for each kind of frame by its name, and the first difference."""
+    """What `add` has seen so far: the counts of each kind of frame by its name, and the first difference."""
 
     codec: Codec
     exact: bool
     """Whether the log tells the instants: then frames that are due by time are compared, too."""
-    tallies: dict[str, Tally] = field(default_factory=dict)
+    counters: dict[str, FrameCounters] = field(default_factory=dict)
     first: Difference | None = None
 
-    def take(self, outcome: Outcome) -> None:
-        """Compare the frames of one turn, those of a kind in their order."""
-        compared = self._by_kind(outcome)
+    def add(self, replayed: ReplayedCycle) -> None:
+        """Compare the frames of one cycle, those of a kind in their order."""
+        compared = self._by_kind(replayed)
         for name, (recorded, computed) in compared.items():
-            tally = self.tallies.setdefault(name, Tally())
-            tally.recorded += len(recorded)
-            tally.computed += len(computed)
+            counts = self.counters.setdefault(name, FrameCounters())
+            counts.recorded += len(recorded)
+            counts.computed += len(computed)
             for logged, frame in zip_longest(recorded, computed):
                 if logged is not None and frame is not None and logged.frame.data == frame.data:
-                    tally.equal += 1
+                    counts.equal += 1
                     continue
-                tally.differing += 1
+                counts.differing += 1
                 if self.first is None:
-                    self.first = _difference(outcome, name, logged, frame)
+                    self.first = _difference(replayed, name, logged, frame)
 
     @property
     def identical(self) -> bool:
         """Whether every frame is as recorded."""
         return self.first is None
 
-    def _by_kind(self, outcome: Outcome) -> dict[str, tuple[list[LogFrame], list[CanFrame]]]:
+    def _by_kind(self, replayed: ReplayedCycle) -> dict[str, tuple[list[LogFrame], list[CanFrame]]]:
         found: dict[str, tuple[list[LogFrame], list[CanFrame]]] = {}
-        for logged in outcome.turn.recorded:
+        for logged in replayed.recorded.outbox:
             found.setdefault(self._name(logged.frame), ([], []))[0].append(logged)
-        for frame in outcome.computed:
+        for frame in replayed.computed:
             if self.exact or self._name(frame) == command_name(self.codec):
                 found.setdefault(self._name(frame), ([], []))[1].append(frame)
         return found
@@ -88,9 +88,9 @@ class Comparison:
         return self.codec.by_id[frame.arbitration_id, frame.is_extended].dbc.name
 
 
-def _difference(outcome: Outcome, name: str, logged: LogFrame | None, frame: CanFrame | None) -> Difference:
-    cause = outcome.turn.inbox[-1] if outcome.turn.inbox else None
-    return Difference(outcome.turn.time_ns, name, cause, logged, frame)
+def _difference(replayed: ReplayedCycle, name: str, logged: LogFrame | None, frame: CanFrame | None) -> Difference:
+    cause = replayed.recorded.inbox[-1] if replayed.recorded.inbox else None
+    return Difference(replayed.recorded.time_ns, name, cause, logged, frame)
 
 
 def command_name(codec: Codec) -> str:

@@ -1,4 +1,4 @@
-"""The turns in a log that somebody else wrote on the bus: the counters that commands echo tell them apart. Pure.
+"""The cycles in a log that somebody else wrote on the bus: the counters that commands echo tell them apart. Pure.
 
 Whatever order or delay the bus, the positioner and the logger had: a command that echoes position counter k and
 setpoint counter s was made of all frames up to these two, and of no later one. What a frame was to the positioner may
@@ -11,7 +11,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from positioner.replay.recorded import MOST_FRAMES, Heard, Turn, command_echo
+from positioner.replay.recorded import MOST_FRAMES, FrameClassifier, RecordedCycle, command_echo
 from positioner.wire.messages import CurrentCommand
 
 if TYPE_CHECKING:
@@ -43,25 +43,25 @@ class _Seen:
     """Whether a command echoes this reading."""
 
 
-def bus_turns(heard: Heard, frames: Iterable[LogFrame], period_ns: int) -> Iterator[Turn]:
-    """Yield the turns that commands close, and one for each reading while the positioner was silent."""
+def bus_cycles(classifier: FrameClassifier, frames: Iterable[LogFrame], period_ns: int) -> Iterator[RecordedCycle]:
+    """Yield the cycles that commands close, and one for each reading while the positioner was silent."""
     touch_ns = _PERIODS_IN_TOUCH * period_ns
     last_ns: int | None = None
     waiting: list[_Seen] = []
-    for seen, ahead in _with_those_ahead(_Echoes(heard), frames):
+    for seen, ahead in _with_those_ahead(_Echoes(classifier), frames):
         frame = seen.logged
         if seen.is_own:
-            taken = _taken(heard, waiting, seen)
+            taken = _taken(classifier, waiting, seen)
             waiting = [each for each in waiting if each.logged.number not in taken]
-            yield Turn(frame.time_ns, tuple(taken.values()), (frame,))
+            yield RecordedCycle(frame.time_ns, tuple(taken.values()), (frame,))
             last_ns = frame.time_ns
-        elif heard.is_output(frame) and not heard.is_command(frame):
+        elif classifier.is_output(frame) and not classifier.is_command(frame):
             continue  # when a status was due hangs on the instant, which this log does not tell
         else:
             waiting.append(seen)
             alone = seen.is_position and not seen.is_echoed and not _in_touch(frame, last_ns, touch_ns, ahead)
             if alone or (last_ns is None and len(waiting) == MOST_FRAMES):
-                yield Turn(frame.time_ns, tuple(each.logged for each in waiting))
+                yield RecordedCycle(frame.time_ns, tuple(each.logged for each in waiting))
                 waiting = []
             elif len(waiting) == MOST_FRAMES:  # it has spoken, and neither it nor the sensor does any more
                 del waiting[: MOST_FRAMES // 2]
@@ -81,24 +81,24 @@ def _with_those_ahead(echoes: _Echoes, frames: Iterable[LogFrame]) -> Iterator[t
 class _Echoes:
     """Tells which commands are the positioner's own, and which reading each of them echoes."""
 
-    def __init__(self, heard: Heard) -> None:
-        self._heard = heard
-        self._modulus = heard.codec.by_kind[CurrentCommand].counter_modulus
+    def __init__(self, classifier: FrameClassifier) -> None:
+        self._classifier = classifier
+        self._modulus = classifier.codec.by_kind[CurrentCommand].counter_modulus
         self._expected: int | None = None
         self._recent: deque[int | None] = deque(maxlen=_READINGS_REMEMBERED)
         self._readings: deque[_Seen] = deque(maxlen=_READINGS_SEARCHED)
 
     def see(self, frame: LogFrame) -> _Seen:
         """Return the next frame; a later one may still tell that it is echoed."""
-        heard = self._heard
-        is_position, is_setpoint = heard.is_position(frame), heard.is_setpoint(frame)
-        seen = _Seen(frame, is_position, is_setpoint, heard.counter(frame) if is_position or is_setpoint else None)
+        classifier = self._classifier
+        is_position, is_setpoint = classifier.is_position(frame), classifier.is_setpoint(frame)
+        seen = _Seen(frame, is_position, is_setpoint, classifier.counter(frame) if is_position or is_setpoint else None)
         if is_position:
             self._recent.append(seen.counter)
             self._readings.append(seen)
-        elif heard.is_command(frame):
-            echo = command_echo(heard, frame)
-            seen.is_own = self._follows(heard.counter(frame), echo)
+        elif classifier.is_command(frame):
+            echo = command_echo(classifier, frame)
+            seen.is_own = self._follows(classifier.counter(frame), echo)
             if seen.is_own:
                 seen.answered = self._answered(echo)
         return seen
@@ -140,9 +140,9 @@ def _in_touch(frame: LogFrame, last_ns: int | None, touch_ns: int, ahead: Iterab
     return False
 
 
-def _taken(heard: Heard, waiting: list[_Seen], command: _Seen) -> dict[int, LogFrame]:
+def _taken(classifier: FrameClassifier, waiting: list[_Seen], command: _Seen) -> dict[int, LogFrame]:
     """Return which of the frames `waiting` the command was made of, by their numbers."""
-    obeyed = heard.echo(command.logged, "setpoint_counter")
+    obeyed = classifier.echo(command.logged, "setpoint_counter")
     candidates = (each for each in waiting if each.is_setpoint and (obeyed is None or each.counter == obeyed))
     newest = max((each.logged.number for each in candidates), default=0)
     taken: dict[int, LogFrame] = {}

@@ -13,7 +13,7 @@ from positioner.wire.messages import CurrentCommand, Mode
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from positioner.replay.run import Outcome
+    from positioner.replay.run import ReplayedCycle
     from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame
 
@@ -29,7 +29,7 @@ _Apart = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One turn in which a command was recorded or computed; None where there was none."""
+    """One cycle in which a command was recorded or computed; None where there was none."""
 
     time_s: float
     setpoint_m: float | None
@@ -44,7 +44,7 @@ class Row:
 
 @dataclass(slots=True)
 class OtherLaw:
-    """Sums up what `take` is shown."""
+    """Sums up what `add` is shown."""
 
     codec: Codec
     both: int = 0
@@ -57,28 +57,28 @@ class OtherLaw:
     _largest: _Apart | None = None
     _last_ns: int | None = None
 
-    def take(self, outcome: Outcome) -> Row | None:
-        """Note one turn, and return it, if a command was recorded or computed in it."""
+    def add(self, replayed: ReplayedCycle) -> Row | None:
+        """Note one cycle, and return it, if a command was recorded or computed in it."""
         if self._last_ns is not None:
-            self.modes[outcome.mode] += outcome.turn.time_ns - self._last_ns
-        self._last_ns = outcome.turn.time_ns
-        for event in outcome.events:
+            self.modes[replayed.mode] += replayed.recorded.time_ns - self._last_ns
+        self._last_ns = replayed.recorded.time_ns
+        for event in replayed.events:
             if isinstance(event, LawFellBack):
                 self.fallbacks[event.why if self._is_kept(event.why) else "for other reasons"] += 1
-        recorded = self._command([logged.frame for logged in outcome.turn.recorded])
-        computed = self._command(outcome.computed)
+        recorded = self._command([logged.frame for logged in replayed.recorded.outbox])
+        computed = self._command(replayed.computed)
         if recorded is None and computed is None:
             return None
-        self._compare(_stamp_ns(outcome) * 1e-9, recorded, computed)
-        closed = next((event for event in outcome.events if isinstance(event, Controlled)), None)
+        self._compare(_stamp_ns(replayed) * 1e-9, recorded, computed)
+        closed = next((event for event in replayed.events if isinstance(event, Controlled)), None)
         return Row(
-            _stamp_ns(outcome) * 1e-9,
+            _stamp_ns(replayed) * 1e-9,
             closed.setpoint_m if closed else None,
             closed.measured_m if closed else None,
             recorded.current_ma if recorded else None,
             computed.current_ma if computed else None,
             recorded.mode if recorded else None,
-            outcome.mode,
+            replayed.mode,
             closed.decision.fallback if closed else "",
             closed.decision.reason if closed else "",
         )
@@ -127,10 +127,10 @@ class OtherLaw:
         return None
 
 
-def _stamp_ns(outcome: Outcome) -> int:
-    """Return the time that the log gives to a turn's frames."""
-    turn = outcome.turn
-    return next((logged.time_ns for logged in (*turn.recorded, *turn.inbox)), turn.time_ns)
+def _stamp_ns(replayed: ReplayedCycle) -> int:
+    """Return the time that the log gives to a cycle's frames."""
+    cycle = replayed.recorded
+    return next((logged.time_ns for logged in (*cycle.outbox, *cycle.inbox)), cycle.time_ns)
 
 
 def _at(apart: _Apart) -> str:

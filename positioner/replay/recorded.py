@@ -25,20 +25,20 @@ NOTE_ID = 0x1FFFFFFF
 """Identifier of a note in the positioner's own record (`positioner.runtime.record`)."""
 _NOTE_BYTES = 8
 MOST_FRAMES = 4096
-"""Frames that a turn takes in at most (a real one: 1024, `positioner.bus.port`), and that are looked ahead in a log."""
+"""Frames of one cycle at most (a real one: 1024, `positioner.bus.port`), and frames that are looked ahead in a log."""
 
 
 @dataclass(frozen=True, slots=True)
-class Turn:
-    """One turn of the positioner's loop: its instant, what it took in, what it sent, and what else it was told."""
+class RecordedCycle:
+    """One cycle of the positioner's loop: its instant, what it took in, what it sent, and what else it was told."""
 
     time_ns: int
     inbox: tuple[LogFrame, ...]
-    recorded: tuple[LogFrame, ...] = ()
+    outbox: tuple[LogFrame, ...] = ()
     notes: tuple[LogFrame, ...] = ()
 
 
-class Heard:
+class FrameClassifier:
     """Tells the frames of one valve apart, by their identifiers."""
 
     def __init__(self, codec: Codec) -> None:
@@ -102,9 +102,9 @@ class Heard:
         return True
 
 
-def command_echo(heard: Heard, logged: LogFrame) -> int | None:
+def command_echo(classifier: FrameClassifier, logged: LogFrame) -> int | None:
     """Return the position counter that a command echoes."""
-    return heard.echo(logged, "position_counter")
+    return classifier.echo(logged, "position_counter")
 
 
 def _address(logged: LogFrame) -> tuple[int, bool]:

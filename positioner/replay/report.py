@@ -7,26 +7,26 @@ from typing import TYPE_CHECKING
 from positioner.replay.compare import Comparison, in_words
 
 if TYPE_CHECKING:
-    from positioner.replay.session import Session
+    from positioner.replay.prepare import PreparedLog
 
 
-def headline(session: Session) -> str:
+def headline(prepared: PreparedLog) -> str:
     """Return what was read, and what is to be known of it, a line each."""
-    log = session.log
-    lines = [f"{log.path}: {session.kind.value}, {log.count} frames, {session.readings} position frames"]
-    lines += [f"{log.path}: {warning}" for warning in session.warnings]
+    log = prepared.log
+    lines = [f"{log.path}: {prepared.kind.value}, {log.count} frames, {prepared.readings} position frames"]
+    lines += [f"{log.path}: {warning}" for warning in prepared.warnings]
     if log.cut:
         lines.append(f"{log.path}: cut at {log.end_s:.6f} s: {log.cut}; what was read counts")
     return "\n".join(lines)
 
 
-def verdict(session: Session, comparison: Comparison) -> str:
+def summary(prepared: PreparedLog, comparison: Comparison) -> str:
     """Return the counts, and the first difference where there is one."""
-    log, lines = session.log, []
-    for name, tally in comparison.tallies.items():
-        told = f"{tally.recorded} recorded, {tally.computed} computed, {tally.equal} equal to the bit"
-        lines.append(f"{name}: {told}{f', {tally.differing} differ' if tally.differing else ''}")
-    if not session.kind.knows_instants:
+    log, lines = prepared.log, []
+    for name, counts in comparison.counters.items():
+        told = f"{counts.recorded} recorded, {counts.computed} computed, {counts.equal} equal to the bit"
+        lines.append(f"{name}: {told}{f', {counts.differing} differ' if counts.differing else ''}")
+    if not prepared.kind.knows_instants:
         lines.append(
             "this log does not tell at which instants the positioner looked: frames that are due by time, such as "
             "its status, are not compared"

@@ -1,4 +1,4 @@
-"""The turns of a log through the very same cycle. Shell, for the law's solver and nothing else."""
+"""The cycles of a log through the very same cycle. Shell, for the law's solver and nothing else."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from positioner.config.schema import Configuration
     from positioner.cycle.events import Event
-    from positioner.replay.recorded import Turn
+    from positioner.replay.recorded import RecordedCycle
     from positioner.valve.stiction import StictionTable
     from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame, Mode
@@ -29,21 +29,21 @@ _NS_PER_US = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
-    """One turn done again: what it was, the frames and events that came of it, and the mode it ended in."""
+class ReplayedCycle:
+    """One cycle done again: what it was, the frames and events that came of it, and the mode it ended in."""
 
-    turn: Turn
+    recorded: RecordedCycle
     computed: tuple[CanFrame, ...]
     events: tuple[Event, ...]
     mode: Mode
 
 
-def replayed(
-    configuration: Configuration, turns: Iterable[Turn], table: StictionTable, *, follows: bool = False
-) -> Iterator[Outcome]:
-    """Yield every turn, done again from `table` on.
+def replay_cycles(
+    configuration: Configuration, cycles: Iterable[RecordedCycle], table: StictionTable, *, follows: bool = False
+) -> Iterator[ReplayedCycle]:
+    """Yield every cycle, done again from `table` on.
 
-    With `follows` the recorded command counts as sent after each turn, whatever was computed: another law then sees
+    With `follows` the recorded command counts as sent after each cycle, whatever was computed: another law then sees
     the valve move under the current that really moved it.
     """
     codec = configuration.make_codec()
@@ -51,20 +51,20 @@ def replayed(
     law = configuration.make_law()
     setup = Setup(codec, configuration.valve, configuration.guard, law, period_s, limits=configuration.limits)
     state = CycleState(table=table)
-    for turn in turns:
-        state, outbox, events = step(setup, state, _told(turn, table_saved=state.table_saved))
+    for cycle in cycles:
+        state, outbox, events = step(setup, state, _told(cycle, table_saved=state.table_saved))
         if follows:
-            state = _followed(codec, state, turn, outbox)
-        yield Outcome(turn, outbox, events, state.guard.mode)
+            state = _followed(codec, state, cycle, outbox)
+        yield ReplayedCycle(cycle, outbox, events, state.guard.mode)
 
 
-def _inbox(turn: Turn, now_ns: int) -> tuple[CanFrame, ...]:
+def _inbox(cycle: RecordedCycle, now_ns: int) -> tuple[CanFrame, ...]:
     """Return the frames that the positioner took in, with their arrival where a note says how long they had waited."""
-    noted = [logged for logged in turn.notes if Note.of(logged.frame.data).kind == KIND_AGE]
+    noted = [logged for logged in cycle.notes if Note.of(logged.frame.data).kind == KIND_AGE]
     if not noted:
-        return tuple(logged.frame for logged in turn.inbox)
+        return tuple(logged.frame for logged in cycle.inbox)
     inbox, age_us = [], 0
-    for logged in sorted((*noted, *turn.inbox), key=lambda each: each.number):
+    for logged in sorted((*noted, *cycle.inbox), key=lambda each: each.number):
         if logged.frame.arbitration_id == NOTE_ID:
             age_us = Note.of(logged.frame.data).value
         else:
@@ -72,11 +72,11 @@ def _inbox(turn: Turn, now_ns: int) -> tuple[CanFrame, ...]:
     return tuple(inbox)
 
 
-def _told(turn: Turn, *, table_saved: bool) -> CycleInput:
+def _told(cycle: RecordedCycle, *, table_saved: bool) -> CycleInput:
     """Return what the cycle was told, the notes' part included; what was said of the table holds until another note."""
-    now_ns = _BEGIN_NS + turn.time_ns
-    told = CycleInput(_inbox(turn, now_ns), now_ns, table_saved=table_saved)
-    for logged in turn.notes:
+    now_ns = _BEGIN_NS + cycle.time_ns
+    told = CycleInput(_inbox(cycle, now_ns), now_ns, table_saved=table_saved)
+    for logged in cycle.notes:
         note = Note.of(logged.frame.data)
         if note.kind < len(TOLD):
             usual = getattr(told, TOLD[note.kind])
@@ -84,9 +84,9 @@ def _told(turn: Turn, *, table_saved: bool) -> CycleInput:
     return told
 
 
-def _followed(codec: Codec, state: CycleState, turn: Turn, outbox: tuple[CanFrame, ...]) -> CycleState:
+def _followed(codec: Codec, state: CycleState, cycle: RecordedCycle, outbox: tuple[CanFrame, ...]) -> CycleState:
     """Return the state as if the recorded command had been sent; one that is equal was, to its last decimal."""
-    recorded = _commanded(codec, [logged.frame for logged in turn.recorded])
+    recorded = _commanded(codec, [logged.frame for logged in cycle.outbox])
     if recorded is None or not state.sent or recorded == _commanded(codec, outbox):
         return state
     current_ma, counter = recorded

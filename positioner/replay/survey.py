@@ -10,7 +10,7 @@ from positioner.replay.recorded import command_echo
 
 if TYPE_CHECKING:
     from positioner.replay.log import LogFrame
-    from positioner.replay.recorded import Heard
+    from positioner.replay.recorded import FrameClassifier
 
 _STAMP_NS = 1000
 
@@ -29,31 +29,31 @@ class LogKind(Enum):
 
 
 class Survey:
-    """What `take` has seen so far: how many readings, and the first of them and of what the positioner sends."""
+    """What `add` has seen so far: how many readings, and the first of them and of what the positioner sends."""
 
-    def __init__(self, heard: Heard, period_ns: int) -> None:
+    def __init__(self, classifier: FrameClassifier, period_ns: int) -> None:
         """Begin with nothing; `period_ns` is the sample period."""
         self.readings = 0
         self.first_reading: LogFrame | None = None
         self.first_besides: LogFrame | None = None
         """The first that a positioner sends besides its commands."""
-        self._heard = heard
+        self._classifier = classifier
         self._sent = False
-        self._samples = _Samples(heard, period_ns)
+        self._samples = _Samples(classifier, period_ns)
 
-    def take(self, frame: LogFrame) -> None:
+    def add(self, frame: LogFrame) -> None:
         """Look at the next frame."""
-        heard = self._heard
-        if not heard.concerns(frame):
+        classifier = self._classifier
+        if not classifier.concerns(frame):
             return
-        is_position = heard.is_position(frame)
-        self._samples.take(frame, is_position=is_position)
+        is_position = classifier.is_position(frame)
+        self._samples.add(frame, is_position=is_position)
         if is_position:
             self.readings += 1
             self.first_reading = self.first_reading or frame
-        elif heard.is_output(frame):
+        elif classifier.is_output(frame):
             self._sent |= frame.sent
-            if not heard.is_command(frame):
+            if not classifier.is_command(frame):
                 self.first_besides = self.first_besides or frame
 
     @property
@@ -67,8 +67,8 @@ class Survey:
 class _Samples:
     """Whether every frame stands at a whole number of periods, and a command at that of its reading."""
 
-    def __init__(self, heard: Heard, period_ns: int) -> None:
-        self._heard = heard
+    def __init__(self, classifier: FrameClassifier, period_ns: int) -> None:
+        self._classifier = classifier
         self._period_ns = period_ns
         self._whole = True
         self._commands = self._answering = 0
@@ -76,7 +76,7 @@ class _Samples:
         self._read: set[int | None] = set()
         self._echoes: Counter[int | None] = Counter()
 
-    def take(self, frame: LogFrame, *, is_position: bool) -> None:
+    def add(self, frame: LogFrame, *, is_position: bool) -> None:
         """Look at the next frame."""
         self._whole = self._whole and abs(frame.time_ns - snapped(frame, self._period_ns)) <= _STAMP_NS
         if not self._whole:
@@ -85,10 +85,10 @@ class _Samples:
             self._close()
             self._time_ns = frame.time_ns
         if is_position:
-            self._read.add(self._heard.counter(frame))
-        elif self._heard.is_command(frame):
+            self._read.add(self._classifier.counter(frame))
+        elif self._classifier.is_command(frame):
             self._commands += 1
-            self._echoes[command_echo(self._heard, frame)] += 1
+            self._echoes[command_echo(self._classifier, frame)] += 1
 
     def in_lockstep(self) -> bool:
         """Return whether it is so for all frames, and for most commands."""

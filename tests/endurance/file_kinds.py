@@ -19,10 +19,10 @@ from positioner.bench import scenario
 from positioner.config.reader import parse_config
 from positioner.errors import ConfigurationError, Problem
 from positioner.inputs.toml_reader import read_text
+from positioner.replay.cycles import cycles_of
 from positioner.replay.log import read_log
-from positioner.replay.recorded import Heard
+from positioner.replay.recorded import FrameClassifier
 from positioner.replay.survey import Survey
-from positioner.replay.turns import turns_of
 from positioner.store import access, database, document, messages
 from positioner.store.messages import Adopt, ImportRequest, Learn
 from positioner.store.table_directory import TABLE, TableDirectory
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[2]
 _NUMBERS = (b"0", b"-1", b"1e999", b"-1e308", b"nan", b"inf", b"9" * 40, b"9" * 5000, b"0x7f", b"1.5", b"\xff", b"\x00")
 _AS_OWNER_EVERY = 500
-_HEARD = Heard(make_codec(WireSettings()))
+_HEARD = FrameClassifier(make_codec(WireSettings()))
 _PERIOD_NS = 1_000_000
 
 
@@ -118,8 +118,8 @@ def _read_log(number: int, data: bytes, folder: Path) -> None:
     path = folder / f"input{_LOG_SUFFIXES[number]}"
     path.write_bytes(data)
     survey = Survey(_HEARD, _PERIOD_NS)
-    log = read_log(path, survey.take)
-    for _ in turns_of(survey.kind, _HEARD, log.frames(), _PERIOD_NS):
+    log = read_log(path, survey.add)
+    for _ in cycles_of(survey.kind, _HEARD, log.frames(), _PERIOD_NS):
         pass
 
 

@@ -44,7 +44,7 @@ directory = "unused"
 _CHILD = """\
 import json, sys, time
 from positioner.cli.main import main
-from positioner.replay.leave import Leaving
+from positioner.replay.output import OutputFolder
 
 def peak_mib():
     # of this programme alone: ru_maxrss would begin with what the process that started it held
@@ -55,7 +55,7 @@ def noted(leaving, title):
     undrawn_mib.append(peak_mib())
     draw(leaving, title)
 
-undrawn_mib, draw, Leaving.draw = [], Leaving.draw, noted
+undrawn_mib, draw, OutputFolder.draw = [], OutputFolder.draw, noted
 status = main(sys.argv[1:])
 print(json.dumps([int(status), *undrawn_mib, peak_mib(), time.process_time()]))
 """

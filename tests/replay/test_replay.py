@@ -10,8 +10,8 @@ import replay_helpers as runs
 
 from positioner.cli.main import main
 from positioner.config.reader import load_config
-from positioner.replay.recorded import INPUTS, Heard
-from positioner.replay.session import prepare
+from positioner.replay.prepare import prepare
+from positioner.replay.recorded import INPUTS, FrameClassifier
 from positioner.replay.survey import LogKind
 from positioner.runtime import daemon
 from positioner.wire import e2e
@@ -168,10 +168,10 @@ def test_readings_that_one_command_answers_were_one_batch(tmp_path: Path, capsys
     at = next(index for index, line in enumerate(lines) if "(1700000000.100" in line and " 100#" in line)
     del lines[at]  # as if the positioner had slept over a reading: from here on it would count otherwise
     log.write_text("\n".join(lines) + "\n", encoding="ascii")
-    session = prepare(log, load_config(config), None)
-    assert session.kind is LogKind.BUS
-    heard = Heard(CODEC)
-    sizes = [sum(heard.is_position(frame) for frame in turn.inbox) for turn in session.turns()]
+    prepared = prepare(log, load_config(config), None)
+    assert prepared.kind is LogKind.BUS
+    classifier = FrameClassifier(CODEC)
+    sizes = [sum(classifier.is_position(frame) for frame in cycle.inbox) for cycle in prepared.cycles()]
     assert sizes == [1] * 100 + [2] + [1] * 198
     assert main(["replay", str(log), "--config", str(config)]) == 1
     assert "299 recorded, 299 computed, 100 equal" in capsys.readouterr().out
@@ -187,10 +187,10 @@ def test_commands_of_another_count_are_another_controller_s(tmp_path: Path) -> N
         stamp = lines[index].split()[0]
         lines.insert(index, f"{stamp} vcan0 100#{foreign}")
     log.write_text("\n".join(lines) + "\n", encoding="ascii")
-    session = prepare(log, load_config(config), None)
-    heard = Heard(CODEC)
-    assert session.commands == 300
-    assert sum(heard.is_command(frame) for turn in session.turns() for frame in turn.inbox) == len(places) == 5
+    prepared = prepare(log, load_config(config), None)
+    classifier = FrameClassifier(CODEC)
+    assert prepared.commands == 300
+    assert sum(classifier.is_command(frame) for cycle in prepared.cycles() for frame in cycle.inbox) == len(places) == 5
 
 
 def test_what_a_replay_takes_in_is_what_the_daemon_listens_to() -> None:

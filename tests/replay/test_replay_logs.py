@@ -18,8 +18,8 @@ import replay_helpers as runs
 
 from positioner.config.reader import load_config
 from positioner.replay.compare import Comparison, Difference, in_words
-from positioner.replay.run import Outcome, replayed
-from positioner.replay.session import Session, prepare
+from positioner.replay.prepare import PreparedLog, prepare
+from positioner.replay.run import ReplayedCycle, replay_cycles
 from positioner.replay.survey import LogKind
 from positioner.wire.messages import CanFrame, Cause, CurrentCommand, Mode, PositionerStatus
 
@@ -55,8 +55,8 @@ class Replayed:
     """A stored log, done again."""
 
     codec: Codec
-    session: Session
-    outcomes: tuple[Outcome, ...]
+    prepared: PreparedLog
+    replayed_cycles: tuple[ReplayedCycle, ...]
 
 
 @pytest.fixture(scope="module", params=tuple(RECORDED))
@@ -74,30 +74,30 @@ def name(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 @pytest.fixture(scope="module")
 def replay(name: str) -> Replayed:
     configuration = load_config(LOGS / f"{name}.toml")
-    session = prepare(LOGS / f"{name}.log.gz", configuration, None)
-    outcomes = tuple(replayed(configuration, session.turns(), session.table))
-    return Replayed(configuration.make_codec(), session, outcomes)
+    prepared = prepare(LOGS / f"{name}.log.gz", configuration, None)
+    replayed_cycles = tuple(replay_cycles(configuration, prepared.cycles(), prepared.table))
+    return Replayed(configuration.make_codec(), prepared, replayed_cycles)
 
 
-def currents(codec: Codec, outcome: Outcome) -> tuple[CurrentCommand | None, CurrentCommand | None]:
-    """Return the recorded and the computed command of a turn."""
+def currents(codec: Codec, replayed: ReplayedCycle) -> tuple[CurrentCommand | None, CurrentCommand | None]:
+    """Return the recorded and the computed command of a cycle."""
 
     def command(frames: tuple[CanFrame, ...]) -> CurrentCommand | None:
         messages = (codec.decode(frame)[0] for frame in frames)
         return next((message for message in messages if isinstance(message, CurrentCommand)), None)
 
-    return command(tuple(logged.frame for logged in outcome.turn.recorded)), command(outcome.computed)
+    return command(tuple(logged.frame for logged in replayed.recorded.outbox)), command(replayed.computed)
 
 
 def differences(replay: Replayed) -> list[tuple[float, Difference]]:
     """Return what differs: by how many mA (infinite where not the current alone does), and what it is."""
     found = []
-    for outcome in replay.outcomes:
+    for replayed in replay.replayed_cycles:
         comparison = Comparison(replay.codec, exact=True)
-        comparison.take(outcome)
+        comparison.add(replayed)
         if comparison.first is None:
             continue
-        recorded, computed = currents(replay.codec, outcome)
+        recorded, computed = currents(replay.codec, replayed)
         apart_ma = float("inf")
         if recorded and computed and comparison.first.name == "CURRENT_COMMAND":
             same = (recorded.mode, recorded.motion, recorded.position_counter, recorded.setpoint_counter) == (
@@ -110,13 +110,13 @@ def differences(replay: Replayed) -> list[tuple[float, Difference]]:
 
 def test_the_positioner_does_what_it_did(name: str, replay: Replayed) -> None:
     apart = differences(replay)
-    allowed = MOST_DIFFERING * replay.session.commands
+    allowed = MOST_DIFFERING * replay.prepared.commands
     if len(apart) <= allowed and all(gap_ma <= FARTHEST_MA for gap_ma, _ in apart):
         return
     gap_ma, first = next(((gap, each) for gap, each in apart if gap > FARTHEST_MA), apart[0])
     how_far = f" by {gap_ma:.3f} mA" if gap_ma < float("inf") else ""
     told = (
-        f"{len(apart)} turns of {name}.log.gz differ ({allowed:g} may, in the current alone, by {FARTHEST_MA} mA)",
+        f"{len(apart)} cycles of {name}.log.gz differ ({allowed:g} may, in the current alone, by {FARTHEST_MA} mA)",
         f"{first.name} at {first.time_ns / 1e9:.6f} s{how_far}:",
         *in_words(replay.codec, first),
         "If this is meant: make accept-logs, and say in the commit why.",
@@ -126,20 +126,20 @@ def test_the_positioner_does_what_it_did(name: str, replay: Replayed) -> None:
 
 def test_a_stored_log_holds_every_command_of_three_seconds(name: str, replay: Replayed) -> None:
     kinds = {"nmpc": LogKind.LOCKSTEP, "paper": LogKind.LOCKSTEP, "faults": LogKind.RECORD}
-    assert replay.session.kind is kinds[name]
-    assert not replay.session.log.cut
-    assert 2800 <= replay.session.commands <= 3000
+    assert replay.prepared.kind is kinds[name]
+    assert not replay.prepared.log.cut
+    assert 2800 <= replay.prepared.commands <= 3000
     assert (LOGS / f"{name}.log.gz").stat().st_size < 120_000
 
 
 def test_the_log_of_faults_met_every_mode_and_cause() -> None:
     configuration = load_config(LOGS / "faults.toml")
     codec = configuration.make_codec()
-    session = prepare(LOGS / "faults.log.gz", configuration, None)
+    prepared = prepare(LOGS / "faults.log.gz", configuration, None)
     modes: Counter[Mode] = Counter()
     causes: set[Cause] = set()
     saved: set[bool] = set()
-    for logged in (logged for turn in session.turns() for logged in turn.recorded):
+    for logged in (logged for cycle in prepared.cycles() for logged in cycle.outbox):
         message, _ = codec.decode(logged.frame)
         if isinstance(message, CurrentCommand):
             modes[message.mode] += 1

@@ -15,14 +15,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from positioner.cycle.events import LawFellBack
+from positioner.replay.cycles import cycles_of
 from positioner.replay.envelope import MOST_STRETCHES, Envelope
-from positioner.replay.leave import Leaving
 from positioner.replay.log import LogError, LogFrame, read_log
 from positioner.replay.other import OtherLaw, Row
-from positioner.replay.recorded import MOST_FRAMES, NOTE_ID, Heard, Turn
-from positioner.replay.run import Outcome
+from positioner.replay.output import OutputFolder
+from positioner.replay.recorded import MOST_FRAMES, NOTE_ID, FrameClassifier, RecordedCycle
+from positioner.replay.run import ReplayedCycle
 from positioner.replay.survey import LogKind, Survey
-from positioner.replay.turns import turns_of
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import CanFrame, CurrentCommand, Mode, Setpoint, StemPosition
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 CODEC = make_codec()
-HEARD = Heard(CODEC)
+CLASSIFIER = FrameClassifier(CODEC)
 PERIOD_NS = 1_000_000
 MOST_GROWTH_MIB = 4.0
 MOST_MIB = 256.0
@@ -65,22 +65,22 @@ class Source:
 
 
 @pytest.mark.parametrize("kind", list(LogKind))
-def test_the_turns_follow_the_frames_at_a_bounded_distance(kind: LogKind) -> None:
+def test_the_cycles_follow_the_frames_at_a_bounded_distance(kind: LogKind) -> None:
     source, taken = Source(), 0
     frames = (frame for number in range(MOST_FRAMES) for frame in source.sample(number))
-    for turn in turns_of(kind, HEARD, frames, PERIOD_NS):
-        taken += len(turn.inbox) + len(turn.recorded)
+    for cycle in cycles_of(kind, CLASSIFIER, frames, PERIOD_NS):
+        taken += len(cycle.inbox) + len(cycle.outbox)
         assert source.given - taken <= MOST_FRAMES + 2
     assert source.given == 2 * MOST_FRAMES
-    assert taken in {source.given, source.given // 2}  # what nobody sent and no positioner hears is in no turn
+    assert taken in {source.given, source.given // 2}  # what nobody sent and no positioner hears is in no cycle
 
 
 @pytest.mark.parametrize("kind", [LogKind.RECORD, LogKind.LOCKSTEP])
-def test_frames_of_one_instant_without_end_are_many_turns(kind: LogKind) -> None:
+def test_frames_of_one_instant_without_end_are_many_cycles(kind: LogKind) -> None:
     source = Source()
     setpoint = CODEC.encode(Setpoint(0.08), 0)
-    turns = turns_of(kind, HEARD, (source.frame(0, setpoint) for _ in range(3 * MOST_FRAMES)), PERIOD_NS)
-    assert [len(turn.inbox) for turn in turns] == [MOST_FRAMES] * 3
+    cycles = cycles_of(kind, CLASSIFIER, (source.frame(0, setpoint) for _ in range(3 * MOST_FRAMES)), PERIOD_NS)
+    assert [len(cycle.inbox) for cycle in cycles] == [MOST_FRAMES] * 3
 
 
 def setpoints(source: Source, count: int) -> Iterator[LogFrame]:
@@ -90,11 +90,11 @@ def setpoints(source: Source, count: int) -> Iterator[LogFrame]:
 def test_of_a_host_that_speaks_alone_everything_counts_until_the_positioner_has_spoken() -> None:
     source, many = Source(), 2 * MOST_FRAMES + 5
     before = [*setpoints(source, many), *source.sample(0, many - 1)]
-    sizes = [len(turn.inbox) for turn in turns_of(LogKind.BUS, HEARD, before, PERIOD_NS)]
+    sizes = [len(cycle.inbox) for cycle in cycles_of(LogKind.BUS, CLASSIFIER, before, PERIOD_NS)]
     assert sizes == [MOST_FRAMES, MOST_FRAMES, 6]
     source = Source()
     after = [*source.sample(0), *setpoints(source, many), *source.sample(1, many - 1)]
-    first, last = turns_of(LogKind.BUS, HEARD, after, PERIOD_NS)
+    first, last = cycles_of(LogKind.BUS, CLASSIFIER, after, PERIOD_NS)
     assert len(first.inbox) == 1
     assert MOST_FRAMES // 2 < len(last.inbox) <= MOST_FRAMES
     assert last.inbox[-1].number == len(after) - 1
@@ -119,24 +119,24 @@ def logs(draw: st.DrawFn) -> list[LogFrame]:
 
 
 @given(log=logs())
-def test_whatever_is_lost_or_doubled_no_frame_is_in_two_turns_and_none_answers_what_came_later(
+def test_whatever_is_lost_or_doubled_no_frame_is_in_two_cycles_and_none_answers_what_came_later(
     log: list[LogFrame],
 ) -> None:
-    turns = list(turns_of(LogKind.BUS, HEARD, log, PERIOD_NS))
-    inputs = [frame.number for turn in turns for frame in turn.inbox]
+    cycles = list(cycles_of(LogKind.BUS, CLASSIFIER, log, PERIOD_NS))
+    inputs = [frame.number for cycle in cycles for frame in cycle.inbox]
     assert len(set(inputs)) == len(inputs)
-    closing = [frame.number for turn in turns for frame in turn.recorded]
+    closing = [frame.number for cycle in cycles for frame in cycle.outbox]
     assert closing == sorted(set(closing))
     assert not set(inputs) & set(closing)
-    for turn in turns:
-        assert [frame.number for frame in turn.inbox] == sorted(frame.number for frame in turn.inbox)
-        assert all(frame.number < command.number for frame in turn.inbox for command in turn.recorded)
+    for cycle in cycles:
+        assert [frame.number for frame in cycle.inbox] == sorted(frame.number for frame in cycle.inbox)
+        assert all(frame.number < command.number for frame in cycle.inbox for command in cycle.outbox)
 
 
 def survey_of(frames: Iterable[LogFrame]) -> Survey:
-    survey = Survey(HEARD, PERIOD_NS)
+    survey = Survey(CLASSIFIER, PERIOD_NS)
     for frame in frames:
-        survey.take(frame)
+        survey.add(frame)
     return survey
 
 
@@ -146,16 +146,18 @@ def test_a_first_pass_tells_the_kind_of_log() -> None:
     assert survey_of(lockstep).kind is LogKind.LOCKSTEP
     assert survey_of(lockstep[::2]).kind is LogKind.BUS
     assert survey_of([replace(frame, time_ns=frame.time_ns + 9000) for frame in lockstep]).kind is LogKind.BUS
-    late = [replace(frame, time_ns=frame.time_ns + PERIOD_NS * HEARD.is_command(frame)) for frame in lockstep]
+    late = [replace(frame, time_ns=frame.time_ns + PERIOD_NS * CLASSIFIER.is_command(frame)) for frame in lockstep]
     assert survey_of(late).kind is LogKind.BUS
     assert survey_of([*lockstep[:-1], replace(lockstep[-1], sent=True)]).kind is LogKind.RECORD
-    assert survey_of([replace(frame, sent=HEARD.is_position(frame)) for frame in lockstep]).kind is LogKind.LOCKSTEP
+    assert (
+        survey_of([replace(frame, sent=CLASSIFIER.is_position(frame)) for frame in lockstep]).kind is LogKind.LOCKSTEP
+    )
 
 
 def test_a_note_of_another_length_is_none() -> None:
     whole = CanFrame(NOTE_ID, bytes(8), is_extended=True)
-    assert HEARD.concerns(LogFrame(1, 0, whole, sent=True))
-    assert not HEARD.concerns(LogFrame(1, 0, replace(whole, data=b""), sent=True))
+    assert CLASSIFIER.concerns(LogFrame(1, 0, whole, sent=True))
+    assert not CLASSIFIER.concerns(LogFrame(1, 0, replace(whole, data=b""), sent=True))
 
 
 def test_a_log_that_loses_its_end_between_two_passes_is_told(tmp_path: Path) -> None:
@@ -191,10 +193,10 @@ def test_a_long_curve_keeps_its_peaks_in_a_bounded_number_of_points(samples: int
 
 def test_every_row_of_a_long_trace_is_written(tmp_path: Path) -> None:
     row = Row(0.0, 0.08, 0.081, 12.0, None, Mode.ACTIVE, Mode.HOLD, "", "a, b")
-    with Leaving(tmp_path) as leaving:
+    with OutputFolder(tmp_path) as output:
         for number in range(MOST_STRETCHES + 1000):
-            leaving.take(replace(row, time_s=number * 1e-3))
-    leaving.draw("long")
+            output.add(replace(row, time_s=number * 1e-3))
+    output.draw("long")
     lines = (tmp_path / "trace.csv").read_text(encoding="utf-8").splitlines()
     assert lines[-1] == f"{(MOST_STRETCHES + 999) * 1e-3:.6f},0.08000000,0.08100000,12.00000000,,2,3,,a; b"
     assert len(lines) == MOST_STRETCHES + 1001
@@ -204,7 +206,7 @@ def test_every_row_of_a_long_trace_is_written(tmp_path: Path) -> None:
 def test_fallbacks_of_ever_new_reasons_are_counted_and_not_all_remembered() -> None:
     other = OtherLaw(CODEC)
     for number in range(5000):
-        other.take(Outcome(Turn(number, ()), (), (LawFellBack(f"gap of {number} mm"),), Mode.ACTIVE))
+        other.add(ReplayedCycle(RecordedCycle(number, ()), (), (LawFellBack(f"gap of {number} mm"),), Mode.ACTIVE))
     told = other.in_words().splitlines()
     assert "fallbacks: 5000" in told
     assert len(other.fallbacks) <= 1001

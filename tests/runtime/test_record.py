@@ -24,10 +24,10 @@ from positioner.cycle.input import CycleInput
 from positioner.guard.state import GuardState
 from positioner.machine.journal import logger
 from positioner.replay import recorded
+from positioner.replay.cycles import cycles_of
 from positioner.replay.log import read_log
-from positioner.replay.session import prepare
+from positioner.replay.prepare import prepare
 from positioner.replay.survey import LogKind, Survey
-from positioner.replay.turns import turns_of
 from positioner.runtime.clock import RealClock
 from positioner.runtime.record import NOTE_ID, BusRecorder, Note
 from positioner.runtime.session import RunOptions
@@ -106,13 +106,13 @@ def test_what_comes_in_after_something_was_sent_is_the_next_turn(tmp_path: Path)
     recorder.turn(CycleInput((reading,), 1_000_000), (command,), HELD)
     recorder.turn(CycleInput((setpoint,), 1_000_000), (), HELD)
     recorder.close()
-    heard = recorded.Heard(codec)
+    heard = recorded.FrameClassifier(codec)
     survey = Survey(heard, 1_000_000)
-    log = read_log(tmp_path / "bus.log", survey.take)
+    log = read_log(tmp_path / "bus.log", survey.add)
     assert survey.kind is LogKind.RECORD
-    turns = list(turns_of(survey.kind, heard, log.frames(), 1_000_000))
+    turns = list(cycles_of(survey.kind, heard, log.frames(), 1_000_000))
     assert [[frame.frame.data for frame in turn.inbox] for turn in turns] == [[reading.data], [setpoint.data]]
-    assert [[frame.frame.data for frame in turn.recorded] for turn in turns] == [[command.data], []]
+    assert [[frame.frame.data for frame in turn.outbox] for turn in turns] == [[command.data], []]
 
 
 def test_the_daemon_notes_that_its_last_turn_was_late(

@@ -1,4 +1,4 @@
-"""What a replay starts from: the log, its turns, the configuration and the table. Shell."""
+"""What a replay starts from: the log, its cycles, the configuration and the table. Shell."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from positioner.errors import StateError
+from positioner.replay.cycles import cycles_of
 from positioner.replay.log import BusLog, LogError, LogFrame, read_log
-from positioner.replay.recorded import Heard, Turn
+from positioner.replay.recorded import FrameClassifier, RecordedCycle
 from positioner.replay.survey import LogKind, Survey
-from positioner.replay.turns import turns_of
 from positioner.runtime.record import KIND_TABLE, Note
 from positioner.store import access
 from positioner.valve.stiction import StictionTable
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Session:
+class PreparedLog:
     """A log that is ready to be done again; its frames stay in the file."""
 
     log: BusLog
-    heard: Heard
+    classifier: FrameClassifier
     period_ns: int
     kind: LogKind
-    turn_count: int
+    cycle_count: int
     readings: int
     commands: int
     table: StictionTable
@@ -39,55 +39,55 @@ class Session:
     late: str = ""
     """How the log shows that the positioner had been at work before it; empty where it begins in time."""
 
-    def turns(self) -> Iterator[Turn]:
-        """Yield the turns, read from the file anew."""
-        return turns_of(self.kind, self.heard, self.log.frames(), self.period_ns)
+    def cycles(self) -> Iterator[RecordedCycle]:
+        """Yield the cycles, read from the file anew."""
+        return cycles_of(self.kind, self.classifier, self.log.frames(), self.period_ns)
 
 
-def prepare(path: Path, configuration: Configuration, state: Path | None) -> Session:
-    """Return the session of the log in `path`, starting from the table in `state`, which is only read.
+def prepare(path: Path, configuration: Configuration, state: Path | None) -> PreparedLog:
+    """Return the log in `path`, ready to be replayed, starting from the table in `state`, which is only read.
 
     Raises:
         LogError: the log cannot be read, or holds no position frame of this valve.
         StateError: the table cannot be read, or is another valve's.
     """
-    heard = Heard(configuration.make_codec())
+    classifier = FrameClassifier(configuration.make_codec())
     period_ns = round(configuration.control.sample_period_s * 1e9)
-    survey = Survey(heard, period_ns)
-    log = read_log(path, survey.take)
+    survey = Survey(classifier, period_ns)
+    log = read_log(path, survey.add)
     if not survey.readings:
         raise LogError(
             f"{path}: holds {log.count} frames, and no position frame among them: is it another valve's, or does "
             "[wire] describe other frames?"
         )
     table = _table(configuration, state)
-    turn_count = commands = 0
+    cycle_count = commands = 0
     first: LogFrame | None = None
     replaced: LogFrame | None = None
-    turns = turns_of(survey.kind, heard, log.frames(), period_ns)
-    for turn in tqdm(turns, "sorting", unit=" turns", delay=1.0, leave=False, disable=None):
-        turn_count += 1
-        for frame in turn.recorded:
-            if heard.is_command(frame):
+    cycles = cycles_of(survey.kind, classifier, log.frames(), period_ns)
+    for cycle in tqdm(cycles, "sorting", unit=" cycles", delay=1.0, leave=False, disable=None):
+        cycle_count += 1
+        for frame in cycle.outbox:
+            if classifier.is_command(frame):
                 commands += 1
                 first = first or frame
-        replaced = replaced or next((frame for frame in turn.notes if _is_of_a_table(frame)), None)
-    late = _late(heard, survey, first) if first else ""
+        replaced = replaced or next((frame for frame in cycle.notes if _is_of_a_table(frame)), None)
+    late = _late(classifier, survey, first) if first else ""
     warnings = [f"starts late: {late}"] if late else []
     if replaced:
         told = f"the stiction table was replaced at {log.instant_s(replaced):.6f} s"
         warnings.insert(0, f"{told}, and the log cannot tell by what: differences may follow")
-    return Session(
-        log, heard, period_ns, survey.kind, turn_count, survey.readings, commands, table, tuple(warnings), late
+    return PreparedLog(
+        log, classifier, period_ns, survey.kind, cycle_count, survey.readings, commands, table, tuple(warnings), late
     )
 
 
-def _late(heard: Heard, survey: Survey, command: LogFrame) -> str:
+def _late(classifier: FrameClassifier, survey: Survey, command: LogFrame) -> str:
     """Return how the frames tell that the positioner had spoken before them; its counters begin at 0."""
     if survey.first_reading and command.number < survey.first_reading.number:
         return f"a command, frame {command.number}, stands before the first position frame"
     for first in (command, survey.first_besides):
-        if first is not None and (counter := heard.counter(first)):
+        if first is not None and (counter := classifier.counter(first)):
             return f"frame {first.number} has the counter {counter}, and a positioner begins with 0"
     return ""
 

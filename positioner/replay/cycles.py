@@ -1,4 +1,4 @@
-"""From a log to the turns of the positioner that it shows: what each took in, at which instant, and what it sent.
+"""From a log to the cycles of the positioner that it shows: what each took in, at which instant, and what it sent.
 
 Three kinds of log tell this in three ways (DESIGN.md, "Replay"). The positioner's own record says it outright. In the
 log of a lockstep bench, all frames of a sample carry the sample's time. On any other log, the counters that a command
@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from positioner.replay.echoes import bus_turns
-from positioner.replay.recorded import MOST_FRAMES, NOTE_ID, Heard, Turn
+from positioner.replay.echoes import bus_cycles
+from positioner.replay.recorded import MOST_FRAMES, NOTE_ID, FrameClassifier, RecordedCycle
 from positioner.replay.survey import LogKind, snapped
 
 if TYPE_CHECKING:
@@ -19,25 +19,27 @@ if TYPE_CHECKING:
     from positioner.replay.log import LogFrame
 
 
-def turns_of(kind: LogKind, heard: Heard, frames: Iterable[LogFrame], period_ns: int) -> Iterator[Turn]:
-    """Yield the turns in the frames of a log of this kind; `period_ns` is the sample period."""
-    concerning = (frame for frame in frames if heard.concerns(frame))
+def cycles_of(
+    kind: LogKind, classifier: FrameClassifier, frames: Iterable[LogFrame], period_ns: int
+) -> Iterator[RecordedCycle]:
+    """Yield the cycles in the frames of a log of this kind; `period_ns` is the sample period."""
+    concerning = (frame for frame in frames if classifier.concerns(frame))
     match kind:
         case LogKind.RECORD:
-            return _recorded_turns(heard, concerning)
+            return _recorded_cycles(classifier, concerning)
         case LogKind.LOCKSTEP:
-            return _lockstep_turns(heard, concerning, period_ns)
+            return _lockstep_cycles(classifier, concerning, period_ns)
         case LogKind.BUS:
-            return bus_turns(heard, concerning, period_ns)
+            return bus_cycles(classifier, concerning, period_ns)
 
 
-def _recorded_turns(heard: Heard, frames: Iterable[LogFrame]) -> Iterator[Turn]:
+def _recorded_cycles(classifier: FrameClassifier, frames: Iterable[LogFrame]) -> Iterator[RecordedCycle]:
     """Yield the runs of one instant; what comes in after something was sent begins the next."""
 
     def begins(run: list[LogFrame], frame: LogFrame) -> bool:
         return frame.time_ns != run[0].time_ns or (_is_sent(run[-1]) and not _is_sent(frame))
 
-    return (_recorded_turn(heard, run) for run in _runs(frames, begins))
+    return (_recorded_cycle(classifier, run) for run in _runs(frames, begins))
 
 
 def _runs(
@@ -58,26 +60,28 @@ def _is_sent(frame: LogFrame) -> bool:
     return frame.sent and frame.frame.arbitration_id != NOTE_ID
 
 
-def _recorded_turn(heard: Heard, frames: Sequence[LogFrame]) -> Turn:
+def _recorded_cycle(classifier: FrameClassifier, frames: Sequence[LogFrame]) -> RecordedCycle:
     notes = tuple(frame for frame in frames if frame.frame.arbitration_id == NOTE_ID)
     others = [frame for frame in frames if frame.frame.arbitration_id != NOTE_ID]
-    return Turn(
+    return RecordedCycle(
         frames[0].time_ns,
-        tuple(frame for frame in others if not frame.sent and heard.is_input(frame)),
+        tuple(frame for frame in others if not frame.sent and classifier.is_input(frame)),
         tuple(frame for frame in others if frame.sent),
         notes,
     )
 
 
-def _lockstep_turns(heard: Heard, frames: Iterable[LogFrame], period_ns: int) -> Iterator[Turn]:
+def _lockstep_cycles(
+    classifier: FrameClassifier, frames: Iterable[LogFrame], period_ns: int
+) -> Iterator[RecordedCycle]:
     def begins(run: list[LogFrame], frame: LogFrame) -> bool:
         return snapped(frame, period_ns) != snapped(run[0], period_ns)
 
     for together in _runs(frames, begins):
-        commands = [frame for frame in together if heard.is_command(frame)]
+        commands = [frame for frame in together if classifier.is_command(frame)]
         own = {frame.number for frame in commands[-1:]}
-        own |= {frame.number for frame in together if heard.is_output(frame) and not heard.is_command(frame)}
+        own |= {frame.number for frame in together if classifier.is_output(frame) and not classifier.is_command(frame)}
         inbox = tuple(frame for frame in together if frame.number not in own)
         # the daemon's clock in lockstep: the first reading makes the first period pass
         time_ns = snapped(together[0], period_ns) + period_ns
-        yield Turn(time_ns, inbox, tuple(frame for frame in together if frame.number in own))
+        yield RecordedCycle(time_ns, inbox, tuple(frame for frame in together if frame.number in own))

@@ -30,7 +30,7 @@ _CURVES = ("setpoint_m", "measured_m", "recorded_ma", "computed_ma")
 _RECORDED, _COMPUTED, _SETPOINT, _MEASURED = "#0072B2", "#D55E00", "#009E73", "#8A8A8A"
 
 
-class Leaving:
+class OutputFolder:
     """Both files of a folder: a context within which `trace.csv` is written row by row."""
 
     def __init__(self, folder: Path) -> None:
@@ -54,7 +54,7 @@ class Leaving:
         with self._told():
             self._trace.close()
 
-    def take(self, row: Row) -> None:
+    def add(self, row: Row) -> None:
         """Append one row.
 
         Raises:

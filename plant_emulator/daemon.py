@@ -56,7 +56,7 @@ class EmulatorDaemon:
         self._stopping = False
         identifiers = [codec.identifier(kind) for kind in (CurrentCommand, Setpoint)]
         self._log = LineSink.of(sys.stderr)
-        self._bus = BusPort(options.bus, identifiers, self._say)
+        self._bus = BusPort(options.bus, identifiers, lambda event: self._say(str(event)))
         self._notifier = Notifier()
         self._state = initial_device(settings, options.seed)
         self._told = ""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import can
 
 from positioner.bus.arrivals import Arrivals
+from positioner.bus.events import BusBack, BusDown, BusNotOpened, NoFrame, Overrun, SendFailed
 from positioner.bus.opening import REFUSALS, descriptor_of, dropped_frames, mend, open_bus, refusal
 from positioner.bus.ports import Ports
 from positioner.errors import BusError, BusUnusableError
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from positioner.bus.address import BusAddress
+    from positioner.bus.events import BusEvent
 
 _MOST_FRAMES_PER_BATCH = 1024
 _REOPEN_EVERY_S = 0.5
@@ -36,7 +38,7 @@ class BusPort:
         self,
         address: BusAddress,
         identifiers: Iterable[tuple[int, bool]] = (),
-        report: Callable[[str], None] = lambda _line: None,
+        report: Callable[[BusEvent], None] = lambda _event: None,
         ports: Ports | None = None,
     ) -> None:
         """Prepare the port; `identifiers` (with their extended flag) are all it will receive, none means everything."""
@@ -49,12 +51,10 @@ class BusPort:
         self._bus: can.BusABC | None = None
         self._descriptor: int | None = None
         self._was_open = False
-        self._complaint = ""
+        self._trouble: BusEvent | None = None
         self._next_try_s = 0.0
         self._echoes: deque[tuple[int, bytes]] = deque(maxlen=64)
-        self._dropped = 0
-        self.send_failures = 0
-        self.overruns = 0
+        self._dropped = self._overruns = 0
 
     @property
     def is_open(self) -> bool:
@@ -81,9 +81,9 @@ class BusPort:
         self._was_open = True
         self._arrivals.reopened(self._time.instant())
         self._dropped = 0
-        if self._complaint:
-            self._report(f"bus {self.address} is there again")
-            self._complaint = ""
+        if self._trouble:
+            self._report(BusBack(self.address))
+            self._trouble = None
 
     def receive(self, timeout_s: float) -> tuple[CanFrame, ...]:
         """Return what has arrived, oldest first, after waiting up to `timeout_s` for the first frame.
@@ -116,7 +116,7 @@ class BusPort:
                     frames.append(frame)
             self._count_overruns()
         except (can.CanError, OSError) as error:
-            self._lose(f"bus {self.address} is down: {error}; {mend(self.address)}")
+            self._lose(f"{error}; {mend(self.address)}")
 
     def send(self, frame: CanFrame, deadline_ns: float | None = None) -> bool:
         """Send `frame`; False when the bus did not take it, or when the monotonic `deadline_ns` has passed."""
@@ -133,10 +133,9 @@ class BusPort:
         try:
             self._bus.send(message, timeout=_SEND_TIMEOUT_S if not self.address.is_embedded else None)
         except (can.CanError, OSError) as error:
-            self.send_failures += 1
-            self._complain(f"bus {self.address} did not take a frame: {error}; {mend(self.address)}")
+            self._report_once(SendFailed(self.address, f"{error}; {mend(self.address)}"))
             return False
-        self._complaint = ""
+        self._trouble = None
         if self.address.is_embedded:
             self._echoes.append((frame.arbitration_id, frame.data))
         return True
@@ -160,16 +159,15 @@ class BusPort:
             if not self.address.is_embedded:
                 raise
             # whatever is no frame on the embedded bus is dropped; the socket itself is sound
-            self._complain(f"bus {self.address}: something that is no CAN frame was dropped ({error})")
+            self._report_once(NoFrame(self.address, str(error)))
             return can.Message(is_error_frame=True)
 
     def _count_overruns(self) -> None:
         dropped = dropped_frames(self._bus)
         if dropped > self._dropped:
-            self.overruns += dropped - self._dropped
+            self._overruns += dropped - self._dropped
             self._dropped = dropped
-            told = f"bus {self.address}: the receive queue was full, {self.overruns} frame(s) lost so far"
-            self._report(f"{told}; this process gets too little of the processor, or the bus carries too much")
+            self._report(Overrun(self.address, self._overruns))
 
     def _is_echo(self, frame: CanFrame) -> bool:
         """Return whether `frame` is our own: UDP multicast hands a sender its own frames, in the order it sent them."""
@@ -191,19 +189,20 @@ class BusPort:
         except BusError as error:
             if isinstance(error, BusUnusableError) and not self._was_open:
                 raise
-            self._complain(str(error))
+            self._report_once(BusNotOpened(str(error)))
         return self._bus is not None
 
-    def _lose(self, complaint: str) -> None:
+    def _lose(self, reason: str) -> None:
         self.close()
         self._echoes.clear()
         self._next_try_s = self._time.monotonic_s() + _REOPEN_EVERY_S
-        self._complain(complaint)
+        self._report_once(BusDown(self.address, reason))
 
-    def _complain(self, complaint: str) -> None:
-        if complaint != self._complaint:
-            self._complaint = complaint
-            self._report(complaint)
+    def _report_once(self, trouble: BusEvent) -> None:
+        """Report what does not work, unless it was the last report."""
+        if trouble != self._trouble:
+            self._trouble = trouble
+            self._report(trouble)
 
 
 def _frame(message: can.Message, received_ns: int) -> CanFrame:

@@ -48,7 +48,8 @@ class Terminal:
         self._stopping = False
         self._session = Session(configuration)
         codec = configuration.make_codec()
-        self._bus = BusPort(configuration.bus, [codec.identifier(kind) for kind in HEARD], self._session.lines.append)
+        identifiers = [codec.identifier(kind) for kind in HEARD]
+        self._bus = BusPort(configuration.bus, identifiers, lambda event: self._session.lines.append(str(event)))
 
     def run(self) -> ExitCode:
         """Run until the verbs are done and nothing is to be kept up, or until SIGTERM, SIGINT or the end of the input.

@@ -22,6 +22,7 @@ from positioner.wire.messages import ActuatorState, CurrentCommand, ManualCurren
 if TYPE_CHECKING:
     from types import FrameType
 
+    from positioner.bus.events import BusEvent
     from positioner.config.schema import Configuration
     from positioner.runtime.session import RunOptions
     from positioner.wire.messages import CanFrame
@@ -137,6 +138,5 @@ class Daemon:
         del number, frame
         self._stopping = True
 
-    def _report(self, line: str) -> None:
-        # told apart by what happened, not by the bus that all lines name first
-        self._announcer.throttle.log(logging.WARNING, line.replace(str(self._bus.address), "")[:16], line)
+    def _report(self, event: BusEvent) -> None:
+        self._announcer.throttle.log(logging.WARNING, type(event).__name__, str(event))

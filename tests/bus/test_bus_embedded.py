@@ -17,12 +17,15 @@ from daemon_helpers import own_address
 from positioner.bus import address as address_module
 from positioner.bus import port as bus_module
 from positioner.bus.address import EMBEDDED_PORT, BusAddress, embedded_address, find_vcan, parse_address
+from positioner.bus.events import BusBack, BusDown, BusNotOpened, NoFrame, SendFailed
 from positioner.bus.port import BusPort
 from positioner.errors import BusError, BusUnusableError, ExitCode
 from positioner.wire.messages import CanFrame
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from positioner.bus.events import BusEvent
 
 PATIENCE_S = 20.0
 QUIET_S = 0.05
@@ -157,8 +160,8 @@ class TestEmbeddedBus(BusContract):
     def test_what_is_no_can_frame_is_dropped_and_the_bus_goes_on(self) -> None:
         address = self.address()
         port, sender = self.port(address), self.port(address)
-        lines: list[str] = []
-        port._report = lines.append
+        events: list[BusEvent] = []
+        port._report = events.append
         family = socket.AF_INET6 if ":" in address.channel else socket.AF_INET
         with socket.socket(family, socket.SOCK_DGRAM) as stranger:
             option = (
@@ -172,8 +175,7 @@ class TestEmbeddedBus(BusContract):
         frames = self.wait_for(port, 2)
         assert frames[-1].data == b"fine"
         assert all(frame.is_error for frame in frames[:-1])
-        assert len(lines) == 1
-        assert "no CAN frame" in lines[0]
+        assert [type(event) for event in events] == [NoFrame]
 
     def test_nothing_leaves_this_machine(self) -> None:
         address = self.address()
@@ -238,15 +240,14 @@ def test_a_bus_that_goes_down_is_a_state_and_is_told_once(monkeypatch: pytest.Mo
     monkeypatch.setattr(bus_module, "open_bus", open_bus)
     monkeypatch.setattr(time, "monotonic", lambda: now_s[0])
     monkeypatch.setattr(time, "sleep", lambda _seconds: None)
-    lines: list[str] = []
-    port = BusPort(BusAddress(channel="can7"), report=lines.append)
+    events: list[BusEvent] = []
+    port = BusPort(BusAddress(channel="can7"), report=events.append)
     assert port.receive(0.0) == ()
     states = [port.is_open, port.send(CanFrame(0x100, b""))]
     opened[-1].down = True
     states.append(port.send(CanFrame(0x100, b"")))
     assert port.receive(0.0) == ()
     assert [*states, port.is_open] == [True, True, False, False]
-    assert port.send_failures == 1
     assert opened[-1].was_shut_down
     for now_s[0] in (100.1, 100.6, 101.2):
         assert port.receive(0.0) == ()
@@ -255,10 +256,12 @@ def test_a_bus_that_goes_down_is_a_state_and_is_told_once(monkeypatch: pytest.Mo
     port.receive(0.0)
     assert port.is_open
     assert len(opened) == 2
-    assert [line.split(":")[0] for line in lines[:1]] == ["bus socketcan"]
+    assert [type(event) for event in events] == [SendFailed, BusDown, BusNotOpened, BusBack]
+    lines = [str(event) for event in events]
+    assert all(line.startswith("bus socketcan:can7 ") for line in lines)
     assert ["did not take a frame" in lines[0], "is down" in lines[1], "cannot be opened" in lines[2]] == [True] * 3
     assert "sudo ip link set can7 up" in lines[1]
-    assert lines[3:] == ["bus socketcan:can7 is there again"]
+    assert lines[3] == "bus socketcan:can7 is there again"
     port.close()
 
 

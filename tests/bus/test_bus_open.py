@@ -17,6 +17,7 @@ from can.interfaces import BACKENDS
 from daemon_helpers import own_address
 
 from positioner.bus.address import BusAddress, embedded_address, parse_address
+from positioner.bus.events import BusBack, BusNotOpened
 from positioner.bus.opening import open_bus
 from positioner.bus.port import BusPort
 from positioner.cli.main import main
@@ -26,6 +27,8 @@ from positioner.wire.messages import CanFrame
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from positioner.bus.events import BusEvent
 
 HOSTILE = "[default]\ninterface = socketcan\nreceive_own_messages = True\nhop_limit = 9\nbitrate = 125000\n"
 
@@ -131,8 +134,8 @@ def test_a_bus_that_was_there_once_is_waited_for_whatever_it_says(
     now_s = [100.0]
     monkeypatch.setattr(time, "monotonic", lambda: now_s[0])
     monkeypatch.setattr(time, "sleep", lambda _seconds: None)
-    lines: list[str] = []
-    port = BusPort(BusAddress(interface="kvaser", channel="0"), report=lines.append)
+    events: list[BusEvent] = []
+    port = BusPort(BusAddress(interface="kvaser", channel="0"), report=events.append)
     port.receive(0.0)
     assert port.is_open
     port.close()
@@ -144,7 +147,10 @@ def test_a_bus_that_was_there_once_is_waited_for_whatever_it_says(
     port.receive(0.0)
     assert port.is_open
     port.close()
-    assert ["being replaced" in lines[0], "there again" in lines[1]] == [True, True]
+    lost, back = events
+    assert isinstance(lost, BusNotOpened)
+    assert "being replaced" in str(lost)
+    assert back == BusBack(port.address)
 
 
 @pytest.fixture

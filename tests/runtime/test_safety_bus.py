@@ -10,11 +10,14 @@ import pytest
 
 from positioner.bus import port as bus_module
 from positioner.bus.address import BusAddress
+from positioner.bus.events import Overrun, SendFailed
 from positioner.bus.port import BusPort
 from positioner.wire.messages import CanFrame
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from positioner.bus.events import BusEvent
 
 WANTED, UNWANTED = 0x110, 0x7DF
 BATCH = 1024
@@ -53,20 +56,20 @@ class Flood:
 
 
 @pytest.fixture
-def wire(monkeypatch: pytest.MonkeyPatch) -> Callable[[Flood], tuple[BusPort, list[str]]]:
+def wire(monkeypatch: pytest.MonkeyPatch) -> Callable[[Flood], tuple[BusPort, list[BusEvent]]]:
     """Return how to put a port on such a bus; the list holds what it reports."""
 
-    def put(flood: Flood) -> tuple[BusPort, list[str]]:
+    def put(flood: Flood) -> tuple[BusPort, list[BusEvent]]:
         monkeypatch.setattr(bus_module, "open_bus", lambda _address, _wanted: flood)
-        lines: list[str] = []
-        return BusPort(BusAddress(channel="can7"), [(WANTED, False)], lines.append), lines
+        events: list[BusEvent] = []
+        return BusPort(BusAddress(channel="can7"), [(WANTED, False)], events.append), events
 
     return put
 
 
 @pytest.mark.parametrize("identifiers", [(WANTED,), (UNWANTED,), (WANTED, UNWANTED)])
 def test_a_flood_is_taken_in_batches_of_at_most_1024_frames_between_which_a_cycle_closes(
-    identifiers: tuple[int, ...], wire: Callable[[Flood], tuple[BusPort, list[str]]]
+    identifiers: tuple[int, ...], wire: Callable[[Flood], tuple[BusPort, list[BusEvent]]]
 ) -> None:
     flood = Flood(identifiers, count=5 * BATCH // 2)
     port, _ = wire(flood)
@@ -81,35 +84,35 @@ def test_a_flood_is_taken_in_batches_of_at_most_1024_frames_between_which_a_cycl
 
 
 def test_a_frame_that_the_bus_does_not_take_is_told_once_and_the_next_one_is_sent(
-    wire: Callable[[Flood], tuple[BusPort, list[str]]],
+    wire: Callable[[Flood], tuple[BusPort, list[BusEvent]]],
 ) -> None:
     flood = Flood()
-    port, lines = wire(flood)
+    port, events = wire(flood)
     port.open()
     flood.full = True
     assert [port.send(CanFrame(0x100, bytes(8))) for _ in range(5)] == [False] * 5
     flood.full = False
     assert port.send(CanFrame(0x101, bytes(8)))
     assert flood.sent == [0x101]
-    assert port.send_failures == 5
     assert port.is_open
-    (line,) = lines
-    assert "did not take a frame: Failed to transmit: No buffer space available" in line
+    (event,) = events
+    assert isinstance(event, SendFailed)
+    assert "did not take a frame: Failed to transmit: No buffer space available" in str(event)
     flood.full = True
     assert not port.send(CanFrame(0x102, bytes(8)))
-    assert len(lines) == 2
+    assert events == [event, event]
 
 
 def test_frames_that_the_receive_queue_dropped_are_counted_and_told(
-    wire: Callable[[Flood], tuple[BusPort, list[str]]], monkeypatch: pytest.MonkeyPatch
+    wire: Callable[[Flood], tuple[BusPort, list[BusEvent]]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    port, lines = wire(Flood())
+    port, events = wire(Flood())
     dropped = iter([0, 3, 3, 5])
     monkeypatch.setattr(bus_module, "dropped_frames", lambda _bus: next(dropped))
-    seen = []
+    reported = []
     for _ in range(4):
         port.receive(0.0)
-        seen.append(port.overruns)
-    assert seen == [0, 3, 3, 5]
-    assert ["3 frame(s) lost so far" in lines[0], "5 frame(s) lost so far" in lines[1]] == [True, True]
-    assert len(lines) == 2
+        reported.append(len(events))
+    assert reported == [0, 1, 1, 2]
+    assert events == [Overrun(port.address, 3), Overrun(port.address, 5)]
+    assert "3 frame(s) lost so far" in str(events[0])

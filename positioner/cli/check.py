@@ -15,7 +15,7 @@ from positioner.errors import ExitCode
 
 if TYPE_CHECKING:
     from positioner.config.schema import Configuration
-    from positioner.valve.model import ValveParameters
+    from positioner.valve.parameters import ValveParameters
 
 _EPILOG = """\
 examples:

@@ -15,7 +15,7 @@ from positioner.laws.registry import LAWS, Ingredients
 from positioner.laws.settings import ControlSettings
 from positioner.optimization.solver import QpSolver
 from positioner.valve.credible import Limits
-from positioner.valve.model import ValveParameters  # noqa: TC001 - pydantic reads this hint at run time
+from positioner.valve.parameters import ValveParameters  # noqa: TC001 - pydantic reads this hint at run time
 from positioner.wire.codec import Codec, make_codec
 from positioner.wire.settings import WireSettings
 

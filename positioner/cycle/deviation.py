@@ -19,7 +19,7 @@ from positioner.wire.messages import Cause
 
 if TYPE_CHECKING:
     from positioner.guard.settings import GuardSettings
-    from positioner.valve.model import ValveParameters
+    from positioner.valve.parameters import ValveParameters
 
 FILTER_S = 0.1
 """Time constant of the mean reading: noise of 2 % of the reading, each draw held for 10 ms, becomes one of 0.3 %."""

@@ -37,7 +37,7 @@ from positioner.wire.window import Sender
 
 if TYPE_CHECKING:
     from positioner.guard.settings import GuardSettings
-    from positioner.valve.model import ValveParameters
+    from positioner.valve.parameters import ValveParameters
     from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame
 

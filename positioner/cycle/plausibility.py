@@ -19,7 +19,7 @@ from positioner.wire.messages import Counted, Quality
 
 if TYPE_CHECKING:
     from positioner.guard.settings import GuardSettings
-    from positioner.valve.model import ValveParameters
+    from positioner.valve.parameters import ValveParameters
     from positioner.wire.messages import StemPosition
 
 JUMPS_BELIEVED = 3

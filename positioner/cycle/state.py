@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from positioner.guard.settings import GuardSettings
     from positioner.laws.law import Law
     from positioner.valve.credible import Limits
-    from positioner.valve.model import ValveParameters
+    from positioner.valve.parameters import ValveParameters
     from positioner.valve.state import StemState
     from positioner.wire.codec import Codec
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from positioner.guard.settings import GuardSettings
-    from positioner.valve.model import ValveParameters
+    from positioner.valve.parameters import ValveParameters
 
 HELP = """\
 arm            let the positioner control the valve; without `set` the stem stays where it is

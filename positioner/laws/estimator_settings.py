@@ -11,7 +11,7 @@ from annotated_types import Interval
 from positioner.inputs.table import SettingsTable
 
 if TYPE_CHECKING:
-    from positioner.valve.model import ValveParameters
+    from positioner.valve.parameters import ValveParameters
 
 _NOISE_FLOOR_M = 1e-6
 

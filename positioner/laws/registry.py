@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from positioner.laws.nmpc.filter import AdaptiveFilter
 from positioner.laws.nmpc.law import NmpcLaw
-from positioner.laws.nmpc.slide import load_of, slider_of
 from positioner.laws.paper.law import PaperLaw
 from positioner.laws.rivals.knocker import Knocker, KnockerMemory
 from positioner.laws.rivals.pi import NoCompensator, PiLaw
 from positioner.laws.rivals.pid import PidController
 from positioner.laws.rivals.reinforcement import Reinforcement
 from positioner.laws.rivals.two_move import TwoMoveLaw
+from positioner.valve.motion import Load, MotionModel
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from positioner.laws.rivals.pid import PidSettings
     from positioner.laws.settings import ControlSettings
     from positioner.optimization.qp import Solver
-    from positioner.valve.model import ValveParameters
+    from positioner.valve.parameters import ValveParameters
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ def _nmpc(parts: Ingredients) -> NmpcLaw:
         valve=valve,
         settings=settings,
         estimator=parts.estimator,
-        filter=AdaptiveFilter(settings.adaptation, slider_of(valve), load_of(valve)),
+        filter=AdaptiveFilter(settings.adaptation, MotionModel.of(valve), Load.of(valve)),
         solver=parts.make_solver(steps.control_steps, steps.control_steps + steps.prediction_steps),
         current_low_ma=parts.guard.current_low_ma,
         current_high_ma=parts.guard.current_high_ma,

@@ -24,7 +24,7 @@ from positioner.valve.stiction import Direction, LearnedSample, Quantity
 from positioner.wire.loop_current import VALUE_HIGH_MA, VALUE_LOW_MA
 
 if TYPE_CHECKING:
-    from positioner.valve.model import ValveParameters
+    from positioner.valve.parameters import ValveParameters
     from positioner.valve.stiction import StictionTable
 
 

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -14,7 +14,7 @@ from positioner.bench.scenario import Scenario, load_scenario, scenario_names
 from positioner.cli.main import main
 from positioner.errors import ConfigurationError, ExitCode
 from positioner.studies.direct import play_directly
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 from positioner.valve.presets import PRESETS
 
 if TYPE_CHECKING:

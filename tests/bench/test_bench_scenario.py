@@ -12,7 +12,7 @@ from plant_emulator.presets import plant_settings
 from positioner.bench.scenario import Scenario, load_scenario, parse_scenario, scenario_names
 from positioner.errors import ConfigurationError, UsageError
 from positioner.inputs.toml_reader import build
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -16,7 +16,7 @@ from positioner.guard.settings import GuardSettings
 from positioner.guard.state import GuardState
 from positioner.guard.supervisor import supervise
 from positioner.laws.settings import ControlSettings
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 from positioner.wire import e2e
 from positioner.wire.codec import make_codec, own_database
 from positioner.wire.messages import CanFrame, CurrentCommand, HostRequest, Setpoint, StemPosition

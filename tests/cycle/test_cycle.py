@@ -19,7 +19,7 @@ from positioner.cycle.trust_events import ActingChanged
 from positioner.guard.settings import GuardSettings
 from positioner.laws.bounds import Bounds
 from positioner.laws.law import Decision, Observation
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 from positioner.valve.state import StemState
 from positioner.valve.stiction import Direction, LearnedSample, Quantity, StictionTable
 from positioner.wire.codec import make_codec

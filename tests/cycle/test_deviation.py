@@ -9,7 +9,7 @@ import pytest
 
 from positioner.cycle.deviation import NO_DEVIATION, Deviation, description, is_reachable, reach_m, watch_error
 from positioner.guard.settings import GuardSettings
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 from positioner.wire.messages import Cause
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from positioner.cycle.frozen import LONGEST_REPEATS, Noise
 from positioner.cycle.plausibility import STOP_BAND_OF_SPAN, Watched, judge
 from positioner.guard.settings import GuardSettings
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 from positioner.wire.messages import Counted, StemPosition
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from positioner.cycle.link import LinkState, Reading, Received
 from positioner.guard.settings import GuardSettings
 from positioner.guard.state import GuardState, Sighting
 from positioner.guard.supervisor import supervise
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 from positioner.wire.codec import make_codec
 from positioner.wire.e2e import protect
 from positioner.wire.formats import Reason

@@ -9,7 +9,7 @@ import pytest
 from positioner.cycle.frozen import Noise
 from positioner.cycle.plausibility import STOP_BAND_OF_SPAN, Doubt, Watched, judge
 from positioner.guard.settings import GuardSettings
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 from positioner.wire.messages import Counted, Quality, StemPosition
 
 VALVE = ValveParameters(id="paper")

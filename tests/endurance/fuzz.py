@@ -30,7 +30,7 @@ from positioner.cycle.inbox import receive
 from positioner.cycle.link import LinkState, Received
 from positioner.cycle.tally import Tally
 from positioner.guard.settings import GuardSettings
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 from positioner.wire.codec import make_codec
 
 if TYPE_CHECKING:

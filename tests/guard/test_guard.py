@@ -23,7 +23,7 @@ from positioner.guard.supervisor import admit, is_feedback_stale, supervise
 from positioner.inputs.toml_reader import build
 from positioner.laws.bounds import Bounds
 from positioner.laws.law import Decision, Observation
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 from positioner.valve.state import StemState
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import (

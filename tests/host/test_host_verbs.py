@@ -8,7 +8,7 @@ from positioner.errors import UsageError
 from positioner.guard.settings import GuardSettings
 from positioner.host.verbs import HELP, Verb, Word, read_verbs
 from positioner.host.words import CAUSES
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 from positioner.wire.messages import Cause
 
 VALVE = ValveParameters(id="paper")

@@ -14,7 +14,7 @@ from plant_emulator import valve as plant
 from plant_emulator.presets import plant_settings
 from positioner.laws.estimator_settings import EstimationMethod, EstimatorSettings, measurement_sigma_m
 from positioner.laws.paper.estimator import _predict, estimate, first_estimate
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 from positioner.valve.state import StemState
 
 VALVE = ValveParameters(id="paper")

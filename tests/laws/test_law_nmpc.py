@@ -26,7 +26,7 @@ from positioner.laws.pushes import MOST_FAILED
 from positioner.laws.registry import LAWS, Ingredients
 from positioner.laws.settings import ControlSettings
 from positioner.optimization.solver import QpSolver
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 from positioner.valve.stiction import Direction, Quantity, StictionTable
 from positioner.wire.messages import Motion
 

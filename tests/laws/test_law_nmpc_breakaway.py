@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from positioner.laws.nmpc.breakaway import BreakawaySettings, breakaway, lesson, recollect
 from positioner.laws.nmpc.filter import AdaptationSettings, AdaptiveFilter, Resting, average
 from positioner.laws.nmpc.landing import Landing, landing_bias_m
-from positioner.laws.nmpc.slide import Load, load_of, slider_of
 from positioner.laws.nmpc.verification import Trial, Watch, WatchSettings, judge, watch
-from positioner.valve.model import ValveParameters
+from positioner.valve.motion import Load, MotionModel
+from positioner.valve.parameters import ValveParameters
 from positioner.valve.stiction import Direction, Quantity, StictionTable
 
 VALVE = ValveParameters(id="paper", bench_set_n=200.0)
-SLIDER = slider_of(VALVE)
-NOMINAL = load_of(VALVE)
-FILTER = AdaptiveFilter(AdaptationSettings(), SLIDER, NOMINAL)
+MODEL = MotionModel.of(VALVE)
+NOMINAL = Load.of(VALVE)
+FILTER = AdaptiveFilter(AdaptationSettings(), MODEL, NOMINAL)
 SIGMAS = FILTER.prior_sigmas()
 SETTINGS = BreakawaySettings()
 RATIO = 1.2
@@ -36,7 +36,7 @@ def taught(spring: float, static_n: float, places: tuple[float, ...], times: int
     for _ in range(times):
         for x in places:
             for s in (1.0, -1.0):
-                one = lesson(SLIDER, table.cell_width_m, x, s, spring, static_n)
+                one = lesson(MODEL, table.cell_width_m, x, s, spring, static_n)
                 table = table.record(one.quantity, one.position_m, one.direction, one.value)
     return table
 
@@ -44,7 +44,7 @@ def taught(spring: float, static_n: float, places: tuple[float, ...], times: int
 @given(st.floats(0.07, 0.09), st.sampled_from((1.0, -1.0)))
 def test_what_the_table_was_taught_anywhere_in_a_cell_holds_everywhere_in_it(x: float, s: float) -> None:
     table = taught(50e3, 1900.0, (0.0713, 0.0762, 0.0787, 0.0834, 0.0871, 0.0889))
-    found = breakaway(SETTINGS, SLIDER, table, x, s, 50e3, 1700.0)
+    found = breakaway(SETTINGS, MODEL, table, x, s, 50e3, 1700.0)
     assert found.samples >= 3
     assert found.source.startswith("the table")
     assert found.current_ma == pytest.approx(gamma_ma(50e3, 1900.0 + SETTINGS.margin * 1700.0, x, s), abs=1e-9)
@@ -60,7 +60,7 @@ def test_a_thin_a_stale_and_a_scattered_cell_leave_it_to_the_model(s: float) -> 
         stale = stale.record(Quantity.STICK_SPEED, 0.01, direction, 0.1)
     scattered = taught(50e3, 1900.0, (0.08,)).record(Quantity.BREAKAWAY_CURRENT, 0.08, direction, 14.0)
     for table in (StictionTable(), thin, stale, scattered):
-        found = breakaway(SETTINGS, SLIDER, table, 0.08, s, 50e3, 1700.0)
+        found = breakaway(SETTINGS, MODEL, table, 0.08, s, 50e3, 1700.0)
         assert found.current_ma == pytest.approx(model)
         assert found.source == "the model"
 
@@ -69,7 +69,7 @@ def test_a_thin_a_stale_and_a_scattered_cell_leave_it_to_the_model(s: float) -> 
 def test_a_restart_remembers_spring_and_friction_from_the_table(spring: float, grip: float) -> None:
     truth = Load(spring * NOMINAL.spring_n_per_m, grip * NOMINAL.friction_n, grip * NOMINAL.viscous_n_s_per_m)
     table = taught(truth.spring_n_per_m, RATIO * truth.friction_n, (0.073, 0.08, 0.087))
-    load, sigmas = recollect(SETTINGS, SLIDER, table, NOMINAL, SIGMAS, RATIO)
+    load, sigmas = recollect(SETTINGS, MODEL, table, NOMINAL, SIGMAS, RATIO)
     assert load == pytest.approx(truth, rel=0.02)
     assert sigmas.spring_n_per_m < 0.15 * SIGMAS.spring_n_per_m
     assert sigmas.friction_n < 0.2 * SIGMAS.friction_n
@@ -86,11 +86,11 @@ def test_a_restart_believes_what_was_learned_last(places: tuple[float, ...], hig
     for x in (0.073, 0.08, 0.087):
         for s in (1.0, -1.0):
             one = lesson(
-                SLIDER, table.cell_width_m, x, s, 0.9 * NOMINAL.spring_n_per_m, 1.05 * RATIO * NOMINAL.friction_n
+                MODEL, table.cell_width_m, x, s, 0.9 * NOMINAL.spring_n_per_m, 1.05 * RATIO * NOMINAL.friction_n
             )
             table = table.record(one.quantity, one.position_m, one.direction, one.value)
     assert table.sequence == 18
-    load, _ = recollect(BreakawaySettings(largest_spread=1.0), SLIDER, table, NOMINAL, SIGMAS, RATIO)
+    load, _ = recollect(BreakawaySettings(largest_spread=1.0), MODEL, table, NOMINAL, SIGMAS, RATIO)
     assert 0.895 < load.spring_n_per_m / NOMINAL.spring_n_per_m < highest
     assert 1.02 < load.friction_n / NOMINAL.friction_n < 1.06
 
@@ -98,7 +98,7 @@ def test_a_restart_believes_what_was_learned_last(places: tuple[float, ...], hig
 def test_an_empty_or_stale_table_remembers_nothing() -> None:
     stale = replace(taught(45e3, 1500.0, (0.08,)), sequence=10_000)
     for table in (StictionTable(), stale):
-        load, sigmas = recollect(SETTINGS, SLIDER, table, NOMINAL, SIGMAS, RATIO)
+        load, sigmas = recollect(SETTINGS, MODEL, table, NOMINAL, SIGMAS, RATIO)
         assert load == pytest.approx(NOMINAL)
         assert sigmas == pytest.approx(SIGMAS)
 
@@ -109,8 +109,8 @@ def test_a_valve_without_friction_remembers_what_its_table_can_tell(friction_n: 
     # 10 N of breakaway force in its table, as a slip that nothing foresaw teaches
     table = taught(NOMINAL.spring_n_per_m, 10.0, (0.073, 0.08, 0.087))
     prior = NOMINAL._replace(friction_n=friction_n)
-    sigmas = AdaptiveFilter(AdaptationSettings(), SLIDER, prior).prior_sigmas()
-    load, sure = recollect(BreakawaySettings(margin=margin), SLIDER, table, prior, sigmas, 1.0)
+    sigmas = AdaptiveFilter(AdaptationSettings(), MODEL, prior).prior_sigmas()
+    load, sure = recollect(BreakawaySettings(margin=margin), MODEL, table, prior, sigmas, 1.0)
     assert all(map(math.isfinite, (*load, *sure)))
     assert load.spring_n_per_m == pytest.approx(NOMINAL.spring_n_per_m, rel=0.01)
     assert 0.0 < sure.spring_n_per_m <= sigmas.spring_n_per_m

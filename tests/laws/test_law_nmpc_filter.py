@@ -10,13 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from positioner.laws.nmpc.filter import AdaptationSettings, AdaptiveFilter, Sliding, average, spread_of
-from positioner.laws.nmpc.slide import Load, load_of, slider_of
-from positioner.valve.model import ValveParameters
+from positioner.valve.motion import Load, MotionModel
+from positioner.valve.parameters import ValveParameters
 
 VALVE = ValveParameters(id="paper")
-NOMINAL = load_of(VALVE)
+NOMINAL = Load.of(VALVE)
 SETTINGS = AdaptationSettings()
-FILTER = AdaptiveFilter(SETTINGS, slider_of(VALVE), NOMINAL)
+FILTER = AdaptiveFilter(SETTINGS, MotionModel.of(VALVE), NOMINAL)
 SIGMA_M = 1.6e-3
 readings = st.lists(st.floats(0.07, 0.09), min_size=1, max_size=40)
 
@@ -66,8 +66,8 @@ def test_a_landing_beside_the_prediction_corrects_the_load_that_moved_it_there(e
     # farther than predicted: a softer spring, less friction; and the other way round
     assert math.copysign(1.0, rest.load.spring_n_per_m - NOMINAL.spring_n_per_m) == -math.copysign(1.0, error_m)
     assert math.copysign(1.0, rest.load.friction_n - NOMINAL.friction_n) == -math.copysign(1.0, error_m)
-    again = FILTER.slider.flow(0.06, 0.0, 18.0, rest.load, 1.0, 4e-3)
-    again = FILTER.slider.flow(again.x, again.v, 9.0, rest.load, 1.0, 1.0)
+    again = FILTER.model.step(0.06, 0.0, 18.0, rest.load, 1.0, 4e-3)
+    again = FILTER.model.step(again.x, again.v, 9.0, rest.load, 1.0, 1.0)
     # the corrected load predicts the landing: within a tenth of the error, what linearisation leaves
     assert again.x == pytest.approx(landed().x + error_m, abs=abs(error_m) / 10.0)
 
@@ -82,8 +82,8 @@ def test_the_covariance_through_a_stop_is_that_of_many_stems() -> None:
     ends = []
     for dk, df, dc in chance.normal(size=(4000, 3)) * sigmas:
         load = Load(NOMINAL.spring_n_per_m + dk, NOMINAL.friction_n + df, NOMINAL.viscous_n_s_per_m + dc)
-        flow = FILTER.slider.flow(0.06, 0.0, 18.0, load, 1.0, 4e-3)
-        ends.append(FILTER.slider.flow(flow.x, flow.v, 9.0, load, 1.0, 1.0).x)
+        end = FILTER.model.step(0.06, 0.0, 18.0, load, 1.0, 4e-3)
+        ends.append(FILTER.model.step(end.x, end.v, 9.0, load, 1.0, 1.0).x)
     known = state.covariance[0, 0]
     # what the filter adds on the way: force noise until the stop
     noise = (SETTINGS.force_noise_n / VALVE.mass_kg * 4e-3) ** 2 * (0.6 / 115.0) ** 2

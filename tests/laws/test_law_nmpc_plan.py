@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from unsolvable import Unsolvable
 
 from positioner.laws.nmpc.plan import ApproachSettings, Course, approach, predict, program
-from positioner.laws.nmpc.slide import STOPPING_TIME_S, Load, load_of, slider_of
 from positioner.optimization.solver import QpSolver
-from positioner.valve.model import ValveParameters
+from positioner.valve.motion import STOPPING_TIME_S, Load, MotionModel
+from positioner.valve.parameters import ValveParameters
 
 VALVE = ValveParameters(id="paper")
-SLIDER = slider_of(VALVE)
+MODEL = MotionModel.of(VALVE)
 SETTINGS = ApproachSettings()
 SOLVER = QpSolver(4, 8)
 PERIODS_S = (1e-4, 1e-3)
@@ -23,9 +23,9 @@ SOFT_MARGIN_M = 2e-6
 
 def course_of(load: Load, s: float, x: float, speed: float, distance: float, *, released: bool = True) -> Course:
     target = x + s * distance
-    middle, friction_ma = SLIDER.current_ma(load.spring_n_per_m * target), load.friction_n / SLIDER.gain_n_per_ma
+    middle, friction_ma = MODEL.current_ma(load.spring_n_per_m * target), load.friction_n / MODEL.gain_n_per_ma
     weakest, strongest = middle - s * 0.8 * friction_ma, 20.0 if s > 0.0 else 4.0
-    gamma = SLIDER.current_ma(load.spring_n_per_m * x) + s * 1.22 * friction_ma
+    gamma = MODEL.current_ma(load.spring_n_per_m * x) + s * 1.22 * friction_ma
     release = weakest if released else gamma
     return Course(x, s * speed, s, target, load, middle - s * 0.3 * friction_ma, weakest, strongest, release)
 
@@ -42,22 +42,22 @@ courses = st.builds(
 
 
 def landing_m(course: Course, first_ma: float, period_s: float) -> float:
-    first = SLIDER.flow(course.x, course.v, first_ma, course.load, course.direction, period_s)
-    return SLIDER.flow(first.x, first.v, course.brake_ma, course.load, course.direction, STOPPING_TIME_S).x
+    first = MODEL.step(course.x, course.v, first_ma, course.load, course.direction, period_s)
+    return MODEL.step(first.x, first.v, course.brake_ma, course.load, course.direction, STOPPING_TIME_S).x
 
 
 @given(courses, st.sampled_from(PERIODS_S))
 def test_inside_the_limits_and_at_every_step_of_the_prediction_still_able_to_stop(
     course: Course, period_s: float
 ) -> None:
-    plan = approach(SETTINGS, SLIDER, SOLVER, course, (course.brake_ma,) * 4, period_s)
+    plan = approach(SETTINGS, MODEL, SOLVER, course, (course.brake_ma,) * 4, period_s)
     assume(plan is not None)
     assert plan is not None
     low, high = sorted((course.weakest_ma, course.strongest_ma))
     assert all(low - 1e-12 <= each <= high + 1e-12 for each in plan.inputs_ma)
     # the exact motion, not the linearised one, under the plan and under full braking, which is what D10 allows
-    line = predict(SETTINGS, SLIDER, course, list(plan.inputs_ma), period_s)
-    braked = predict(SETTINGS, SLIDER, course, [course.release_ma, *(course.weakest_ma,) * 3], period_s)
+    line = predict(SETTINGS, MODEL, course, list(plan.inputs_ma), period_s)
+    braked = predict(SETTINGS, MODEL, course, [course.release_ma, *(course.weakest_ma,) * 3], period_s)
     for stop, least in zip(line.stops, braked.stops, strict=True):
         past_m, least_m = (course.direction * (each - course.target_m) for each in (stop, least))
         # the soft margin is what the tolerance of solver and passes is worth
@@ -66,7 +66,7 @@ def test_inside_the_limits_and_at_every_step_of_the_prediction_still_able_to_sto
 
 @given(courses, st.sampled_from(PERIODS_S))
 def test_the_stem_goes_as_far_as_it_may(course: Course, period_s: float) -> None:
-    plan = approach(SETTINGS, SLIDER, SOLVER, course, (course.brake_ma,) * 4, period_s)
+    plan = approach(SETTINGS, MODEL, SOLVER, course, (course.brake_ma,) * 4, period_s)
     assume(plan is not None)
     assert plan is not None
     short_m = course.direction * (course.target_m - landing_m(course, plan.inputs_ma[0], period_s))
@@ -79,15 +79,15 @@ def test_the_stem_goes_as_far_as_it_may(course: Course, period_s: float) -> None
 @pytest.mark.parametrize("period_s", PERIODS_S)
 def test_a_stuck_stem_gets_no_less_than_its_breakaway_current(s: float, period_s: float) -> None:
     for distance in (1e-5, 1e-4, 1e-3, 1e-2):
-        course = course_of(load_of(VALVE), s, 0.08, 0.0, distance, released=False)
-        plan = approach(SETTINGS, SLIDER, SOLVER, course, (course.brake_ma,) * 4, period_s)
+        course = course_of(Load.of(VALVE), s, 0.08, 0.0, distance, released=False)
+        plan = approach(SETTINGS, MODEL, SOLVER, course, (course.brake_ma,) * 4, period_s)
         assert plan is not None
         assert s * (plan.inputs_ma[0] - course.release_ma) >= 0.0
 
 
 def test_where_braking_is_all_that_is_left_no_programme_is_solved() -> None:
-    course = course_of(load_of(VALVE), 1.0, 0.08, 2.0, 1e-4)
-    plan = approach(SETTINGS, SLIDER, Unsolvable(), course, (course.strongest_ma,) * 4, 1e-3)
+    course = course_of(Load.of(VALVE), 1.0, 0.08, 2.0, 1e-4)
+    plan = approach(SETTINGS, MODEL, Unsolvable(), course, (course.strongest_ma,) * 4, 1e-3)
     assert plan is not None
     assert plan.passes == 0
     assert plan.inputs_ma == (course.weakest_ma,) * 4
@@ -95,19 +95,19 @@ def test_where_braking_is_all_that_is_left_no_programme_is_solved() -> None:
 
 
 def test_no_solution_is_no_plan() -> None:
-    course = course_of(load_of(VALVE), 1.0, 0.08, 0.1, 5e-3)
-    assert approach(SETTINGS, SLIDER, Unsolvable(), course, (course.brake_ma,) * 4, 1e-3) is None
+    course = course_of(Load.of(VALVE), 1.0, 0.08, 0.1, 5e-3)
+    assert approach(SETTINGS, MODEL, Unsolvable(), course, (course.brake_ma,) * 4, 1e-3) is None
 
 
 @pytest.mark.parametrize("s", [1.0, -1.0])
 def test_the_linear_model_is_that_of_the_motion(s: float) -> None:
-    course = course_of(load_of(VALVE), s, 0.08, 0.5, 5e-3)
+    course = course_of(Load.of(VALVE), s, 0.08, 0.5, 5e-3)
     inputs = [course.brake_ma + s * each for each in (3.0, 2.0, 1.0, 0.5)]
-    line = predict(SETTINGS, SLIDER, course, inputs, 1e-3)
+    line = predict(SETTINGS, MODEL, course, inputs, 1e-3)
     for j in range(4):
         nudged = list(inputs)
         nudged[j] += 1e-4
-        other = predict(SETTINGS, SLIDER, course, nudged, 1e-3)
+        other = predict(SETTINGS, MODEL, course, nudged, 1e-3)
         for i in range(4):
             assert (other.positions[i] - line.positions[i]) / 1e-4 == pytest.approx(
                 line.position_rows[i][j], rel=1e-3, abs=1e-9
@@ -118,7 +118,7 @@ def test_the_linear_model_is_that_of_the_motion(s: float) -> None:
 @given(courses, st.sampled_from(PERIODS_S))
 def test_full_braking_solves_every_programme_as_a_last_resort(course: Course, period_s: float) -> None:
     inputs = np.full(4, course.brake_ma)
-    line = predict(SETTINGS, SLIDER, course, inputs.tolist(), period_s)
+    line = predict(SETTINGS, MODEL, course, inputs.tolist(), period_s)
     posed = program(SETTINGS, course, line, inputs)
     braking = posed.A @ np.full(4, course.weakest_ma)
     assert np.all(posed.l <= braking + 1e-9)
@@ -133,7 +133,7 @@ def test_programmes_are_well_scaled_also_far_from_the_target(
     # far away the braking current still drives the stem: where it stops hardly depends on where it is
     course = course_of(load, 1.0, 0.073 - distance, speed, distance)
     inputs = np.array([20.0, 20.0, 15.5, 8.7])
-    posed = program(SETTINGS, course, predict(SETTINGS, SLIDER, course, inputs.tolist(), period_s), inputs)
+    posed = program(SETTINGS, course, predict(SETTINGS, MODEL, course, inputs.tolist(), period_s), inputs)
     assert 0.03 <= np.linalg.eigvalsh(posed.P)[0] < np.linalg.eigvalsh(posed.P)[-1] < 100.0
     assert np.abs(posed.A).max() == 1.0
     assert SOLVER.solve(posed) is not None

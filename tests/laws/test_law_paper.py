@@ -23,7 +23,7 @@ from positioner.laws.paper.planner import PlannerSettings
 from positioner.laws.registry import LAWS, Ingredients
 from positioner.laws.settings import ControlSettings
 from positioner.optimization.solver import QpSolver
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 from positioner.valve.state import StemState
 from positioner.valve.stiction import Direction, Quantity, StictionTable
 from positioner.wire.messages import Motion

@@ -13,7 +13,7 @@ from positioner.cycle.events import MoveBegan
 from positioner.cycle.trust_events import PushFailed
 from positioner.laws.law import Observation
 from positioner.laws.pushes import MOST_FAILED, Pushes
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 from positioner.valve.state import StemState
 from positioner.valve.stiction import Direction, Quantity, StictionTable
 from positioner.wire.messages import Counted

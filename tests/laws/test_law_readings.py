@@ -21,7 +21,7 @@ from positioner.laws.estimator_settings import EstimationMethod, EstimatorSettin
 from positioner.laws.paper.bounds import approach_speed_limit_m_per_s
 from positioner.laws.paper.estimator import estimate, first_estimate
 from positioner.studies.readings import NoiseReading, Reading, UnitReading, read_as, readings
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 from positioner.valve.stiction import Quantity
 
 if TYPE_CHECKING:

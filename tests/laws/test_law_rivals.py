@@ -22,7 +22,7 @@ from positioner.laws.rivals.pi import NoCompensator, PiLaw
 from positioner.laws.rivals.pid import PidController, PidSettings
 from positioner.laws.rivals.reinforcement import Reinforcement, ReinforcementSettings
 from positioner.laws.rivals.two_move import Stage, TwoMoveLaw, TwoMoveRetrySettings, TwoMoveSettings
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 from positioner.valve.stiction import StictionTable
 from positioner.wire.messages import Motion
 

@@ -15,7 +15,7 @@ from positioner.laws.bounds import Bounds
 from positioner.laws.paper.planner import PlannerSettings, condense, free_response, plan, program
 from positioner.optimization.qp import Solution
 from positioner.optimization.solver import QpSolver
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 
 if TYPE_CHECKING:
     from positioner.optimization.qp import QuadraticProgram

@@ -31,7 +31,7 @@ from positioner.studies.reproduce import (
 )
 from positioner.studies.reproduce_page import FIGURE_OF, TITLES
 from positioner.studies.reproduce_table import to_json, to_markdown
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -18,7 +18,7 @@ from positioner.cycle.events import Learned
 from positioner.cycle.trust_events import NotBelieved
 from positioner.laws.registry import LAWS
 from positioner.valve.credible import Limits, sift
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 from positioner.valve.stiction import Cell, CellKey, Direction, LearnedSample, Quantity, StictionTable
 
 if TYPE_CHECKING:

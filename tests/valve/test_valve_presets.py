@@ -13,7 +13,7 @@ from plant_emulator.presets import plant_settings, preset_names, root_preset
 from positioner.cli.main import main
 from positioner.config.reader import parse_config
 from positioner.errors import ConfigurationError, ExitCode
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 from positioner.valve.presets import PRESETS, REQUIRED
 
 

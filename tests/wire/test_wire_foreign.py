@@ -19,7 +19,7 @@ from positioner.cycle.link import LinkState
 from positioner.errors import ConfigurationError, ExitCode
 from positioner.guard.settings import GuardSettings
 from positioner.inputs.toml_reader import parse
-from positioner.valve.model import ValveParameters
+from positioner.valve.parameters import ValveParameters
 from positioner.wire.codec import Codec, make_codec
 from positioner.wire.formats import EncodingError, FrameRejectedError, Reason
 from positioner.wire.messages import (

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Annotated
 from annotated_types import Interval
 
 from positioner.inputs.table import SettingsTable
-from positioner.laws.nmpc.slide import Load
+from positioner.valve.motion import Load
 from positioner.valve.stiction import LearnedSample, Quantity, direction_of
 
 if TYPE_CHECKING:
-    from positioner.laws.nmpc.slide import Slider
+    from positioner.valve.motion import MotionModel
     from positioner.valve.stiction import StictionTable
 
 
@@ -51,7 +51,7 @@ class Breakaway:
 
 def breakaway(
     settings: BreakawaySettings,
-    slider: Slider,
+    model: MotionModel,
     table: StictionTable,
     position_m: float,
     direction: float,
@@ -69,15 +69,15 @@ def breakaway(
         cell is None
         or cell.count < settings.least_count
         or table.age(cell) > settings.largest_age
-        or cell.spread * slider.gain_n_per_ma > settings.largest_spread * static_n
+        or cell.spread * model.gain_n_per_ma > settings.largest_spread * static_n
     ):
-        return Breakaway(slider.current_ma(spring_n_per_m * position_m + direction * static_n + spare_n), 0)
+        return Breakaway(model.current_ma(spring_n_per_m * position_m + direction * static_n + spare_n), 0)
     pushes = (cell.mean + direction * cell.spread, cell.samples[-1])
     centre_m = table.index_of(position_m) * table.cell_width_m
-    least_ma = slider.current_ma(spring_n_per_m * centre_m + direction * _LEAST_OF_MODEL * static_n)
+    least_ma = model.current_ma(spring_n_per_m * centre_m + direction * _LEAST_OF_MODEL * static_n)
     carried_n = spring_n_per_m * (position_m - centre_m) + spare_n
     push_ma = max(*pushes, least_ma) if direction > 0.0 else min(*pushes, least_ma)
-    return Breakaway(push_ma + carried_n / slider.gain_n_per_ma, len(cell.samples))
+    return Breakaway(push_ma + carried_n / model.gain_n_per_ma, len(cell.samples))
 
 
 _LEAST_OF_MODEL = 0.9
@@ -85,11 +85,11 @@ _LEAST_OF_MODEL = 0.9
 
 
 def lesson(
-    slider: Slider, cell_width_m: float, position_m: float, direction: float, spring_n_per_m: float, static_n: float
+    model: MotionModel, cell_width_m: float, position_m: float, direction: float, spring_n_per_m: float, static_n: float
 ) -> LearnedSample:
     """Return the sample for the table: Γ in mA at the centre of the cell that holds `position_m`."""
     centre_m = round(position_m / cell_width_m) * cell_width_m
-    current_ma = slider.current_ma(spring_n_per_m * centre_m + direction * static_n)
+    current_ma = model.current_ma(spring_n_per_m * centre_m + direction * static_n)
     return LearnedSample(Quantity.BREAKAWAY_CURRENT, centre_m, direction_of(direction), current_ma)
 
 
@@ -98,7 +98,7 @@ _SAMPLES_PER_CELL = 4
 
 
 def recollect(
-    settings: BreakawaySettings, slider: Slider, table: StictionTable, prior: Load, sigmas: Load, ratio: float
+    settings: BreakawaySettings, model: MotionModel, table: StictionTable, prior: Load, sigmas: Load, ratio: float
 ) -> tuple[Load, Load]:
     """Return the load and its standard deviations that a table remembers, `prior` and `sigmas` without any cell.
 
@@ -115,7 +115,7 @@ def recollect(
     a, b, c = max(sigmas.spring_n_per_m, _SURE) ** -2, 0.0, max(ratio * sigmas.friction_n, _SURE) ** -2
     d, e = 0.0, 0.0
     for key, cell in table:
-        spread_n = cell.spread * slider.gain_n_per_ma
+        spread_n = cell.spread * model.gain_n_per_ma
         if (
             key.quantity is not Quantity.BREAKAWAY_CURRENT
             or table.age(cell) > settings.largest_age
@@ -123,7 +123,7 @@ def recollect(
         ):
             continue
         x, s = key.index * table.cell_width_m, key.direction.sign
-        error_n = slider.push_n(cell.samples[-1], s, static_n) - prior.spring_n_per_m * x
+        error_n = model.push_n(cell.samples[-1], s, static_n) - prior.spring_n_per_m * x
         samples = min(len(cell.samples), _SAMPLES_PER_CELL) * _FADING ** table.age(cell)
         weight = samples / (sure_n * sure_n)
         a, b, c = a + weight * x * x, b + weight * x * s, c + weight

@@ -1,7 +1,7 @@
 """Position, speed, spring rate and friction of the stem: an extended Kalman filter with the stop inside. Pure.
 
-While the stem slides, the filter has five states: x, v, K, F_c and F_v. Its covariance goes through the flow of
-`slide`, stop and all, so that the error of a landing corrects the load. While the stem rests nothing moves:
+While the stem slides, the filter has five states: x, v, K, F_c and F_v. Its covariance goes through the motion
+model, stop and all, so that the error of a landing corrects the load. While the stem rests nothing moves:
 the filter is a plain average of the position, and the load follows it along the one line that the covariance leaves.
 """
 
@@ -15,12 +15,12 @@ import numpy as np
 from annotated_types import Interval
 
 from positioner.inputs.table import SettingsTable
-from positioner.laws.nmpc.slide import Load
+from positioner.valve.motion import FRICTION, LOAD, POSITION, SPEED, STATES, Load
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from positioner.laws.nmpc.slide import Slider
+    from positioner.valve.motion import MotionModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,9 +47,10 @@ class AdaptationSettings(SettingsTable):
 
 @dataclass(frozen=True, slots=True)
 class Sliding:
-    """The estimate while the stem slides: x (m), v (m/s), the load, and their covariance (5, 5), never written.
+    """The estimate while the stem slides.
 
-    `direction` is that of the move (±1), `stopped` whether friction has ended it.
+    x in m, v in m/s, the load, and their covariance (STATES, STATES), which nothing writes to. `direction` is that of
+    the move (±1), `stopped` whether friction has ended it.
     """
 
     x: float
@@ -90,7 +91,7 @@ class AdaptiveFilter:
     """The filter of one valve: its motion, its nominal load, and what it takes as unknown."""
 
     settings: AdaptationSettings
-    slider: Slider
+    model: MotionModel
     nominal: Load
 
     def at_rest(self, x: float, variance_m2: float, load: Load, sigmas: Load) -> Resting:
@@ -110,29 +111,28 @@ class AdaptiveFilter:
     def depart(self, rest: Resting, direction: float) -> Sliding:
         """Return the estimate at the start of a move: what the average taught, and friction a little less certain."""
         covariance = rest.anchor.covariance.copy()
-        line = covariance[0] / covariance[0, 0]
-        covariance -= np.outer(line, line) * (covariance[0, 0] - rest.variance_m2)
-        covariance[3, 3] += (self.settings.friction_per_move * self.nominal.friction_n) ** 2
+        line = covariance[POSITION] / covariance[POSITION, POSITION]
+        covariance -= np.outer(line, line) * (covariance[POSITION, POSITION] - rest.variance_m2)
+        covariance[FRICTION, FRICTION] += (self.settings.friction_per_move * self.nominal.friction_n) ** 2
         return Sliding(rest.x, 0.0, self._limited(rest.load), covariance, direction)
 
     def advance(self, state: Sliding, current_ma: float, duration_s: float) -> Sliding:
         """Return the prediction after `duration_s` under `current_ma`; a stop inside is part of it."""
         s = state.direction
-        flow = self.slider.flow(state.x, state.v, current_ma, state.load, s, duration_s)
-        transition = np.eye(5)
-        transition[0] = flow.dx_dx, flow.dx_dv, flow.dx_dk, -s * flow.dx_dq, flow.dx_dc
-        transition[1] = flow.dv_dx, flow.dv_dv, flow.dv_dk, -s * flow.dv_dq, flow.dv_dc
-        covariance = transition @ state.covariance @ transition.T
-        if not flow.stopped:
-            covariance[1, 1] += (self.settings.force_noise_n / self.slider.mass_kg * duration_s) ** 2
+        end = self.model.step(state.x, state.v, current_ma, state.load, s, duration_s)
+        jacobian = np.eye(STATES)
+        jacobian[POSITION], jacobian[SPEED] = end.rows(s)
+        covariance = jacobian @ state.covariance @ jacobian.T
+        if not end.stopped:
+            covariance[SPEED, SPEED] += (self.settings.force_noise_n / self.model.mass_kg * duration_s) ** 2
         wander_n = self.settings.friction_per_m * self.nominal.friction_n
-        covariance[3, 3] += wander_n * wander_n * abs(flow.x - state.x)
-        return Sliding(flow.x, flow.v, state.load, covariance, s, flow.stopped)
+        covariance[FRICTION, FRICTION] += wander_n * wander_n * abs(end.x - state.x)
+        return Sliding(end.x, end.v, state.load, covariance, s, end.stopped)
 
     def correct(self, state: Sliding, measured_m: float, variance_m2: float) -> Sliding:
         """Return the estimate after a reading with the variance `variance_m2`; friction forbids a change of sign."""
-        column = state.covariance[:, 0]
-        gain = column / (column[0] + variance_m2)
+        column = state.covariance[:, POSITION]
+        gain = column / (column[POSITION] + variance_m2)
         covariance = state.covariance - np.outer(gain, column)
         dx, dv, *change = (gain * (measured_m - state.x)).tolist()
         load = self._limited(Load(*(old + new for old, new in zip(state.load, change, strict=True))))
@@ -143,9 +143,9 @@ class AdaptiveFilter:
     def rest(self, state: Sliding) -> Resting:
         """Return the estimate of a stem that has come to rest, a little less certain of where."""
         covariance = state.covariance.copy()
-        covariance[1, :] = covariance[:, 1] = 0.0
-        covariance[0, 0] += max(self.settings.landing_noise_m, _SHARPEST_M) ** 2
-        x_x, _, *others = covariance[0].tolist()
+        covariance[SPEED, :] = covariance[:, SPEED] = 0.0
+        covariance[POSITION, POSITION] += max(self.settings.landing_noise_m, _SHARPEST_M) ** 2
+        x_x, _, *others = covariance[POSITION].tolist()
         anchor = Sliding(state.x, 0.0, state.load, covariance, state.direction, True)
         return Resting(state.x, x_x, anchor, Load(*(each / x_x for each in others)))
 
@@ -161,7 +161,7 @@ _SHARPEST_M = 1e-9
 
 def spread_of(rest: Resting) -> Load:
     """Return the standard deviations of the load when the stem came to rest."""
-    return Load(*np.sqrt(rest.anchor.covariance.diagonal()[2:]).tolist())
+    return Load(*np.sqrt(rest.anchor.covariance.diagonal()[LOAD]).tolist())
 
 
 def average(rest: Resting, measured_m: float, variance_m2: float) -> Resting:

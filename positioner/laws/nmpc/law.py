@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from positioner.laws.nmpc.filter import AdaptiveFilter
     from positioner.laws.nmpc.settings import NmpcSettings
     from positioner.optimization.qp import Solver
-    from positioner.valve.model import ValveParameters
+    from positioner.valve.parameters import ValveParameters
     from positioner.valve.state import StemState
 
 
@@ -143,7 +143,7 @@ class NmpcLaw:
         stem, sigmas = memory.stem, self.filter.prior_sigmas()
         assert isinstance(stem, Resting)  # noqa: S101 - control begins at rest
         load, sigmas = recollect(
-            self.settings.breakaway, self.filter.slider, table, self.filter.nominal, sigmas, memory.watch.ratio
+            self.settings.breakaway, self.filter.model, table, self.filter.nominal, sigmas, memory.watch.ratio
         )
         return replace(memory, stem=self.filter.at_rest(stem.x, stem.variance_m2, load, sigmas))
 
@@ -157,7 +157,7 @@ class NmpcLaw:
 
     def _hold(self, memory: NmpcMemory, here: Resting, fallback: str = "") -> tuple[NmpcMemory, Decision]:
         """Return the middle of the stick band, followed in steps only."""
-        middle_ma = self._clamp(self.filter.slider.current_ma(here.load.spring_n_per_m * here.x))
+        middle_ma = self._clamp(self.filter.model.current_ma(here.load.spring_n_per_m * here.x))
         held_ma = memory.hold_ma
         if held_ma is None or abs(middle_ma - held_ma) > self.settings.hold_step_ma:
             memory, held_ma = replace(memory, hold_ma=middle_ma), middle_ma
@@ -175,9 +175,9 @@ class NmpcLaw:
         setpoint_m = observation.setpoint_m
         error_m = setpoint_m - here.x
         direction = math.copysign(1.0, error_m)
-        slider, (spring, friction_n, _) = self.filter.slider, here.load
+        model, (spring, friction_n, _) = self.filter.model, here.load
         static_n = memory.watch.ratio * friction_n
-        gamma = breakaway(self.settings.breakaway, slider, table, here.x, direction, spring, static_n)
+        gamma = breakaway(self.settings.breakaway, model, table, here.x, direction, spring, static_n)
         release_ma = self._clamp(gamma.current_ma)
         fallback = ""
         if direction * (gamma.current_ma - release_ma) > 0.0:
@@ -185,7 +185,7 @@ class NmpcLaw:
         aim_m = setpoint_m - landing_bias_m(table, setpoint_m, direction)
         sliding = self.filter.depart(here, direction)
         course = self._course(memory, sliding, aim_m, release_ma)
-        if direction * (course.smallest_m(slider, self.period_s) - setpoint_m) >= abs(error_m):
+        if direction * (course.smallest_m(model, self.period_s) - setpoint_m) >= abs(error_m):
             return self._hold(memory, here)
         memory = replace(memory, stem=sliding, motion=Motion.MOVE, aim_m=aim_m, corrections=memory.corrections + 1)
         memory, decision = self._follow(memory, course, ())
@@ -198,12 +198,12 @@ class NmpcLaw:
 
     def _course(self, memory: NmpcMemory, here: Sliding, aim_m: float, release_ma: float | None = None) -> Course:
         """Return what the plan is asked for; `release_ma` is Γ while the stem still sticks."""
-        s, (spring, friction_n, _), slider = here.direction, here.load, self.filter.slider
+        s, (spring, friction_n, _), model = here.direction, here.load, self.filter.model
         # an aim that has come to lie behind is for the next move: this one stops where it can
         target_m = aim_m if s * (aim_m - here.x) > 0.0 else here.x
         middle_n, static_n = spring * target_m, memory.watch.ratio * friction_n
-        brake_ma = self._clamp(slider.current_ma(middle_n - s * self.settings.brake_share * static_n))
-        weakest_ma = self._clamp(slider.current_ma(middle_n - s * self.settings.brake_limit * friction_n))
+        brake_ma = self._clamp(model.current_ma(middle_n - s * self.settings.brake_share * static_n))
+        weakest_ma = self._clamp(model.current_ma(middle_n - s * self.settings.brake_limit * friction_n))
         strongest_ma = self.current_high_ma if s > 0.0 else self.current_low_ma
         first_ma = weakest_ma if release_ma is None else s * max(s * release_ma, s * weakest_ma)
         return Course(here.x, here.v, s, target_m, here.load, brake_ma, weakest_ma, strongest_ma, first_ma)
@@ -212,7 +212,7 @@ class NmpcLaw:
         """Return the first current of the plan for `course`; without a solution the last plan goes on."""
         own = self.settings.approach
         guess_ma = plan_ma or (course.release_ma, *(course.brake_ma,) * (own.control_steps - 1))
-        found = approach(own, self.filter.slider, self.solver, course, guess_ma, self.period_s)
+        found = approach(own, self.filter.model, self.solver, course, guess_ma, self.period_s)
         low_ma, high_ma = sorted((course.release_ma, course.strongest_ma))
         if found is None:
             bounds = Bounds(-math.inf, math.inf, low_ma, high_ma)

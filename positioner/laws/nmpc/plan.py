@@ -16,14 +16,14 @@ import numpy as np
 from annotated_types import Interval
 
 from positioner.inputs.table import SettingsTable
-from positioner.laws.nmpc.slide import STOPPING_TIME_S
 from positioner.optimization.qp import QuadraticProgram
+from positioner.valve.motion import STOPPING_TIME_S
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from positioner.laws.nmpc.slide import Load, Slider
     from positioner.optimization.qp import Solver
+    from positioner.valve.motion import Load, MotionModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,11 +67,11 @@ class Course(NamedTuple):
     strongest_ma: float
     release_ma: float
 
-    def smallest_m(self, slider: Slider, period_s: float) -> float:
+    def smallest_m(self, model: MotionModel, period_s: float) -> float:
         """Return where the smallest push ends: one sample of the least current, then braking."""
         s, load = self.direction, self.load
-        pushed = slider.flow(self.x, self.v, self.release_ma, load, s, period_s)
-        return slider.flow(pushed.x, pushed.v, self.brake_ma, load, s, STOPPING_TIME_S).x
+        pushed = model.step(self.x, self.v, self.release_ma, load, s, period_s)
+        return model.step(pushed.x, pushed.v, self.brake_ma, load, s, STOPPING_TIME_S).x
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ class Line(NamedTuple):
 
 def approach(
     settings: ApproachSettings,
-    slider: Slider,
+    model: MotionModel,
     solver: Solver,
     course: Course,
     guess_ma: tuple[float, ...],
@@ -104,14 +104,14 @@ def approach(
     """Return the plan for `course`, or None when a programme was not solved; guess_ma (H_u) starts the passes."""
     low, high = _limits(course, len(guess_ma))
     braking = [course.release_ma, *(course.weakest_ma,) * (len(guess_ma) - 1)]
-    if course.direction * (course.smallest_m(slider, period_s) - course.target_m) >= 0.0:
+    if course.direction * (course.smallest_m(model, period_s) - course.target_m) >= 0.0:
         # not even the least current stops before the target: a programme would have this one solution
-        line = predict(settings, slider, course, braking, period_s)
+        line = predict(settings, model, course, braking, period_s)
         return Approach(tuple(braking), line.speed_limit, 0)
     inputs = np.clip(guess_ma, low, high)
     passes, change = 0, math.inf
     while change >= settings.pass_tolerance_ma and passes < settings.max_passes:
-        line = predict(settings, slider, course, inputs.tolist(), period_s)
+        line = predict(settings, model, course, inputs.tolist(), period_s)
         solution = solver.solve(program(settings, course, line, inputs))
         if solution is None:
             return None
@@ -121,10 +121,10 @@ def approach(
 
 
 def predict(
-    settings: ApproachSettings, slider: Slider, course: Course, inputs_ma: list[float], period_s: float
+    settings: ApproachSettings, model: MotionModel, course: Course, inputs_ma: list[float], period_s: float
 ) -> Line:
     """Return the exact motion under `inputs_ma` (H_u), the last one held, linearised step by step."""
-    s, load, gain, count = course.direction, course.load, slider.gain_n_per_ma, len(inputs_ma)
+    s, load, gain, count = course.direction, course.load, model.gain_n_per_ma, len(inputs_ma)
     x, v = course.x, course.v
     x_row, v_row = [0.0] * count, [0.0] * count
     line = Line([], [], [], [], 0.0)
@@ -132,7 +132,7 @@ def predict(
     for step in range(settings.prediction_steps):
         # Loop invariant: x_row and v_row are the derivatives of x and v to the inputs
         index = min(step, count - 1)
-        move = slider.flow(x, v, inputs_ma[index], load, s, period_s)
+        move = model.step(x, v, inputs_ma[index], load, s, period_s)
         x_row, v_row = (
             [move.dx_dx * a + move.dx_dv * b for a, b in zip(x_row, v_row, strict=True)],
             [move.dv_dx * a + move.dv_dv * b for a, b in zip(x_row, v_row, strict=True)],
@@ -140,7 +140,7 @@ def predict(
         x_row[index] += move.dx_dq * gain
         v_row[index] += move.dv_dq * gain
         x, v = move.x, move.v
-        stop = slider.flow(x, v, course.brake_ma, load, s, STOPPING_TIME_S)
+        stop = model.step(x, v, course.brake_ma, load, s, STOPPING_TIME_S)
         line.positions.append(x)
         line.stops.append(stop.x)
         line.position_rows.append(x_row)

@@ -58,6 +58,6 @@ def attend(
         return memory, report(after, *taught)
     spring, friction_n, _ = after.load
     static_n, origin_m = seen.ratio * friction_n, decided.origin.x
-    push = lesson(filtered.slider, table_cell_m, origin_m, decided.direction, spring, static_n)
+    push = lesson(filtered.model, table_cell_m, origin_m, decided.direction, spring, static_n)
     stop = (decided.stop,) if decided.moved and decided.stop is not None else ()
     return memory, report(after, *stop, *taught, push)

@@ -1,6 +1,6 @@
 """Position and speed of the stem from noisy positions: a Kalman filter with stick logic, or nothing at all. Pure.
 
-While the stem slides, the model is the closed form of `model.slide`, which stops the stem inside a sample when its
+While the stem slides, the model is the closed form of `valve.motion`, which stops the stem inside a sample when its
 speed runs out. While it sticks, speed and its variance are zero and nothing drives the covariance: the filter becomes
 a plain average. It leaves the stick when the model says the spring loses to the current, or when the innovations say
 that the stem has left without the model's consent.
@@ -15,12 +15,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from positioner.laws.estimator_settings import EstimationMethod, measurement_sigma_m
-from positioner.valve.model import slide
+from positioner.valve.motion import Load, MotionModel
 from positioner.valve.state import StemState
 
 if TYPE_CHECKING:
     from positioner.laws.estimator_settings import EstimatorSettings
-    from positioner.valve.model import ValveParameters
+    from positioner.valve.parameters import ValveParameters
 
 
 _SPEED_AT_SURPRISE_M_PER_S = 0.3
@@ -70,7 +70,8 @@ def _predict(
             return state
         state = replace(state, stuck=False, direction=math.copysign(1.0, push_n), drift=0.0)
     direction = state.direction if state.velocity_m_per_s else math.copysign(1.0, push_n)
-    motion = slide(valve, state.position_m, state.velocity_m_per_s, applied_ma, direction, period_s)
+    model, load = MotionModel.of(valve), Load.of(valve)
+    motion = model.step(state.position_m, state.velocity_m_per_s, applied_ma, load, direction, period_s)
     a, b, c, d = motion.dx_dx, motion.dx_dv, motion.dv_dx, motion.dv_dv
     p_xx = a * a * state.p_xx + 2.0 * a * b * state.p_xv + b * b * state.p_vv
     p_xv = a * c * state.p_xx + (a * d + b * c) * state.p_xv + b * d * state.p_vv

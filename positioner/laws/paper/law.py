@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from positioner.laws.paper.bounds import BoundSettings
     from positioner.laws.paper.planner import PlannerSettings
     from positioner.optimization.qp import Solver
-    from positioner.valve.model import ValveParameters
+    from positioner.valve.parameters import ValveParameters
     from positioner.valve.state import StemState
     from positioner.valve.stiction import StictionTable
 

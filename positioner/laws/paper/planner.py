@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from positioner.laws.bounds import Bounds
     from positioner.optimization.qp import Solver
-    from positioner.valve.model import ValveParameters
+    from positioner.valve.parameters import ValveParameters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,7 +22,7 @@ from positioner.wire.messages import Motion
 if TYPE_CHECKING:
     from positioner.laws.law import Observation
     from positioner.laws.rivals.pid import PidController, PidMemory
-    from positioner.valve.model import ValveParameters
+    from positioner.valve.parameters import ValveParameters
     from positioner.valve.state import StemState
     from positioner.valve.stiction import StictionTable
 

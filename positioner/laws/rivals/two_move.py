@@ -25,7 +25,7 @@ from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
     from positioner.laws.law import Observation
-    from positioner.valve.model import ValveParameters
+    from positioner.valve.parameters import ValveParameters
     from positioner.valve.state import StemState
     from positioner.valve.stiction import StictionTable
 

@@ -1,7 +1,6 @@
-"""The controller's model of the valve: classic friction, free motion, and the paper's discretisation. Pure.
+"""The parameters of a valve as the controller knows them, and the forces that follow from them. Pure.
 
-Shares nothing with the plant emulator. Scalars throughout: the state has two entries, and the same lines compile ahead
-of time. `x` is the position in m, `v` the speed in m/s, `u` the loop current in mA.
+The controller shares no physics with the plant emulator.
 """
 
 from __future__ import annotations
@@ -81,72 +80,3 @@ class ValveParameters(SettingsTable):
         ratio = speed_m_per_s / self.stribeck_velocity_m_per_s
         excess = self.static_friction_n - self.coulomb_friction_n
         return self.coulomb_friction_n + excess * math.exp(-min(ratio * ratio, 700.0))
-
-
-@dataclass(frozen=True, slots=True)
-class Motion:
-    """Free motion over one sample: where it ends, and its derivatives to the start (2x2, row-major)."""
-
-    x: float
-    v: float
-    stopped: bool
-    dx_dx: float
-    dx_dv: float
-    dv_dx: float
-    dv_dv: float
-
-
-def slide(valve: ValveParameters, x: float, v: float, u: float, direction: float, duration_s: float) -> Motion:
-    """Return the motion in `direction` (±1) under constant u and kinetic friction F_c, ending where the stem stops.
-
-    Closed form of m·v̇ = B·u - K·x - F_v·v - s·F_c (eq. 11 without the Stribeck term, which matters below a few V_s
-    only). When s·v reaches 0 within the sample, the stem stops there and stays.
-    """
-    mass, rate, viscous = valve.mass_kg, valve.spring_rate_n_per_m, valve.viscous_friction_n_s_per_m
-    push = valve.net_force_n(0.0, u) - direction * valve.coulomb_friction_n
-    rest = push / rate
-    half = viscous / (2.0 * mass)
-    omega2 = rate / mass - half * half
-    z, stop_s = x - rest, _stop_time_s(x - rest, v, half, omega2, rate / mass, direction)
-    t = min(duration_s, stop_s)
-    even, odd = _modes(half, omega2, rate / mass, t)
-    # z(t) = z (c + h s) + v s, v(t) = v (c - h s) - z (K/m) s, both c and s with their decay e^(-ht)
-    dx_dx, dx_dv = even + half * odd, odd
-    dv_dx, dv_dv = -(rate / mass) * odd, even - half * odd
-    end_x, end_v = rest + dx_dx * z + dx_dv * v, dv_dx * z + dv_dv * v
-    if stop_s <= duration_s:
-        return Motion(end_x, 0.0, True, dx_dx, dx_dv, 0.0, 0.0)
-    return Motion(end_x, end_v, False, dx_dx, dx_dv, dv_dx, dv_dv)
-
-
-def _modes(half: float, omega2: float, stiffness: float, t: float) -> tuple[float, float]:
-    """Return e^(-h t) times cosine and sine-over-ω of the damped mode; hyperbolic when overdamped."""
-    if omega2 < -1e-9 * half * half:
-        # by its two real poles: cosh alone overflows for a long sample
-        sigma = math.sqrt(-omega2)
-        slow, fast = math.exp(-stiffness / (half + sigma) * t), math.exp(-(half + sigma) * t)
-        return (slow + fast) / 2.0, (slow - fast) / (2.0 * sigma)
-    decay = math.exp(-half * t)
-    if omega2 > 1e-9 * half * half:
-        omega = math.sqrt(omega2)
-        return decay * math.cos(omega * t), decay * math.sin(omega * t) / omega
-    return decay, decay * t
-
-
-def _stop_time_s(z: float, v: float, half: float, omega2: float, stiffness: float, direction: float) -> float:
-    """Return when v(t) = e^(-ht) [v (c - h s) - z (K/m) s] first reaches zero, infinity if never.
-
-    0 for a stem that rests and is not pushed in `direction`, or that already moves against it.
-    """
-    if direction * v < 0.0 or (v == 0.0 and direction * z >= 0.0):
-        return 0.0
-    slope = half * v + stiffness * z
-    if omega2 > 1e-9 * half * half:
-        omega = math.sqrt(omega2)
-        angle = math.atan2(v * omega + 0.0, slope)  # + 0.0: a speed of -0.0 is none
-        return (angle if angle > 0.0 else angle + math.pi) / omega
-    if omega2 < -1e-9 * half * half:
-        sigma = math.sqrt(-omega2)
-        ratio = v * sigma / slope if slope else math.inf
-        return math.atanh(ratio) / sigma if 0.0 < ratio < 1.0 else math.inf
-    return v / slope if v * slope > 0.0 else math.inf

@@ -1,9 +1,10 @@
-"""Sliding with a spring rate and friction that are estimates themselves: closed form and every derivative. Pure.
+"""The motion of a sliding stem in closed form, with every derivative: the one motion model of all laws. Pure.
 
-The motion of `model.slide`, m·v̇ = q - K·x - F_v·v with the net push q = B·u - bench set - s·F_c, for any q, K and
-F_v, with its derivatives to all that it depends on. A stop inside the sample is part of the flow, so that where the
-stem comes to rest tells of K, F_c and F_v. At the stop v = 0: its instant moves, its place does not, to first order,
-and the derivatives of the place are those at a fixed time.
+m·v̇ = q - K·x - F_v·v, where the net push q = B·u - bench set - s·F_c, and s = ±1 is the direction of the move. This is
+eq. 11 without its Stribeck term, which matters below a few V_s only. Where the speed reaches 0, the stem stops and
+stays. At a stop, small changes shift the instant, but not the place: its derivatives are those at a fixed time.
+
+All numbers are scalars, so that the same lines can be compiled ahead of time.
 """
 
 from __future__ import annotations
@@ -13,22 +14,40 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from positioner.valve.model import ValveParameters
+    from positioner.valve.parameters import ValveParameters
 
-_DEGENERATE = 1e-9
-"""|ω²| below this part of h² counts as critical damping."""
-
-_ALIKE = 1e-2
-"""Part of h that two real poles differ from it by, below which they count as nearly one."""
-
-_SERIES = 1e-2
-"""|ω² t²| below which a derivative is taken from its series."""
+POSITION, SPEED, SPRING_RATE, FRICTION, VISCOUS = range(5)
+"""Place of x, v, K, F_c and F_v in the state of a filter that estimates the load, too."""
+STATES = 5
+"""Size of that state."""
+LOAD = slice(SPRING_RATE, STATES)
+"""The part of that state that is a `Load`, in its order."""
 
 STOPPING_TIME_S = 60.0
-"""Longer than any stop takes; a frictionless stem, which never stops, has then come to its rest."""
+"""Longer than any stop takes; a frictionless stem, which never stops, has then reached its balance."""
+
+_DEGENERATE = 1e-9
+"""The damping counts as critical while |ω²| is below this part of h²."""
+_ALIKE = 1e-2
+"""Two real poles count as nearly equal while they differ from h by less than this part of it."""
+_SERIES = 1e-2
+"""While |ω² t²| is smaller, a derivative is computed from its series."""
 
 
-class Flow(NamedTuple):
+class Load(NamedTuple):
+    """What resists the motion: K (N/m), F_c (N) and F_v (N s/m)."""
+
+    spring_n_per_m: float
+    friction_n: float
+    viscous_n_s_per_m: float
+
+    @classmethod
+    def of(cls, valve: ValveParameters) -> Load:
+        """Return the nominal load of `valve`."""
+        return cls(valve.spring_rate_n_per_m, valve.coulomb_friction_n, valve.viscous_friction_n_s_per_m)
+
+
+class Transition(NamedTuple):
     """Where a slide ends: x (m), v (m/s), whether it stopped, and derivatives to x, v, the net push q, K and F_v."""
 
     x: float
@@ -45,22 +64,29 @@ class Flow(NamedTuple):
     dv_dk: float
     dv_dc: float
 
+    def rows(self, direction: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return the derivatives of x and of v to the `STATES` states, in their order, of a move in `direction` (±1).
 
-class Load(NamedTuple):
-    """What resists the motion: K (N/m), F_c (N) and F_v (N s/m)."""
-
-    spring_n_per_m: float
-    friction_n: float
-    viscous_n_s_per_m: float
+        F_c acts through the net push, against the move.
+        """
+        return (
+            (self.dx_dx, self.dx_dv, self.dx_dk, -direction * self.dx_dq, self.dx_dc),
+            (self.dv_dx, self.dv_dv, self.dv_dk, -direction * self.dv_dq, self.dv_dc),
+        )
 
 
 @dataclass(frozen=True, slots=True)
-class Slider:
-    """What the motion needs of the valve, and takes as known: m, B and the bench set."""
+class MotionModel:
+    """What the motion needs of the valve beside the load: m, B and the bench set."""
 
     mass_kg: float
     gain_n_per_ma: float
     bench_set_n: float
+
+    @classmethod
+    def of(cls, valve: ValveParameters) -> MotionModel:
+        """Return the model of `valve`."""
+        return cls(valve.mass_kg, valve.force_gain_n_per_ma, valve.bench_set_n)
 
     def push_n(self, current_ma: float, direction: float, friction_n: float) -> float:
         """Return q in N: the force of the current, less the preload and the friction of a move in `direction` (±1)."""
@@ -70,10 +96,12 @@ class Slider:
         """Return the current in mA whose force, less the preload, is `force_n`."""
         return (force_n + self.bench_set_n) / self.gain_n_per_ma
 
-    def flow(self, x: float, v: float, current_ma: float, load: Load, direction: float, duration_s: float) -> Flow:
-        """Return the motion in `direction` (±1) under `current_ma`, at most `duration_s`.
+    def step(
+        self, x: float, v: float, current_ma: float, load: Load, direction: float, duration_s: float
+    ) -> Transition:
+        """Return the motion from x (m) and v (m/s) in `direction` (±1) under `current_ma`, for `duration_s` at most.
 
-        A stem that rests, unpushed, or that moves against `direction`, has stopped at once.
+        A stem that rests and is not pushed forward, or that moves against `direction`, has stopped at once.
         """
         rate, friction_n, viscous = load
         q = self.push_n(current_ma, direction, friction_n)
@@ -97,20 +125,10 @@ class Slider:
         dx_dk = (a - 1.0) * tilt + (even_slope / mass + half * b_k) * z + b_k * v
         dx_dc = ((even_h + odd + half * b_h) * z + b_h * v) / (2.0 * mass)
         if stopped:
-            return Flow(x_end, 0.0, True, a, b, dx_dq, dx_dk, dx_dc, 0.0, 0.0, 0.0, 0.0, 0.0)
+            return Transition(x_end, 0.0, True, a, b, dx_dq, dx_dk, dx_dc, 0.0, 0.0, 0.0, 0.0, 0.0)
         dv_dk = c * tilt - (odd / mass + stiffness * b_k) * z + (even_slope / mass - half * b_k) * v
         dv_dc = ((even_h - odd - half * b_h) * v - stiffness * b_h * z) / (2.0 * mass)
-        return Flow(x_end, c * z + d * v, False, a, b, dx_dq, dx_dk, dx_dc, c, d, -c / rate, dv_dk, dv_dc)
-
-
-def slider_of(valve: ValveParameters) -> Slider:
-    """Return the slider of `valve`."""
-    return Slider(valve.mass_kg, valve.force_gain_n_per_ma, valve.bench_set_n)
-
-
-def load_of(valve: ValveParameters) -> Load:
-    """Return the nominal load of `valve`."""
-    return Load(valve.spring_rate_n_per_m, valve.coulomb_friction_n, valve.viscous_friction_n_s_per_m)
+        return Transition(x_end, c * z + d * v, False, a, b, dx_dq, dx_dk, dx_dc, c, d, -c / rate, dv_dk, dv_dc)
 
 
 def _modes(half: float, omega2: float, stiffness: float, t: float) -> tuple[float, float, float]:
@@ -136,7 +154,10 @@ def _modes(half: float, omega2: float, stiffness: float, t: float) -> tuple[floa
 
 
 def _stop_time_s(z: float, v: float, half: float, omega2: float, stiffness: float, direction: float) -> float:
-    """Return when v(t) = e^(-ht) [v cos ωt - (h v + K/m z) sin(ωt)/ω] first reaches 0, infinity if never."""
+    """Return when v(t) = e^(-ht) [v cos ωt - (h v + K/m z) sin(ωt)/ω] first reaches 0, infinity if never.
+
+    0 for a stem that rests and is not pushed in `direction`, or that already moves against it.
+    """
     if direction * v < 0.0 or (v == 0.0 and direction * z >= 0.0):
         return 0.0
     slope = half * v + stiffness * z

@@ -1,4 +1,4 @@
-"""The flow with its stop inside: against the plant emulator's own closed form, and every derivative by differences."""
+"""The motion with a stop inside, against the plant emulator's closed form; every derivative, against differences."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from hypothesis import strategies as st
 
 from plant_emulator import valve as plant
 from plant_emulator.presets import plant_settings
-from positioner.laws.nmpc.slide import Load, load_of, slider_of
-from positioner.valve.model import ValveParameters
+from positioner.valve.motion import Load, MotionModel
+from positioner.valve.parameters import ValveParameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from positioner.laws.nmpc.slide import Flow
+    from positioner.valve.motion import Transition
 
 VALVE = ValveParameters(id="paper")
-SLIDER = slider_of(VALVE)
-NOMINAL = load_of(VALVE)
+MODEL = MotionModel.of(VALVE)
+NOMINAL = Load.of(VALVE)
 CRITICAL_N_S_PER_M = 2.0 * (VALVE.mass_kg * VALVE.spring_rate_n_per_m) ** 0.5
 
 loads = st.builds(
@@ -54,16 +54,16 @@ def test_the_stop_is_where_the_plant_stops(load: Load, s: float, x: float, push_
     }
     valve = plant_settings("paper", overrides)
     start = plant.initial_state(valve, 1)
-    middle_ma = SLIDER.current_ma(load.spring_n_per_m * x)
-    push = middle_ma + s * (load.friction_n / SLIDER.gain_n_per_ma + 0.2 + push_ma)
+    middle_ma = MODEL.current_ma(load.spring_n_per_m * x)
+    push = middle_ma + s * (load.friction_n / MODEL.gain_n_per_ma + 0.2 + push_ma)
     pushed = plant.step(valve, start, push, 1e-3)
-    brake = middle_ma - s * part * load.friction_n / SLIDER.gain_n_per_ma
+    brake = middle_ma - s * part * load.friction_n / MODEL.gain_n_per_ma
     stopped = plant.step(valve, pushed, brake, 0.5)
 
-    flow = SLIDER.flow(x, 0.0, push, load, s, 1e-3)
-    assert flow.x == pytest.approx(pushed.position_m, abs=1e-9)
-    assert flow.v == pytest.approx(pushed.velocity_m_per_s, abs=1e-6)
-    rest = SLIDER.flow(flow.x, flow.v, brake, load, s, 0.5)
+    end = MODEL.step(x, 0.0, push, load, s, 1e-3)
+    assert end.x == pytest.approx(pushed.position_m, abs=1e-9)
+    assert end.v == pytest.approx(pushed.velocity_m_per_s, abs=1e-6)
+    rest = MODEL.step(end.x, end.v, brake, load, s, 0.5)
     assert rest.stopped
     assert rest.v == 0.0
     # where braking beats friction at the stop, the plant turns round and moves on
@@ -77,24 +77,24 @@ def test_the_stop_is_where_the_plant_stops(load: Load, s: float, x: float, push_
 def test_the_derivatives_are_those_of_the_flow(
     name: str, load: Load, s: float, x: float, speed: float, u: float, duration_s: float
 ) -> None:
-    def flow(h: float) -> Flow:
-        ways: dict[str, Callable[[], Flow]] = {
-            "x": lambda: SLIDER.flow(x + h, s * speed, u, load, s, duration_s),
-            "v": lambda: SLIDER.flow(x, s * speed + h, u, load, s, duration_s),
-            "current": lambda: SLIDER.flow(x, s * speed, u + h, load, s, duration_s),
-            "spring": lambda: SLIDER.flow(
+    def end(h: float) -> Transition:
+        ways: dict[str, Callable[[], Transition]] = {
+            "x": lambda: MODEL.step(x + h, s * speed, u, load, s, duration_s),
+            "v": lambda: MODEL.step(x, s * speed + h, u, load, s, duration_s),
+            "current": lambda: MODEL.step(x, s * speed, u + h, load, s, duration_s),
+            "spring": lambda: MODEL.step(
                 x, s * speed, u, load._replace(spring_n_per_m=load.spring_n_per_m + h), s, duration_s
             ),
-            "viscous": lambda: SLIDER.flow(
+            "viscous": lambda: MODEL.step(
                 x, s * speed, u, load._replace(viscous_n_s_per_m=load.viscous_n_s_per_m + h), s, duration_s
             ),
         }
         return ways[name]()
 
     step = {"x": 1e-6, "v": 1e-5, "current": 1e-4, "spring": 1.0, "viscous": 1e-2}[name]
-    here, ahead, behind = flow(0.0), flow(step), flow(-step)
+    here, ahead, behind = end(0.0), end(step), end(-step)
     assume(here.stopped == ahead.stopped == behind.stopped)
-    gain = SLIDER.gain_n_per_ma
+    gain = MODEL.gain_n_per_ma
     expected_x, expected_v = {
         "x": (here.dx_dx, here.dv_dx),
         "v": (here.dx_dv, here.dv_dv),
@@ -109,21 +109,21 @@ def test_the_derivatives_are_those_of_the_flow(
 
 @given(directions, places, currents)
 def test_a_stem_that_rests_unpushed_stays(s: float, x: float, u: float) -> None:
-    assume(s * (SLIDER.push_n(u, s, NOMINAL.friction_n) - NOMINAL.spring_n_per_m * x) <= 0.0)
+    assume(s * (MODEL.push_n(u, s, NOMINAL.friction_n) - NOMINAL.spring_n_per_m * x) <= 0.0)
     for still in (0.0, -0.0):
-        flow = SLIDER.flow(x, still, u, NOMINAL, s, 1e-3)
-        assert flow.stopped
-        assert flow.x == pytest.approx(x, abs=1e-15)
+        end = MODEL.step(x, still, u, NOMINAL, s, 1e-3)
+        assert end.stopped
+        assert end.x == pytest.approx(x, abs=1e-15)
 
 
 @given(loads, directions, places, st.floats(0.01, 10.0))
 def test_a_stem_that_is_pushed_leaves_its_rest_in_either_direction(load: Load, s: float, x: float, more: float) -> None:
-    u = SLIDER.current_ma(load.spring_n_per_m * x + s * load.friction_n) + s * more
+    u = MODEL.current_ma(load.spring_n_per_m * x + s * load.friction_n) + s * more
     for still in (0.0, -0.0):
-        assert s * SLIDER.flow(x, still, u, load, s, 1e-3).v > 0.0
+        assert s * MODEL.step(x, still, u, load, s, 1e-3).v > 0.0
 
 
 def test_current_and_push_are_inverse() -> None:
-    slider = slider_of(ValveParameters(id="preloaded", bench_set_n=700.0))
-    assert slider.push_n(slider.current_ma(1234.5), 1.0, 0.0) == pytest.approx(1234.5)
-    assert slider.push_n(slider.current_ma(1000.0), -1.0, 200.0) == pytest.approx(1200.0)
+    model = MotionModel.of(ValveParameters(id="preloaded", bench_set_n=700.0))
+    assert model.push_n(model.current_ma(1234.5), 1.0, 0.0) == pytest.approx(1234.5)
+    assert model.push_n(model.current_ma(1000.0), -1.0, 200.0) == pytest.approx(1200.0)

@@ -1,4 +1,4 @@
-"""The controller's model: its closed form against an independent integration, and what its limits refuse."""
+"""The motion model: its closed form against an independent integration."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import simpson, solve_ivp
 
-from positioner.errors import ConfigurationError
-from positioner.inputs.toml_reader import build
-from positioner.valve.model import Motion, ValveParameters, slide
+from positioner.valve.motion import Load, MotionModel, Transition
+from positioner.valve.parameters import ValveParameters
 
 NOMINAL = ValveParameters(id="nominal")
 CRITICAL_N_S_PER_M = 2.0 * math.sqrt(NOMINAL.spring_rate_n_per_m * NOMINAL.mass_kg)
@@ -30,6 +29,11 @@ speeds_m_per_s = st.floats(1e-3, 2.0)
 currents_ma = st.floats(4.0, 20.0)
 signs = st.sampled_from([-1.0, 1.0])
 durations_s = st.sampled_from([1e-4, 1e-3, 5e-3, 3e-2])
+
+
+def slide(valve: ValveParameters, x: float, v: float, u: float, direction: float, duration_s: float) -> Transition:
+    """Return the motion of a stem of `valve` under its nominal load."""
+    return MotionModel.of(valve).step(x, v, u, Load.of(valve), direction, duration_s)
 
 
 def acceleration(valve: ValveParameters, x: float, v: float, u: float, direction: float) -> float:
@@ -116,7 +120,8 @@ def test_a_stem_at_rest_that_is_not_pushed_forward_stays_where_it_is(name: str, 
     valve = VALVES[name]
     held = valve.balance_current_ma(0.08)
     motion = slide(valve, 0.08, v, held - 0.5, 1.0, 0.01)
-    assert motion == Motion(motion.x, 0.0, True, 1.0, 0.0, 0.0, 0.0)
+    assert (motion.v, motion.stopped) == (0.0, True)
+    assert (motion.dx_dx, motion.dx_dv, motion.dv_dx, motion.dv_dv) == (1.0, 0.0, 0.0, 0.0)
     assert motion.x == pytest.approx(0.08, abs=1e-15)
     assert slide(valve, 0.08, v, held + 0.5, -1.0, 0.01).x == pytest.approx(0.08, abs=1e-15)
 
@@ -162,7 +167,7 @@ def test_the_derivatives_are_those_of_finite_differences(
     v = direction * speed
     step_x, step_v = 1e-6, 1e-5
 
-    def at(dx: float, dv: float) -> Motion:
+    def at(dx: float, dv: float) -> Transition:
         return slide(valve, x + dx, v + dv, u, direction, duration_s)
 
     motion = at(0.0, 0.0)
@@ -205,45 +210,3 @@ def test_the_work_of_the_pressure_goes_into_spring_speed_and_friction(name: str)
     rubbed = valve.coulomb_friction_n * (end_x - x)
     given_j = valve.force_gain_n_per_ma * u * (end_x - x)
     assert given_j == pytest.approx(stored(end_x, end_v) - stored(x, v) + damped + rubbed, rel=1e-9)
-
-
-def test_the_current_of_balance_leaves_no_net_force() -> None:
-    valve = replace(NOMINAL, bench_set_n=120.0)
-    assert valve.net_force_n(0.08, valve.balance_current_ma(0.08)) == pytest.approx(0.0, abs=1e-9)
-    # paper Table 3: one mA is S_a K_p = 333.6 N, and at 8 cm the spring takes 12.6 mA
-    assert NOMINAL.force_gain_n_per_ma == pytest.approx(333.63, abs=0.01)
-    assert NOMINAL.balance_current_ma(0.08) == pytest.approx(12.598, abs=0.001)
-
-
-def test_kinetic_friction_falls_from_static_to_coulomb() -> None:
-    # eq. 4 with the negative exponent: at V_s a part of 1/e of the excess is left
-    assert NOMINAL.kinetic_friction_n(0.0) == 1707.7
-    at_stribeck = 1423.0 + (1707.7 - 1423.0) / math.e
-    assert NOMINAL.kinetic_friction_n(0.000254) == pytest.approx(at_stribeck)
-    assert NOMINAL.kinetic_friction_n(-0.000254) == pytest.approx(at_stribeck)
-    assert NOMINAL.kinetic_friction_n(1e200) == 1423.0
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "limit"),
-    [
-        ("mass_kg", 1361.0, "200"),
-        ("mass_kg", 0.0, "0.01"),
-        ("span_m", 127.0, "1.3"),
-        ("spring_rate_n_per_m", 52.5, "100"),
-    ],
-)
-def test_a_slip_of_a_unit_is_refused_with_the_limit(key: str, value: float, limit: str) -> None:
-    with pytest.raises(ConfigurationError, match=limit):
-        build({"id": "v", key: value}, ValveParameters, "valve")
-
-
-def test_sliding_friction_above_static_friction_is_refused() -> None:
-    with pytest.raises(ValueError, match="never the larger"):
-        ValveParameters(id="v", static_friction_n=100.0, coulomb_friction_n=100.1)
-    ValveParameters(id="v", static_friction_n=100.0, coulomb_friction_n=100.0)
-
-
-def test_travel_stops_in_the_wrong_order_are_refused() -> None:
-    with pytest.raises(ValueError, match="travel_max_m"):
-        ValveParameters(id="v", travel_min_m=0.05, travel_max_m=0.05)

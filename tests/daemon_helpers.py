@@ -123,19 +123,19 @@ class Loop:
         self._running: Daemon | None = self.daemon
         self.daemon._clock = self
         self.elapsed_ns = _NS
-        self.daemon._turn()
+        self.daemon._cycle()
 
     def now_ns(self, frames: tuple[CanFrame, ...]) -> int:
         """The daemon's clock: it stands still but for `turn`."""
         del frames
         return self.elapsed_ns
 
-    def turn(self, *frames: CanFrame, after_s: float = PERIOD_S) -> list[Message]:
+    def cycle(self, *frames: CanFrame, after_s: float = PERIOD_S) -> list[Message]:
         """Send `frames`, let `after_s` pass and the daemon turn once; return what it said."""
         for frame in frames:
             assert self.others.port.send(frame)
         self.elapsed_ns += round(after_s * _NS)
-        self.daemon._turn()
+        self.daemon._cycle()
         return self.others.listen()
 
     def sample(self, position_m: float = HERE_M, setpoint_m: float | None = HERE_M) -> list[Message]:
@@ -143,23 +143,23 @@ class Loop:
         frames = [self.others.frame(StemPosition(position_m, self.others.acting))]
         if setpoint_m is not None:
             frames.insert(0, self.others.frame(Setpoint(setpoint_m)))
-        return self.turn(*frames)
+        return self.cycle(*frames)
 
     def request(self, request: HostRequest) -> list[Message]:
         """One period with a reading and a request; an ARM follows another request, so that it counts."""
         if request is HostRequest.ARM:
             self.request(HostRequest.NONE)
         reading = self.others.frame(StemPosition(HERE_M))
-        return self.turn(reading, self.others.frame(Setpoint(HERE_M, request)))
+        return self.cycle(reading, self.others.frame(Setpoint(HERE_M, request)))
 
-    def turn_until(self, word: str) -> None:
+    def cycle_until(self, word: str) -> None:
         """Let samples pass until the log has a line with `word`."""
         deadline_s = time.monotonic() + PATIENCE_S
-        while not self.told(word):
+        while not self.logged(word):
             assert time.monotonic() < deadline_s, self.lines
             self.sample()
 
-    def told(self, word: str) -> list[str]:
+    def logged(self, word: str) -> list[str]:
         """Return the lines of the log that hold `word`."""
         return [line for line in self.lines if word in line]
 
@@ -211,7 +211,7 @@ class Service:
     def lines(self) -> list[str]:
         return self.log.read_text(encoding="utf-8").splitlines()
 
-    def told(self, word: str) -> list[str]:
+    def logged(self, word: str) -> list[str]:
         return [line for line in self.lines if word in line]
 
     def hear(self, kind: type[T]) -> T:

@@ -143,7 +143,7 @@ class _Faulty:
             now_ns = sample * PERIOD_NS + 1000 * (100 + sample * 37 % 91)
             told = CycleInput(tuple(inbox), now_ns, now.late_ns, table_saved=now.table_saved)
             self.state, outbox, _ = step(self.setup, self.state, told)
-            self.recorder.turn(told, outbox, self.state.guard)
+            self.recorder.cycle(told, outbox, self.state.guard)
             self.device = advance(self.settings, take(self.codec, self.device, outbox), PERIOD_NS / _NS)
         self.recorder.close()
 

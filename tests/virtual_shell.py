@@ -203,26 +203,26 @@ class VirtualShell:
     def mode(self) -> Mode:
         return self.daemon.session.state.guard.mode
 
-    def told_by_the_guard(self) -> tuple[Mode, Cause]:
+    def mode_and_cause(self) -> tuple[Mode, Cause]:
         return self.daemon.session.state.guard.mode, self.daemon.session.state.guard.cause
 
-    def turn(self, count: int = 1) -> None:
+    def cycle(self, count: int = 1) -> None:
         for _ in range(count):
-            self.daemon._turn()
+            self.daemon._cycle()
 
-    def turn_for(self, duration_s: float) -> None:
+    def cycle_for(self, duration_s: float) -> None:
         """Let the daemon turn until so much time has passed."""
         end_ns = self.world.now_ns + round(duration_s * _NS)
         while self.world.now_ns < end_ns:
-            self.daemon._turn()
+            self.daemon._cycle()
 
     def arm(self) -> None:
         """Ask something else, and then to arm, long enough for both to be heard."""
         for request in (HostRequest.NONE, HostRequest.ARM):
             self.world.request = request
-            self.turn_for(2 * _SETPOINT_EVERY * self.period_s)
+            self.cycle_for(2 * _SETPOINT_EVERY * self.period_s)
 
-    def told(self, word: str) -> list[str]:
+    def logged(self, word: str) -> list[str]:
         return [line for line in self.lines if word in line]
 
     def __enter__(self) -> Self:

@@ -75,12 +75,12 @@ class Daemon:
         gc.disable()  # the cycle makes no reference cycles, and a collection would be a late command
         try:
             while not self._stopping:
-                self._turn()
+                self._cycle()
         finally:
             code = self._close()
         return code
 
-    def _turn(self) -> None:
+    def _cycle(self) -> None:
         """Close one cycle, or let time pass."""
         frames = self._bus.receive(self._wait_s())
         if self._bus.is_open and not self._announcer.ready:
@@ -88,11 +88,11 @@ class Daemon:
         frames = self._gate.admit(frames)
         now_ns = self._clock.now_ns(frames)
         late_ns, frames = self._timed(frames)
-        outbox, events = self.session.turn(frames, now_ns, late_ns)
+        outbox, events = self.session.step(frames, now_ns, late_ns)
         if not self._options.dry_run:
             self._send(outbox, now_ns)
         if self._options.lockstep:
-            self._lockstep.turn(frames, answered=bool(outbox))
+            self._lockstep.count(frames, answered=bool(outbox))
         self.session.record()
         self._announcer.tell(events, now_ns, ever_armed=self.session.state.guard.ever_armed)
         self.session.keep(events)

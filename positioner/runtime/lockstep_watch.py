@@ -22,7 +22,7 @@ class LockstepWatch:
         self._position = codec.identifier(StemPosition)
         self._unanswered = 0
 
-    def turn(self, frames: tuple[CanFrame, ...], *, answered: bool) -> None:
+    def count(self, frames: tuple[CanFrame, ...], *, answered: bool) -> None:
         """Take a turn's frames, and whether it sent a command.
 
         Raises:

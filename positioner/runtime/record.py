@@ -64,7 +64,7 @@ class BusRecorder:
         self._guard = GuardState()
         self._table_saved = True
 
-    def turn(self, told: CycleInput, outbox: Sequence[CanFrame], guard: GuardState) -> None:
+    def cycle(self, told: CycleInput, outbox: Sequence[CanFrame], guard: GuardState) -> None:
         """Append one turn: what the cycle was `told`, what it sends, and the guard as it has left it."""
         if self._file is None:
             return

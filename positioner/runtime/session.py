@@ -85,14 +85,14 @@ class Session:
             self.table_writer.close(_CLOSE_TIMEOUT_S)
             what = "record" if error.filename == str(options.record) else "trace"
             raise UsageError(f"{what} {error.filename} cannot be written: {error.strerror}") from error
-        self._turn: tuple[CycleInput, tuple[CanFrame, ...]] | None = None
+        self._cycle: tuple[CycleInput, tuple[CanFrame, ...]] | None = None
         self.unsent = False
         self._table_saved = True
         self._replaced: StictionTable | None = None
         self._lines_dropped = self._told_dropped = 0
         self._poll_due_s = 0.0
 
-    def turn(
+    def step(
         self, frames: tuple[CanFrame, ...], now_ns: int, late_ns: int
     ) -> tuple[tuple[CanFrame, ...], tuple[Event, ...]]:
         """Return the frames to send and the events of one cycle; nobody looked at the bus for `late_ns` before."""
@@ -107,13 +107,13 @@ class Session:
         )
         self._told_dropped, self.unsent, self._replaced = self._lines_dropped, False, None
         self.state, outbox, events = step(self.setup, self.state, told)
-        self._turn = told, outbox
+        self._cycle = told, outbox
         return outbox, events
 
     def record(self) -> None:
         """Record the turn, once its frames have left."""
-        if self._turn:
-            self._recorder.turn(*self._turn, self.state.guard)
+        if self._cycle:
+            self._recorder.cycle(*self._cycle, self.state.guard)
 
     def deadline_ns(self, now_ns: int) -> float | None:
         """Return the instant after which what the last cycle computed may not leave; None where nothing was."""

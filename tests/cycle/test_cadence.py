@@ -56,11 +56,11 @@ def test_frames_that_are_late_or_read_together_make_no_period_wrong() -> None:
 def test_a_wrong_sample_period_is_told_with_the_measured_one(factor: float, tmp_path: Path) -> None:
     with VirtualShell(tmp_path) as shell:
         shell.world.period_ns = round(factor * shell.world.period_ns)
-        shell.turn_for(2.0)
-        assert len(shell.told(f"position frames come every {factor * 10:g} ms, and control.sample_period_s")) >= 1
+        shell.cycle_for(2.0)
+        assert len(shell.logged(f"position frames come every {factor * 10:g} ms, and control.sample_period_s")) >= 1
         shell.arm()
-        shell.turn_for(1.0)
-        assert shell.told_by_the_guard() == (Mode.ACTIVE, Cause.PERIOD_WRONG)
+        shell.cycle_for(1.0)
+        assert shell.mode_and_cause() == (Mode.ACTIVE, Cause.PERIOD_WRONG)
         status = [said.message for said in shell.world.said if isinstance(said.message, PositionerStatus)][-1]
         assert (status.cause, status.health) == (Cause.PERIOD_WRONG, Health.OUT_OF_SPECIFICATION)
 
@@ -69,11 +69,11 @@ def test_lockstep_with_a_plant_that_does_not_wait_ends_in_one_line(tmp_path: Pat
     with Loop(tmp_path, RunOptions(lockstep=True)) as loop:
         loop.daemon._clock = LockstepClock(loop.others.codec, 0.02)
         for _ in range(3):
-            assert loop.turn(loop.others.frame(StemPosition(0.08))) == []
+            assert loop.cycle(loop.others.frame(StemPosition(0.08))) == []
         with pytest.raises(
             UsageError, match="4 position frames came without an answer: this plant does not wait"
         ) as end:
-            loop.turn(loop.others.frame(StemPosition(0.08)))
+            loop.cycle(loop.others.frame(StemPosition(0.08)))
         assert end.value.exit_code is ExitCode.USAGE
 
 
@@ -85,9 +85,9 @@ def test_in_hold_the_last_word_comes_every_ten_milliseconds_whatever_the_period(
     with VirtualShell(tmp_path, period_s, guard=patient) as shell:
         shell.arm()
         shell.world.plant_silent = True
-        shell.turn_for(4 * period_s)
+        shell.cycle_for(4 * period_s)
         before = len(shell.world.said)
-        shell.turn_for(1.0)
+        shell.cycle_for(1.0)
         held = [said for said in shell.world.said[before:] if isinstance(said.message, CurrentCommand)]
         assert {said.message.mode for said in held if isinstance(said.message, CurrentCommand)} == {Mode.HOLD}
         gaps_ms = [(other.at_ns - one.at_ns) / MS for one, other in pairwise(held)]

@@ -246,7 +246,7 @@ class Loop:
             self.now_ns += MS
             told = CycleInput(tuple(frames), self.now_ns)
             self.state, outbox, _ = step(self.setup, self.state, told)
-            self.recorder.turn(told, outbox, self.state.guard)
+            self.recorder.cycle(told, outbox, self.state.guard)
             currents += [command.current_ma for command, _ in commands(outbox)]
             self.device = advance(self.plant, take(self.codec, self.device, tuple(outbox)), 0.001)
         return currents

@@ -104,22 +104,22 @@ def trials(series: Series) -> list[Trial]:
     loop, here_m = Loop.of(scenario(series.law, "paper", series.sensor, series.seed)), 0.08
     found: list[Trial] = []
     for _ in range(1500):
-        loop.turn(here_m, HEALTHY)
+        loop.cycle(here_m, HEALTHY)
     for _ in range(series.moves):
         there_m = next_setpoint_m(chance, here_m)
         found += [_trial(series, loop.fork(), fault, here_m, there_m) for fault in FAULTS]
         for _ in range(LEAD):
-            loop.turn(here_m, HEALTHY)
+            loop.cycle(here_m, HEALTHY)
         here_m = there_m
         for _ in range(chance.randrange(200, 500)):
-            loop.turn(here_m, HEALTHY)
+            loop.cycle(here_m, HEALTHY)
     return found
 
 
 def _trial(series: Series, loop: Loop, fault: Fault, here_m: float, there_m: float) -> Trial:
     begins = loop.chance.randrange(LEAD)
     for sample in range(LEAD):
-        loop.turn(here_m, fault if sample >= begins else HEALTHY)
+        loop.cycle(here_m, fault if sample >= begins else HEALTHY)
     limit_m = LIMIT_OF_SPAN * loop.plant.valve.span_m
     large: int | None = None
     cause, after_s = None, float("inf")
@@ -129,7 +129,7 @@ def _trial(series: Series, loop: Loop, fault: Fault, here_m: float, there_m: flo
         if loop.trouble is not None:
             cause, after_s = loop.trouble, (sample - (sample if large is None else large)) * PERIOD_S
             break
-        loop.turn(there_m, fault)
+        loop.cycle(there_m, fault)
     return Trial(series.law, series.sensor, fault.name, series.seed, there_m, cause, after_s)
 
 
@@ -145,7 +145,7 @@ def calm(work: tuple[str, str, str]) -> Calm:
     for dwell in range(4):
         here_m = next_setpoint_m(chance, here_m) if dwell else here_m
         for _ in range(1900):
-            loop.turn(here_m, HEALTHY)
+            loop.cycle(here_m, HEALTHY)
             error_m = abs(loop.true_m - here_m)
             large = large + 1 if error_m > limit_m else 0
             if loop.trouble is not None and loop.trouble is not before:

@@ -70,7 +70,7 @@ class Loop:
     def true_m(self) -> float:
         return self.device.plant.position_m
 
-    def turn(self, setpoint_m: float, fault: Fault) -> None:
+    def cycle(self, setpoint_m: float, fault: Fault) -> None:
         """One period: the host's setpoint when it is due, the reading, the cycle, the valve."""
         codec, inbox = self.setup.codec, []
         if self.sample % SAMPLES_PER_SETPOINT == 0:

@@ -156,15 +156,15 @@ def play(folder: Path, rounds: int, retries: int, cycles: int, law: str = "nmpc"
 
 def _round(shell: VirtualShell, world: Outage, retries: int, cycles: int) -> None:
     """Control for so many cycles, and then lose the bus for so many tries."""
-    shell.turn_for(1.0)  # until it has tried again
+    shell.cycle_for(1.0)  # until it has tried again
     shell.arm()
     if shell.mode() is not Mode.ACTIVE:
-        raise RuntimeError(f"not armed: {shell.told_by_the_guard()}, {shell.lines[-5:]}")
-    shell.turn(cycles)
+        raise RuntimeError(f"not armed: {shell.mode_and_cause()}, {shell.lines[-5:]}")
+    shell.cycle(cycles)
     world.request = HostRequest.NONE
     world.away, end = True, world.tries + retries
     while world.tries < end:
-        shell.turn()
+        shell.cycle()
     world.away = False
     world.said.clear()
     world.queue.clear()

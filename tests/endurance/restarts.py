@@ -105,12 +105,12 @@ class Matrix:
         """Return what went wrong in this cell, in a few words; empty where nothing did."""
         world, shell = self._world, self._shell
         if not self._is_armed():
-            return f"cannot be armed: {shell.told_by_the_guard()}"
-        shell.turn_for(self._chance.uniform(0.05, 0.5))
+            return f"cannot be armed: {shell.mode_and_cause()}"
+        shell.cycle_for(self._chance.uniform(0.05, 0.5))
         world.request = case.request if case.request is not HostRequest.DISARM else HostRequest.ARM
         self._befall(case.fault)
         world.request = case.request
-        shell.turn_for(self._chance.uniform(0.0, 0.3))
+        shell.cycle_for(self._chance.uniform(0.0, 0.3))
         self._end(case.end)
         frames, after_s = case.queue
         first_ns = world.now_ns + round(after_s * _NS)
@@ -135,11 +135,11 @@ class Matrix:
 
     def _is_armed(self) -> bool:
         self._world.request = HostRequest.NONE
-        self._shell.turn_for(0.3)
+        self._shell.cycle_for(0.3)
         self._world.request = HostRequest.ARM
         end_ns = self._world.now_ns + round(ARMED_S * _NS)
         while self._world.now_ns < end_ns and self._shell.mode() is not Mode.ACTIVE:
-            self._shell.turn()
+            self._shell.cycle()
             self._world.request = HostRequest.ARM if self._world.sample // 30 % 2 else HostRequest.NONE
         return self._shell.mode() is Mode.ACTIVE
 
@@ -159,7 +159,7 @@ class Matrix:
                 world.struck = lambda: pending.pop() if pending else 0
             case "disarmed":
                 world.request = HostRequest.DISARM
-        shell.turn_for(self._chance.uniform(0.05, 1.0))
+        shell.cycle_for(self._chance.uniform(0.05, 1.0))
         world.struck = lambda: 0
 
     def _heal(self) -> None:
@@ -191,7 +191,7 @@ class Matrix:
 
     def _turn_for(self, duration_s: float) -> str:
         try:
-            self._shell.turn_for(duration_s)
+            self._shell.cycle_for(duration_s)
         except PositionerError as error:
             self._shell.daemon._close()
             problem = f"a person is needed: status {error.exit_code:d}: {error}"

@@ -90,12 +90,12 @@ def on_a_virtual_clock(folder: Path, count: int, chance: random.Random) -> Tally
         for _ in tqdm(range(count), desc="virtual", unit=" stalls", leave=False, disable=None):
             if shell.mode() is not Mode.ACTIVE:
                 shell.arm()
-            shell.turn_for(1.0)  # a line of each kind leaves once a second
+            shell.cycle_for(1.0)  # a line of each kind leaves once a second
             shell.lines.clear()
             world.said.clear()
             stall_s = log_uniform(chance, _LONGEST_S)
             world.strike = (world.now_ns + chance.randrange(round(0.1 * _NS)), round(stall_s * _NS))
-            shell.turn_for(0.1 + stall_s + 0.3)
+            shell.cycle_for(0.1 + stall_s + 0.3)
             ages_s = [
                 (said.at_ns - said.answered_ns) / _NS
                 for said in world.said
@@ -104,7 +104,7 @@ def on_a_virtual_clock(folder: Path, count: int, chance: random.Random) -> Tally
                 and said.answered_ns is not None
             ]
             latched = shell.mode() is Mode.FAILSAFE
-            told = bool(shell.told("-> FAILSAFE")) and bool(shell.told("stood still for"))
+            told = bool(shell.logged("-> FAILSAFE")) and bool(shell.logged("stood still for"))
             tally.judge(stall_s, ages_s, too_long=stall_s > FAILSAFE_S, latched=latched, told=told)
     return tally
 

@@ -75,16 +75,16 @@ def test_a_stall_beyond_the_failsafe_limit_is_latched_and_told_wherever_it_strik
 ) -> None:
     for place in PLACES:
         shell.arm()
-        shell.turn_for(1.0)  # a line of each kind leaves once a second
+        shell.cycle_for(1.0)  # a line of each kind leaves once a second
         assert shell.mode() is Mode.ACTIVE
         shell.lines.clear()
         shell.world.struck = once(place, stall_ms)
-        shell.turn_for(stall_ms / 1e3 + 0.5)
-        mode, cause = shell.told_by_the_guard()
+        shell.cycle_for(stall_ms / 1e3 + 0.5)
+        mode, cause = shell.mode_and_cause()
         assert mode is Mode.FAILSAFE
         assert cause in {Cause.STALLED, Cause.FEEDBACK_STALE}
-        assert len(shell.told("-> FAILSAFE")) == 1
-        assert shell.told("stood still for")
+        assert len(shell.logged("-> FAILSAFE")) == 1
+        assert shell.logged("stood still for")
         commands = [said.message for said in shell.world.said if isinstance(said.message, CurrentCommand)]
         assert (commands[-1].mode, commands[-1].current_ma) == (Mode.FAILSAFE, 4.0)
     assert oldest_answer_ms(shell) <= HOLD_MS
@@ -93,13 +93,13 @@ def test_a_stall_beyond_the_failsafe_limit_is_latched_and_told_wherever_it_strik
 @pytest.mark.parametrize("stall_ms", [HOLD_MS + 1, 60, 89])
 def test_a_stall_beyond_the_hold_limit_holds_for_a_turn_and_is_told(stall_ms: float, shell: VirtualShell) -> None:
     for place in PLACES:
-        shell.turn_for(1.0)
+        shell.cycle_for(1.0)
         shell.lines.clear()
         before = len(shell.world.said)
         shell.world.struck = once(place, stall_ms)
-        shell.turn_for(stall_ms / 1e3 + 0.5)
+        shell.cycle_for(stall_ms / 1e3 + 0.5)
         assert shell.mode() is Mode.ACTIVE
-        assert len(shell.told("stood still for")) == 1
+        assert len(shell.logged("stood still for")) == 1
         said = [said.message for said in shell.world.said[before:]]
         assert Mode.HOLD in {message.mode for message in said if isinstance(message, CurrentCommand)}
         assert shell.daemon.session.state.tally.counts[Counted.STALLED] == place + 1
@@ -109,7 +109,7 @@ def test_a_stall_beyond_the_hold_limit_holds_for_a_turn_and_is_told(stall_ms: fl
 def test_after_a_stall_the_last_word_comes_before_any_new_one(shell: VirtualShell) -> None:
     before = len(shell.world.said)
     shell.world.struck = once(0, 60.0)
-    shell.turn()
+    shell.cycle()
     modes = [said.message.mode for said in shell.world.said[before:] if isinstance(said.message, CurrentCommand)]
     assert modes[0] is Mode.HOLD
     assert shell.daemon.session.state.link.periods_unread > 0  # the law will know how much time has passed
@@ -123,21 +123,21 @@ def test_readings_that_waited_in_a_long_queue_are_not_acted_on(tmp_path: Path) -
     with VirtualShell(tmp_path, guard=PATIENT) as shell:
         shell.arm()
         shell.world.struck = once(0, 60_000.0)  # more than one batch is queued, and only the first is taken after a gap
-        shell.turn_for(61.0)
+        shell.cycle_for(61.0)
         assert shell.mode() is Mode.ACTIVE
         assert oldest_answer_ms(shell) <= HOLD_MS
 
 
 def test_a_short_stall_is_a_late_turn_and_no_more(shell: VirtualShell) -> None:
     shell.world.struck = once(5, 15.0)
-    shell.turn_for(0.5)
-    assert shell.told("longer than the period of 10 ms")
-    assert not shell.told("stood still")
+    shell.cycle_for(0.5)
+    assert shell.logged("longer than the period of 10 ms")
+    assert not shell.logged("stood still")
     assert shell.mode() is Mode.ACTIVE
 
 
 def test_without_a_stall_nothing_is_told_and_every_reading_is_answered_at_once(shell: VirtualShell) -> None:
-    shell.turn_for(2.0)
+    shell.cycle_for(2.0)
     assert shell.lines == []
     assert oldest_answer_ms(shell) < 1.0
 
@@ -148,11 +148,11 @@ def test_a_step_of_the_wall_clock_makes_nothing_fresh_old(step_s: float, stamps:
     shell.world.stamps = stamps
     for step_ns in (0, round(step_s * 1e9)):
         shell.world.wall_step_ns += step_ns
-        shell.turn_for(0.2)
+        shell.cycle_for(0.2)
         assert shell.mode() is Mode.ACTIVE
         assert shell.lines == []
     shell.world.struck = once(2, 5_000.0)
-    shell.turn_for(5.5)
+    shell.cycle_for(5.5)
     assert shell.mode() is Mode.FAILSAFE
     assert oldest_answer_ms(shell) <= HOLD_MS
 
@@ -171,7 +171,7 @@ def test_a_step_of_the_wall_clock_makes_nothing_old_fresh(stamps: bool, tmp_path
             return 0
 
         world.struck = once_what(strike)
-        shell.turn_for(62.0)
+        shell.cycle_for(62.0)
         assert shell.mode() is Mode.ACTIVE
         assert oldest_answer_ms(shell) <= HOLD_MS
 
@@ -186,8 +186,8 @@ def test_an_arm_that_was_asked_during_a_stall_does_not_undo_the_latch(shell: Vir
         return 10_000 * MS
 
     world.struck = once_what(strike)
-    shell.turn_for(51.0)
-    assert shell.told_by_the_guard() == (Mode.FAILSAFE, Cause.STALLED)
+    shell.cycle_for(51.0)
+    assert shell.mode_and_cause() == (Mode.FAILSAFE, Cause.STALLED)
     shell.arm()
     assert shell.mode() is Mode.ACTIVE
 
@@ -195,7 +195,7 @@ def test_an_arm_that_was_asked_during_a_stall_does_not_undo_the_latch(shell: Vir
 def test_a_disarm_that_was_asked_during_a_stall_disarms(shell: VirtualShell) -> None:
     shell.world.request = HostRequest.DISARM
     shell.world.struck = once(3, 500.0)
-    shell.turn_for(1.0)
+    shell.cycle_for(1.0)
     assert shell.mode() is Mode.READY
 
 
@@ -210,8 +210,8 @@ def test_a_law_that_is_always_too_late_to_be_used_fails_safe(
         return decide(*arguments)
 
     monkeypatch.setattr(law, "decide", slow)
-    shell.turn_for(3.0)
-    assert shell.told_by_the_guard() == (Mode.FAILSAFE, Cause.LAW_LATE)
+    shell.cycle_for(3.0)
+    assert shell.mode_and_cause() == (Mode.FAILSAFE, Cause.LAW_LATE)
     said = [said for said in shell.world.said if isinstance(said.message, CurrentCommand)]
     # the last word is repeated in between: the actuator hears that somebody is there
     assert max((other.at_ns - one.at_ns) / MS for one, other in pairwise(said)) < FAILSAFE_MS
@@ -220,11 +220,11 @@ def test_a_law_that_is_always_too_late_to_be_used_fails_safe(
 
 def test_a_stall_while_nobody_has_armed_it_is_nobodys_business(tmp_path: Path) -> None:
     with VirtualShell(tmp_path) as shell:
-        shell.turn_for(0.5)
+        shell.cycle_for(0.5)
         shell.world.struck = once(3, 5_000.0)
-        shell.turn_for(6.0)
+        shell.cycle_for(6.0)
         assert shell.mode() is Mode.READY
-        assert not shell.told("stood still")
+        assert not shell.logged("stood still")
         shell.arm()
         assert shell.mode() is Mode.ACTIVE
 
@@ -236,7 +236,7 @@ def test_a_record_with_stalls_replays_to_the_bit(tmp_path: Path, capsys: pytest.
             for place in range(12):
                 shell.arm()
                 shell.world.struck = once(place, stall_ms)
-                shell.turn_for(0.05 + stall_ms / 1e3)
+                shell.cycle_for(0.05 + stall_ms / 1e3)
         causes = {said.message.cause for said in shell.world.said if isinstance(said.message, PositionerStatus)}
         assert Cause.STALLED in causes
     assert main(["replay", str(log), "--config", str(tmp_path / "valve.toml")]) == 0

@@ -131,7 +131,7 @@ def test_random_frames_of_cangen_are_no_reason_to_act_or_to_stop(bus: BusAddress
         # the identifiers of a position and of a setpoint with random data of random length; then any identifier
         for identifier in ("110", "120", "r"):
             command("cangen", bus.channel, "-g", "1", "-n", "300", "-I", identifier, "-L", "r", "-D", "r")
-        until(lambda: service.told("wrong"), lambda: service.lines)
+        until(lambda: service.logged("wrong"), lambda: service.lines)
         service.others.port.receive(0.0)
         said.receive(0.0)
         assert said.receive(0.3) == ()

@@ -73,7 +73,7 @@ def own_frame(name: str, data_id: int, **signals: float) -> CanFrame:
 def test_not_one_frame_leaves_before_it_is_armed(loop: Loop) -> None:
     said = [message for _ in range(60) for message in loop.sample()]
     assert said == []
-    assert loop.told("mode INIT") == ["mode INIT -> READY (waiting for arm)"]
+    assert loop.logged("mode INIT") == ["mode INIT -> READY (waiting for arm)"]
 
 
 def test_a_request_to_arm_is_answered_with_a_command_and_a_status_at_once(loop: Loop) -> None:
@@ -96,7 +96,7 @@ def test_a_request_to_disarm_ends_all_commands_and_leaves_the_status(armed: Loop
 def test_it_arms_itself_at_the_first_reading_where_it_may(tmp_path: Path) -> None:
     with Loop(tmp_path, guard=AUTO) as loop:
         assert commands(loop.sample())[0].mode is Mode.ACTIVE
-        assert loop.told("mode INIT") == ["mode INIT -> ACTIVE (none)"]
+        assert loop.logged("mode INIT") == ["mode INIT -> ACTIVE (none)"]
 
 
 def test_each_command_answers_its_reading_and_names_the_setpoint_it_obeys(armed: Loop) -> None:
@@ -121,31 +121,31 @@ def test_without_feedback_it_holds_and_then_fails_safe_as_configured(
     guard = {**AUTO, "failsafe_action": action, "failsafe_current_ma": 7.25}
     with Loop(tmp_path, guard=guard) as loop:
         (last,) = commands(loop.sample())
-        modes = [[command.mode for command in commands(loop.turn())] for _ in range(11)]
+        modes = [[command.mode for command in commands(loop.cycle())] for _ in range(11)]
         # until the third period nothing is amiss; in HOLD and FAILSAFE the last word is repeated
         assert modes == [[]] * 3 + [[Mode.HOLD]] * 7 + [[Mode.FAILSAFE]]
-        (failed,) = commands(loop.turn())
+        (failed,) = commands(loop.cycle())
         assert failed.current_ma == (pytest.approx(current_ma) if current_ma else last.current_ma)
-        assert loop.told("FAILSAFE") == ["mode HOLD -> FAILSAFE (feedback stale)"]
+        assert loop.logged("FAILSAFE") == ["mode HOLD -> FAILSAFE (feedback stale)"]
 
 
 def test_in_hold_the_last_current_is_repeated(armed: Loop) -> None:
     (last,) = commands(armed.sample())
-    held = [command for _ in range(10) for command in commands(armed.turn())]
+    held = [command for _ in range(10) for command in commands(armed.cycle())]
     assert {command.current_ma for command in held} == {last.current_ma}
     assert {command.mode for command in held} == {Mode.HOLD}
-    assert armed.told("HOLD") == ["mode ACTIVE -> HOLD (feedback stale)"]
+    assert armed.logged("HOLD") == ["mode ACTIVE -> HOLD (feedback stale)"]
 
 
 def test_feedback_ends_hold(armed: Loop) -> None:
     for _ in range(5):
-        armed.turn()
+        armed.cycle()
     assert commands(armed.sample())[0].mode is Mode.ACTIVE
 
 
 def test_failsafe_stays_until_it_is_armed_again(armed: Loop) -> None:
     for _ in range(12):
-        armed.turn()
+        armed.cycle()
     said = [message for _ in range(10) for message in armed.sample()]
     assert {command.mode for command in commands(said)} == {Mode.FAILSAFE}
     assert {command.current_ma for command in commands(said)} == {4.0}
@@ -159,7 +159,7 @@ def test_without_setpoints_it_holds_the_last_one_and_then_fails_safe(armed: Loop
     armed.sample()
     modes = [commands(armed.sample(setpoint_m=None))[0].mode for _ in range(17)]
     assert modes == [Mode.ACTIVE] * 5 + [Mode.HOLD] * 10 + [Mode.FAILSAFE] * 2
-    assert armed.told("HOLD") == ["mode ACTIVE -> HOLD (setpoint stale)", "mode HOLD -> FAILSAFE (setpoint stale)"]
+    assert armed.logged("HOLD") == ["mode ACTIVE -> HOLD (setpoint stale)", "mode HOLD -> FAILSAFE (setpoint stale)"]
 
 
 def test_a_setpoint_outside_the_travel_is_told_and_the_last_one_stays(armed: Loop) -> None:
@@ -167,7 +167,7 @@ def test_a_setpoint_outside_the_travel_is_told_and_the_last_one_stays(armed: Loo
     (command,) = commands(armed.sample(setpoint_m=0.15))
     assert command.setpoint_counter == 1
     assert armed.daemon.session.state.setpoint_m == pytest.approx(HERE_M)
-    (line,) = armed.told("setpoint")
+    (line,) = armed.logged("setpoint")
     assert line.startswith("setpoint 150.000 mm refused: outside the travel of 0 to 139.7 mm; the last one stays")
 
 
@@ -188,13 +188,13 @@ def test_every_kind_of_bad_frame_gets_a_line_that_names_it_and_the_loop_goes_on(
             "counter out of order: StemPosition counter 200 after 0": loop.others.codec.encode(StemPosition(0.1), 200),
         }
         for told, frame in bad.items():
-            assert commands(loop.turn(frame)) == [], told
+            assert commands(loop.cycle(frame)) == [], told
             assert [line for line in loop.lines if line.startswith(f"frame refused: {told}")], (told, loop.lines)
         send_raw(loop, is_remote_frame=True, arbitration_id=good.arbitration_id)
         send_raw(loop, is_error_frame=True, arbitration_id=good.arbitration_id, data=bytes(8))
-        assert loop.told("remote frame: STEM_POSITION")
-        assert loop.told("error frame: id 110")
-        assert len(loop.told("frame refused")) == len(bad) + 2
+        assert loop.logged("remote frame: STEM_POSITION")
+        assert loop.logged("error frame: id 110")
+        assert len(loop.logged("frame refused")) == len(bad) + 2
         assert commands(loop.sample()) == []  # after a frame out of order a reading waits for the second one in order
         (command,) = commands(loop.sample())
         assert command.mode is Mode.ACTIVE
@@ -207,13 +207,13 @@ def send_raw(loop: Loop, **fields: Any) -> None:
     bus = loop.others.port._bus
     assert bus is not None
     bus.send(can.Message(is_extended_id=False, **fields))
-    assert commands(loop.turn()) == []
+    assert commands(loop.cycle()) == []
 
 
 def test_frames_of_nobody_are_nobodys_mistake(armed: Loop) -> None:
     before = list(armed.lines)
     for stranger in (CanFrame(0x7FF, b"hello"), CanFrame(0x110, bytes(8), is_extended=True), CanFrame(0x190, bytes(8))):
-        armed.turn(stranger, after_s=0.0)
+        armed.cycle(stranger, after_s=0.0)
     assert commands(armed.sample())
     assert armed.lines == before
 
@@ -228,12 +228,12 @@ def test_a_thousand_bad_frames_are_one_line_and_the_next_second_counts_them(
     crc = int.from_bytes(good.data[:2], "little")
     for number in range(1, 1001):
         damaged = (crc ^ number).to_bytes(2, "little") + good.data[2:]
-        armed.turn(replace(good, data=damaged), after_s=0.0)
-    (line,) = armed.told("wrong CRC")
+        armed.cycle(replace(good, data=damaged), after_s=0.0)
+    (line,) = armed.logged("wrong CRC")
     assert "more like it" not in line
     now_s[0] += 1.0
-    armed.turn(replace(good, data=bytes(8)), after_s=0.0)
-    assert armed.told("wrong CRC")[1].endswith("(999 more like it since the last line)")
+    armed.cycle(replace(good, data=bytes(8)), after_s=0.0)
+    assert armed.logged("wrong CRC")[1].endswith("(999 more like it since the last line)")
     assert commands(armed.sample())[0].mode is Mode.ACTIVE
 
 
@@ -241,9 +241,9 @@ def test_lost_frames_and_implausible_readings_are_told(armed: Loop) -> None:
     for _ in range(3):
         armed.others.frame(StemPosition(HERE_M))  # made, and lost on the way
     assert commands(armed.sample())
-    assert armed.told("lost") == ["3 frame(s) of StemPosition lost on the bus"]
+    assert armed.logged("lost") == ["3 frame(s) of StemPosition lost on the bus"]
     assert commands(armed.sample(position_m=0.3)) == []
-    assert armed.told("position 300.000 mm refused: outside the travel")
+    assert armed.logged("position 300.000 mm refused: outside the travel")
     assert commands(armed.sample(position_m=HERE_M + 0.055)) == []
     assert commands(armed.sample())[0].mode is Mode.ACTIVE
 
@@ -251,11 +251,11 @@ def test_lost_frames_and_implausible_readings_are_told(armed: Loop) -> None:
 def test_another_controller_after_arming_is_told_and_shown_and_the_loop_goes_on(armed: Loop) -> None:
     while armed.elapsed_ns <= 2.1e9:  # later than a second after the arming
         armed.sample()
-    armed.turn(armed.others.frame(CurrentCommand(9.5)), after_s=0.0)
+    armed.cycle(armed.others.frame(CurrentCommand(9.5)), after_s=0.0)
     said = [message for _ in range(6) for message in armed.sample()]
     assert len(commands(said)) == 6
     assert {(status.cause, status.health) for status in statuses(said)} == {(Cause.FOREIGN_COMMAND, Health.FAILURE)}
-    assert len(armed.told("another controller")) == 1
+    assert len(armed.logged("another controller")) == 1
 
 
 def test_a_bus_that_is_not_there_is_told_once_and_joined_when_it_comes(
@@ -274,11 +274,11 @@ def test_a_bus_that_is_not_there_is_told_once_and_joined_when_it_comes(
     with Loop(tmp_path, guard=AUTO, bus=BusAddress(interface="virtual", channel=str(tmp_path))) as loop:
         for _ in range(3):
             assert loop.sample() == []
-        assert len(loop.told("cannot be opened")) == 1
-        assert "No such device" in loop.told("cannot be opened")[0]
-        loop.turn()
+        assert len(loop.logged("cannot be opened")) == 1
+        assert "No such device" in loop.logged("cannot be opened")[0]
+        loop.cycle()
         assert len(tries) == 6
-        assert loop.told("is there again")
+        assert loop.logged("is there again")
         assert commands(loop.sample())[0].mode is Mode.ACTIVE
 
 
@@ -322,13 +322,13 @@ def test_a_bus_that_goes_and_comes_back_costs_a_failsafe_and_two_lines(
         cables[-1].pulled = True
         for _ in range(12):
             loop.elapsed_ns += round(PERIOD_S * 1e9)
-            loop.daemon._turn()
-        assert loop.told("is down: Network is down")
-        assert loop.told("FAILSAFE")
+            loop.daemon._cycle()
+        assert loop.logged("is down: Network is down")
+        assert loop.logged("FAILSAFE")
         cables[-1].pulled = False
-        loop.turn()
-        assert loop.told("is there again")
-        assert len(loop.told("bus virtual")) <= 3
+        loop.cycle()
+        assert loop.logged("is there again")
+        assert len(loop.logged("bus virtual")) <= 3
         assert commands(loop.sample())[0].mode is Mode.FAILSAFE
         assert commands(loop.request(HostRequest.ARM))[0].mode is Mode.ACTIVE
 
@@ -346,7 +346,7 @@ def test_a_dry_run_never_transmits_and_never_learns(dry_run: bool, tmp_path: Pat
         else:
             assert len(commands(said)) == 120
             assert table.sequence >= 1
-    assert loop.told("mode INIT") == ["mode INIT -> ACTIVE (none)"]
+    assert loop.logged("mode INIT") == ["mode INIT -> ACTIVE (none)"]
 
 
 def test_the_service_manager_hears_of_readiness_life_and_the_end(
@@ -357,7 +357,7 @@ def test_the_service_manager_hears_of_readiness_life_and_the_end(
         manager.setblocking(False)
         monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
         with Loop(tmp_path) as loop:
-            loop.turn()
+            loop.cycle()
             heard = notifications(manager)
             assert f"STATUS=waiting for position frames on {loop.address}" in heard
             # the watchdog runs from the first turn on, and the time for the start never ends while turns are completed
@@ -365,7 +365,7 @@ def test_the_service_manager_hears_of_readiness_life_and_the_end(
             loop.sample()
             assert "READY=1\nSTATUS=READY: waiting for arm" in notifications(manager)
             for _ in range(3):
-                loop.turn()
+                loop.cycle()
             # a positioner that waits is no positioner that hangs: nobody is to restart it
             assert "WATCHDOG=1" in notifications(manager)
         assert notifications(manager) == ["STOPPING=1"]
@@ -388,6 +388,6 @@ def test_a_trace_on_a_full_disk_ends_with_a_line_and_the_loop_goes_on(tmp_path: 
         trace.close()
         trace._file = Path("/dev/full").open("w", buffering=1, encoding="utf-8")  # noqa: SIM115 - the daemon closes it
         assert commands(loop.sample())
-        assert loop.told("trace") == ["the trace ends here: No space left on device"]
+        assert loop.logged("trace") == ["the trace ends here: No space left on device"]
         assert commands(loop.sample())
-    assert len(loop.told("trace")) == 1
+    assert len(loop.logged("trace")) == 1

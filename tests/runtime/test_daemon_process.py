@@ -72,7 +72,7 @@ def test_a_held_arm_does_not_arm_a_daemon_that_starts_again(tmp_path: Path) -> N
         service.kill()
         service.start()
         deadline_s = time.monotonic() + PATIENCE_S
-        while not service.told("mode INIT -> READY (waiting for arm)")[1:]:
+        while not service.logged("mode INIT -> READY (waiting for arm)")[1:]:
             assert time.monotonic() < deadline_s, service.lines
             assert service.request(HostRequest.ARM) == []
         for _ in range(50):
@@ -112,7 +112,7 @@ def test_a_kill_loses_nothing_that_was_learned_and_a_reset_is_taken_over(tmp_pat
         with plant(service) as emulator:
             learn(service, emulator, 4)
             service.kill()
-        learned = len(service.told("learned"))
+        learned = len(service.logged("learned"))
         service.start(*options)
         # what was handed over is there; the lessons of the very turn in which it was killed may be told and not given
         assert learned - LESSONS_OF_A_TURN <= access.dump(tmp_path / "state").table.sequence <= learned
@@ -120,13 +120,13 @@ def test_a_kill_loses_nothing_that_was_learned_and_a_reset_is_taken_over(tmp_pat
             learn(service, emulator, learned + 4)
             assert access.reset(tmp_path / "state") is not None
             deadline_s = time.monotonic() + PATIENCE_S
-            while not service.told("the stiction table was replaced: reset"):
+            while not service.logged("the stiction table was replaced: reset"):
                 assert time.monotonic() < deadline_s, service.lines
                 service.others.listen(PERIOD_S)
-            before = len(service.told("learned"))
+            before = len(service.logged("learned"))
             learn(service, emulator, before + 2)
             assert service.stop() == ExitCode.OK
-        afterwards = service.lines[service.lines.index(service.told("replaced: reset")[0]) :]
+        afterwards = service.lines[service.lines.index(service.logged("replaced: reset")[0]) :]
     assert access.dump(tmp_path / "state").table.sequence == len([line for line in afterwards if "learned" in line])
 
 
@@ -141,7 +141,7 @@ def plant(service: Service) -> Child:
 def learn(service: Service, emulator: Child, wanted: int) -> None:
     """Send the stem to and fro until the log has `wanted` lines of what was learned."""
     deadline_s, number = time.monotonic() + PATIENCE_S, 0
-    while len(service.told("learned")) < wanted:
+    while len(service.logged("learned")) < wanted:
         emulator.check()
         assert time.monotonic() < deadline_s, service.lines
         service.others.ask(0.073 + 0.014 * (number // 20 % 2))
@@ -188,8 +188,8 @@ def test_a_valve_that_speaks_frames_of_its_own_is_controlled(tmp_path: Path) -> 
                 currents += [4.0 + 0.16 * signals["LoopCurrent"] for signals in heard]
         finally:
             valve.close()
-        assert service.told("mode INIT") == ["INFO mode INIT -> ACTIVE (none)"]
-        assert service.told("refused") == []
+        assert service.logged("mode INIT") == ["INFO mode INIT -> ACTIVE (none)"]
+        assert service.logged("refused") == []
         assert service.stop() == ExitCode.OK
     balance_ma = 52538.0 * HERE_M / (0.06452 * 5171.06775)
     friction_ma = 1707.7 / (0.06452 * 5171.06775)

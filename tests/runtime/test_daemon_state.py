@@ -49,7 +49,7 @@ def test_the_next_daemon_starts_from_the_table(tmp_path: Path) -> None:
     with Loop(tmp_path, guard=AUTO) as second:
         assert second.daemon.session.state.table == first.daemon.session.state.table
         held = sum(len(cell.samples) for _, cell in second.daemon.session.state.table)
-        assert second.told("table of FV-101") == [
+        assert second.logged("table of FV-101") == [
             f"table of FV-101: {held} samples in {len(second.daemon.session.state.table)} cells"
         ]
 
@@ -60,7 +60,7 @@ def test_a_reset_reaches_the_daemon_by_itself_and_is_not_undone(tmp_path: Path) 
         wait_until_saved(loop)
         assert access.reset(loop.configuration.state_directory) is not None
         start_s = time.monotonic()
-        loop.turn_until("the stiction table was replaced: reset")
+        loop.cycle_until("the stiction table was replaced: reset")
         assert time.monotonic() - start_s < 30.0
         loop.sample()  # the cycle is told of it
         assert loop.daemon.session.state.table.sequence == 0
@@ -82,14 +82,14 @@ def test_a_full_disk_is_told_once_and_shown_and_the_loop_goes_on(tmp_path: Path)
         _, most = resource.prlimit(writer, resource.RLIMIT_FSIZE)
         resource.prlimit(writer, resource.RLIMIT_FSIZE, (512, most))
         teach(loop)
-        loop.turn_until("cannot be saved")
+        loop.cycle_until("cannot be saved")
         teach(loop)
         shown = statuses(loop, 2)[-1]
         assert (shown.table_saved, shown.health) == (False, Health.MAINTENANCE_REQUIRED)
-        assert len(loop.told("cannot be saved")) == 1
+        assert len(loop.logged("cannot be saved")) == 1
         assert any(isinstance(message, CurrentCommand) for message in loop.sample())
         resource.prlimit(writer, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, most))
-        loop.turn_until("saved again")
+        loop.cycle_until("saved again")
         wait_until_saved(loop)
         shown = statuses(loop, 2)[-1]
         assert (shown.table_saved, shown.health) == (True, Health.GOOD)
@@ -102,12 +102,12 @@ def test_a_state_directory_that_becomes_a_file_is_told_once_and_ends_in_a_status
         state.rename(tmp_path / "gone")
         state.write_text("not a directory", encoding="utf-8")
         teach(loop)
-        loop.turn_until("cannot be saved")
+        loop.cycle_until("cannot be saved")
         teach(loop)
-        assert len(loop.told("cannot be saved")) == 1
+        assert len(loop.logged("cannot be saved")) == 1
         assert any(isinstance(message, CurrentCommand) for message in loop.sample())
         assert loop.close() is ExitCode.IO
-        assert len(loop.told("cannot be saved")) == 2
+        assert len(loop.logged("cannot be saved")) == 2
         state.unlink()
         (tmp_path / "gone").rename(state)
 
@@ -117,6 +117,6 @@ def test_a_table_writer_that_dies_is_replaced_and_nothing_is_lost(tmp_path: Path
         teach(loop)
         loop.daemon.session.table_writer._child.process.kill()
         teach(loop)
-        loop.turn_until("saved again")
+        loop.cycle_until("saved again")
         teach(loop)
         wait_until_saved(loop)

@@ -36,7 +36,7 @@ def test_two_daemons_that_one_arm_has_armed_do_not_both_go_on(tmp_path: Path) ->
             said_s = time.monotonic()
             while (left_s := said_s + PERIOD_S - time.monotonic()) > 0.0:
                 host.listen(left_s)
-            modes = [" ".join(service.told("mode ")) for service in (one, other)]
+            modes = [" ".join(service.logged("mode ")) for service in (one, other)]
         # whoever heard the other has told it; the one that was the first alone has heard nobody
         for service, mode in zip((one, other), modes, strict=True):
-            assert service.told("another controller commands this valve") or mode.endswith("ACTIVE (none)"), modes
+            assert service.logged("another controller commands this valve") or mode.endswith("ACTIVE (none)"), modes

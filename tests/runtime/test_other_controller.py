@@ -49,8 +49,8 @@ def test_who_goes_on_for_two_seconds_is_another_controller(period_ms: int) -> No
 def test_the_last_frames_of_a_daemon_that_was_killed_keep_the_next_one_from_nothing(loop: Loop) -> None:
     loop.sample()
     for _ in range(6):
-        loop.turn(*(loop.others.frame(CurrentCommand(9.5)) for _ in range(128)), after_s=0.02)
-    assert len(loop.told("another controller")) == 1
+        loop.cycle(*(loop.others.frame(CurrentCommand(9.5)) for _ in range(128)), after_s=0.02)
+    assert len(loop.logged("another controller")) == 1
     loop.request(HostRequest.ARM)
     assert [m for m in loop.sample() if isinstance(m, CurrentCommand)] == []  # not within a second
     for _ in range(60):
@@ -65,12 +65,12 @@ def test_another_controller_that_goes_on_ends_it_without_a_word(loop: Loop) -> N
     loop.sample()
     turns = itertools.count()
     with pytest.raises(AnotherControllerError, match=r"not started: another controller .* \(9.500 mA\)") as caught:
-        turn_while_another_commands(loop, turns)
+        cycle_while_another_commands(loop, turns)
     assert caught.value.exit_code is ExitCode.UNAVAILABLE
     assert next(turns) * PERIOD_S == pytest.approx(GOES_ON_NS / 1e9, abs=2.0 * PERIOD_S)
     assert loop.others.listen() == []
 
 
-def turn_while_another_commands(loop: Loop, turns: Iterator[int]) -> None:
+def cycle_while_another_commands(loop: Loop, turns: Iterator[int]) -> None:
     while next(turns) < 1000:
-        loop.turn(loop.others.frame(CurrentCommand(9.5)))
+        loop.cycle(loop.others.frame(CurrentCommand(9.5)))

@@ -49,8 +49,8 @@ def lines(path: Path) -> list[str]:
 def test_a_turn_is_its_frames_under_one_instant(tmp_path: Path) -> None:
     recorder = BusRecorder(tmp_path / "bus.log")
     inbox = (FRAME, CanFrame(0x1ABCDE, b"\x01", is_extended=True), CanFrame(0x123, b"", is_remote=True))
-    recorder.turn(CycleInput(inbox, 12_000_345_000), (CanFrame(0x100, b"\xff"),), HELD)
-    recorder.turn(CycleInput((CanFrame(0, b"", is_error=True),), 13_000_000_001), (), HELD)
+    recorder.cycle(CycleInput(inbox, 12_000_345_000), (CanFrame(0x100, b"\xff"),), HELD)
+    recorder.cycle(CycleInput((CanFrame(0, b"", is_error=True),), 13_000_000_001), (), HELD)
     recorder.close()
     assert lines(tmp_path / "bus.log") == [
         "(12.000345) vcan0 110#0001020304050607 R",
@@ -68,9 +68,9 @@ def test_a_turn_is_its_frames_under_one_instant(tmp_path: Path) -> None:
 
 def test_an_empty_turn_is_noted_where_it_moves_the_guard(tmp_path: Path) -> None:
     recorder = BusRecorder(tmp_path / "bus.log")
-    recorder.turn(CycleInput((), 1_000_000), (), GuardState())
-    recorder.turn(CycleInput((), 2_000_000), (), HELD)
-    recorder.turn(CycleInput((), 3_000_000), (), replace(HELD, late_cycles=1))
+    recorder.cycle(CycleInput((), 1_000_000), (), GuardState())
+    recorder.cycle(CycleInput((), 2_000_000), (), HELD)
+    recorder.cycle(CycleInput((), 3_000_000), (), replace(HELD, late_cycles=1))
     recorder.close()
     empty = f"vcan0 {NOTE_ID:08X}#FE00000000000000 T"
     assert lines(tmp_path / "bus.log") == [f"(0.002000) {empty}", f"(0.003000) {empty}"]
@@ -82,7 +82,7 @@ def test_what_the_shell_tells_the_cycle_is_noted_before_its_frames(tmp_path: Pat
     usual = CycleInput((FRAME,), 1_000_000)
     unsaved = replace(usual, table_saved=False)
     for told in (usual, unsaved, unsaved, replace(unsaved, late_ns=0x1234), replace(unsaved, table=table)):
-        recorder.turn(told, (), HELD)
+        recorder.cycle(told, (), HELD)
     recorder.close()
     noted = [line.split()[2] for line in lines(tmp_path / "bus.log")]
     frame = "110#0001020304050607"
@@ -103,8 +103,8 @@ def test_what_comes_in_after_something_was_sent_is_the_next_turn(tmp_path: Path)
         codec.encode(message, 0) for message in (StemPosition(0.08), CurrentCommand(12.0), Setpoint(0.08))
     )
     recorder = BusRecorder(tmp_path / "bus.log")
-    recorder.turn(CycleInput((reading,), 1_000_000), (command,), HELD)
-    recorder.turn(CycleInput((setpoint,), 1_000_000), (), HELD)
+    recorder.cycle(CycleInput((reading,), 1_000_000), (command,), HELD)
+    recorder.cycle(CycleInput((setpoint,), 1_000_000), (), HELD)
     recorder.close()
     heard = recorded.FrameClassifier(codec)
     survey = Survey(heard, 1_000_000)
@@ -138,14 +138,14 @@ def test_a_full_disk_ends_the_record_and_nothing_else(monkeypatch: pytest.Monkey
     monkeypatch.setattr(logger, "error", lambda form, *words: lines.append(form % words))
     recorder = BusRecorder(Path("/dev/full"))
     for turn in range(3000):
-        recorder.turn(CycleInput((FRAME,), turn * 1_000_000), (), HELD)
+        recorder.cycle(CycleInput((FRAME,), turn * 1_000_000), (), HELD)
     recorder.close()
     assert lines == ["the record of the bus ends here: No space left on device"]
 
 
 def test_without_a_path_nothing_is_recorded() -> None:
     recorder = BusRecorder(None)
-    recorder.turn(CycleInput((FRAME,), 0), (), HELD)
+    recorder.cycle(CycleInput((FRAME,), 0), (), HELD)
     recorder.close()
 
 
@@ -205,8 +205,8 @@ def test_the_truth_is_merged_by_time_and_the_log_starts_at_zero(tmp_path: Path) 
     recording.hear(truth[0], 0.0005)
     recording.hear(truth[1], 0.0015)
     recorder = BusRecorder(tmp_path / "bus.log")
-    recorder.turn(CycleInput((FRAME,), 5_000_200_000), (), HELD)
-    recorder.turn(CycleInput((FRAME,), 5_001_000_000), (), HELD)
+    recorder.cycle(CycleInput((FRAME,), 5_000_200_000), (), HELD)
+    recorder.cycle(CycleInput((FRAME,), 5_001_000_000), (), HELD)
     recorder.close()
     add_truth(tmp_path / "bus.log", recording)
     assert [line.split(" vcan0 ")[0] for line in lines(tmp_path / "bus.log")] == [

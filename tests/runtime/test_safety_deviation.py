@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 def sample(loop: Loop, setpoint_m: float, position_m: float) -> list[Message]:
     """One period of a node that obeys: its reading names the last command."""
     reading = loop.others.frame(StemPosition(position_m, loop.others.acting))
-    return loop.turn(loop.others.frame(Setpoint(setpoint_m)), reading)
+    return loop.cycle(loop.others.frame(Setpoint(setpoint_m)), reading)
 
 
 def last_status(loop: Loop, samples: int, setpoint_m: float, position_m: float = HERE_M) -> PositionerStatus:
@@ -57,8 +57,8 @@ def test_a_stem_that_stays_away_is_told_once_and_out_of_specification(
         for _ in range(3):
             status = last_status(loop, 30, setpoint_m)
             assert trouble(status) == (Mode.ACTIVE, cause, Health.OUT_OF_SPECIFICATION)
-        assert len(loop.told("deviation: ")) == 1
-        assert told in loop.told("deviation: ")[0]
+        assert len(loop.logged("deviation: ")) == 1
+        assert told in loop.logged("deviation: ")[0]
         assert trouble(last_status(loop, 30, setpoint_m, setpoint_m)) == (Mode.ACTIVE, Cause.NONE, Health.GOOD)
 
 
@@ -66,10 +66,10 @@ def test_a_stem_that_is_not_under_control_is_away_from_nothing(tmp_path: Path) -
     with Loop(tmp_path, control={"law": "pi"}) as loop:
         for _ in range(150):
             loop.sample(HERE_M, 0.127)
-        assert not loop.told("deviation")
+        assert not loop.logged("deviation")
         loop.request(HostRequest.ARM)
         for _ in range(150):
             loop.sample(HERE_M, 0.127)
-        assert loop.told("deviation")
+        assert loop.logged("deviation")
         loop.request(HostRequest.DISARM)
         assert loop.daemon.session.state.deviation.cause is Cause.NONE

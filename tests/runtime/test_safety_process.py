@@ -53,20 +53,20 @@ def test_a_signal_to_stop_ends_the_loop_after_the_turn_and_saves_the_table(
     with Loop(tmp_path, guard={"auto_arm": True}) as loop:
         for sample in range(80):
             loop.sample(HERE_M + 0.001 * min(sample, 30, max(60 - sample, 0)), setpoint_m=0.1)
-        turns = []
+        cycles = []
 
-        def turn() -> None:
-            turns.append("begun")
-            assert len(turns) < 4, "the loop goes on"
-            if len(turns) == 2:
+        def cycle() -> None:
+            cycles.append("begun")
+            assert len(cycles) < 4, "the loop goes on"
+            if len(cycles) == 2:
                 signal.raise_signal(number)
-            turns[-1] = "done"
+            cycles[-1] = "done"
 
-        monkeypatch.setattr(loop.daemon, "_turn", turn)
+        monkeypatch.setattr(loop.daemon, "_cycle", cycle)
         monkeypatch.setattr(session, "_CLOSE_TIMEOUT_S", 60.0)  # a busy machine
         loop._running = None
         assert loop.daemon.run() is ExitCode.OK
-        assert turns == ["done", "done"]
+        assert cycles == ["done", "done"]
         assert loop.lines[-1] == "stopped; the stiction table is saved"
         table = access.dump(tmp_path / "state").table
         assert table == loop.daemon.session.state.table
@@ -81,10 +81,10 @@ def test_a_cycle_that_takes_longer_than_a_period_is_told(tmp_path: Path, monkeyp
         monkeypatch.setattr(BusPort, "gap_ns", property(lambda _port: gap.gap_ns))
         loop.elapsed_ns = time.monotonic_ns()
         loop.sample()
-        assert not loop.told("longer than the period")
+        assert not loop.logged("longer than the period")
         gap.gap_ns = round(1.1 * PERIOD_S * 1e9)
         loop.sample()
-        (line,) = loop.told("longer than the period")
+        (line,) = loop.logged("longer than the period")
         assert line.startswith("a turn took 22 ms, longer than the period of 20 ms")
 
 

@@ -44,12 +44,12 @@ def test_a_second_sensor_under_the_identifier_of_the_first_is_told_and_neither_m
             lost = loop.others.frame(StemPosition(HERE_M))
             first = () if counter == 160 else (lost,)
             setpoint = loop.others.frame(Setpoint(HERE_M))
-            said += loop.turn(*first, second(loop, StemPosition(HERE_M + 0.04), counter), setpoint)
+            said += loop.cycle(*first, second(loop, StemPosition(HERE_M + 0.04), counter), setpoint)
         assert loop.daemon.session.state.link.readings.position_m == HERE_M
         status = last_status(said)
         assert (status.mode, status.cause, status.health) == (Mode.FAILSAFE, Cause.FEEDBACK_DISPUTED, Health.FAILURE)
-        assert loop.told("mode ACTIVE -> HOLD (feedback disputed)")
-        assert loop.told("a second sender under its identifier? stop one of them")
+        assert loop.logged("mode ACTIVE -> HOLD (feedback disputed)")
+        assert loop.logged("a second sender under its identifier? stop one of them")
         # alone again it is believed, and can be armed
         for _ in range(17):
             loop.sample()
@@ -63,7 +63,7 @@ def test_a_second_host_under_the_identifier_of_the_first_is_told_and_moves_nothi
         said: list[Message] = []
         for counter in range(150, 200):
             setpoints = second(loop, Setpoint(HERE_M + 0.005), counter), loop.others.frame(Setpoint(HERE_M))
-            said += loop.turn(*setpoints, loop.others.frame(StemPosition(HERE_M, loop.others.acting)))
+            said += loop.cycle(*setpoints, loop.others.frame(StemPosition(HERE_M, loop.others.acting)))
         assert loop.daemon.session.state.link.setpoint_m == HERE_M
         status = last_status(said)
         assert (status.mode, status.cause) == (Mode.HOLD, Cause.SETPOINT_DISPUTED)
@@ -75,8 +75,8 @@ def test_a_disarm_of_any_counter_silences(tmp_path: Path) -> None:
         for counter in (0, 77, 200):
             loop.request(HostRequest.ARM)
             loop.sample()
-            said = [*loop.sample(), *loop.turn(second(loop, Setpoint(HERE_M, HostRequest.DISARM), counter))]
+            said = [*loop.sample(), *loop.cycle(second(loop, Setpoint(HERE_M, HostRequest.DISARM), counter))]
             assert any(isinstance(message, CurrentCommand) for message in said)
             assert not [message for message in loop.sample() if isinstance(message, CurrentCommand)]
             assert loop.daemon.session.state.guard.mode is Mode.READY
-        assert loop.told("its DISARM is obeyed")
+        assert loop.logged("its DISARM is obeyed")

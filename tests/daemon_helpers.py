@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import tomli_w
 
-from positioner.bench.processes import Child
+from positioner.bench.processes import BenchProcess
 from positioner.bus.address import BusAddress, embedded_address
 from positioner.bus.port import BusPort
 from positioner.config.reader import load_config
@@ -197,9 +197,9 @@ class Service:
         self.path = write_configuration(folder, self.address, **tables)
         self.child = self.start(*arguments)
 
-    def start(self, *arguments: str) -> Child:
+    def start(self, *arguments: str) -> BenchProcess:
         """Start the daemon, anew where it has ended, and return when it listens."""
-        self.child = Child("positioner.cli.main", ["run", "--config", str(self.path), *arguments], self.log)
+        self.child = BenchProcess("positioner.cli.main", ["run", "--config", str(self.path), *arguments], self.log)
         self.child.wait_for("waiting for position frames")
         return self.child
 

@@ -106,7 +106,7 @@ class Host:
         return bool(frames)
 
     def _record(self, frame: CanFrame, received_ns: int) -> None:
-        self._recording.hear(frame, (received_ns - self._start_ns) / _NS)
+        self._recording.add(frame, (received_ns - self._start_ns) / _NS)
 
     def _progress(self) -> tqdm[NoReturn]:
         seconds = self._scenario.duration_s

@@ -83,7 +83,7 @@ def run_in_process(
         # the daemon's clock in lockstep: one period with each position frame
         state, outbox, happened = step(setup, state, CycleInput(tuple(inbox), round((sample + 1) * period_s * _NS)))
         for frame in (*inbox, *outbox):
-            recording.hear(frame, sample * period_s)
+            recording.add(frame, sample * period_s)
         device = advance(settings, take(codec, device, outbox), period_s)
         for event in happened:
             (cycles if isinstance(event, Controlled) else events).append(event)  # type: ignore[arg-type]

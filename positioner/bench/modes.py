@@ -33,7 +33,7 @@ _ADVICE = {
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class ModeReport:
     """What one frame of the positioner says of its mode at an instant; `cause` is None in a command."""
 
     time_s: float
@@ -84,17 +84,17 @@ class _Edge:
     cause: Cause | None
 
 
-def mode_spans(said: Iterable[Said], duration_s: float, silent_after_s: float) -> tuple[ModeSpan, ...]:
+def mode_spans(mode_reports: Iterable[ModeReport], duration_s: float, silent_after_s: float) -> tuple[ModeSpan, ...]:
     """Return the stretches from 0 to `duration_s`; they touch and cover the run.
 
     Args:
-        said: what the frames said, in the order in which they came.
+        mode_reports: what the frames said, in the order in which they came.
         duration_s: length of the run.
         silent_after_s: how long after a command nobody obeys it any more.
     """
     edges = [_Edge(0.0, Mode.INIT, None)]
     command_s = 0.0
-    for each in sorted(said, key=lambda each: each.time_s):
+    for each in sorted(mode_reports, key=lambda each: each.time_s):
         if each.time_s >= duration_s:
             break
         if each.cause is None:

@@ -1,4 +1,4 @@
-"""Child processes of a bench: started, waited for until they say that they are ready, and ended. Shell."""
+"""BenchProcess processes of a bench: started, waited for until they say that they are ready, and ended. Shell."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _STOP_S = 10.0
 _SOURCES = str(Path(__file__).resolve().parents[2])
 
 
-class Child:
+class BenchProcess:
     """A program of ours that reports over sd_notify(3); its output goes to a log file."""
 
     def __init__(self, module: str, arguments: Sequence[str], log: Path) -> None:

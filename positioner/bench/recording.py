@@ -15,7 +15,7 @@ import can
 import numpy as np
 from can.io.canutils import CanutilsLogWriter
 
-from positioner.bench.modes import Said
+from positioner.bench.modes import ModeReport
 from positioner.cycle.outbox import STATUS_PERIOD_NS
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import (
@@ -53,7 +53,8 @@ _COUNTER = 256
 class Recording:
     """Samples by number; `setpoints`, `truth`, `readings`, `commands` and `statuses` count the frames.
 
-    `said` holds what the positioner said of its mode. In real time `begin_ns` is the monotonic instant of the start.
+    `mode_reports` are the modes in the positioner's frames. In real time `begin_ns` is the monotonic instant of the
+    start.
     """
 
     codec: Codec
@@ -67,7 +68,7 @@ class Recording:
     commands: int = 0
     statuses: int = 0
     frames: list[tuple[float, int, CanFrame]] = field(default_factory=list)
-    said: list[Said] = field(default_factory=list)
+    mode_reports: list[ModeReport] = field(default_factory=list)
     true_position_m: NDArray[np.float64] = field(init=False)
     true_velocity_m_per_s: NDArray[np.float64] = field(init=False)
     measured_m: NDArray[np.float64] = field(init=False)
@@ -85,7 +86,7 @@ class Recording:
         if self.lockstep:  # the host is there before the first sample, and hears it in any order
             self.origin = 0
 
-    def hear(self, frame: CanFrame, time_s: float) -> None:
+    def add(self, frame: CanFrame, time_s: float) -> None:
         """Take a frame that arrived `time_s` after the start; in lockstep its sample's time counts instead."""
         try:
             message, counter = self.codec.decode(frame)
@@ -97,7 +98,7 @@ class Recording:
         self.frames.append((stamp_s, _RANK.get(type(message), len(_RANK)), frame))
         if isinstance(message, (CurrentCommand, PositionerStatus)):
             cause = message.cause if isinstance(message, PositionerStatus) else None
-            self.said.append(Said(stamp_s, message.mode, cause))
+            self.mode_reports.append(ModeReport(stamp_s, message.mode, cause))
         if not 0 <= sample < self.samples:
             return
         match message:

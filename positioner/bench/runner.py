@@ -20,7 +20,7 @@ from positioner.bench.configure import configuration_text
 from positioner.bench.host import Host
 from positioner.bench.modes import mode_spans
 from positioner.bench.playable import check_playable
-from positioner.bench.processes import Child
+from positioner.bench.processes import BenchProcess
 from positioner.bench.recording import Recording
 from positioner.bench.result import Result, RunInfo, TableSummary, installed_versions, summary_of, to_json
 from positioner.bench.trace_data import trend_data
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from positioner.bench.scenario import Scenario
     from positioner.config.schema import Configuration
 
-_HEARD = (StemPosition, ActuatorState, PlantTruth, CurrentCommand, PositionerStatus, PositionerCount)
+_RECEIVED = (StemPosition, ActuatorState, PlantTruth, CurrentCommand, PositionerStatus, PositionerCount)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,7 +122,9 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
         scenario=scenario,
         span_mm=span_m * 1e3,
         # so long after a command the actuator obeys no more; three periods are the guard's own patience
-        modes=mode_spans(recording.said, scenario.duration_s, max(plant.deadman_s, 3.0 * scenario.sample_period_s)),
+        modes=mode_spans(
+            recording.mode_reports, scenario.duration_s, max(plant.deadman_s, 3.0 * scenario.sample_period_s)
+        ),
         totals=metrics.totals(dwells),
         dwells=dwells,
         table_before=before,
@@ -170,7 +172,7 @@ def _play(scenario: Scenario, options: BenchOptions, configuration: Configuratio
     samples = round(scenario.duration_s / scenario.sample_period_s)
     recording = Recording(codec, samples, scenario.sample_period_s, scenario.samples_per_setpoint, options.lockstep)
     plant_bus = options.plant_bus or configuration.bus
-    bus = BusPort(configuration.bus, [codec.identifier(kind) for kind in _HEARD])
+    bus = BusPort(configuration.bus, [codec.identifier(kind) for kind in _RECEIVED])
     bus.open()
     for name in ("plant-emulator.log", "positioner.log"):
         (out / name).unlink(missing_ok=True)
@@ -182,9 +184,9 @@ def _play(scenario: Scenario, options: BenchOptions, configuration: Configuratio
     plant_arguments += ["--period", repr(scenario.sample_period_s), "--seed", str(scenario.seed)]
     plant_arguments += ["--setpoint-every", str(scenario.samples_per_setpoint)]
     try:
-        with Child("positioner.cli.main", daemon_arguments, out / "positioner.log") as daemon:
+        with BenchProcess("positioner.cli.main", daemon_arguments, out / "positioner.log") as daemon:
             daemon.wait_for("waiting for position frames")
-            with Child("plant_emulator.cli.main", plant_arguments, out / "plant-emulator.log") as plant:
+            with BenchProcess("plant_emulator.cli.main", plant_arguments, out / "plant-emulator.log") as plant:
                 plant.wait_for("READY=1")
                 children = (daemon, plant)
                 host = Host(scenario, codec, bus, recording, lambda: _check(children))
@@ -200,7 +202,7 @@ def _play(scenario: Scenario, options: BenchOptions, configuration: Configuratio
     return recording
 
 
-def _check(children: tuple[Child, ...]) -> None:
+def _check(children: tuple[BenchProcess, ...]) -> None:
     for child in children:
         child.drain()
         child.check()

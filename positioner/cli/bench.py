@@ -14,7 +14,7 @@ from positioner.bus.address import parse_address
 from positioner.errors import BenchError, ExitCode
 from positioner.laws.registry import LAWS
 from positioner.studies.conditions import ALL_PLANTS
-from positioner.studies.readings import NoiseReading, UnitReading, read_as
+from positioner.studies.interpretations import Noise, Units, interpreted_as
 
 
 def _listed(what: str, names: tuple[str, ...]) -> str:
@@ -59,8 +59,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--plant", choices=ALL_PLANTS, metavar="NAME", help="preset of the emulator instead of the scenario's"
     )
     parser.add_argument("--seed", type=_seed, metavar="N", help="seed instead of the scenario's")
-    parser.add_argument("--reading", choices=tuple(NoiseReading), metavar="A|B|noise-free", help="of the paper's noise")
-    parser.add_argument("--units", choices=tuple(UnitReading), metavar="SI|cm", help="of the paper's α and β")
+    parser.add_argument("--reading", choices=tuple(Noise), metavar="A|B|noise-free", help="of the paper's noise")
+    parser.add_argument("--units", choices=tuple(Units), metavar="SI|cm", help="of the paper's α and β")
     parser.add_argument(
         "--bus",
         default="auto",
@@ -98,10 +98,10 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     scenario = with_law(load_scenario(arguments.scenario), arguments.law, arguments.seed)
     if arguments.plant:
         scenario = replace(scenario, plant={**scenario.plant, "preset": arguments.plant})
-    scenario = read_as(
+    scenario = interpreted_as(
         scenario,
-        NoiseReading(arguments.reading) if arguments.reading else None,
-        UnitReading(arguments.units) if arguments.units else None,
+        Noise(arguments.reading) if arguments.reading else None,
+        Units(arguments.units) if arguments.units else None,
     )
     out = arguments.out or Path(f"bench-{scenario.name}")
     options = BenchOptions(

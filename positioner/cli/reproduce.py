@@ -10,12 +10,12 @@ from positioner.errors import ExitCode, StateError
 
 _EPILOG = """\
 examples:
-  positioner reproduce                     every reading: about ten minutes of one core
+  positioner reproduce                     every interpretation: about ten minutes of one core
   positioner reproduce --short             the moves, within half a minute: 15 ms a setpoint instead of 1 s, which
                                            judges no claim about what happens at rest
   positioner reproduce --reading A         white noise and a Kalman filter only
 
-readings of the paper, where it leaves a choice:
+interpretations of the paper, where it leaves a choice:
   A           noise white, 2 % of the reading; position and speed from a Kalman filter
   B           each draw of the noise held for 10 ms; position raw, speed by differences
 Both are played with α and β of eq. 22 in SI and in cm, and each with a control run without noise.
@@ -46,27 +46,27 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
     # matplotlib and the plant are needed here only
-    from positioner.studies.claims import verdicts  # noqa: PLC0415
-    from positioner.studies.readings import NoiseReading, readings  # noqa: PLC0415
+    from positioner.studies.interpretations import Noise, interpretations  # noqa: PLC0415
+    from positioner.studies.published_results import assess  # noqa: PLC0415
     from positioner.studies.reproduce import SIMULATIONS, all_runs, reproduce  # noqa: PLC0415
     from positioner.studies.reproduce_page import FIGURE_OF, draw_figure, draw_page  # noqa: PLC0415
     from positioner.studies.reproduce_table import to_json, to_markdown  # noqa: PLC0415
 
-    both = (NoiseReading.FILTERED, NoiseReading.RAW)
-    noises = both if arguments.reading == "both" else (NoiseReading(arguments.reading),)
+    both = (Noise.FILTERED, Noise.RAW)
+    noises = both if arguments.reading == "both" else (Noise(arguments.reading),)
     out: Path = arguments.out
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StateError(f"{out}: cannot be written: {error.strerror}") from error
-    outcomes = reproduce(all_runs(readings(noises), short=arguments.short), arguments.workers)
-    found = verdicts(outcomes)
+    played_runs = reproduce(all_runs(interpretations(noises), short=arguments.short), arguments.workers)
+    found = assess(played_runs)
     for simulation in SIMULATIONS:
-        draw_figure(out / f"figure-{FIGURE_OF[simulation]}.png", simulation, outcomes, found)
-    draw_page(out / "reproduce.png", outcomes, found)
-    text = to_markdown(outcomes, found)
+        draw_figure(out / f"figure-{FIGURE_OF[simulation]}.png", simulation, played_runs, found)
+    draw_page(out / "reproduce.png", played_runs, found)
+    text = to_markdown(played_runs, found)
     (out / "reproduce.md").write_text(text, encoding="utf-8")
-    (out / "reproduce.json").write_text(to_json(outcomes, found), encoding="utf-8")
+    (out / "reproduce.json").write_text(to_json(played_runs, found), encoding="utf-8")
     sys.stdout.write(text)
     sys.stdout.write(f"\n{out}: reproduce.png, figure-4.png to figure-8.png, reproduce.md, reproduce.json\n")
     return ExitCode.OK

@@ -1,4 +1,4 @@
-"""The paper's five simulations, in every reading of it, in process, on all cores. Shell."""
+"""The paper's five simulations, in every interpretation of it, in process, on all cores. Shell."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from positioner.bench import metrics
 from positioner.bench.curves import envelope
 from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import load_scenario
+from positioner.studies.interpretations import Interpretation, Units, interpreted_as
 from positioner.studies.pool import spread_out
-from positioner.studies.readings import Reading, UnitReading, read_as
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,16 +40,18 @@ _CURVE_POINTS = 6000
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One simulation in one reading."""
+    """One simulation in one interpretation."""
 
     simulation: int
-    reading: Reading
+    interpretation: Interpretation
     short: bool = False
 
     @property
     def scenario(self) -> Scenario:
-        """The packaged scenario, changed as the reading asks."""
-        scenario = read_as(load_scenario(f"paper-{self.simulation}"), self.reading.noise, self.reading.units)
+        """The packaged scenario, changed as the interpretation asks."""
+        scenario = interpreted_as(
+            load_scenario(f"paper-{self.simulation}"), self.interpretation.noise, self.interpretation.units
+        )
         if not self.short:
             return scenario
         shrink = SHORT_DWELL_S / scenario.dwell_s
@@ -92,7 +94,7 @@ class Curves:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class PlayedRun:
     """A run that was played: its figures before and after half time, when the table comes into use, and its curves."""
 
     run: Run
@@ -101,32 +103,32 @@ class Outcome:
     curves: Curves
 
 
-def all_runs(readings: Sequence[Reading], *, short: bool) -> tuple[Run, ...]:
+def all_runs(interpretations: Sequence[Interpretation], *, short: bool) -> tuple[Run, ...]:
     """Return every run; without a table α and β play no part, so simulations 1 and 2 are played in one unit."""
     return tuple(
-        Run(simulation, reading, short)
+        Run(simulation, interpretation, short)
         for simulation in SIMULATIONS
-        for reading in readings
-        if simulation in WITH_TABLE or reading.units is UnitReading.SI
+        for interpretation in interpretations
+        if simulation in WITH_TABLE or interpretation.units is Units.SI
     )
 
 
-def reproduce(runs: Sequence[Run], workers: int | None = None) -> tuple[Outcome, ...]:
-    """Return the outcome of every run, in their order; a progress bar counts them."""
-    found: dict[Run, Outcome] = {}
+def reproduce(runs: Sequence[Run], workers: int | None = None) -> tuple[PlayedRun, ...]:
+    """Return the result of every run, in their order; a progress bar counts them."""
+    found: dict[Run, PlayedRun] = {}
     with (
         tqdm(total=len(runs), unit=" runs", disable=None) as bar,
         closing(spread_out(play, runs, workers)) as results,
     ):
-        for run, outcome in results:
-            found[run] = outcome
-            bar.set_postfix_str(f"simulation {run.simulation} read as {run.reading}")
+        for run, played in results:
+            found[run] = played
+            bar.set_postfix_str(f"simulation {run.simulation} read as {run.interpretation}")
             bar.update()
     return tuple(found[run] for run in runs)
 
 
-def play(run: Run) -> Outcome:
-    """Return the outcome of one run."""
+def play(run: Run) -> PlayedRun:
+    """Return the result of one run."""
     scenario = run.scenario
     span_m = configure(scenario).valve.span_m
     played = run_in_process(scenario)
@@ -139,7 +141,7 @@ def play(run: Run) -> Outcome:
     )
     middle = len(scenario.visited_mm) // 2
     dwells = range(len(scenario.visited_mm))
-    return Outcome(
+    return PlayedRun(
         run,
         half_figures(trace, recording.true_velocity_m_per_s, scenario, span_m, dwells[:middle]),
         half_figures(trace, recording.true_velocity_m_per_s, scenario, span_m, dwells[middle:]),

@@ -11,8 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from positioner.studies.claims import tally
-from positioner.studies.readings import NoiseReading, Reading, UnitReading
+from positioner.studies.interpretations import Interpretation, Noise, Units
+from positioner.studies.published_results import summary
 from positioner.studies.reproduce import SIMULATIONS, WITH_TABLE
 
 if TYPE_CHECKING:
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from positioner.studies.claims import Verdict
-    from positioner.studies.reproduce import Outcome
+    from positioner.studies.published_results import Assessment
+    from positioner.studies.reproduce import PlayedRun
 
 FIGURE_OF = {simulation: simulation + 3 for simulation in SIMULATIONS}
 """The paper's figure of a simulation."""
@@ -38,12 +38,12 @@ TITLES = {
 }
 
 NOISES = {
-    NoiseReading.FILTERED: "white noise, Kalman filter",
-    NoiseReading.RAW: "noise held 10 ms, raw differences",
-    NoiseReading.FREE: "no noise",
+    Noise.FILTERED: "white noise, Kalman filter",
+    Noise.RAW: "noise held 10 ms, raw differences",
+    Noise.FREE: "no noise",
 }
 
-UNITS = {UnitReading.SI: "α 5 m/s, β 150 1/m", UnitReading.CENTIMETRES: "α 5 cm/s, β 150 1/cm"}
+UNITS = {Units.SI: "α 5 m/s, β 150 1/m", Units.CENTIMETRES: "α 5 cm/s, β 150 1/cm"}
 
 _BLUE, _RED, _GREEN, _ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
 _INK, _GREY, _FAINT = "#222222", "#8A8A8A", "#D9D9D9"
@@ -60,31 +60,41 @@ _NAMES = (
 )
 
 
-def reading_title(reading: Reading, *, table: bool = True) -> str:
-    """Return the reading in words; without a `table` α and β play no part."""
-    label = f"{reading.noise}: {NOISES[reading.noise]}" if reading.noise is not NoiseReading.FREE else "no noise"
-    return f"{label}, {UNITS[reading.units]}" if table else label
+def interpretation_title(interpretation: Interpretation, *, table: bool = True) -> str:
+    """Return the interpretation in words; without a `table` α and β play no part."""
+    label = (
+        f"{interpretation.noise}: {NOISES[interpretation.noise]}"
+        if interpretation.noise is not Noise.FREE
+        else "no noise"
+    )
+    return f"{label}, {UNITS[interpretation.units]}" if table else label
 
 
-def draw_figure(path: Path, simulation: int, outcomes: Sequence[Outcome], verdicts: Sequence[Verdict]) -> None:
-    """Write the paper's figure of `simulation` to `path`: a column a reading, with the verdicts on its claims."""
-    shown = [outcome for outcome in outcomes if outcome.run.simulation == simulation]
+def draw_figure(
+    path: Path, simulation: int, played_runs: Sequence[PlayedRun], assessments: Sequence[Assessment]
+) -> None:
+    """Write the paper's figure of `simulation` to `path`: an interpretation a column, with its assessments."""
+    shown = [played for played in played_runs if played.run.simulation == simulation]
     figure = Figure(figsize=(1.0 + 5.2 * len(shown), 10.0), dpi=100, facecolor="white")
     FigureCanvasAgg(figure)
     grid = figure.subplots(3, len(shown), sharex=True, squeeze=False)
     width, height = figure.get_size_inches()
     figure.subplots_adjust(left=0.75 / width, right=1.0 - 0.45 / width, top=1.0 - 2.15 / height, bottom=0.85 / height)
     figure.subplots_adjust(hspace=0.08, wspace=0.14)
-    for column, outcome in enumerate(shown):
+    for column, played in enumerate(shown):
         panels = [row[column] for row in grid]
-        _draw(panels, outcome, left=column == 0)
-        heading = reading_title(outcome.run.reading, table=simulation in WITH_TABLE)
-        own = [verdict for verdict in verdicts if (verdict.simulation, verdict.reading) == _key(outcome)]
+        _draw(panels, played, left=column == 0)
+        heading = interpretation_title(played.run.interpretation, table=simulation in WITH_TABLE)
+        own = [
+            assessment
+            for assessment in assessments
+            if (assessment.simulation, assessment.interpretation) == _key(played)
+        ]
         _write_above(panels[0], len(own) + 1.4, heading, _INK, weight="bold")
-        _write_above(panels[0], len(own) + 0.4, _figures(outcome), _INK)
-        for line, verdict in enumerate(reversed(own)):
-            told = f"{verdict.claim} ({verdict.seen})" if verdict.holds is not None else verdict.claim
-            _write_above(panels[0], line + 0.4, f"{_WORDS[verdict.holds]}: {told}", _COLOURS[verdict.holds])
+        _write_above(panels[0], len(own) + 0.4, _figures(played), _INK)
+        for line, assessment in enumerate(reversed(own)):
+            told = f"{assessment.result} ({assessment.seen})" if assessment.holds is not None else assessment.result
+            _write_above(panels[0], line + 0.4, f"{_WORDS[assessment.holds]}: {told}", _COLOURS[assessment.holds])
         panels[-1].set_xlabel("time, s", fontsize=11)
     title = f"Simulation {simulation}, the paper's figure {FIGURE_OF[simulation]}: {TITLES[simulation]}"
     figure.text(0.75 / width, 1.0 - 0.42 / height, title, fontsize=17, fontweight="bold", color=_INK)
@@ -92,36 +102,36 @@ def draw_figure(path: Path, simulation: int, outcomes: Sequence[Outcome], verdic
     figure.savefig(path)
 
 
-def draw_page(path: Path, outcomes: Sequence[Outcome], verdicts: Sequence[Verdict]) -> None:
-    """Write all five figures side by side to `path`, one below another for each reading."""
-    readings = sorted({outcome.run.reading for outcome in outcomes})
-    found = {(outcome.run.simulation, outcome.run.reading): outcome for outcome in outcomes}
-    figure = Figure(figsize=(24.0, 1.6 + 4.7 * len(readings)), dpi=100, facecolor="white")
+def draw_page(path: Path, played_runs: Sequence[PlayedRun], assessments: Sequence[Assessment]) -> None:
+    """Write all five figures side by side to `path`, one below another for each interpretation."""
+    interpretations = sorted({played.run.interpretation for played in played_runs})
+    found = {(played.run.simulation, played.run.interpretation): played for played in played_runs}
+    figure = Figure(figsize=(24.0, 1.6 + 4.7 * len(interpretations)), dpi=100, facecolor="white")
     FigureCanvasAgg(figure)
     _, height = figure.get_size_inches()
     blocks = figure.add_gridspec(
-        len(readings), 1, left=0.045, right=0.99, top=1.0 - 1.55 / height, bottom=0.75 / height, hspace=0.17
+        len(interpretations), 1, left=0.045, right=0.99, top=1.0 - 1.55 / height, bottom=0.75 / height, hspace=0.17
     )
-    for row, reading in enumerate(readings):
+    for row, interpretation in enumerate(interpretations):
         block = blocks[row]
         cells = block.subgridspec(3, len(SIMULATIONS), hspace=0.07, wspace=0.1, height_ratios=(1.5, 1.0, 1.0))
         for column, simulation in enumerate(SIMULATIONS):
-            outcome = found.get((simulation, reading))
-            if outcome is None:
+            played = found.get((simulation, interpretation))
+            if played is None:
                 beside = figure.add_subplot(cells[:, column])
                 beside.axis("off")
-                told = f"no table: α and β play no part,\nsee {reading.noise} in SI"
+                told = f"no table: α and β play no part,\nsee {interpretation.noise} in SI"
                 beside.text(0.5, 0.5, told, ha="center", va="center", color=_GREY, fontsize=12)
                 continue
             panels = [figure.add_subplot(cells[panel, column]) for panel in range(3)]
-            _draw(panels, outcome, left=simulation == SIMULATIONS[0] or (simulation - 1, reading) not in found)
+            _draw(panels, played, left=simulation == SIMULATIONS[0] or (simulation - 1, interpretation) not in found)
             for panel in panels[:-1]:
                 panel.tick_params(labelbottom=False)
-            told, all_hold = tally(v for v in verdicts if (v.simulation, v.reading) == _key(outcome))
-            _write_above(panels[0], 0.4, _figures(outcome), _INK)
+            told, all_hold = summary(v for v in assessments if (v.simulation, v.interpretation) == _key(played))
+            _write_above(panels[0], 0.4, _figures(played), _INK)
             _write_above(panels[0], 0.4, told, _COLOURS[all_hold], right=True)
         box = block.get_position(figure)
-        name = reading_title(reading).replace(", α", "\nα")
+        name = interpretation_title(interpretation).replace(", α", "\nα")
         middle = (box.y0 + box.y1) / 2.0
         figure.text(0.005, middle, name, rotation=90, ha="left", va="center", fontsize=12, fontweight="bold")
     columns = blocks[0].subgridspec(1, len(SIMULATIONS), wspace=0.1)
@@ -129,14 +139,14 @@ def draw_page(path: Path, outcomes: Sequence[Outcome], verdicts: Sequence[Verdic
         left = columns[column].get_position(figure).x0
         heading = f"{simulation} (figure {FIGURE_OF[simulation]}): {TITLES[simulation]}"
         figure.text(left, 1.0 - 1.1 / height, heading, fontsize=13, fontweight="bold", color=_INK)
-    title = "The paper's five simulations, and what they show in each reading of the paper"
+    title = "The paper's five simulations, and what they show in each interpretation of the paper"
     figure.text(0.045, 1.0 - 0.6 / height, title, fontsize=20, fontweight="bold", color=_INK)
     _legend(figure)
     figure.savefig(path)
 
 
-def _key(outcome: Outcome) -> tuple[int, Reading]:
-    return outcome.run.simulation, outcome.run.reading
+def _key(played: PlayedRun) -> tuple[int, Interpretation]:
+    return played.run.simulation, played.run.interpretation
 
 
 def _write_above(
@@ -149,17 +159,17 @@ def _write_above(
     )  # fmt: skip
 
 
-def _figures(outcome: Outcome) -> str:
-    before, after = outcome.before, outcome.after
+def _figures(played: PlayedRun) -> str:
+    before, after = played.before, played.after
     return (
         f"error {before.error_pct:.2f} → {after.error_pct:.2f} %,"
         f"  limit cycles {before.limit_cycles} → {after.limit_cycles} of {after.dwells}"
     )
 
 
-def _draw(panels: Sequence[Axes], outcome: Outcome, *, left: bool) -> None:
+def _draw(panels: Sequence[Axes], played: PlayedRun, *, left: bool) -> None:
     """Draw one simulation's three panels, with the quantities named where they are the `left` ones of their row."""
-    curves = outcome.curves
+    curves = played.curves
     half_s = float(curves.time_s[-1]) / 2.0
     position, current, speed = panels
     _step(position, curves.time_s, curves.position_m * 1e3, _BLUE)
@@ -181,7 +191,7 @@ def _draw(panels: Sequence[Axes], outcome: Outcome, *, left: bool) -> None:
         panel.set_yticks(ticks)
         panel.grid(axis="y", color=_FAINT, linewidth=0.5)
         panel.set_axisbelow(True)
-        if outcome.run.simulation in WITH_TABLE:
+        if played.run.simulation in WITH_TABLE:
             panel.axvline(half_s, color=_GREY, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
         if left:
             panel.set_ylabel(quantity, fontsize=11)

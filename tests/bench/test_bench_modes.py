@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from positioner.bench import runner
-from positioner.bench.modes import ModeSpan, Said, active_fraction, complaint, mode_lines, mode_spans
+from positioner.bench.modes import ModeReport, ModeSpan, active_fraction, complaint, mode_lines, mode_spans
 from positioner.bench.recording import Recording
 from positioner.cli.main import main
 from positioner.errors import ExitCode
@@ -33,21 +33,23 @@ guard = { setpoint_hold_s = 0.004, setpoint_failsafe_s = 0.008 }
 """
 
 
-def spans(*said: Said, duration_s: float = 10.0, silent_after_s: float = 100.0) -> list[tuple[object, ...]]:
+def spans(
+    *mode_reports: ModeReport, duration_s: float = 10.0, silent_after_s: float = 100.0
+) -> list[tuple[object, ...]]:
     return [
         (span.mode, span.cause, pytest.approx(span.begin_s), pytest.approx(span.end_s))
-        for span in mode_spans(said, duration_s, silent_after_s)
+        for span in mode_spans(mode_reports, duration_s, silent_after_s)
     ]
 
 
 def test_a_mode_lasts_until_another_is_said_and_a_status_tells_its_cause_from_its_beginning() -> None:
     assert spans(
-        Said(0.0, Mode.ACTIVE),
-        Said(0.1, Mode.ACTIVE, Cause.NONE),
-        Said(2.0, Mode.HOLD),
-        Said(2.5, Mode.FAILSAFE),
-        Said(2.6, Mode.FAILSAFE, Cause.FEEDBACK_STALE),
-        Said(9.0, Mode.FAILSAFE),
+        ModeReport(0.0, Mode.ACTIVE),
+        ModeReport(0.1, Mode.ACTIVE, Cause.NONE),
+        ModeReport(2.0, Mode.HOLD),
+        ModeReport(2.5, Mode.FAILSAFE),
+        ModeReport(2.6, Mode.FAILSAFE, Cause.FEEDBACK_STALE),
+        ModeReport(9.0, Mode.FAILSAFE),
     ) == [
         (Mode.ACTIVE, Cause.NONE, 0.0, 2.0),
         (Mode.HOLD, None, 2.0, 2.5),
@@ -56,7 +58,7 @@ def test_a_mode_lasts_until_another_is_said_and_a_status_tells_its_cause_from_it
 
 
 def test_a_cause_that_changes_within_a_mode_begins_a_stretch() -> None:
-    assert spans(Said(0.0, Mode.ACTIVE, Cause.NONE), Said(4.0, Mode.ACTIVE, Cause.LAW_LATE)) == [
+    assert spans(ModeReport(0.0, Mode.ACTIVE, Cause.NONE), ModeReport(4.0, Mode.ACTIVE, Cause.LAW_LATE)) == [
         (Mode.ACTIVE, Cause.NONE, 0.0, 4.0),
         (Mode.ACTIVE, Cause.LAW_LATE, 4.0, 10.0),
     ]
@@ -64,7 +66,10 @@ def test_a_cause_that_changes_within_a_mode_begins_a_stretch() -> None:
 
 def test_before_anything_is_said_it_is_init_and_a_disarmed_positioner_is_not_silent() -> None:
     assert spans(
-        Said(1.0, Mode.ACTIVE), Said(2.0, Mode.READY, Cause.DISARMED), Said(9.9, Mode.ACTIVE), silent_after_s=3.0
+        ModeReport(1.0, Mode.ACTIVE),
+        ModeReport(2.0, Mode.READY, Cause.DISARMED),
+        ModeReport(9.9, Mode.ACTIVE),
+        silent_after_s=3.0,
     ) == [
         (Mode.INIT, None, 0.0, 1.0),
         (Mode.ACTIVE, Cause.NONE, 1.0, 2.0),
@@ -74,7 +79,7 @@ def test_before_anything_is_said_it_is_init_and_a_disarmed_positioner_is_not_sil
 
 
 def test_a_positioner_whose_commands_stay_away_is_silent_whatever_it_said_before() -> None:
-    assert spans(Said(0.0, Mode.ACTIVE), Said(5.0, Mode.ACTIVE), silent_after_s=0.1) == [
+    assert spans(ModeReport(0.0, Mode.ACTIVE), ModeReport(5.0, Mode.ACTIVE), silent_after_s=0.1) == [
         (Mode.ACTIVE, Cause.NONE, 0.0, 0.1),
         (None, None, 0.1, 5.0),
         (Mode.ACTIVE, Cause.NONE, 5.0, 5.1),
@@ -85,7 +90,7 @@ def test_a_positioner_whose_commands_stay_away_is_silent_whatever_it_said_before
 @given(
     st.lists(
         st.builds(
-            Said,
+            ModeReport,
             st.floats(-1.0, 12.0),
             st.sampled_from(Mode),
             st.none() | st.sampled_from([Cause.NONE, Cause.FEEDBACK_STALE]),
@@ -93,8 +98,10 @@ def test_a_positioner_whose_commands_stay_away_is_silent_whatever_it_said_before
     ),
     st.floats(0.01, 20.0),
 )
-def test_the_stretches_touch_and_cover_the_run_whatever_was_said(said: list[Said], silent_after_s: float) -> None:
-    found = mode_spans(said, 10.0, silent_after_s)
+def test_the_stretches_touch_and_cover_the_run_whatever_was_reported(
+    mode_reports: list[ModeReport], silent_after_s: float
+) -> None:
+    found = mode_spans(mode_reports, 10.0, silent_after_s)
     assert (found[0].begin_s, found[-1].end_s) == (0.0, 10.0)
     assert all(one.end_s == other.begin_s for one, other in pairwise(found))
     assert all(span.duration_s > 0.0 for span in found)
@@ -102,16 +109,16 @@ def test_the_stretches_touch_and_cover_the_run_whatever_was_said(said: list[Said
 
 
 def test_a_recording_hears_the_mode_in_commands_and_the_cause_in_statuses() -> None:
-    heard = Recording(CODEC, 300, 0.001, 10, lockstep=True)
+    recording = Recording(CODEC, 300, 0.001, 10, lockstep=True)
     for counter in range(300):
         mode = Mode.ACTIVE if counter < 150 else Mode.FAILSAFE
-        heard.hear(CODEC.encode(PlantTruth(0.08, 0.0), counter), 0.0)
-        heard.hear(CODEC.encode(CurrentCommand(12.0, position_counter=counter % 256, mode=mode), counter), 0.0)
+        recording.add(CODEC.encode(PlantTruth(0.08, 0.0), counter), 0.0)
+        recording.add(CODEC.encode(CurrentCommand(12.0, position_counter=counter % 256, mode=mode), counter), 0.0)
         if counter % 100 == 0:
             cause = Cause.NONE if mode is Mode.ACTIVE else Cause.LAW_FAILED
             status = PositionerStatus(mode, cause, Health.GOOD, True, True, 0, 0, 0)
-            heard.hear(CODEC.encode(status, counter // 100), 0.0)
-    assert spans(*heard.said, duration_s=0.3) == [
+            recording.add(CODEC.encode(status, counter // 100), 0.0)
+    assert spans(*recording.mode_reports, duration_s=0.3) == [
         (Mode.ACTIVE, Cause.NONE, 0.0, 0.15),
         (Mode.FAILSAFE, Cause.LAW_FAILED, 0.15, 0.3),
     ]

@@ -23,7 +23,7 @@ from daemon_helpers import PATIENCE_S, own_address
 from positioner.bench import metrics, runner
 from positioner.bench.host import Host
 from positioner.bench.inprocess import run_in_process
-from positioner.bench.processes import Child
+from positioner.bench.processes import BenchProcess
 from positioner.bench.runner import BenchOptions, run_bench
 from positioner.bench.scenario import load_scenario
 from positioner.bus.port import BusPort
@@ -65,12 +65,12 @@ CANDUMP = re.compile(r"\(\d+\.\d{6}\) vcan0 1[0-7]0#([0-9A-F]{2}){8}( [RT])?")
 
 @dataclass(frozen=True)
 class Played:
-    """A run: its scenario, its result, where its files were put aside, and what was said."""
+    """A run: its scenario, its result, where its files were put aside, and the lines that it wrote."""
 
     scenario: Scenario
     result: Result
     files: Path
-    said: tuple[str, ...]
+    lines: tuple[str, ...]
 
 
 def written(folder: Path, text: str) -> Path:
@@ -89,14 +89,14 @@ def play(
     picture: bool = False,
 ) -> Played:
     """Return the run of `scenario`; a picture takes longer than all the rest, so only who looks at it gets one."""
-    said: list[str] = []
+    lines: list[str] = []
     options = BenchOptions(bus=own_address(), lockstep=lockstep, out=out, state=state)
     with pytest.MonkeyPatch.context() as patch:
         if not picture:
             patch.setattr(runner, "draw_trend", lambda *_arguments: None)
-        result = run_bench(scenario, options, said.append)
+        result = run_bench(scenario, options, lines.append)
     shutil.copytree(out, aside)
-    return Played(scenario, result, aside, tuple(said))
+    return Played(scenario, result, aside, tuple(lines))
 
 
 @pytest.fixture(scope="module")
@@ -188,9 +188,9 @@ def test_two_runs_of_one_seed_are_the_same_to_the_byte_but_for_the_run_itself(fi
 
 
 def test_a_fresh_run_starts_empty_and_keeps_the_former_table(first: Played, second: Played) -> None:
-    assert not any("table" in line for line in first.said)
+    assert not any("table" in line for line in first.lines)
     assert second.result.table_before.recorded == 0
-    (line,) = (line for line in second.said if "table" in line)
+    (line,) = (line for line in second.lines if "table" in line)
     (backup,) = (second.files / "state" / "backups").iterdir()
     assert backup.name in line
 
@@ -199,12 +199,12 @@ def test_the_processes_compute_what_the_same_loop_computes_without_them(first: P
     run = run_in_process(first.scenario)
     run.recording.write_log(tmp_path / "bus.log")
     assert (tmp_path / "bus.log").read_bytes() == (first.files / "bus.log").read_bytes()
-    heard = run.recording
+    recording = run.recording
     trace = metrics.Trace(
-        time_s=heard.time_s,
-        position_m=heard.true_position_m,
-        setpoint_m=heard.setpoint_m,
-        current_ma=heard.current_ma,
+        time_s=recording.time_s,
+        position_m=recording.true_position_m,
+        setpoint_m=recording.setpoint_m,
+        current_ma=recording.current_ma,
     )
     dwells = metrics.dwell_metrics(trace, first.scenario.dwell_edges_s, first.result.span_mm * 1e-3)
     assert dwells == first.result.dwells
@@ -256,9 +256,9 @@ def test_a_run_in_real_time_closes_the_loop(tmp_path: Path) -> None:
 def test_a_process_that_dies_in_mid_run_is_told_in_one_line(
     victim: str, scenario: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    children: list[Child] = []
+    children: list[BenchProcess] = []
 
-    class Marked(Child):
+    class Marked(BenchProcess):
         def __init__(self, *arguments: Any) -> None:
             super().__init__(*arguments)
             children.append(self)
@@ -269,7 +269,7 @@ def test_a_process_that_dies_in_mid_run_is_told_in_one_line(
         return listened(self, timeout_s)
 
     listened = Host._listen
-    monkeypatch.setattr(runner, "Child", Marked)
+    monkeypatch.setattr(runner, "BenchProcess", Marked)
     monkeypatch.setattr(Host, "_listen", listen)
     with pytest.raises(BenchError, match=rf"^{victim} ended with status -9: .*\(log: .*{victim}.log\)$") as caught:
         play(scenario, tmp_path / "out", tmp_path / "aside")

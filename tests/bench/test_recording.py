@@ -1,4 +1,4 @@
-"""What a bench heard: samples by their counters, losses, gaps, and a log that other tools read."""
+"""What a bench records: samples by their counters, losses, gaps, and a log that other tools read."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ PERIOD_S = 0.001
 STATUS = PositionerStatus(Mode.ACTIVE, Cause.NONE, Health.GOOD, True, True, 0, 0, 0)
 
 
-def recording(samples: int, *, lockstep: bool = True, samples_per_setpoint: int = 10) -> Recording:
+def new_recording(samples: int, *, lockstep: bool = True, samples_per_setpoint: int = 10) -> Recording:
     return Recording(CODEC, samples, PERIOD_S, samples_per_setpoint, lockstep)
 
 
@@ -52,75 +52,75 @@ def sample_of(counter: int) -> tuple[CanFrame, ...]:
 
 
 def test_every_frame_goes_to_its_sample_beyond_the_wrap_of_the_counters() -> None:
-    heard = recording(600)
+    recording = new_recording(600)
     for counter in range(600):
         for frame in sample_of(counter):
-            heard.hear(frame, 0.0)
-    assert heard.true_position_m == pytest.approx(0.08 + 1e-5 * np.arange(600), abs=1e-8)
-    assert heard.current_ma == pytest.approx(4.0 + 0.01 * np.arange(600), abs=1e-6)
-    assert heard.measured_m == pytest.approx(np.full(600, 0.0801))
-    assert heard.true_velocity_m_per_s == pytest.approx(np.full(600, 0.1))
-    assert {said.mode for said in heard.said} == {Mode.ACTIVE}
-    assert (heard.truth, heard.readings, heard.commands, heard.complete) == (600, 600, 600, 600)
-    assert (heard.lost, heard.unanswered) == (0, 0)
-    assert heard.time_s == pytest.approx(np.arange(600) * PERIOD_S)
+            recording.add(frame, 0.0)
+    assert recording.true_position_m == pytest.approx(0.08 + 1e-5 * np.arange(600), abs=1e-8)
+    assert recording.current_ma == pytest.approx(4.0 + 0.01 * np.arange(600), abs=1e-6)
+    assert recording.measured_m == pytest.approx(np.full(600, 0.0801))
+    assert recording.true_velocity_m_per_s == pytest.approx(np.full(600, 0.1))
+    assert {report.mode for report in recording.mode_reports} == {Mode.ACTIVE}
+    assert (recording.truth, recording.readings, recording.commands, recording.complete) == (600, 600, 600, 600)
+    assert (recording.lost, recording.unanswered) == (0, 0)
+    assert recording.time_s == pytest.approx(np.arange(600) * PERIOD_S)
 
 
-def test_what_was_never_heard_is_not_a_number() -> None:
-    heard = recording(3)
-    assert np.isnan(heard.true_position_m).all()
-    assert np.isnan(heard.current_ma).all()
-    assert heard.said == []
-    assert heard.complete == 0
+def test_what_was_never_received_is_not_a_number() -> None:
+    recording = new_recording(3)
+    assert np.isnan(recording.true_position_m).all()
+    assert np.isnan(recording.current_ma).all()
+    assert recording.mode_reports == []
+    assert recording.complete == 0
 
 
 def test_lost_frames_are_counted_and_the_others_keep_their_samples() -> None:
-    heard = recording(6)
+    recording = new_recording(6)
     for counter in (0, 1, 4, 5):
-        heard.hear(truth(counter), 0.0)
-        heard.hear(reading(counter), 0.0)
+        recording.add(truth(counter), 0.0)
+        recording.add(reading(counter), 0.0)
     for counter in (0, 3, 5):
-        heard.hear(command(counter), 0.0)
-    assert (heard.lost, heard.unanswered) == (2, 3)
-    assert np.isfinite(heard.true_position_m).tolist() == [True, True, False, False, True, True]
-    assert np.isfinite(heard.current_ma).tolist() == [True, False, False, True, False, True]
+        recording.add(command(counter), 0.0)
+    assert (recording.lost, recording.unanswered) == (2, 3)
+    assert np.isfinite(recording.true_position_m).tolist() == [True, True, False, False, True, True]
+    assert np.isfinite(recording.current_ma).tolist() == [True, False, False, True, False, True]
 
 
 def test_a_command_that_repeats_its_answer_is_no_new_sample() -> None:
-    heard = recording(5)
+    recording = new_recording(5)
     for frame in (*sample_of(0), *sample_of(1), command(1, 9.0), command(0, 8.0)):
-        heard.hear(frame, 0.0)
-    assert (heard.commands, heard.unanswered) == (2, 0)
+        recording.add(frame, 0.0)
+    assert (recording.commands, recording.unanswered) == (2, 0)
 
 
 def test_samples_beyond_the_end_are_logged_and_not_kept() -> None:
-    heard = recording(2)
+    recording = new_recording(2)
     for counter in range(4):
         for frame in sample_of(counter):
-            heard.hear(frame, 0.0)
-    assert len(heard.frames) == 12
-    assert heard.true_position_m.shape == (2,)
+            recording.add(frame, 0.0)
+    assert len(recording.frames) == 12
+    assert recording.true_position_m.shape == (2,)
 
 
 def test_in_real_time_the_first_truth_is_the_first_sample_and_what_comes_before_belongs_to_none() -> None:
-    heard = recording(4, lockstep=False)
-    heard.hear(reading(40), 0.1)
-    heard.hear(command(40), 0.1)
+    recording = new_recording(4, lockstep=False)
+    recording.add(reading(40), 0.1)
+    recording.add(command(40), 0.1)
     for counter in range(41, 44):
         for frame in sample_of(counter):
-            heard.hear(frame, 0.1)
-    assert heard.origin == 41
-    assert np.isfinite(heard.true_position_m).tolist() == [True, True, True, False]
-    assert np.isfinite(heard.measured_m).tolist() == [True, True, True, False]
-    assert heard.complete == 3
+            recording.add(frame, 0.1)
+    assert recording.origin == 41
+    assert np.isfinite(recording.true_position_m).tolist() == [True, True, True, False]
+    assert np.isfinite(recording.measured_m).tolist() == [True, True, True, False]
+    assert recording.complete == 3
 
 
 def test_gaps_carry_the_last_value_on_and_the_first_one_back() -> None:
-    heard = recording(6, lockstep=False)
-    heard.true_position_m[:] = [np.nan, 1.0, np.nan, np.nan, 2.0, np.nan]
-    heard.fill_gaps()
-    assert heard.true_position_m.tolist() == [1.0, 1.0, 1.0, 1.0, 2.0, 2.0]
-    assert np.isnan(heard.current_ma).all()
+    recording = new_recording(6, lockstep=False)
+    recording.true_position_m[:] = [np.nan, 1.0, np.nan, np.nan, 2.0, np.nan]
+    recording.fill_gaps()
+    assert recording.true_position_m.tolist() == [1.0, 1.0, 1.0, 1.0, 2.0, 2.0]
+    assert np.isnan(recording.current_ma).all()
 
 
 def lines(path: Path) -> list[str]:
@@ -136,21 +136,21 @@ def test_in_lockstep_the_log_has_the_order_of_cause_and_effect_and_the_plants_ti
     logs = []
     # each sender's frames keep their order, the senders' order is any
     for number, order in enumerate((frames, sorted(frames, key=lambda frame: frame.arbitration_id))):
-        heard = recording(3)
+        recording = new_recording(3)
         for frame in order:
-            heard.hear(frame, 123.0 + number)
-        heard.write_log(tmp_path / f"{number}.log")
+            recording.add(frame, 123.0 + number)
+        recording.write_log(tmp_path / f"{number}.log")
         logs.append((tmp_path / f"{number}.log").read_bytes())
     assert lines(tmp_path / "0.log") == ["120", "170", "110", "100", "140"] + ["170", "110", "100"] * 2
     assert logs[0] == logs[1]
 
 
 def test_the_log_reads_back_frame_by_frame(tmp_path: Path) -> None:
-    heard = recording(3)
+    recording = new_recording(3)
     for counter in range(3):
         for frame in sample_of(counter):
-            heard.hear(frame, 0.0)
-    heard.write_log(tmp_path / "bus.log")
+            recording.add(frame, 0.0)
+    recording.write_log(tmp_path / "bus.log")
     read = list(can.LogReader(tmp_path / "bus.log"))
     assert [(message.arbitration_id, bytes(message.data)) for message in read] == [
         (frame.arbitration_id, frame.data) for counter in range(3) for frame in sample_of(counter)
@@ -160,45 +160,45 @@ def test_the_log_reads_back_frame_by_frame(tmp_path: Path) -> None:
 
 
 def test_in_real_time_the_log_has_the_order_and_time_of_arrival(tmp_path: Path) -> None:
-    heard = recording(2, lockstep=False)
+    recording = new_recording(2, lockstep=False)
     for instant_s, frame in ((0.1, truth(0)), (0.3, command(0)), (0.2, reading(0))):
-        heard.hear(frame, instant_s)
-    heard.write_log(tmp_path / "bus.log")
+        recording.add(frame, instant_s)
+    recording.write_log(tmp_path / "bus.log")
     assert lines(tmp_path / "bus.log") == ["170", "110", "100"]
 
 
 def test_a_frame_of_nobody_is_logged_as_it_came(tmp_path: Path) -> None:
-    heard = recording(1)
-    heard.hear(CanFrame(0x7DF, b"\x02\x01"), 0.5)
-    heard.hear(CanFrame(0x18FF0102, b"\x03", is_extended=True), 0.6)
-    heard.write_log(tmp_path / "bus.log")
+    recording = new_recording(1)
+    recording.add(CanFrame(0x7DF, b"\x02\x01"), 0.5)
+    recording.add(CanFrame(0x18FF0102, b"\x03", is_extended=True), 0.6)
+    recording.write_log(tmp_path / "bus.log")
     assert [line.split()[2] for line in (tmp_path / "bus.log").read_text(encoding="utf-8").splitlines()] == [
         "7DF#0201",
         "18FF0102#03",
     ]
-    assert heard.complete == 0
+    assert recording.complete == 0
 
 
 def test_statuses_keep_their_time_beyond_the_wrap_of_their_counter() -> None:
     # at ten a second the counter wraps after 25.6 s
-    heard = recording(40_000)
+    recording = new_recording(40_000)
     for number in range(300):
-        heard.hear(CODEC.encode(STATUS, number), 0.0)
-    assert [stamp_s for stamp_s, _, _ in heard.frames] == pytest.approx(np.arange(300) * 0.1)
+        recording.add(CODEC.encode(STATUS, number), 0.0)
+    assert [stamp_s for stamp_s, _, _ in recording.frames] == pytest.approx(np.arange(300) * 0.1)
 
 
 def test_setpoints_stand_at_the_samples_they_belong_to() -> None:
-    heard = recording(100, samples_per_setpoint=20)
+    recording = new_recording(100, samples_per_setpoint=20)
     for number in range(5):
-        heard.hear(CODEC.encode(Setpoint(0.08), number), 0.0)
-    assert [stamp_s for stamp_s, _, _ in heard.frames] == pytest.approx(np.arange(5) * 0.02)
+        recording.add(CODEC.encode(Setpoint(0.08), number), 0.0)
+    assert [stamp_s for stamp_s, _, _ in recording.frames] == pytest.approx(np.arange(5) * 0.02)
 
 
 def test_a_pressure_stands_before_the_truth_of_its_sample() -> None:
-    heard = recording(3)
+    recording = new_recording(3)
     for counter in range(3):
-        heard.hear(CODEC.encode(ActuatorState(4e4), counter), 0.0)
-        heard.hear(truth(counter), 0.0)
-    assert [stamp_s for stamp_s, _, _ in heard.frames] == pytest.approx(np.repeat([0.0, 0.001, 0.002], 2))
-    ranks = [rank for _, rank, _ in heard.frames]
+        recording.add(CODEC.encode(ActuatorState(4e4), counter), 0.0)
+        recording.add(truth(counter), 0.0)
+    assert [stamp_s for stamp_s, _, _ in recording.frames] == pytest.approx(np.repeat([0.0, 0.001, 0.002], 2))
+    ranks = [rank for _, rank, _ in recording.frames]
     assert ranks[0] < ranks[1]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from daemon_helpers import PATIENCE_S, own_address, write_configuration
 
-from positioner.bench.processes import Child
+from positioner.bench.processes import BenchProcess
 from positioner.bus.port import BusPort
 from positioner.cli.main import main
 from positioner.errors import ExitCode
@@ -38,16 +38,16 @@ def verdicts(told: dict[str, Any]) -> dict[str, str]:
     return {rule["name"]: rule["verdict"] for rule in told["rules"]}
 
 
-def emulator(folder: Path, bus: BusAddress, *more: str) -> Child:
+def emulator(folder: Path, bus: BusAddress, *more: str) -> BenchProcess:
     plant = folder / "plant.toml"
     plant.write_text('preset = "paper"\ndeadman_s = 0.3\n', encoding="utf-8")
     arguments = ["run", "--config", str(plant), "--bus", str(bus), "--period", "0.02", *more]
-    child = Child("plant_emulator.cli.main", arguments, folder / "plant.log")
+    child = BenchProcess("plant_emulator.cli.main", arguments, folder / "plant.log")
     child.wait_for("READY=1")
     return child
 
 
-def await_setpoint(bus: BusAddress, child: Child) -> None:
+def await_setpoint(bus: BusAddress, child: BenchProcess) -> None:
     port, end_s = BusPort(bus, [make_codec().identifier(Setpoint)]), time.monotonic() + PATIENCE_S
     port.open()
     while not port.receive(0.05) and time.monotonic() < end_s:
@@ -74,7 +74,7 @@ def test_our_own_host_conforms_on_a_bus(tmp_path: Path, capsys: pytest.CaptureFi
     bus = own_address()
     config = write_configuration(tmp_path, bus)
     arguments = ["host", "--config", str(config), "set", "80"]
-    with emulator(tmp_path, bus), Child("positioner", arguments, tmp_path / "host.log") as child:
+    with emulator(tmp_path, bus), BenchProcess("positioner", arguments, tmp_path / "host.log") as child:
         await_setpoint(bus, child)
         status, told = report(capsys, "host", "--bus", str(bus), "--listen", "3", "--travel", "0:139.7")
         child.check()

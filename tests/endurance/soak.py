@@ -22,7 +22,7 @@ from endurance.pulse import Pulse
 from endurance.soak_host import SoakHost
 from endurance.soak_report import report
 from endurance.verdict import taught
-from positioner.bench.processes import Child
+from positioner.bench.processes import BenchProcess
 from positioner.bus.address import embedded_address
 from positioner.errors import BenchError
 from positioner.store import access
@@ -148,14 +148,14 @@ class Soak:
         process = self._daemon.process.pid
         return [int(word) for word in Path(f"/proc/{process}/task/{process}/children").read_text("ascii").split()]
 
-    def _start_daemon(self) -> Child:
+    def _start_daemon(self) -> BenchProcess:
         arguments = [str(self._folder / "sample_log"), "run", "--config", str(self._folder / "valve.toml")]
-        child = Child("endurance.watched_daemon", arguments, self._folder / "daemon.log")
+        child = BenchProcess("endurance.watched_daemon", arguments, self._folder / "daemon.log")
         return _ready(child, "waiting for position frames")
 
-    def _start_emulator(self) -> Child:
+    def _start_emulator(self) -> BenchProcess:
         arguments = ["--bus", str(self._address), "--period", str(_PERIOD_S), "--seed", str(self._seed)]
-        child = Child("plant_emulator.cli.main", ["run", *arguments], self._folder / "emulator.log")
+        child = BenchProcess("plant_emulator.cli.main", ["run", *arguments], self._folder / "emulator.log")
         return _ready(child, "READY=1")
 
     def _write_configuration(self) -> None:
@@ -169,7 +169,7 @@ class Soak:
         )
 
 
-def _ready(child: Child, field: str) -> Child:
+def _ready(child: BenchProcess, field: str) -> BenchProcess:
     """Return the child once it has said that it is ready, with more patience than a bench has."""
     deadline_s = time.monotonic() + _PATIENCE_S
     while True:

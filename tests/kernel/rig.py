@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 from daemon_helpers import write_configuration
 from links import PATIENCE_S
 
-from positioner.bench.processes import Child
+from positioner.bench.processes import BenchProcess
 from positioner.bus.port import BusPort
 from positioner.wire.codec import make_codec
 from positioner.wire.formats import FrameRejectedError
@@ -82,16 +82,18 @@ class Rig:
         self.path = write_configuration(folder, bus, guard=guard, control=control, **tables)
         plant = folder / "plant.toml"
         plant.write_text(_PLANT, encoding="utf-8")
-        self.plant = Child(
+        self.plant = BenchProcess(
             "plant_emulator.cli.main",
             ["run", "--config", str(plant), "--bus", str(bus), "--period", str(PERIOD_S)],
             folder / "plant.log",
         )
         self.daemon = self.start_daemon()
 
-    def start_daemon(self) -> Child:
+    def start_daemon(self) -> BenchProcess:
         """Start the positioner, anew where it has ended."""
-        self.daemon = Child("positioner.cli.main", ["run", "--config", str(self.path)], self.folder / "daemon.log")
+        self.daemon = BenchProcess(
+            "positioner.cli.main", ["run", "--config", str(self.path)], self.folder / "daemon.log"
+        )
         self.daemon.wait_for("READY=1")
         return self.daemon
 
@@ -184,10 +186,10 @@ class Rig:
 
         self.until(is_there)
 
-    def pause(self, child: Child) -> None:
+    def pause(self, child: BenchProcess) -> None:
         child.process.send_signal(signal.SIGSTOP)
 
-    def resume(self, child: Child) -> None:
+    def resume(self, child: BenchProcess) -> None:
         child.process.send_signal(signal.SIGCONT)
 
     def story(self) -> str:

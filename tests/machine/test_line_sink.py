@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import pytest
 from daemon_helpers import PATIENCE_S, Loop, Service, own_address, write_configuration
 
-from positioner.bench.processes import Child
+from positioner.bench.processes import BenchProcess
 from positioner.errors import ExitCode
 from positioner.machine import journal
 from positioner.machine.line_sink import PIPE_BUF, LineSink
@@ -243,7 +243,7 @@ def test_a_log_that_nobody_reads_keeps_no_daemon_from_controlling_nor_from_endin
 @pytest.mark.parametrize("program", ["positioner.cli.main", "plant_emulator.cli.main"])
 def test_a_command_ends_though_nobody_reads_its_last_line(program: str, tmp_path: Path) -> None:
     descriptor = full_pipe(tmp_path / "log")
-    child = Child(program, ["run", "--config", str(tmp_path / "absent.toml")], tmp_path / "log")
+    child = BenchProcess(program, ["run", "--config", str(tmp_path / "absent.toml")], tmp_path / "log")
     assert child.process.wait(PATIENCE_S) == ExitCode.CONFIG
     child.stop()
     os.close(descriptor)

@@ -11,7 +11,7 @@ import cantools
 import pytest
 from daemon_helpers import HERE_M, PATIENCE_S, PERIOD_S, Service, own_address, write_configuration
 
-from positioner.bench.processes import Child
+from positioner.bench.processes import BenchProcess
 from positioner.bus.port import BusPort
 from positioner.errors import ExitCode
 from positioner.store import access
@@ -40,7 +40,7 @@ def test_a_service_is_silent_until_armed_and_saves_its_table_at_the_end(tmp_path
         service.hear(PositionerStatus)
         service.child.drain()
 
-        second = Child("positioner.cli.main", ["run", "--config", str(service.path)], tmp_path / "second.log")
+        second = BenchProcess("positioner.cli.main", ["run", "--config", str(service.path)], tmp_path / "second.log")
         assert ended(second, service) == ExitCode.TEMPORARY
         waiting, line = second.log.read_text(encoding="utf-8").splitlines()
         occupied = f"{tmp_path / 'state'}: in use by process {service.child.process.pid};"
@@ -53,7 +53,7 @@ def test_a_service_is_silent_until_armed_and_saves_its_table_at_the_end(tmp_path
     assert access.dump(tmp_path / "state").valve_id == "FV-101"
 
 
-def ended(child: Child, beside: Service, *said: CurrentCommand) -> int:
+def ended(child: BenchProcess, beside: Service, *said: CurrentCommand) -> int:
     """Return the exit status of a program that ends by itself, while the loop beside it goes on, and `said` is."""
     deadline_s = time.monotonic() + PATIENCE_S
     while (code := child.process.poll()) is None:
@@ -92,7 +92,7 @@ def test_another_controller_on_the_bus_ends_a_daemon_before_it_says_a_word(tmp_p
 def test_a_service_waits_for_a_bus_that_is_not_there_and_can_be_stopped_meanwhile(tmp_path: Path) -> None:
     path = write_configuration(tmp_path, own_address())
     arguments = ["run", "--config", str(path), "--bus", "socketcan:vcan77"]
-    with Child("positioner.cli.main", arguments, tmp_path / "daemon.log") as child:
+    with BenchProcess("positioner.cli.main", arguments, tmp_path / "daemon.log") as child:
         deadline_s = time.monotonic() + PATIENCE_S
         while "cannot be opened" not in child.log.read_text(encoding="utf-8"):
             assert time.monotonic() < deadline_s
@@ -130,15 +130,15 @@ def test_a_kill_loses_nothing_that_was_learned_and_a_reset_is_taken_over(tmp_pat
     assert access.dump(tmp_path / "state").table.sequence == len([line for line in afterwards if "learned" in line])
 
 
-def plant(service: Service) -> Child:
+def plant(service: Service) -> BenchProcess:
     """Return an emulated valve on the service's bus."""
     arguments = ["run", "--bus", str(service.address), "--clock", "lockstep", "--seed", "3"]
-    child = Child("plant_emulator.cli.main", arguments, service.folder / "plant.log")
+    child = BenchProcess("plant_emulator.cli.main", arguments, service.folder / "plant.log")
     child.wait_for("READY=1")
     return child
 
 
-def learn(service: Service, emulator: Child, wanted: int) -> None:
+def learn(service: Service, emulator: BenchProcess, wanted: int) -> None:
     """Send the stem to and fro until the log has `wanted` lines of what was learned."""
     deadline_s, number = time.monotonic() + PATIENCE_S, 0
     while len(service.logged("learned")) < wanted:

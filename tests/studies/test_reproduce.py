@@ -16,13 +16,13 @@ from positioner.bench.playable import restartable_mm
 from positioner.bench.scenario import MOST_SAMPLES_PER_SETPOINT, load_scenario
 from positioner.cli.main import main
 from positioner.studies import reproduce as reproduction
-from positioner.studies.claims import Verdict, tally, verdicts
-from positioner.studies.readings import NoiseReading, Reading, UnitReading, readings
+from positioner.studies.interpretations import Interpretation, Noise, Units, interpretations
+from positioner.studies.published_results import Assessment, assess, summary
 from positioner.studies.reproduce import (
     SIMULATIONS,
     Curves,
     Half,
-    Outcome,
+    PlayedRun,
     Run,
     all_runs,
     half_figures,
@@ -37,9 +37,12 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-A, FREE = Reading(NoiseReading.FILTERED, UnitReading.SI), Reading(NoiseReading.FREE, UnitReading.SI)
-FREE_CM = Reading(NoiseReading.FREE, UnitReading.CENTIMETRES)
-ALL = readings((NoiseReading.FILTERED, NoiseReading.RAW))
+A, FREE = (
+    Interpretation(Noise.FILTERED, Units.SI),
+    Interpretation(Noise.FREE, Units.SI),
+)
+FREE_CM = Interpretation(Noise.FREE, Units.CENTIMETRES)
+ALL = interpretations((Noise.FILTERED, Noise.RAW))
 CALM = Half(
     dwells=3,
     error_pct=0.6,
@@ -63,23 +66,23 @@ LIVELY = Half(
 
 
 @pytest.fixture(scope="module")
-def free() -> dict[int, Outcome]:
+def free() -> dict[int, PlayedRun]:
     """Simulations 1 to 3 without noise, short, in SI."""
     return {simulation: play(Run(simulation, FREE, short=True)) for simulation in (1, 2, 3)}
 
 
 def test_simulation_1_overshoots_and_keeps_the_offset_that_the_weight_on_the_current_explains(
-    free: dict[int, Outcome],
+    free: dict[int, PlayedRun],
 ) -> None:
     # the text: an overshoot; e = u_eq / (147 mA/cm) without friction, in the mean of 70, 90 and 80 mm
-    outcome, valve = free[1], ValveParameters(id="paper")
+    played, valve = free[1], ValveParameters(id="paper")
     offsets_m = [valve.balance_current_ma(setpoint_m) / 147.0 / 100.0 for setpoint_m in (0.07, 0.09, 0.08)]
-    assert outcome.after.error_pct == pytest.approx(100.0 * float(np.mean(offsets_m)) / 0.127, rel=0.05)
-    assert 1.5 < outcome.after.overshoot_pct < 2.9
-    assert outcome.after.reversals > 3
+    assert played.after.error_pct == pytest.approx(100.0 * float(np.mean(offsets_m)) / 0.127, rel=0.05)
+    assert 1.5 < played.after.overshoot_pct < 2.9
+    assert played.after.reversals > 3
 
 
-def test_simulation_3_is_simulation_2_until_the_table_is_used_and_another_one_then(free: dict[int, Outcome]) -> None:
+def test_simulation_3_is_simulation_2_until_the_table_is_used_and_another_one_then(free: dict[int, PlayedRun]) -> None:
     assert free[3].before == free[2].before
     assert free[3].after != free[2].after
     bounds = free[3].curves.speed_high_m_per_s
@@ -89,19 +92,19 @@ def test_simulation_3_is_simulation_2_until_the_table_is_used_and_another_one_th
     assert np.isnan(free[2].curves.speed_high_m_per_s).all()
 
 
-def test_alpha_and_beta_in_centimetres_stop_the_valve_short_of_its_setpoint(free: dict[int, Outcome]) -> None:
+def test_alpha_and_beta_in_centimetres_stop_the_valve_short_of_its_setpoint(free: dict[int, PlayedRun]) -> None:
     # 5 cm/s for 20 mm takes 400 ms; in SI the same bound is a braking curve
-    outcome = play(Run(3, FREE_CM, short=True))
-    assert outcome.before == free[3].before
-    assert 3.0 < outcome.after.error_pct < 8.0
+    played = play(Run(3, FREE_CM, short=True))
+    assert played.before == free[3].before
+    assert 3.0 < played.after.error_pct < 8.0
     assert 0.3 < free[3].after.error_pct < 2.0
-    assert np.nanmax(outcome.curves.speed_high_m_per_s) < np.nanmax(free[3].curves.speed_high_m_per_s)
+    assert np.nanmax(played.curves.speed_high_m_per_s) < np.nanmax(free[3].curves.speed_high_m_per_s)
 
 
-def test_a_pool_of_processes_returns_what_this_process_plays(free: dict[int, Outcome]) -> None:
-    (outcome,) = reproduce((Run(2, FREE, short=True),), workers=1)
-    assert (outcome.before, outcome.after) == (free[2].before, free[2].after)
-    np.testing.assert_array_equal(outcome.curves.position_m, free[2].curves.position_m)
+def test_a_pool_of_processes_returns_what_this_process_plays(free: dict[int, PlayedRun]) -> None:
+    (played,) = reproduce((Run(2, FREE, short=True),), workers=1)
+    assert (played.before, played.after) == (free[2].before, free[2].after)
+    np.testing.assert_array_equal(played.curves.position_m, free[2].curves.position_m)
 
 
 def test_the_figures_of_a_half_are_those_of_its_three_dwells() -> None:
@@ -128,7 +131,7 @@ def test_the_figures_of_a_half_are_those_of_its_three_dwells() -> None:
 def test_every_run_is_played_once_and_alpha_and_beta_only_where_a_table_is() -> None:
     runs = all_runs(ALL, short=False)
     assert len(runs) == len(set(runs)) == 2 * 3 + 3 * 6
-    assert {run.reading.units for run in runs if run.simulation <= 2} == {UnitReading.SI}
+    assert {run.interpretation.units for run in runs if run.simulation <= 2} == {Units.SI}
 
 
 @pytest.mark.parametrize("simulation", SIMULATIONS)
@@ -152,7 +155,7 @@ def test_the_fifth_simulation_has_ten_percent_more_friction_and_no_slip_of_the_p
     assert valve.coulomb_friction_n == pytest.approx(1565.3)
 
 
-def outcome(run: Run, before: Half, after: Half) -> Outcome:
+def played(run: Run, before: Half, after: Half) -> PlayedRun:
     time_s = np.linspace(0.0, 6.0, 61)
     flat = np.zeros(61)
     nothing = np.full(61, np.nan)
@@ -167,50 +170,54 @@ def outcome(run: Run, before: Half, after: Half) -> Outcome:
         speed_low_m_per_s=nothing,
         speed_high_m_per_s=np.where(time_s >= 3.0, 0.5, np.nan),
     )
-    return Outcome(run, before, after, curves)
+    return PlayedRun(run, before, after, curves)
 
 
-def as_the_paper_has_it(runs: Sequence[Run]) -> tuple[Outcome, ...]:
-    """Return outcomes in which every claim holds."""
+def as_the_paper_has_it(runs: Sequence[Run]) -> tuple[PlayedRun, ...]:
+    """Return played_runs in which every claim holds."""
     found = []
     for run in runs:
         half = replace(LIVELY, range_pct={4: 3.0, 5: 1.0}.get(run.simulation, 2.0))
         before = {1: replace(CALM, overshoot_pct=2.4, error_pct=0.5)}.get(run.simulation, half)
         after = {1: replace(CALM, error_pct=0.5), 2: half}.get(run.simulation, CALM)
-        found.append(outcome(run, before, after))
+        found.append(played(run, before, after))
     return tuple(found)
 
 
 def test_every_claim_holds_where_everything_is_as_the_paper_has_it() -> None:
-    found = verdicts(as_the_paper_has_it(all_runs(ALL, short=False)))
+    found = assess(as_the_paper_has_it(all_runs(ALL, short=False)))
     assert len(found) == 4 * 3 + 11 * 6
-    assert [verdict for verdict in found if not verdict.holds] == []
+    assert [assessment for assessment in found if not assessment.holds] == []
 
 
 def test_a_short_run_judges_what_moves_decide_and_nothing_else() -> None:
     played = as_the_paper_has_it(all_runs(ALL, short=True))
-    found = verdicts(tuple(replace(each, before=CALM, after=CALM) for each in played))
-    judged = {(verdict.simulation, verdict.claim) for verdict in found if verdict.holds is not None}
+    found = assess(tuple(replace(each, before=CALM, after=CALM) for each in played))
+    judged = {(assessment.simulation, assessment.result) for assessment in found if assessment.holds is not None}
     assert judged == {
         (1, "it overshoots in the transient"),
         (3, "it moves as in simulation 2 until the table is used"),
     }
-    assert tally(found)[0] == f"{sum(bool(verdict.holds) for verdict in found)} of 9 claims hold"
+    assert summary(found)[0] == f"{sum(bool(assessment.holds) for assessment in found)} of 9 claims hold"
     text = to_markdown(played, found)
     assert "| 2 | stick-slip makes it oscillate continuously | not judged | as SI | not judged |" in text
     assert "| 1 | it overshoots in the transient | **no**: overshoot 0.20 % |" in text
-    assert {verdict["holds"] for verdict in json.loads(to_json(played, found))["verdicts"]} == {True, False, None}
+    assert {assessment["holds"] for assessment in json.loads(to_json(played, found))["verdicts"]} == {True, False, None}
 
 
 def test_where_nothing_was_judged_no_claim_holds_and_none_falls() -> None:
     found = [
-        verdict for verdict in verdicts(as_the_paper_has_it(all_runs((A,), short=True))) if verdict.simulation == 2
+        assessment
+        for assessment in assess(as_the_paper_has_it(all_runs((A,), short=True)))
+        if assessment.simulation == 2
     ]
-    assert tally(found) == ("no claim judged", None)
+    assert summary(found) == ("no claim judged", None)
     judged = [
-        verdict for verdict in verdicts(as_the_paper_has_it(all_runs((A,), short=True))) if verdict.simulation == 1
+        assessment
+        for assessment in assess(as_the_paper_has_it(all_runs((A,), short=True)))
+        if assessment.simulation == 1
     ]
-    assert tally(judged) == ("1 of 1 claim holds", True)
+    assert summary(judged) == ("1 of 1 claim holds", True)
 
 
 @pytest.mark.parametrize(
@@ -236,23 +243,23 @@ def test_where_nothing_was_judged_no_claim_holds_and_none_falls() -> None:
 def test_a_claim_falls_with_the_figure_that_decides_it(
     simulation: int, before: dict[str, float], after: dict[str, float], fallen: str
 ) -> None:
-    outcomes = [
+    played_runs = [
         replace(each, before=replace(each.before, **before), after=replace(each.after, **after))  # type: ignore[arg-type]
         if each.run.simulation == simulation
         else each
         for each in as_the_paper_has_it(all_runs((A,), short=False))
     ]
-    lost = [verdict for verdict in verdicts(outcomes) if not verdict.holds]
-    assert [(verdict.simulation, verdict.claim) for verdict in lost] == [(simulation, fallen)]
+    lost = [assessment for assessment in assess(played_runs) if not assessment.holds]
+    assert [(assessment.simulation, assessment.result) for assessment in lost] == [(simulation, fallen)]
 
 
 def test_a_stem_that_rests_is_neither_livelier_nor_quieter_than_another_one() -> None:
     rests = {3: replace(CALM, range_pct=0.05), 4: replace(CALM, range_pct=0.06), 5: replace(CALM, range_pct=0.04)}
-    outcomes = [
+    played_runs = [
         replace(each, before=rests.get(each.run.simulation, each.before))
         for each in as_the_paper_has_it(all_runs((A,), short=False))
     ]
-    found = {verdict.claim: verdict for verdict in verdicts(outcomes)}
+    found = {assessment.result: assessment for assessment in assess(played_runs)}
     for claim in (
         "at first it oscillates more than in simulation 3",
         "at first it oscillates less than in simulation 3",
@@ -262,28 +269,28 @@ def test_a_stem_that_rests_is_neither_livelier_nor_quieter_than_another_one() ->
 
 
 def test_the_table_names_every_run_and_marks_what_does_not_hold() -> None:
-    outcomes = as_the_paper_has_it(all_runs(ALL, short=False))
+    played_runs = as_the_paper_has_it(all_runs(ALL, short=False))
     run = Run(3, A)
-    outcomes = tuple(replace(each, after=LIVELY) if each.run == run else each for each in outcomes)
-    found = verdicts(outcomes)
-    text = to_markdown(outcomes, found)
+    played_runs = tuple(replace(each, after=LIVELY) if each.run == run else each for each in played_runs)
+    found = assess(played_runs)
+    text = to_markdown(played_runs, found)
     assert "| 3 | the table ends the oscillation | **no**: in 3 of 3 dwells, range 2.00 → 2.00 % | yes:" in text
     assert text.count("**no**") == 4
     assert "| 2 | stick-slip makes it oscillate continuously | yes: in 6 of 6 dwells | as SI | yes:" in text
     assert "| 3: stiction table from half time | A, SI | 1.60 → 1.60 | 2.00 → 2.00 |" in text
-    assert sum(text.count(f"| {simulation}: {TITLES[simulation]} |") for simulation in SIMULATIONS) == len(outcomes)
+    assert sum(text.count(f"| {simulation}: {TITLES[simulation]} |") for simulation in SIMULATIONS) == len(played_runs)
     assert "short run" not in text
     assert "A short run" in to_markdown(as_the_paper_has_it(all_runs(ALL, short=True)), found)
 
 
 def test_the_json_has_the_same_figures_and_verdicts() -> None:
-    outcomes = as_the_paper_has_it(all_runs((A,), short=False))
-    page = json.loads(to_json(outcomes, verdicts(outcomes)))
+    played_runs = as_the_paper_has_it(all_runs((A,), short=False))
+    page = json.loads(to_json(played_runs, assess(played_runs)))
     assert [run["scenario"] for run in page["runs"]] == [f"paper-{simulation}" for simulation in SIMULATIONS]
     assert page["runs"][2]["after"]["error_pct"] == 0.6
     assert page["runs"][2]["setpoints_mm"] == [70.0, 90.0, 80.0, 70.0, 90.0, 80.0]
     assert len(page["verdicts"]) == 15
-    assert all(verdict["holds"] is True for verdict in page["verdicts"])
+    assert all(assessment["holds"] is True for assessment in page["verdicts"])
 
 
 def test_the_command_leaves_the_page_the_figures_and_the_table(
@@ -291,7 +298,7 @@ def test_the_command_leaves_the_page_the_figures_and_the_table(
 ) -> None:
     asked: list[tuple[Sequence[Run], int | None]] = []
 
-    def instead(runs: Sequence[Run], workers: int | None = None) -> tuple[Outcome, ...]:
+    def instead(runs: Sequence[Run], workers: int | None = None) -> tuple[PlayedRun, ...]:
         asked.append((runs, workers))
         return as_the_paper_has_it(runs)
 
@@ -301,7 +308,7 @@ def test_the_command_leaves_the_page_the_figures_and_the_table(
     ((runs, workers),) = asked
     assert workers == 3
     assert all(run.short for run in runs)
-    assert {run.reading.noise for run in runs} == {NoiseReading.RAW, NoiseReading.FREE}
+    assert {run.interpretation.noise for run in runs} == {Noise.RAW, Noise.FREE}
     pictures = {"reproduce.png", *(f"figure-{number}.png" for number in FIGURE_OF.values())}
     assert {path.name for path in out.iterdir()} == pictures | {"reproduce.md", "reproduce.json"}
     assert sorted(FIGURE_OF.values()) == [4, 5, 6, 7, 8]
@@ -315,6 +322,6 @@ def test_the_command_leaves_the_page_the_figures_and_the_table(
 
 
 def test_a_verdict_names_its_reading() -> None:
-    found = verdicts(as_the_paper_has_it(all_runs((A, FREE), short=False)))
-    assert found[0] == Verdict(1, "the stem reaches the reference", A, "error 0.50, 0.50 %", holds=True)
-    assert {verdict.reading for verdict in found} == {A, FREE}
+    found = assess(as_the_paper_has_it(all_runs((A, FREE), short=False)))
+    assert found[0] == Assessment(1, "the stem reaches the reference", A, "error 0.50, 0.50 %", holds=True)
+    assert {assessment.interpretation for assessment in found} == {A, FREE}

@@ -2,9 +2,9 @@
 
 | noise | sensor | position and speed |
 |---|---|---|
-| A | 2 % of the reading, white: one draw a sample | Kalman filter (D11) |
-| B | 2 % of the reading, each draw held for 10 ms | the reading, and its difference quotient |
-| noise-free | none: the control run of both | the reading, and its difference quotient |
+| A | 2 % of the interpretation, white: one draw a sample | Kalman filter (D11) |
+| B | 2 % of the interpretation, each draw held for 10 ms | the interpretation, and its difference quotient |
+| noise-free | none: the control run of both | the interpretation, and its difference quotient |
 
 | units | α of eq. 22 | β of eq. 22 |
 |---|---|---|
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from positioner.bench.scenario import Scenario
 
 NOISE_HOLD_S = 0.01
-"""How long reading B holds a draw of the noise."""
+"""How long interpretation B holds a draw of the noise."""
 
 
-class NoiseReading(StrEnum):
+class Noise(StrEnum):
     """What "a random signal with a mean power of 2 %" is, and what the controller makes of it."""
 
     FILTERED = "A"
@@ -39,7 +39,7 @@ class NoiseReading(StrEnum):
     FREE = "noise-free"
 
 
-class UnitReading(StrEnum):
+class Units(StrEnum):
     """Units of α = 5 and β = 150."""
 
     SI = "SI"
@@ -47,36 +47,36 @@ class UnitReading(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, order=True)
-class Reading:
-    """One reading of the paper; readings sort as the columns of a table."""
+class Interpretation:
+    """One interpretation of the paper; interpretations sort as the columns of a table."""
 
-    noise: NoiseReading
-    units: UnitReading
+    noise: Noise
+    units: Units
 
     def __str__(self) -> str:
         """Name of a column or of a heading."""
         return f"{self.noise}, {self.units}"
 
 
-def readings(noises: tuple[NoiseReading, ...]) -> tuple[Reading, ...]:
-    """Return every reading with one of `noises`, and the noise-free control runs."""
-    return tuple(Reading(noise, units) for noise in (*noises, NoiseReading.FREE) for units in UnitReading)
+def interpretations(noises: tuple[Noise, ...]) -> tuple[Interpretation, ...]:
+    """Return every interpretation with one of `noises`, and the noise-free control runs."""
+    return tuple(Interpretation(noise, units) for noise in (*noises, Noise.FREE) for units in Units)
 
 
-def read_as(scenario: Scenario, noise: NoiseReading | None, units: UnitReading | None) -> Scenario:
+def interpreted_as(scenario: Scenario, noise: Noise | None, units: Units | None) -> Scenario:
     """Return `scenario` with sensor and estimator of `noise`, and the bounds of `units`; None leaves them."""
     plant, control, estimator = scenario.plant, scenario.control, scenario.estimator
     match noise:
-        case NoiseReading.FILTERED:
+        case Noise.FILTERED:
             estimator = {**estimator, "method": str(EstimationMethod.KALMAN)}
-        case NoiseReading.RAW:
+        case Noise.RAW:
             estimator = {**estimator, "method": str(EstimationMethod.RAW)}
             plant = _with(plant, "sensor", {"noise_hold_s": NOISE_HOLD_S})
-        case NoiseReading.FREE:
+        case Noise.FREE:
             estimator = {**estimator, "method": str(EstimationMethod.RAW)}
             plant = _with(plant, "sensor", {"noise_of_reading": 0.0})
     if units is not None:
-        in_si = units is UnitReading.SI
+        in_si = units is Units.SI
         bounds = {
             "approach_span_m_per_s": 5.0 if in_si else 0.05,
             "approach_decay_per_m": 150.0 if in_si else 15000.0,

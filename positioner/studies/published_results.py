@@ -8,13 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from positioner.studies.readings import Reading, UnitReading
+from positioner.studies.interpretations import Interpretation, Units
 from positioner.studies.reproduce import WITH_TABLE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from positioner.studies.reproduce import Outcome
+    from positioner.studies.reproduce import PlayedRun
 
 AT_REFERENCE_PCT = 1.0
 """An error below this part of the span is "at the reference" or "small"."""
@@ -34,21 +34,21 @@ MOTION_PCT = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
-    """One claim in one reading: what is seen, in words and numbers, and whether the claim holds.
+class Assessment:
+    """One claim in one interpretation: what is seen, in words and numbers, and whether the claim holds.
 
     None: the run cannot tell, and it is not judged. A short run tells of a claim that moves decide, and of no other.
     """
 
     simulation: int
-    claim: str
-    reading: Reading
+    result: str
+    interpretation: Interpretation
     seen: str
     holds: bool | None
 
 
 @dataclass(frozen=True, slots=True)
-class _Claim:
+class _PublishedResult:
     """The claim, and the test of it: from the halves of this simulation and of the one it is compared with.
 
     by_moves: whether the moves alone decide it, which a dwell of milliseconds shows; the rest needs the stem's rest.
@@ -56,65 +56,65 @@ class _Claim:
 
     simulation: int
     text: str
-    judge: Callable[[Outcome, Outcome], tuple[str, bool]]
+    judge: Callable[[PlayedRun, PlayedRun], tuple[str, bool]]
     compared_with: int
     by_moves: bool = False
 
 
-def verdicts(outcomes: Sequence[Outcome]) -> tuple[Verdict, ...]:
-    """Return the verdict on every claim in every reading that was played."""
-    played = {(outcome.run.simulation, outcome.run.reading): outcome for outcome in outcomes}
+def assess(played_runs: Sequence[PlayedRun]) -> tuple[Assessment, ...]:
+    """Return the assessment on every claim in every interpretation that was by_run."""
+    by_run = {(played.run.simulation, played.run.interpretation): played for played in played_runs}
     found = []
-    for claim in _CLAIMS:
-        for (simulation, reading), own in played.items():
+    for claim in _PUBLISHED_RESULTS:
+        for (simulation, interpretation), own in by_run.items():
             if simulation == claim.simulation:
-                other = played[claim.compared_with, _reading_of(claim.compared_with, reading)]
+                other = by_run[claim.compared_with, _interpretation_of(claim.compared_with, interpretation)]
                 seen, holds = claim.judge(own, other)
                 is_judged = claim.by_moves or not own.run.short
-                found.append(Verdict(simulation, claim.text, reading, seen, holds if is_judged else None))
+                found.append(Assessment(simulation, claim.text, interpretation, seen, holds if is_judged else None))
     return tuple(found)
 
 
-def tally(verdicts: Iterable[Verdict]) -> tuple[str, bool | None]:
-    """Return how many of `verdicts` hold, in words, and whether all that were judged do; None where none was."""
-    judged = [verdict.holds for verdict in verdicts if verdict.holds is not None]
+def summary(assessments: Iterable[Assessment]) -> tuple[str, bool | None]:
+    """Return how many of `assessments` hold, in words, and whether all that were judged do; None where none was."""
+    judged = [assessment.holds for assessment in assessments if assessment.holds is not None]
     if not judged:
         return "no claim judged", None
     return f"{sum(judged)} of {len(judged)} {'claim holds' if len(judged) == 1 else 'claims hold'}", all(judged)
 
 
-def _reading_of(simulation: int, reading: Reading) -> Reading:
-    """Return the reading in which `simulation` was played: without a table there is one for both units."""
-    return reading if simulation in WITH_TABLE else Reading(reading.noise, UnitReading.SI)
+def _interpretation_of(simulation: int, interpretation: Interpretation) -> Interpretation:
+    """Return the interpretation in which `simulation` was by_run: without a table there is one for both units."""
+    return interpretation if simulation in WITH_TABLE else Interpretation(interpretation.noise, Units.SI)
 
 
-def _reaches(own: Outcome, _: Outcome) -> tuple[str, bool]:
+def _reaches(own: PlayedRun, _: PlayedRun) -> tuple[str, bool]:
     errors = (own.before.error_pct, own.after.error_pct)
     return f"error {errors[0]:.2f}, {errors[1]:.2f} %", max(errors) < AT_REFERENCE_PCT
 
 
-def _overshoots(own: Outcome, _: Outcome) -> tuple[str, bool]:
+def _overshoots(own: PlayedRun, _: PlayedRun) -> tuple[str, bool]:
     overshoot = max(own.before.overshoot_pct, own.after.overshoot_pct)
     return f"overshoot {overshoot:.2f} %", overshoot > OVERSHOOT_PCT
 
 
-def _cycles_throughout(own: Outcome, _: Outcome) -> tuple[str, bool]:
+def _cycles_throughout(own: PlayedRun, _: PlayedRun) -> tuple[str, bool]:
     cycles, dwells = own.before.limit_cycles + own.after.limit_cycles, own.before.dwells + own.after.dwells
     return f"in {cycles} of {dwells} dwells", cycles == dwells
 
 
-def _worse(own: Outcome, other: Outcome) -> tuple[str, bool]:
+def _worse(own: PlayedRun, other: PlayedRun) -> tuple[str, bool]:
     return f"error {own.after.error_pct:.2f} against {other.after.error_pct:.2f} %", (
         own.after.error_pct > other.after.error_pct
     )
 
 
-def _starts_alike(own: Outcome, other: Outcome) -> tuple[str, bool]:
+def _starts_alike(own: PlayedRun, other: PlayedRun) -> tuple[str, bool]:
     alike = own.before == other.before
     return "the same to the bit" if alike else "another motion", alike
 
 
-def _ends_cycle(own: Outcome, _: Outcome) -> tuple[str, bool]:
+def _ends_cycle(own: PlayedRun, _: PlayedRun) -> tuple[str, bool]:
     before, after = own.before, own.after
     ranges = f"range {before.range_pct:.2f} → {after.range_pct:.2f} %"
     if not before.limit_cycles:
@@ -122,50 +122,50 @@ def _ends_cycle(own: Outcome, _: Outcome) -> tuple[str, bool]:
     return f"in {after.limit_cycles} of {after.dwells} dwells, {ranges}", not after.limit_cycles
 
 
-def _calm(own: Outcome, _: Outcome) -> tuple[str, bool]:
+def _calm(own: PlayedRun, _: PlayedRun) -> tuple[str, bool]:
     before, after = own.before.current_range_ma, own.after.current_range_ma
     return f"range {before:.2f} → {after:.2f} mA", after < CONSTANT_CURRENT_MA
 
 
-def _slow(own: Outcome, _: Outcome) -> tuple[str, bool]:
+def _slow(own: PlayedRun, _: PlayedRun) -> tuple[str, bool]:
     before, after = own.before.speed_m_per_s, own.after.speed_m_per_s
     return f"{before * 1e3:.1f} → {after * 1e3:.1f} mm/s", after < max(before / 4.0, REST_M_PER_S)
 
 
-def _small_error(own: Outcome, other: Outcome) -> tuple[str, bool]:
+def _small_error(own: PlayedRun, other: PlayedRun) -> tuple[str, bool]:
     error = own.after.error_pct
     return f"error {error:.2f} %, without table {other.after.error_pct:.2f}", 0.0 < error < AT_REFERENCE_PCT
 
 
-def _livelier(own: Outcome, other: Outcome) -> tuple[str, bool]:
+def _livelier(own: PlayedRun, other: PlayedRun) -> tuple[str, bool]:
     return _compared(own, other), own.before.range_pct > max(other.before.range_pct, MOTION_PCT)
 
 
-def _quieter(own: Outcome, other: Outcome) -> tuple[str, bool]:
+def _quieter(own: PlayedRun, other: PlayedRun) -> tuple[str, bool]:
     return _compared(own, other), other.before.range_pct > max(own.before.range_pct, MOTION_PCT)
 
 
-def _compared(own: Outcome, other: Outcome) -> str:
+def _compared(own: PlayedRun, other: PlayedRun) -> str:
     return f"range {own.before.range_pct:.2f} against {other.before.range_pct:.2f} %"
 
 
 _GONE = "the table ends the oscillation"
 _CALM = "with the table the current is almost constant"
 _SMALL = "the steady error is small, and not null"
-_CLAIMS = (
-    _Claim(1, "the stem reaches the reference", _reaches, 1),
-    _Claim(1, "it overshoots in the transient", _overshoots, 1, by_moves=True),
-    _Claim(2, "stick-slip makes it oscillate continuously", _cycles_throughout, 2),
-    _Claim(2, "the error is worse than without friction", _worse, 1),
-    _Claim(3, "it moves as in simulation 2 until the table is used", _starts_alike, 2, by_moves=True),
-    _Claim(3, _GONE, _ends_cycle, 2),
-    _Claim(3, _CALM, _calm, 2),
-    _Claim(3, "with the table the speed is almost constant", _slow, 2),
-    _Claim(3, _SMALL, _small_error, 2),
-    _Claim(4, "at first it oscillates more than in simulation 3", _livelier, 3),
-    _Claim(4, _GONE, _ends_cycle, 2),
-    _Claim(4, _SMALL, _small_error, 2),
-    _Claim(5, "at first it oscillates less than in simulation 3", _quieter, 3),
-    _Claim(5, _GONE, _ends_cycle, 2),
-    _Claim(5, _SMALL, _small_error, 2),
+_PUBLISHED_RESULTS = (
+    _PublishedResult(1, "the stem reaches the reference", _reaches, 1),
+    _PublishedResult(1, "it overshoots in the transient", _overshoots, 1, by_moves=True),
+    _PublishedResult(2, "stick-slip makes it oscillate continuously", _cycles_throughout, 2),
+    _PublishedResult(2, "the error is worse than without friction", _worse, 1),
+    _PublishedResult(3, "it moves as in simulation 2 until the table is used", _starts_alike, 2, by_moves=True),
+    _PublishedResult(3, _GONE, _ends_cycle, 2),
+    _PublishedResult(3, _CALM, _calm, 2),
+    _PublishedResult(3, "with the table the speed is almost constant", _slow, 2),
+    _PublishedResult(3, _SMALL, _small_error, 2),
+    _PublishedResult(4, "at first it oscillates more than in simulation 3", _livelier, 3),
+    _PublishedResult(4, _GONE, _ends_cycle, 2),
+    _PublishedResult(4, _SMALL, _small_error, 2),
+    _PublishedResult(5, "at first it oscillates less than in simulation 3", _quieter, 3),
+    _PublishedResult(5, _GONE, _ends_cycle, 2),
+    _PublishedResult(5, _SMALL, _small_error, 2),
 )

@@ -52,7 +52,7 @@ def control(
         events.append(MoveBegan(decision.reason))
     if decision.failed_pushes:
         events.append(PushFailed(decision.failed_pushes, decision.rest_s))
-        state = replace(state, tally=state.tally.add(events[-1:]))
+        state = replace(state, counters=state.counters.add(events[-1:]))
     if decision.fallback:
         events.append(LawFellBack(decision.fallback))
     state = replace(
@@ -76,5 +76,5 @@ def _check(decision: Decision) -> None:
 
 def _applied_ma(setup: Setup, state: CycleState, reading: Reading) -> float:
     """Return the current that acted before the reading; before the first command, the one that balances the spring."""
-    acting_ma = state.acting.current_ma
+    acting_ma = state.effect.current_ma
     return acting_ma if acting_ma is not None else setup.valve.balance_current_ma(reading.position_m)

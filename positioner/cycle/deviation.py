@@ -62,7 +62,7 @@ class Deviates:
 NO_DEVIATION = Deviation()
 
 
-def watch_error(
+def track_deviation(
     settings: GuardSettings,
     valve: ValveParameters,
     known: Deviation,

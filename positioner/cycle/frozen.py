@@ -66,7 +66,7 @@ class Noise:
         """Return whether it is noisy and has not changed for longer than its noise allows."""
         return self.is_noisy and self.repeat_s > self.limit_s(period_s)
 
-    def heard(self, position_m: float, period_s: float, elapsed_s: float, *, at_rest: bool, judged: bool) -> Noise:
+    def add(self, position_m: float, period_s: float, elapsed_s: float, *, at_rest: bool, judged: bool) -> Noise:
         """Return what is known after one more reading, `elapsed_s` behind the one before; repeats count if `judged`."""
         if self.position_m is None:
             return Noise(position_m)

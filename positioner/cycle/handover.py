@@ -2,7 +2,7 @@
 
 While a person gives the current, the position is followed. Back in automatic mode the law begins with that position
 as its setpoint, and the host's setpoint does not count until it changes. The law's first current is the one that was
-there; what it would rather give is approached within `EASE_S`, or at once where it moves the stem.
+there; what it would rather give is approached within `BLEND_S`, or at once where it moves the stem.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from positioner.wire.messages import Mode, Motion
 if TYPE_CHECKING:
     from positioner.laws.law import Decision
 
-EASE_S = 1.0
+BLEND_S = 1.0
 """Time in which the difference to the current of manual mode fades."""
 _READINGS_AVERAGED = 100
 _NS = 1_000_000_000
@@ -39,7 +39,7 @@ class Handover:
     offset_ns: int = 0
 
 
-def follow(
+def update_handover(
     handover: Handover | None, mode: Mode, measured_m: float | None, setpoint_m: float | None, last_ma: float | None
 ) -> Handover | None:
     """Return what is to be handed over, None where nothing is.
@@ -71,13 +71,13 @@ def _track(handover: Handover | None, measured_m: float | None, last_ma: float |
     return Handover(mean_m, readings, last_ma)
 
 
-def ease(handover: Handover, decision: Decision, last_ma: float, now_ns: int) -> tuple[Handover, Decision]:
+def blend(handover: Handover, decision: Decision, last_ma: float, now_ns: int) -> tuple[Handover, Decision]:
     """Return the decision with its current led over from that of manual mode, and what is remembered of it."""
     if decision.motion is Motion.MOVE:  # a move needs the very current that the law asks for
         return replace(handover, offset_ma=0.0), decision
     if handover.offset_ma is None:
         handover = replace(handover, offset_ma=last_ma - decision.current_ma, offset_ns=now_ns)
-    left = 1.0 - (now_ns - handover.offset_ns) / (EASE_S * _NS)
+    left = 1.0 - (now_ns - handover.offset_ns) / (BLEND_S * _NS)
     if not handover.offset_ma or left <= 0.0:
         return handover, decision
     return handover, replace(decision, current_ma=decision.current_ma + left * handover.offset_ma)

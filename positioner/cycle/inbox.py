@@ -14,10 +14,10 @@ from positioner.cycle.events import (
     SetpointRefused,
 )
 from positioner.cycle.link import LinkState, Reading, Received
-from positioner.cycle.plausibility import judge
+from positioner.cycle.plausibility import check_reading
 from positioner.cycle.timing_events import PeriodWrong
 from positioner.guard.stall import Freshness
-from positioner.guard.state import Sighting
+from positioner.guard.state import GuardInput
 from positioner.wire.e2e import CounterCheck, Sequence
 from positioner.wire.formats import FrameRejectedError, Reason
 from positioner.wire.messages import (
@@ -103,7 +103,7 @@ class _Batch:
         self.pressure_pa = link.pressure_pa
         self.rejected_count = link.rejected_count
         self.position_counter = link.position_counter
-        self.cadence = link.cadence
+        self.frame_period = link.frame_period
         self.reading: Reading | None = None
         self.feedback_ns: int | None = None
         self.setpoint_ns: int | None = None
@@ -128,10 +128,10 @@ class _Batch:
             self.rejected_count,
             self._periods - (self.reading.periods if self.reading else 0),
             self.reading.counter if self.reading else self.position_counter,
-            self.cadence,
+            self.frame_period,
         )
         now_ns, feedback_ns, setpoint_ns = self.fresh.now_ns, self.feedback_ns, self.setpoint_ns
-        seen = Sighting(
+        guard_input = GuardInput(
             feedback_ns is not None,
             setpoint_ns is not None,
             tuple(self.requests),
@@ -141,11 +141,11 @@ class _Batch:
             feedback_age_ns=0 if feedback_ns is None else now_ns - feedback_ns,
             setpoint_age_ns=0 if setpoint_ns is None else now_ns - setpoint_ns,
             waited=self.waited,
-            period_wrong=self.cadence.is_wrong(self.period_s),
+            period_wrong=self.frame_period.is_wrong(self.period_s),
             stray_disarm=self.stray_disarm,
             setpoint_refused=self.setpoint_refused,
         )
-        return Received(link, self.reading, seen, tuple(self.events))
+        return Received(link, self.reading, guard_input, tuple(self.events))
 
     def in_sequence(self, message: Message, counter: int | None, modulus: int, data: bytes) -> int:
         """Take the counter over and return how many frames were lost before it.
@@ -159,7 +159,7 @@ class _Batch:
             return 0
         known = self.senders.get(type(message)) or Sender(CounterCheck(modulus=modulus))
         # kept even when refused: the frame may be the first of a restarted sender
-        self.senders[type(message)], verdict, lost = known.hear(counter, data)
+        self.senders[type(message)], verdict, lost = known.receive(counter, data)
         if verdict is not Sequence.FRESH:
             disarms = isinstance(message, Setpoint) and message.request is HostRequest.DISARM
             self.stray_disarm |= disarms
@@ -187,15 +187,15 @@ class _Batch:
 
     def _take_position(self, message: StemPosition, counter: int | None, lost: int, arrived_ns: int) -> None:
         self._periods += lost + 1
-        before, self.cadence = self.cadence, self.cadence.hear(arrived_ns, lost)
-        if self.cadence.measured_s != before.measured_s and self.cadence.is_wrong(self.period_s):
-            self.events.append(PeriodWrong(self.cadence.measured_s or 0.0, self.period_s))
+        before, self.frame_period = self.frame_period, self.frame_period.add(arrived_ns, lost)
+        if self.frame_period.measured_s != before.measured_s and self.frame_period.is_wrong(self.period_s):
+            self.events.append(PeriodWrong(self.frame_period.measured_s or 0.0, self.period_s))
         if (sender := self.senders.get(StemPosition)) is not None and not sender.window.settled:
             self.events.append(FeedbackRefused(message.position_m, sender.window.why, Counted.DISPUTED))
             self.refused = self.refused if sender.window.valid else Cause.FEEDBACK_DISPUTED
             return
         elapsed_s = (lost + 1) * self.period_s
-        self.readings, doubt = judge(
+        self.readings, doubt = check_reading(
             self.guard, self.valve, self.readings, message, self.commanded_ma, elapsed_s, self.period_s
         )
         if doubt:

@@ -29,7 +29,7 @@ def believe(setup: Setup, state: CycleState, events: list[Event]) -> CycleState:
 
 def learn(setup: Setup, state: CycleState, stem: StemState, applied_ma: float, events: list[Event]) -> CycleState:
     """Return the state with what the edge to `stem`, if there is one, teaches; nothing while commands do not act."""
-    if not setup.learns or state.stem is None or not state.acting.teaches or state.guard.foreign_ns is not None:
+    if not setup.learns or state.stem is None or not state.effect.teaches or state.guard.foreign_ns is not None:
         return state
     table = state.table
     for sample in lessons(state.stem, stem, applied_ma):

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from positioner.cycle.cadence import Cadence
-from positioner.cycle.plausibility import Watched
+from positioner.cycle.frame_period import FramePeriod
+from positioner.cycle.plausibility import ReadingHistory
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from positioner.cycle.events import Event
-    from positioner.guard.state import Sighting
+    from positioner.guard.state import GuardInput
     from positioner.wire.messages import Message
     from positioner.wire.window import Sender
 
@@ -22,14 +22,14 @@ class LinkState:
     """What is remembered of the other nodes between cycles."""
 
     senders: Mapping[type[Message], Sender] = field(default_factory=dict)
-    readings: Watched = field(default_factory=Watched)
+    readings: ReadingHistory = field(default_factory=ReadingHistory)
     setpoint_m: float | None = None
     setpoint_counter: int | None = None
     pressure_pa: float | None = None
     rejected_count: int = 0
     periods_unread: int = 0
     position_counter: int | None = None
-    cadence: Cadence = field(default_factory=Cadence)
+    frame_period: FramePeriod = field(default_factory=FramePeriod)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,5 +52,5 @@ class Received:
 
     link: LinkState
     reading: Reading | None
-    seen: Sighting
+    guard_input: GuardInput
     events: tuple[Event, ...]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from positioner.cycle.acting import Sent
-from positioner.guard import supervisor as guard
+from positioner.cycle.command_effect import SentCommand
+from positioner.guard.supervisor import admit
 from positioner.wire.loop_current import same_signal
 from positioner.wire.messages import CanFrame, CurrentCommand, Mode, Motion, PositionerStatus
 from positioner.wire.rounding import inside
@@ -29,7 +29,7 @@ def command(
     here_m = reading.position_m if reading else state.setpoint_m
     last_ma, elapsed_s = _last(setup, state, here_m, now_ns)
     wanted_ma = decision.current_ma if decision else state.guard.manual_ma
-    current_ma = guard.admit(setup.guard, state.guard, wanted_ma, last_ma, elapsed_s)
+    current_ma = admit(setup.guard, state.guard, wanted_ma, last_ma, elapsed_s)
     if current_ma is None:
         return replace(state, sent=(), left_ma=state.last_ma if state.sent else state.left_ma), []
     current_ma = inside(setup.codec.field(CurrentCommand, "current_ma"), current_ma, *_limits_ma(setup, state))
@@ -43,7 +43,7 @@ def command(
     frame = setup.codec.encode(message, state.command_counter)
     modulus = setup.codec.by_kind[CurrentCommand].counter_modulus
     counter = state.command_counter % modulus
-    sent = (*state.sent, Sent(counter, current_ma))[-min(_COMMANDS_REMEMBERED, modulus - 1) :]
+    sent = (*state.sent, SentCommand(counter, current_ma))[-min(_COMMANDS_REMEMBERED, modulus - 1) :]
     return replace(state, sent=sent, command_counter=state.command_counter + 1, command_ns=now_ns), [frame]
 
 
@@ -83,6 +83,6 @@ def status(setup: Setup, state: CycleState, now_ns: int) -> tuple[CycleState, li
         state.link.rejected_count % 256,
         state.learned_count % 256,
     )
-    tally, count = state.tally.next_told()
+    counters, count = state.counters.next_told()
     frames = [setup.codec.encode(each, state.status_counter) for each in (message, count) if each is not None]
-    return replace(state, status_counter=state.status_counter + 1, status_ns=now_ns, tally=tally), frames
+    return replace(state, status_counter=state.status_counter + 1, status_ns=now_ns, counters=counters), frames

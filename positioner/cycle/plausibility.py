@@ -29,7 +29,7 @@ STOP_BAND_OF_SPAN = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Watched:
+class ReadingHistory:
     """What is remembered of the readings.
 
     position_m: the last plausible one; jumped_m: the last that was refused as a jump, `jumps` in a row.
@@ -45,22 +45,22 @@ class Watched:
 
 
 @dataclass(frozen=True, slots=True)
-class Doubt:
+class Refusal:
     """Why a reading cannot be true: what it counts as, and in words."""
 
     counted: Counted
     why: str
 
 
-def judge(
+def check_reading(
     settings: GuardSettings,
     valve: ValveParameters,
-    watched: Watched,
+    watched: ReadingHistory,
     message: StemPosition,
     commanded_ma: float | None,
     elapsed_s: float,
     period_s: float = 0.0,
-) -> tuple[Watched, Doubt | None]:
+) -> tuple[ReadingHistory, Refusal | None]:
     """Return what to remember, and the doubt about the reading in `message` if there is one.
 
     commanded_ma is the current that a law or a person gave, None in other modes; `elapsed_s` lies behind the reading
@@ -68,29 +68,29 @@ def judge(
     """
     position, margin = message.position_m, settings.position_margin_m
     if message.quality is Quality.FAULT:
-        return watched, Doubt(Counted.FEEDBACK_FAULT, "the sensor reports a fault")
+        return watched, Refusal(Counted.FEEDBACK_FAULT, "the sensor reports a fault")
     low, high = valve.travel_min_m - margin, valve.travel_max_m + margin
     if not low <= position <= high:
         told = f"outside the travel ({low * 1e3:g} to {high * 1e3:g} mm with its margin)"
-        return watched, Doubt(Counted.FEEDBACK_RANGE, told)
+        return watched, Refusal(Counted.FEEDBACK_RANGE, told)
     if watched.position_m is not None and abs(position - watched.position_m) > settings.max_jump_m:
         jumps = watched.jumps + 1 if _is_near(position, watched.jumped_m, settings.max_jump_m) else 1
         if jumps < JUMPS_BELIEVED:
             told = f"a jump of {abs(position - watched.position_m) * 1e3:.1f} mm"
-            return replace(watched, jumps=jumps, jumped_m=position), Doubt(Counted.FEEDBACK_JUMP, told)
+            return replace(watched, jumps=jumps, jumped_m=position), Refusal(Counted.FEEDBACK_JUMP, told)
     acting_ma = None if message.quality is Quality.FAIL_POSITION else commanded_ma
     at_stop = _is_at_stop(valve, position)
     beyond_ma = _beyond_stick_band_ma(valve, position, acting_ma)
-    noise = watched.noise.heard(position, period_s, elapsed_s, at_rest=beyond_ma <= 0.0, judged=not at_stop)
+    noise = watched.noise.add(position, period_s, elapsed_s, at_rest=beyond_ma <= 0.0, judged=not at_stop)
     pushed = beyond_ma > settings.frozen_command_ma and not at_stop
     rigid_s = _rigid_s(settings, watched, position, acting_ma, elapsed_s * pushed)
-    watched = Watched(position, 0, None, rigid_s, noise)
+    watched = ReadingHistory(position, 0, None, rigid_s, noise)
     if rigid_s > settings.frozen_s:
         told = f"frozen: not a bit of change for {rigid_s:.3g} s under {acting_ma:.3f} mA, which must move the stem"
-        return watched, Doubt(Counted.FEEDBACK_FROZEN, told)
+        return watched, Refusal(Counted.FEEDBACK_FROZEN, told)
     if settings.frozen_s > 0.0 and noise.is_silent(period_s):
         told = f"frozen: not a bit of change for {noise.repeat_s:.3g} s, and its noise never paused so long"
-        return watched, Doubt(Counted.FEEDBACK_FROZEN, told)
+        return watched, Refusal(Counted.FEEDBACK_FROZEN, told)
     return watched, None
 
 
@@ -99,7 +99,7 @@ def _is_near(position_m: float, other_m: float | None, distance_m: float) -> boo
 
 
 def _rigid_s(
-    settings: GuardSettings, watched: Watched, position_m: float, commanded_ma: float | None, pushed_s: float
+    settings: GuardSettings, watched: ReadingHistory, position_m: float, commanded_ma: float | None, pushed_s: float
 ) -> float:
     """Return for how long the reading has stayed the same to the bit although the command must move the stem."""
     if settings.frozen_s == 0.0 or commanded_ma is None or position_m != watched.position_m:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from positioner.cycle.acting import NOTHING_KNOWN, Acting, Sent
+from positioner.cycle.command_effect import EFFECT_UNKNOWN, CommandEffect, SentCommand
+from positioner.cycle.counters import Counters
 from positioner.cycle.deviation import NO_DEVIATION, Deviation
 from positioner.cycle.link import LinkState
-from positioner.cycle.tally import Tally
-from positioner.cycle.twin import NOTHING_CAME_BACK, Returned
+from positioner.cycle.second_daemon import NO_RETURNED_COMMANDS, ReturnedCommands
 from positioner.guard.state import GuardState
 from positioner.valve.stiction import StictionTable
 
@@ -53,9 +53,9 @@ class CycleState:
     link: LinkState = field(default_factory=LinkState)
     memory: Any = None
     stem: StemState | None = None
-    sent: tuple[Sent, ...] = ()
-    returned: Returned = NOTHING_CAME_BACK
-    acting: Acting = NOTHING_KNOWN
+    sent: tuple[SentCommand, ...] = ()
+    returned: ReturnedCommands = NO_RETURNED_COMMANDS
+    effect: CommandEffect = EFFECT_UNKNOWN
     command_counter: int = 0
     command_ns: int = 0
     status_counter: int = 0
@@ -65,7 +65,7 @@ class CycleState:
     table_saved: bool = True
     answered: bool = False
     left_ma: float | None = None
-    tally: Tally = field(default_factory=Tally)
+    counters: Counters = field(default_factory=Counters)
     fallback_count: int = 0
     learned_count: int = 0
     handover: Handover | None = None

@@ -10,25 +10,25 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from positioner.cycle.acting import NOTHING_KNOWN, Acting, heed
+from positioner.cycle.command_effect import EFFECT_UNKNOWN, CommandEffect, track_effect
 from positioner.cycle.control import control
-from positioner.cycle.deviation import NO_DEVIATION, Deviates, Deviation, description, watch_error
+from positioner.cycle.deviation import NO_DEVIATION, Deviates, Deviation, description, track_deviation
 from positioner.cycle.events import Controlled, Event, LinesDropped, ModeChanged
-from positioner.cycle.handover import ease, follow
+from positioner.cycle.handover import blend, update_handover
 from positioner.cycle.inbox import receive
 from positioner.cycle.outbox import command, status
+from positioner.cycle.second_daemon import without_own_commands
 from positioner.cycle.timing_events import LawLate, Stalled
 from positioner.cycle.trust_events import ActingChanged
-from positioner.cycle.twin import others
 from positioner.guard import stall
-from positioner.guard import supervisor as guard
+from positioner.guard.supervisor import is_feedback_stale, supervise
 from positioner.wire.messages import Cause, CurrentCommand, Mode
 
 if TYPE_CHECKING:
     from positioner.cycle.input import CycleInput
     from positioner.cycle.link import Reading
     from positioner.cycle.state import CycleState, Setup
-    from positioner.guard.state import GuardState, Sighting
+    from positioner.guard.state import GuardInput, GuardState
     from positioner.laws.law import Decision
     from positioner.wire.messages import CanFrame
 
@@ -38,7 +38,7 @@ _IDLE_COMMAND_PERIOD_NS = round(IDLE_COMMAND_PERIOD_S * 1e9)
 
 
 def step(
-    setup: Setup, state: CycleState, told: CycleInput
+    setup: Setup, state: CycleState, cycle_input: CycleInput
 ) -> tuple[CycleState, tuple[CanFrame, ...], tuple[Event, ...]]:
     """Return the state, the frames to send and the events after what the cycle was `told`.
 
@@ -47,38 +47,40 @@ def step(
     A reading that waited while nobody looked at the bus is not acted on; a command that did not leave is not the last
     word.
     """
-    if told.unsent:
+    if cycle_input.unsent:
         state = replace(state, sent=state.sent[:-1])
-    before, now_ns = state.guard, told.now_ns
+    before, now_ns = state.guard, cycle_input.now_ns
     commanded_ma = state.last_ma if before.controls or before.mode is Mode.MANUAL else None
-    stall_ns = stall.stall_ns(setup.guard, setup.period_s, told.late_ns, armed=before.armed)
+    stall_ns = stall.stall_ns(setup.guard, setup.period_s, cycle_input.late_ns, armed=before.armed)
     fresh = stall.freshness(setup.guard, setup.period_s, now_ns, armed=before.armed, stalled=stall_ns > 0)
     received = receive(
-        setup.codec, setup.guard, setup.valve, state.link, told.frames, commanded_ma, setup.period_s, fresh
+        setup.codec, setup.guard, setup.valve, state.link, cycle_input.frames, commanded_ma, setup.period_s, fresh
     )
-    seen, events, returned = others(setup.codec, received, state.sent, state.command_counter, state.returned)
-    events += _of_the_shell(setup, told, stall_ns)
-    if told.late_ns or before.late_answers:
-        seen = replace(seen, late=told.late_ns > 0, stall_ns=stall_ns, answered=state.answered)
+    guard_input, events, returned = without_own_commands(
+        setup.codec, received, state.sent, state.command_counter, state.returned
+    )
+    events += _of_the_shell(setup, cycle_input, stall_ns)
+    if cycle_input.late_ns or before.late_answers:
+        guard_input = replace(guard_input, late=cycle_input.late_ns > 0, stall_ns=stall_ns, answered=state.answered)
     reading = received.reading
-    acting, seen = _heed(setup, state, seen, reading)
+    effect, guard_input = _track_effect(setup, state, guard_input, reading)
     deviation = _deviation(setup, state, reading, events)
     if deviation.cause is not Cause.NONE:
-        seen = replace(seen, deviation=deviation.cause)
-    watch = guard.supervise(setup.guard, before, seen, setup.period_s, now_ns)
+        guard_input = replace(guard_input, deviation=deviation.cause)
+    watch = supervise(setup.guard, before, guard_input, setup.period_s, now_ns)
     measured_m = reading.position_m if reading else None
-    handover = follow(state.handover, watch.mode, measured_m, received.link.setpoint_m, state.last_ma)
+    handover = update_handover(state.handover, watch.mode, measured_m, received.link.setpoint_m, state.last_ma)
     state = replace(
         state,
         link=received.link,
         returned=returned,
         guard=watch,
-        table=state.table if told.table is None else told.table,
-        table_saved=told.table_saved,
+        table=state.table if cycle_input.table is None else cycle_input.table,
+        table_saved=cycle_input.table_saved,
         answered=False,
-        tally=state.tally.add(events),
+        counters=state.counters.add(events),
         handover=handover,
-        acting=acting,
+        effect=effect,
         deviation=deviation,
     )
     decision: Decision | None = None
@@ -87,11 +89,11 @@ def step(
     if watch.controls and reading is not None:
         state, decision = control(setup, state, reading, events)
         if handover is not None and decision is not None and state.last_ma is not None:
-            handover, decision = ease(handover, decision, state.last_ma, now_ns)
+            handover, decision = blend(handover, decision, state.last_ma, now_ns)
             state = replace(state, handover=handover)
 
     outbox: list[CanFrame] = []
-    stale = stall_ns > 0 or guard.is_feedback_stale(setup.guard, watch, setup.period_s, now_ns)
+    stale = stall_ns > 0 or is_feedback_stale(setup.guard, watch, setup.period_s, now_ns)
     if reading is not None or (stale and now_ns - state.command_ns >= _IDLE_COMMAND_PERIOD_NS):
         state, frames = command(setup, state, decision, reading, now_ns)
         outbox += frames
@@ -103,25 +105,27 @@ def step(
     return state, tuple(outbox), tuple(events)
 
 
-def _of_the_shell(setup: Setup, told: CycleInput, stall_ns: int) -> list[Event]:
+def _of_the_shell(setup: Setup, cycle_input: CycleInput, stall_ns: int) -> list[Event]:
     """Return what the shell has told."""
     events: list[Event] = []
-    if told.late_ns:
-        events.append(Stalled(stall_ns) if stall_ns else LawLate(told.late_ns, setup.period_s))
-    if told.lines_dropped:
-        events.append(LinesDropped(told.lines_dropped))
+    if cycle_input.late_ns:
+        events.append(Stalled(stall_ns) if stall_ns else LawLate(cycle_input.late_ns, setup.period_s))
+    if cycle_input.lines_dropped:
+        events.append(LinesDropped(cycle_input.lines_dropped))
     return events
 
 
-def _heed(setup: Setup, state: CycleState, seen: Sighting, reading: Reading | None) -> tuple[Acting, Sighting]:
+def _track_effect(
+    setup: Setup, state: CycleState, guard_input: GuardInput, reading: Reading | None
+) -> tuple[CommandEffect, GuardInput]:
     """Return whether our commands act, and the sighting with why they do not; a dry run commands nobody."""
-    acting = state.acting if state.guard.controls or state.guard.mode is Mode.MANUAL else NOTHING_KNOWN
+    effect = state.effect if state.guard.controls or state.guard.mode is Mode.MANUAL else EFFECT_UNKNOWN
     if reading is not None:
         form = setup.codec.by_kind[CurrentCommand]
-        acting = heed(acting, state.sent, reading, form, reading.periods * setup.period_s)
-    if acting.fault is not None and setup.learns:
-        seen = replace(seen, idle=acting.fault)
-    return acting, seen
+        effect = track_effect(effect, state.sent, reading, form, reading.periods * setup.period_s)
+    if effect.fault is not None and setup.learns:
+        guard_input = replace(guard_input, idle=effect.fault)
+    return effect, guard_input
 
 
 def _changes(before: GuardState, after: GuardState) -> list[Event]:
@@ -141,7 +145,7 @@ def _deviation(setup: Setup, state: CycleState, reading: Reading | None, events:
     if reading is None or state.memory is None:
         return state.deviation
     elapsed_s, setpoint_m = reading.periods * setup.period_s, state.setpoint_m
-    known = watch_error(setup.guard, setup.valve, state.deviation, reading.position_m, setpoint_m, elapsed_s)
+    known = track_deviation(setup.guard, setup.valve, state.deviation, reading.position_m, setpoint_m, elapsed_s)
     if known.cause is not state.deviation.cause and known.cause is not Cause.NONE:
         events.append(Deviates(description(setup.guard, setup.valve, known, setpoint_m)))
     return known

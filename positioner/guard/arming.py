@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from positioner.guard.settings import GuardSettings
-    from positioner.guard.state import GuardState, Sighting
+    from positioner.guard.state import GuardInput, GuardState
 
 
-def arm(settings: GuardSettings, state: GuardState, seen: Sighting, hold_ns: float, now_ns: int) -> GuardState:
+def arm(settings: GuardSettings, state: GuardState, guard_input: GuardInput, hold_ns: float, now_ns: int) -> GuardState:
     """Return the state after the requests of a batch, in their order, and the automatic arming, which happens once."""
-    disarmed = HostRequest.DISARM in seen.requests
-    if disarmed or seen.stray_disarm:
+    disarmed = HostRequest.DISARM in guard_input.requests
+    if disarmed or guard_input.stray_disarm:
         # a stray one disarms, and is no request that an ARM could follow: it may be as old as the bus can be
         return replace(
             state,
@@ -33,12 +33,14 @@ def arm(settings: GuardSettings, state: GuardState, seen: Sighting, hold_ns: flo
             request=HostRequest.DISARM if disarmed else state.request,
             mode=Mode.READY,  # pragma: no mutate - anything but FAILSAFE: the table decides
         )
-    if state.armed and seen.foreign_command and now_ns - state.twin_ns <= DOUBLE_ARMING_NS:
+    if state.armed and guard_input.foreign_command and now_ns - state.armed_or_returned_ns <= DOUBLE_ARMING_NS:
         return replace(state, armed=False, mode=Mode.READY)
     fresh = state.feedback_ns is not None and now_ns - state.feedback_ns <= hold_ns
     by_hand = is_fresh(settings, state.manual, now_ns)
     fresh = fresh or (by_hand and state.feedback_ns is not None)  # a valve whose sensor has died can be moved by hand
-    request, asked = _follow(state.request if seen.waited is None else seen.waited, seen.requests, fresh=fresh)
+    request, asked = _follow(
+        state.request if guard_input.waited is None else guard_input.waited, guard_input.requests, fresh=fresh
+    )
     if request is not state.request:
         state = replace(state, request=request)
     wanted = asked or (settings.auto_arm and not state.ever_armed and request is not HostRequest.DISARM)
@@ -51,7 +53,7 @@ def arm(settings: GuardSettings, state: GuardState, seen: Sighting, hold_ns: flo
         state,
         armed=True,
         ever_armed=True,
-        twin_ns=now_ns,
+        armed_or_returned_ns=now_ns,
         mode=Mode.HOLD,  # pragma: no mutate - anything but FAILSAFE: the table decides
         setpoint_ns=now_ns,
         law_failures=0,

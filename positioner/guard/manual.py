@@ -24,13 +24,13 @@ class Manual:
     """The current that the host asks for by hand, and when it last did; None and None in automatic mode."""
 
     current_ma: float | None = None
-    heard_ns: int | None = None
+    received_ns: int | None = None
 
 
 AUTOMATIC = Manual()
 
 
-def hear(manual: Manual, asked: ManualCurrent | None, now_ns: int) -> Manual:
+def update_manual(manual: Manual, asked: ManualCurrent | None, now_ns: int) -> Manual:
     """Return what the host asks for by hand after the newest MANUAL_CURRENT, `asked`; None where none came."""
     if asked is None:
         return manual
@@ -39,6 +39,6 @@ def hear(manual: Manual, asked: ManualCurrent | None, now_ns: int) -> Manual:
 
 def is_fresh(settings: GuardSettings, manual: Manual, now_ns: int) -> bool:
     """Return whether the host asks for manual mode right now: within `setpoint_hold_s`."""
-    if manual.heard_ns is None:
+    if manual.received_ns is None:
         return False
-    return settings.setpoint_hold_s == 0.0 or now_ns - manual.heard_ns <= settings.setpoint_hold_s * _NS
+    return settings.setpoint_hold_s == 0.0 or now_ns - manual.received_ns <= settings.setpoint_hold_s * _NS

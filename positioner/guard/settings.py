@@ -17,7 +17,7 @@ class FailsafeAction(StrEnum):
 
     LOW = "4 mA"
     HIGH = "20 mA"
-    HOLD = "hold"
+    KEEP_CURRENT = "hold"
     CURRENT = "current"
 
 
@@ -82,5 +82,5 @@ class GuardSettings(SettingsTable):
                 return 20.0
             case FailsafeAction.CURRENT:
                 return self.failsafe_current_ma
-            case _:  # HOLD
+            case _:  # KEEP_CURRENT
                 return last_ma

@@ -11,13 +11,14 @@ _OUT_OF_SPECIFICATION = frozenset({Cause.LAW_LATE, Cause.PERIOD_WRONG, Cause.DEV
 
 
 @dataclass(frozen=True, slots=True)
-class Sighting:
+class GuardInput:
     """What this cycle saw: a reading that can be true, a usable setpoint, what the host asks, a foreign command.
 
     feedback_age_ns, setpoint_age_ns: how long ago they arrived; requests: in their order, a repeated one once; waited:
     the last request that waited for too long to arm; refused: why a reading could not be true; late: the turn before
     took longer than a period; stall_ns: so long that it is a stall; answered: a law had answered in the turn before;
-    period_wrong: position frames come at another period than the configured one; doubled: a command like one of ours.
+    period_wrong: position frames come at another period than the configured one; own_command_returned: a
+    command like one of ours came back.
     stray_disarm: a DISARM in a frame out of sequence; setpoint_refused: why a setpoint was not used.
     manual: what the host last said of manual mode; idle: why commands do not act, None while they do.
     deviation: what the error is called that does not shrink, NONE where there is none.
@@ -40,14 +41,15 @@ class Sighting:
     idle: Cause | None = None
     deviation: Cause = Cause.NONE
     period_wrong: bool = False
-    doubled: bool = False
+    own_command_returned: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class GuardState:
     """Mode and cause, and what decides them; instants are monotonic, None for never.
 
-    twin_ns: the last arming, or when a command of ours last came back; late_cycles, late_answers: in a row; stall_ns:
+    armed_or_returned_ns: the last arming, or when a command of ours last came back; late_cycles, late_answers: in a
+    row; stall_ns:
     how long the process stood still just before, 0 for no stall.
     """
 
@@ -68,7 +70,7 @@ class GuardState:
     late_answers: int = 0
     idle: Cause | None = None  # why commands do not act
     deviation: Cause = Cause.NONE
-    twin_ns: int = 0
+    armed_or_returned_ns: int = 0
     period_wrong: bool = False
 
     @property

@@ -13,9 +13,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from positioner.guard.arming import arm
-from positioner.guard.manual import hear
+from positioner.guard.manual import update_manual
 from positioner.guard.stall import failsafe_ns, hold_ns
-from positioner.guard.state import GuardState, Sighting
+from positioner.guard.state import GuardInput, GuardState
 from positioner.wire.messages import Cause, Mode
 
 if TYPE_CHECKING:
@@ -26,14 +26,16 @@ _FOREIGN_MEMORY_NS = _NS
 """A foreign command is held against arming, and kept in the status, for one second."""
 
 
-def supervise(settings: GuardSettings, state: GuardState, seen: Sighting, period_s: float, now_ns: int) -> GuardState:
-    """Return the guard's state after what was `seen`, at `now_ns`."""
-    foreign_ns = now_ns if seen.foreign_command else state.foreign_ns
+def supervise(
+    settings: GuardSettings, state: GuardState, guard_input: GuardInput, period_s: float, now_ns: int
+) -> GuardState:
+    """Return the guard's state after `guard_input`, at `now_ns`."""
+    foreign_ns = now_ns if guard_input.foreign_command else state.foreign_ns
     if foreign_ns is not None and now_ns - foreign_ns > _FOREIGN_MEMORY_NS:
         foreign_ns = None
-    manual = hear(state.manual, seen.manual, now_ns)
-    setpoint_ns = now_ns - seen.setpoint_age_ns if seen.setpoint else state.setpoint_ns
-    if manual.heard_ns == now_ns:
+    manual = update_manual(state.manual, guard_input.manual, now_ns)
+    setpoint_ns = now_ns - guard_input.setpoint_age_ns if guard_input.setpoint else state.setpoint_ns
+    if manual.received_ns == now_ns:
         setpoint_ns = now_ns
     state = GuardState(
         state.mode,
@@ -41,31 +43,31 @@ def supervise(settings: GuardSettings, state: GuardState, seen: Sighting, period
         state.armed,
         state.ever_armed,
         state.request,
-        now_ns - seen.feedback_age_ns if seen.feedback else state.feedback_ns,
+        now_ns - guard_input.feedback_age_ns if guard_input.feedback else state.feedback_ns,
         setpoint_ns,
         foreign_ns,
         state.law_failures,
-        Cause.FEEDBACK_STALE if seen.feedback else seen.refused or state.no_feedback,
-        state.late_cycles + 1 if seen.late else 0,
+        Cause.FEEDBACK_STALE if guard_input.feedback else guard_input.refused or state.no_feedback,
+        state.late_cycles + 1 if guard_input.late else 0,
         manual,
-        Cause.SETPOINT_STALE if seen.setpoint else seen.setpoint_refused or state.no_setpoint,
-        seen.stall_ns,
-        _late_answers(state, seen),
-        seen.idle,
-        seen.deviation,
-        now_ns if seen.doubled else state.twin_ns,
-        seen.period_wrong,
+        Cause.SETPOINT_STALE if guard_input.setpoint else guard_input.setpoint_refused or state.no_setpoint,
+        guard_input.stall_ns,
+        _late_answers(state, guard_input),
+        guard_input.idle,
+        guard_input.deviation,
+        now_ns if guard_input.own_command_returned else state.armed_or_returned_ns,
+        guard_input.period_wrong,
     )
-    state = arm(settings, state, seen, hold_ns(settings, period_s), now_ns)
+    state = arm(settings, state, guard_input, hold_ns(settings, period_s), now_ns)
     mode, cause = _mode(settings, state, period_s, now_ns)
     return replace(state, mode=mode, cause=cause)
 
 
-def _late_answers(state: GuardState, seen: Sighting) -> int:
+def _late_answers(state: GuardState, guard_input: GuardInput) -> int:
     """Return how many answers of the law in a row came after a stall, when it was too late to use them."""
-    if not seen.answered:
+    if not guard_input.answered:
         return state.late_answers
-    return state.late_answers + 1 if seen.stall_ns else 0
+    return state.late_answers + 1 if guard_input.stall_ns else 0
 
 
 def _mode(settings: GuardSettings, state: GuardState, period_s: float, now_ns: int) -> tuple[Mode, Cause]:
@@ -74,7 +76,7 @@ def _mode(settings: GuardSettings, state: GuardState, period_s: float, now_ns: i
         return Mode.INIT, Cause.WAITING_FOR_FEEDBACK
     silent_periods = (now_ns - state.feedback_ns) / (period_s * _NS)
     by_hand = state.manual.current_ma is not None
-    ordered_ns = state.manual.heard_ns if by_hand else state.setpoint_ns
+    ordered_ns = state.manual.received_ns if by_hand else state.setpoint_ns
     silent_s = math.inf if ordered_ns is None else (now_ns - ordered_ns) / _NS
     foreign = state.foreign_ns is not None
     dead = silent_periods > settings.feedback_failsafe_periods

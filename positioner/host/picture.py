@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from positioner.cycle.handover import Handover, follow, start_m
+from positioner.cycle.handover import Handover, start_m, update_handover
 from positioner.host.words import CONTROLLED, in_mm, state_in_words
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import (
@@ -69,7 +69,7 @@ class Picture:
                 self.quality = message.quality
                 if message.quality is not Quality.FAULT:
                     current_ma = self.command.current_ma if self.command else None
-                    self._track = follow(self._track, Mode.MANUAL, message.position_m, None, current_ma)
+                    self._track = update_handover(self._track, Mode.MANUAL, message.position_m, None, current_ma)
             case CurrentCommand():
                 self.command = message
             case PositionerStatus():

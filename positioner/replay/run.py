@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from positioner.cycle.acting import Sent
+from positioner.cycle.command_effect import SentCommand
 from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
@@ -90,7 +90,7 @@ def _followed(codec: Codec, state: CycleState, cycle: RecordedCycle, outbox: tup
     if recorded is None or not state.sent or recorded == _commanded(codec, outbox):
         return state
     current_ma, counter = recorded
-    sent = Sent(state.sent[-1].counter if counter is None else counter, current_ma)
+    sent = SentCommand(state.sent[-1].counter if counter is None else counter, current_ma)
     return replace(state, sent=(*state.sent[:-1], sent))
 
 

@@ -64,17 +64,17 @@ class BusRecorder:
         self._guard = GuardState()
         self._table_saved = True
 
-    def cycle(self, told: CycleInput, outbox: Sequence[CanFrame], guard: GuardState) -> None:
-        """Append one turn: what the cycle was `told`, what it sends, and the guard as it has left it."""
+    def cycle(self, cycle_input: CycleInput, outbox: Sequence[CanFrame], guard: GuardState) -> None:
+        """Append one cycle: the input of the cycle, what it sends, and the guard as it has left it."""
         if self._file is None:
             return
-        notes = self._notes(told)
-        if not told.frames and not outbox and _moved(self._guard, guard):
+        notes = self._notes(cycle_input)
+        if not cycle_input.frames and not outbox and _moved(self._guard, guard):
             notes.append(Note(KIND_TURN))
-        self._guard, self._table_saved = guard, told.table_saved
-        where = f"({_instant(told.now_ns)}) {CHANNEL}"
+        self._guard, self._table_saved = guard, cycle_input.table_saved
+        where = f"({_instant(cycle_input.now_ns)}) {CHANNEL}"
         lines = [f"{where} {NOTE_ID:08X}#{note.data.hex().upper()} T\n" for note in notes]
-        lines += _received(told.frames, told.now_ns, where)
+        lines += _received(cycle_input.frames, cycle_input.now_ns, where)
         lines += [f"{where} {_text(frame)} T\n" for frame in outbox]
         try:
             self._file.writelines(lines)
@@ -96,12 +96,12 @@ class BusRecorder:
             if file:
                 file.close()
 
-    def _notes(self, told: CycleInput) -> list[Note]:
-        """Return what is no longer as the last turn left it: somebody has told the cycle."""
+    def _notes(self, cycle_input: CycleInput) -> list[Note]:
+        """Return what is no longer as the last turn left it."""
         usual = (self._table_saved, 0, 0, False)
-        values = [getattr(told, name) for name in TOLD]
+        values = [getattr(cycle_input, name) for name in TOLD]
         notes = [Note(kind, int(value)) for kind, value in enumerate(values) if value != usual[kind]]
-        return notes if told.table is None else [*notes, Note(KIND_TABLE)]
+        return notes if cycle_input.table is None else [*notes, Note(KIND_TABLE)]
 
 
 def _received(inbox: Sequence[CanFrame], now_ns: int, where: str) -> list[str]:

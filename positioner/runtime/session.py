@@ -10,7 +10,7 @@ from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
 from positioner.errors import UsageError
-from positioner.guard import supervisor as guard
+from positioner.guard.supervisor import deadline_ns
 from positioner.machine.journal import dropped_lines, logger
 from positioner.runtime.record import BusRecorder
 from positioner.runtime.trace import TraceWriter
@@ -117,7 +117,7 @@ class Session:
 
     def deadline_ns(self, now_ns: int) -> float | None:
         """Return the instant after which what the last cycle computed may not leave; None where nothing was."""
-        return guard.deadline_ns(self.setup.guard, self.state.guard, self.setup.period_s, now_ns)
+        return deadline_ns(self.setup.guard, self.state.guard, self.setup.period_s, now_ns)
 
     def keep(self, events: tuple[Event, ...]) -> None:
         """Hand over what was learned; take over what was reset or imported meanwhile."""

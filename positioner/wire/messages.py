@@ -38,7 +38,7 @@ class Motion(IntEnum):
     """What the control law is doing with the stem."""
 
     NONE = 0
-    HOLD = 1
+    REST = 1  # HOLD in the DBC: the mode of that name is another thing
     MOVE = 2
     SETTLE = 3
 

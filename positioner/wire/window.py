@@ -68,7 +68,7 @@ class Sender:
     window: SequenceWindow = field(default_factory=SequenceWindow)
     data: bytes = b""
 
-    def hear(self, counter: int, data: bytes) -> tuple[Sender, Sequence, int]:
+    def receive(self, counter: int, data: bytes) -> tuple[Sender, Sequence, int]:
         """Return the sender after its frame of `counter`, the verdict, and how many frames were lost before it."""
         check, verdict, lost = self.check.check(counter)
         if verdict is Sequence.FRESH:

@@ -89,7 +89,7 @@ def setpoints_accepted(counters: list[int]) -> list[int]:
         frame = CODEC.encode(Setpoint(0.08), counter)
         received = receive(CODEC, SETTINGS, VALVE, link, (frame,))
         link = received.link
-        taken += [counter] if received.seen.setpoint else []
+        taken += [counter] if received.guard_input.setpoint else []
     return taken
 
 
@@ -139,7 +139,7 @@ def test_the_requests_of_the_page_arm_or_do_not_as_it_says(row: list[str]) -> No
     setpoints = [CODEC.encode(Setpoint(0.08, request), counter) for counter, request in enumerate(requests)]
     link, guard = LinkState(), GuardState()
     received = receive(CODEC, SETTINGS, VALVE, link, (CODEC.encode(StemPosition(0.08), 0), *setpoints))
-    guard = supervise(SETTINGS, guard, received.seen, 0.001, 1000 * MS)
+    guard = supervise(SETTINGS, guard, received.guard_input, 0.001, 1000 * MS)
     assert guard.armed is (row[1] == "yes")
     assert guard.transmits is guard.armed
 

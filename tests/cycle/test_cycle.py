@@ -210,7 +210,7 @@ def test_a_cycle_that_the_shell_calls_late_is_counted_told_once_and_changes_no_c
         assert frames[0] == others[0]
     (event,) = exchange.told(LawLate)
     assert str(event).startswith("a turn took 1.5 ms, longer than the period of 1 ms: give the positioner")
-    assert exchange.state.tally.counts == {Counted.LAW_LATE: 1}
+    assert exchange.state.counters.counts == {Counted.LAW_LATE: 1}
     for _ in range(20):
         exchange.sample(late_ns=1_500_000)
     assert exchange.state.guard.cause is Cause.LAW_LATE
@@ -222,7 +222,7 @@ def test_lines_of_the_log_that_were_dropped_are_counted_once() -> None:
     exchange.sample(lines_dropped=7)
     exchange.sample()
     assert exchange.told(LinesDropped) == [LinesDropped(7)]
-    assert exchange.state.tally.counts == {Counted.LINE_DROPPED: 7}
+    assert exchange.state.counters.counts == {Counted.LINE_DROPPED: 7}
 
 
 class Pusher(ScriptedLaw):
@@ -489,7 +489,7 @@ def test_lines_that_the_log_lost_are_counted_once() -> None:
     exchange.sample()
     exchange.sample(lines_dropped=3)
     exchange.sample()
-    assert exchange.state.tally.counts[Counted.LINE_DROPPED] == 3
+    assert exchange.state.counters.counts[Counted.LINE_DROPPED] == 3
 
 
 def test_a_rate_limit_goes_on_over_disarming() -> None:

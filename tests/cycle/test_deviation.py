@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from positioner.cycle.deviation import NO_DEVIATION, Deviation, description, is_reachable, reach_m, watch_error
+from positioner.cycle.deviation import NO_DEVIATION, Deviation, description, is_reachable, reach_m, track_deviation
 from positioner.guard.settings import GuardSettings
 from positioner.valve.parameters import ValveParameters
 from positioner.wire.messages import Cause
@@ -29,7 +29,7 @@ class Watch:
         self.settings, self.period_s, self.known = settings, period_s, NO_DEVIATION
 
     def sees(self, position_m: float, setpoint_m: float) -> Cause:
-        self.known = watch_error(self.settings, VALVE, self.known, position_m, setpoint_m, self.period_s)
+        self.known = track_deviation(self.settings, VALVE, self.known, position_m, setpoint_m, self.period_s)
         return self.known.cause
 
     def told_after_s(self, readings: Iterable[float], setpoint_m: float) -> float | None:

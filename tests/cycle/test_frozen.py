@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from positioner.cycle.frozen import LONGEST_REPEATS, Noise
-from positioner.cycle.plausibility import STOP_BAND_OF_SPAN, Watched, judge
+from positioner.cycle.plausibility import STOP_BAND_OF_SPAN, ReadingHistory, check_reading
 from positioner.guard.settings import GuardSettings
 from positioner.valve.parameters import ValveParameters
 from positioner.wire.messages import Counted, StemPosition
@@ -47,11 +47,11 @@ class Sensor:
     """Readings one after another, each a period after the one before."""
 
     def __init__(self, period_s: float = PERIOD_S, tuning: GuardSettings = SETTINGS) -> None:
-        self.period_s, self.tuning, self.watched = period_s, tuning, Watched()
+        self.period_s, self.tuning, self.watched = period_s, tuning, ReadingHistory()
 
     def says(self, position_m: float, commanded_ma: float | None = RESTING_MA) -> Counted | None:
         message, period_s = StemPosition(position_m), self.period_s
-        self.watched, doubt = judge(
+        self.watched, doubt = check_reading(
             self.tuning, VALVE, self.watched, message, commanded_ma, period_s, period_s=period_s
         )
         return doubt.counted if doubt else None
@@ -194,8 +194,8 @@ def test_fewer_than_a_hundred_changes_are_no_noise() -> None:
 def test_what_was_shown_is_counted() -> None:
     noise = Noise()
     for position_m in (1.0, 2.0, 1.0, 1.0, 3.0, 4.0):
-        noise = noise.heard(position_m, 1.0, 0.5, at_rest=True, judged=True)
+        noise = noise.add(position_m, 1.0, 0.5, at_rest=True, judged=True)
     assert (noise.shown, noise.count, noise.sum_m, noise.smallest_m) == (3, 4, 5.0, 1.0)
     assert (noise.repeat_s, noise.longest_s) == (0.0, 0.5)
-    noise = noise.heard(1.0, 1.0, 0.5, at_rest=False, judged=True)
+    noise = noise.add(1.0, 1.0, 0.5, at_rest=False, judged=True)
     assert (noise.shown, noise.count, noise.sum_m) == (3, 4, 5.0)

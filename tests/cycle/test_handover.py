@@ -15,7 +15,7 @@ from plant_emulator.presets import plant_settings
 from positioner.cli.main import main
 from positioner.config.reader import parse_config
 from positioner.cycle.events import Learned
-from positioner.cycle.handover import Handover, ease, follow, start_m
+from positioner.cycle.handover import Handover, blend, start_m, update_handover
 from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
@@ -49,7 +49,7 @@ class RestingLaw(ScriptedLaw):
         self, memory: int, stem: StemState, observation: Observation, table: StictionTable
     ) -> tuple[int, Decision]:
         memory, decision = super().decide(memory, stem, observation, table)
-        return memory, replace(decision, motion=Motion.HOLD)
+        return memory, replace(decision, motion=Motion.REST)
 
 
 class ByHand(Exchange):
@@ -167,23 +167,23 @@ def test_back_in_automatic_mode_the_position_is_held_until_the_setpoint_changes(
 
 def test_after_a_failsafe_or_a_disarm_the_hosts_setpoint_counts_again() -> None:
     for mode in (Mode.FAILSAFE, Mode.READY, Mode.INIT):
-        held = follow(Handover(0.08, 5), Mode.ACTIVE, 0.08, 0.06, 9.5)
+        held = update_handover(Handover(0.08, 5), Mode.ACTIVE, 0.08, 0.06, 9.5)
         assert held is not None
-        assert follow(held, mode, 0.08, 0.06, 9.5) is None
+        assert update_handover(held, mode, 0.08, 0.06, 9.5) is None
 
 
 def test_the_mean_is_of_up_to_a_hundred_readings_under_one_current() -> None:
     handover: Handover | None = None
     for measured_m in (0.07, 0.08, 0.09):
-        handover = follow(handover, Mode.MANUAL, measured_m, None, 9.5)
+        handover = update_handover(handover, Mode.MANUAL, measured_m, None, 9.5)
     assert start_m(handover, 0.5) == pytest.approx(0.08, rel=1e-12)
-    handover = follow(handover, Mode.MANUAL, None, None, 9.5)
+    handover = update_handover(handover, Mode.MANUAL, None, None, 9.5)
     assert start_m(handover, 0.5) == pytest.approx(0.08, rel=1e-12)
-    handover = follow(handover, Mode.MANUAL, None, None, 9.6)
+    handover = update_handover(handover, Mode.MANUAL, None, None, 9.6)
     assert start_m(handover, 0.5) == 0.5
     for _ in range(100):
-        handover = follow(handover, Mode.MANUAL, 0.1, None, 9.6)
-    handover = follow(handover, Mode.MANUAL, 0.2, None, 9.6)
+        handover = update_handover(handover, Mode.MANUAL, 0.1, None, 9.6)
+    handover = update_handover(handover, Mode.MANUAL, 0.2, None, 9.6)
     assert start_m(handover, 0.5) == pytest.approx(0.101, rel=1e-9)
     assert start_m(None, 0.5) == 0.5
 
@@ -203,12 +203,12 @@ def test_the_laws_first_current_is_the_one_by_hand_and_the_difference_fades_with
 
 def test_a_move_or_a_new_setpoint_gets_the_very_current_that_the_law_asks_for() -> None:
     still, move = Decision(10.0, WIDE), Decision(12.0, WIDE, Motion.MOVE)
-    handover, eased = ease(Handover(0.08, 5, begun=True), still, 7.0, 0)
-    assert eased.current_ma == 7.0
-    handover, eased = ease(handover, move, 7.0, MS)
-    assert eased is move
-    handover, eased = ease(handover, still, 12.0, 2 * MS)
-    assert eased is still
+    handover, blended = blend(Handover(0.08, 5, begun=True), still, 7.0, 0)
+    assert blended.current_ma == 7.0
+    handover, blended = blend(handover, move, 7.0, MS)
+    assert blended is move
+    handover, blended = blend(handover, still, 12.0, 2 * MS)
+    assert blended is still
     it = ByHand(RestingLaw())
     it.sample(setpoint=Setpoint(0.06))
     it.turn(it.order(7.0))

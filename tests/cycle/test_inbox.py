@@ -18,7 +18,7 @@ from positioner.cycle.events import (
 from positioner.cycle.inbox import receive
 from positioner.cycle.link import LinkState, Reading, Received
 from positioner.guard.settings import GuardSettings
-from positioner.guard.state import GuardState, Sighting
+from positioner.guard.state import GuardInput, GuardState
 from positioner.guard.supervisor import supervise
 from positioner.valve.parameters import ValveParameters
 from positioner.wire.codec import make_codec
@@ -68,7 +68,7 @@ def reasons(received: Received) -> list[Reason]:
 def test_a_reading_comes_with_its_counters() -> None:
     received = take(position(0.08, 7, echo=42))
     assert received.reading == Reading(0.08, 7, 42, 1)
-    assert received.seen.feedback
+    assert received.guard_input.feedback
     assert received.link.readings.position_m == 0.08
     assert received.events == ()
 
@@ -76,8 +76,12 @@ def test_a_reading_comes_with_its_counters() -> None:
 def test_nothing_received_is_nothing_seen() -> None:
     received = take()
     assert received.reading is None
-    assert (received.seen.feedback, received.seen.setpoint, received.seen.requests) == (False, False, ())
-    assert received.seen == Sighting()
+    assert (received.guard_input.feedback, received.guard_input.setpoint, received.guard_input.requests) == (
+        False,
+        False,
+        (),
+    )
+    assert received.guard_input == GuardInput()
     assert received.link == LinkState()
 
 
@@ -87,8 +91,8 @@ def test_the_time_between_two_readings_counts_towards_a_frozen_one() -> None:
     for counter, frozen in ((0, False), (4, False), (7, False), (8, True)):
         received = receive(CODEC, tuning, VALVE, link, (position(0.05, counter),), 20.0, 0.125)
         link = received.link
-        assert received.seen.refused is (Cause.FEEDBACK_FROZEN if frozen else None)
-        assert received.seen.feedback is not frozen
+        assert received.guard_input.refused is (Cause.FEEDBACK_FROZEN if frozen else None)
+        assert received.guard_input.feedback is not frozen
     assert link.readings.rigid_s == 1.0
     (event,) = received.events
     assert isinstance(event, FeedbackRefused)
@@ -147,7 +151,7 @@ def test_an_old_frame_is_refused_and_a_restarted_sensor_believed_at_its_third_fr
     restarted = take(position(0.08, 4), link=stale.link)
     assert restarted.reading is None
     assert reasons(restarted) == []
-    assert restarted.seen.refused is None  # one frame out of sequence is no dispute
+    assert restarted.guard_input.refused is None  # one frame out of sequence is no dispute
     (event,) = restarted.events
     assert isinstance(event, FeedbackRefused)
     assert (event.counted, event.why.partition(":")[0]) == (Counted.DISPUTED, "its sender is in doubt")
@@ -159,9 +163,9 @@ def test_a_restarted_host_is_believed_at_its_second_frame() -> None:
     link = take(setpoint(0.07, 7)).link
     stale = take(setpoint(0.08, 3, HostRequest.ARM), link=link)
     assert reasons(stale) == [Reason.OUT_OF_ORDER]
-    assert (stale.seen.requests, stale.link.setpoint_m) == ((), 0.07)
+    assert (stale.guard_input.requests, stale.link.setpoint_m) == ((), 0.07)
     restarted = take(setpoint(0.08, 4, HostRequest.ARM), link=stale.link)
-    assert (restarted.seen.requests, restarted.link.setpoint_m) == ((HostRequest.ARM,), 0.08)
+    assert (restarted.guard_input.requests, restarted.link.setpoint_m) == ((HostRequest.ARM,), 0.08)
 
 
 def test_two_sensors_under_one_identifier_are_disputed_and_no_feedback() -> None:
@@ -170,7 +174,7 @@ def test_two_sensors_under_one_identifier_are_disputed_and_no_feedback() -> None
         received = take(position(0.08, counter), position(0.12, counter + 100), link=link)
         link = received.link
         assert received.reading is None or counter == 1
-        assert received.seen.refused is (None if counter <= 4 else Cause.FEEDBACK_DISPUTED)
+        assert received.guard_input.refused is (None if counter <= 4 else Cause.FEEDBACK_DISPUTED)
     assert link.readings.position_m == 0.08
     (disputed,) = (event for event in received.events if isinstance(event, FeedbackRefused))
     assert disputed.counted is Counted.DISPUTED
@@ -184,14 +188,14 @@ def test_two_hosts_under_one_identifier_are_disputed_and_only_their_disarm_count
     for counter in range(1, 10):
         received = take(setpoint(0.07, counter, HostRequest.ARM), setpoint(0.09, counter + 100), link=link)
         link = received.link
-        assert received.seen.setpoint is (counter < 5)
-        assert received.seen.setpoint_refused is (None if counter < 5 else Cause.SETPOINT_DISPUTED)
-        assert received.seen.requests == ((HostRequest.ARM,) if counter < 5 else ())
+        assert received.guard_input.setpoint is (counter < 5)
+        assert received.guard_input.setpoint_refused is (None if counter < 5 else Cause.SETPOINT_DISPUTED)
+        assert received.guard_input.requests == ((HostRequest.ARM,) if counter < 5 else ())
     assert link.setpoint_m == 0.07
     disputed = received.events[0]
     assert isinstance(disputed, OrderDisputed)
     assert str(disputed).startswith("setpoint 70.000 mm refused: disputed: 8 of the last 64 frames")
-    assert take(setpoint(0.07, 10, HostRequest.DISARM), link=link).seen.stray_disarm
+    assert take(setpoint(0.07, 10, HostRequest.DISARM), link=link).guard_input.stray_disarm
 
 
 def test_two_hosts_that_give_currents_by_hand_are_both_not_believed() -> None:
@@ -200,7 +204,7 @@ def test_two_hosts_that_give_currents_by_hand_are_both_not_believed() -> None:
         frames = CODEC.encode(ManualCurrent(9.5), counter), CODEC.encode(ManualCurrent(14.0), counter + 100)
         received = take(*frames, link=link)
         link = received.link
-        assert received.seen.manual == (ManualCurrent(9.5) if counter < 5 else None)
+        assert received.guard_input.manual == (ManualCurrent(9.5) if counter < 5 else None)
     assert str(received.events[0]).startswith("current 9.500 mA by hand refused: disputed: 8 of the last 64 frames")
 
 
@@ -209,18 +213,18 @@ def test_an_intact_disarm_is_obeyed_whatever_its_counter(counter: int) -> None:
     link = take(setpoint(0.07, 100, HostRequest.ARM)).link
     received = take(setpoint(0.07, counter, HostRequest.DISARM), link=link)
     in_sequence = 101 <= counter <= 111
-    assert received.seen.requests == ((HostRequest.DISARM,) if in_sequence else ())
-    assert received.seen.stray_disarm is not in_sequence
+    assert received.guard_input.requests == ((HostRequest.DISARM,) if in_sequence else ())
+    assert received.guard_input.stray_disarm is not in_sequence
     assert len(reasons(received)) == (not in_sequence)
     if not in_sequence:
         assert str(received.events[0]).endswith(f"Setpoint counter {counter} after 100; its DISARM is obeyed")
         assert received.link.setpoint_m == 0.07
     for other in (HostRequest.NONE, HostRequest.ARM):
-        assert not take(setpoint(0.07, counter, other), link=link).seen.stray_disarm
+        assert not take(setpoint(0.07, counter, other), link=link).guard_input.stray_disarm
 
 
 def test_a_damaged_disarm_is_not_obeyed() -> None:
-    assert take(damaged(setpoint(0.07, 1, HostRequest.DISARM))).seen == Sighting()
+    assert take(damaged(setpoint(0.07, 1, HostRequest.DISARM))).guard_input == GuardInput()
 
 
 def test_every_sender_has_its_own_counter() -> None:
@@ -236,7 +240,7 @@ def test_every_sender_has_its_own_counter() -> None:
 def test_a_setpoint_of_the_travels_ends_is_taken() -> None:
     for wanted_m in (VALVE.travel_min_m, VALVE.travel_max_m):
         received = take(setpoint(wanted_m, 1))
-        assert received.seen.setpoint
+        assert received.guard_input.setpoint
         assert received.link.setpoint_m == pytest.approx(wanted_m)
 
 
@@ -244,15 +248,15 @@ def test_a_setpoint_of_the_travels_ends_is_taken() -> None:
 def test_a_setpoint_outside_the_travel_is_refused_and_the_last_one_stays(wanted_m: float) -> None:
     link = take(setpoint(0.07, 1)).link
     received = take(setpoint(wanted_m, 2, HostRequest.ARM), link=link)
-    assert not received.seen.setpoint
+    assert not received.guard_input.setpoint
     assert (received.link.setpoint_m, received.link.setpoint_counter) == (0.07, 1)
     (event,) = received.events
     assert isinstance(event, SetpointRefused)
     assert event.setpoint_m == pytest.approx(wanted_m)
     assert "outside the travel of 0 to 139.7 mm" in str(event)
-    assert received.seen.requests == ()  # an ARM counts with a setpoint that can be used
+    assert received.guard_input.requests == ()  # an ARM counts with a setpoint that can be used
     disarmed = take(setpoint(wanted_m, 2, HostRequest.DISARM), link=link)
-    assert disarmed.seen.requests == (HostRequest.DISARM,)  # a DISARM always counts
+    assert disarmed.guard_input.requests == (HostRequest.DISARM,)  # a DISARM always counts
 
 
 def test_the_newest_setpoint_of_a_batch_counts_and_its_requests_keep_their_order() -> None:
@@ -260,14 +264,14 @@ def test_the_newest_setpoint_of_a_batch_counts_and_its_requests_keep_their_order
     asked = [arm, arm, none, arm, none, none]
     received = take(*(setpoint(0.07 + 1e-3 * number, number, request) for number, request in enumerate(asked)))
     assert received.link.setpoint_m == pytest.approx(0.075)
-    assert received.seen.requests == (arm, none, arm, none)
+    assert received.guard_input.requests == (arm, none, arm, none)
 
 
 def test_a_request_to_disarm_is_not_unsaid_by_a_later_frame_of_the_batch() -> None:
     for later in (HostRequest.NONE, HostRequest.ARM):
         received = take(setpoint(0.07, 1, HostRequest.DISARM), setpoint(0.07, 2, later))
         armed = GuardState(mode=Mode.ACTIVE, armed=True, ever_armed=True, request=HostRequest.ARM, feedback_ns=0)
-        state = supervise(GuardSettings(), armed, received.seen, 0.001, 0)
+        state = supervise(GuardSettings(), armed, received.guard_input, 0.001, 0)
         assert not state.armed
 
 
@@ -275,12 +279,12 @@ def test_a_request_to_disarm_is_not_unsaid_by_a_later_frame_of_the_batch() -> No
 def test_a_reading_beyond_travel_and_margin_is_refused(position_m: float) -> None:
     received = take(position(position_m, 1))
     assert received.reading is None
-    assert not received.seen.feedback
+    assert not received.guard_input.feedback
     (event,) = received.events
     assert isinstance(event, FeedbackRefused)
     assert "outside the travel (-20 to 159.7 mm" in event.why
     assert event.counted is Counted.FEEDBACK_RANGE
-    assert received.seen.refused is Cause.FEEDBACK_IMPLAUSIBLE
+    assert received.guard_input.refused is Cause.FEEDBACK_IMPLAUSIBLE
 
 
 @pytest.mark.parametrize("position_m", [-0.0199, 0.1596])
@@ -348,7 +352,7 @@ def test_a_bad_frame_is_refused_counted_and_told(frame: CanFrame, reason: Reason
 def test_a_bad_frame_costs_no_other_frame_of_its_batch() -> None:
     received = take(damaged(position(0.08, 1)), position(0.08, 2), damaged(position(0.08, 3)), setpoint(0.07, 1))
     assert received.reading is not None
-    assert received.seen.setpoint
+    assert received.guard_input.setpoint
     assert received.link.rejected_count == 2
 
 
@@ -371,7 +375,7 @@ def test_a_command_of_somebody_else_is_seen_whatever_its_counter() -> None:
     frame = CODEC.encode(CurrentCommand(12.5), 9)
     for _ in range(2):
         received = take(frame)
-        assert received.seen.foreign_command
+        assert received.guard_input.foreign_command
         (event,) = received.events
         assert isinstance(event, ForeignCommand)
         assert event.current_ma == 12.5
@@ -402,7 +406,7 @@ def test_a_foreign_frame_without_counter_that_carries_no_number_is_refused(tmp_p
     nan = bytes.fromhex("0000c07f")
     received = receive(codec, GUARD, VALVE, LinkState(), (CanFrame(512, nan), CanFrame(513, nan)))
     assert received.reading is None
-    assert not received.seen.setpoint
+    assert not received.guard_input.setpoint
     assert reasons(received) == [Reason.OUT_OF_RANGE] * 2
     fine = codec.encode(StemPosition(0.08), 0)
     received = receive(codec, GUARD, VALVE, LinkState(), (fine, fine))

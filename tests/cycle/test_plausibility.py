@@ -7,7 +7,7 @@ import math
 import pytest
 
 from positioner.cycle.frozen import Noise
-from positioner.cycle.plausibility import STOP_BAND_OF_SPAN, Doubt, Watched, judge
+from positioner.cycle.plausibility import STOP_BAND_OF_SPAN, ReadingHistory, Refusal, check_reading
 from positioner.guard.settings import GuardSettings
 from positioner.valve.parameters import ValveParameters
 from positioner.wire.messages import Counted, Quality, StemPosition
@@ -26,11 +26,11 @@ class Sensor:
 
     def __init__(self, settings: GuardSettings = SETTINGS, valve: ValveParameters = VALVE) -> None:
         self.settings, self.valve = settings, valve
-        self.watched = Watched()
+        self.watched = ReadingHistory()
 
     def says(self, position_m: float, commanded_ma: float | None = None, elapsed_s: float = PERIOD_S) -> Counted | None:
         message = StemPosition(position_m)
-        self.watched, doubt = judge(self.settings, self.valve, self.watched, message, commanded_ma, elapsed_s)
+        self.watched, doubt = check_reading(self.settings, self.valve, self.watched, message, commanded_ma, elapsed_s)
         return doubt.counted if doubt else None
 
 
@@ -39,20 +39,22 @@ def test_a_reading_is_valid_and_never_frozen_while_no_command_acts_on_the_valve(
     for _ in range(20):
         frozen.says(HERE_M, EDGE_MA + 1.0)
     assert frozen.says(HERE_M, EDGE_MA + 1.0) is Counted.FEEDBACK_FROZEN
-    watched = Watched()
+    watched = ReadingHistory()
     for _ in range(20):
         message = StemPosition(HERE_M, 0, Quality.FAIL_POSITION)
-        watched, doubt = judge(SETTINGS, VALVE, watched, message, EDGE_MA + 1.0, PERIOD_S)
+        watched, doubt = check_reading(SETTINGS, VALVE, watched, message, EDGE_MA + 1.0, PERIOD_S)
         assert doubt is None
 
 
 def test_a_reading_that_calls_itself_a_fault_is_none_and_a_suspect_one_is_one() -> None:
-    watched = Watched(0.05, 1, 0.09, 0.5)
-    after, doubt = judge(SETTINGS, VALVE, watched, StemPosition(HERE_M, 0, Quality.FAULT), None, PERIOD_S)
-    assert doubt == Doubt(Counted.FEEDBACK_FAULT, "the sensor reports a fault")
+    watched = ReadingHistory(0.05, 1, 0.09, 0.5)
+    after, doubt = check_reading(SETTINGS, VALVE, watched, StemPosition(HERE_M, 0, Quality.FAULT), None, PERIOD_S)
+    assert doubt == Refusal(Counted.FEEDBACK_FAULT, "the sensor reports a fault")
     assert after == watched
-    after, doubt = judge(SETTINGS, VALVE, Watched(), StemPosition(HERE_M, 0, Quality.SUSPECT), None, PERIOD_S)
-    assert (after, doubt) == (Watched(HERE_M, noise=Noise(HERE_M)), None)
+    after, doubt = check_reading(
+        SETTINGS, VALVE, ReadingHistory(), StemPosition(HERE_M, 0, Quality.SUSPECT), None, PERIOD_S
+    )
+    assert (after, doubt) == (ReadingHistory(HERE_M, noise=Noise(HERE_M)), None)
 
 
 @pytest.mark.parametrize(
@@ -104,10 +106,10 @@ def test_a_jump_that_is_not_repeated_is_forgotten() -> None:
 
 
 def test_a_jump_is_told_in_mm() -> None:
-    _, doubt = judge(SETTINGS, VALVE, Watched(0.05), StemPosition(0.0625), None, PERIOD_S)
-    assert doubt == Doubt(Counted.FEEDBACK_JUMP, "a jump of 12.5 mm")
-    _, doubt = judge(SETTINGS, VALVE, Watched(0.125), StemPosition(0.0), None, PERIOD_S)
-    assert doubt == Doubt(Counted.FEEDBACK_JUMP, "a jump of 125.0 mm")
+    _, doubt = check_reading(SETTINGS, VALVE, ReadingHistory(0.05), StemPosition(0.0625), None, PERIOD_S)
+    assert doubt == Refusal(Counted.FEEDBACK_JUMP, "a jump of 12.5 mm")
+    _, doubt = check_reading(SETTINGS, VALVE, ReadingHistory(0.125), StemPosition(0.0), None, PERIOD_S)
+    assert doubt == Refusal(Counted.FEEDBACK_JUMP, "a jump of 125.0 mm")
 
 
 # frozen
@@ -214,6 +216,6 @@ def test_the_stop_band_is_a_fiftieth_of_the_span_from_where_the_stops_are() -> N
 
 
 def test_the_doubt_says_how_long_and_under_which_current() -> None:
-    _, doubt = judge(SETTINGS, VALVE, Watched(HERE_M, rigid_s=1.0), StemPosition(HERE_M), 20.0, 0.25)
+    _, doubt = check_reading(SETTINGS, VALVE, ReadingHistory(HERE_M, rigid_s=1.0), StemPosition(HERE_M), 20.0, 0.25)
     assert doubt is not None
     assert doubt.why == "frozen: not a bit of change for 1.25 s under 20.000 mA, which must move the stem"

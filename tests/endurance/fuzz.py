@@ -18,6 +18,7 @@ from endurance.attacks import ATTACKS, DAMAGING, TRUE, UNHEARD, Adversary
 from endurance.oracle import KINDS, Ledger, disarms, verdict_of
 from plant_emulator.device import initial_device, take
 from plant_emulator.presets import plant_settings
+from positioner.cycle.counters import Counters
 from positioner.cycle.events import (
     FeedbackRefused,
     ForeignCommand,
@@ -28,7 +29,6 @@ from positioner.cycle.events import (
 )
 from positioner.cycle.inbox import receive
 from positioner.cycle.link import LinkState, Received
-from positioner.cycle.tally import Tally
 from positioner.guard.settings import GuardSettings
 from positioner.valve.parameters import ValveParameters
 from positioner.wire.codec import make_codec
@@ -54,7 +54,7 @@ class Findings:
     attacks: Counter[str] = field(default_factory=Counter)
     verdicts: Counter[str] = field(default_factory=Counter)
     accidents: int = 0
-    tally: Tally = field(default_factory=Tally)
+    counters: Counters = field(default_factory=Counters)
 
     def lines(self) -> list[str]:
         """Return the findings for the reader."""
@@ -65,7 +65,7 @@ class Findings:
             "attacks: " + ", ".join(f"{name} {count}" for name, count in sorted(self.attacks.items())),
             "verdicts: " + ", ".join(f"{name} {count}" for name, count in sorted(self.verdicts.items())),
             "counted by the positioner: "
-            + ", ".join(f"{kind.name} {count}" for kind, count in sorted(self.tally.counts.items())),
+            + ", ".join(f"{kind.name} {count}" for kind, count in sorted(self.counters.counts.items())),
         ]
 
 
@@ -74,7 +74,7 @@ class Positioner:
 
     def __init__(self) -> None:
         self.codec, self.guard, self.valve = make_codec(), GuardSettings(max_jump_m=2.0), ValveParameters(id="fuzz")
-        self.link, self.ledger, self.tally = LinkState(), Ledger(), Tally()
+        self.link, self.ledger, self.counters = LinkState(), Ledger(), Counters()
         self.lost = 0
 
     def hear(self, frame: CanFrame) -> str:
@@ -98,9 +98,9 @@ class Positioner:
         stray = (
             verdict_of(frame) == "good" and not believed and frame.arbitration_id == SETPOINT and disarms(frame.data)
         )
-        if received.seen.stray_disarm is not stray:
+        if received.guard_input.stray_disarm is not stray:
             raise DisagreementError("a DISARM out of sequence was not obeyed, or none was heard as one")
-        self.link, self.tally = received.link, self.tally.add(received.events)
+        self.link, self.counters = received.link, self.counters.add(received.events)
         self.lost += sum(event.count for event in received.events if isinstance(event, FramesLost))
         if self.lost != self.ledger.lost:
             raise DisagreementError(f"{self.lost} lost frames were counted, the oracle counts {self.ledger.lost}")
@@ -108,7 +108,7 @@ class Positioner:
 
     def _compare_values(self, frame: CanFrame, received: Received, *, taken: bool, disputed: bool) -> None:
         """Raise unless the frame had the effect that its bytes and the oracle's verdict give it."""
-        seen, link = received.seen, received.link
+        seen, link = received.guard_input, received.link
         said = [event for event in received.events if isinstance(event, FeedbackRefused | OrderDisputed)]
         if disputed and (len(said) != 1 or "sequence" not in said[0].why):
             raise DisagreementError("a frame of a disputed sender was refused without a word")
@@ -185,7 +185,7 @@ def fuzz(frames: int, seed: int, *, progress: bool = False) -> Findings:
         found.attacks[attack] += 1
         found.verdicts[verdict] += 1
         found.accidents += attack in DAMAGING and verdict_of(frame) == "good"
-    found.tally = positioner.tally
+    found.counters = positioner.counters
     return found
 
 

@@ -18,7 +18,7 @@ from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
 from positioner.errors import ConfigurationError
 from positioner.guard.settings import FailsafeAction, GuardSettings
-from positioner.guard.state import GuardState, Sighting
+from positioner.guard.state import GuardInput, GuardState
 from positioner.guard.supervisor import admit, is_feedback_stale, supervise
 from positioner.inputs.toml_reader import build
 from positioner.laws.bounds import Bounds
@@ -50,15 +50,15 @@ PERIOD_S = 0.001
 MS = 1_000_000
 SECOND = 1000 * MS
 SETTINGS = GuardSettings()
-EVERYTHING = Sighting(feedback=True, setpoint=True)
-RELEASED = Sighting(feedback=True, setpoint=True, requests=(HostRequest.NONE,))
-ARM = Sighting(feedback=True, setpoint=True, requests=(HostRequest.ARM,))
-DISARM = Sighting(feedback=True, setpoint=True, requests=(HostRequest.DISARM,))
-NOTHING = Sighting()
+EVERYTHING = GuardInput(feedback=True, setpoint=True)
+RELEASED = GuardInput(feedback=True, setpoint=True, requests=(HostRequest.NONE,))
+ARM = GuardInput(feedback=True, setpoint=True, requests=(HostRequest.ARM,))
+DISARM = GuardInput(feedback=True, setpoint=True, requests=(HostRequest.DISARM,))
+NOTHING = GuardInput()
 
 
 def watch(
-    state: GuardState, seen: Sighting, now_ns: int, tuning: GuardSettings = SETTINGS, period_s: float = PERIOD_S
+    state: GuardState, seen: GuardInput, now_ns: int, tuning: GuardSettings = SETTINGS, period_s: float = PERIOD_S
 ) -> GuardState:
     return supervise(tuning, state, seen, period_s, now_ns)
 
@@ -79,7 +79,7 @@ def told(state: GuardState) -> tuple[Mode, Cause]:
 
 
 def test_it_boots_silent_and_waits_for_feedback() -> None:
-    state = watch(GuardState(), Sighting(setpoint=True), SECOND)
+    state = watch(GuardState(), GuardInput(setpoint=True), SECOND)
     assert told(state) == (Mode.INIT, Cause.WAITING_FOR_FEEDBACK)
     assert not state.transmits
     assert not state.controls
@@ -114,9 +114,9 @@ def test_feedback_that_ends_before_arming_leads_back_to_the_beginning() -> None:
     ],
 )
 def test_feedback_ages_in_sample_periods(age_ns: int, expected: tuple[Mode, Cause]) -> None:
-    assert told(watch(active_at(SECOND), Sighting(setpoint=True), SECOND + age_ns)) == expected
+    assert told(watch(active_at(SECOND), GuardInput(setpoint=True), SECOND + age_ns)) == expected
     # the same number of longer periods
-    state = supervise(SETTINGS, active_at(SECOND), Sighting(setpoint=True), 0.1, SECOND + 100 * age_ns)
+    state = supervise(SETTINGS, active_at(SECOND), GuardInput(setpoint=True), 0.1, SECOND + 100 * age_ns)
     assert told(state) == expected
 
 
@@ -130,7 +130,7 @@ def test_feedback_ages_in_sample_periods(age_ns: int, expected: tuple[Mode, Caus
     ],
 )
 def test_the_setpoint_ages_in_seconds(age_ns: int, expected: tuple[Mode, Cause]) -> None:
-    assert told(watch(active_at(SECOND), Sighting(feedback=True), SECOND + age_ns)) == expected
+    assert told(watch(active_at(SECOND), GuardInput(feedback=True), SECOND + age_ns)) == expected
 
 
 def test_a_hold_ends_when_what_was_missing_comes_back() -> None:
@@ -147,7 +147,7 @@ def test_zero_means_that_a_setpoint_never_ages() -> None:
         (GuardSettings(setpoint_hold_s=0.0), Mode.FAILSAFE),
         (GuardSettings(setpoint_hold_s=0.0, setpoint_failsafe_s=0.2), Mode.FAILSAFE),
     ):
-        assert watch(active_at(SECOND, tuning), Sighting(feedback=True), 10**13, tuning).mode is expected
+        assert watch(active_at(SECOND, tuning), GuardInput(feedback=True), 10**13, tuning).mode is expected
 
 
 def test_a_law_that_keeps_failing_fails_safe() -> None:
@@ -170,25 +170,25 @@ def test_what_is_missing_longest_is_not_what_counts_but_what_is_worst() -> None:
     late = SECOND + 11 * SECOND
     state = watch(active_at(SECOND), NOTHING, late)
     assert told(state) == (Mode.FAILSAFE, Cause.FEEDBACK_STALE)
-    state = watch(active_at(SECOND), Sighting(feedback=True), SECOND + 600 * MS)
+    state = watch(active_at(SECOND), GuardInput(feedback=True), SECOND + 600 * MS)
     assert told(watch(state, NOTHING, SECOND + 604 * MS)) == (Mode.HOLD, Cause.FEEDBACK_STALE)
 
 
 @pytest.mark.parametrize("cause", [Cause.FEEDBACK_IMPLAUSIBLE, Cause.FEEDBACK_FROZEN])
 def test_readings_that_come_and_are_refused_give_the_cause_its_name(cause: Cause) -> None:
-    doubted = Sighting(setpoint=True, refused=cause)
+    doubted = GuardInput(setpoint=True, refused=cause)
     state = watch(active_at(SECOND), doubted, SECOND + 3 * MS)
     assert told(state) == (Mode.ACTIVE, Cause.NONE)
     state = watch(state, doubted, SECOND + 4 * MS)
     assert told(state) == (Mode.HOLD, cause)
     assert told(watch(state, NOTHING, SECOND + 11 * MS)) == (Mode.FAILSAFE, cause)
-    good = watch(state, Sighting(feedback=True, setpoint=True, refused=cause), SECOND + 5 * MS)
+    good = watch(state, GuardInput(feedback=True, setpoint=True, refused=cause), SECOND + 5 * MS)
     assert told(good) == (Mode.ACTIVE, Cause.NONE)
     assert told(watch(good, NOTHING, SECOND + 9 * MS)) == (Mode.HOLD, Cause.FEEDBACK_STALE)
 
 
 def test_cycles_that_are_late_again_and_again_are_told_and_one_in_time_ends_it() -> None:
-    late = Sighting(feedback=True, setpoint=True, late=True)
+    late = GuardInput(feedback=True, setpoint=True, late=True)
     state = active_at(SECOND)
     for cycle_number in range(1, 13):
         state = watch(state, late, SECOND + cycle_number * MS)
@@ -225,7 +225,7 @@ def test_a_request_that_is_held_does_not_rearm_after_a_failsafe() -> None:
 def test_arming_forgets_the_failures_of_the_law() -> None:
     failed = watch(replace(active_at(SECOND), law_failures=10), EVERYTHING, SECOND + MS)
     assert told(failed) == (Mode.FAILSAFE, Cause.LAW_FAILED)
-    released = watch(failed, Sighting(feedback=True, requests=(HostRequest.NONE,)), SECOND + 2 * MS)
+    released = watch(failed, GuardInput(feedback=True, requests=(HostRequest.NONE,)), SECOND + 2 * MS)
     again = watch(released, ARM, SECOND + 3 * MS)
     assert told(again) == (Mode.ACTIVE, Cause.NONE)
     assert again.law_failures == 0
@@ -238,7 +238,7 @@ def test_an_arm_that_was_held_at_the_start_does_not_arm_until_something_else_was
         assert told(state) == (Mode.READY, Cause.WAITING_FOR_ARM)
         assert not state.ever_armed
     for released in (HostRequest.NONE, HostRequest.DISARM):
-        other = watch(state, Sighting(feedback=True, setpoint=True, requests=(released,)), SECOND + 50 * MS)
+        other = watch(state, GuardInput(feedback=True, setpoint=True, requests=(released,)), SECOND + 50 * MS)
         assert not other.armed
         assert told(watch(other, ARM, SECOND + 51 * MS)) == (Mode.ACTIVE, Cause.NONE)
 
@@ -257,8 +257,8 @@ def test_requests_mean_the_same_in_one_batch_and_in_many(
     bounds = [0, *sorted(cut for cut in cuts if cut < len(requests)), len(requests)]
     many = start
     for one, other in pairwise(bounds):
-        many = watch(many, Sighting(feedback=True, setpoint=True, requests=tuple(requests[one:other])), SECOND)
-    one_batch = watch(start, Sighting(feedback=True, setpoint=True, requests=tuple(requests)), SECOND)
+        many = watch(many, GuardInput(feedback=True, setpoint=True, requests=tuple(requests[one:other])), SECOND)
+    one_batch = watch(start, GuardInput(feedback=True, setpoint=True, requests=tuple(requests)), SECOND)
     assert (one_batch.mode, one_batch.request, one_batch.armed) == (many.mode, many.request, many.armed)
     seen = [*([] if before is None else [before]), *requests]
     edges = [other for one, other in pairwise(seen) if other is HostRequest.ARM and one is not HostRequest.ARM]
@@ -267,7 +267,7 @@ def test_requests_mean_the_same_in_one_batch_and_in_many(
 
 @pytest.mark.parametrize("since_ms", [1, 500, 1000])
 def test_another_controller_s_command_right_after_the_arming_disarms(since_ms: int) -> None:
-    alive = Sighting(feedback=True, setpoint=True, requests=(HostRequest.ARM,))
+    alive = GuardInput(feedback=True, setpoint=True, requests=(HostRequest.ARM,))
     state = active_at(SECOND)
     for passed_ms in range(1, since_ms):
         state = watch(state, alive, SECOND + passed_ms * MS)
@@ -295,39 +295,39 @@ def test_a_batch_without_a_request_changes_no_request() -> None:
 
 def test_arming_needs_fresh_feedback() -> None:
     state = ready_at(SECOND)
-    asked = Sighting(setpoint=True, requests=(HostRequest.ARM,))
+    asked = GuardInput(setpoint=True, requests=(HostRequest.ARM,))
     assert watch(state, asked, SECOND + 3 * MS).armed
     assert not watch(state, asked, SECOND + 3 * MS + 1).armed
     assert not watch(GuardState(), asked, SECOND).armed
-    assert not watch(GuardState(), Sighting(), SECOND, GuardSettings(auto_arm=True)).armed
+    assert not watch(GuardState(), GuardInput(), SECOND, GuardSettings(auto_arm=True)).armed
 
 
 def test_an_arm_before_the_feedback_is_heard_when_it_is_repeated() -> None:
-    early = watch(GuardState(request=HostRequest.NONE), Sighting(setpoint=True, requests=(HostRequest.ARM,)), 0)
+    early = watch(GuardState(request=HostRequest.NONE), GuardInput(setpoint=True, requests=(HostRequest.ARM,)), 0)
     assert told(early) == (Mode.INIT, Cause.WAITING_FOR_FEEDBACK)
-    ready = watch(early, Sighting(feedback=True), MS)
+    ready = watch(early, GuardInput(feedback=True), MS)
     assert told(ready) == (Mode.READY, Cause.WAITING_FOR_ARM)
     assert told(watch(ready, ARM, 2 * MS)) == (Mode.ACTIVE, Cause.NONE)
 
 
 def test_a_foreign_command_forbids_arming_again_after_a_disarm() -> None:
     disarmed = watch(active_at(0), DISARM, MS)
-    foreign = watch(disarmed, Sighting(feedback=True, setpoint=True, foreign_command=True), 2 * MS)
+    foreign = watch(disarmed, GuardInput(feedback=True, setpoint=True, foreign_command=True), 2 * MS)
     assert told(watch(foreign, ARM, 3 * MS)) == (Mode.READY, Cause.FOREIGN_COMMAND)
 
 
 def test_arming_starts_the_age_of_the_setpoint_anew() -> None:
-    quiet = Sighting(feedback=True)
+    quiet = GuardInput(feedback=True)
     state = watch(ready_at(SECOND), quiet, SECOND + 60 * SECOND)
-    state = watch(state, Sighting(feedback=True, requests=(HostRequest.ARM,)), 61 * SECOND + MS)
+    state = watch(state, GuardInput(feedback=True, requests=(HostRequest.ARM,)), 61 * SECOND + MS)
     assert told(state) == (Mode.ACTIVE, Cause.NONE)
     assert told(watch(state, quiet, 61 * SECOND + 502 * MS)) == (Mode.HOLD, Cause.SETPOINT_STALE)
 
 
 def test_asking_again_while_armed_does_not_refresh_the_setpoint() -> None:
-    held = watch(active_at(SECOND), Sighting(feedback=True, requests=(HostRequest.NONE,)), SECOND + 600 * MS)
+    held = watch(active_at(SECOND), GuardInput(feedback=True, requests=(HostRequest.NONE,)), SECOND + 600 * MS)
     assert held.mode is Mode.HOLD
-    again = watch(held, Sighting(feedback=True, requests=(HostRequest.ARM,)), SECOND + 601 * MS)
+    again = watch(held, GuardInput(feedback=True, requests=(HostRequest.ARM,)), SECOND + 601 * MS)
     assert told(again) == (Mode.HOLD, Cause.SETPOINT_STALE)
 
 
@@ -343,7 +343,7 @@ def test_disarming_works_in_every_mode_and_silences() -> None:
 
 def test_a_stray_disarm_disarms_in_every_mode_and_is_no_request_that_an_arm_could_follow() -> None:
     """A DISARM of long ago, played again: a host that holds ARM must not so be made to arm a positioner that failed."""
-    stray = Sighting(feedback=True, setpoint=True, stray_disarm=True)
+    stray = GuardInput(feedback=True, setpoint=True, stray_disarm=True)
     held = watch(active_at(SECOND), NOTHING, SECOND + 5 * MS)
     failed = watch(active_at(SECOND), NOTHING, SECOND + 11 * MS)
     for state in (active_at(SECOND), held, failed):
@@ -357,16 +357,16 @@ def test_a_stray_disarm_disarms_in_every_mode_and_is_no_request_that_an_arm_coul
 
 
 def test_disputed_setpoints_age_and_are_called_so_until_one_is_taken() -> None:
-    disputed = Sighting(feedback=True, setpoint_refused=Cause.SETPOINT_DISPUTED)
+    disputed = GuardInput(feedback=True, setpoint_refused=Cause.SETPOINT_DISPUTED)
     state = watch(active_at(SECOND), disputed, SECOND + 499 * MS)
     assert told(state) == (Mode.ACTIVE, Cause.NONE)
     state = watch(state, disputed, SECOND + 501 * MS)
     assert told(state) == (Mode.HOLD, Cause.SETPOINT_DISPUTED)
-    assert told(watch(state, Sighting(feedback=True), SECOND + 502 * MS)) == (Mode.HOLD, Cause.SETPOINT_DISPUTED)
+    assert told(watch(state, GuardInput(feedback=True), SECOND + 502 * MS)) == (Mode.HOLD, Cause.SETPOINT_DISPUTED)
     assert told(watch(state, disputed, 12 * SECOND)) == (Mode.FAILSAFE, Cause.SETPOINT_DISPUTED)
     taken = watch(state, EVERYTHING, SECOND + 502 * MS)
     assert told(taken) == (Mode.ACTIVE, Cause.NONE)
-    assert told(watch(taken, Sighting(feedback=True), 2 * SECOND + 3 * MS)) == (Mode.HOLD, Cause.SETPOINT_STALE)
+    assert told(watch(taken, GuardInput(feedback=True), 2 * SECOND + 3 * MS)) == (Mode.HOLD, Cause.SETPOINT_STALE)
 
 
 def test_a_disarmed_positioner_says_so() -> None:
@@ -377,8 +377,8 @@ def test_a_disarmed_positioner_says_so() -> None:
 
 def test_auto_arm_arms_once_at_the_first_feedback() -> None:
     tuning = GuardSettings(auto_arm=True)
-    assert not watch(GuardState(), Sighting(setpoint=True), SECOND, tuning).armed
-    state = watch(GuardState(), Sighting(feedback=True), SECOND, tuning)
+    assert not watch(GuardState(), GuardInput(setpoint=True), SECOND, tuning).armed
+    state = watch(GuardState(), GuardInput(feedback=True), SECOND, tuning)
     assert told(state) == (Mode.ACTIVE, Cause.NONE)
     failed = watch(state, NOTHING, SECOND + 11 * MS, tuning)
     assert watch(failed, EVERYTHING, SECOND + 12 * MS, tuning).mode is Mode.FAILSAFE
@@ -389,7 +389,7 @@ def test_auto_arm_arms_once_at_the_first_feedback() -> None:
 # foreign commands
 
 
-FOREIGN = Sighting(feedback=True, setpoint=True, foreign_command=True)
+FOREIGN = GuardInput(feedback=True, setpoint=True, foreign_command=True)
 
 
 def test_a_foreign_command_forbids_the_first_arming_for_a_second() -> None:
@@ -401,7 +401,7 @@ def test_a_foreign_command_forbids_the_first_arming_for_a_second() -> None:
 
 
 def test_a_foreign_command_while_armed_is_told_and_does_not_stop_control() -> None:
-    state = watch(replace(active_at(SECOND), twin_ns=0), FOREIGN, SECOND + MS)
+    state = watch(replace(active_at(SECOND), armed_or_returned_ns=0), FOREIGN, SECOND + MS)
     assert told(state) == (Mode.ACTIVE, Cause.FOREIGN_COMMAND)
     assert state.health(table_saved=True) is Health.FAILURE
     state = watch(state, EVERYTHING, 2 * SECOND + MS)
@@ -412,11 +412,11 @@ def test_a_foreign_command_while_armed_is_told_and_does_not_stop_control() -> No
 # manual mode
 
 
-def by_hand(current_ma: float = 9.5, *, feedback: bool = True, setpoint: bool = True) -> Sighting:
-    return Sighting(feedback=feedback, setpoint=setpoint, manual=ManualCurrent(current_ma))
+def by_hand(current_ma: float = 9.5, *, feedback: bool = True, setpoint: bool = True) -> GuardInput:
+    return GuardInput(feedback=feedback, setpoint=setpoint, manual=ManualCurrent(current_ma))
 
 
-AUTO = Sighting(feedback=True, setpoint=True, manual=ManualCurrent(9.5, ManualRequest.AUTO))
+AUTO = GuardInput(feedback=True, setpoint=True, manual=ManualCurrent(9.5, ManualRequest.AUTO))
 
 
 def test_manual_mode_begins_and_ends_with_a_frame_and_only_while_armed() -> None:
@@ -473,15 +473,15 @@ def test_lost_feedback_is_told_and_does_not_end_manual_mode() -> None:
     state = watch(state, by_hand(8.0, feedback=False), SECOND + 10 * MS + 1)
     assert told(state) == (Mode.MANUAL, Cause.FEEDBACK_STALE)
     assert state.manual_ma == 8.0
-    assert told(watch(state, Sighting(manual=AUTO.manual), 2 * SECOND)) == (Mode.FAILSAFE, Cause.FEEDBACK_STALE)
+    assert told(watch(state, GuardInput(manual=AUTO.manual), 2 * SECOND)) == (Mode.FAILSAFE, Cause.FEEDBACK_STALE)
     assert told(watch(state, by_hand(), 2 * SECOND)) == (Mode.MANUAL, Cause.MANUAL)
 
 
 def test_a_valve_whose_sensor_died_is_armed_again_while_the_host_asks_for_manual_mode() -> None:
     dead = watch(active_at(SECOND), NOTHING, 2 * SECOND)
     assert told(dead) == (Mode.FAILSAFE, Cause.FEEDBACK_STALE)
-    arm = Sighting(setpoint=True, requests=(HostRequest.ARM,))
-    none = Sighting(setpoint=True, requests=(HostRequest.NONE,))
+    arm = GuardInput(setpoint=True, requests=(HostRequest.ARM,))
+    none = GuardInput(setpoint=True, requests=(HostRequest.NONE,))
     dead = watch(dead, none, 2 * SECOND + MS)
     assert watch(dead, arm, 2 * SECOND + 2 * MS).mode is Mode.FAILSAFE
     asked = watch(dead, by_hand(feedback=False), 2 * SECOND + 2 * MS)
@@ -504,7 +504,7 @@ def test_back_in_automatic_mode_the_host_has_its_time_to_send_a_setpoint() -> No
     state = watch(active_at(SECOND), by_hand(), SECOND)
     for second in range(2, 20):
         state = watch(state, by_hand(setpoint=False), second * SECOND)
-    auto = Sighting(feedback=True, manual=ManualCurrent(0.0, ManualRequest.AUTO))
+    auto = GuardInput(feedback=True, manual=ManualCurrent(0.0, ManualRequest.AUTO))
     state = watch(state, auto, 19 * SECOND + 400 * MS)
     assert told(state) == (Mode.ACTIVE, Cause.NONE)
     state = watch(state, auto, 19 * SECOND + 500 * MS + 1)
@@ -512,7 +512,7 @@ def test_back_in_automatic_mode_the_host_has_its_time_to_send_a_setpoint() -> No
 
 
 def test_another_controller_in_manual_mode_is_a_failure_that_is_told() -> None:
-    state = watch(replace(active_at(SECOND), twin_ns=0), by_hand(), SECOND)
+    state = watch(replace(active_at(SECOND), armed_or_returned_ns=0), by_hand(), SECOND)
     state = watch(state, replace(by_hand(), foreign_command=True), SECOND + MS)
     assert told(state) == (Mode.MANUAL, Cause.FOREIGN_COMMAND)
     assert state.health(table_saved=True) is Health.FAILURE
@@ -612,7 +612,7 @@ def test_a_rate_limit_holds_both_ways(wanted_ma: float, elapsed_s: float, expect
         (FailsafeAction.LOW, 4.0),
         (FailsafeAction.HIGH, 20.0),
         (FailsafeAction.CURRENT, 7.5),
-        (FailsafeAction.HOLD, 12.0),
+        (FailsafeAction.KEEP_CURRENT, 12.0),
     ],
 )
 def test_failsafe_commands_what_was_chosen_whatever_the_law_wants(action: FailsafeAction, expected_ma: float) -> None:
@@ -621,7 +621,7 @@ def test_failsafe_commands_what_was_chosen_whatever_the_law_wants(action: Failsa
 
 
 def test_a_failsafe_that_holds_stays_inside_the_limits() -> None:
-    tuning = GuardSettings(failsafe_action=FailsafeAction.HOLD)
+    tuning = GuardSettings(failsafe_action=FailsafeAction.KEEP_CURRENT)
     assert admit(tuning, GuardState(Mode.FAILSAFE), None, 1.57, PERIOD_S) == 4.0
     assert admit(tuning, GuardState(Mode.FAILSAFE), None, 25.0, PERIOD_S) == 20.0
 
@@ -699,7 +699,7 @@ LIMITS = GuardSettings(
     law_failsafe_cycles=3,
     setpoint_hold_s=0.05,
     setpoint_failsafe_s=0.2,
-    failsafe_action=FailsafeAction.HOLD,
+    failsafe_action=FailsafeAction.KEEP_CURRENT,
     frozen_s=0.03,
 )
 WIDE = Bounds(-10.0, 10.0, 4.0, 20.0)
@@ -878,7 +878,7 @@ class AnythingOnTheBus(RuleBasedStateMachine):
     def what_is_refused_is_counted_by_its_cause(self) -> None:
         refused = {Counted.WRONG_LENGTH, Counted.WRONG_CRC, Counted.OUT_OF_RANGE, Counted.UNDEFINED_VALUE}
         refused |= {Counted.REPEATED, Counted.OUT_OF_ORDER, Counted.ERROR_FRAME, Counted.REMOTE_FRAME}
-        counts = self.state.tally.counts
+        counts = self.state.counters.counts
         assert sum(counts.get(kind, 0) for kind in refused) == self.state.link.rejected_count
 
     @invariant()
@@ -893,8 +893,8 @@ class AnythingOnTheBus(RuleBasedStateMachine):
         assert self.feedback_ns is not None
         assert guard.feedback_ns <= self.feedback_ns
         if guard.mode is Mode.MANUAL:
-            assert guard.manual.heard_ns is not None
-            assert self.now_ns - guard.manual.heard_ns <= 0.2 * SECOND
+            assert guard.manual.received_ns is not None
+            assert self.now_ns - guard.manual.received_ns <= 0.2 * SECOND
             return
         if age_ns > 10 * MS:
             assert guard.mode is Mode.FAILSAFE

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from positioner.guard.manual import AUTOMATIC, Manual
 from positioner.guard.settings import GuardSettings
-from positioner.guard.state import GuardState, Sighting
+from positioner.guard.state import GuardInput, GuardState
 from positioner.guard.supervisor import _mode, supervise
 from positioner.wire.messages import Cause, HostRequest, ManualCurrent, ManualRequest, Mode
 
@@ -56,7 +56,7 @@ def is_by_hand(state: GuardState) -> bool:
 
 
 def manual_age_s(state: GuardState) -> float:
-    return (NOW_NS - state.manual.heard_ns) / 1e9 if state.manual.heard_ns is not None else 0.0
+    return (NOW_NS - state.manual.received_ns) / 1e9 if state.manual.received_ns is not None else 0.0
 
 
 MEANING: dict[str, Callable[[GuardState], bool]] = {
@@ -200,7 +200,7 @@ def wander(steps: int) -> dict[tuple[Mode, Mode], set[Cause]]:
         good = chance.random() < 0.6
         requests = tuple(chance.choices((*HostRequest, HostRequest.ARM), k=chance.randrange(3)))
         stall_ns = chance.choice((0, 0, 0, 0, 4, 11)) * MS if before.armed else 0
-        seen = Sighting(
+        seen = GuardInput(
             feedback=good,
             setpoint=chance.random() < 0.5,
             requests=() if stall_ns else requests,
@@ -219,7 +219,11 @@ def wander(steps: int) -> dict[tuple[Mode, Mode], set[Cause]]:
         )
         failed = before.controls and chance.random() < 0.4
         before = replace(before, law_failures=before.law_failures + 1) if failed else before
-        before = replace(before, twin_ns=before.twin_ns - 1001 * MS) if chance.random() < 0.2 else before
+        before = (
+            replace(before, armed_or_returned_ns=before.armed_or_returned_ns - 1001 * MS)
+            if chance.random() < 0.2
+            else before
+        )
         state = supervise(LIMITS, before, seen, PERIOD_S, now_ns)
         if state.mode is not before.mode:
             found[before.mode, state.mode].add(state.cause)

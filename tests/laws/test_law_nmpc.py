@@ -66,14 +66,14 @@ def rested(law: NmpcLaw, at_m: float = 0.08, readings: int = 400) -> NmpcMemory:
     memory, decision = cycle(law, law.begin(at_m), at_m, 12.0, at_m)
     for _ in range(readings):
         memory, decision = cycle(law, memory, at_m, decision.current_ma, at_m)
-    assert memory.motion is Motion.HOLD
+    assert memory.motion is Motion.REST
     return memory
 
 
 def test_a_stem_at_its_setpoint_is_held_in_the_middle_of_its_stick_band() -> None:
     law = make_law()
     memory, decision = cycle(law, rested(law), 0.08, 12.6, 0.08)
-    assert decision.motion is Motion.HOLD
+    assert decision.motion is Motion.REST
     assert decision.current_ma == pytest.approx(law.valve.balance_current_ma(0.08), abs=0.4)
     assert (decision.bounds.speed_low_m_per_s, decision.bounds.speed_high_m_per_s) == (0.0, 0.0)
     assert isinstance(memory.stem, Resting)
@@ -105,14 +105,14 @@ def test_a_new_setpoint_begins_with_the_breakaway_current_and_says_why(step_m: f
 
 def test_an_error_inside_tolerance_or_doubt_is_left_alone() -> None:
     law = make_law()
-    assert cycle(law, rested(law), 0.08, 12.6, 0.08 + 4e-5)[1].motion is Motion.HOLD
-    assert cycle(law, rested(law, readings=3), 0.08, 12.6, 0.081)[1].motion is Motion.HOLD
+    assert cycle(law, rested(law), 0.08, 12.6, 0.08 + 4e-5)[1].motion is Motion.REST
+    assert cycle(law, rested(law, readings=3), 0.08, 12.6, 0.081)[1].motion is Motion.REST
     assert cycle(law, rested(law), 0.08, 12.6, 0.081)[1].motion is Motion.MOVE
 
 
 def test_a_move_whose_smallest_push_is_too_large_is_not_made() -> None:
     slow = replace(make_law(), period_s=0.05)
-    assert cycle(slow, rested(slow, readings=4000), 0.08, 12.6, 0.0803)[1].motion is Motion.HOLD
+    assert cycle(slow, rested(slow, readings=4000), 0.08, 12.6, 0.0803)[1].motion is Motion.REST
 
 
 def test_what_no_current_frees_is_pushed_with_all_there_is_and_reported_but_not_for_ever() -> None:
@@ -169,7 +169,7 @@ def test_a_stop_settles_before_it_holds_and_teaches_its_speed() -> None:
     assert learned.count(Quantity.STICK_SPEED) == 1
     settling = motions.count(Motion.SETTLE)
     assert settling == round(law.settings.settle_s / PERIOD_S)
-    assert motions.index(Motion.SETTLE) < len(motions) - 1 - motions[::-1].index(Motion.HOLD)
+    assert motions.index(Motion.SETTLE) < len(motions) - 1 - motions[::-1].index(Motion.REST)
 
 
 def test_a_table_that_is_not_to_be_used_yet_is_not_used() -> None:
@@ -327,7 +327,7 @@ def test_without_noise_the_loop_lands_within_a_hundredth_of_a_percent() -> None:
 def test_every_decision_of_a_run_is_explained() -> None:
     run = played("paper")
     kinds = {closed.decision.motion for closed in run.cycles}
-    assert kinds == {Motion.HOLD, Motion.MOVE, Motion.SETTLE}
+    assert kinds == {Motion.REST, Motion.MOVE, Motion.SETTLE}
     begun = [closed for closed in run.cycles if closed.decision.reason]
     assert len(begun) >= 6
     fell = [event for event in run.events if isinstance(event, LawFellBack)]

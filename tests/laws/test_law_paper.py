@@ -101,7 +101,7 @@ def test_gamma_releases_a_stuck_stem_for_one_sample_and_lifts_the_speed_bound(
     memory, second = law.decide(memory, stem_at(0.08), seen(setpoint_m), TABLE)
     assert (second.bounds.current_low_ma, second.bounds.current_high_ma) == (4.0, 20.0)
     assert second.bounds != FREE
-    assert second.motion is Motion.HOLD
+    assert second.motion is Motion.REST
     _, third = law.decide(memory, stem_at(0.08), seen(setpoint_m), TABLE)
     assert third.bounds == first.bounds
 
@@ -132,7 +132,7 @@ def test_where_nothing_was_learned_no_bound_moves() -> None:
 def test_a_stem_that_sticks_close_enough_is_left_there() -> None:
     near = decided(paper_law(), stem_at(0.08), 0.0809, TABLE)
     assert (near.bounds.current_low_ma, near.bounds.current_high_ma) == (4.0, 20.0)
-    assert near.motion is Motion.HOLD
+    assert near.motion is Motion.REST
     far = decided(paper_law(), stem_at(0.08), 0.0811, TABLE)
     assert far.bounds.current_low_ma == 17.9
 
@@ -155,7 +155,7 @@ def test_without_a_plan_the_spring_is_balanced_and_the_reason_given(position_m: 
     law = replace(paper_law(), solver=Unsolvable())
     memory, decision = law.decide(law.begin(0.08), stem_at(position_m), seen(0.087), TABLE)
     assert decision.current_ma == pytest.approx(current_ma, abs=1e-3)
-    assert (decision.motion, decision.passes) == (Motion.HOLD, 0)
+    assert (decision.motion, decision.passes) == (Motion.REST, 0)
     assert "no plan" in decision.fallback
     assert "spring balanced" in decision.fallback
     assert memory.inputs_ma.tolist() == [decision.current_ma] * 4

@@ -162,7 +162,7 @@ def test_inside_the_dead_band_current_and_integral_are_frozen() -> None:
     cycles = play(law, [(0.08, 0.082)] * 3 + [(0.0815, 0.082)] * 4 + [(0.0805, 0.082)])
     moving, frozen, again = cycles[2], cycles[3:7], cycles[7]
     assert [cycle.current_ma for cycle in frozen] == [moving.current_ma] * 4
-    assert {cycle.motion for cycle in frozen} == {Motion.HOLD}
+    assert {cycle.motion for cycle in frozen} == {Motion.REST}
     assert frozen[-1].memory.pid.integral_ma == moving.memory.pid.integral_ma == pytest.approx(MIDDLE_MA + 0.006)
     assert again.current_ma == pytest.approx(MIDDLE_MA + 0.006 + 0.15)
     assert again.motion is Motion.NONE
@@ -246,7 +246,7 @@ def push_ma(position_m: float, direction: float) -> float:
 def test_two_moves_take_the_stem_there_and_leave_it_there(setpoint_m: float, direction: float) -> None:
     cycles = play(two_move(), [(0.08, setpoint_m)] * 8)
     assert currents(cycles) == pytest.approx([push_ma(setpoint_m, direction)] * 5 + [push_ma(setpoint_m, 0.0)] * 3)
-    assert [cycle.motion for cycle in cycles] == [Motion.MOVE] * 5 + [Motion.HOLD] * 3
+    assert [cycle.motion for cycle in cycles] == [Motion.MOVE] * 5 + [Motion.REST] * 3
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])

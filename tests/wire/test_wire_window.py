@@ -25,7 +25,7 @@ def heard(frames: Iterable[tuple[int, bytes]], modulus: int = 256) -> tuple[Send
     """The sender after frames of these counters and bytes, and the bytes that a reading would be taken from."""
     sender, taken = Sender(CounterCheck(modulus=modulus)), []
     for counter, data in frames:
-        sender, verdict, _ = sender.hear(counter % modulus, data)
+        sender, verdict, _ = sender.receive(counter % modulus, data)
         if verdict is Sequence.FRESH and sender.window.settled:
             taken.append(data)
     return sender, taken

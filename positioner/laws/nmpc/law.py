@@ -73,11 +73,11 @@ class NmpcLaw:
         if isinstance(stem, Sliding):
             return self._track(memory, stem, observation, variance_m2)
         after = average(stem, observation.measured_m, variance_m2)
-        if memory.motion is Motion.HOLD:
+        if memory.motion is Motion.REST:
             own, seen = self.settings, (stem, after)
             return attend(own, self.filter, self.table_cell_m, memory, seen, observation, variance_m2, sigma_m)
         left_s = memory.settle_s - observation.elapsed_s
-        motion = Motion.SETTLE if left_s > _INSTANT_S else Motion.HOLD
+        motion = Motion.SETTLE if left_s > _INSTANT_S else Motion.REST
         return replace(memory, stem=after, settle_s=left_s, motion=motion), report(after)
 
     def decide(
@@ -104,7 +104,7 @@ class NmpcLaw:
         if told.untold:
             memory = replace(memory, pushes=replace(told, untold=False))
         may = told.may_push(observation.time_s) or told.has_moved(here.x, here.sigma_m)
-        if stem.stuck and may and memory.motion is Motion.HOLD and self._is_worth_a_move(memory, here, setpoint_m):
+        if stem.stuck and may and memory.motion is Motion.REST and self._is_worth_a_move(memory, here, setpoint_m):
             memory, decision = self._start(memory, here, observation, table)
         else:
             memory, decision = self._hold(memory, here)

@@ -29,7 +29,7 @@ class NmpcMemory:
 
     stem: Resting | Sliding
     watch: Watch
-    motion: Motion = Motion.HOLD
+    motion: Motion = Motion.REST
     settle_s: float = 0.0
     hold_ma: float | None = None
     plan_ma: tuple[float, ...] = ()

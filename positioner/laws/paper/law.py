@@ -97,9 +97,9 @@ class PaperLaw:
             hold = self._clamp(self.valve.balance_current_ma(stem.position_m))
             memory = replace(memory, inputs_ma=np.full_like(guess, hold), released=releasing)
             why = "no plan within the bounds: spring balanced"
-            return memory, Decision(hold, bounds, Motion.HOLD, 0, why, "", *failed)
+            return memory, Decision(hold, bounds, Motion.REST, 0, why, "", *failed)
         shifted = np.append(found.inputs_ma[1:], found.inputs_ma[-1])
-        motion = Motion.HOLD if stem.stuck and not releasing else Motion.MOVE
+        motion = Motion.REST if stem.stuck and not releasing else Motion.MOVE
         decision = Decision(float(found.inputs_ma[0]), bounds, motion, found.passes, "", "", *failed)
         return replace(memory, inputs_ma=shifted, released=releasing), decision
 

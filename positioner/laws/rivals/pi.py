@@ -97,7 +97,7 @@ class PiLaw(Generic[C]):
         bounds = Bounds(-math.inf, math.inf, low_ma, high_ma)
         error_m = observation.setpoint_m - stem.position_m
         if abs(error_m) < self.deadband_m:
-            return memory, Decision(memory.current_ma, bounds, Motion.HOLD)
+            return memory, Decision(memory.current_ma, bounds, Motion.REST)
         pid, output_ma = self.controller.output(memory.pid, observation.setpoint_m, observation.elapsed_s)
         carried, added_ma = self.compensator.add(memory.compensator, output_ma, error_m, observation.elapsed_s)
         current_ma = min(max(output_ma + added_ma, low_ma), high_ma)

@@ -136,7 +136,7 @@ class TwoMoveLaw:
             memory = self._start(_corrected(self.retry, memory, setpoint_m - stem.position_m), stem.position_m)
         current_ma = min(max(self._current_ma(memory), self.current_low_ma), self.current_high_ma)
         bounds = Bounds(-math.inf, math.inf, self.current_low_ma, self.current_high_ma)
-        return memory, Decision(current_ma, bounds, Motion.HOLD if memory.stage is Stage.HOLD else Motion.MOVE)
+        return memory, Decision(current_ma, bounds, Motion.REST if memory.stage is Stage.HOLD else Motion.MOVE)
 
     def _start(self, memory: TwoMoveMemory, position_m: float) -> TwoMoveMemory:
         """Return the memory at the beginning of the moves to its setpoint."""

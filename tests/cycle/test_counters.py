@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from positioner.cycle.counters import COUNTED_REASONS, Counters
 from positioner.cycle.events import (
     FeedbackRefused,
     ForeignCommand,
@@ -13,7 +14,6 @@ from positioner.cycle.events import (
     SetpointRefused,
     kind_of,
 )
-from positioner.cycle.tally import COUNTED_REASONS, Tally
 from positioner.cycle.timing_events import LawLate
 from positioner.wire.formats import Reason
 from positioner.wire.messages import Cause, Counted, Mode, PositionerCount
@@ -25,7 +25,7 @@ def test_every_reason_to_refuse_a_frame_is_counted_by_its_name_but_other_nodes_t
         reason.name: reason.name for reason in COUNTED_REASONS
     }
     for reason, counted in COUNTED_REASONS.items():
-        assert Tally().add([FrameRefused(reason, "")] * 2).counts == {counted: 2}
+        assert Counters().add([FrameRefused(reason, "")] * 2).counts == {counted: 2}
 
 
 def test_every_trouble_counts_as_what_it_is() -> None:
@@ -39,7 +39,7 @@ def test_every_trouble_counts_as_what_it_is() -> None:
         LawLate(2_000_000, 0.001),
         LinesDropped(3),
     )
-    assert Tally().add(events).counts == {
+    assert Counters().add(events).counts == {
         Counted.LOST: 7,
         Counted.FEEDBACK_RANGE: 1,
         Counted.FEEDBACK_FROZEN: 1,
@@ -51,30 +51,30 @@ def test_every_trouble_counts_as_what_it_is() -> None:
 
 
 def test_what_is_no_trouble_leaves_the_very_same_tally() -> None:
-    tally = Tally().add([ForeignCommand(12.0)])
-    assert tally.add([]) is tally
-    assert tally.add([ModeChanged(Mode.INIT, Mode.READY, Cause.NONE), LawFellBack("no plan")]) is tally
+    counters = Counters().add([ForeignCommand(12.0)])
+    assert counters.add([]) is counters
+    assert counters.add([ModeChanged(Mode.INIT, Mode.READY, Cause.NONE), LawFellBack("no plan")]) is counters
 
 
 def test_counts_go_on_from_what_they_were() -> None:
-    before = Tally().add([ForeignCommand(12.0)])
+    before = Counters().add([ForeignCommand(12.0)])
     after = before.add([ForeignCommand(12.0), SetpointRefused(0.3, 0.0, 0.1)])
     assert after.counts == {Counted.FOREIGN_COMMAND: 2, Counted.SETPOINT_REFUSED: 1}
     assert before.counts == {Counted.FOREIGN_COMMAND: 1}
 
 
 def test_nothing_is_told_while_nothing_is_counted() -> None:
-    tally = Tally()
-    assert tally.next_told() == (tally, None)
+    counters = Counters()
+    assert counters.next_told() == (counters, None)
 
 
 def test_the_counts_are_told_in_turn_and_a_new_one_takes_its_place() -> None:
-    tally = Tally().add([ForeignCommand(12.0), FrameRefused(Reason.WRONG_CRC, ""), LawLate(1, 0.001)])
+    counters = Counters().add([ForeignCommand(12.0), FrameRefused(Reason.WRONG_CRC, ""), LawLate(1, 0.001)])
     told = []
     for turn in range(7):
         if turn == 4:
-            tally = tally.add([FrameRefused(Reason.REPEATED, ""), FrameRefused(Reason.WRONG_CRC, "")])
-        tally, message = tally.next_told()
+            counters = counters.add([FrameRefused(Reason.REPEATED, ""), FrameRefused(Reason.WRONG_CRC, "")])
+        counters, message = counters.next_told()
         told.append(message)
     assert told == [
         PositionerCount(Counted.WRONG_CRC, 1),
@@ -89,7 +89,7 @@ def test_the_counts_are_told_in_turn_and_a_new_one_takes_its_place() -> None:
 
 def test_a_count_wraps_where_its_signal_does() -> None:
     for count, told in ((2**32 - 1, 2**32 - 1), (2**32, 0), (2**32 + 5, 5)):
-        assert Tally({Counted.LOST: count}).next_told()[1] == PositionerCount(Counted.LOST, told)
+        assert Counters({Counted.LOST: count}).next_told()[1] == PositionerCount(Counted.LOST, told)
 
 
 def test_lines_of_the_log_are_told_apart_by_their_cause() -> None:

@@ -15,21 +15,21 @@ _NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Cadence:
+class FramePeriod:
     """When the last position frame came, the intervals of this window in ns, and the median of the last one in s."""
 
     last_ns: int | None = None
     intervals_ns: tuple[float, ...] = ()
     measured_s: float | None = None
 
-    def hear(self, arrived_ns: int, lost: int) -> Cadence:
-        """Return the cadence after a frame that arrived at `arrived_ns`, with `lost` frames missing before it."""
+    def add(self, arrived_ns: int, lost: int) -> FramePeriod:
+        """Return the frame_period after a frame that arrived at `arrived_ns`, with `lost` frames missing before it."""
         if self.last_ns is None:
-            return Cadence(arrived_ns)
+            return FramePeriod(arrived_ns)
         intervals_ns = (*self.intervals_ns, (arrived_ns - self.last_ns) / (lost + 1))
         if len(intervals_ns) < _WINDOW:
-            return Cadence(arrived_ns, intervals_ns, self.measured_s)
-        return Cadence(arrived_ns, (), median(intervals_ns) / _NS)
+            return FramePeriod(arrived_ns, intervals_ns, self.measured_s)
+        return FramePeriod(arrived_ns, (), median(intervals_ns) / _NS)
 
     def is_wrong(self, period_s: float) -> bool:
         """Return whether the frames come at another period than `period_s`, by more than a fifth."""

@@ -14,7 +14,7 @@ from virtual_shell import VirtualShell
 
 from positioner.bus.address import BusAddress
 from positioner.cli.main import main
-from positioner.cycle.cadence import Cadence
+from positioner.cycle.frame_period import FramePeriod
 from positioner.errors import ExitCode, UsageError
 from positioner.runtime.clock import LockstepClock
 from positioner.runtime.session import RunOptions
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 MS = 1_000_000
 
 
-def heard(intervals_ns: list[int], lost: int = 0) -> Cadence:
-    cadence, now_ns = Cadence().hear(10**12, 0), 10**12
+def heard(intervals_ns: list[int], lost: int = 0) -> FramePeriod:
+    frame_period, now_ns = FramePeriod().add(10**12, 0), 10**12
     for interval_ns in intervals_ns:
         now_ns += interval_ns
-        cadence = cadence.hear(now_ns, lost)
-    return cadence
+        frame_period = frame_period.add(now_ns, lost)
+    return frame_period
 
 
 @given(st.lists(st.integers(0, 50 * MS), min_size=50, max_size=50))

@@ -48,28 +48,28 @@ _MODULUS = 1 << 32
 
 
 @dataclass(frozen=True, slots=True)
-class Tally:
+class Counters:
     """How often each cause was counted since the start, and which count was told last."""
 
     counts: Mapping[Counted, int] = field(default_factory=dict)
     told: Counted | None = None
 
-    def add(self, events: Iterable[Event]) -> Tally:
-        """Return the tally with what `events` count; the same one if they count nothing."""
+    def add(self, events: Iterable[Event]) -> Counters:
+        """Return the counters with what `events` count; the same one if they count nothing."""
         counts = dict(self.counts)
         for event in events:
             for what, number in _counted(event):
                 counts[what] = counts.get(what, 0) + number
-        return Tally(counts, self.told) if counts != self.counts else self
+        return Counters(counts, self.told) if counts != self.counts else self
 
-    def next_told(self) -> tuple[Tally, PositionerCount | None]:
-        """Return the message of the next count, in turn, and the tally that knows; None while all is zero."""
+    def next_told(self) -> tuple[Counters, PositionerCount | None]:
+        """Return the message of the next count, in turn, and the counters that know; None while all is zero."""
         if not self.counts:
             return self, None
         kinds = sorted(self.counts)
         after = [kind for kind in kinds if self.told is not None and kind > self.told]
         kind = after[0] if after else kinds[0]
-        return Tally(self.counts, kind), PositionerCount(kind, self.counts[kind] % _MODULUS)
+        return Counters(self.counts, kind), PositionerCount(kind, self.counts[kind] % _MODULUS)
 
 
 def _counted(event: Event) -> tuple[tuple[Counted, int], ...]:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from positioner.cycle.acting import NOTHING_KNOWN, Acting, Sent, heed
+from positioner.cycle.command_effect import EFFECT_UNKNOWN, CommandEffect, SentCommand, track_effect
 from positioner.cycle.link import Reading
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import Cause, CurrentCommand
@@ -22,13 +22,13 @@ FORM = CODEC.by_kind[CurrentCommand]
 PERIOD_S = 0.001
 
 
-def played(echoes: Iterator[tuple[int, bool]], readings: int) -> list[Acting]:
+def played(echoes: Iterator[tuple[int, bool]], readings: int) -> list[CommandEffect]:
     """What is known after each reading; the k-th one follows command k - 1, names that many, and says if it obeys."""
-    acting, found = NOTHING_KNOWN, []
+    acting, found = EFFECT_UNKNOWN, []
     for number in range(readings):
-        sent = tuple(Sent(k % 256, 10.0 + 0.001 * k) for k in range(max(0, number - 255), number))
+        sent = tuple(SentCommand(k % 256, 10.0 + 0.001 * k) for k in range(max(0, number - 255), number))
         echo, obeys = next(echoes)
-        acting = heed(acting, sent, Reading(0.08, number % 256, echo % 256, 1, obeys), FORM, PERIOD_S)
+        acting = track_effect(acting, sent, Reading(0.08, number % 256, echo % 256, 1, obeys), FORM, PERIOD_S)
         found.append(acting)
     return found
 
@@ -75,7 +75,7 @@ def test_what_was_never_sent_and_an_older_command_are_no_sign_of_obedience() -> 
 
 
 def test_a_node_without_an_echo_is_believed_to_obey() -> None:
-    acting = NOTHING_KNOWN
+    acting = EFFECT_UNKNOWN
     for number in range(1000):
-        acting = heed(acting, (Sent(number % 256, 10.0),), Reading(0.08, None, None, 1), FORM, PERIOD_S)
+        acting = track_effect(acting, (SentCommand(number % 256, 10.0),), Reading(0.08, None, None, 1), FORM, PERIOD_S)
     assert (acting.fault, acting.teaches, acting.current_ma) == (None, True, 10.0)

@@ -29,7 +29,7 @@ _DOUBT_S = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Sent:
+class SentCommand:
     """A command that left: its frame's counter (modulo 256) and its current."""
 
     counter: int
@@ -37,7 +37,7 @@ class Sent:
 
 
 @dataclass(frozen=True, slots=True)
-class Acting:
+class CommandEffect:
     """What is known of it.
 
     heard: the counter that was named last. echo, echo_ma: counter and current of the newest command that was named.
@@ -70,10 +70,12 @@ class Acting:
         return self.doubt_s <= 0.0
 
 
-NOTHING_KNOWN = Acting()
+EFFECT_UNKNOWN = CommandEffect()
 
 
-def heed(before: Acting, sent: Sequence[Sent], reading: Reading, form: FrameFormat, elapsed_s: float) -> Acting:
+def track_effect(
+    before: CommandEffect, sent: Sequence[SentCommand], reading: Reading, form: FrameFormat, elapsed_s: float
+) -> CommandEffect:
     """Return what is known after a reading, `elapsed_s` after the last; `sent` are the newest commands, of that form.
 
     Before the first of them nothing can act, and nothing is said.
@@ -87,10 +89,10 @@ def heed(before: Acting, sent: Sequence[Sent], reading: Reading, form: FrameForm
     cycles, idle_s = (before.idle_cycles + 1, before.idle_s + elapsed_s) if idle else (0, 0.0)
     doubt_s = _DOUBT_S if failed or cycles >= _FEW_CYCLES else max(before.doubt_s - elapsed_s, 0.0)
     echo, echo_ma = (named, current_ma) if newer else (before.echo, before.echo_ma)
-    return Acting(named, echo, echo_ma, current_ma, cycles, idle_s, failed, doubt_s)
+    return CommandEffect(named, echo, echo_ma, current_ma, cycles, idle_s, failed, doubt_s)
 
 
-def _named(before: Acting, sent: Sequence[Sent], echo: int, form: FrameFormat) -> tuple[bool, float]:
+def _named(before: CommandEffect, sent: Sequence[SentCommand], echo: int, form: FrameFormat) -> tuple[bool, float]:
     """Return whether `echo` names a newer command than any before, and the current of the command that it names.
 
     What was never sent tells nothing: the last command is then the best guess. An echo that stays the same means the

@@ -1,7 +1,7 @@
-"""I/P converter and diaphragm: loop current in, pressure out; eq. 10, delayed by a dead time and a first-order lag.
+"""I/P converter and diaphragm: loop current in, force on the stem out; eq. 10 with a dead time and a first-order lag.
 
-Pure. The dead time is a queue of command edges with the instants at which they take effect, so that it is exact
-whatever the steps are.
+Pure. The dead time is a queue of commands with the instants at which they take effect, so it is exact for any length
+of the steps.
 """
 
 from __future__ import annotations
@@ -12,33 +12,65 @@ from typing import TYPE_CHECKING
 from plant_emulator.oscillator import PushingForce
 
 if TYPE_CHECKING:
-    from plant_emulator.parameters import ActuatorSettings
+    from plant_emulator.parameters import PlantSettings
 
 
 _ROUNDING_S = 1e-12
-"""An edge this close to the end of a step belongs to the next one, however the instants were rounded."""
+"""An edge this close to the end of a step belongs to the next step, however the instants were rounded."""
 
 
 @dataclass(frozen=True, slots=True)
-class AirLine:
-    """Current that acts now, and the commands on their way: (instant in s, current in mA), oldest first."""
+class DelayLine:
+    """The current that acts now, and the delayed commands: (instant in s, current in mA), oldest first."""
 
     current_ma: float
     pending: tuple[tuple[float, float], ...] = ()
 
     @property
     def newest_ma(self) -> float:
-        """The current that was commanded last, arrived or not."""
+        """The current of the newest command, whether it acts already or not."""
         return self.pending[-1][1] if self.pending else self.current_ma
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Actuator:
+    """The pressure on the diaphragm, and the commands on their way to it."""
+
+    pressure_pa: float
+    line: DelayLine
+
+
+def initial_actuator(settings: PlantSettings, pressure_pa: float) -> Actuator:
+    """Return an actuator that holds `pressure_pa`."""
+    return Actuator(pressure_pa=pressure_pa, line=DelayLine(pressure_pa / settings.valve.pressure_gain_pa_per_ma))
+
+
+def held_actuator(settings: PlantSettings, current_ma: float) -> Actuator:
+    """Return an actuator that has settled under `current_ma`."""
+    return Actuator(pressure_pa=settings.valve.pressure_gain_pa_per_ma * current_ma, line=DelayLine(current_ma))
+
+
+def driven(
+    settings: PlantSettings, actuator: Actuator, current_ma: float, start_s: float, duration_s: float
+) -> tuple[Actuator, tuple[tuple[PushingForce, float], ...]]:
+    """Return the actuator after `current_ma` was commanded for `duration_s`, and its forces: (force, seconds) each."""
+    valve, pressure_pa = settings.valve, actuator.pressure_pa
+    line, stretches = commanded(actuator.line, settings.actuator.dead_time_s, current_ma, start_s, duration_s)
+    forces = []
+    for acting_ma, stretch_s in stretches:
+        force = _force(settings, pressure_pa, valve.pressure_gain_pa_per_ma * acting_ma)
+        pressure_pa = force.at(stretch_s) / valve.diaphragm_area_m2
+        forces.append((force, stretch_s))
+    return Actuator(pressure_pa=pressure_pa, line=line), tuple(forces)
+
+
 def commanded(
-    line: AirLine, dead_time_s: float, current_ma: float, start_s: float, duration_s: float
-) -> tuple[AirLine, tuple[tuple[float, float], ...]]:
+    line: DelayLine, dead_time_s: float, current_ma: float, start_s: float, duration_s: float
+) -> tuple[DelayLine, tuple[tuple[float, float], ...]]:
     """Return the line after `current_ma` was held for `duration_s`, and what acted meanwhile: (current, seconds)."""
     if dead_time_s == 0.0 or (not line.pending and line.current_ma == current_ma):
         acted = ((current_ma, duration_s),)
-        return (line if line.current_ma == current_ma else AirLine(current_ma)), acted
+        return (line if line.current_ma == current_ma else DelayLine(current_ma)), acted
     pending = line.pending
     if current_ma != line.newest_ma:
         pending = (*pending, (start_s + dead_time_s, current_ma))
@@ -52,11 +84,12 @@ def commanded(
         now_s, acting_ma = max(instant_s, now_s), next_ma
         arrived += 1
     stretches.append((acting_ma, end_s - now_s))
-    return AirLine(acting_ma, pending[arrived:]), tuple(stretches)
+    return DelayLine(acting_ma, pending[arrived:]), tuple(stretches)
 
 
-def pushing_force(actuator: ActuatorSettings, area_m2: float, pressure_pa: float, target_pa: float) -> PushingForce:
+def _force(settings: PlantSettings, pressure_pa: float, target_pa: float) -> PushingForce:
     """Return the force on the diaphragm while the pressure settles from `pressure_pa` to `target_pa`."""
+    actuator, area_m2 = settings.actuator, settings.valve.diaphragm_area_m2
     filling = target_pa > pressure_pa
     time_constant_s = actuator.fill_time_constant_s if filling else actuator.vent_time_constant_s
     if time_constant_s == 0.0 or target_pa == pressure_pa:

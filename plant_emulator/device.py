@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from plant_emulator import sensor, valve
+from plant_emulator import valve
 from plant_emulator.parameters import FailPosition, PlantSettings
 from positioner.wire.e2e import CounterCheck, Sequence
 from positioner.wire.formats import FrameRejectedError
@@ -27,7 +27,6 @@ from positioner.wire.messages import (
 )
 
 if TYPE_CHECKING:
-    from plant_emulator.sensor import SensorState
     from plant_emulator.valve import PlantState
     from positioner.wire.codec import Codec
 
@@ -39,7 +38,7 @@ _PRESSURE_LIMIT_PA = 16e6
 _TRUTH_RANGE_M = (-0.01, 0.661)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceState:
     """The node's state.
 
@@ -52,7 +51,6 @@ class DeviceState:
     """
 
     plant: PlantState
-    sensor: SensorState
     current_ma: float | None = None
     commanded_s: float = 0.0
     command_counter: int = 0
@@ -72,7 +70,7 @@ class DeviceState:
 
 def initial_device(settings: PlantSettings, seed: int) -> DeviceState:
     """Return a node that has sent and received nothing, its valve at rest."""
-    return DeviceState(valve.initial_state(settings, seed), sensor.initial_state(seed))
+    return DeviceState(plant=valve.initial_state(settings, seed))
 
 
 def take(codec: Codec, state: DeviceState, frames: tuple[CanFrame, ...]) -> DeviceState:
@@ -112,9 +110,9 @@ def _take_command(state: DeviceState, message: CurrentCommand, counter: int | No
 def advance(settings: PlantSettings, state: DeviceState, duration_s: float) -> DeviceState:
     """Return the state `duration_s` later, under the command in force or, when that is too old, failed safe."""
     plant = state.plant
-    held_ma = (
-        plant.pressure_pa / settings.valve.pressure_gain_pa_per_ma if state.current_ma is None else state.current_ma
-    )
+    held_ma = state.current_ma
+    if held_ma is None:
+        held_ma = plant.actuator.pressure_pa / settings.valve.pressure_gain_pa_per_ma
     if state.current_ma is None and not state.signal_failed:
         return replace(state, plant=valve.step(settings, plant, held_ma, duration_s))
     alive_s = max(0.0, min(duration_s, state.commanded_s + settings.deadman_s - plant.time_s))
@@ -153,16 +151,15 @@ def failure(settings: PlantSettings, state: DeviceState) -> str:
 
 def publish(codec: Codec, settings: PlantSettings, state: DeviceState) -> tuple[DeviceState, tuple[CanFrame, ...]]:
     """Return the state and the frames of this sample: the truth for benches, then the reading for the positioner."""
-    plant = state.plant
-    sensed, measured_m = sensor.measure(settings, state.sensor, plant.position_m, plant.time_s)
-    speed = min(max(plant.velocity_m_per_s, -_SPEED_LIMIT_M_PER_S), _SPEED_LIMIT_M_PER_S)
-    true_m = min(max(plant.position_m, _TRUTH_RANGE_M[0]), _TRUTH_RANGE_M[1])
+    plant, measured_m = valve.measure(settings, state.plant)
+    speed = min(max(plant.stem.velocity_m_per_s, -_SPEED_LIMIT_M_PER_S), _SPEED_LIMIT_M_PER_S)
+    true_m = min(max(plant.stem.position_m, _TRUTH_RANGE_M[0]), _TRUTH_RANGE_M[1])
     quality = Quality.VALID if state.obeys else Quality.FAIL_POSITION
     frames: tuple[CanFrame, ...] = (
         codec.encode(PlantTruth(true_m, speed), state.position_counter),
         codec.encode(StemPosition(measured_m, state.command_counter, quality), state.position_counter),
     )
     if settings.sensor.reports_pressure:
-        pressure_pa = min(max(plant.pressure_pa, 0.0), _PRESSURE_LIMIT_PA)
+        pressure_pa = min(max(plant.actuator.pressure_pa, 0.0), _PRESSURE_LIMIT_PA)
         frames = (codec.encode(ActuatorState(pressure_pa), state.position_counter), *frames)
-    return replace(state, sensor=sensed, position_counter=state.position_counter + 1), frames
+    return replace(state, plant=plant, position_counter=state.position_counter + 1), frames

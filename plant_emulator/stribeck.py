@@ -10,8 +10,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from plant_emulator.leg import Ending, Leg
 from plant_emulator.roots import crossing
+from plant_emulator.segment import Ending, Segment
 
 if TYPE_CHECKING:
     from plant_emulator.oscillator import PushingForce
@@ -45,8 +45,8 @@ class StribeckSlide:
     """F_s - F_c."""
     stribeck_velocity_m_per_s: float
 
-    def run(self, x: float, v: float, horizon_s: float, low: float, high: float, border_m: float) -> Leg:
-        """Return the leg from `x` and `v`, until the speed falls to `low` or the stem comes to `border_m`.
+    def run(self, x: float, v: float, horizon_s: float, low: float, high: float, border_m: float) -> Segment:
+        """Return the segment from `x` and `v`, until the speed falls to `low` or the stem comes to `border_m`.
 
         A speed beyond `high` ends it too, as open: there the curve is flat and the closed form takes over.
         """
@@ -70,13 +70,13 @@ class StribeckSlide:
                 return event
             t, point = t + h, trial
             if last:
-                return Leg(horizon_s, trial.x, trial.v, Ending.OPEN)
+                return Segment(horizon_s, trial.x, trial.v, Ending.OPEN)
             if self.sign * trial.v >= high:
-                return Leg(t, trial.x, trial.v, Ending.OPEN)
+                return Segment(t, trial.x, trial.v, Ending.OPEN)
             h *= min(5.0, 0.9 * (trial.error + 1e-5) ** -0.2)
 
-    def _event(self, t: float, start: _Point, h: float, end: _Point, low: float, border_m: float) -> Leg | None:
-        """Return the leg up to the first event inside the step from `start` to `end`, or None."""
+    def _event(self, t: float, start: _Point, h: float, end: _Point, low: float, border_m: float) -> Segment | None:
+        """Return the segment up to the first event inside the step from `start` to `end`, or None."""
         sign, until = self.sign, h
         lowest_h, lowest = h, end
         if sign * start.a < 0.0 < sign * end.a:
@@ -88,8 +88,8 @@ class StribeckSlide:
             end = self._step(t, start, until)
         if sign * (end.x - border_m) >= 0.0:
             until = crossing(lambda part: self._step(t, start, part).x - border_m, 0.0, until)
-            return Leg(t + until, border_m, self._step(t, start, until).v, Ending.BORDER)
-        return Leg(t + until, end.x, sign * low, Ending.SPEED) if slow else None
+            return Segment(t + until, border_m, self._step(t, start, until).v, Ending.BORDER)
+        return Segment(t + until, end.x, sign * low, Ending.SPEED) if slow else None
 
     def _acceleration(self, t: float, x: float, v: float) -> float:
         ratio = v / self.stribeck_velocity_m_per_s

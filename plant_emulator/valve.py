@@ -1,7 +1,7 @@
 """One emulated valve: settings, state, current and duration in, next state out. Pure.
 
-The result does not depend on how a duration is cut into steps: between two events the motion is exact, and every event
-is located. Plant time is the state's own.
+The result does not depend on how a duration is divided into steps: between two events the motion is exact, and every
+event is located. Plant time is part of the state.
 """
 
 from __future__ import annotations
@@ -9,102 +9,64 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from plant_emulator.actuator import AirLine, commanded, pushing_force
+from plant_emulator import sensor
+from plant_emulator.actuator import Actuator, driven, held_actuator, initial_actuator
+from plant_emulator.constants import constants_of
 from plant_emulator.friction import Packing, initial_packing
-from plant_emulator.mechanics import mechanics
+from plant_emulator.moving_stem import MovingStem
 from plant_emulator.stem import Stem
+from plant_emulator.stem import friction_n as friction_on_stem_n
 
 if TYPE_CHECKING:
     from plant_emulator.parameters import PlantSettings
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PlantState:
-    """A valve at one instant; the counters run from the start of the plant."""
+    """A valve at one instant, part by part."""
 
     time_s: float
-    position_m: float
-    velocity_m_per_s: float
-    pressure_pa: float
-    friction_n: float
-    """Friction on the stem, positive against opening motion; at rest what it holds, at most F_s."""
-    direction: int
-    """+1 opening, -1 closing, 0 at rest."""
-    last_direction: int
-    line: AirLine
+    stem: Stem
     packing: Packing
-    slips: int = 0
-    stops: int = 0
-    reversals: int = 0
-    travel_m: float = 0.0
-
-    @property
-    def stuck(self) -> bool:
-        """True at rest: held by static friction, against a travel stop, or in balance without friction."""
-        return self.direction == 0
+    actuator: Actuator
+    sensor: sensor.Sensor
 
 
 def initial_state(settings: PlantSettings, seed: int) -> PlantState:
     """Return a valve at rest at its initial position, with the pressure that balances its spring there."""
     valve = settings.valve
     push_n = valve.bench_set_n + valve.spring_rate_n_per_m * valve.initial_position_m
-    pressure_pa = push_n / valve.diaphragm_area_m2
     return PlantState(
         time_s=0.0,
-        position_m=valve.initial_position_m,
-        velocity_m_per_s=0.0,
-        pressure_pa=pressure_pa,
-        friction_n=0.0,
-        direction=0,
-        last_direction=0,
-        line=AirLine(pressure_pa / valve.pressure_gain_pa_per_ma),
+        stem=Stem(position_m=valve.initial_position_m),
         packing=initial_packing(settings, seed),
+        actuator=initial_actuator(settings, push_n / valve.diaphragm_area_m2),
+        sensor=sensor.Sensor(seed=seed),
     )
 
 
 def held_state(settings: PlantSettings, seed: int, current_ma: float) -> PlantState:
     """Return a valve that is held at its initial position, with the pressure that belongs to `current_ma`."""
-    state = initial_state(settings, seed)
-    pressure_pa = settings.valve.pressure_gain_pa_per_ma * current_ma
-    stem = Stem(mechanics(settings), state.position_m, 0.0, 0, 0, state.packing, 0, 0, 0, 0.0)
-    friction_n = stem.friction_n(pressure_pa * settings.valve.diaphragm_area_m2)
-    return replace(state, pressure_pa=pressure_pa, friction_n=friction_n, line=AirLine(current_ma))
+    return replace(initial_state(settings, seed), actuator=held_actuator(settings, current_ma))
 
 
 def step(settings: PlantSettings, state: PlantState, current_ma: float, duration_s: float) -> PlantState:
     """Return the valve `duration_s` later, its loop current held at `current_ma` meanwhile."""
-    constants = mechanics(settings)
-    valve, actuator = settings.valve, settings.actuator
-    line, stretches = commanded(state.line, actuator.dead_time_s, current_ma, state.time_s, duration_s)
-    stem = Stem(
-        constants,
-        state.position_m,
-        state.velocity_m_per_s,
-        state.direction,
-        state.last_direction,
-        state.packing,
-        state.slips,
-        state.stops,
-        state.reversals,
-        state.travel_m,
-    )
-    pressure_pa = state.pressure_pa
-    for acting_ma, stretch_s in stretches:
-        force = pushing_force(actuator, valve.diaphragm_area_m2, pressure_pa, valve.pressure_gain_pa_per_ma * acting_ma)
-        stem.advance(force, stretch_s)
-        pressure_pa = force.at(stretch_s) / valve.diaphragm_area_m2
-    return PlantState(
-        state.time_s + duration_s,
-        stem.position_m,
-        stem.velocity_m_per_s,
-        pressure_pa,
-        stem.friction_n(pressure_pa * valve.diaphragm_area_m2),
-        stem.direction,
-        stem.last_direction,
-        line,
-        stem.packing,
-        stem.slips,
-        stem.stops,
-        stem.reversals,
-        stem.travel_m,
-    )
+    actuator, forces = driven(settings, state.actuator, current_ma, state.time_s, duration_s)
+    moving = MovingStem(constants_of(settings), state.stem, state.packing)
+    for force, stretch_s in forces:
+        moving.advance(force, stretch_s)
+    time_s = state.time_s + duration_s
+    return replace(state, time_s=time_s, stem=moving.stem, packing=moving.packing, actuator=actuator)
+
+
+def measure(settings: PlantSettings, state: PlantState) -> tuple[PlantState, float]:
+    """Return the valve after its sensor took a sample, and the measured position in m."""
+    measured, position_m = sensor.measure(settings, state.sensor, state.stem.position_m, state.time_s)
+    return replace(state, sensor=measured), position_m
+
+
+def friction_n(settings: PlantSettings, state: PlantState) -> float:
+    """Return the friction on the stem in N, positive against opening motion; at rest what it holds, at most F_s."""
+    push_n = state.actuator.pressure_pa * settings.valve.diaphragm_area_m2
+    return friction_on_stem_n(constants_of(settings), state.stem, state.packing, push_n)

@@ -62,7 +62,7 @@ class Loop:
     @property
     def position_m(self) -> float:
         """Where the stem truly is."""
-        return self.device.plant.position_m
+        return self.device.plant.stem.position_m
 
     def run(self, duration_s: float, setpoint_m: float, request: HostRequest | None = None) -> list[Event]:
         """Play `duration_s` towards a setpoint that comes every 10 ms, and return what happened."""

@@ -84,22 +84,22 @@ def _rows(settings: PlantSettings, waveform: Waveform, options: argparse.Namespa
     duration_s = options.duration or waveform.duration_s
     begin_ma = waveform.current_ma(0.0)
     state = valve.held_state(settings, options.seed, begin_ma)
-    yield _row(state, begin_ma)
+    yield _row(settings, state, begin_ma)
     steps = math.ceil(duration_s / options.period - 1e-9)
     for index in tqdm(range(steps), unit="step", delay=_PROGRESS_AFTER_S, leave=False, disable=None):
         current_ma = waveform.current_ma(index * options.period)
         state = valve.step(settings, state, current_ma, options.period)
-        yield _row(state, current_ma)
+        yield _row(settings, state, current_ma)
 
 
-def _row(state: valve.PlantState, current_ma: float) -> tuple[float, ...]:
+def _row(settings: PlantSettings, state: valve.PlantState, current_ma: float) -> tuple[float, ...]:
     return (
         round(state.time_s, 9),
         current_ma,
-        state.pressure_pa,
-        state.position_m,
-        state.velocity_m_per_s,
-        state.friction_n,
+        state.actuator.pressure_pa,
+        state.stem.position_m,
+        state.stem.velocity_m_per_s,
+        valve.friction_n(settings, state),
     )
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plant_emulator import sensor, valve
+from plant_emulator import valve
 from positioner.bench.inprocess import configure
 from positioner.bench.metrics import Trace, dwell_metrics
 from positioner.bench.playable import check_playable
@@ -50,12 +50,11 @@ def play_directly(scenario: Scenario) -> Iterator[DwellMetrics]:
     )
     table = StictionTable()
     plant = valve.initial_state(plant_is, scenario.seed)
-    eye = sensor.initial_state(scenario.seed)
     memory, applied_ma, control_s = None, 0.0, 0.0
     for dwell, setpoint_mm in enumerate(scenario.visited_mm):
         setpoint_m = as_setpoint(setpoint_mm * 1e-3)
         for sample in range(dwell * scenario.samples_per_dwell, (dwell + 1) * scenario.samples_per_dwell):
-            eye, seen_m = sensor.measure(plant_is, eye, plant.position_m, plant.time_s)
+            plant, seen_m = valve.measure(plant_is, plant)
             measured_m = as_reading(seen_m)
             if memory is None:
                 memory, applied_ma = law.begin(measured_m), configuration.valve.balance_current_ma(measured_m)
@@ -64,7 +63,7 @@ def play_directly(scenario: Scenario) -> Iterator[DwellMetrics]:
             memory, decision = law.decide(memory, stem, observation, table)
             applied_ma = min(max(decision.current_ma, low_ma), high_ma)
             control_s += period_s
-            trace.position_m[sample] = as_truth(plant.position_m)
+            trace.position_m[sample] = as_truth(plant.stem.position_m)
             trace.current_ma[sample] = as_command(applied_ma)
             plant = valve.step(plant_is, plant, as_command(applied_ma), period_s)
         yield dwell_metrics(trace, scenario.dwell_edges_s[dwell : dwell + 2], configuration.valve.span_m)[0]

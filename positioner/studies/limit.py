@@ -56,16 +56,16 @@ def _played(
     settings: PlantSettings, state: PlantState, push_ma: float, brake_ma: float, switch_s: float, sign: float
 ) -> list[tuple[float, float]]:
     """Return time and position along a move that pushes until `switch_s` and brakes until the stem turns or rests."""
-    path = [(0.0, state.position_m)]
+    path = [(0.0, state.stem.position_m)]
     time_s = 0.0
     while time_s < _LONGEST_S:
         pushing = time_s < switch_s - 1e-12
         step_s = min(_STEP_S, switch_s - time_s) if pushing else _STEP_S
         after = valve.step(settings, state, push_ma if pushing else brake_ma, step_s)
-        turned = sign * after.velocity_m_per_s <= 0.0 and sign * (after.position_m - path[0][1]) > 0.0
-        if not pushing and (turned or after.position_m == state.position_m):
+        turned = sign * after.stem.velocity_m_per_s <= 0.0 and sign * (after.stem.position_m - path[0][1]) > 0.0
+        if not pushing and (turned or after.stem.position_m == state.stem.position_m):
             # the stem came to rest, or turned, within this step: its far end is where it would have been caught
-            return [*path, (time_s + step_s, max(after.position_m, state.position_m, key=lambda x: sign * x))]
+            return [*path, (time_s + step_s, max(after.stem.position_m, state.stem.position_m, key=lambda x: sign * x))]
         time_s, state = time_s + step_s, after
-        path.append((time_s, after.position_m))
+        path.append((time_s, after.stem.position_m))
     return path

@@ -253,7 +253,7 @@ class Loop:
 
     @property
     def true_m(self) -> float:
-        return self.device.plant.position_m
+        return self.device.plant.stem.position_m
 
 
 @pytest.mark.parametrize("law", ["nmpc", "paper", "pi"])

@@ -68,7 +68,7 @@ class Loop:
 
     @property
     def true_m(self) -> float:
-        return self.device.plant.position_m
+        return self.device.plant.stem.position_m
 
     def cycle(self, setpoint_m: float, fault: Fault) -> None:
         """One period: the host's setpoint when it is due, the reading, the cycle, the valve."""

@@ -102,7 +102,7 @@ class Bench:
 
     @property
     def true_m(self) -> float:
-        return self.device.plant.position_m
+        return self.device.plant.stem.position_m
 
     def told(self, word: str) -> list[str]:
         return [line for line in self.session.lines if word in line]

@@ -181,9 +181,9 @@ def follow(noise: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray,
     truth, guess = [], []
     for current_ma in currents_ma:
         state = plant.step(settings_of_plant, state, current_ma, PERIOD_S)
-        reading = state.position_m * (1.0 + noise * float(random.standard_normal()))
+        reading = state.stem.position_m * (1.0 + noise * float(random.standard_normal()))
         stem = estimate(tuning, VALVE, stem, reading, current_ma, PERIOD_S)
-        truth.append((state.position_m, state.velocity_m_per_s, state.stuck))
+        truth.append((state.stem.position_m, state.stem.velocity_m_per_s, state.stem.is_at_rest))
         guess.append((stem.position_m, stem.velocity_m_per_s, stem.stuck))
     (x, v, stuck), (found_x, found_v, found_stuck) = np.array(truth).T, np.array(guess).T
     return found_x - x, found_v - v, stuck, found_stuck

@@ -269,12 +269,12 @@ def test_on_the_valve_it_knows_two_moves_hit_within_a_tenth_of_a_millimetre() ->
     landed_m = []
     for setpoint_m in (0.073, 0.0735, 0.0835):
         for _ in range(400):
-            observation = Observation(plant.position_m, 12.0, PERIOD_S, setpoint_m, plant.time_s)
+            observation = Observation(plant.stem.position_m, 12.0, PERIOD_S, setpoint_m, plant.time_s)
             memory, stem = law.estimate(memory, observation)
             memory, decision = law.decide(memory, stem, observation, TABLE)
             plant = step(settings, plant, decision.current_ma, PERIOD_S)
-        assert plant.stuck
-        landed_m.append(plant.position_m - setpoint_m)
+        assert plant.stem.is_at_rest
+        landed_m.append(plant.stem.position_m - setpoint_m)
     assert max(map(abs, landed_m)) < 1e-4
 
 

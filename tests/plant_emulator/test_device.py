@@ -13,6 +13,7 @@ from plant_emulator.daemon import EmulatorDaemon, RunOptions
 from plant_emulator.device import DeviceState, advance, failure, initial_device, publish, take
 from plant_emulator.parameters import FailPosition, PlantSettings
 from plant_emulator.presets import plant_settings
+from plant_emulator.stem import Stem
 from positioner.bus.address import BusAddress
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import (
@@ -144,7 +145,7 @@ def test_values_beyond_the_truths_signals_saturate_instead_of_failing() -> None:
     state = initial_device(PAPER, 1)
     noiseless = plant_settings(overrides={"sensor": {"noise_of_reading": 0.0}})
     for position_m, velocity_m_per_s, shown in ((1.0, 9.0, (0.661, 8.19)), (-1.0, -9.0, (-0.01, -8.19))):
-        plant = replace(state.plant, position_m=position_m, velocity_m_per_s=velocity_m_per_s)
+        plant = replace(state.plant, stem=Stem(position_m=position_m, velocity_m_per_s=velocity_m_per_s))
         _, frames = publish(CODEC, noiseless, replace(state, plant=plant))
         (truth, _), (reading, _) = decoded(frames)
         assert isinstance(truth, PlantTruth)
@@ -156,9 +157,9 @@ def test_values_beyond_the_truths_signals_saturate_instead_of_failing() -> None:
 def test_before_the_first_command_the_actuator_holds_its_pressure_for_as_long_as_it_takes() -> None:
     start = initial_device(PAPER, 1)
     state = advance(PAPER, start, 10.0)
-    assert (state.plant.position_m, state.plant.time_s) == (start.plant.position_m, 10.0)
-    assert state.plant.pressure_pa == pytest.approx(start.plant.pressure_pa, rel=1e-12)
-    assert start.plant.pressure_pa / PAPER.valve.pressure_gain_pa_per_ma == pytest.approx(BALANCE_MA)
+    assert (state.plant.stem.position_m, state.plant.time_s) == (start.plant.stem.position_m, 10.0)
+    assert state.plant.actuator.pressure_pa == pytest.approx(start.plant.actuator.pressure_pa, rel=1e-12)
+    assert start.plant.actuator.pressure_pa / PAPER.valve.pressure_gain_pa_per_ma == pytest.approx(BALANCE_MA)
     assert not state.failed
 
 
@@ -169,18 +170,18 @@ def test_a_command_acts_until_the_deadman_and_not_an_instant_longer() -> None:
         assert state.plant == valve.step(PAPER, initial_device(PAPER, 1).plant, 12.0, duration_s)
     state = alone_for(PAPER, 0.1 + 1e-6)
     assert state.failed
-    assert state.plant.pressure_pa == 0.0
+    assert state.plant.actuator.pressure_pa == 0.0
 
 
 def test_the_deadman_falls_inside_a_period_where_it_is_due() -> None:
     once = alone_for(PAPER, 0.25)
     held = valve.step(PAPER, initial_device(PAPER, 1).plant, 12.0, 0.1)
-    assert once.plant.position_m == pytest.approx(valve.step(PAPER, held, 0.0, 0.15).position_m, abs=1e-12)
+    assert once.plant.stem.position_m == pytest.approx(valve.step(PAPER, held, 0.0, 0.15).stem.position_m, abs=1e-12)
     assert once.plant.time_s == pytest.approx(0.25)
     in_pieces = alone_for(PAPER, 0.03)
     for _ in range(22):
         in_pieces = advance(PAPER, in_pieces, 0.01)
-    assert in_pieces.plant.position_m == pytest.approx(once.plant.position_m, abs=1e-9)
+    assert in_pieces.plant.stem.position_m == pytest.approx(once.plant.stem.position_m, abs=1e-9)
 
 
 def test_a_picosecond_after_the_deadman_is_not_yet_after_it() -> None:
@@ -200,7 +201,7 @@ def test_the_next_command_ends_the_failure() -> None:
     failed = alone_for(PAPER, 0.5)
     alive = advance(PAPER, taken(command(12.0, 1), state=failed), PERIOD_S)
     assert (failed.failed, alive.failed) == (True, False)
-    assert alive.plant.pressure_pa == pytest.approx(12.0 * PAPER.valve.pressure_gain_pa_per_ma)
+    assert alive.plant.actuator.pressure_pa == pytest.approx(12.0 * PAPER.valve.pressure_gain_pa_per_ma)
 
 
 @pytest.mark.parametrize(
@@ -216,10 +217,10 @@ def test_the_valve_goes_to_its_fail_position(position: FailPosition, current_ma:
     settings = replace(PAPER, fail_position=position, fail_current_ma=7.5)
     state = alone_for(settings, 5.0)
     assert state.failed
-    assert state.plant.pressure_pa == pytest.approx(current_ma * PAPER.valve.pressure_gain_pa_per_ma, abs=1e-6)
+    assert state.plant.actuator.pressure_pa == pytest.approx(current_ma * PAPER.valve.pressure_gain_pa_per_ma, abs=1e-6)
     if position is FailPosition.CLOSE:  # the spring closes it until Coulomb friction is as strong
         stopped_m = PAPER.valve.coulomb_friction_n / PAPER.valve.spring_rate_n_per_m
-        assert state.plant.position_m == pytest.approx(stopped_m, abs=1e-4)
+        assert state.plant.stem.position_m == pytest.approx(stopped_m, abs=1e-4)
 
 
 def test_the_deadman_has_the_length_that_the_plant_file_gives() -> None:
@@ -273,7 +274,7 @@ def test_a_failure_signal_takes_the_valve_to_its_fail_position_at_once(current_m
 def test_what_is_no_failure_signal_is_obeyed(current_ma: float) -> None:
     state = advance(PAPER, taken(command(current_ma, 0)), PERIOD_S)
     assert not state.failed
-    assert state.plant.pressure_pa == pytest.approx(current_ma * PAPER.valve.pressure_gain_pa_per_ma)
+    assert state.plant.actuator.pressure_pa == pytest.approx(current_ma * PAPER.valve.pressure_gain_pa_per_ma)
 
 
 def test_a_value_ends_what_a_failure_signal_began() -> None:
@@ -284,11 +285,11 @@ def test_a_value_ends_what_a_failure_signal_began() -> None:
 def test_a_valve_that_holds_keeps_the_last_value_or_before_the_first_its_pressure() -> None:
     holding = replace(PAPER, fail_position=FailPosition.HOLD)
     after_a_value = advance(holding, taken(command(11.0, 0), command(3.6, 1)), PERIOD_S)
-    assert after_a_value.plant.pressure_pa == pytest.approx(11.0 * PAPER.valve.pressure_gain_pa_per_ma)
+    assert after_a_value.plant.actuator.pressure_pa == pytest.approx(11.0 * PAPER.valve.pressure_gain_pa_per_ma)
     at_first = advance(holding, taken(command(3.6, 0)), PERIOD_S)
-    assert at_first.plant.pressure_pa == pytest.approx(BALANCE_MA * PAPER.valve.pressure_gain_pa_per_ma)
+    assert at_first.plant.actuator.pressure_pa == pytest.approx(BALANCE_MA * PAPER.valve.pressure_gain_pa_per_ma)
     closing = advance(PAPER, taken(command(3.6, 0)), PERIOD_S)
-    assert closing.plant.pressure_pa == 0.0
+    assert closing.plant.actuator.pressure_pa == 0.0
 
 
 def test_the_valve_says_why_it_failed_safe_and_where_it_went() -> None:
@@ -319,7 +320,7 @@ def test_a_pressure_sensor_reports_the_true_pressure_before_all_else() -> None:
     settings = plant_settings(overrides={"sensor": {"reports_pressure": True}})
     state = initial_device(settings, 1)
     for pressure_pa, shown in ((41_000.0, 41_000.0), (-1.0, 0.0), (17e6, 16e6)):
-        plant = replace(state.plant, pressure_pa=pressure_pa)
+        plant = replace(state.plant, actuator=replace(state.plant.actuator, pressure_pa=pressure_pa))
         _, frames = publish(CODEC, settings, replace(state, plant=plant, position_counter=77))
         messages = decoded(frames)
         assert [type(message) for message, _ in messages] == [ActuatorState, PlantTruth, StemPosition]

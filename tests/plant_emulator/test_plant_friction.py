@@ -59,18 +59,18 @@ def test_a_sliding_stem_keeps_count_of_its_cell() -> None:
     state = valve.initial_state(STOCHASTIC, 2)
     for current in (9.0, 2.0, 12.0, 7.0):
         state = valve.step(STOCHASTIC, state, current, 0.0213)
-        assert state.packing.cell * CELL_WIDTH_M <= state.position_m <= (state.packing.cell + 1) * CELL_WIDTH_M
-    assert state.stops >= 1
+        assert state.packing.cell * CELL_WIDTH_M <= state.stem.position_m <= (state.packing.cell + 1) * CELL_WIDTH_M
+    assert state.stem.stops >= 1
 
 
 def test_the_breakaway_force_is_the_static_friction_of_the_place() -> None:
     state = valve.initial_state(STOCHASTIC, 4)
     v = STOCHASTIC.valve
-    breakaway_ma = (v.spring_rate_n_per_m * state.position_m + state.packing.static_n) / (
+    breakaway_ma = (v.spring_rate_n_per_m * state.stem.position_m + state.packing.static_n) / (
         v.diaphragm_area_m2 * v.pressure_gain_pa_per_ma
     )
-    assert valve.step(STOCHASTIC, state, breakaway_ma - 1e-6, 1.0).slips == 0
-    assert valve.step(STOCHASTIC, state, breakaway_ma + 1e-6, 1.0).slips >= 1
+    assert valve.step(STOCHASTIC, state, breakaway_ma - 1e-6, 1.0).stem.slips == 0
+    assert valve.step(STOCHASTIC, state, breakaway_ma + 1e-6, 1.0).stem.slips >= 1
 
 
 def test_a_seed_repeats_its_plant_to_the_bit_and_another_does_not() -> None:
@@ -78,7 +78,7 @@ def test_a_seed_repeats_its_plant_to_the_bit_and_another_does_not() -> None:
         state = valve.initial_state(STOCHASTIC, seed)
         for current in (7.5, 4.0, 9.0):
             state = valve.step(STOCHASTIC, state, current, 0.2)
-        return state.position_m
+        return state.stem.position_m
 
     assert end(1) == end(1)
     assert abs(end(1) - end(2)) > 1e-6

@@ -118,13 +118,13 @@ def test_the_emulator_agrees_with_an_independent_integration(overrides: str) -> 
     v = settings.valve
     gain = v.diaphragm_area_m2 * v.pressure_gain_pa_per_ma
     state = valve.initial_state(settings, 0)
-    reference = Reference(settings, state.position_m, v.spring_rate_n_per_m * state.position_m)
+    reference = Reference(settings, state.stem.position_m, v.spring_rate_n_per_m * state.stem.position_m)
     moved = 0
     for current, duration in ((6.9, 0.08), (9.0, 0.004), (3.0, 0.006), (12.0, 0.01), (7.5, 0.05), (14.0, 0.1)):
         state = valve.step(settings, state, current, duration)
         reference.step(gain * current, duration)
-        assert state.position_m == pytest.approx(reference.x, abs=1e-9)
-        assert state.velocity_m_per_s == pytest.approx(reference.v, abs=1e-6)
-        assert state.pressure_pa * v.diaphragm_area_m2 == pytest.approx(reference.force, rel=1e-9)
-        moved += state.velocity_m_per_s != 0.0
+        assert state.stem.position_m == pytest.approx(reference.x, abs=1e-9)
+        assert state.stem.velocity_m_per_s == pytest.approx(reference.v, abs=1e-6)
+        assert state.actuator.pressure_pa * v.diaphragm_area_m2 == pytest.approx(reference.force, rel=1e-9)
+        moved += state.stem.velocity_m_per_s != 0.0
     assert moved >= 2  # some comparisons were made in flight

@@ -17,7 +17,7 @@ COUNT = 20_000
 
 
 def readings(settings: PlantSettings, position_m: float, seed: int = 1, period_s: float = 0.001) -> np.ndarray:
-    state, values = sensor.initial_state(seed), []
+    state, values = sensor.Sensor(seed=seed), []
     for index in range(COUNT):
         state, measured_m = sensor.measure(settings, state, position_m, index * period_s)
         values.append(measured_m)
@@ -61,7 +61,7 @@ def test_held_noise_does_not_depend_on_how_often_it_is_read() -> None:
 def test_quantisation_rounds_to_the_nearest_step() -> None:
     settings = plant_settings("paper", "sensor.noise_of_reading = 0.0\nsensor.resolution_m = 0.0001")
     for position_m, expected_m in ((0.01234, 0.0123), (0.01236, 0.0124), (-0.00004, 0.0)):
-        assert sensor.measure(settings, sensor.initial_state(0), position_m, 0.0)[1] == pytest.approx(expected_m)
+        assert sensor.measure(settings, sensor.Sensor(seed=0), position_m, 0.0)[1] == pytest.approx(expected_m)
 
 
 def test_a_seed_repeats_its_noise_and_another_does_not() -> None:

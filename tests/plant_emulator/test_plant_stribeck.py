@@ -7,8 +7,8 @@ import math
 import pytest
 from scipy.optimize import brentq
 
-from plant_emulator.leg import Ending
 from plant_emulator.oscillator import PushingForce
+from plant_emulator.segment import Ending
 from plant_emulator.stribeck import StribeckSlide
 
 RATE = 100.0
@@ -35,34 +35,34 @@ LOWEST_S = math.log(3.0) / RATE
 @pytest.mark.parametrize("margin", [1e-3, 1e-6, 1e-9])
 def test_a_brief_dip_of_the_speed_below_its_bound_is_found(sign: int, margin: float) -> None:
     low = speed(0.05, LOWEST_S) + margin
-    leg = free(sign).run(0.0, sign * 0.05, 1.0, low, 10.0, sign * 9.0)
-    assert leg.ending is Ending.SPEED
-    assert leg.duration_s == pytest.approx(brentq(lambda t: speed(0.05, t) - low, 0.0, LOWEST_S), abs=1e-8)
-    assert leg.position_m == pytest.approx(sign * way(0.05, leg.duration_s), abs=1e-12)
-    assert leg.velocity_m_per_s == sign * low
+    segment = free(sign).run(0.0, sign * 0.05, 1.0, low, 10.0, sign * 9.0)
+    assert segment.ending is Ending.SPEED
+    assert segment.duration_s == pytest.approx(brentq(lambda t: speed(0.05, t) - low, 0.0, LOWEST_S), abs=1e-8)
+    assert segment.position_m == pytest.approx(sign * way(0.05, segment.duration_s), abs=1e-12)
+    assert segment.velocity_m_per_s == sign * low
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_dip_that_stays_above_the_bound_is_none(sign: int) -> None:
     low = speed(0.05, LOWEST_S) - 1e-6
-    leg = free(sign).run(0.0, sign * 0.05, 0.1, low, 10.0, sign * 9.0)
-    assert leg.ending is Ending.OPEN
-    assert leg.duration_s == 0.1
-    assert leg.velocity_m_per_s == pytest.approx(sign * speed(0.05, 0.1), abs=1e-11)
+    segment = free(sign).run(0.0, sign * 0.05, 0.1, low, 10.0, sign * 9.0)
+    assert segment.ending is Ending.OPEN
+    assert segment.duration_s == 0.1
+    assert segment.velocity_m_per_s == pytest.approx(sign * speed(0.05, 0.1), abs=1e-11)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_border_is_met_before_the_dip_behind_it(sign: int) -> None:
     border = sign * way(0.05, 0.5 * LOWEST_S)
-    leg = free(sign).run(0.0, sign * 0.05, 1.0, speed(0.05, LOWEST_S) + 1e-6, 10.0, border)
-    assert leg.ending is Ending.BORDER
-    assert leg.position_m == border
-    assert leg.duration_s == pytest.approx(0.5 * LOWEST_S, abs=1e-10)
-    assert leg.velocity_m_per_s == pytest.approx(sign * speed(0.05, leg.duration_s), abs=1e-11)
+    segment = free(sign).run(0.0, sign * 0.05, 1.0, speed(0.05, LOWEST_S) + 1e-6, 10.0, border)
+    assert segment.ending is Ending.BORDER
+    assert segment.position_m == border
+    assert segment.duration_s == pytest.approx(0.5 * LOWEST_S, abs=1e-10)
+    assert segment.velocity_m_per_s == pytest.approx(sign * speed(0.05, segment.duration_s), abs=1e-11)
 
 
 def test_a_stem_that_hurries_leaves_slow_sliding() -> None:
-    leg = free().run(0.0, 0.05, 10.0, 0.0, 0.5, 99.0)
-    assert leg.ending is Ending.OPEN
-    assert leg.velocity_m_per_s >= 0.5
-    assert leg.velocity_m_per_s == pytest.approx(speed(0.05, leg.duration_s), rel=1e-9)
+    segment = free().run(0.0, 0.05, 10.0, 0.0, 0.5, 99.0)
+    assert segment.ending is Ending.OPEN
+    assert segment.velocity_m_per_s >= 0.5
+    assert segment.velocity_m_per_s == pytest.approx(speed(0.05, segment.duration_s), rel=1e-9)

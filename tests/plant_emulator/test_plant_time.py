@@ -10,15 +10,15 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from plant_emulator import valve
+from plant_emulator.moving_stem import MovingStem
 from plant_emulator.presets import plant_settings, preset_names
-from plant_emulator.stem import Stem
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from plant_emulator.leg import Leg
     from plant_emulator.oscillator import PushingForce
     from plant_emulator.parameters import PlantSettings
+    from plant_emulator.segment import Segment
     from plant_emulator.valve import PlantState
 
 EVENTS_PER_S = 1e5
@@ -33,23 +33,23 @@ class _NoProgressError(AssertionError):
 
 @pytest.fixture(scope="module")
 def _counted_events() -> Iterator[None]:
-    """Make every `Stem.advance` fail that takes more events than time can hold."""
-    advance, leg = Stem.advance, Stem._leg
+    """Make every `MovingStem.advance` fail that takes more events than time can hold."""
+    advance, segment = MovingStem.advance, MovingStem._segment
     left = [0.0]
 
-    def counting(stem: Stem, force: PushingForce, left_s: float) -> Leg:
+    def counting(stem: MovingStem, force: PushingForce, left_s: float) -> Segment:
         left[0] -= 1
         if left[0] < 0:
             raise _NoProgressError(f"{stem} has {left_s} s left")
-        return leg(stem, force, left_s)
+        return segment(stem, force, left_s)
 
-    def allowing(stem: Stem, force: PushingForce, duration_s: float) -> None:
+    def allowing(stem: MovingStem, force: PushingForce, duration_s: float) -> None:
         left[0] = EVENTS + EVENTS_PER_S * duration_s
         advance(stem, force, duration_s)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Stem, "_leg", counting)
-        patch.setattr(Stem, "advance", allowing)
+        patch.setattr(MovingStem, "_segment", counting)
+        patch.setattr(MovingStem, "advance", allowing)
         yield
 
 
@@ -98,7 +98,7 @@ def test_time_passes_whatever_the_lags_the_dead_time_and_the_commands(
     state = valve.initial_state(plant, seed)
     for current_ma, duration_s in sequence:
         state = valve.step(plant, state, current_ma, duration_s)
-        assert math.isfinite(state.position_m)
+        assert math.isfinite(state.stem.position_m)
 
 
 @pytest.mark.usefixtures("_counted_events")
@@ -117,13 +117,13 @@ def test_a_push_taken_back_just_after_the_slip_ends(
     slip_s = _slip_s(plant, state, push_n, filling=there_ma > back_ma)
     for current_ma, duration_s in ((there_ma, slip_s + 10.0**exponent), (back_ma, 0.05), (there_ma, 0.05)):
         state = valve.step(plant, state, current_ma, duration_s)
-    assert state.slips or not plant.valve.static_friction_n
+    assert state.stem.slips or not plant.valve.static_friction_n
 
 
 def _push_n(plant: PlantSettings, state: PlantState, current_ma: float) -> float:
     """Return by how much the force of `current_ma` in the end differs from that of `state`, in N."""
     v = plant.valve
-    return abs(v.diaphragm_area_m2 * (v.pressure_gain_pa_per_ma * current_ma - state.pressure_pa))
+    return abs(v.diaphragm_area_m2 * (v.pressure_gain_pa_per_ma * current_ma - state.actuator.pressure_pa))
 
 
 def _slip_s(plant: PlantSettings, state: PlantState, push_n: float, *, filling: bool) -> float:

@@ -30,6 +30,10 @@ def current_for(settings: PlantSettings, position_m: float, pull_n: float) -> fl
     return (v.bench_set_n + v.spring_rate_n_per_m * position_m + pull_n) / gain
 
 
+def counters(state: PlantState) -> tuple[int, int, int]:
+    return state.stem.slips, state.stem.stops, state.stem.reversals
+
+
 def first_time(reached: Callable[[PlantState], bool], current_ma: float, latest_s: float) -> float:
     """Return when a paper valve, held at `current_ma` from rest, first satisfies `reached`, by bisection."""
     start, low, high = valve.initial_state(PAPER, 0), 0.0, latest_s
@@ -43,15 +47,15 @@ def test_a_held_force_just_above_static_friction_gives_the_jump_of_an_independen
     # Radau, rtol 1e-10, event at DV, clock started where the stem leaves the zero-speed band
     current = current_for(PAPER, 0.01, 1.001 * STATIC)
     end = valve.step(PAPER, valve.initial_state(PAPER, 0), current, 0.2)
-    jump_m = end.position_m - 0.01
+    jump_m = end.stem.position_m - 0.01
     assert jump_m == pytest.approx(5.4453e-3, rel=1e-4)
-    assert (end.slips, end.stops, end.reversals) == (1, 1, 0)
+    assert counters(end) == (1, 1, 0)
 
-    leaves_s = first_time(lambda s: s.velocity_m_per_s >= PAPER.valve.stick_velocity_m_per_s, current, 1e-3)
+    leaves_s = first_time(lambda s: s.stem.velocity_m_per_s >= PAPER.valve.stick_velocity_m_per_s, current, 1e-3)
     for part, expected_s in ((0.1, 2.78e-3), (0.86, 20.63e-3), (0.99, 42.7e-3)):
-        passed_s = first_time(lambda s, goal=0.01 + part * jump_m: s.position_m >= goal, current, 0.06)  # type: ignore[misc]
+        passed_s = first_time(lambda s, goal=0.01 + part * jump_m: s.stem.position_m >= goal, current, 0.06)  # type: ignore[misc]
         assert passed_s - leaves_s == pytest.approx(expected_s, rel=3e-3)
-    stopped_s = first_time(lambda s: s.stops == 1, current, 0.1)
+    stopped_s = first_time(lambda s: s.stem.stops == 1, current, 0.1)
     assert stopped_s - leaves_s == pytest.approx(62.70e-3, rel=5e-4)
 
 
@@ -60,7 +64,7 @@ def test_the_time_inside_the_zero_speed_band_is_that_of_an_undamped_mass_on_its_
     current = current_for(PAPER, 0.01, 1.001 * STATIC)
     omega = math.sqrt(RATE / PAPER.valve.mass_kg)
     expected_s = math.asin(PAPER.valve.stick_velocity_m_per_s * omega * PAPER.valve.mass_kg / (0.001 * STATIC)) / omega
-    leaves_s = first_time(lambda s: s.velocity_m_per_s >= PAPER.valve.stick_velocity_m_per_s, current, 1e-3)
+    leaves_s = first_time(lambda s: s.stem.velocity_m_per_s >= PAPER.valve.stick_velocity_m_per_s, current, 1e-3)
     assert leaves_s == pytest.approx(expected_s, rel=1e-4)
 
 
@@ -68,20 +72,20 @@ def test_the_slip_reaches_the_published_peak_speed() -> None:
     state, peak = valve.initial_state(PAPER, 0), 0.0
     for _ in range(2000):
         state = valve.step(PAPER, state, current_for(PAPER, 0.01, 1.001 * STATIC), 1e-5)
-        peak = max(peak, state.velocity_m_per_s)
+        peak = max(peak, state.stem.velocity_m_per_s)
     assert peak == pytest.approx(0.3589, abs=1e-4)
 
 
 def test_a_slow_ramp_gives_equal_jumps() -> None:
     state = valve.initial_state(PAPER, 0)
-    current = state.line.current_ma
+    current = state.actuator.line.current_ma
     landings: list[float] = []
     while len(landings) < 5:
         before = state
         state = valve.step(PAPER, state, current, 0.01)
         current += 0.0003  # 0.03 mA/s: slow against the jump, quicker than Karnopp's band creeps
-        if state.stops > before.stops:
-            landings.append(state.position_m)
+        if state.stem.stops > before.stem.stops:
+            landings.append(state.stem.position_m)
     jumps = np.diff(landings)
     assert jumps == pytest.approx((STATIC - COULOMB) / RATE, rel=0.01)
     assert np.ptp(jumps) < 0.002 * jumps.mean()
@@ -91,9 +95,9 @@ def test_a_pull_below_static_friction_never_moves_the_stem_by_a_bit() -> None:
     state = valve.initial_state(PAPER, 0)
     for index in range(2000):
         state = valve.step(PAPER, state, current_for(PAPER, 0.01, (-1) ** index * 0.9999 * STATIC), 3600.0)
-    assert state.position_m == 0.01
-    assert (state.velocity_m_per_s, state.travel_m, state.slips) == (0.0, 0.0, 0)
-    assert abs(state.friction_n) == pytest.approx(0.9999 * STATIC)
+    assert state.stem.position_m == 0.01
+    assert (state.stem.velocity_m_per_s, state.stem.travel_m, state.stem.slips) == (0.0, 0.0, 0)
+    assert abs(valve.friction_n(PAPER, state)) == pytest.approx(0.9999 * STATIC)
 
 
 def test_free_decay_with_coulomb_friction_alone_loses_the_same_in_every_half_cycle() -> None:
@@ -113,7 +117,7 @@ def test_free_decay_with_coulomb_friction_alone_loses_the_same_in_every_half_cyc
     state, extremes = valve.initial_state(settings, 0), []
     for _ in range(4):
         state = valve.step(settings, state, current_for(settings, 0.05, 0.0), half_cycle_s)
-        extremes.append(state.position_m - 0.05)
+        extremes.append(state.stem.position_m - 0.05)
     loss_m = 2.0 * 100.0 / RATE
     assert extremes == pytest.approx([(-1) ** n * (0.02 - n * loss_m) for n in range(1, 5)], abs=1e-9)
 
@@ -125,7 +129,7 @@ def test_a_triangle_shows_the_deadband_and_the_slip_jump_of_the_signature() -> N
     rows = []
     for current in currents.tolist():
         state = valve.step(PAPER, state, current, 0.002)  # 1 mA/s, where this valve slides
-        rows.append((current, state.position_m, state.slips))
+        rows.append((current, state.stem.position_m, state.stem.slips))
     u, x, slips = np.array(rows).T
     top = len(up)
     back = int(np.flatnonzero(slips > slips[top])[0])
@@ -150,13 +154,14 @@ def test_the_work_of_the_pressure_is_found_again_in_spring_motion_and_friction(l
         before = state
         pull = 1.2 * STATIC if index < 8000 else -1.3 * STATIC
         state = valve.step(settings, state, current_for(settings, 0.062, pull), 5e-6)
-        moved = state.position_m - before.position_m
-        push = state.pressure_pa if lag_s == 0.0 else 0.5 * (before.pressure_pa + state.pressure_pa)
+        moved = state.stem.position_m - before.stem.position_m
+        end_pa = state.actuator.pressure_pa
+        push = end_pa if lag_s == 0.0 else 0.5 * (before.actuator.pressure_pa + end_pa)
         work += area * push * moved
-        dissipated += 0.5 * (before.friction_n + state.friction_n) * moved
-    spring = 0.5 * RATE * (state.position_m**2 - 0.06**2)
-    kinetic = 0.5 * settings.valve.mass_kg * state.velocity_m_per_s**2
-    assert 0.01 < state.position_m < 0.055  # it went there and back, and met no travel stop
+        dissipated += 0.5 * (valve.friction_n(settings, before) + valve.friction_n(settings, state)) * moved
+    spring = 0.5 * RATE * (state.stem.position_m**2 - 0.06**2)
+    kinetic = 0.5 * settings.valve.mass_kg * state.stem.velocity_m_per_s**2
+    assert 0.01 < state.stem.position_m < 0.055  # it went there and back, and met no travel stop
     assert dissipated > 10.0
     assert work - spring - kinetic - dissipated == pytest.approx(0.0, abs=2e-4 * dissipated)
 
@@ -167,7 +172,7 @@ def test_the_result_does_not_depend_on_how_time_is_cut(preset: str, lags: tuple[
     settings = plant_settings(
         preset, {"actuator": {"fill_time_constant_s": lags[0], "vent_time_constant_s": lags[1], "dead_time_s": 0.0023}}
     )
-    base = valve.initial_state(settings, 3).line.current_ma
+    base = valve.initial_state(settings, 3).actuator.line.current_ma
     commands = [(base + delta, 0.03) for delta in (5.4, 5.4, 1.0, 12.0, -6.0, 7.0)]
     ends = []
     for pieces in (1, 30, 301):
@@ -176,25 +181,25 @@ def test_the_result_does_not_depend_on_how_time_is_cut(preset: str, lags: tuple[
             for _ in range(pieces):
                 state = valve.step(settings, state, current, duration / pieces)
         ends.append(state)
-    assert ends[0].travel_m > 0.001
+    assert ends[0].stem.travel_m > 0.001
     for end in ends[1:]:
-        assert end.position_m == pytest.approx(ends[0].position_m, abs=1e-9)
-        assert end.velocity_m_per_s == pytest.approx(ends[0].velocity_m_per_s, abs=1e-6)
-        assert (end.slips, end.stops, end.reversals) == (ends[0].slips, ends[0].stops, ends[0].reversals)
-        assert end.travel_m == pytest.approx(ends[0].travel_m, abs=1e-9)
+        assert end.stem.position_m == pytest.approx(ends[0].stem.position_m, abs=1e-9)
+        assert end.stem.velocity_m_per_s == pytest.approx(ends[0].stem.velocity_m_per_s, abs=1e-6)
+        assert counters(end) == counters(ends[0])
+        assert end.stem.travel_m == pytest.approx(ends[0].stem.travel_m, abs=1e-9)
 
 
 @pytest.mark.parametrize(("current_ma", "stop_m"), [(25.0, 0.1397), (0.0, 0.0)])
 def test_a_travel_stop_ends_the_motion_without_a_bounce_and_holds_any_force(current_ma: float, stop_m: float) -> None:
     state = valve.step(PAPER, valve.initial_state(PAPER, 0), current_for(PAPER, 0.06, 0.0), 1.0)
     gone = valve.step(PAPER, state, 40.0 if current_ma else -40.0, 1.0)
-    assert gone.position_m == stop_m
-    assert gone.stuck
-    assert gone.velocity_m_per_s == 0.0
-    assert abs(gone.friction_n) == pytest.approx(STATIC)
+    assert gone.stem.position_m == stop_m
+    assert gone.stem.is_at_rest
+    assert gone.stem.velocity_m_per_s == 0.0
+    assert abs(valve.friction_n(PAPER, gone)) == pytest.approx(STATIC)
     back = valve.step(PAPER, gone, current_for(PAPER, stop_m, math.copysign(1.01 * STATIC, 0.06 - stop_m)), 1.0)
-    assert abs(back.position_m - stop_m) > 0.004
-    assert back.reversals == gone.reversals + 1
+    assert abs(back.stem.position_m - stop_m) > 0.004
+    assert back.stem.reversals == gone.stem.reversals + 1
 
 
 def test_creep_holds_the_band_edge_until_static_friction_suffices() -> None:
@@ -204,13 +209,13 @@ def test_creep_holds_the_band_edge_until_static_friction_suffices() -> None:
     current = current_for(settings, 0.015, v.static_friction_n + 5.0)
     way_m = 5.0 / v.spring_rate_n_per_m
     creeping = valve.step(settings, valve.initial_state(settings, 0), current, 0.5 * way_m / v.stick_velocity_m_per_s)
-    assert creeping.velocity_m_per_s == v.stick_velocity_m_per_s
-    assert creeping.friction_n == pytest.approx(v.static_friction_n + 2.5, abs=0.1)
+    assert creeping.stem.velocity_m_per_s == v.stick_velocity_m_per_s
+    assert valve.friction_n(settings, creeping) == pytest.approx(v.static_friction_n + 2.5, abs=0.1)
     rested = valve.step(settings, creeping, current, 1.0)
-    assert rested.position_m - 0.015 == pytest.approx(way_m, rel=1e-6)
-    assert rested.stuck
+    assert rested.stem.position_m - 0.015 == pytest.approx(way_m, rel=1e-6)
+    assert rested.stem.is_at_rest
     pushed = valve.step(settings, creeping, current + 0.05, 0.01)
-    assert pushed.velocity_m_per_s > 2.0 * v.stick_velocity_m_per_s
+    assert pushed.stem.velocity_m_per_s > 2.0 * v.stick_velocity_m_per_s
 
 
 def test_a_frictionless_valve_settles_on_every_current_and_never_sticks() -> None:
@@ -218,9 +223,9 @@ def test_a_frictionless_valve_settles_on_every_current_and_never_sticks() -> Non
     state = valve.initial_state(settings, 0)
     for current in (4.0, 4.001, 12.0, 3.0):
         state = valve.step(settings, state, current, 1.0)
-        assert state.position_m == pytest.approx(GAIN_N_PER_MA * current / RATE, abs=1e-10)
-    assert (state.slips, state.stops) == (0, 0)
-    assert state.reversals == 1
+        assert state.stem.position_m == pytest.approx(GAIN_N_PER_MA * current / RATE, abs=1e-10)
+    assert (state.stem.slips, state.stem.stops) == (0, 0)
+    assert state.stem.reversals == 1
 
 
 def test_a_frictionless_underdamped_valve_swings_through_its_reversals() -> None:
@@ -231,15 +236,15 @@ def test_a_frictionless_underdamped_valve_swings_through_its_reversals() -> None
     for cycles in (1, 2, 5):
         time_s = cycles * math.pi / omega  # extremes of e^(-σt)·(cos ωt + σ/ω·sin ωt)
         end = valve.step(settings, start, current, time_s)
-        assert end.position_m == pytest.approx(0.06 - 0.05 * (-1) ** cycles * math.exp(-decay * time_s), abs=1e-11)
-        assert valve.step(settings, start, current, time_s + 1e-4).reversals == cycles
+        assert end.stem.position_m == pytest.approx(0.06 - 0.05 * (-1) ** cycles * math.exp(-decay * time_s), abs=1e-11)
+        assert valve.step(settings, start, current, time_s + 1e-4).stem.reversals == cycles
 
 
 def test_the_spring_preload_shifts_the_balance() -> None:
     settings = plant_settings("frictionless", "valve.bench_set_n = 500.0")
     end = valve.step(settings, valve.initial_state(settings, 0), 10.0, 2.0)
-    assert end.position_m == pytest.approx((GAIN_N_PER_MA * 10.0 - 500.0) / RATE, abs=1e-10)
-    assert valve.initial_state(settings, 0).pressure_pa * settings.valve.diaphragm_area_m2 == pytest.approx(
+    assert end.stem.position_m == pytest.approx((GAIN_N_PER_MA * 10.0 - 500.0) / RATE, abs=1e-10)
+    assert valve.initial_state(settings, 0).actuator.pressure_pa * settings.valve.diaphragm_area_m2 == pytest.approx(
         500.0 + 0.01 * RATE
     )
 
@@ -247,9 +252,9 @@ def test_the_spring_preload_shifts_the_balance() -> None:
 def test_a_turn_of_the_force_while_sliding_reverses_the_stem_without_a_stick() -> None:
     moving = valve.step(PAPER, valve.initial_state(PAPER, 0), current_for(PAPER, 0.02, 2.0 * STATIC), 0.01)
     turned = valve.step(PAPER, moving, current_for(PAPER, 0.0, -2.0 * STATIC), 0.005)
-    assert turned.velocity_m_per_s < -0.1
-    assert (turned.slips, turned.stops, turned.reversals) == (1, 0, 1)
-    assert turned.travel_m > abs(turned.position_m - 0.01) + 1e-4
+    assert turned.stem.velocity_m_per_s < -0.1
+    assert counters(turned) == (1, 0, 1)
+    assert turned.stem.travel_m > abs(turned.stem.position_m - 0.01) + 1e-4
 
 
 def test_no_time_leaves_a_valve_as_it_is() -> None:
@@ -263,10 +268,10 @@ def test_a_travel_stop_is_met_in_every_kind_of_motion(distance_m: float) -> None
     start_m = PAPER.valve.travel_max_m - distance_m
     settings = plant_settings("paper", {"valve": {"initial_position_m": start_m}})
     end = valve.step(settings, valve.initial_state(settings, 0), current_for(settings, start_m, 1.001 * STATIC), 0.1)
-    assert end.position_m == PAPER.valve.travel_max_m
-    assert end.stuck
-    assert end.travel_m == pytest.approx(distance_m, rel=1e-6)
-    assert (end.slips, end.stops) == (1, 1)
+    assert end.stem.position_m == PAPER.valve.travel_max_m
+    assert end.stem.is_at_rest
+    assert end.stem.travel_m == pytest.approx(distance_m, rel=1e-6)
+    assert (end.stem.slips, end.stem.stops) == (1, 1)
 
 
 def test_a_travel_stop_ends_creep() -> None:
@@ -274,5 +279,5 @@ def test_a_travel_stop_ends_creep() -> None:
     start = valve.initial_state(settings, 0)
     pull_n = settings.valve.static_friction_n + 5.0  # lag is 0.1 s: it creeps for long before this is reached
     end = valve.step(settings, start, current_for(settings, 0.03, pull_n), 2.0)
-    assert end.position_m == 0.03
-    assert end.stuck
+    assert end.stem.position_m == 0.03
+    assert end.stem.is_at_rest

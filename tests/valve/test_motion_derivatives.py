@@ -61,14 +61,14 @@ def test_the_stop_is_where_the_plant_stops(load: Load, s: float, x: float, push_
     stopped = plant.step(valve, pushed, brake, 0.5)
 
     end = MODEL.step(x, 0.0, push, load, s, 1e-3)
-    assert end.x == pytest.approx(pushed.position_m, abs=1e-9)
-    assert end.v == pytest.approx(pushed.velocity_m_per_s, abs=1e-6)
+    assert end.x == pytest.approx(pushed.stem.position_m, abs=1e-9)
+    assert end.v == pytest.approx(pushed.stem.velocity_m_per_s, abs=1e-6)
     rest = MODEL.step(end.x, end.v, brake, load, s, 0.5)
     assert rest.stopped
     assert rest.v == 0.0
     # where braking beats friction at the stop, the plant turns round and moves on
-    assume(stopped.reversals == 0)
-    assert rest.x == pytest.approx(stopped.position_m, abs=2e-9)
+    assume(stopped.stem.reversals == 0)
+    assert rest.x == pytest.approx(stopped.stem.position_m, abs=2e-9)
 
 
 @pytest.mark.parametrize("name", ["x", "v", "current", "spring", "viscous"])

@@ -1,4 +1,4 @@
-"""The constants of a valve that its motion needs at every step, worked out once per settings. Pure."""
+"""The constants of a valve's motion, computed once for each settings. Pure."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ if TYPE_CHECKING:
     from plant_emulator.parameters import PlantSettings
 
 FORCE_MARGIN_N = 1e-7
-"""A stem at rest slips this much above F_s, so that a force rounded to F_s does not slip and stop without end."""
+"""A stem at rest slips this much above F_s; else a force rounded to F_s would make it slip and stop without end."""
 
 _FLAT = 5.0
 """Times V_s: from this speed on the Stribeck term is below 1.4e-11 of F_s - F_c, and the closed form holds."""
 _FLAT_AGAIN = 6.0
-"""Times V_s: slow sliding is left at this speed, later than it is entered."""
+"""Times V_s: above this speed slow sliding ends. It is higher than `_FLAT`, where slow sliding begins."""
 
 
 def located_n(slope_n_per_s: float) -> float:
-    """Return by how much in N a force that changes at `slope_n_per_s` may miss a limit where it is located, signed.
+    """Return how far in N from a limit a force that changes at `slope_n_per_s` may be located, with the slope's sign.
 
-    Twice what it changes by within the tolerance of `roots`: a motion that begins beyond it lasts longer than that.
+    It is twice the change within the time tolerance of `roots`: a motion that begins beyond it lasts longer than that.
     """
     return 2.0 * TIME_TOLERANCE_S * slope_n_per_s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mechanics:
-    """A valve, ready to move."""
+class Constants:
+    """What follows from the settings alone."""
 
     settings: PlantSettings
     sliding: Oscillator
     """Mass and spring with F_v."""
     breaking: Oscillator
-    """Mass and spring inside the zero-speed band, where eq. 3 knows no F_v."""
+    """Mass and spring inside the zero-speed band, where eq. 3 has no F_v."""
     band_m_per_s: float
     """DV, or 0 without dry friction: a valve that cannot stick has no band."""
     flat_m_per_s: float
@@ -48,13 +48,13 @@ class Mechanics:
 
 
 @lru_cache(maxsize=32)
-def mechanics(settings: PlantSettings) -> Mechanics:
+def constants_of(settings: PlantSettings) -> Constants:
     """Return the constants of the valve in `settings`."""
     valve = settings.valve
     sticks = valve.static_friction_n > 0.0
     band = valve.stick_velocity_m_per_s if sticks else 0.0
     curved = valve.static_friction_n > valve.coulomb_friction_n
-    return Mechanics(
+    return Constants(
         settings=settings,
         sliding=Oscillator(valve.mass_kg, valve.viscous_friction_n_s_per_m, valve.spring_rate_n_per_m),
         breaking=Oscillator(valve.mass_kg, 0.0, valve.spring_rate_n_per_m),

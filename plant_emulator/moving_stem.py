@@ -1,0 +1,152 @@
+"""The stem from event to event: at rest, breaking away, creeping, sliding; Karnopp's eq. 3 without a time step. Pure.
+
+Inside the zero-speed band (|v| < DV) a stem that static friction can hold comes to rest. A stem that static friction
+cannot hold moves against F_s, until it leaves the band or the pull falls to what friction holds. At the edge of the
+band, viscous friction may make a pull that starts the stem too small to keep it sliding: the stem then creeps at
+exactly DV.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from plant_emulator.constants import FORCE_MARGIN_N, Constants, located_n
+from plant_emulator.friction import CELL_WIDTH_M, Packing, after_crossing, after_stop
+from plant_emulator.segment import Ending, Segment
+from plant_emulator.segments import break_away, coast, creep
+from plant_emulator.stem import Stem, pull_n, sliding_n
+from plant_emulator.stribeck import StribeckSlide
+
+if TYPE_CHECKING:
+    from plant_emulator.oscillator import PushingForce
+
+
+_SETTLED_M_PER_S = 1e-10
+"""At this speed a frictionless stem in balance is at rest: its remaining way is smaller than rounding errors."""
+
+
+@dataclass(slots=True)
+class MovingStem:
+    """A stem and its packing while one step is computed; mutable."""
+
+    constants: Constants
+    stem: Stem
+    packing: Packing
+
+    def advance(self, force: PushingForce, duration_s: float) -> None:
+        """Move for `duration_s` under `force`, from event to event."""
+        left_s = duration_s
+        while left_s > 0.0:
+            segment = self._segment(force, left_s)
+            stem = self.stem
+            self.stem = replace(
+                stem,
+                position_m=segment.position_m,
+                velocity_m_per_s=segment.velocity_m_per_s,
+                travel_m=stem.travel_m + abs(segment.position_m - stem.position_m),
+            )
+            if segment.ending is Ending.BORDER:
+                self._reach_border()
+            elif segment.ending is Ending.BALANCE:
+                self._stop()
+            if segment.duration_s >= left_s:
+                return
+            left_s -= segment.duration_s
+            force = force.after(segment.duration_s)
+
+    def _segment(self, force: PushingForce, left_s: float) -> Segment:
+        """Return the next motion segment; its kind depends on the speed and on the pull."""
+        stem = self.stem
+        if stem.is_at_rest:
+            return self._rest(force, left_s)
+        pull = pull_n(self.constants.settings.valve, stem, force.at(0.0))
+        if self._is_balanced(pull):
+            return Segment(0.0, stem.position_m, 0.0, Ending.BALANCE)
+        if abs(stem.velocity_m_per_s) > self.constants.band_m_per_s:
+            return self._slide(force, left_s)
+        return self._start(force, left_s, pull)
+
+    def _is_balanced(self, pull: float) -> bool:
+        """Return whether static friction holds the stem, or nothing moves a frictionless one any more."""
+        speed, constants = abs(self.stem.velocity_m_per_s), self.constants
+        enough_n = max(self.packing.static_n, FORCE_MARGIN_N)
+        return abs(pull) <= enough_n and speed <= (constants.band_m_per_s if constants.sticks else _SETTLED_M_PER_S)
+
+    def _rest(self, force: PushingForce, left_s: float) -> Segment:
+        """Return the rest until the pressure overcomes static friction; the travel stops hold any force."""
+        valve, position_m = self.constants.settings.valve, self.stem.position_m
+        balance_n = valve.bench_set_n + valve.spring_rate_n_per_m * position_m
+        hold_n = max(self.packing.static_n, FORCE_MARGIN_N) + FORCE_MARGIN_N
+        # where the last stop was located, a pull that falls back is at the limit and not above it
+        tolerance_n = located_n(force.slope(0.0))
+        up_n, down_n = balance_n + hold_n + max(0.0, -tolerance_n), balance_n - hold_n - max(0.0, tolerance_n)
+        up_s = force.time_above(up_n) if position_m < valve.travel_max_m else math.inf
+        down_s = force.time_below(down_n) if position_m > valve.travel_min_m else math.inf
+        slip_s = min(up_s, down_s)
+        if slip_s >= left_s:
+            return Segment(left_s, position_m, 0.0, Ending.OPEN)
+        self.stem = replace(self.stem, slips=self.stem.slips + self.constants.sticks)
+        self._turn(1 if up_s < down_s else -1)
+        return Segment(slip_s, position_m, 0.0, Ending.OPEN)
+
+    def _start(self, force: PushingForce, left_s: float, pull: float) -> Segment:
+        """Return the segment inside the zero-speed band, or from its edge, of a stem that `pull` sets in motion."""
+        constants, packing, valve = self.constants, self.packing, self.constants.settings.valve
+        band, along = constants.band_m_per_s, 1 if pull > 0.0 else -1
+        if self.stem.velocity_m_per_s == 0.0:
+            self._turn(along)
+        stem, border_m = self.stem, self._border_m()
+        if abs(stem.velocity_m_per_s) < band or along != stem.direction:
+            return break_away(constants, stem, packing, force, left_s, border_m, direction=along)
+        edge_n = sliding_n(valve, packing, band)
+        quickest_n_per_s = abs(force.slope(0.0)) + valve.spring_rate_n_per_m * band
+        margin_n = max(FORCE_MARGIN_N, 2.0 * located_n(quickest_n_per_s))
+        if not constants.sticks or abs(pull) > edge_n + 0.5 * margin_n:
+            return self._slide(force, left_s)
+        return creep(constants, stem, packing, force, left_s, border_m, direction=along, limit_n=edge_n + margin_n)
+
+    def _slide(self, force: PushingForce, left_s: float) -> Segment:
+        constants, stem, packing, border_m = self.constants, self.stem, self.packing, self._border_m()
+        flat, band = constants.flat_m_per_s, constants.band_m_per_s
+        if abs(stem.velocity_m_per_s) > flat or flat == band:
+            return coast(constants, stem, packing, force, left_s, border_m)
+        valve = constants.settings.valve
+        slide = StribeckSlide(
+            force=force,
+            sign=stem.direction,
+            mass_kg=valve.mass_kg,
+            spring_n_per_m=valve.spring_rate_n_per_m,
+            viscous_n_s_per_m=valve.viscous_friction_n_s_per_m,
+            load_n=valve.bench_set_n + stem.direction * packing.coulomb_n,
+            drop_n=packing.static_n - packing.coulomb_n,
+            stribeck_velocity_m_per_s=valve.stribeck_velocity_m_per_s,
+        )
+        return slide.run(stem.position_m, stem.velocity_m_per_s, left_s, band, constants.flat_again_m_per_s, border_m)
+
+    def _border_m(self) -> float:
+        """Return the next border in the direction of motion: a travel stop, or the end of a friction cell."""
+        valve = self.constants.settings.valve
+        opening = self.stem.direction > 0
+        stop_m = valve.travel_max_m if opening else valve.travel_min_m
+        if not self.constants.is_stochastic:
+            return stop_m
+        cell_m = (self.packing.cell + opening) * CELL_WIDTH_M
+        return min(stop_m, cell_m) if opening else max(stop_m, cell_m)
+
+    def _reach_border(self) -> None:
+        valve = self.constants.settings.valve
+        if self.stem.position_m in (valve.travel_min_m, valve.travel_max_m):
+            self._stop()
+        else:
+            self.packing = after_crossing(self.constants.settings, self.packing, self.stem.direction)
+
+    def _stop(self) -> None:
+        stops = self.stem.stops + self.constants.sticks
+        self.stem = replace(self.stem, direction=0, velocity_m_per_s=0.0, stops=stops)
+        self.packing = after_stop(self.constants.settings, self.packing, stops)
+
+    def _turn(self, direction: int) -> None:
+        reversals = self.stem.reversals + (self.stem.last_direction == -direction)
+        self.stem = replace(self.stem, direction=direction, last_direction=direction, reversals=reversals)

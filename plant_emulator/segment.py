@@ -1,0 +1,28 @@
+"""A motion segment: the motion between two events, and what ended it. Pure."""
+
+from __future__ import annotations
+
+from enum import Enum, auto
+from typing import NamedTuple
+
+
+class Ending(Enum):
+    """What ended a segment."""
+
+    OPEN = auto()
+    """No event: the time was up, or another kind of segment follows."""
+    SPEED = auto()
+    """The speed reached its bound."""
+    BORDER = auto()
+    """The stem reached a travel stop or the border of a friction cell."""
+    BALANCE = auto()
+    """Static friction can hold the stem from here on."""
+
+
+class Segment(NamedTuple):
+    """Duration in s, position in m and velocity in m/s at the end, and what ended the segment."""
+
+    duration_s: float
+    position_m: float
+    velocity_m_per_s: float
+    ending: Ending

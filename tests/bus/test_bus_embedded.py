@@ -144,6 +144,7 @@ class BusContract:
     def test_closing_twice_is_no_mistake(self, pair: tuple[BusPort, BusPort]) -> None:
         for port in (*pair, *pair):
             port.close()
+            assert not port.is_open
 
     def test_buses_of_different_addresses_hear_nothing_of_each_other(self) -> None:
         one, other = self.port(self.address()), self.port(self.address())

@@ -25,8 +25,9 @@ PERIOD_S = 0.001
 def played(echoes: Iterator[tuple[int, bool]], readings: int) -> list[CommandEffect]:
     """What is known after each reading; the k-th one follows command k - 1, names that many, and says if it obeys."""
     acting, found = EFFECT_UNKNOWN, []
+    commands = tuple(SentCommand(k % 256, 10.0 + 0.001 * k) for k in range(readings))
     for number in range(readings):
-        sent = tuple(SentCommand(k % 256, 10.0 + 0.001 * k) for k in range(max(0, number - 255), number))
+        sent = commands[max(0, number - 255) : number]
         echo, obeys = next(echoes)
         acting = track_effect(acting, sent, Reading(0.08, number % 256, echo % 256, 1, obeys), FORM, PERIOD_S)
         found.append(acting)

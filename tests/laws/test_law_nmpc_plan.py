@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import random
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from unsolvable import Unsolvable
 
-from positioner.laws.nmpc.plan import ApproachSettings, Course, approach, predict, program
+from positioner.laws.nmpc.plan import Approach, ApproachSettings, Course, approach, predict, program
 from positioner.optimization.solver import QpSolver
 from positioner.valve.motion import STOPPING_TIME_S, Load, MotionModel
 from positioner.valve.parameters import ValveParameters
@@ -16,7 +18,6 @@ from positioner.valve.parameters import ValveParameters
 VALVE = ValveParameters(id="paper")
 MODEL = MotionModel.of(VALVE)
 SETTINGS = ApproachSettings()
-SOLVER = QpSolver(4, 8)
 PERIODS_S = (1e-4, 1e-3)
 SOFT_MARGIN_M = 2e-6
 
@@ -46,12 +47,17 @@ def landing_m(course: Course, first_ma: float, period_s: float) -> float:
     return MODEL.step(first.x, first.v, course.brake_ma, course.load, course.direction, STOPPING_TIME_S).x
 
 
+def plan_of(course: Course, period_s: float) -> Approach | None:
+    """Return the plan of a solver that has solved nothing else before."""
+    return approach(SETTINGS, MODEL, QpSolver(4, 8), course, (course.brake_ma,) * 4, period_s)
+
+
 @given(courses, st.sampled_from(PERIODS_S))
 def test_inside_the_limits_and_at_every_step_of_the_prediction_still_able_to_stop(
     course: Course, period_s: float
 ) -> None:
-    plan = approach(SETTINGS, MODEL, SOLVER, course, (course.brake_ma,) * 4, period_s)
-    assume(plan is not None)
+    plan = plan_of(course, period_s)
+    assume(plan is not None)  # see test_nearly_every_course_has_a_plan
     assert plan is not None
     low, high = sorted((course.weakest_ma, course.strongest_ma))
     assert all(low - 1e-12 <= each <= high + 1e-12 for each in plan.inputs_ma)
@@ -64,10 +70,20 @@ def test_inside_the_limits_and_at_every_step_of_the_prediction_still_able_to_sto
         assert past_m <= max(least_m, 0.0) + SOFT_MARGIN_M
 
 
+def test_nearly_every_course_has_a_plan() -> None:
+    chance, plans = random.Random(1), []  # noqa: S311 - courses that can be repeated, no secret
+    for _ in range(600):
+        load = Load(chance.uniform(42e3, 58e3), chance.uniform(1100.0, 1700.0), chance.uniform(450.0, 750.0))
+        s, x, speed = chance.choice((1.0, -1.0)), chance.uniform(0.074, 0.082), chance.uniform(0.01, 1.5)
+        course = course_of(load, s, x, speed, chance.uniform(2e-4, 6e-3))
+        plans.append(plan_of(course, chance.choice(PERIODS_S)))
+    assert plans.count(None) <= 1  # one course in some thousands takes the solver more iterations than it has
+
+
 @given(courses, st.sampled_from(PERIODS_S))
 def test_the_stem_goes_as_far_as_it_may(course: Course, period_s: float) -> None:
-    plan = approach(SETTINGS, MODEL, SOLVER, course, (course.brake_ma,) * 4, period_s)
-    assume(plan is not None)
+    plan = plan_of(course, period_s)
+    assume(plan is not None)  # see test_nearly_every_course_has_a_plan
     assert plan is not None
     short_m = course.direction * (course.target_m - landing_m(course, plan.inputs_ma[0], period_s))
     most_m = course.direction * (course.target_m - landing_m(course, course.strongest_ma, period_s))
@@ -80,7 +96,7 @@ def test_the_stem_goes_as_far_as_it_may(course: Course, period_s: float) -> None
 def test_a_stuck_stem_gets_no_less_than_its_breakaway_current(s: float, period_s: float) -> None:
     for distance in (1e-5, 1e-4, 1e-3, 1e-2):
         course = course_of(Load.of(VALVE), s, 0.08, 0.0, distance, released=False)
-        plan = approach(SETTINGS, MODEL, SOLVER, course, (course.brake_ma,) * 4, period_s)
+        plan = plan_of(course, period_s)
         assert plan is not None
         assert s * (plan.inputs_ma[0] - course.release_ma) >= 0.0
 
@@ -136,7 +152,7 @@ def test_programmes_are_well_scaled_also_far_from_the_target(
     posed = program(SETTINGS, course, predict(SETTINGS, MODEL, course, inputs.tolist(), period_s), inputs)
     assert 0.03 <= np.linalg.eigvalsh(posed.P)[0] < np.linalg.eigvalsh(posed.P)[-1] < 100.0
     assert np.abs(posed.A).max() == 1.0
-    assert SOLVER.solve(posed) is not None
+    assert QpSolver(4, 8).solve(posed) is not None
 
 
 def test_a_control_horizon_beyond_the_prediction_is_refused() -> None:

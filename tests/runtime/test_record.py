@@ -143,10 +143,12 @@ def test_a_full_disk_ends_the_record_and_nothing_else(monkeypatch: pytest.Monkey
     assert lines == ["the record of the bus ends here: No space left on device"]
 
 
-def test_without_a_path_nothing_is_recorded() -> None:
+def test_without_a_path_nothing_is_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     recorder = BusRecorder(None)
     recorder.cycle(CycleInput((FRAME,), 0), (), HELD)
     recorder.close()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_real_clock_counts_in_microseconds_as_a_log_does() -> None:

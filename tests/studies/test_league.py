@@ -60,7 +60,9 @@ def test_the_restartable_range_is_that_of_the_force_balance(preset: str, low_mm:
 
 
 def test_the_usual_setpoints_are_fair_on_every_plant() -> None:
-    check_setpoints(SETPOINTS_MM, PLANTS)
+    check_setpoints(SETPOINTS_MM, PLANTS)  # raises where one is not
+    ranges = [restartable_mm(plant_settings(plant)) for plant in PLANTS]
+    assert all(low < setpoint_mm < high for setpoint_mm in SETPOINTS_MM for low, high in ranges)
 
 
 def test_a_setpoint_that_some_plant_cannot_leave_is_refused_with_the_plant_and_its_range() -> None:

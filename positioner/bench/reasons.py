@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from positioner.bench.panels import name
+from positioner.laws.move_reason import BreakawaySource
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-_FROM_TABLE = "from the table"
-"""What a law writes of a breakaway current that a cell of the stiction table gave."""
 _HEIGHT = 0.955
 """Of the marks, as a part of the panel."""
 
@@ -34,10 +33,14 @@ class Reasons:
     fell_back_s: NDArray[np.float64] = field(default_factory=_nothing)
 
 
-def reasons(time_s: NDArray[np.float64], moves: Sequence[str], fallbacks: Sequence[str]) -> Reasons:
-    """Return the marks of cycles at `time_s` (n,), with the law's reason to move and to fall back, empty for none."""
-    moved = np.array([bool(why) for why in moves], dtype=bool)
-    by_table = np.array([_FROM_TABLE in why for why in moves], dtype=bool)
+def reasons(time_s: NDArray[np.float64], moves: Sequence[BreakawaySource | None], fallbacks: Sequence[str]) -> Reasons:
+    """Return the marks of cycles at `time_s` (n,).
+
+    moves: where Γ came from in the cycles that began a move, None in the others. fallbacks: why the law fell back,
+    empty where it did not.
+    """
+    moved = np.array([source is not None for source in moves], dtype=bool)
+    by_table = np.array([source is BreakawaySource.TABLE for source in moves], dtype=bool)
     fell = np.array([bool(why) for why in fallbacks], dtype=bool)
     return Reasons(time_s[by_table], time_s[moved & ~by_table], time_s[fell])
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from positioner.bench.reasons import reasons
 from positioner.bench.trend import TrendData
+from positioner.laws.move_reason import source_in
 from positioner.valve.stiction import Quantity
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def trend_data(result: Result, recording: Recording, trace: Path) -> TrendData:
         stick_speed_learned_at_s=learned[Quantity.STICK_SPEED],
         breakaway_current_learned_at_s=learned[Quantity.BREAKAWAY_CURRENT],
         landing_bias_learned_at_s=learned[Quantity.LANDING_BIAS],
-        why=reasons(believed_s, [row["reason"] for row in rows], [row["fallback"] for row in rows]),
+        why=reasons(believed_s, [source_in(row["reason"]) for row in rows], [row["fallback"] for row in rows]),
     )
 
 

@@ -40,9 +40,9 @@ def control(
             state.control_s,
             state.link.pressure_pa,
         )
-        memory, stem = setup.law.estimate(state.memory, observation)
-        state = learn(setup, state, stem, observation.applied_ma, events)
-        memory, decision = setup.law.decide(memory, stem, observation, state.table)
+        memory, estimate = setup.law.estimate(state.memory, observation)
+        state = learn(setup, state, estimate.lessons, events)
+        memory, decision = setup.law.decide(memory, estimate.stem, observation, state.table)
         _check(decision)
     except Exception as error:  # noqa: BLE001 - whatever a law does, the valve gets a command that somebody chose
         watch = replace(state.guard, law_failures=state.guard.law_failures + 1)
@@ -58,7 +58,7 @@ def control(
     state = replace(
         state,
         memory=memory,
-        stem=stem,
+        stem=estimate.stem,
         setpoint_m=setpoint_m,
         control_s=state.control_s + elapsed_s,
         guard=replace(state.guard, law_failures=0) if state.guard.law_failures else state.guard,

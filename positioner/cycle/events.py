@@ -12,6 +12,7 @@ from positioner.wire.loop_current import LoopSignal, signal_of
 
 if TYPE_CHECKING:
     from positioner.laws.law import Decision
+    from positioner.laws.move_reason import MoveReason
     from positioner.valve.state import StemState
     from positioner.valve.stiction import LearnedSample
     from positioner.wire.formats import Reason
@@ -144,13 +145,13 @@ class LinesDropped:
 
 @dataclass(frozen=True, slots=True)
 class MoveBegan:
-    """The law began a move; `why` says what for, and what its first current rests on."""
+    """The law began a move."""
 
-    why: str
+    reason: MoveReason
 
     def __str__(self) -> str:
         """One line for the log."""
-        return f"move: {self.why}"
+        return f"move: {self.reason}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING
 from positioner.cycle.events import Event, Learned
 from positioner.cycle.trust_events import NotBelieved
 from positioner.valve.credible import Limits, sift
-from positioner.valve.stick_slip import lessons
 
 if TYPE_CHECKING:
     from positioner.cycle.state import CycleState, Setup
-    from positioner.valve.state import StemState
     from positioner.valve.stiction import LearnedSample
 
 
@@ -27,12 +25,12 @@ def believe(setup: Setup, state: CycleState, events: list[Event]) -> CycleState:
     return replace(state, table=table, believed=table)
 
 
-def learn(setup: Setup, state: CycleState, stem: StemState, applied_ma: float, events: list[Event]) -> CycleState:
-    """Return the state with what the edge to `stem`, if there is one, teaches; nothing while commands do not act."""
+def learn(setup: Setup, state: CycleState, lessons: tuple[LearnedSample, ...], events: list[Event]) -> CycleState:
+    """Return the state with the law's `lessons`; without them in the law's first cycle, and while no command acts."""
     if not setup.learns or state.stem is None or not state.effect.teaches or state.guard.foreign_ns is not None:
         return state
     table = state.table
-    for sample in lessons(state.stem, stem, applied_ma):
+    for sample in lessons:
         low, high = _range(setup, sample, table.cell_width_m)
         if not low <= sample.value <= high:
             events.append(NotBelieved(sample, low, high, 1, taught=True))

@@ -1,23 +1,26 @@
 """The interface of every control law. Pure.
 
 A law is immutable; what it remembers from cycle to cycle is its memory, which the cycle carries for it. The cycle asks
-it two questions, and between them learns the edges that the first answer shows:
+it two questions:
 
-    estimate: where is the stem, how fast, and does it stick?
+    estimate: where is the stem, how fast, does it stick, and what has this reading taught about the valve?
     decide:   which current next, within which bounds, and why?
+
+Between them, the cycle writes what was taught to the stiction table.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
     from positioner.laws.bounds import Bounds
+    from positioner.laws.move_reason import MoveReason
     from positioner.valve.state import StemState
-    from positioner.valve.stiction import StictionTable
+    from positioner.valve.stiction import LearnedSample, StictionTable
 
 M = TypeVar("M")
 
@@ -43,20 +46,34 @@ class Observation:
 
 
 @dataclass(frozen=True, slots=True)
+class Estimate:
+    """What a law makes of a reading: the state of the stem, and what the reading taught, for the stiction table.
+
+    A law that learns only from the edges between sticking and sliding gets these lessons from `valve.stick_slip`.
+    """
+
+    stem: StemState
+    lessons: tuple[LearnedSample, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Decision:
     """What a law answers: the current in mA, the bounds that were in force, what it is doing, and why.
 
-    `fallback` names the reason where the law could not do what it wanted, else it is empty; `reason` says in words
-    why a move begins, and what its first current rests on. `failed_pushes` is not 0 where this cycle has found that a
-    push did not free the stem: how many in a row, and `rest_s` for how long the law now leaves the stem alone.
+    passes: programmes solved for it.
+    fallback: why the law could not do what it wanted, else empty.
+    reason: why a move begins, None where none begins.
+    failed_pushes: pushes in a row that did not free the stem, 0 unless this cycle has found one more; rest_s: for how
+        long the law now leaves the stem alone.
     """
 
     current_ma: float
     bounds: Bounds
     motion: Motion = Motion.NONE
+    _: KW_ONLY
     passes: int = 0
     fallback: str = ""
-    reason: str = ""
+    reason: MoveReason | None = None
     failed_pushes: int = 0
     rest_s: float = 0.0
 
@@ -71,8 +88,8 @@ class Law(Protocol, Generic[M]):
     def begin(self, measured_m: float) -> M:
         """Return the memory of a law that sees its first reading, with nothing of the past."""
 
-    def estimate(self, memory: M, observation: Observation) -> tuple[M, StemState]:
-        """Return the memory with this cycle's reading in it, and the state of the stem."""
+    def estimate(self, memory: M, observation: Observation) -> tuple[M, Estimate]:
+        """Return the memory with this cycle's reading in it, and the estimate."""
 
     def decide(self, memory: M, stem: StemState, observation: Observation, table: StictionTable) -> tuple[M, Decision]:
         """Return the memory after the decision, and the decision. Never raises for a plan that does not exist."""

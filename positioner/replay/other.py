@@ -80,7 +80,7 @@ class OtherLaw:
             recorded.mode if recorded else None,
             replayed.mode,
             closed.decision.fallback if closed else "",
-            closed.decision.reason if closed else "",
+            str(closed.decision.reason or "") if closed else "",
         )
 
     def in_words(self) -> str:

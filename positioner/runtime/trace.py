@@ -50,7 +50,7 @@ class TraceWriter:
             f"{stem.velocity_m_per_s:.9f},{stem.stuck:d},{cycle.current_ma:.6f},{bounds.current_low_ma:.6f},"
             f"{bounds.current_high_ma:.6f},{bounds.speed_low_m_per_s:.6f},{bounds.speed_high_m_per_s:.6f},"
             f"{cycle.mode:d},{decision.motion:d},{decision.passes},{cycle.table_sequence},"
-            f"{taught},{_cell(decision.fallback)},{_cell(decision.reason)}\n"
+            f"{taught},{_cell(decision.fallback)},{_cell(str(decision.reason or ''))}\n"
         )
 
     def close(self) -> None:

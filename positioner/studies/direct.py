@@ -59,8 +59,8 @@ def play_directly(scenario: Scenario) -> Iterator[DwellMetrics]:
             if memory is None:
                 memory, applied_ma = law.begin(measured_m), configuration.valve.balance_current_ma(measured_m)
             observation = Observation(measured_m, applied_ma, period_s, setpoint_m, control_s)
-            memory, stem = law.estimate(memory, observation)
-            memory, decision = law.decide(memory, stem, observation, table)
+            memory, estimate = law.estimate(memory, observation)
+            memory, decision = law.decide(memory, estimate.stem, observation, table)
             applied_ma = min(max(decision.current_ma, low_ma), high_ma)
             control_s += period_s
             trace.position_m[sample] = as_truth(plant.stem.position_m)

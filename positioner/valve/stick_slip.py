@@ -14,23 +14,16 @@ if TYPE_CHECKING:
     from positioner.valve.state import StemState
 
 
-def lessons(before: StemState, after: StemState, applied_ma: float) -> tuple[LearnedSample, ...]:
-    """Return what the step from `before` to `after` teaches: what the estimate itself has learned, else its edges."""
-    if after.learned is not None:
-        return after.learned
-    sample = detect(before, after, applied_ma)
-    return (sample,) if sample is not None else ()
+def edge_lessons(before: StemState, after: StemState, applied_ma: float) -> tuple[LearnedSample, ...]:
+    """Return what the step from `before` to `after` under `applied_ma` teaches; nothing between edges.
 
-
-def detect(before: StemState, after: StemState, applied_ma: float) -> LearnedSample | None:
-    """Return what the step from `before` to `after` under `applied_ma` teaches, or None between edges.
-
-    A stop teaches the speed just before it, where the stem came to rest; a slip teaches the current that caused it,
-    where the stem rested. A stem that never got a speed teaches none.
+    A stop teaches the speed just before it, at the place where the stem came to rest. A slip teaches the current that
+    caused it, at the place where the stem rested. A stem that never got a speed teaches none.
     """
     if after.stuck and not before.stuck and before.velocity_m_per_s:
         direction = direction_of(before.velocity_m_per_s)
-        return LearnedSample(Quantity.STICK_SPEED, after.position_m, direction, abs(before.velocity_m_per_s))
+        return (LearnedSample(Quantity.STICK_SPEED, after.position_m, direction, abs(before.velocity_m_per_s)),)
     if before.stuck and not after.stuck:
-        return LearnedSample(Quantity.BREAKAWAY_CURRENT, before.position_m, direction_of(after.direction), applied_ma)
-    return None
+        direction = direction_of(after.direction)
+        return (LearnedSample(Quantity.BREAKAWAY_CURRENT, before.position_m, direction, applied_ma),)
+    return ()

@@ -17,7 +17,7 @@ from positioner.bench.modes import ModeSpan
 from positioner.bench.reasons import Reasons, reasons
 from positioner.bench.scenario import parse_scenario
 from positioner.bench.trend import TrendData, draw_trend, headline, title
-from positioner.laws.nmpc.breakaway import Breakaway
+from positioner.laws.move_reason import BreakawaySource
 from positioner.wire.messages import Cause, Mode
 
 if TYPE_CHECKING:
@@ -168,9 +168,8 @@ def test_a_run_that_was_out_of_control_says_so_above_its_figures_and_where_with_
 
 def test_a_move_is_marked_by_where_its_breakaway_current_came_from_and_a_fallback_too() -> None:
     time_s = np.array([0.1, 0.2, 0.3, 0.4])
-    source = Breakaway(18.4, 4).source, Breakaway(18.4, 0).source
-    said = ["", f"error +1.000 mm; breakaway 18.400 mA from {source[0]}", f"breakaway 18.400 mA from {source[1]}", ""]
-    marks = reasons(time_s, said, ["", "", "", "no plan: the last one goes on"])
+    sources = [None, BreakawaySource.TABLE, BreakawaySource.MODEL, None]
+    marks = reasons(time_s, sources, ["", "", "", "no plan: the last one goes on"])
     assert (marks.by_table_s.tolist(), marks.by_model_s.tolist(), marks.fell_back_s.tolist()) == ([0.2], [0.3], [0.4])
 
 

@@ -18,9 +18,10 @@ from positioner.cycle.timing_events import LawLate
 from positioner.cycle.trust_events import ActingChanged
 from positioner.guard.settings import GuardSettings
 from positioner.laws.bounds import Bounds
-from positioner.laws.law import Decision, Observation
+from positioner.laws.law import Decision, Estimate, Observation
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.state import StemState
+from positioner.valve.stick_slip import edge_lessons
 from positioner.valve.stiction import Direction, LearnedSample, Quantity, StictionTable
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import (
@@ -48,8 +49,8 @@ VALVE = ValveParameters(id="paper")
 PERIOD_S = 0.001
 MS = 1_000_000
 WIDE = Bounds(-10.0, 10.0, 4.0, 20.0)
-RESTING = StemState(0.08, 0.0, True, 1.0, 1e-6, 0.0, 0.0)
-SLIDING = StemState(0.08, 0.1, False, 1.0, 1e-6, 0.0, 0.0)
+RESTING = StemState(0.08, 0.0, stuck=True, direction=1.0)
+SLIDING = StemState(0.08, 0.1, stuck=False, direction=1.0)
 
 
 class ScriptedLaw:
@@ -59,6 +60,7 @@ class ScriptedLaw:
 
     def __init__(self, stems: Iterable[StemState] = (), fallback: str = "") -> None:
         self.stems = iter(stems)
+        self.stem = RESTING
         self.fallback = fallback
         self.shown: list[Observation] = []
         self.begun_m: list[float] = []
@@ -68,9 +70,10 @@ class ScriptedLaw:
         self.begun_m.append(measured_m)
         return 0
 
-    def estimate(self, memory: int, observation: Observation) -> tuple[int, StemState]:
+    def estimate(self, memory: int, observation: Observation) -> tuple[int, Estimate]:
         self.shown.append(observation)
-        return memory, next(self.stems, RESTING)
+        before, self.stem = self.stem, next(self.stems, RESTING)
+        return memory, Estimate(self.stem, edge_lessons(before, self.stem, observation.applied_ma))
 
     def decide(
         self, memory: int, stem: StemState, observation: Observation, table: StictionTable
@@ -78,7 +81,7 @@ class ScriptedLaw:
         del stem, observation, table
         if self.fails:
             raise RuntimeError("scripted")
-        return memory + 1, Decision(10.0 + 0.001 * memory, WIDE, Motion.MOVE, 1, self.fallback)
+        return memory + 1, Decision(10.0 + 0.001 * memory, WIDE, Motion.MOVE, passes=1, fallback=self.fallback)
 
 
 class Exchange:

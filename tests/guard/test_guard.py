@@ -22,7 +22,7 @@ from positioner.guard.state import GuardInput, GuardState
 from positioner.guard.supervisor import admit, is_feedback_stale, supervise
 from positioner.inputs.toml_reader import build
 from positioner.laws.bounds import Bounds
-from positioner.laws.law import Decision, Observation
+from positioner.laws.law import Decision, Estimate, Observation
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.state import StemState
 from positioner.wire.codec import make_codec
@@ -716,10 +716,10 @@ class WhimsicalLaw:
     def begin(self, measured_m: float) -> float:
         return measured_m
 
-    def estimate(self, memory: float, observation: Observation) -> tuple[float, StemState]:
+    def estimate(self, memory: float, observation: Observation) -> tuple[float, Estimate]:
         if self.answer == "raise early":
             raise ZeroDivisionError
-        return memory, StemState(observation.measured_m, 0.0, True, 1.0, 1e-6, 0.0, 0.0)
+        return memory, Estimate(StemState(observation.measured_m, 0.0, stuck=True, direction=1.0))
 
     def decide(
         self, memory: float, stem: StemState, observation: Observation, table: StictionTable

@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from plant_emulator import valve as plant
 from plant_emulator.presets import plant_settings
 from positioner.laws.estimator_settings import EstimationMethod, EstimatorSettings, measurement_sigma_m
-from positioner.laws.paper.estimator import _predict, estimate, first_estimate
+from positioner.laws.paper.estimator import FilteredStem, _predict, estimate, first_estimate
 from positioner.valve.parameters import ValveParameters
-from positioner.valve.state import StemState
 
 VALVE = ValveParameters(id="paper")
 FRICTIONLESS = replace(VALVE, static_friction_n=0.0, coulomb_friction_n=0.0)
@@ -44,7 +43,7 @@ def test_the_first_estimate_rests_where_it_was_measured() -> None:
 
 
 def test_a_variance_that_rounding_made_negative_has_no_sigma() -> None:
-    assert StemState(0.08, 0.0, True, 1.0, -1e-30, 0.0, 0.0).position_sigma_m == 0.0
+    assert FilteredStem(0.08, 0.0, True, 1.0, -1e-30, 0.0, 0.0).position_sigma_m == 0.0
 
 
 def test_while_the_stem_sticks_the_filter_is_a_plain_average() -> None:
@@ -105,14 +104,14 @@ def test_a_frictionless_valve_never_sticks_not_even_in_balance() -> None:
 
 
 def test_without_friction_a_correction_may_turn_the_speed_round() -> None:
-    moving = StemState(0.08, 0.001, False, 1.0, 1e-6, 1e-4, 0.02)
+    moving = FilteredStem(0.08, 0.001, False, 1.0, 1e-6, 1e-4, 0.02)
     state = estimate(NO_NOISE, FRICTIONLESS, moving, 0.079, FRICTIONLESS.balance_current_ma(0.08), 1e-4)
     assert state.velocity_m_per_s < 0.0
     assert state.direction == -1.0
 
 
 moving_states = st.builds(
-    lambda x, speed, direction, sigma_x, sigma_v, correlation: StemState(
+    lambda x, speed, direction, sigma_x, sigma_v, correlation: FilteredStem(
         x, direction * speed, False, direction, sigma_x**2, correlation * sigma_x * sigma_v, sigma_v**2
     ),
     st.floats(0.02, 0.12),
@@ -126,9 +125,9 @@ moving_states = st.builds(
 
 @settings(max_examples=300)
 @given(moving_states, st.floats(0.0, 0.14), st.floats(4.0, 20.0), st.sampled_from([1e-4, 1e-3, 5e-3]))
-@example(StemState(0.05078125, -0.0, False, -1.0, 3.8e-6, 0.0, 0.25), 0.03125, 12.0, 1e-4)  # a far correction
+@example(FilteredStem(0.05078125, -0.0, False, -1.0, 3.8e-6, 0.0, 0.25), 0.03125, 12.0, 1e-4)  # a far correction
 def test_friction_stops_a_stem_before_its_speed_changes_sign(
-    state: StemState, measured_m: float, applied_ma: float, period_s: float
+    state: FilteredStem, measured_m: float, applied_ma: float, period_s: float
 ) -> None:
     after = estimate(EstimatorSettings(), VALVE, state, measured_m, applied_ma, period_s)
     pushed = math.copysign(1.0, VALVE.net_force_n(state.position_m, applied_ma))
@@ -144,7 +143,7 @@ def test_friction_stops_a_stem_before_its_speed_changes_sign(
 
 @settings(max_examples=300)
 @given(moving_states, st.floats(0.0, 0.14), st.floats(4.0, 20.0), st.sampled_from([1e-4, 1e-3, 5e-3]))
-def test_the_covariance_stays_one(state: StemState, measured_m: float, applied_ma: float, period_s: float) -> None:
+def test_the_covariance_stays_one(state: FilteredStem, measured_m: float, applied_ma: float, period_s: float) -> None:
     after = estimate(EstimatorSettings(), VALVE, state, measured_m, applied_ma, period_s)
     assert after.p_xx >= 0.0
     assert after.p_vv >= -1e-12
@@ -153,7 +152,7 @@ def test_the_covariance_stays_one(state: StemState, measured_m: float, applied_m
 
 def test_a_stem_that_turns_round_rests_for_an_instant_without_sticking() -> None:
     # moving up into a pull far below -F_s: it stops, and is pushed back
-    moving = StemState(0.08, 0.05, False, 1.0, 1e-10, 0.0, 1e-8)
+    moving = FilteredStem(0.08, 0.05, False, 1.0, 1e-10, 0.0, 1e-8)
     state = estimate(NO_NOISE, VALVE, moving, 0.08, 4.0, PERIOD_S)
     assert (state.velocity_m_per_s, state.stuck, state.direction) == (0.0, False, -1.0)
     state = estimate(NO_NOISE, VALVE, state, state.position_m, 4.0, PERIOD_S)
@@ -161,7 +160,7 @@ def test_a_stem_that_turns_round_rests_for_an_instant_without_sticking() -> None
 
 
 def test_a_correction_that_stops_the_stem_sticks_it_only_where_friction_holds() -> None:
-    moving = StemState(0.08, 0.001, False, 1.0, 1e-6, 9e-5, 0.01)
+    moving = FilteredStem(0.08, 0.001, False, 1.0, 1e-6, 9e-5, 0.01)
     sticking = estimate(EVEN_NOISE, VALVE, moving, 0.0785, pull_ma(0.08, VALVE.coulomb_friction_n + 10.0), 1e-4)
     assert (sticking.velocity_m_per_s, sticking.stuck, sticking.p_vv) == (0.0, True, 0.0)
     pulled = estimate(EVEN_NOISE, VALVE, moving, 0.0785, pull_ma(0.08, VALVE.static_friction_n + 100.0), 1e-4)
@@ -220,7 +219,7 @@ def test_the_raw_method_believes_each_reading_and_takes_the_difference_for_the_s
 
 
 def test_the_raw_method_takes_a_stem_below_dv_for_stuck_where_there_is_friction() -> None:
-    moving = StemState(0.08, -0.1, False, -1.0, 1e-6, 0.0, 0.0)
+    moving = FilteredStem(0.08, -0.1, False, -1.0, 1e-6, 0.0, 0.0)
     just_m = VALVE.stick_velocity_m_per_s * PERIOD_S
     stuck = estimate(RAW, VALVE, moving, 0.08 + 0.99 * just_m, 12.0, PERIOD_S)
     assert (stuck.stuck, stuck.velocity_m_per_s, stuck.direction, stuck.p_vv) == (True, 0.0, -1.0, 0.0)

@@ -20,6 +20,7 @@ from positioner.bench.scenario import Scenario
 from positioner.config.reader import parse_config
 from positioner.cycle.events import LawFellBack
 from positioner.laws.law import Observation
+from positioner.laws.move_reason import BreakawaySource
 from positioner.laws.nmpc.filter import Resting, Sliding
 from positioner.laws.nmpc.law import NmpcLaw
 from positioner.laws.pushes import MOST_FAILED
@@ -57,8 +58,8 @@ def cycle(
     law: NmpcLaw, memory: NmpcMemory, measured_m: float, applied_ma: float, setpoint_m: float, time_s: float = 1.0
 ) -> tuple[NmpcMemory, Decision]:
     seen = Observation(measured_m, applied_ma, PERIOD_S, setpoint_m, time_s)
-    memory, stem = law.estimate(memory, seen)
-    return law.decide(memory, stem, seen, StictionTable())
+    memory, estimate = law.estimate(memory, seen)
+    return law.decide(memory, estimate.stem, seen, StictionTable())
 
 
 def rested(law: NmpcLaw, at_m: float = 0.08, readings: int = 400) -> NmpcMemory:
@@ -97,8 +98,9 @@ def test_a_new_setpoint_begins_with_the_breakaway_current_and_says_why(step_m: f
     gamma_n = law.valve.spring_rate_n_per_m * 0.08 + s * law.valve.static_friction_n
     assert s * (decision.current_ma - gamma_n / law.valve.force_gain_n_per_ma) > 0.0
     assert decision.motion is Motion.MOVE
-    assert "breakaway" in decision.reason
-    assert "the model" in decision.reason
+    assert decision.reason is not None
+    assert decision.reason.error_m == pytest.approx(step_m, rel=0.1)
+    assert decision.reason.breakaway.source is BreakawaySource.MODEL
     assert isinstance(memory.stem, Sliding)
     assert memory.watch.trial is not None
 
@@ -162,9 +164,9 @@ def test_a_stop_settles_before_it_holds_and_teaches_its_speed() -> None:
             # the plant that the model expects
             stem_is = law.filter.advance(stem_is, decision.current_ma, PERIOD_S)
         seen = Observation(stem_is.x, decision.current_ma, PERIOD_S, 0.082, 1.0)
-        memory, stem = law.estimate(memory, seen)
-        learned += [each.quantity for each in stem.learned or ()]
-        memory, decision = law.decide(memory, stem, seen, StictionTable())
+        memory, estimate = law.estimate(memory, seen)
+        learned += [each.quantity for each in estimate.lessons]
+        memory, decision = law.decide(memory, estimate.stem, seen, StictionTable())
         motions.append(decision.motion)
     assert learned.count(Quantity.STICK_SPEED) == 1
     settling = motions.count(Motion.SETTLE)
@@ -178,9 +180,13 @@ def test_a_table_that_is_not_to_be_used_yet_is_not_used() -> None:
     for _ in range(4):
         table = table.record(Quantity.BREAKAWAY_CURRENT, 0.08, Direction.OPENING, 18.4)
     seen = Observation(0.08, 12.6, PERIOD_S, 0.085, 2.0)
-    memory, stem = law.estimate(rested(law), seen)
-    assert "the model" in law.decide(memory, stem, seen, table)[1].reason
-    assert "the table" in law.decide(memory, stem, replace(seen, time_s=3.0), table)[1].reason
+    memory, estimate = law.estimate(rested(law), seen)
+    early = law.decide(memory, estimate.stem, seen, table)[1].reason
+    later = law.decide(memory, estimate.stem, replace(seen, time_s=3.0), table)[1].reason
+    assert early is not None
+    assert later is not None
+    assert (early.breakaway.source, early.breakaway.samples) == (BreakawaySource.MODEL, 0)
+    assert (later.breakaway.source, later.breakaway.samples) == (BreakawaySource.TABLE, 4)
 
 
 @settings(max_examples=30)
@@ -261,8 +267,8 @@ def test_the_loop_learns_spring_and_friction_and_the_table_keeps_them(
 ) -> None:
     law, table = make_law(), played(preset).table
     seen = Observation(0.08, 12.0, PERIOD_S, 0.08, 0.0)
-    memory, stem = law.estimate(law.begin(0.08), seen)
-    memory, _ = law.decide(memory, stem, seen, table)
+    memory, estimate = law.estimate(law.begin(0.08), seen)
+    memory, _ = law.decide(memory, estimate.stem, seen, table)
     assert memory.stem.load.spring_n_per_m == pytest.approx(spring * law.filter.nominal.spring_n_per_m, rel=0.03)
     assert memory.stem.load.friction_n == pytest.approx(friction * law.filter.nominal.friction_n, rel=0.08)
 

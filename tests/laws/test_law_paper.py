@@ -18,14 +18,15 @@ from positioner.laws.bounds import Bounds
 from positioner.laws.estimator_settings import EstimatorSettings
 from positioner.laws.law import Observation
 from positioner.laws.paper.bounds import BoundSettings, approach_speed_limit_m_per_s
+from positioner.laws.paper.estimator import FilteredStem
 from positioner.laws.paper.law import PaperLaw, PaperMemory
 from positioner.laws.paper.planner import PlannerSettings
 from positioner.laws.registry import LAWS, Ingredients
 from positioner.laws.settings import ControlSettings
 from positioner.optimization.solver import QpSolver
+from positioner.valve.motion import Load, MotionModel
 from positioner.valve.parameters import ValveParameters
-from positioner.valve.state import StemState
-from positioner.valve.stiction import Direction, Quantity, StictionTable
+from positioner.valve.stiction import Direction, LearnedSample, Quantity, StictionTable
 from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
@@ -62,15 +63,17 @@ def paper_law(*, use_table: bool = True, table_from_s: float = 0.0) -> PaperLaw:
     )
 
 
-def stem_at(position_m: float, velocity_m_per_s: float = 0.0, *, stuck: bool = True) -> StemState:
-    return StemState(position_m, velocity_m_per_s, stuck, 1.0, 1e-8, 0.0, 0.0)
+def stem_at(position_m: float, velocity_m_per_s: float = 0.0, *, stuck: bool = True) -> FilteredStem:
+    return FilteredStem(position_m, velocity_m_per_s, stuck, 1.0, 1e-8)
 
 
 def seen(setpoint_m: float, time_s: float = 0.0, measured_m: float = 0.08) -> Observation:
     return Observation(measured_m, VALVE.balance_current_ma(0.08), PERIOD_S, setpoint_m, time_s)
 
 
-def decided(law: PaperLaw, stem: StemState, setpoint_m: float, table: StictionTable, time_s: float = 0.0) -> Decision:
+def decided(
+    law: PaperLaw, stem: FilteredStem, setpoint_m: float, table: StictionTable, time_s: float = 0.0
+) -> Decision:
     return law.decide(law.begin(0.08), stem, seen(setpoint_m, time_s), table)[1]
 
 
@@ -84,9 +87,27 @@ def test_a_law_begins_at_rest_with_the_spring_balanced() -> None:
 
 def test_an_estimate_is_carried_to_the_next_cycle() -> None:
     law = paper_law()
-    memory, stem = law.estimate(law.begin(0.08), seen(0.08, measured_m=0.081))
-    assert memory.stem is stem
-    assert stem.position_m == pytest.approx(0.0805)
+    memory, estimate = law.estimate(law.begin(0.08), seen(0.08, measured_m=0.081))
+    assert memory.stem is estimate.stem
+    assert memory.stem.position_m == pytest.approx(0.0805)
+
+
+def test_a_slip_and_a_stop_of_the_estimate_are_the_lessons() -> None:
+    law = paper_law()
+    taught: list[LearnedSample] = []
+    memory, applied_ma = law.begin(0.08), VALVE.balance_current_ma(0.08) + 6.0
+    for _ in range(100):
+        stem = memory.stem
+        # the plant that the model expects
+        end = MotionModel.of(VALVE).step(
+            stem.position_m, stem.velocity_m_per_s, applied_ma, Load.of(VALVE), 1.0, PERIOD_S
+        )
+        memory, estimate = law.estimate(memory, Observation(end.x, applied_ma, PERIOD_S, 0.08, 0.0))
+        taught += estimate.lessons
+    slip, stop = taught
+    assert slip == LearnedSample(Quantity.BREAKAWAY_CURRENT, 0.08, Direction.OPENING, applied_ma)
+    assert stop.quantity is Quantity.STICK_SPEED
+    assert stop.position_m == pytest.approx(memory.stem.position_m, abs=1e-6)
 
 
 @pytest.mark.parametrize(("setpoint_m", "low_ma", "high_ma"), [(0.087, 17.9, 20.0), (0.073, 4.0, 7.3)])

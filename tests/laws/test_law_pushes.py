@@ -81,7 +81,7 @@ def test_a_stem_that_is_free_again_is_found_at_the_next_push() -> None:
 def test_a_breakaway_of_the_papers_law_fails_twenty_times_at_most() -> None:
     # by what its estimator says; the plan goes on, which is what the paper's controller is
     law, table, released = Loop("paper").setup.law, gamma_table(1.0), 0
-    memory, stem = law.begin(0.08), StemState(0.08, 0.0, True, 1.0, 1e-8, 0.0, 0.0)
+    memory, stem = law.begin(0.08), StemState(0.08, 0.0, stuck=True, direction=1.0)
     rests = []
     for sample in range(400):
         seen = Observation(0.08, 12.6, 0.001, 0.087, 0.001 * sample)

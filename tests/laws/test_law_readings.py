@@ -25,7 +25,7 @@ from positioner.valve.parameters import ValveParameters
 from positioner.valve.stiction import Quantity
 
 if TYPE_CHECKING:
-    from positioner.valve.state import StemState
+    from positioner.laws.paper.estimator import FilteredStem
 
 VALVE = ValveParameters(id="paper")
 FRICTIONLESS = replace(VALVE, static_friction_n=0.0, coulomb_friction_n=0.0)
@@ -37,7 +37,7 @@ BAND_M = VALVE.stick_velocity_m_per_s * PERIOD_S
 SI = {noise: Interpretation(noise, Units.SI) for noise in Noise}
 
 
-def resting(position_m: float = 0.08) -> StemState:
+def resting(position_m: float = 0.08) -> FilteredStem:
     return first_estimate(RAW, VALVE, position_m)
 
 

@@ -69,8 +69,8 @@ def play(law: Law[Any], readings: Iterable[tuple[float, float]], period_s: float
     memory, cycles = law.begin(0.08), []
     for number, (measured_m, setpoint_m) in enumerate(readings):
         observation = Observation(measured_m, 12.0, period_s, setpoint_m, number * period_s)
-        memory, stem = law.estimate(memory, observation)
-        memory, decision = law.decide(memory, stem, observation, TABLE)
+        memory, estimate = law.estimate(memory, observation)
+        memory, decision = law.decide(memory, estimate.stem, observation, TABLE)
         cycles.append(Cycle(decision.current_ma, decision.motion, memory))
     return cycles
 
@@ -99,8 +99,8 @@ def test_a_pi_that_cancels_the_pole_of_a_linear_plant_makes_it_first_order() -> 
         predicted_m = 0.08 + step_m * (1.0 - math.exp(-gain_m_per_ma * kp / tau_s * sample * period_s))
         worst = max(worst, abs(position_m - predicted_m))
         observation = Observation(position_m, 12.0, period_s, 0.08 + step_m, 0.0)
-        memory, stem = law.estimate(memory, observation)
-        memory, decision = law.decide(memory, stem, observation, TABLE)
+        memory, estimate = law.estimate(memory, observation)
+        memory, decision = law.decide(memory, estimate.stem, observation, TABLE)
         push_m = gain_m_per_ma * (decision.current_ma - MIDDLE_MA)
         position_m += period_s / tau_s * (push_m - (position_m - 0.08))
     assert worst < 2e-3 * step_m
@@ -146,8 +146,8 @@ def test_at_a_limit_the_integral_may_still_come_back() -> None:
     law = pi_law(gains(ki=5000.0, kd=100.0))
     memory = replace(law.begin(0.08), pid=replace(law.begin(0.08).pid, integral_ma=19.9))
     observation = Observation(0.079, 12.0, PERIOD_S, 0.0785, 0.0)
-    memory, stem = law.estimate(memory, observation)
-    memory, decision = law.decide(memory, stem, observation, TABLE)
+    memory, estimate = law.estimate(memory, observation)
+    memory, decision = law.decide(memory, estimate.stem, observation, TABLE)
     assert decision.current_ma == HIGH_MA
     assert memory.pid.integral_ma == pytest.approx(19.9 - 5000.0 * 0.0005 * PERIOD_S)
 
@@ -270,8 +270,8 @@ def test_on_the_valve_it_knows_two_moves_hit_within_a_tenth_of_a_millimetre() ->
     for setpoint_m in (0.073, 0.0735, 0.0835):
         for _ in range(400):
             observation = Observation(plant.stem.position_m, 12.0, PERIOD_S, setpoint_m, plant.time_s)
-            memory, stem = law.estimate(memory, observation)
-            memory, decision = law.decide(memory, stem, observation, TABLE)
+            memory, estimate = law.estimate(memory, observation)
+            memory, decision = law.decide(memory, estimate.stem, observation, TABLE)
             plant = step(settings, plant, decision.current_ma, PERIOD_S)
         assert plant.stem.is_at_rest
         landed_m.append(plant.stem.position_m - setpoint_m)
@@ -295,8 +295,8 @@ def test_what_was_learned_shifts_the_current_and_not_the_choice_of_the_moves() -
     law = two_move(RETRY)
     memory = replace(law.begin(0.08), opening_bias_m=0.010, closing_bias_m=-0.003)
     observation = Observation(0.08, 12.0, PERIOD_S, 0.083, 0.0)
-    memory, stem = law.estimate(memory, observation)
-    memory, decision = law.decide(memory, stem, observation, TABLE)
+    memory, estimate = law.estimate(memory, observation)
+    memory, decision = law.decide(memory, estimate.stem, observation, TABLE)
     assert memory.stage is Stage.BACK_OFF
     assert decision.current_ma == pytest.approx(push_ma(0.068 - 0.003, -1.0))
 
@@ -342,8 +342,8 @@ def test_a_law_leaves_its_memories_as_they_were(name: str) -> None:
     memory = first[99].memory
     for number, (measured_m, setpoint_m) in enumerate(readings[100:], start=100):
         observation = Observation(measured_m, 12.0, PERIOD_S, setpoint_m, number * PERIOD_S)
-        memory, stem = law.estimate(memory, observation)
-        memory, decision = law.decide(memory, stem, observation, TABLE)
+        memory, estimate = law.estimate(memory, observation)
+        memory, decision = law.decide(memory, estimate.stem, observation, TABLE)
         assert decision.current_ma == first[number].current_ma
     assert memory == first[-1].memory
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 from annotated_types import Interval
 
 from positioner.inputs.table import SettingsTable
+from positioner.laws.move_reason import Breakaway
 from positioner.valve.motion import Load
 from positioner.valve.stiction import LearnedSample, Quantity, direction_of
 
@@ -34,19 +35,6 @@ class BreakawaySettings(SettingsTable):
     least_count: Annotated[int, Interval(ge=1, le=1000)] = 3
     largest_age: Annotated[int, Interval(ge=1, le=1_000_000)] = 500
     largest_spread: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.06
-
-
-@dataclass(frozen=True, slots=True)
-class Breakaway:
-    """Γ in mA, and how many samples of the table it rests on; 0 when it is the model's."""
-
-    current_ma: float
-    samples: int
-
-    @property
-    def source(self) -> str:
-        """Where it comes from, in words."""
-        return f"the table ({self.samples} samples)" if self.samples else "the model"
 
 
 def breakaway(
@@ -71,7 +59,7 @@ def breakaway(
         or table.age(cell) > settings.largest_age
         or cell.spread * model.gain_n_per_ma > settings.largest_spread * static_n
     ):
-        return Breakaway(model.current_ma(spring_n_per_m * position_m + direction * static_n + spare_n), 0)
+        return Breakaway(model.current_ma(spring_n_per_m * position_m + direction * static_n + spare_n))
     pushes = (cell.mean + direction * cell.spread, cell.samples[-1])
     centre_m = table.index_of(position_m) * table.cell_width_m
     least_ma = model.current_ma(spring_n_per_m * centre_m + direction * _LEAST_OF_MODEL * static_n)

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from positioner.laws.bounds import Bounds
 from positioner.laws.estimator_settings import measurement_sigma_m
 from positioner.laws.law import Decision
+from positioner.laws.move_reason import MoveReason
 from positioner.laws.nmpc.breakaway import breakaway, recollect
 from positioner.laws.nmpc.filter import Resting, Sliding, average
 from positioner.laws.nmpc.landing import Landing, landing_bias_m
@@ -29,7 +30,7 @@ from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
     from positioner.laws.estimator_settings import EstimatorSettings
-    from positioner.laws.law import Observation
+    from positioner.laws.law import Estimate, Observation
     from positioner.laws.nmpc.filter import AdaptiveFilter
     from positioner.laws.nmpc.settings import NmpcSettings
     from positioner.optimization.qp import Solver
@@ -65,7 +66,7 @@ class NmpcLaw:
         ratio = self.valve.static_friction_n / nominal.friction_n if nominal.friction_n else 1.0
         return NmpcMemory(stem, Watch(ratio))
 
-    def estimate(self, memory: NmpcMemory, observation: Observation) -> tuple[NmpcMemory, StemState]:
+    def estimate(self, memory: NmpcMemory, observation: Observation) -> tuple[NmpcMemory, Estimate]:
         """Return the memory and the stem after this cycle's reading: a Kalman filter in motion, an average at rest."""
         stem = memory.stem
         sigma_m = measurement_sigma_m(self.estimator, self.valve, stem.x)
@@ -114,7 +115,7 @@ class NmpcLaw:
 
     def _track(
         self, memory: NmpcMemory, stem: Sliding, observation: Observation, variance_m2: float
-    ) -> tuple[NmpcMemory, StemState]:
+    ) -> tuple[NmpcMemory, Estimate]:
         """Return the memory and the sliding stem; when the model or the reading has stopped it, it settles."""
         ahead = self.filter.advance(stem, observation.applied_ma, observation.elapsed_s)
         after = self.filter.correct(ahead, observation.measured_m, variance_m2)
@@ -155,14 +156,14 @@ class NmpcLaw:
         tolerance_m = own.tolerance_m * (1.0 + own.patience * min(memory.corrections, own.patience_limit))
         return abs(setpoint_m - here.x) > tolerance_m + own.doubt_sigma * here.sigma_m
 
-    def _hold(self, memory: NmpcMemory, here: Resting, fallback: str = "") -> tuple[NmpcMemory, Decision]:
+    def _hold(self, memory: NmpcMemory, here: Resting) -> tuple[NmpcMemory, Decision]:
         """Return the middle of the stick band, followed in steps only."""
         middle_ma = self._clamp(self.filter.model.current_ma(here.load.spring_n_per_m * here.x))
         held_ma = memory.hold_ma
         if held_ma is None or abs(middle_ma - held_ma) > self.settings.hold_step_ma:
             memory, held_ma = replace(memory, hold_ma=middle_ma), middle_ma
         bounds = Bounds(0.0, 0.0, self.current_low_ma, self.current_high_ma)
-        return memory, Decision(held_ma, bounds, memory.motion, 0, fallback)
+        return memory, Decision(held_ma, bounds, memory.motion)
 
     def _start(
         self, memory: NmpcMemory, here: Resting, observation: Observation, table: StictionTable
@@ -193,8 +194,7 @@ class NmpcLaw:
         landing = Landing(here.x, aim_m, direction)
         on_trial = replace(memory.watch, trial=Trial(here, direction, at_limit, aim_m - here.x), landing=landing)
         memory = replace(memory, watch=on_trial, ends_s=observation.time_s + self.longest_move_s)
-        why = f"error {1e3 * error_m:+.3f} mm; breakaway {gamma.current_ma:.3f} mA from {gamma.source}"
-        return memory, replace(decision, reason=why, fallback=fallback or decision.fallback)
+        return memory, replace(decision, reason=MoveReason(error_m, gamma), fallback=fallback or decision.fallback)
 
     def _course(self, memory: NmpcMemory, here: Sliding, aim_m: float, release_ma: float | None = None) -> Course:
         """Return what the plan is asked for; `release_ma` is Γ while the stem still sticks."""
@@ -218,11 +218,11 @@ class NmpcLaw:
             bounds = Bounds(-math.inf, math.inf, low_ma, high_ma)
             first_ma = min(max(guess_ma[0], low_ma), high_ma)
             memory = replace(memory, plan_ma=(*guess_ma[1:], course.brake_ma))
-            return memory, Decision(first_ma, bounds, Motion.MOVE, 0, "no plan: the last one goes on")
+            return memory, Decision(first_ma, bounds, Motion.MOVE, fallback="no plan: the last one goes on")
         limit = found.speed_limit_m_per_s
         speeds = (0.0, limit) if course.direction > 0.0 else (limit, 0.0)
         memory = replace(memory, plan_ma=(*found.inputs_ma[1:], found.inputs_ma[-1]))
-        return memory, Decision(found.inputs_ma[0], Bounds(*speeds, low_ma, high_ma), Motion.MOVE, found.passes)
+        return memory, Decision(found.inputs_ma[0], Bounds(*speeds, low_ma, high_ma), Motion.MOVE, passes=found.passes)
 
     def _clamp(self, current_ma: float) -> float:
         return min(max(current_ma, self.current_low_ma), self.current_high_ma)

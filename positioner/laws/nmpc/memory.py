@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from positioner.laws.law import Estimate
 from positioner.laws.nmpc.filter import Resting, Sliding
 from positioner.laws.pushes import Pushes
 from positioner.valve.state import StemState
@@ -40,9 +41,8 @@ class NmpcMemory:
     pushes: Pushes = field(default_factory=Pushes)
 
 
-def report(stem: Resting | Sliding, *learned: LearnedSample) -> StemState:
+def report(stem: Resting | Sliding, *lessons: LearnedSample) -> Estimate:
     """Return the estimate as the rest of the positioner knows it."""
     if isinstance(stem, Resting):
-        return StemState(stem.x, 0.0, True, stem.anchor.direction, stem.variance_m2, 0.0, 0.0, 0.0, learned)
-    (xx, xv), (_, vv) = stem.covariance[:2, :2].tolist()
-    return StemState(stem.x, stem.v, False, stem.direction, xx, xv, vv, 0.0, learned)
+        return Estimate(StemState(stem.x, 0.0, stuck=True, direction=stem.anchor.direction), lessons)
+    return Estimate(StemState(stem.x, stem.v, stuck=False, direction=stem.direction), lessons)

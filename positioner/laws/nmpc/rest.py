@@ -13,10 +13,9 @@ from positioner.laws.nmpc.verification import judge, watch
 from positioner.laws.pushes import MOST_FAILED
 
 if TYPE_CHECKING:
-    from positioner.laws.law import Observation
+    from positioner.laws.law import Estimate, Observation
     from positioner.laws.nmpc.filter import AdaptiveFilter, Resting
     from positioner.laws.nmpc.settings import NmpcSettings
-    from positioner.valve.state import StemState
     from positioner.valve.stiction import LearnedSample
 
 
@@ -29,7 +28,7 @@ def attend(
     observation: Observation,
     variance_m2: float,
     sigma_m: float,
-) -> tuple[NmpcMemory, StemState]:
+) -> tuple[NmpcMemory, Estimate]:
     """Return the memory and the resting stem after a reading of `variance_m2` took one of `stems` to the other.
 
     sigma_m is the sensor's configured σ. Only a move that is sure to have happened teaches where and how it stopped.

@@ -11,7 +11,7 @@ The method "raw" is the paper read literally: each reading is the position, and 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from positioner.laws.estimator_settings import EstimationMethod, measurement_sigma_m
@@ -27,20 +27,35 @@ _SPEED_AT_SURPRISE_M_PER_S = 0.3
 """σ of the speed after a slip that the model did not foresee: the peak speed of the natural slip jump."""
 
 
-def first_estimate(settings: EstimatorSettings, valve: ValveParameters, measured_m: float) -> StemState:
+@dataclass(frozen=True, slots=True)
+class FilteredStem(StemState):
+    """A stem with the covariance of x and v in SI units, and the smoothed innovation in σ while it sticks."""
+
+    p_xx: float
+    p_xv: float = 0.0
+    p_vv: float = 0.0
+    drift: float = 0.0
+
+    @property
+    def position_sigma_m(self) -> float:
+        """Standard deviation of the position in m."""
+        return math.sqrt(max(self.p_xx, 0.0))
+
+
+def first_estimate(settings: EstimatorSettings, valve: ValveParameters, measured_m: float) -> FilteredStem:
     """Return the estimate from a single reading: at rest where it was measured."""
     sigma = measurement_sigma_m(settings, valve, measured_m)
-    return StemState(measured_m, 0.0, valve.static_friction_n > 0.0, 1.0, sigma * sigma, 0.0, 0.0)
+    return FilteredStem(measured_m, 0.0, stuck=valve.static_friction_n > 0.0, direction=1.0, p_xx=sigma * sigma)
 
 
 def estimate(
     settings: EstimatorSettings,
     valve: ValveParameters,
-    state: StemState,
+    state: FilteredStem,
     measured_m: float,
     applied_ma: float,
     period_s: float,
-) -> StemState:
+) -> FilteredStem:
     """Return the estimate after `period_s` under `applied_ma`, corrected by the reading `measured_m`."""
     if settings.method is EstimationMethod.RAW:
         return _differentiate(settings, valve, state, measured_m, period_s)
@@ -48,22 +63,22 @@ def estimate(
 
 
 def _differentiate(
-    settings: EstimatorSettings, valve: ValveParameters, state: StemState, measured_m: float, period_s: float
-) -> StemState:
+    settings: EstimatorSettings, valve: ValveParameters, state: FilteredStem, measured_m: float, period_s: float
+) -> FilteredStem:
     """Return the reading and its difference quotient; below DV, in Karnopp's band, a stem with friction sticks."""
     velocity = (measured_m - state.position_m) / period_s
     variance = measurement_sigma_m(settings, valve, measured_m) ** 2
     if valve.static_friction_n > 0.0 and abs(velocity) < valve.stick_velocity_m_per_s:
-        return StemState(measured_m, 0.0, True, state.direction, variance, 0.0, 0.0)
+        return _stuck(measured_m, state.direction, variance)
     direction = math.copysign(1.0, velocity) if velocity else state.direction
     # the difference of two readings, each with this variance
-    covariance, speed_variance = variance / period_s, 2.0 * variance / period_s**2
-    return StemState(measured_m, velocity, False, direction, variance, covariance, speed_variance)
+    p_xv, p_vv = variance / period_s, 2.0 * variance / period_s**2
+    return FilteredStem(measured_m, velocity, stuck=False, direction=direction, p_xx=variance, p_xv=p_xv, p_vv=p_vv)
 
 
 def _predict(
-    settings: EstimatorSettings, valve: ValveParameters, state: StemState, applied_ma: float, period_s: float
-) -> StemState:
+    settings: EstimatorSettings, valve: ValveParameters, state: FilteredStem, applied_ma: float, period_s: float
+) -> FilteredStem:
     push_n = valve.net_force_n(state.position_m, applied_ma)
     if state.stuck:
         if _holds(valve, state.position_m, applied_ma):
@@ -71,19 +86,24 @@ def _predict(
         state = replace(state, stuck=False, direction=math.copysign(1.0, push_n), drift=0.0)
     direction = state.direction if state.velocity_m_per_s else math.copysign(1.0, push_n)
     model, load = MotionModel.of(valve), Load.of(valve)
-    motion = model.step(state.position_m, state.velocity_m_per_s, applied_ma, load, direction, period_s)
-    a, b, c, d = motion.dx_dx, motion.dx_dv, motion.dv_dx, motion.dv_dv
+    end = model.step(state.position_m, state.velocity_m_per_s, applied_ma, load, direction, period_s)
+    a, b, c, d = end.dx_dx, end.dx_dv, end.dv_dx, end.dv_dv
     p_xx = a * a * state.p_xx + 2.0 * a * b * state.p_xv + b * b * state.p_vv
     p_xv = a * c * state.p_xx + (a * d + b * c) * state.p_xv + b * d * state.p_vv
     p_vv = c * c * state.p_xx + 2.0 * c * d * state.p_xv + d * d * state.p_vv
-    resting = motion.stopped or abs(motion.v) < valve.stick_velocity_m_per_s
-    if resting and _holds(valve, motion.x, applied_ma):
-        return StemState(motion.x, 0.0, True, direction, p_xx, 0.0, 0.0)
-    if motion.stopped:
+    resting = end.stopped or abs(end.v) < valve.stick_velocity_m_per_s
+    if resting and _holds(valve, end.x, applied_ma):
+        return _stuck(end.x, direction, p_xx)
+    if end.stopped:
         # the stem only turns round here: it has no speed, and is not stuck
-        return StemState(motion.x, 0.0, False, -direction, p_xx, 0.0, p_vv)
+        return FilteredStem(end.x, 0.0, stuck=False, direction=-direction, p_xx=p_xx, p_vv=p_vv)
     kick = settings.force_noise_n / valve.mass_kg * period_s
-    return StemState(motion.x, motion.v, False, direction, p_xx, p_xv, p_vv + kick * kick)
+    p_vv += kick * kick
+    return FilteredStem(end.x, end.v, stuck=False, direction=direction, p_xx=p_xx, p_xv=p_xv, p_vv=p_vv)
+
+
+def _stuck(position_m: float, direction: float, variance_m2: float, drift: float = 0.0) -> FilteredStem:
+    return FilteredStem(position_m, 0.0, stuck=True, direction=direction, p_xx=variance_m2, drift=drift)
 
 
 def _holds(valve: ValveParameters, position_m: float, applied_ma: float) -> bool:
@@ -92,8 +112,8 @@ def _holds(valve: ValveParameters, position_m: float, applied_ma: float) -> bool
 
 
 def _correct(
-    settings: EstimatorSettings, valve: ValveParameters, state: StemState, measured_m: float, applied_ma: float
-) -> StemState:
+    settings: EstimatorSettings, valve: ValveParameters, state: FilteredStem, measured_m: float, applied_ma: float
+) -> FilteredStem:
     sigma = measurement_sigma_m(settings, valve, state.position_m)
     variance = state.p_xx + sigma * sigma
     innovation = measured_m - state.position_m
@@ -104,18 +124,18 @@ def _correct(
         weight = settings.slip_smoothing
         drift = state.drift + weight * (innovation / math.sqrt(variance) - state.drift)
         if abs(drift) <= settings.slip_threshold_sigma * math.sqrt(weight / (2.0 - weight)):
-            return StemState(position, 0.0, True, state.direction, p_xx, 0.0, 0.0, drift)
+            return _stuck(position, state.direction, p_xx, drift)
         # the stem has left without the model's consent: believe the reading, keep the speed open
-        speed_variance = _SPEED_AT_SURPRISE_M_PER_S**2
-        return StemState(measured_m, 0.0, False, math.copysign(1.0, drift), sigma * sigma, 0.0, speed_variance)
+        direction, p_vv = math.copysign(1.0, drift), _SPEED_AT_SURPRISE_M_PER_S**2
+        return FilteredStem(measured_m, 0.0, stuck=False, direction=direction, p_xx=sigma * sigma, p_vv=p_vv)
     velocity = state.velocity_m_per_s + gain_v * innovation
     p_xv, p_vv = (1.0 - gain_x) * state.p_xv, state.p_vv - gain_v * state.p_xv
     if valve.static_friction_n > 0.0 and state.velocity_m_per_s:
         forward = velocity * state.direction
         if forward < valve.stick_velocity_m_per_s and _holds(valve, position, applied_ma):
-            return StemState(position, 0.0, True, state.direction, p_xx, 0.0, 0.0)
+            return _stuck(position, state.direction, p_xx)
         if forward <= 0.0:
             # friction stops the stem before its speed can change sign, though it cannot hold it here
-            return StemState(position, 0.0, False, state.direction, p_xx, 0.0, p_vv)
+            return FilteredStem(position, 0.0, stuck=False, direction=state.direction, p_xx=p_xx, p_vv=p_vv)
     direction = math.copysign(1.0, velocity) if velocity else state.direction
-    return StemState(position, velocity, False, direction, p_xx, p_xv, p_vv)
+    return FilteredStem(position, velocity, stuck=False, direction=direction, p_xx=p_xx, p_xv=p_xv, p_vv=p_vv)

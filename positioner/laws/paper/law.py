@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from positioner.laws.bounds import Bounds
-from positioner.laws.law import Decision, Observation
+from positioner.laws.law import Decision, Estimate, Observation
 from positioner.laws.paper.bounds import breakaway_bounds_ma, speed_bounds_m_per_s
 from positioner.laws.paper.estimator import estimate, first_estimate
 from positioner.laws.paper.planner import plan
 from positioner.laws.pushes import Pushes
+from positioner.valve.stick_slip import edge_lessons
 from positioner.valve.stiction import Quantity, direction_of
 from positioner.wire.messages import Motion
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from positioner.laws.estimator_settings import EstimatorSettings
     from positioner.laws.paper.bounds import BoundSettings
+    from positioner.laws.paper.estimator import FilteredStem
     from positioner.laws.paper.planner import PlannerSettings
     from positioner.optimization.qp import Solver
     from positioner.valve.parameters import ValveParameters
@@ -35,7 +37,7 @@ if TYPE_CHECKING:
 class PaperMemory:
     """What the law carries: the estimate, the plan shifted by one (H_u,), and what became of its breakaways."""
 
-    stem: StemState
+    stem: FilteredStem
     inputs_ma: NDArray[np.float64]
     released: bool = False
     pushes: Pushes = field(default_factory=Pushes)
@@ -66,7 +68,7 @@ class PaperLaw:
         stem = first_estimate(self.estimator, self.valve, measured_m)
         return PaperMemory(stem, np.full(self.planner.control_steps, start))
 
-    def estimate(self, memory: PaperMemory, observation: Observation) -> tuple[PaperMemory, StemState]:
+    def estimate(self, memory: PaperMemory, observation: Observation) -> tuple[PaperMemory, Estimate]:
         """Return the estimated position and speed (D11: by a Kalman filter, or raw if the settings say so)."""
         stem = estimate(
             self.estimator,
@@ -76,7 +78,8 @@ class PaperLaw:
             observation.applied_ma,
             observation.elapsed_s,
         )
-        return replace(memory, stem=stem), stem
+        lessons = edge_lessons(memory.stem, stem, observation.applied_ma)
+        return replace(memory, stem=stem), Estimate(stem, lessons)
 
     def decide(
         self, memory: PaperMemory, stem: StemState, observation: Observation, table: StictionTable
@@ -84,12 +87,16 @@ class PaperLaw:
         """Return the first input of the plan within the movable bounds; a missing plan holds the stem (D12)."""
         pushes = memory.pushes.pursuing(observation.setpoint_m, self.valve.span_m)
         if memory.released:
-            rest_m, sigma_m = stem.position_m, stem.position_sigma_m
-            moved = not stem.stuck
-            pushes = pushes.judged(moved=moved, time_s=observation.time_s, rest_m=rest_m, sigma_m=sigma_m)
+            pushes = pushes.judged(
+                moved=not stem.stuck,
+                time_s=observation.time_s,
+                rest_m=stem.position_m,
+                sigma_m=memory.stem.position_sigma_m,
+            )
         memory = replace(memory, pushes=pushes)
         bounds, releasing = self._bounds(memory, stem, observation, table)
-        failed = (pushes.failed, pushes.rest_s) if memory.released and stem.stuck else (0, 0.0)
+        has_failed = memory.released and stem.stuck
+        failed_pushes, rest_s = (pushes.failed, pushes.rest_s) if has_failed else (0, 0.0)
         guess = np.clip(memory.inputs_ma, bounds.current_low_ma, bounds.current_high_ma)
         start = (stem.position_m, stem.velocity_m_per_s)
         found = plan(self.planner, self.valve, self.solver, start, observation.setpoint_m, bounds, guess, self.period_s)
@@ -97,10 +104,17 @@ class PaperLaw:
             hold = self._clamp(self.valve.balance_current_ma(stem.position_m))
             memory = replace(memory, inputs_ma=np.full_like(guess, hold), released=releasing)
             why = "no plan within the bounds: spring balanced"
-            return memory, Decision(hold, bounds, Motion.REST, 0, why, "", *failed)
+            return memory, Decision(hold, bounds, Motion.REST, fallback=why, failed_pushes=failed_pushes, rest_s=rest_s)
         shifted = np.append(found.inputs_ma[1:], found.inputs_ma[-1])
         motion = Motion.REST if stem.stuck and not releasing else Motion.MOVE
-        decision = Decision(float(found.inputs_ma[0]), bounds, motion, found.passes, "", "", *failed)
+        decision = Decision(
+            float(found.inputs_ma[0]),
+            bounds,
+            motion,
+            passes=found.passes,
+            failed_pushes=failed_pushes,
+            rest_s=rest_s,
+        )
         return replace(memory, inputs_ma=shifted, released=releasing), decision
 
     def _bounds(

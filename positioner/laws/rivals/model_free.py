@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-
+from positioner.laws.law import Estimate
 from positioner.valve.state import StemState
 
 
@@ -12,14 +11,10 @@ def smooth(before_m: float, measured_m: float, time_constant_s: float, elapsed_s
     return before_m + elapsed_s / (time_constant_s + elapsed_s) * (measured_m - before_m)
 
 
-def report(position_m: float, speed_m_per_s: float) -> StemState:
-    """Return the stem as such a law sees it: never certain, and never stuck.
+def report(position_m: float, speed_m_per_s: float) -> Estimate:
+    """Return the stem as such a law sees it: never stuck, and without lessons.
 
     Under 2 % noise a filtered position cannot tell a stick from slow sliding. The stiction table belongs to the valve
-    and outlives the law: stops and slips guessed from such a position would mislead the laws that rely on it. Without
-    edges between sticking and sliding the cycle learns nothing.
+    and outlives the law: stops and slips guessed from such a position would mislead the laws that rely on it.
     """
-    direction = -1.0 if speed_m_per_s < 0.0 else 1.0
-    return StemState(
-        position_m, speed_m_per_s, stuck=False, direction=direction, p_xx=math.inf, p_xv=0.0, p_vv=math.inf
-    )
+    return Estimate(StemState(position_m, speed_m_per_s, stuck=False, direction=-1.0 if speed_m_per_s < 0.0 else 1.0))

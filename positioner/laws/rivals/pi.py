@@ -20,7 +20,7 @@ from positioner.laws.rivals.pid import PidSettings  # noqa: TC001 - pydantic rea
 from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
-    from positioner.laws.law import Observation
+    from positioner.laws.law import Estimate, Observation
     from positioner.laws.rivals.pid import PidController, PidMemory
     from positioner.valve.parameters import ValveParameters
     from positioner.valve.state import StemState
@@ -83,7 +83,7 @@ class PiLaw(Generic[C]):
         pid = self.controller.begin(measured_m, self.valve.balance_current_ma(measured_m))
         return PiMemory(pid, self.compensator.begin(pid.integral_ma), pid.integral_ma)
 
-    def estimate(self, memory: PiMemory[C], observation: Observation) -> tuple[PiMemory[C], StemState]:
+    def estimate(self, memory: PiMemory[C], observation: Observation) -> tuple[PiMemory[C], Estimate]:
         """Return the memory with the reading in the filter, and the filtered position."""
         pid = self.controller.see(memory.pid, observation.measured_m, observation.elapsed_s)
         return PiMemory(pid, memory.compensator, memory.current_ma), report(pid.position_m, pid.speed_m_per_s)

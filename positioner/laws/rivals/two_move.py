@@ -24,7 +24,7 @@ from positioner.laws.rivals.model_free import report
 from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
-    from positioner.laws.law import Observation
+    from positioner.laws.law import Estimate, Observation
     from positioner.valve.parameters import ValveParameters
     from positioner.valve.state import StemState
     from positioner.valve.stiction import StictionTable
@@ -113,7 +113,7 @@ class TwoMoveLaw:
         """Return the memory of a stem that is held where it was measured."""
         return TwoMoveMemory(min(max(measured_m, self.valve.travel_min_m), self.valve.travel_max_m), measured_m)
 
-    def estimate(self, memory: TwoMoveMemory, observation: Observation) -> tuple[TwoMoveMemory, StemState]:
+    def estimate(self, memory: TwoMoveMemory, observation: Observation) -> tuple[TwoMoveMemory, Estimate]:
         """Return the memory and the position: the average while the stem is held, else the reading."""
         readings = memory.readings + 1 if memory.stage is Stage.HOLD else 1
         position_m = memory.position_m + (observation.measured_m - memory.position_m) / readings

@@ -1,0 +1,52 @@
+"""Why a law begins a move, and where the breakaway current of that move comes from. Pure."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class BreakawaySource(StrEnum):
+    """What a breakaway current Γ was computed from; the value is its name in texts."""
+
+    TABLE = "the table"
+    """A cell of the stiction table."""
+    MODEL = "the model"
+    """The estimated spring rate and static friction."""
+
+
+@dataclass(frozen=True, slots=True)
+class Breakaway:
+    """Γ in mA, and the number of samples of the stiction table that it was computed from; 0 without the table."""
+
+    current_ma: float
+    samples: int = 0
+
+    @property
+    def source(self) -> BreakawaySource:
+        """What Γ was computed from."""
+        return BreakawaySource.TABLE if self.samples else BreakawaySource.MODEL
+
+
+@dataclass(frozen=True, slots=True)
+class MoveReason:
+    """The error in m that a move is to correct, and the breakaway current that the move begins with at least."""
+
+    error_m: float
+    breakaway: Breakaway
+
+    def __str__(self) -> str:
+        """One sentence for the log and the trace; `source_in` reads it."""
+        samples = f" ({self.breakaway.samples} samples)" if self.breakaway.samples else ""
+        from_where = f"breakaway {self.breakaway.current_ma:.3f} mA from {self.breakaway.source}{samples}"
+        return f"error {1e3 * self.error_m:+.3f} mm; {from_where}"
+
+
+_SOURCE = re.compile(f"breakaway .* mA from ({'|'.join(BreakawaySource)})")
+
+
+def source_in(text: str) -> BreakawaySource | None:
+    """Return the source that the text of a `MoveReason` names, None where no move began."""
+    found = _SOURCE.search(text)
+    return BreakawaySource(found[1]) if found else None

@@ -47,12 +47,11 @@ def control(
     except Exception as error:  # noqa: BLE001 - whatever a law does, the valve gets a command that somebody chose
         watch = replace(state.guard, law_failures=state.guard.law_failures + 1)
         events.append(LawFellBack(f"{setup.law.name} failed: {type(error).__name__}: {error}"))
-        return replace(state, guard=watch, memory=None, stem=None, fallback_count=state.fallback_count + 1), None
+        return replace(state, guard=watch, memory=None, stem=None), None
     if decision.reason:
         events.append(MoveBegan(decision.reason))
     if decision.failed_pushes:
         events.append(PushFailed(decision.failed_pushes, decision.rest_s))
-        state = replace(state, counters=state.counters.add(events[-1:]))
     if decision.fallback:
         events.append(LawFellBack(decision.fallback))
     state = replace(
@@ -62,7 +61,6 @@ def control(
         setpoint_m=setpoint_m,
         control_s=state.control_s + elapsed_s,
         guard=replace(state.guard, law_failures=0) if state.guard.law_failures else state.guard,
-        fallback_count=state.fallback_count + bool(decision.fallback),
         answered=True,
     )
     return state, decision

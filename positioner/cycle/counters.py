@@ -1,22 +1,12 @@
-"""Counts by cause of all that was refused, lost or late, told one after another behind the status. Pure."""
+"""Everything that is counted since the start: what the status and the frames behind it report. Pure."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from positioner.cycle.events import (
-    FeedbackRefused,
-    ForeignCommand,
-    FrameRefused,
-    FramesLost,
-    LinesDropped,
-    OrderDisputed,
-    SetpointRefused,
-)
-from positioner.cycle.timing_events import LawLate, Stalled
-from positioner.cycle.trust_events import PushFailed
-from positioner.wire.formats import Reason
+from positioner.cycle.counted_event import CountedEvent
+from positioner.cycle.events import FrameRefused, LawFellBack, Learned
 from positioner.wire.messages import Counted, PositionerCount
 
 if TYPE_CHECKING:
@@ -24,66 +14,48 @@ if TYPE_CHECKING:
 
     from positioner.cycle.events import Event
 
-COUNTED_REASONS: Mapping[Reason, Counted] = {
-    Reason.WRONG_LENGTH: Counted.WRONG_LENGTH,
-    Reason.WRONG_CRC: Counted.WRONG_CRC,
-    Reason.OUT_OF_RANGE: Counted.OUT_OF_RANGE,
-    Reason.UNDEFINED_VALUE: Counted.UNDEFINED_VALUE,
-    Reason.REPEATED: Counted.REPEATED,
-    Reason.OUT_OF_ORDER: Counted.OUT_OF_ORDER,
-    Reason.ERROR_FRAME: Counted.ERROR_FRAME,
-    Reason.REMOTE_FRAME: Counted.REMOTE_FRAME,
-}
-"""Frames under an unknown identifier are other nodes' traffic, and not counted."""
-
-_COUNTED_EVENTS: Mapping[type[Event], Counted] = {
-    SetpointRefused: Counted.SETPOINT_REFUSED,
-    OrderDisputed: Counted.DISPUTED,
-    ForeignCommand: Counted.FOREIGN_COMMAND,
-    LawLate: Counted.LAW_LATE,
-    PushFailed: Counted.PUSH_FAILED,
-    Stalled: Counted.STALLED,
-}
 _MODULUS = 1 << 32
 
 
 @dataclass(frozen=True, slots=True)
 class Counters:
-    """How often each cause was counted since the start, and which count was told last."""
+    """Counts since the start.
 
-    counts: Mapping[Counted, int] = field(default_factory=dict)
-    told: Counted | None = None
+    by_cause: sent one after another behind the status, `sent` is the cause sent last. The status itself has the three
+    totals: frames refused, fallbacks of the law (its failures among them), samples learned.
+    """
+
+    by_cause: Mapping[Counted, int] = field(default_factory=dict)
+    sent: Counted | None = None
+    refused_frames: int = 0
+    fallbacks: int = 0
+    learned: int = 0
 
     def add(self, events: Iterable[Event]) -> Counters:
-        """Return the counters with what `events` count; the same one if they count nothing."""
-        counts = dict(self.counts)
+        """Return the counters with `events` counted; the same ones if none of them counts."""
+        events = [event for event in events if isinstance(event, CountedEvent | LawFellBack | Learned)]
+        if not events:
+            return self
+        by_cause = dict(self.by_cause)
         for event in events:
-            for what, number in _counted(event):
-                counts[what] = counts.get(what, 0) + number
-        return Counters(counts, self.told) if counts != self.counts else self
+            if isinstance(event, CountedEvent):
+                by_cause[event.counted] = by_cause.get(event.counted, 0) + event.count
+        return Counters(
+            by_cause=by_cause,
+            sent=self.sent,
+            refused_frames=self.refused_frames + _number(FrameRefused, events),
+            fallbacks=self.fallbacks + _number(LawFellBack, events),
+            learned=self.learned + _number(Learned, events),
+        )
 
-    def next_told(self) -> tuple[Counters, PositionerCount | None]:
-        """Return the message of the next count, in turn, and the counters that know; None while all is zero."""
-        if not self.counts:
+    def next_message(self) -> tuple[Counters, PositionerCount | None]:
+        """Return the counters and the message of the cause whose turn it is to be sent; None while all are zero."""
+        if not self.by_cause:
             return self, None
-        kinds = sorted(self.counts)
-        after = [kind for kind in kinds if self.told is not None and kind > self.told]
-        kind = after[0] if after else kinds[0]
-        return Counters(self.counts, kind), PositionerCount(kind, self.counts[kind] % _MODULUS)
+        causes = sorted(self.by_cause)
+        cause = next((each for each in causes if self.sent is not None and each > self.sent), causes[0])
+        return replace(self, sent=cause), PositionerCount(cause, self.by_cause[cause] % _MODULUS)
 
 
-def _counted(event: Event) -> tuple[tuple[Counted, int], ...]:
-    """Return what an event counts as, and how often; nothing for what is no trouble."""
-    match event:
-        case FrameRefused():
-            return ((COUNTED_REASONS[event.reason], 1),)
-        case FramesLost():
-            return ((Counted.LOST, event.count),)
-        case FeedbackRefused():
-            return ((event.counted, 1),)
-        case LinesDropped():
-            return ((Counted.LINE_DROPPED, event.count),)
-        case SetpointRefused() | OrderDisputed() | ForeignCommand() | LawLate() | Stalled() | PushFailed():
-            return ((_COUNTED_EVENTS[type(event)], 1),)
-        case _:
-            return ()
+def _number(kind: type[Event], events: Iterable[Event]) -> int:
+    return sum(isinstance(event, kind) for event in events)

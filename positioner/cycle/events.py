@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from positioner.cycle.counted_event import CountedEvent
 from positioner.cycle.deviation import Deviates
 from positioner.cycle.timing_events import LawLate, PeriodWrong, Stalled
 from positioner.cycle.trust_events import ActingChanged, NotBelieved, PushFailed
 from positioner.wire.loop_current import LoopSignal, signal_of
+from positioner.wire.messages import Counted
 
 if TYPE_CHECKING:
     from positioner.laws.law import Decision
     from positioner.laws.move_reason import MoveReason
     from positioner.valve.state import StemState
     from positioner.valve.stiction import LearnedSample
-    from positioner.wire.formats import Reason
-    from positioner.wire.messages import Cause, Counted, Mode
+    from positioner.wire.messages import Cause, Mode
 
 
 @dataclass(frozen=True, slots=True)
-class FrameRefused:
-    """A frame was not taken."""
+class FrameRefused(CountedEvent):
+    """A frame was not accepted."""
 
-    reason: Reason
     detail: str
 
     def __str__(self) -> str:
@@ -32,11 +32,11 @@ class FrameRefused:
 
 
 @dataclass(frozen=True, slots=True)
-class FramesLost:
+class FramesLost(CountedEvent):
     """The counter of a sender shows that frames are missing."""
 
+    counted: Counted = field(default=Counted.LOST, init=False)
     sender: str
-    count: int
 
     def __str__(self) -> str:
         """One line for the log."""
@@ -44,9 +44,10 @@ class FramesLost:
 
 
 @dataclass(frozen=True, slots=True)
-class SetpointRefused:
+class SetpointRefused(CountedEvent):
     """A setpoint lies outside the travel; the last good one stays in force."""
 
+    counted: Counted = field(default=Counted.SETPOINT_REFUSED, init=False)
     setpoint_m: float
     travel_min_m: float
     travel_max_m: float
@@ -61,9 +62,10 @@ class SetpointRefused:
 
 
 @dataclass(frozen=True, slots=True)
-class OrderDisputed:
+class OrderDisputed(CountedEvent):
     """More than one sender seems to give setpoints, or currents by hand; `what` was given, and was refused."""
 
+    counted: Counted = field(default=Counted.DISPUTED, init=False)
     what: str
     why: str
 
@@ -73,12 +75,11 @@ class OrderDisputed:
 
 
 @dataclass(frozen=True, slots=True)
-class FeedbackRefused:
+class FeedbackRefused(CountedEvent):
     """A position reading is implausible and was not used."""
 
     position_m: float
     why: str
-    counted: Counted
 
     def __str__(self) -> str:
         """One line for the log."""
@@ -86,9 +87,10 @@ class FeedbackRefused:
 
 
 @dataclass(frozen=True, slots=True)
-class ForeignCommand:
+class ForeignCommand(CountedEvent):
     """Somebody else sends our command frame."""
 
+    counted: Counted = field(default=Counted.FOREIGN_COMMAND, init=False)
     current_ma: float
     counter: int | None = None
 
@@ -137,10 +139,10 @@ class LawFellBack:
 
 
 @dataclass(frozen=True, slots=True)
-class LinesDropped:
+class LinesDropped(CountedEvent):
     """Lines of the log that nobody read: they would have kept the loop waiting."""
 
-    count: int
+    counted: Counted = field(default=Counted.LINE_DROPPED, init=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,9 +194,6 @@ Event = (
 
 
 def kind_of(event: Event) -> str:
-    """Return what counts as one kind of line: refused frames are told apart by their reason, readings by the doubt."""
-    if isinstance(event, FrameRefused):
-        return f"{type(event).__name__} {event.reason.value}"
-    if isinstance(event, FeedbackRefused):
-        return f"{type(event).__name__} {event.counted.name}"
-    return type(event).__name__
+    """Return what counts as one kind of line: what is counted by its cause has one kind for each cause."""
+    kind = type(event).__name__
+    return f"{kind}: {event.counted.text}" if isinstance(event, CountedEvent) else kind

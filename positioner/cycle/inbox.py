@@ -19,7 +19,7 @@ from positioner.cycle.timing_events import PeriodWrong
 from positioner.guard.stall import Freshness
 from positioner.guard.state import GuardInput
 from positioner.wire.e2e import CounterCheck, Sequence
-from positioner.wire.formats import FrameRejectedError, Reason
+from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import (
     ActuatorState,
     Cause,
@@ -42,8 +42,6 @@ if TYPE_CHECKING:
     from positioner.wire.messages import CanFrame
 
 
-_IGNORED = frozenset({Reason.UNKNOWN_ID})
-"""Other nodes' traffic is nobody's mistake."""
 _COUNTED = (StemPosition, Setpoint, ActuatorState, ManualCurrent)
 ALL_FRESH = Freshness()
 
@@ -69,9 +67,8 @@ def receive(
             message, counter = codec.decode(frame)
             lost = batch.in_sequence(message, counter, codec.by_kind[type(message)].counter_modulus, frame.data)
         except FrameRejectedError as error:
-            if error.reason not in _IGNORED:
-                batch.rejected_count += 1
-                batch.events.append(FrameRefused(error.reason, str(error)))
+            if error.counted is not None:
+                batch.events.append(FrameRefused(str(error), counted=error.counted))
         else:
             batch.take(message, counter, lost, fresh.arrived_ns(frame))
     return batch.result()
@@ -101,7 +98,6 @@ class _Batch:
         self.setpoint_m = link.setpoint_m
         self.setpoint_counter = link.setpoint_counter
         self.pressure_pa = link.pressure_pa
-        self.rejected_count = link.rejected_count
         self.position_counter = link.position_counter
         self.frame_period = link.frame_period
         self.reading: Reading | None = None
@@ -125,7 +121,6 @@ class _Batch:
             self.setpoint_m,
             self.setpoint_counter,
             self.pressure_pa,
-            self.rejected_count,
             self._periods - (self.reading.periods if self.reading else 0),
             self.reading.counter if self.reading else self.position_counter,
             self.frame_period,
@@ -163,11 +158,11 @@ class _Batch:
         if verdict is not Sequence.FRESH:
             disarms = isinstance(message, Setpoint) and message.request is HostRequest.DISARM
             self.stray_disarm |= disarms
-            reason = Reason.REPEATED if verdict is Sequence.REPEATED else Reason.OUT_OF_ORDER
+            counted = Counted.REPEATED if verdict is Sequence.REPEATED else Counted.OUT_OF_ORDER
             told = f"{type(message).__name__} counter {counter} after {known.check.last}"
-            raise FrameRejectedError(reason, f"{told}; its DISARM is obeyed" if disarms else told)
+            raise FrameRejectedError(counted, f"{told}; its DISARM is obeyed" if disarms else told)
         if lost:
-            self.events.append(FramesLost(type(message).__name__, lost))
+            self.events.append(FramesLost(type(message).__name__, count=lost))
         return lost
 
     def take(self, message: Message, counter: int | None, lost: int, arrived_ns: int) -> None:
@@ -191,7 +186,7 @@ class _Batch:
         if self.frame_period.measured_s != before.measured_s and self.frame_period.is_wrong(self.period_s):
             self.events.append(PeriodWrong(self.frame_period.measured_s or 0.0, self.period_s))
         if (sender := self.senders.get(StemPosition)) is not None and not sender.window.settled:
-            self.events.append(FeedbackRefused(message.position_m, sender.window.why, Counted.DISPUTED))
+            self.events.append(FeedbackRefused(message.position_m, sender.window.why, counted=Counted.DISPUTED))
             self.refused = self.refused if sender.window.valid else Cause.FEEDBACK_DISPUTED
             return
         elapsed_s = (lost + 1) * self.period_s
@@ -199,7 +194,7 @@ class _Batch:
             self.guard, self.valve, self.readings, message, self.commanded_ma, elapsed_s, self.period_s
         )
         if doubt:
-            self.events.append(FeedbackRefused(message.position_m, doubt.why, doubt.counted))
+            self.events.append(FeedbackRefused(message.position_m, doubt.why, counted=doubt.counted))
             frozen = doubt.counted is Counted.FEEDBACK_FROZEN
             self.refused = Cause.FEEDBACK_FROZEN if frozen else Cause.FEEDBACK_IMPLAUSIBLE
             return

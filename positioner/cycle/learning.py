@@ -37,10 +37,9 @@ def learn(setup: Setup, state: CycleState, lessons: tuple[LearnedSample, ...], e
             continue
         table = table.record(sample.quantity, sample.position_m, sample.direction, sample.value)
         events.append(Learned(sample, table.sequence))
-    learned = table.sequence - state.table.sequence
-    if not learned:
+    if table is state.table:
         return state
-    return replace(state, table=table, believed=table, learned_count=state.learned_count + learned)
+    return replace(state, table=table, believed=table)
 
 
 def _limits(setup: Setup) -> Limits:

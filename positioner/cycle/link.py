@@ -26,7 +26,6 @@ class LinkState:
     setpoint_m: float | None = None
     setpoint_counter: int | None = None
     pressure_pa: float | None = None
-    rejected_count: int = 0
     periods_unread: int = 0
     position_counter: int | None = None
     frame_period: FramePeriod = field(default_factory=FramePeriod)

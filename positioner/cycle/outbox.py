@@ -79,10 +79,10 @@ def status(setup: Setup, state: CycleState, now_ns: int) -> tuple[CycleState, li
         state.guard.health(table_saved=state.table_saved),
         state.guard.armed,
         state.table_saved,
-        state.fallback_count % 256,
-        state.link.rejected_count % 256,
-        state.learned_count % 256,
+        state.counters.fallbacks % 256,
+        state.counters.refused_frames % 256,
+        state.counters.learned % 256,
     )
-    counters, count = state.counters.next_told()
+    counters, count = state.counters.next_message()
     frames = [setup.codec.encode(each, state.status_counter) for each in (message, count) if each is not None]
     return replace(state, status_counter=state.status_counter + 1, status_ns=now_ns, counters=counters), frames

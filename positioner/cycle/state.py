@@ -66,8 +66,6 @@ class CycleState:
     answered: bool = False
     left_ma: float | None = None
     counters: Counters = field(default_factory=Counters)
-    fallback_count: int = 0
-    learned_count: int = 0
     handover: Handover | None = None
     deviation: Deviation = NO_DEVIATION
 

@@ -78,7 +78,6 @@ def step(
         table=state.table if cycle_input.table is None else cycle_input.table,
         table_saved=cycle_input.table_saved,
         answered=False,
-        counters=state.counters.add(events),
         handover=handover,
         effect=effect,
         deviation=deviation,
@@ -92,6 +91,7 @@ def step(
             handover, decision = blend(handover, decision, state.last_ma, now_ns)
             state = replace(state, handover=handover)
 
+    state = replace(state, counters=state.counters.add(events))
     outbox: list[CanFrame] = []
     stale = stall_ns > 0 or is_feedback_stale(setup.guard, watch, setup.period_s, now_ns)
     if reading is not None or (stale and now_ns - state.command_ns >= _IDLE_COMMAND_PERIOD_NS):
@@ -111,7 +111,7 @@ def _of_the_shell(setup: Setup, cycle_input: CycleInput, stall_ns: int) -> list[
     if cycle_input.late_ns:
         events.append(Stalled(stall_ns) if stall_ns else LawLate(cycle_input.late_ns, setup.period_s))
     if cycle_input.lines_dropped:
-        events.append(LinesDropped(cycle_input.lines_dropped))
+        events.append(LinesDropped(count=cycle_input.lines_dropped))
     return events
 
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from positioner.cycle.counted_event import CountedEvent
+from positioner.wire.messages import Counted
 
 
 @dataclass(frozen=True, slots=True)
-class LawLate:
+class LawLate(CountedEvent):
     """The turn of the loop before took longer than a sample period; its command left late."""
 
+    counted: Counted = field(default=Counted.LAW_LATE, init=False)
     spent_ns: int
     period_s: float
 
@@ -36,9 +40,10 @@ class PeriodWrong:
 
 
 @dataclass(frozen=True, slots=True)
-class Stalled:
+class Stalled(CountedEvent):
     """The process stood still, or took too long, while it was armed: longer than HOLD tolerates without feedback."""
 
+    counted: Counted = field(default=Counted.STALLED, init=False)
     stall_ns: int
 
     def __str__(self) -> str:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from positioner.wire.messages import Cause
+from positioner.cycle.counted_event import CountedEvent
+from positioner.wire.messages import Cause, Counted
 
 if TYPE_CHECKING:
     from positioner.valve.stiction import LearnedSample
@@ -37,9 +38,10 @@ class NotBelieved:
 
 
 @dataclass(frozen=True, slots=True)
-class PushFailed:
+class PushFailed(CountedEvent):
     """A push did not free the stem: `failed` in a row now; the law rests for `rest_s`, 0 where it tries again."""
 
+    counted: Counted = field(default=Counted.PUSH_FAILED, init=False)
     failed: int
     rest_s: float
 

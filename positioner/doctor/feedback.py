@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from positioner.bus.port import BusPort
 from positioner.doctor.finding import Finding, Level
 from positioner.errors import BusError
-from positioner.wire.formats import FrameRejectedError, Reason
+from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import CurrentCommand, Quality, StemPosition
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class Heard:
             try:
                 message, _ = codec.decode(frame)
             except FrameRejectedError as error:
-                if error.reason is Reason.UNKNOWN_ID:
+                if error.counted is None:
                     self.others[f"{frame.arbitration_id:X}"] += 1
                 else:
                     self.refused[str(error)] += 1

@@ -18,7 +18,8 @@ from cantools.database.can import Database
 
 from positioner.errors import ConfigurationError, Problem
 from positioner.wire import foreign, identifiers, messages
-from positioner.wire.formats import FieldFormat, FrameFormat, FrameRejectedError, Reason, field_format, field_names
+from positioner.wire.formats import FieldFormat, FrameFormat, FrameRejectedError, field_format, field_names
+from positioner.wire.messages import Counted
 from positioner.wire.settings import ID_OFFSETS, WireSettings
 
 if TYPE_CHECKING:
@@ -103,12 +104,12 @@ class Codec:
             FrameRejectedError: the frame is unknown, damaged or out of range.
         """
         if frame.is_error:
-            raise FrameRejectedError(Reason.ERROR_FRAME, f"id {frame.arbitration_id:X}")
+            raise FrameRejectedError(Counted.ERROR_FRAME, f"id {frame.arbitration_id:X}")
         form = self.by_id.get((frame.arbitration_id, frame.is_extended))
         if form is None:
-            raise FrameRejectedError(Reason.UNKNOWN_ID, f"id {frame.arbitration_id:X}")
+            raise FrameRejectedError(None, f"id {frame.arbitration_id:X}")
         if frame.is_remote:
-            raise FrameRejectedError(Reason.REMOTE_FRAME, form.dbc.name)
+            raise FrameRejectedError(Counted.REMOTE_FRAME, form.dbc.name)
         return form.decode(frame)
 
     def encode(self, message: Message, counter: int) -> CanFrame:

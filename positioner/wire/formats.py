@@ -7,18 +7,18 @@ decoding (length, range, meaning) and the SI conversion are here, from numbers w
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from enum import Enum, IntEnum
 from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
 from positioner.errors import PositionerError
 from positioner.wire import e2e
-from positioner.wire.messages import CanFrame, Message
+from positioner.wire.messages import CanFrame, Counted, Message
 from positioner.wire.signals import UnfitSignalError, check_numbers, counter_modulus, is_plain_integer, raw_range
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from enum import IntEnum
 
     from cantools.database.can.message import Message as DbcMessage
     from cantools.database.can.signal import Signal
@@ -35,26 +35,12 @@ _MARGIN_BITS = 0.25
 """How far beyond its range a value may lie: enough for rounding errors, too little for the next bit."""
 
 
-class Reason(Enum):
-    """Why a frame was not taken."""
-
-    UNKNOWN_ID = "unknown identifier"
-    ERROR_FRAME = "error frame"
-    REMOTE_FRAME = "remote frame"
-    WRONG_LENGTH = "wrong length"
-    WRONG_CRC = "wrong CRC"
-    OUT_OF_RANGE = "value out of range"
-    UNDEFINED_VALUE = "undefined value"
-    REPEATED = "repeated counter"
-    OUT_OF_ORDER = "counter out of order"
-
-
 class FrameRejectedError(PositionerError):
-    """A frame that is not taken: `reason` for the counts, the text for the log."""
+    """A frame that is not accepted: `counted` says why, None for the traffic of other nodes, which is not counted."""
 
-    def __init__(self, reason: Reason, detail: str) -> None:
-        self.reason = reason
-        super().__init__(f"{reason.value}: {detail}")
+    def __init__(self, counted: Counted | None, detail: str) -> None:
+        self.counted = counted
+        super().__init__(f"{counted.text if counted is not None else 'unknown identifier'}: {detail}")
 
 
 class EncodingError(PositionerError):
@@ -139,24 +125,24 @@ class FrameFormat:
         data = frame.data
         if len(data) != self.dbc.length:
             raise FrameRejectedError(
-                Reason.WRONG_LENGTH, f"{self.dbc.name} has {len(data)} bytes instead of {self.dbc.length}"
+                Counted.WRONG_LENGTH, f"{self.dbc.name} has {len(data)} bytes instead of {self.dbc.length}"
             )
         if self.data_id is not None and not e2e.is_intact(data, self.data_id):
-            raise FrameRejectedError(Reason.WRONG_CRC, f"{self.dbc.name} data {data.hex(' ')}")
+            raise FrameRejectedError(Counted.WRONG_CRC, f"{self.dbc.name} data {data.hex(' ')}")
         raw: dict[str, Any] = self.dbc.decode(data, decode_choices=False, scaling=False)  # type: ignore[assignment]
         values = {}
         for form in self.fields:
             value = raw[form.signal] * form.si_per_bit + form.si_offset
             if not form.lowest <= value <= form.highest:  # NaN fails as well
-                raise self._rejected(Reason.OUT_OF_RANGE, form, value)
+                raise self._rejected(Counted.OUT_OF_RANGE, form, value)
             if form.choices is not None:
                 if value not in form.choices:
-                    raise self._rejected(Reason.UNDEFINED_VALUE, form, value)
+                    raise self._rejected(Counted.UNDEFINED_VALUE, form, value)
                 value = form.choices[value]
             values[form.name] = value
         counter: int | None = raw[self.counter] if self.counter else None
         if counter is not None and counter >= self.counter_modulus:
-            raise FrameRejectedError(Reason.OUT_OF_RANGE, f"{self.dbc.name}.{self.counter} = {counter}")
+            raise FrameRejectedError(Counted.OUT_OF_RANGE, f"{self.dbc.name}.{self.counter} = {counter}")
         return self.kind(**values), counter
 
     def encode(self, message: Message, counter: int) -> CanFrame:
@@ -180,8 +166,8 @@ class FrameFormat:
             payload = e2e.protect(payload, self.data_id)
         return CanFrame(self.arbitration_id, payload, self.dbc.is_extended_frame)
 
-    def _rejected(self, reason: Reason, form: FieldFormat, value: float) -> FrameRejectedError:
-        return FrameRejectedError(reason, f"{self.dbc.name}.{form.signal}: {form.name} = {value:g}")
+    def _rejected(self, counted: Counted, form: FieldFormat, value: float) -> FrameRejectedError:
+        return FrameRejectedError(counted, f"{self.dbc.name}.{form.signal}: {form.name} = {value:g}")
 
 
 def field_names(kind: type[Message]) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Self
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,28 +108,37 @@ class Cause(IntEnum):
 
 
 class Counted(IntEnum):
-    """What is counted by cause: frames refused, readings refused, setpoints refused, and what else went wrong."""
+    """What is counted: its number in the DBC, its words in the log. A new cause is a member here and in the DBC."""
 
-    WRONG_LENGTH = 1
-    WRONG_CRC = 2
-    OUT_OF_RANGE = 3
-    UNDEFINED_VALUE = 4
-    REPEATED = 5
-    OUT_OF_ORDER = 6
-    ERROR_FRAME = 7
-    REMOTE_FRAME = 8
-    LOST = 9
-    FEEDBACK_FAULT = 10
-    FEEDBACK_RANGE = 11
-    FEEDBACK_JUMP = 12
-    FEEDBACK_FROZEN = 13
-    SETPOINT_REFUSED = 14
-    FOREIGN_COMMAND = 15
-    LAW_LATE = 16
-    STALLED = 17
-    PUSH_FAILED = 18
-    LINE_DROPPED = 19
-    DISPUTED = 20
+    WRONG_LENGTH = 1, "wrong length"
+    WRONG_CRC = 2, "wrong CRC"
+    OUT_OF_RANGE = 3, "value out of range"
+    UNDEFINED_VALUE = 4, "undefined value"
+    REPEATED = 5, "repeated counter"
+    OUT_OF_ORDER = 6, "counter out of order"
+    ERROR_FRAME = 7, "error frame"
+    REMOTE_FRAME = 8, "remote frame"
+    LOST = 9, "frame lost"
+    FEEDBACK_FAULT = 10, "sensor fault"
+    FEEDBACK_RANGE = 11, "reading outside the travel"
+    FEEDBACK_JUMP = 12, "reading jumped"
+    FEEDBACK_FROZEN = 13, "reading frozen"
+    SETPOINT_REFUSED = 14, "setpoint outside the travel"
+    FOREIGN_COMMAND = 15, "command of another controller"
+    LAW_LATE = 16, "late cycle"
+    STALLED = 17, "stall"
+    PUSH_FAILED = 18, "push without breakaway"
+    LINE_DROPPED = 19, "line of the log dropped"
+    DISPUTED = 20, "two senders under one identifier"
+
+    text: str
+
+    def __new__(cls, number: int, text: str) -> Self:
+        """Make the member of that number."""
+        member = int.__new__(cls, number)
+        member._value_ = number
+        member.text = text
+        return member
 
 
 @dataclass(frozen=True, slots=True)

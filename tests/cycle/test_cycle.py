@@ -9,6 +9,7 @@ import pytest
 
 from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import load_scenario
+from positioner.cycle.counters import Counters
 from positioner.cycle.deviation import NO_DEVIATION, Deviates
 from positioner.cycle.events import Controlled, Event, ForeignCommand, LawFellBack, Learned, LinesDropped, ModeChanged
 from positioner.cycle.input import CycleInput
@@ -195,7 +196,7 @@ def test_the_status_leaves_ten_times_a_second_once_it_was_armed() -> None:
 
 def test_the_status_tells_mode_health_and_counts() -> None:
     exchange = Exchange(ScriptedLaw([RESTING, SLIDING, RESTING], fallback="no plan"))
-    exchange.state = replace(exchange.state, fallback_count=255)
+    exchange.state = replace(exchange.state, counters=Counters(fallbacks=255))
     bad = replace(CODEC.encode(StemPosition(0.08), 0), data=bytes(8))
     exchange.step(bad)
     for _ in range(101):
@@ -213,7 +214,7 @@ def test_a_cycle_that_the_shell_calls_late_is_counted_told_once_and_changes_no_c
         assert frames[0] == others[0]
     (event,) = exchange.told(LawLate)
     assert str(event).startswith("a turn took 1.5 ms, longer than the period of 1 ms: give the positioner")
-    assert exchange.state.counters.counts == {Counted.LAW_LATE: 1}
+    assert exchange.state.counters.by_cause == {Counted.LAW_LATE: 1}
     for _ in range(20):
         exchange.sample(late_ns=1_500_000)
     assert exchange.state.guard.cause is Cause.LAW_LATE
@@ -224,8 +225,8 @@ def test_lines_of_the_log_that_were_dropped_are_counted_once() -> None:
     exchange.sample()
     exchange.sample(lines_dropped=7)
     exchange.sample()
-    assert exchange.told(LinesDropped) == [LinesDropped(7)]
-    assert exchange.state.counters.counts == {Counted.LINE_DROPPED: 7}
+    assert exchange.told(LinesDropped) == [LinesDropped(count=7)]
+    assert exchange.state.counters.by_cause == {Counted.LINE_DROPPED: 7}
 
 
 class Pusher(ScriptedLaw):
@@ -382,7 +383,7 @@ def test_edges_are_learned_counted_and_told() -> None:
     slip = LearnedSample(Quantity.BREAKAWAY_CURRENT, 0.08, Direction.OPENING, 10.0)
     stop = LearnedSample(Quantity.STICK_SPEED, 0.08, Direction.OPENING, 0.1)
     assert exchange.told(Learned) == [Learned(slip, 1), Learned(stop, 2)]
-    assert (exchange.state.table.sequence, exchange.state.learned_count) == (2, 2)
+    assert (exchange.state.table.sequence, exchange.state.counters.learned) == (2, 2)
     assert "learned breakaway_current_ma = 10 at 80.00 mm, opening" in str(exchange.events[-5])
 
 
@@ -400,7 +401,7 @@ def test_what_was_learned_before_a_law_failed_is_kept_where_it_was_told() -> Non
     exchange.law.fails = True
     ((command, _),) = commands(exchange.sample())
     assert command.current_ma == 10.0
-    assert len(exchange.told(Learned)) == exchange.state.table.sequence == exchange.state.learned_count == 1
+    assert len(exchange.told(Learned)) == exchange.state.table.sequence == exchange.state.counters.learned == 1
     (fallback,) = exchange.told(LawFellBack)
     assert str(fallback) == "law fell back: scripted failed: RuntimeError: scripted"
 
@@ -421,7 +422,7 @@ def test_a_law_that_falls_back_says_why_and_still_counts_as_working() -> None:
     exchange = Exchange(ScriptedLaw(fallback="no plan"))
     for _ in range(30):
         exchange.sample()
-    assert exchange.state.fallback_count == 30
+    assert exchange.state.counters.fallbacks == 30
     assert exchange.state.guard.mode is Mode.ACTIVE
     assert exchange.told(LawFellBack) == [LawFellBack("no plan")] * 30
 
@@ -492,7 +493,7 @@ def test_lines_that_the_log_lost_are_counted_once() -> None:
     exchange.sample()
     exchange.sample(lines_dropped=3)
     exchange.sample()
-    assert exchange.state.counters.counts[Counted.LINE_DROPPED] == 3
+    assert exchange.state.counters.by_cause[Counted.LINE_DROPPED] == 3
 
 
 def test_a_rate_limit_goes_on_over_disarming() -> None:

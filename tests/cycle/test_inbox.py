@@ -23,7 +23,6 @@ from positioner.guard.supervisor import supervise
 from positioner.valve.parameters import ValveParameters
 from positioner.wire.codec import make_codec
 from positioner.wire.e2e import protect
-from positioner.wire.formats import Reason
 from positioner.wire.messages import (
     ActuatorState,
     CanFrame,
@@ -61,8 +60,8 @@ def take(*frames: CanFrame, link: LinkState | None = None) -> Received:
     return receive(CODEC, GUARD, VALVE, link or LinkState(), frames)
 
 
-def reasons(received: Received) -> list[Reason]:
-    return [event.reason for event in received.events if isinstance(event, FrameRefused)]
+def reasons(received: Received) -> list[Counted]:
+    return [event.counted for event in received.events if isinstance(event, FrameRefused)]
 
 
 def test_a_reading_comes_with_its_counters() -> None:
@@ -117,7 +116,7 @@ def test_lost_frames_are_reported_and_count_as_time() -> None:
     received = take(position(0.08, 1), link=link)
     assert received.reading is not None
     assert received.reading.periods == 3
-    assert received.events == (FramesLost("StemPosition", 2),)
+    assert received.events == (FramesLost("StemPosition", count=2),)
 
 
 def test_the_time_of_refused_readings_is_not_lost() -> None:
@@ -138,7 +137,7 @@ def test_a_repeated_frame_is_refused() -> None:
     link = take(position(0.08, 7)).link
     received = take(position(0.081, 7), link=link)
     assert received.reading is None
-    assert reasons(received) == [Reason.REPEATED]
+    assert reasons(received) == [Counted.REPEATED]
     assert str(received.events[0]) == "frame refused: repeated counter: StemPosition counter 7 after 7"
     assert received.link.readings.position_m == 0.08
 
@@ -147,7 +146,7 @@ def test_an_old_frame_is_refused_and_a_restarted_sensor_believed_at_its_third_fr
     link = take(position(0.08, 7)).link
     stale = take(position(0.08, 3), link=link)
     assert stale.reading is None
-    assert reasons(stale) == [Reason.OUT_OF_ORDER]
+    assert reasons(stale) == [Counted.OUT_OF_ORDER]
     restarted = take(position(0.08, 4), link=stale.link)
     assert restarted.reading is None
     assert reasons(restarted) == []
@@ -162,7 +161,7 @@ def test_an_old_frame_is_refused_and_a_restarted_sensor_believed_at_its_third_fr
 def test_a_restarted_host_is_believed_at_its_second_frame() -> None:
     link = take(setpoint(0.07, 7)).link
     stale = take(setpoint(0.08, 3, HostRequest.ARM), link=link)
-    assert reasons(stale) == [Reason.OUT_OF_ORDER]
+    assert reasons(stale) == [Counted.OUT_OF_ORDER]
     assert (stale.guard_input.requests, stale.link.setpoint_m) == ((), 0.07)
     restarted = take(setpoint(0.08, 4, HostRequest.ARM), link=stale.link)
     assert (restarted.guard_input.requests, restarted.link.setpoint_m) == ((HostRequest.ARM,), 0.08)
@@ -233,7 +232,7 @@ def test_every_sender_has_its_own_counter() -> None:
     assert received.link.pressure_pa == pytest.approx(4e4)
     assert (received.link.setpoint_m, received.link.setpoint_counter) == (0.07, 7)
     again = take(CODEC.encode(ActuatorState(5e4), 7), link=received.link)
-    assert reasons(again) == [Reason.REPEATED]
+    assert reasons(again) == [Counted.REPEATED]
     assert again.link.pressure_pa == pytest.approx(4e4)
 
 
@@ -330,30 +329,28 @@ def badly_made(payload: str) -> CanFrame:
 @pytest.mark.parametrize(
     ("frame", "reason"),
     [
-        (damaged(position(0.08, 1)), Reason.WRONG_CRC),
-        (replace(position(0.08, 1), data=position(0.08, 1).data[:7]), Reason.WRONG_LENGTH),
-        (replace(position(0.08, 1), data=b""), Reason.WRONG_LENGTH),
-        (replace(position(0.08, 1), is_error=True), Reason.ERROR_FRAME),
-        (replace(position(0.08, 1), is_remote=True, data=b""), Reason.REMOTE_FRAME),
-        (badly_made("01 ffffff 07 00"), Reason.OUT_OF_RANGE),
-        (badly_made("01 00127a 00 90"), Reason.UNDEFINED_VALUE),
+        (damaged(position(0.08, 1)), Counted.WRONG_CRC),
+        (replace(position(0.08, 1), data=position(0.08, 1).data[:7]), Counted.WRONG_LENGTH),
+        (replace(position(0.08, 1), data=b""), Counted.WRONG_LENGTH),
+        (replace(position(0.08, 1), is_error=True), Counted.ERROR_FRAME),
+        (replace(position(0.08, 1), is_remote=True, data=b""), Counted.REMOTE_FRAME),
+        (badly_made("01 ffffff 07 00"), Counted.OUT_OF_RANGE),
+        (badly_made("01 00127a 00 90"), Counted.UNDEFINED_VALUE),
     ],
 )
-def test_a_bad_frame_is_refused_counted_and_told(frame: CanFrame, reason: Reason) -> None:
-    link = LinkState(rejected_count=4)
-    received = take(frame, link=link)
+def test_a_bad_frame_is_refused_counted_and_told(frame: CanFrame, reason: Counted) -> None:
+    received = take(frame)
     assert received.reading is None
     assert reasons(received) == [reason]
-    assert received.link.rejected_count == 5
     assert received.link.readings.position_m is None
-    assert reason.value in str(received.events[0])
+    assert reason.text in str(received.events[0])
 
 
 def test_a_bad_frame_costs_no_other_frame_of_its_batch() -> None:
     received = take(damaged(position(0.08, 1)), position(0.08, 2), damaged(position(0.08, 3)), setpoint(0.07, 1))
     assert received.reading is not None
     assert received.guard_input.setpoint
-    assert received.link.rejected_count == 2
+    assert len(reasons(received)) == 2
 
 
 def test_other_nodes_traffic_is_nobodys_mistake() -> None:
@@ -407,7 +404,7 @@ def test_a_foreign_frame_without_counter_that_carries_no_number_is_refused(tmp_p
     received = receive(codec, GUARD, VALVE, LinkState(), (CanFrame(512, nan), CanFrame(513, nan)))
     assert received.reading is None
     assert not received.guard_input.setpoint
-    assert reasons(received) == [Reason.OUT_OF_RANGE] * 2
+    assert reasons(received) == [Counted.OUT_OF_RANGE] * 2
     fine = codec.encode(StemPosition(0.08), 0)
     received = receive(codec, GUARD, VALVE, LinkState(), (fine, fine))
     assert received.reading is not None

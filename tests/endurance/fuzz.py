@@ -65,7 +65,7 @@ class Findings:
             "attacks: " + ", ".join(f"{name} {count}" for name, count in sorted(self.attacks.items())),
             "verdicts: " + ", ".join(f"{name} {count}" for name, count in sorted(self.verdicts.items())),
             "counted by the positioner: "
-            + ", ".join(f"{kind.name} {count}" for kind, count in sorted(self.counters.counts.items())),
+            + ", ".join(f"{kind.name} {count}" for kind, count in sorted(self.counters.by_cause.items())),
         ]
 
 
@@ -87,11 +87,12 @@ class Positioner:
         if expected == "good" and frame.arbitration_id in COUNTED_BY_POSITIONER:
             expected = self.ledger.enter(frame.arbitration_id, frame.data)
         received = receive(self.codec, self.guard, self.valve, self.link, (frame,))
-        refused = [event.reason.value for event in received.events if isinstance(event, FrameRefused)]
+        refused = [event.counted.text for event in received.events if isinstance(event, FrameRefused)]
         verdict = refused[0] if refused else "good"
         if verdict != expected and not (expected == IGNORED and not received.events):
             raise DisagreementError(f"the positioner says '{verdict}', the oracle '{expected}'")
-        if (received.link.rejected_count - self.link.rejected_count) != len(refused):
+        counters = self.counters.add(received.events)
+        if (counters.refused_frames - self.counters.refused_frames) != len(refused):
             raise DisagreementError("a refused frame was not counted")
         believed = expected == "good" and self.ledger.believes(frame.arbitration_id)
         self._compare_values(frame, received, taken=believed, disputed=expected == "good" and not believed)
@@ -100,7 +101,7 @@ class Positioner:
         )
         if received.guard_input.stray_disarm is not stray:
             raise DisagreementError("a DISARM out of sequence was not obeyed, or none was heard as one")
-        self.link, self.counters = received.link, self.counters.add(received.events)
+        self.link, self.counters = received.link, counters
         self.lost += sum(event.count for event in received.events if isinstance(event, FramesLost))
         if self.lost != self.ledger.lost:
             raise DisagreementError(f"{self.lost} lost frames were counted, the oracle counts {self.ledger.lost}")

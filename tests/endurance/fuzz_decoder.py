@@ -47,7 +47,7 @@ def judge(data: bytes) -> None:
         CODEC.decode(frame)
         verdict = "good"
     except FrameRejectedError as error:
-        verdict = error.reason.value
+        verdict = error.counted.text if error.counted is not None else "unknown identifier"
     if verdict != verdict_of(frame):
         raise AssertionError(f"{frame}: the decoder says '{verdict}', the oracle '{verdict_of(frame)}'")
 

@@ -810,9 +810,9 @@ class AnythingOnTheBus(RuleBasedStateMachine):
 
     @rule(current_ma=st.floats(0.0, 25.0), request=st.sampled_from(ManualRequest))
     def by_hand(self, current_ma: float, request: ManualRequest) -> None:
-        learned, samples = self.state.learned_count, self.state.table.sequence
+        learned, samples = self.state.counters.learned, self.state.table.sequence
         self.turn(CODEC.encode(ManualCurrent(current_ma, request), self.next_counter(ManualCurrent)))
-        assert (self.state.learned_count, self.state.table.sequence) == (learned, samples)
+        assert (self.state.counters.learned, self.state.table.sequence) == (learned, samples)
 
     @rule(repeat=st.integers(1, 30), elapsed_ns=st.integers(MS // 10, 5 * MS))
     def silence(self, repeat: int, elapsed_ns: int) -> None:
@@ -865,9 +865,9 @@ class AnythingOnTheBus(RuleBasedStateMachine):
         """A command with a broken bit is refused; a position of an old counter may be that of a restarted sensor."""
         old = CODEC.encode(StemPosition(0.01), self.counters[StemPosition] - step)
         word = int.from_bytes(CODEC.encode(CurrentCommand(current_ma), 0).data, "big") ^ 1 << flipped
-        before = self.state.link
+        before = self.state.counters.refused_frames
         self.turn(CanFrame(0x100, word.to_bytes(8, "big")))
-        assert self.state.link.rejected_count == before.rejected_count + 1
+        assert self.state.counters.refused_frames == before + 1
         self.turn(old, good=True)
 
     @rule(spent_ns=st.integers(1, SECOND))
@@ -878,8 +878,8 @@ class AnythingOnTheBus(RuleBasedStateMachine):
     def what_is_refused_is_counted_by_its_cause(self) -> None:
         refused = {Counted.WRONG_LENGTH, Counted.WRONG_CRC, Counted.OUT_OF_RANGE, Counted.UNDEFINED_VALUE}
         refused |= {Counted.REPEATED, Counted.OUT_OF_ORDER, Counted.ERROR_FRAME, Counted.REMOTE_FRAME}
-        counts = self.state.counters.counts
-        assert sum(counts.get(kind, 0) for kind in refused) == self.state.link.rejected_count
+        counts = self.state.counters.by_cause
+        assert sum(counts.get(kind, 0) for kind in refused) == self.state.counters.refused_frames
 
     @invariant()
     def it_fails_safe_in_time(self) -> None:
@@ -934,4 +934,4 @@ def test_a_law_without_a_usable_answer_keeps_the_last_current_and_then_fails_saf
         commands.append((command.current_ma, command.mode))
     assert commands == [(13.0, Mode.ACTIVE)] * 5 + [(4.0, Mode.FAILSAFE)] * 3
     assert told(state.guard) == (Mode.FAILSAFE, Cause.LAW_FAILED)
-    assert state.fallback_count == 3
+    assert state.counters.fallbacks == 3

@@ -102,7 +102,7 @@ def test_a_stall_beyond_the_hold_limit_holds_for_a_turn_and_is_told(stall_ms: fl
         assert len(shell.logged("stood still for")) == 1
         said = [said.message for said in shell.world.said[before:]]
         assert Mode.HOLD in {message.mode for message in said if isinstance(message, CurrentCommand)}
-        assert shell.daemon.session.state.counters.counts[Counted.STALLED] == place + 1
+        assert shell.daemon.session.state.counters.by_cause[Counted.STALLED] == place + 1
     assert oldest_answer_ms(shell) <= HOLD_MS
 
 

@@ -199,7 +199,7 @@ def test_manual_mode_and_back_without_a_bump() -> None:
     assert it.is_in(Mode.MANUAL)
     it.run(0.5)
     assert it.state.last_ma == pytest.approx(before_ma, abs=1e-3)
-    learned = it.state.learned_count
+    learned = it.state.counters.learned
     it.say("manual 19mA")
     it.run(1.5)
     assert it.state.last_ma == 19.0
@@ -213,7 +213,7 @@ def test_manual_mode_and_back_without_a_bump() -> None:
     assert max(abs(one - other) for one, other in pairwise(it.currents)) < 0.5
     assert it.true_m == pytest.approx(moved_m, abs=0.0015)
     assert it.state.setpoint_m == pytest.approx(moved_m, abs=0.0015)
-    assert it.state.learned_count - learned <= 1
+    assert it.state.counters.learned - learned <= 1
     it.say("set 85")
     it.run(1.5)
     assert it.true_m == pytest.approx(0.085, abs=0.0015)
@@ -351,7 +351,7 @@ def test_the_status_tells_all_there_is() -> None:
     assert float(lines["position"].split()[0]) == pytest.approx(it.true_m * 1e3, abs=0.5)
     assert float(lines["error"].split()[0]) == pytest.approx((it.true_m - 0.08) * 1e3, abs=0.5)
     assert float(lines["current"].split()[0]) == pytest.approx(it.state.last_ma, abs=1e-3)
-    assert lines["counted"].startswith(f"learned {it.state.learned_count}, refused 0, fell back 0")
+    assert lines["counted"].startswith(f"learned {it.state.counters.learned}, refused 0, fell back 0")
     it.plant_is_on = False
     it.run(1.0)
     it.session.lines.clear()

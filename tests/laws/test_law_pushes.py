@@ -61,7 +61,7 @@ def test_a_jammed_stem_is_pushed_twenty_times_and_then_ever_more_seldom() -> Non
         loop.run(0.1, 0.087 + 1e-4 * (sample % 2))
     later = [event.rest_s for event in loop.told(PushFailed)][len(first) :]
     assert later == [4.0]
-    assert loop.state.counters.counts[Counted.PUSH_FAILED] == len(first) + len(later)
+    assert loop.state.counters.by_cause[Counted.PUSH_FAILED] == len(first) + len(later)
     # one that is elsewhere does
     assert any(isinstance(event, MoveBegan) for event in loop.run(0.1, 0.073))
 

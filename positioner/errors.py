@@ -7,8 +7,14 @@ bus that is away (always worth one).
 from __future__ import annotations
 
 import errno
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
 
 
 class ExitCode(IntEnum):
@@ -96,6 +102,15 @@ class StateError(PositionerError):
     """The state directory or its table cannot be used."""
 
     exit_code = ExitCode.IO
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Within this context an OSError is a StateError that names the file, or `path` where the system names none."""
+    try:
+        yield
+    except OSError as error:
+        raise StateError(f"{error.filename or path}: cannot be written: {error.strerror}") from error
 
 
 class UsageError(PositionerError):

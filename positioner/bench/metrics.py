@@ -1,8 +1,7 @@
 """Figures of a run, dwell by dwell, from the true motion of the stem. Pure.
 
-Every percentage is of the valve's span, whatever the size of the step: small steps then do not inflate it, and the
-figures of different setpoints compare. Position is the plant's true one: what the sensor makes of it is no merit or
-fault of a control law.
+Every percentage is of the valve's span and not of the step: small steps then do not inflate it, and the figures of
+different setpoints can be compared. Position is the plant's true one: errors of the sensor are not the law's.
 
 | figure | definition | source |
 |---|---|---|
@@ -18,33 +17,33 @@ fault of a control law.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 from statistics import fmean, median
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
 
 ERROR_WINDOW_S = 0.5
-"""The error is read over this last part of a dwell,
-or over its second half where a dwell is shorter than twice that."""
+"""The error is taken over this last part of a dwell, or over its second half if that is shorter."""
 
 REVERSAL_THRESHOLD_M = 1e-6
 """Motion back from a turning point that counts as a reversal: 100 steps of the PLANT_TRUTH frame, so that its rounding
-plays no part, and a thousandth of the span's 1 % band."""
+has no effect, and about a thousandth of the 1 % band."""
 
 LIMIT_CYCLE_PART = 0.6
-"""A limit cycle is looked for in this last part of a dwell."""
+"""The last part of a dwell, as a fraction, in which a limit cycle is searched."""
 
 LIMIT_CYCLE_RANGE_PCT = 0.2
 """Range of motion in percent of span above which the motion may be a limit cycle."""
 
 LIMIT_CYCLE_REVERSALS = 2
-"""Reversals from which it is one: there and back again."""
+"""Reversals from which it is a limit cycle: one there and one back."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +89,7 @@ class Totals:
     """Largest of the dwells' mean errors."""
     max_abs_error_pct: float
     median_settle_1pct_s: float | None
-    """A dwell that never settles counts as later than all others; None where the median falls on such a one."""
+    """A dwell that never settles counts as later than all others; None if the median is such a dwell."""
     median_settle_2pct_s: float | None
     unsettled_1pct: int
     unsettled_2pct: int
@@ -101,7 +100,7 @@ class Totals:
     travel_mm: float
     ideal_travel_mm: float
     travel_ratio: float | None
-    """Travel over ideal travel, 1 at best; None where no dwell asks for a move."""
+    """Travel over ideal travel, 1 at best; None if no dwell asks for a move."""
     iae_mm_s: float
     command_variation_ma: float
 
@@ -112,12 +111,12 @@ def dwell_metrics(trace: Trace, dwell_edges_s: Sequence[float], span_m: float) -
     Args:
         trace: the run; its times may have gaps.
         dwell_edges_s: where dwells begin and, last, where the run ends, shape (dwells + 1).
-        span_m: what 100 % stands for.
+        span_m: length of 100 %.
 
     Raises:
         ValueError: a dwell has no samples.
     """
-    # half a sample early: an edge computed as n * dwell_s may lie a rounding error after the sample that it names
+    # half a sample early: an edge computed as n * dwell_s may lie a rounding error after its sample
     half_sample_s = float(np.median(np.diff(trace.time_s))) / 2.0
     cuts = np.searchsorted(trace.time_s, np.asarray(dwell_edges_s) - half_sample_s)
     return tuple(
@@ -141,8 +140,8 @@ def totals(dwells: Sequence[DwellMetrics]) -> Totals:
         mean_abs_error_pct=fmean(dwell.mean_abs_error_pct for dwell in dwells),
         worst_mean_abs_error_pct=max(dwell.mean_abs_error_pct for dwell in dwells),
         max_abs_error_pct=max(dwell.max_abs_error_pct for dwell in dwells),
-        median_settle_1pct_s=_median_settling_s([dwell.settle_1pct_s for dwell in dwells]),
-        median_settle_2pct_s=_median_settling_s([dwell.settle_2pct_s for dwell in dwells]),
+        median_settle_1pct_s=median_settling_s(dwell.settle_1pct_s for dwell in dwells),
+        median_settle_2pct_s=median_settling_s(dwell.settle_2pct_s for dwell in dwells),
         unsettled_1pct=sum(dwell.settle_1pct_s is None for dwell in dwells),
         unsettled_2pct=sum(dwell.settle_2pct_s is None for dwell in dwells),
         overshoot_pct=max(dwell.overshoot_pct for dwell in dwells),
@@ -154,6 +153,12 @@ def totals(dwells: Sequence[DwellMetrics]) -> Totals:
         iae_mm_s=sum(dwell.iae_mm_s for dwell in dwells),
         command_variation_ma=sum(dwell.command_variation_ma for dwell in dwells),
     )
+
+
+def median_settling_s(settlings_s: Iterable[float | None]) -> float | None:
+    """Return the median settling time in s; a dwell that never settles, None, counts as later than all others."""
+    middle_s = median(inf if settling_s is None else settling_s for settling_s in settlings_s)
+    return None if middle_s == inf else middle_s
 
 
 def count_reversals(position_m: NDArray[np.float64], threshold_m: float = REVERSAL_THRESHOLD_M) -> int:
@@ -180,7 +185,7 @@ def _of_dwell(trace: Trace, part: slice, begin_s: float, end_s: float, span_m: f
     error_m = position_m - setpoint_m
     pct = 100.0 / span_m
 
-    # the last sample before the dwell belongs to its path: from there it moves, and the current jumps
+    # the last sample before the dwell belongs to its path: there the move and the jump of the current begin
     path = slice(max(part.start - 1, 0), part.stop)
     start_m = float(trace.position_m[path.start])
     towards = np.sign(setpoint_m - start_m)
@@ -217,8 +222,3 @@ def _settling_s(elapsed_s: NDArray[np.float64], error_m: NDArray[np.float64], ba
         return 0.0
     back = int(outside[-1]) + 1
     return float(elapsed_s[back]) if back < len(error_m) else None
-
-
-def _median_settling_s(settlings_s: list[float | None]) -> float | None:
-    middle_s = median(float("inf") if settling_s is None else settling_s for settling_s in settlings_s)
-    return middle_s if middle_s != float("inf") else None

@@ -15,6 +15,7 @@ import can
 import numpy as np
 from can.io.canutils import CanutilsLogWriter
 
+from positioner.bench.metrics import Trace
 from positioner.bench.modes import ModeReport
 from positioner.cycle.outbox import STATUS_PERIOD_NS
 from positioner.wire.formats import FrameRejectedError
@@ -164,6 +165,16 @@ class Recording:
     def time_s(self) -> NDArray[np.float64]:
         """The plant's time of each sample, shape (samples,)."""
         return np.arange(self.samples, dtype=np.float64) * np.float64(self.period_s)
+
+    @property
+    def trace(self) -> Trace:
+        """The samples that the figures are computed from."""
+        return Trace(
+            time_s=self.time_s,
+            position_m=self.true_position_m,
+            setpoint_m=self.setpoint_m,
+            current_ma=self.current_ma,
+        )
 
     def fill_gaps(self) -> None:
         """Carry the last known value over samples of which a frame is missing, as a real-time run may have."""

@@ -110,14 +110,8 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
         recording.fill_gaps()
     after = _table(state, configuration)
 
-    run = metrics.Trace(
-        time_s=recording.time_s,
-        position_m=recording.true_position_m,
-        setpoint_m=recording.setpoint_m,
-        current_ma=recording.current_ma,
-    )
     span_m = configuration.valve.span_m
-    dwells = metrics.dwell_metrics(run, scenario.dwell_edges_s, span_m)
+    dwells = metrics.dwell_metrics(recording.trace, scenario.dwell_edges_s, span_m)
     result = Result(
         scenario=scenario,
         span_mm=span_m * 1e3,

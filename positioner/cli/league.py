@@ -53,22 +53,22 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     # matplotlib and the plant are needed here only
     from positioner.studies.conditions import reference_plant  # noqa: PLC0415
     from positioner.studies.league import play_league  # noqa: PLC0415
-    from positioner.studies.league_page import LeaguePage, to_markdown, write_page  # noqa: PLC0415
+    from positioner.studies.league_report import LeagueReport, to_markdown, write_report  # noqa: PLC0415
     from positioner.studies.standings import optimal_median_s, standings, summaries  # noqa: PLC0415
 
     settings = _settings(arguments)
     played = play_league(settings, arguments.out / "bouts", arguments.workers)
     table = standings(played)
     settle_s, rest_s = optimal_median_s(reference_plant(settings.plants), settings.setpoints_mm)
-    page = LeaguePage(
+    report = LeagueReport(
         settings=settings,
         summaries=summaries(table, settle_s),
         standings=table,
         optimal_settle_1pct_s=settle_s,
         optimal_rest_s=rest_s,
     )
-    write_page(arguments.out, page)
-    sys.stdout.write(to_markdown(page))
+    write_report(arguments.out, report)
+    sys.stdout.write(to_markdown(report))
     sys.stdout.write(f"\n{arguments.out}: league.json, league.md, league.png\n")
     return ExitCode.OK
 

@@ -49,8 +49,8 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     from positioner.studies.interpretations import Noise, interpretations  # noqa: PLC0415
     from positioner.studies.published_results import assess  # noqa: PLC0415
     from positioner.studies.reproduce import SIMULATIONS, all_runs, reproduce  # noqa: PLC0415
-    from positioner.studies.reproduce_page import FIGURE_OF, draw_figure, draw_page  # noqa: PLC0415
-    from positioner.studies.reproduce_table import to_json, to_markdown  # noqa: PLC0415
+    from positioner.studies.reproduce_pictures import FIGURE_OF, draw_figure, draw_page  # noqa: PLC0415
+    from positioner.studies.reproduce_report import to_json, to_markdown  # noqa: PLC0415
 
     both = (Noise.FILTERED, Noise.RAW)
     noises = both if arguments.reading == "both" else (Noise(arguments.reading),)

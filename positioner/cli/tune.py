@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from positioner.errors import ExitCode, StateError, UsageError
+from positioner.errors import ExitCode, UsageError, writing
 from positioner.studies.tuning import LEAGUE_SEEDS, SEARCHES, to_toml, tune
 
 _EPILOG = """\
@@ -46,8 +46,6 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.out is None:
         sys.stdout.write(to_toml(found))
         return ExitCode.OK
-    try:
+    with writing(arguments.out):
         arguments.out.write_text(to_toml(found), encoding="utf-8")
-    except OSError as error:
-        raise StateError(f"{arguments.out}: cannot be written: {error.strerror}") from error
     return ExitCode.OK

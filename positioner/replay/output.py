@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -10,11 +9,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from positioner.bench.panels import fit, line, name
-from positioner.errors import StateError
+from positioner.errors import writing
 from positioner.replay.envelope import Envelope
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from matplotlib.axes import Axes
@@ -42,7 +41,7 @@ class OutputFolder:
         self._folder = folder
         self._envelope = Envelope(len(_CURVES))
         self._is_empty = True
-        with self._told():
+        with writing(self._folder):
             folder.mkdir(parents=True, exist_ok=True)
             self._trace = (folder / "trace.csv").open("w", encoding="utf-8")
             self._trace.write(",".join(COLUMNS) + "\n")
@@ -51,7 +50,7 @@ class OutputFolder:
         return self
 
     def __exit__(self, *_: object) -> None:
-        with self._told():
+        with writing(self._folder):
             self._trace.close()
 
     def add(self, row: Row) -> None:
@@ -60,7 +59,7 @@ class OutputFolder:
         Raises:
             StateError: the folder cannot be written.
         """
-        with self._told():
+        with writing(self._folder):
             self._trace.write(_text(row))
         self._envelope.append(row.time_s, [getattr(row, name) for name in _CURVES])
         self._is_empty = False
@@ -72,16 +71,8 @@ class OutputFolder:
             StateError: the folder cannot be written.
         """
         if not self._is_empty:
-            with self._told():
+            with writing(self._folder):
                 _draw(self._folder / "replay.png", *self._envelope.lines(), title)
-
-    @contextlib.contextmanager
-    def _told(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            told = f"{error.filename or self._folder}: cannot be written: {error.strerror}"
-            raise StateError(told) from error
 
 
 def _text(row: Row) -> str:

@@ -1,1 +1,1 @@
-"""Many benches: the league of the laws, the claims of the paper, the tuning of the rivals."""
+"""Many benches: the league of all laws, the simulations of the paper, the tuning of the rival laws."""

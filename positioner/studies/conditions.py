@@ -1,6 +1,6 @@
-"""The plants that laws are judged on, named as the emulator's presets, and where on them a setpoint is fair. Pure.
+"""The plants of the league, named as the emulator's presets, and the setpoints that are fair on them. Pure.
 
-The laws believe in the nominal one throughout.
+On every plant the laws have the parameters of the nominal one.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ PLANTS = (
     "noise-free",
 )
 ALL_PLANTS = preset_names()
-"""Also those that are no variants of the nominal one, or none that a law could be judged on."""
+"""With those outside the league: other valves, and valves on which laws cannot be compared."""
 
 
 def reference_plant(plants: Sequence[str]) -> str:
-    """Return the plant on which speeds are compared: the nominal one, or the first where that one is not played."""
+    """Return the plant on which settling times are compared: the nominal one, else the first one played."""
     return NOMINAL if NOMINAL in plants else plants[0]
 
 
 def check_setpoints(setpoints_mm: tuple[float, ...], plants: tuple[str, ...]) -> None:
-    """Refuse setpoints from which some plant cannot be restarted: a law would be judged on what no law can do.
+    """Refuse setpoints from which some plant cannot be restarted: no law can serve them.
 
     Raises:
-        ConfigurationError: with a line for each setpoint and the plant that rules it out.
+        ConfigurationError: with one line for each such setpoint, which names the plant.
     """
     problems = [
         problem for plant in plants for problem in setpoint_problems(setpoints_mm, plant, plant_settings(plant))

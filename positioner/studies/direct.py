@@ -1,7 +1,7 @@
-"""The closed loop of law and plant, face to face: the figures of `inprocess` ten times as fast. Pure.
+"""The closed loop of law and plant without frames: the figures of `inprocess`, ten times as fast. Pure.
 
-No frames are made; readings, setpoints and currents are rounded as frames would round them, so the figures are the
-same to the bit. It leaves the stiction table empty: for laws that neither use nor teach it.
+Readings, setpoints and currents are rounded as frames round them, so the figures are the same to the bit. The stiction
+table stays empty: use this only for laws that neither use the table nor learn.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ if TYPE_CHECKING:
 
 
 def play_directly(scenario: Scenario) -> Iterator[DwellMetrics]:
-    """Yield the figures of every dwell of `scenario`, each as soon as it is over.
+    """Yield the figures of every dwell of `scenario`, each at the end of the dwell.
 
     Raises:
         ConfigurationError: the scenario's tables do not make a valve or a positioner.
     """
     configuration = configure(scenario)
     law = configuration.make_law()
-    plant_is = check_playable(scenario, configuration)
+    settings = check_playable(scenario, configuration)
     codec = configuration.make_codec()
     as_reading, as_truth = _rounding(codec, StemPosition, "position_m"), _rounding(codec, PlantTruth, "position_m")
     as_setpoint, as_command = _rounding(codec, Setpoint, "setpoint_m"), _rounding(codec, CurrentCommand, "current_ma")
@@ -49,13 +49,13 @@ def play_directly(scenario: Scenario) -> Iterator[DwellMetrics]:
         current_ma=np.zeros(samples),
     )
     table = StictionTable()
-    plant = valve.initial_state(plant_is, scenario.seed)
+    plant = valve.initial_state(settings, scenario.seed)
     memory, applied_ma, control_s = None, 0.0, 0.0
     for dwell, setpoint_mm in enumerate(scenario.visited_mm):
         setpoint_m = as_setpoint(setpoint_mm * 1e-3)
         for sample in range(dwell * scenario.samples_per_dwell, (dwell + 1) * scenario.samples_per_dwell):
-            plant, seen_m = valve.measure(plant_is, plant)
-            measured_m = as_reading(seen_m)
+            plant, raw_m = valve.measure(settings, plant)
+            measured_m = as_reading(raw_m)
             if memory is None:
                 memory, applied_ma = law.begin(measured_m), configuration.valve.balance_current_ma(measured_m)
             observation = Observation(measured_m, applied_ma, period_s, setpoint_m, control_s)
@@ -65,12 +65,12 @@ def play_directly(scenario: Scenario) -> Iterator[DwellMetrics]:
             control_s += period_s
             trace.position_m[sample] = as_truth(plant.stem.position_m)
             trace.current_ma[sample] = as_command(applied_ma)
-            plant = valve.step(plant_is, plant, as_command(applied_ma), period_s)
+            plant = valve.step(settings, plant, as_command(applied_ma), period_s)
         yield dwell_metrics(trace, scenario.dwell_edges_s[dwell : dwell + 2], configuration.valve.span_m)[0]
 
 
 def _rounding(codec: Codec, kind: type[Message], name: str) -> Callable[[float], float]:
-    """Return the function that rounds field `name` of a `kind` to what its frame carries."""
+    """Return the function that rounds a value to the resolution of field `name` in the frame of `kind`."""
     form = next(form for form in codec.by_kind[kind].fields if form.name == name)
 
     def rounded(value: float) -> float:

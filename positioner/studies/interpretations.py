@@ -1,17 +1,17 @@
-"""How the paper may be read where it leaves a choice: its noise, and the units of α and β. Pure.
+"""Interpretations of the paper where it is not explicit: its noise, and the units of α and β. Pure.
 
 | noise | sensor | position and speed |
 |---|---|---|
 | A | 2 % of the interpretation, white: one draw a sample | Kalman filter (D11) |
 | B | 2 % of the interpretation, each draw held for 10 ms | the interpretation, and its difference quotient |
-| noise-free | none: the control run of both | the interpretation, and its difference quotient |
+| noise-free | no noise: the control run of A and B | the interpretation, and its difference quotient |
 
 | units | α of eq. 22 | β of eq. 22 |
 |---|---|---|
 | SI | 5 m/s | 150 1/m (D6) |
 | cm | 5 cm/s | 150 1/cm, the units of the paper's Table 2 |
 
-Held noise is that of a simulation whose noise block has a sample time of its own.
+Held noise results when the noise block of a simulation has a sample time of its own.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ NOISE_HOLD_S = 0.01
 
 
 class Noise(StrEnum):
-    """What "a random signal with a mean power of 2 %" is, and what the controller makes of it."""
+    """What "a random signal with a mean power of 2 %" is, and how the controller estimates position and speed."""
 
     FILTERED = "A"
     RAW = "B"

@@ -1,8 +1,8 @@
 """The league: every law on every plant with every seed, in process, on all cores, resumable. Shell.
 
-A bout is one law on one plant with one seed. It runs `run_in_process`, that is the daemon's own cycle on the daemon's
-own frames, and its result is kept in a file: a league that was interrupted goes on where it stopped, and a bout whose
-code has changed since is played again.
+A bout is one law on one plant with one seed. It runs `run_in_process`: the daemon's own cycle with the daemon's own
+frames. Its result is stored in a file: a league that was interrupted continues where it stopped, and a bout is played
+again when its code has changed.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import positioner
 from positioner.bench import metrics
 from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import Scenario, check_scenario
-from positioner.errors import StateError
+from positioner.errors import writing
 from positioner.studies.conditions import check_setpoints
 from positioner.studies.pool import spread_out
 
@@ -29,47 +29,23 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 SETPOINTS_MM = (73.0, 87.0, 80.0, 73.5, 81.5, 83.0, 75.0, 85.5)
-"""Large, middling and small steps in both directions, all of them where every plant can restart both ways.
+"""Large, medium and small steps in both directions, all of them where every plant can restart both ways.
 
 With three seeds, 24 dwells for each law on each plant.
 """
 
-_BYSTANDERS = frozenset(
-    [
-        "cli",
-        "store",
-        "daemon",
-        "bus",
-        "notify",
-        "journal",
-        "trace",
-        "scenarios",
-        "runner",
-        "host",
-        "processes",
-        "result",
-        "trend",
-        "truth_log",
-        "panels",
-        "pool",
-        "reasons",
-        "trace_data",
-        "limit",
-        "standings",
-        "league_page",
-        "tuning",
-        "reproduce",
-        "reproduce_page",
-        "reproduce_table",
-        "claims",
-    ]
-)
-"""Parts of the project that no bout runs."""
+_UNUSED_ROOMS = frozenset(("cli", "conformance", "doctor", "host", "replay", "runtime", "store"))
+"""Rooms whose code no bout runs."""
+_USED_MODULES = {
+    "bench": frozenset(("configure", "inprocess", "metrics", "modes", "playable", "recording", "scenario")),
+    "studies": frozenset(("league",)),
+}
+"""Modules that a bout runs, in rooms of which it runs only some."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeagueSettings:
-    """What is played: laws × plants × seeds, with these setpoints, this long each, at this period."""
+    """The bouts: laws × plants × seeds, with these setpoints, dwell and sample period."""
 
     laws: tuple[str, ...]
     plants: tuple[str, ...]
@@ -99,13 +75,13 @@ class Bout:
 
     @property
     def key(self) -> str:
-        """A name for the file of its result, which changes with everything that the result depends on but the code."""
-        told = json.dumps(asdict(self)).encode()
-        return f"{self.law}-{self.plant}-{self.seed}-{hashlib.sha256(told).hexdigest()[:10]}"
+        """Name of the result file; it changes with all that the result depends on, except the code."""
+        text = json.dumps(asdict(self)).encode()
+        return f"{self.law}-{self.plant}-{self.seed}-{hashlib.sha256(text).hexdigest()[:10]}"
 
     @property
     def scenario(self) -> Scenario:
-        """The bout as a bench would play it."""
+        """The scenario of the bout."""
         return Scenario(
             name=f"league-{self.plant}"[:40],
             title=f"{self.law} on {self.plant}",
@@ -122,20 +98,14 @@ class Bout:
 def play(bout: Bout) -> tuple[metrics.DwellMetrics, ...]:
     """Return the figures of every dwell of a bout."""
     scenario = bout.scenario
-    recording = run_in_process(scenario).recording
-    trace = metrics.Trace(
-        time_s=recording.time_s,
-        position_m=recording.true_position_m,
-        setpoint_m=recording.setpoint_m,
-        current_ma=recording.current_ma,
-    )
+    trace = run_in_process(scenario).recording.trace
     return metrics.dwell_metrics(trace, scenario.dwell_edges_s, configure(scenario).valve.span_m)
 
 
 def play_league(
     settings: LeagueSettings, folder: Path, workers: int | None = None
 ) -> dict[Bout, tuple[metrics.DwellMetrics, ...]]:
-    """Return the figures of every bout; those already in `folder` for this very code are not played again.
+    """Return the figures of every bout; bouts that `folder` has of the same code are not played again.
 
     Raises:
         ConfigurationError: a setpoint from which some plant cannot be restarted, or a period, dwell or seed beyond
@@ -147,11 +117,9 @@ def play_league(
     for bout in {bout.seed: bout for bout in bouts}.values():
         check_scenario(bout.scenario, "league")
     code = {law: code_digest(law) for law in settings.laws}
-    try:
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         return _resumed(bouts, folder, code, workers)
-    except OSError as error:
-        raise StateError(f"{error.filename or folder}: cannot be written: {error.strerror}") from error
 
 
 def _resumed(
@@ -182,12 +150,10 @@ def code_digest(law: str) -> str:
         root = Path(str(package.__file__)).parent
         for path in sorted(root.rglob("*")):
             within = path.relative_to(root)
-            others = within.parent.name == "tuned" and within.stem != law.replace("-", "_")
-            if (
-                path.suffix in {".py", ".toml", ".dbc"}
-                and not others
-                and _BYSTANDERS.isdisjoint((*within.parts, within.stem))
-            ):
+            room = within.parts[0]
+            is_used = room not in _UNUSED_ROOMS and within.stem in _USED_MODULES.get(room, {within.stem})
+            is_of_another_law = within.parent.name == "tuned" and within.stem != law.replace("-", "_")
+            if path.suffix in {".py", ".toml", ".dbc"} and is_used and not is_of_another_law:
                 digest.update(str(within).encode() + path.read_bytes())
     return digest.hexdigest()
 

@@ -1,6 +1,6 @@
-"""The time-optimal limit: how fast the stem can be brought to rest at a setpoint by somebody who knows everything.
+"""The time-optimal limit: the shortest time in which the stem can come to rest at a setpoint. Pure.
 
-Pure. Full current towards the setpoint, then full current away from it; the instant of the change is found by
+Full current towards the setpoint, then full current away from it; the instant of the change is found by
 bisection on the emulated plant itself, so that the stem comes to rest at the setpoint. No law can be faster.
 """
 
@@ -23,14 +23,14 @@ _BISECTIONS = 30
 
 @dataclass(frozen=True, slots=True)
 class OptimalMove:
-    """A time-optimal move: time until it enters the 1 % band for good, and until it rests, in s."""
+    """A time-optimal move: time in s until the stem stays in the 1 % band, and until it rests."""
 
     settle_1pct_s: float
     rest_s: float
 
 
 def optimal_move(settings: PlantSettings, start_m: float, setpoint_m: float) -> OptimalMove:
-    """Return the time-optimal move from rest at `start_m`, mid-band, to rest at `setpoint_m`."""
+    """Return the time-optimal move from rest at `start_m`, in the middle of the stick band, to rest at `setpoint_m`."""
     opening = setpoint_m > start_m
     push, brake = (LOOP_HIGH_MA, LOOP_LOW_MA) if opening else (LOOP_LOW_MA, LOOP_HIGH_MA)
     sign = 1.0 if opening else -1.0

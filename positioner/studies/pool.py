@@ -1,4 +1,4 @@
-"""Work for all cores: results as they come, and nothing left behind when it is stopped. Shell."""
+"""Work for all cores: results in the order of completion, and no process left when it is stopped. Shell."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ R = TypeVar("R")
 
 
 def spread_out(function: Callable[[T], R], items: Sequence[T], workers: int | None) -> Generator[tuple[T, R]]:
-    """Yield each item and what `function` makes of it, as they are done; on every core without `workers`.
+    """Yield each item with the result of `function`, in the order of completion; `workers` None: one for each core.
 
     Raises:
         UsageError: fewer than one worker.
@@ -27,20 +27,20 @@ def spread_out(function: Callable[[T], R], items: Sequence[T], workers: int | No
     """
     if workers is not None and workers < 1:
         raise UsageError(f"--workers {workers}: at least 1 is needed")
-    context = get_context("spawn")  # a fork would copy the solver's and the threads' state
-    with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=context, initializer=_leave_interrupts) as pool:
+    context = get_context("spawn")  # a fork would copy the state of the solver and of threads
+    with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=context, initializer=_ignore_interrupts) as pool:
         waiting = {pool.submit(function, item): item for item in items}
         try:
             for future in as_completed(waiting):
                 yield waiting[future], future.result()
         except BrokenProcessPool as error:
             raise BenchError("a worker was killed (too little memory?): try again with fewer --workers") from error
-        except BaseException:  # an interrupt above all: nobody waits for what is not wanted any more
-            for child in active_children():  # the pool finds itself without workers, and ends
+        except BaseException:  # above all an interrupt: nobody waits for the results any more
+            for child in active_children():  # the pool finds that its workers are gone, and ends
                 child.terminate()
             raise
 
 
-def _leave_interrupts() -> None:
-    """Leave Ctrl-C, which reaches every process of a terminal, to the one that started the workers."""
+def _ignore_interrupts() -> None:
+    """Ctrl-C reaches every process of a terminal; only the one that started the workers reacts."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

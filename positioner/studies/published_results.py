@@ -1,6 +1,7 @@
-"""What the paper claims of its five simulations, beside what is seen. Pure.
+"""What the paper says of its five simulations, and whether our simulations show the same. Pure.
 
-The paper shows figures and no numbers: each claim is its sentence, and the number that decides it here is ours.
+The paper shows figures and gives no numbers. Each published result here is a sentence of the paper; the threshold that
+decides whether it holds is ours.
 """
 
 from __future__ import annotations
@@ -17,27 +18,26 @@ if TYPE_CHECKING:
     from positioner.studies.reproduce import PlayedRun
 
 AT_REFERENCE_PCT = 1.0
-"""An error below this part of the span is "at the reference" or "small"."""
+"""An error below this percentage of the span is "at the reference" or "small"."""
 
 OVERSHOOT_PCT = 0.5
-"""An overshoot above this part of the span can be seen in a figure."""
+"""An overshoot above this percentage of the span is visible in a figure."""
 
 CONSTANT_CURRENT_MA = 0.8
 """A current that stays within 5 % of the loop's 16 mA is "almost constant"."""
 
-
 REST_M_PER_S = 0.001
-"""A speed below this one is "almost constant"; so is one that has fallen to a quarter."""
+"""A speed is "almost constant" below this one, or after it has fallen to a quarter."""
 
 MOTION_PCT = 0.1
-"""A range of motion above this part of the span is one at all; below it, the stem rests."""
+"""The stem moves when its range of motion is above this percentage of the span; below it, the stem rests."""
 
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """One claim in one interpretation: what is seen, in words and numbers, and whether the claim holds.
+    """One published result in one interpretation of the paper: what our run shows, and whether the result holds.
 
-    None: the run cannot tell, and it is not judged. A short run tells of a claim that moves decide, and of no other.
+    holds: None where the run is too short to decide. A short run decides only results about moves.
     """
 
     simulation: int
@@ -49,42 +49,45 @@ class Assessment:
 
 @dataclass(frozen=True, slots=True)
 class _PublishedResult:
-    """The claim, and the test of it: from the halves of this simulation and of the one it is compared with.
+    """A sentence of the paper, and the check of it.
 
-    by_moves: whether the moves alone decide it, which a dwell of milliseconds shows; the rest needs the stem's rest.
+    check: returns what is seen, in words, and whether the result holds. Its arguments are the runs of this simulation
+        and of the one that it is compared with.
+    by_moves: whether the moves alone decide it. Then a dwell of milliseconds is enough; other results need the stem at
+        rest.
     """
 
     simulation: int
     text: str
-    judge: Callable[[PlayedRun, PlayedRun], tuple[str, bool]]
+    check: Callable[[PlayedRun, PlayedRun], tuple[str, bool]]
     compared_with: int
     by_moves: bool = False
 
 
 def assess(played_runs: Sequence[PlayedRun]) -> tuple[Assessment, ...]:
-    """Return the assessment on every claim in every interpretation that was by_run."""
+    """Return the assessment of every published result in every interpretation that was by_run."""
     by_run = {(played.run.simulation, played.run.interpretation): played for played in played_runs}
     found = []
-    for claim in _PUBLISHED_RESULTS:
+    for published in _PUBLISHED_RESULTS:
         for (simulation, interpretation), own in by_run.items():
-            if simulation == claim.simulation:
-                other = by_run[claim.compared_with, _interpretation_of(claim.compared_with, interpretation)]
-                seen, holds = claim.judge(own, other)
-                is_judged = claim.by_moves or not own.run.short
-                found.append(Assessment(simulation, claim.text, interpretation, seen, holds if is_judged else None))
+            if simulation == published.simulation:
+                other = by_run[published.compared_with, _interpretation_of(published.compared_with, interpretation)]
+                seen, holds = published.check(own, other)
+                decided = holds if published.by_moves or not own.run.short else None
+                found.append(Assessment(simulation, published.text, interpretation, seen, decided))
     return tuple(found)
 
 
 def summary(assessments: Iterable[Assessment]) -> tuple[str, bool | None]:
-    """Return how many of `assessments` hold, in words, and whether all that were judged do; None where none was."""
-    judged = [assessment.holds for assessment in assessments if assessment.holds is not None]
-    if not judged:
-        return "no claim judged", None
-    return f"{sum(judged)} of {len(judged)} {'claim holds' if len(judged) == 1 else 'claims hold'}", all(judged)
+    """Return how many of `assessments` hold, in words, and whether all do; None where no run decides."""
+    decided = [assessment.holds for assessment in assessments if assessment.holds is not None]
+    if not decided:
+        return "no result decided", None
+    return f"{sum(decided)} of {len(decided)} {'result holds' if len(decided) == 1 else 'results hold'}", all(decided)
 
 
 def _interpretation_of(simulation: int, interpretation: Interpretation) -> Interpretation:
-    """Return the interpretation in which `simulation` was by_run: without a table there is one for both units."""
+    """Return the interpretation in which `simulation` was by_run: without a table both units give the same run."""
     return interpretation if simulation in WITH_TABLE else Interpretation(interpretation.noise, Units.SI)
 
 

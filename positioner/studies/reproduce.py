@@ -1,4 +1,4 @@
-"""The paper's five simulations, in every interpretation of it, in process, on all cores. Shell."""
+"""The paper's five simulations in every interpretation of the paper, in process, on all cores. Shell."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
 
 SIMULATIONS = (1, 2, 3, 4, 5)
 WITH_TABLE = (3, 4, 5)
-"""Simulations in which α and β play a part."""
+"""Simulations that use the stiction table, and thus α and β."""
 
 SHORT_DWELL_S = 0.015
-"""Dwell of a short run instead of 1 s: enough for every move, not for what happens at rest."""
+"""Dwell of a short run instead of 1 s: enough for every move, too short for the stem at rest."""
 
 VISIBLE_M = 127e-6
-"""Motion back from a turning point that counts as a reversal here: 0.1 % of span, what a figure of the paper could
-show. Noise alone makes the stem twitch by micrometres."""
+"""Motion back from a turning point that counts as a reversal here: 0.1 % of span, which is visible in a figure of the
+paper. Noise alone moves the stem by micrometres."""
 
 _CURVE_POINTS = 6000
 
@@ -48,7 +48,7 @@ class Run:
 
     @property
     def scenario(self) -> Scenario:
-        """The packaged scenario, changed as the interpretation asks."""
+        """The packaged scenario, changed for this interpretation."""
         scenario = interpreted_as(
             load_scenario(f"paper-{self.simulation}"), self.interpretation.noise, self.interpretation.units
         )
@@ -61,11 +61,14 @@ class Run:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Half:
-    """Figures of half a run, three dwells; error, range, current and speed are those of the second half of a dwell.
+    """Figures of half a run, which has three dwells. `metrics` defines those that are not defined here.
 
-    error_pct, range_pct: mean |error| and peak-to-peak motion in percent of span, mean of the dwells.
-    current_range_ma: peak-to-peak current, mean of the dwells. speed_m_per_s: root mean square over the dwells.
-    reversals: those above `VISIBLE_M`, moves included. The others are those of `metrics`.
+    Error, range, current and speed are taken over the second half of each dwell.
+
+    error_pct, range_pct: mean |error| and peak-to-peak motion in percent of span, mean over the dwells.
+    current_range_ma: peak-to-peak current, mean over the dwells.
+    speed_m_per_s: root mean square over the dwells.
+    reversals: those above `VISIBLE_M`, including those of the moves.
     """
 
     dwells: int
@@ -80,7 +83,7 @@ class Half:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Curves:
-    """What the picture shows, thinned to its envelope; shape (points,). A bound is NaN where it is not in force."""
+    """The curves of the picture, reduced to their envelopes; shape (points,). A bound is NaN where it is not active."""
 
     time_s: NDArray[np.float64]
     setpoint_m: NDArray[np.float64]
@@ -95,7 +98,7 @@ class Curves:
 
 @dataclass(frozen=True, slots=True)
 class PlayedRun:
-    """A run that was played: its figures before and after half time, when the table comes into use, and its curves."""
+    """A run that was played: its figures before and after half time, when use of the table begins, and its curves."""
 
     run: Run
     before: Half
@@ -104,7 +107,7 @@ class PlayedRun:
 
 
 def all_runs(interpretations: Sequence[Interpretation], *, short: bool) -> tuple[Run, ...]:
-    """Return every run; without a table α and β play no part, so simulations 1 and 2 are played in one unit."""
+    """Return every run. Without a table α and β have no effect: simulations 1 and 2 are played in SI only."""
     return tuple(
         Run(simulation, interpretation, short)
         for simulation in SIMULATIONS
@@ -114,7 +117,7 @@ def all_runs(interpretations: Sequence[Interpretation], *, short: bool) -> tuple
 
 
 def reproduce(runs: Sequence[Run], workers: int | None = None) -> tuple[PlayedRun, ...]:
-    """Return the result of every run, in their order; a progress bar counts them."""
+    """Play the runs, with a progress bar; return them in the order of `runs`."""
     found: dict[Run, PlayedRun] = {}
     with (
         tqdm(total=len(runs), unit=" runs", disable=None) as bar,
@@ -128,23 +131,17 @@ def reproduce(runs: Sequence[Run], workers: int | None = None) -> tuple[PlayedRu
 
 
 def play(run: Run) -> PlayedRun:
-    """Return the result of one run."""
+    """Play one run."""
     scenario = run.scenario
     span_m = configure(scenario).valve.span_m
     played = run_in_process(scenario)
-    recording = played.recording
-    trace = metrics.Trace(
-        time_s=recording.time_s,
-        position_m=recording.true_position_m,
-        setpoint_m=recording.setpoint_m,
-        current_ma=recording.current_ma,
-    )
-    middle = len(scenario.visited_mm) // 2
+    trace, velocity_m_per_s = played.recording.trace, played.recording.true_velocity_m_per_s
     dwells = range(len(scenario.visited_mm))
+    before, after = dwells[: len(dwells) // 2], dwells[len(dwells) // 2 :]
     return PlayedRun(
         run,
-        half_figures(trace, recording.true_velocity_m_per_s, scenario, span_m, dwells[:middle]),
-        half_figures(trace, recording.true_velocity_m_per_s, scenario, span_m, dwells[middle:]),
+        half_figures(trace, velocity_m_per_s, scenario, span_m, before),
+        half_figures(trace, velocity_m_per_s, scenario, span_m, after),
         _curves(scenario, played),
     )
 
@@ -171,40 +168,28 @@ def half_figures(
 
 def _curves(scenario: Scenario, played: InProcessRun) -> Curves:
     recording, configuration = played.recording, configure(scenario)
-    # a cycle's time is that of its end: one period after its reading
+    fastest_m_per_s = configuration.control.bounds.max_speed_m_per_s
+    free = {
+        "current_low_ma": configuration.guard.current_low_ma,
+        "current_high_ma": configuration.guard.current_high_ma,
+        "speed_low_m_per_s": -fastest_m_per_s,
+        "speed_high_m_per_s": fastest_m_per_s,
+    }
+    columns = {
+        "setpoint_m": recording.setpoint_m,
+        "position_m": recording.true_position_m,
+        "current_ma": recording.current_ma,
+        "velocity_m_per_s": recording.true_velocity_m_per_s,
+    }
+    # a cycle's time is that of its end: one period after its sample
     samples = [round(cycle.time_s / recording.period_s) - 1 for cycle in played.cycles]
-    bounds = np.full((4, recording.samples), np.nan)
-    bounds[:, samples] = np.array(
-        [
-            (b.current_low_ma, b.current_high_ma, b.speed_low_m_per_s, b.speed_high_m_per_s)
-            for b in (cycle.decision.bounds for cycle in played.cycles)
-        ]
-    ).T
-    fastest = configuration.control.bounds.max_speed_m_per_s
-    loop = (configuration.guard.current_low_ma, configuration.guard.current_high_ma)
-    for bound, free in zip(bounds, (*loop, -fastest, fastest), strict=True):
-        bound[bound == free] = np.nan
+    for name, free_value in free.items():
+        bound = np.full(recording.samples, np.nan)
+        bound[samples] = [getattr(cycle.decision.bounds, name) for cycle in played.cycles]
+        bound[bound == free_value] = np.nan
+        columns[name] = bound
     time_s, _ = envelope(recording.time_s, recording.setpoint_m, _CURVE_POINTS)
-    columns = (
-        recording.setpoint_m,
-        recording.true_position_m,
-        recording.current_ma,
-        bounds[0],
-        bounds[1],
-        recording.true_velocity_m_per_s,
-        bounds[2],
-        bounds[3],
-    )
-    thinned = (envelope(recording.time_s, column, _CURVE_POINTS)[1] for column in columns)
-    setpoint, position, current, low, high, velocity, slow, fast = thinned
     return Curves(
         time_s=time_s,
-        setpoint_m=setpoint,
-        position_m=position,
-        current_ma=current,
-        current_low_ma=low,
-        current_high_ma=high,
-        velocity_m_per_s=velocity,
-        speed_low_m_per_s=slow,
-        speed_high_m_per_s=fast,
+        **{name: envelope(recording.time_s, values, _CURVE_POINTS)[1] for name, values in columns.items()},
     )

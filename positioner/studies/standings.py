@@ -1,7 +1,7 @@
 """The league's standings: figures of each law on each plant, with their uncertainty. Pure.
 
-The dwells of one run correlate, for the law learns from each of them: what is drawn independently is a seed. The
-interval is a percentile bootstrap over the seeds' means (Efron and Tibshirani, 1993), 95 %; a single seed has none.
+The dwells of one run correlate, because the law learns from each of them; only the seeds are independent. The interval
+is a 95 % percentile bootstrap over the seeds' means (Efron and Tibshirani, 1993); a single seed has none.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from scipy.stats import bootstrap
 
 from plant_emulator.presets import plant_settings
+from positioner.bench.metrics import median_settling_s
 from positioner.studies.conditions import reference_plant
 from positioner.studies.limit import optimal_move
 
@@ -24,14 +25,13 @@ if TYPE_CHECKING:
     from positioner.studies.league import Bout
 
 _RESAMPLES = 9999
-_NEVER_S = 1e9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Standing:
-    """One law on one plant, over all seeds and dwells; errors in percent of span, see `metrics` for definitions.
+    """One law on one plant, over all seeds and dwells; errors in percent of span, definitions in `metrics`.
 
-    The limits of the mean error are None where a single seed was played.
+    The limits of the mean error are None for a single seed.
     """
 
     law: str
@@ -49,7 +49,7 @@ class Standing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawSummary:
-    """One law over all plants; `error_ratio` is its worst plant's mean error over that of the reference law.
+    """One law over all plants; `error_ratio` is the mean error on its worst plant over that of the reference law.
 
     Settling and `reference_error_pct` are those of the reference plant.
     """
@@ -88,7 +88,7 @@ def _standing(law: str, plant: str, runs: Sequence[Sequence[DwellMetrics]]) -> S
         mean_error_low_pct=low,
         mean_error_high_pct=high,
         worst_dwell_pct=max(errors),
-        median_settle_1pct_s=_median_settle_s(dwells),
+        median_settle_1pct_s=median_settling_s(dwell.settle_1pct_s for dwell in dwells),
         unsettled=sum(dwell.settle_1pct_s is None for dwell in dwells),
         limit_cycles=sum(dwell.limit_cycle for dwell in dwells),
         travel_ratio=sum(dwell.travel_mm for dwell in dwells) / sum(dwell.ideal_travel_mm for dwell in dwells),
@@ -97,7 +97,7 @@ def _standing(law: str, plant: str, runs: Sequence[Sequence[DwellMetrics]]) -> S
 
 def bootstrap_interval(values: Sequence[float]) -> tuple[float, float] | tuple[None, None]:
     """Return the 95 % percentile bootstrap interval of the mean of independent `values`; None for less than two."""
-    if len(values) < 2:  # noqa: PLR2004 - one value says nothing of how far another would be from it
+    if len(values) < 2:  # noqa: PLR2004 - one value has no spread
         return None, None
     found = bootstrap((values,), np.mean, n_resamples=_RESAMPLES, method="percentile", random_state=0)
     return float(found.confidence_interval.low), float(found.confidence_interval.high)
@@ -106,7 +106,7 @@ def bootstrap_interval(values: Sequence[float]) -> tuple[float, float] | tuple[N
 def summaries(
     table: Sequence[Standing], optimal_settle_1pct_s: float | None, reference: str = "nmpc"
 ) -> tuple[LawSummary, ...]:
-    """Return one summary for each law, the best first; `optimal_settle_1pct_s` is the limit's median."""
+    """Return one summary for each law, the best first; `optimal_settle_1pct_s` is the time-optimal median."""
     laws = dict.fromkeys(standing.law for standing in table)
     worst = {law: max((s for s in table if s.law == law), key=lambda s: s.mean_error_pct) for law in laws}
     ours = worst[reference].mean_error_pct if reference in worst else None
@@ -134,15 +134,9 @@ def summaries(
 
 
 def optimal_median_s(plant: str, setpoints_mm: Sequence[float]) -> tuple[float, float]:
-    """Return the time-optimal medians over the dwells on `plant`, in s: until the 1 % band, and until rest."""
+    """Return the medians of the time-optimal moves on `plant` in s: until the 1 % band, and until rest."""
     settings = plant_settings(plant)
     starts = (settings.valve.initial_position_m * 1e3, *setpoints_mm[:-1])
     pairs = zip(starts, setpoints_mm, strict=True)
     moves = [optimal_move(settings, start * 1e-3, end * 1e-3) for start, end in pairs if start != end]
     return median(move.settle_1pct_s for move in moves), median(move.rest_s for move in moves)
-
-
-def _median_settle_s(dwells: Sequence[DwellMetrics]) -> float | None:
-    """Return the median settling time in s; a dwell that never settles counts as later than all others."""
-    middle = median(_NEVER_S if dwell.settle_1pct_s is None else dwell.settle_1pct_s for dwell in dwells)
-    return None if middle >= _NEVER_S / 2.0 else middle

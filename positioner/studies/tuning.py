@@ -1,13 +1,13 @@
-"""Tuning a law by seeded random search on the nominal valve, so that rivals are compared at their best. Shell.
+"""Tuning a law by seeded random search on the nominal valve, so that rival laws are compared at their best. Shell.
 
-The first part of the budget explores, log-uniformly between limits wide enough for anybody's taste; the rest varies
-the best candidate found. The cost of a candidate is the mean over dwells of
+The first half of the budget explores, log-uniformly between wide limits; the second half varies the best candidate. The
+cost of a candidate is the mean over dwells of
 
     J = IAE / (mm s) + mean |e| at the end / % + 0.001 · command variation / mA + 0.04 · reversals
 
-on dwells of 4 s: on shorter ones the limit cycle of an integral against static friction does not show. Every setpoint
-is visited twice: where an integral comes to rest is chance, and the best of many candidates on few dwells is the
-luckiest. A candidate is dropped as soon as its dwells so far cost more than all dwells of the best: that saves time
+with dwells of 4 s: on shorter dwells the limit cycle of an integral against static friction does not develop. Every
+setpoint is visited twice: where an integral comes to rest is partly chance, and on few dwells the best candidate would
+be the luckiest one. A candidate is dropped as soon as its dwells cost more than all dwells of the best: this saves time
 and changes no result.
 """
 
@@ -32,11 +32,11 @@ if TYPE_CHECKING:
     from positioner.bench.metrics import DwellMetrics
 
 SETPOINTS_MM = (73.0, 87.0, 80.0, 73.5, 81.5, 83.0)
-"""Large, middling and small steps in both directions, where the valve can be restarted both ways."""
+"""Large, medium and small steps in both directions, where the valve can be restarted both ways."""
 VISITS = 2
 DWELL_S = 4.0
 LEAGUE_SEEDS = range(101, 104)
-"""Seeds that laws are judged on, never tuned on."""
+"""Seeds of the league; laws are never tuned on them."""
 
 _EXPLORING = 0.5
 """Share of the budget."""
@@ -44,12 +44,12 @@ _STEP = 0.3
 """Standard deviation of a variation, in the logarithm of the value."""
 _TUNED_ON = "paper"
 _DIGITS = 4
-"""Significant digits of a value; what is stored is what was tried."""
+"""Significant digits of a value: the stored value is the one that was tried."""
 
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """One parameter: its dotted key under the law's table, and its limits; `or_none` tries 0 every second time."""
+    """One parameter: its dotted key under the law's table, and its limits; `or_none`: half of the candidates have 0."""
 
     key: str
     low: float
@@ -59,7 +59,7 @@ class Range:
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """What is tuned of a law, and the parameters that stay as they are."""
+    """The parameters of a law that are tuned, and those that are fixed."""
 
     ranges: tuple[Range, ...]
     fixed: tuple[tuple[str, float], ...] = ()
@@ -67,7 +67,7 @@ class Search:
 
 @dataclass(frozen=True, slots=True)
 class Tuning:
-    """What a search found; `values` belong to the ranges of the law's search. `first_cost` is that of its start."""
+    """Result of a search; `values` belong to the ranges of the law's search, `first_cost` to the first candidate."""
 
     law: str
     budget: int
@@ -103,7 +103,7 @@ SEARCHES: Mapping[str, Search] = MappingProxyType(
         ),
         "constant-reinforcement": Search((*_pid("pid."), Range("reinforcement_ma", 0.3, 8.0), _OFF_BAND)),
         "two-move": Search((Range("move_s", 0.02, 0.12), Range("back_off_m", 0.007, 0.016))),
-        # on the nominal valve a move is never made again: nothing there tells one way of retrying from another
+        # on the nominal valve a move is never repeated, so the parameters of retrying cannot be tuned there
         "two-move-retry": Search(
             (Range("moves.move_s", 0.02, 0.12),),
             (
@@ -153,10 +153,10 @@ def dwell_cost(dwell: DwellMetrics) -> float:
 
 
 def scenario_of(law: str, values: tuple[float, ...], seed: int) -> Scenario:
-    """Return what a candidate plays: the nominal valve at 1 kHz, its noise 2 % of the reading."""
+    """Return the scenario of a candidate: the nominal valve at 1 kHz, its noise 2 % of the reading."""
     return Scenario(
         name="tuning",
-        title=f"{law} on trial",
+        title=f"{law}, a candidate",
         law=law,
         seed=seed,
         setpoints_mm=SETPOINTS_MM,
@@ -179,9 +179,9 @@ def control_table(law: str, values: tuple[float, ...]) -> dict[str, Any]:
 
 
 def to_toml(tuning: Tuning) -> str:
-    """Return a whole configuration: the valve that it was found on, the law, and its parameters.
+    """Return a complete configuration: the nominal valve, the law, and its parameters.
 
-    The packaged parameters are such files; the comment says how they were found.
+    The packaged parameters are such files; a comment gives the command that found them.
     """
     how = f"# positioner tune {tuning.law} --budget {tuning.budget} --seed {tuning.seed}\n# cost {tuning.cost:.4f}\n"
     control = {"law": tuning.law, **control_table(tuning.law, tuning.values)}
@@ -207,7 +207,7 @@ def _near(search: Search, best: tuple[float, ...], chance: np.random.Generator) 
 
 
 def _rounded(search: Search, values: list[float]) -> tuple[float, ...]:
-    """Return the values as they are written; a pulse that would outlast its period takes half of it."""
+    """Return the values as they are written; a pulse longer than its period becomes half the period."""
     keys = [each.key for each in search.ranges]
     if "pulse_width_s" in keys:
         width, period = keys.index("pulse_width_s"), keys.index("pulse_period_s")

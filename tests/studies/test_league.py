@@ -1,9 +1,11 @@
-"""The league: fair setpoints, the limit nobody beats, resumption, and what the standings say."""
+"""The league: fair setpoints, the time-optimal limit, resumption, and the standings."""
 
 from __future__ import annotations
 
 import json
 import math
+import subprocess
+import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -17,7 +19,7 @@ from positioner.cli.main import main
 from positioner.errors import ConfigurationError, ExitCode
 from positioner.studies.conditions import NOMINAL, PLANTS, check_setpoints, reference_plant
 from positioner.studies.league import SETPOINTS_MM, Bout, LeagueSettings, code_digest, play_league
-from positioner.studies.league_page import LeaguePage, to_markdown, write_page
+from positioner.studies.league_report import LeagueReport, to_markdown, write_report
 from positioner.studies.limit import optimal_move
 from positioner.studies.standings import bootstrap_interval, optimal_median_s, standings, summaries
 
@@ -131,7 +133,7 @@ def test_of_one_seed_no_interval_is_printed_however_many_its_dwells() -> None:
 def _page(seeds: tuple[int, ...]) -> str:
     settings = LeagueSettings(laws=("pi",), plants=("paper",), seeds=seeds)
     table = standings({replace(_bout("pi"), seed=seed): (_dwell(0.3), _dwell(0.5)) for seed in seeds})
-    return to_markdown(LeaguePage(settings=settings, summaries=summaries(table, 0.005), standings=table,
+    return to_markdown(LeagueReport(settings=settings, summaries=summaries(table, 0.005), standings=table,
                                   optimal_settle_1pct_s=0.005, optimal_rest_s=0.006))  # fmt: skip
 
 
@@ -165,23 +167,23 @@ def test_a_law_that_mostly_never_settles_has_no_median() -> None:
     assert law.settle_ratio is None
 
 
-def test_the_page_is_written_and_says_the_same_in_all_three_forms(tmp_path: Path) -> None:
+def test_the_report_is_written_and_says_the_same_in_all_three_forms(tmp_path: Path) -> None:
     settings = LeagueSettings(laws=("pi",), plants=("paper",), seeds=(1,))
     table = standings({_bout("pi"): (_dwell(0.3), _dwell(0.5))})
     settle_s, rest_s = optimal_median_s(NOMINAL, (73.0, 87.0, 80.0))
-    page = LeaguePage(
+    report = LeagueReport(
         settings=settings,
         summaries=summaries(table, settle_s),
         standings=table,
         optimal_settle_1pct_s=settle_s,
         optimal_rest_s=rest_s,
     )
-    write_page(tmp_path, page)
+    write_report(tmp_path, report)
     assert json.loads((tmp_path / "league.json").read_text())["standings"][0]["mean_error_pct"] == pytest.approx(0.4)
-    assert "| `pi` | 0.400 | 0.400 (paper) | 0.50 |" in to_markdown(page)
+    assert "| `pi` | 0.400 | 0.400 (paper) | 0.50 |" in to_markdown(report)
     assert (tmp_path / "league.png").read_bytes().startswith(b"\x89PNG")
-    assert "Simulation only" not in to_markdown(page)
-    fast = replace(page, settings=replace(settings, period_s=0.0001))
+    assert "Simulation only" not in to_markdown(report)
+    fast = replace(report, settings=replace(settings, period_s=0.0001))
     assert "Simulation only: at 0.1 ms the frames take 273 % of 1 Mbit/s" in to_markdown(fast)
 
 
@@ -197,6 +199,21 @@ def test_an_interrupted_league_plays_only_what_is_missing_and_nothing_twice(tmp_
     path.write_text(json.dumps(stored))
     assert play_league(settings, tmp_path, workers=1) == played
     assert len({code_digest("paper"), code_digest("knocker")}) == 2  # each law has tuned parameters of its own
+
+
+def test_the_digest_leaves_out_only_code_that_no_bout_runs() -> None:
+    program = """
+import sys
+from positioner.studies.league import _UNUSED_ROOMS, _USED_MODULES, Bout, play
+play(Bout("nmpc", "paper", 1, (80.0,), 0.01, 0.001))
+loaded = [name.split(".")[1:] for name in sys.modules if name.startswith("positioner.")]
+assert ["laws", "nmpc", "law"] in loaded
+bench = {names[1] for names in loaded if names[0] == "bench" and len(names) > 1}
+assert bench == _USED_MODULES["bench"], bench
+assert not [names for names in loaded if names[0] in _UNUSED_ROOMS]
+"""
+    done = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True, text=True, timeout=120.0)
+    assert done.returncode == 0, done.stderr
 
 
 def test_the_short_league_shows_our_law_ahead_within_its_bands(
@@ -243,7 +260,9 @@ def test_mistakes_of_the_command_line_get_one_clear_line(
     assert told in capsys.readouterr().err
 
 
-def test_an_output_directory_that_cannot_be_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_output_directory_that_cannot_be_made_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "file").touch()
     for command in ("league", "reproduce"):
         assert main([command, "--out", str(tmp_path / "file" / "out")]) == ExitCode.IO

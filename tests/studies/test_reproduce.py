@@ -1,4 +1,4 @@
-"""`positioner reproduce`: what short runs show, how claims are judged, and the page that is left."""
+"""`positioner reproduce`: what short runs show, how published results are assessed, and the files of the report."""
 
 from __future__ import annotations
 
@@ -29,18 +29,15 @@ from positioner.studies.reproduce import (
     play,
     reproduce,
 )
-from positioner.studies.reproduce_page import FIGURE_OF, TITLES
-from positioner.studies.reproduce_table import to_json, to_markdown
+from positioner.studies.reproduce_pictures import FIGURE_OF, TITLES
+from positioner.studies.reproduce_report import to_json, to_markdown
 from positioner.valve.parameters import ValveParameters
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-A, FREE = (
-    Interpretation(Noise.FILTERED, Units.SI),
-    Interpretation(Noise.FREE, Units.SI),
-)
+A, FREE = Interpretation(Noise.FILTERED, Units.SI), Interpretation(Noise.FREE, Units.SI)
 FREE_CM = Interpretation(Noise.FREE, Units.CENTIMETRES)
 ALL = interpretations((Noise.FILTERED, Noise.RAW))
 CALM = Half(
@@ -174,7 +171,7 @@ def played(run: Run, before: Half, after: Half) -> PlayedRun:
 
 
 def as_the_paper_has_it(runs: Sequence[Run]) -> tuple[PlayedRun, ...]:
-    """Return played_runs in which every claim holds."""
+    """Return runs in which every published result holds."""
     found = []
     for run in runs:
         half = replace(LIVELY, range_pct={4: 3.0, 5: 1.0}.get(run.simulation, 2.0))
@@ -184,44 +181,35 @@ def as_the_paper_has_it(runs: Sequence[Run]) -> tuple[PlayedRun, ...]:
     return tuple(found)
 
 
-def test_every_claim_holds_where_everything_is_as_the_paper_has_it() -> None:
+def test_every_published_result_holds_where_everything_is_as_the_paper_has_it() -> None:
     found = assess(as_the_paper_has_it(all_runs(ALL, short=False)))
     assert len(found) == 4 * 3 + 11 * 6
     assert [assessment for assessment in found if not assessment.holds] == []
 
 
-def test_a_short_run_judges_what_moves_decide_and_nothing_else() -> None:
+def test_a_short_run_decides_results_about_moves_and_no_others() -> None:
     played = as_the_paper_has_it(all_runs(ALL, short=True))
     found = assess(tuple(replace(each, before=CALM, after=CALM) for each in played))
-    judged = {(assessment.simulation, assessment.result) for assessment in found if assessment.holds is not None}
-    assert judged == {
+    decided = {(assessment.simulation, assessment.result) for assessment in found if assessment.holds is not None}
+    assert decided == {
         (1, "it overshoots in the transient"),
         (3, "it moves as in simulation 2 until the table is used"),
     }
-    assert summary(found)[0] == f"{sum(bool(assessment.holds) for assessment in found)} of 9 claims hold"
+    assert summary(found)[0] == f"{sum(bool(assessment.holds) for assessment in found)} of 9 results hold"
     text = to_markdown(played, found)
-    assert "| 2 | stick-slip makes it oscillate continuously | not judged | as SI | not judged |" in text
+    assert "| 2 | stick-slip makes it oscillate continuously | not decided | as SI | not decided |" in text
     assert "| 1 | it overshoots in the transient | **no**: overshoot 0.20 % |" in text
     assert {assessment["holds"] for assessment in json.loads(to_json(played, found))["verdicts"]} == {True, False, None}
 
 
-def test_where_nothing_was_judged_no_claim_holds_and_none_falls() -> None:
-    found = [
-        assessment
-        for assessment in assess(as_the_paper_has_it(all_runs((A,), short=True)))
-        if assessment.simulation == 2
-    ]
-    assert summary(found) == ("no claim judged", None)
-    judged = [
-        assessment
-        for assessment in assess(as_the_paper_has_it(all_runs((A,), short=True)))
-        if assessment.simulation == 1
-    ]
-    assert summary(judged) == ("1 of 1 claim holds", True)
+def test_where_nothing_is_decided_no_result_holds_and_none_fails() -> None:
+    found = assess(as_the_paper_has_it(all_runs((A,), short=True)))
+    assert summary(each for each in found if each.simulation == 2) == ("no result decided", None)
+    assert summary(each for each in found if each.simulation == 1) == ("1 of 1 result holds", True)
 
 
 @pytest.mark.parametrize(
-    ("simulation", "before", "after", "fallen"),
+    ("simulation", "before", "after", "failed"),
     [
         (1, {"error_pct": 1.1}, {}, "the stem reaches the reference"),
         (1, {"overshoot_pct": 0.4}, {}, "it overshoots in the transient"),
@@ -240,8 +228,8 @@ def test_where_nothing_was_judged_no_claim_holds_and_none_falls() -> None:
         (5, {}, {"error_pct": 5.0}, "the steady error is small, and not null"),
     ],
 )
-def test_a_claim_falls_with_the_figure_that_decides_it(
-    simulation: int, before: dict[str, float], after: dict[str, float], fallen: str
+def test_a_published_result_fails_with_the_figure_that_decides_it(
+    simulation: int, before: dict[str, float], after: dict[str, float], failed: str
 ) -> None:
     played_runs = [
         replace(each, before=replace(each.before, **before), after=replace(each.after, **after))  # type: ignore[arg-type]
@@ -250,7 +238,7 @@ def test_a_claim_falls_with_the_figure_that_decides_it(
         for each in as_the_paper_has_it(all_runs((A,), short=False))
     ]
     lost = [assessment for assessment in assess(played_runs) if not assessment.holds]
-    assert [(assessment.simulation, assessment.result) for assessment in lost] == [(simulation, fallen)]
+    assert [(assessment.simulation, assessment.result) for assessment in lost] == [(simulation, failed)]
 
 
 def test_a_stem_that_rests_is_neither_livelier_nor_quieter_than_another_one() -> None:
@@ -260,15 +248,15 @@ def test_a_stem_that_rests_is_neither_livelier_nor_quieter_than_another_one() ->
         for each in as_the_paper_has_it(all_runs((A,), short=False))
     ]
     found = {assessment.result: assessment for assessment in assess(played_runs)}
-    for claim in (
+    for result in (
         "at first it oscillates more than in simulation 3",
         "at first it oscillates less than in simulation 3",
         "the table ends the oscillation",
     ):
-        assert not found[claim].holds
+        assert not found[result].holds
 
 
-def test_the_table_names_every_run_and_marks_what_does_not_hold() -> None:
+def test_the_report_names_every_run_and_marks_what_does_not_hold() -> None:
     played_runs = as_the_paper_has_it(all_runs(ALL, short=False))
     run = Run(3, A)
     played_runs = tuple(replace(each, after=LIVELY) if each.run == run else each for each in played_runs)
@@ -283,7 +271,7 @@ def test_the_table_names_every_run_and_marks_what_does_not_hold() -> None:
     assert "A short run" in to_markdown(as_the_paper_has_it(all_runs(ALL, short=True)), found)
 
 
-def test_the_json_has_the_same_figures_and_verdicts() -> None:
+def test_the_json_has_the_same_figures_and_assessments() -> None:
     played_runs = as_the_paper_has_it(all_runs((A,), short=False))
     page = json.loads(to_json(played_runs, assess(played_runs)))
     assert [run["scenario"] for run in page["runs"]] == [f"paper-{simulation}" for simulation in SIMULATIONS]
@@ -293,7 +281,7 @@ def test_the_json_has_the_same_figures_and_verdicts() -> None:
     assert all(assessment["holds"] is True for assessment in page["verdicts"])
 
 
-def test_the_command_leaves_the_page_the_figures_and_the_table(
+def test_the_command_writes_the_page_the_figures_and_the_report(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     asked: list[tuple[Sequence[Run], int | None]] = []
@@ -321,7 +309,7 @@ def test_the_command_leaves_the_page_the_figures_and_the_table(
     assert printed.startswith((out / "reproduce.md").read_text(encoding="utf-8"))
 
 
-def test_a_verdict_names_its_reading() -> None:
+def test_an_assessment_names_its_interpretation() -> None:
     found = assess(as_the_paper_has_it(all_runs((A, FREE), short=False)))
     assert found[0] == Assessment(1, "the stem reaches the reference", A, "error 0.50, 0.50 %", holds=True)
     assert {assessment.interpretation for assessment in found} == {A, FREE}

@@ -1,4 +1,4 @@
-"""The pictures of `positioner reproduce`: a figure for each of the paper's figures 4 to 8, and one page of all. Shell.
+"""The pictures of `positioner reproduce`: the paper's figures 4 to 8, and all of them on one page. Shell.
 
 Each shows the paper's three panels: position and setpoint, current with its bounds, speed with its bounds.
 """
@@ -47,33 +47,30 @@ UNITS = {Units.SI: "α 5 m/s, β 150 1/m", Units.CENTIMETRES: "α 5 cm/s, β 150
 
 _BLUE, _RED, _GREEN, _ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
 _INK, _GREY, _FAINT = "#222222", "#8A8A8A", "#D9D9D9"
-_WORDS = {True: "yes", False: "no", None: "not judged"}
+_WORDS = {True: "yes", False: "no", None: "not decided"}
 _COLOURS = {True: _GREEN, False: _RED, None: _GREY}
 _LIMITS = ((60.0, 95.0), (3.0, 21.0), (-2.3, 2.3))
 _TICKS = ((60, 70, 80, 90), (4, 8, 12, 16, 20), (-2, -1, 0, 1, 2))
 _QUANTITIES = ("position, mm", "current, mA", "speed, m/s")
 _NAMES = (
-    ("stem (plant's truth), command, speed", _BLUE),
+    ("true position, command, true speed", _BLUE),
     ("setpoint", _RED),
-    ("upper bound, where in force", _ORANGE),
-    ("lower bound, where in force", _GREEN),
+    ("upper bound, where active", _ORANGE),
+    ("lower bound, where active", _GREEN),
 )
 
 
 def interpretation_title(interpretation: Interpretation, *, table: bool = True) -> str:
-    """Return the interpretation in words; without a `table` α and β play no part."""
-    label = (
-        f"{interpretation.noise}: {NOISES[interpretation.noise]}"
-        if interpretation.noise is not Noise.FREE
-        else "no noise"
-    )
+    """Return the interpretation in words; without a `table` α and β have no effect."""
+    noise = NOISES[interpretation.noise]
+    label = noise if interpretation.noise is Noise.FREE else f"{interpretation.noise}: {noise}"
     return f"{label}, {UNITS[interpretation.units]}" if table else label
 
 
 def draw_figure(
     path: Path, simulation: int, played_runs: Sequence[PlayedRun], assessments: Sequence[Assessment]
 ) -> None:
-    """Write the paper's figure of `simulation` to `path`: an interpretation a column, with its assessments."""
+    """Write the paper's figure of `simulation` to `path`: one column for each interpretation, with its assessments."""
     shown = [played for played in played_runs if played.run.simulation == simulation]
     figure = Figure(figsize=(1.0 + 5.2 * len(shown), 10.0), dpi=100, facecolor="white")
     FigureCanvasAgg(figure)
@@ -85,16 +82,13 @@ def draw_figure(
         panels = [row[column] for row in grid]
         _draw(panels, played, left=column == 0)
         heading = interpretation_title(played.run.interpretation, table=simulation in WITH_TABLE)
-        own = [
-            assessment
-            for assessment in assessments
-            if (assessment.simulation, assessment.interpretation) == _key(played)
-        ]
+        own = _of(played, assessments)
         _write_above(panels[0], len(own) + 1.4, heading, _INK, weight="bold")
         _write_above(panels[0], len(own) + 0.4, _figures(played), _INK)
         for line, assessment in enumerate(reversed(own)):
-            told = f"{assessment.result} ({assessment.seen})" if assessment.holds is not None else assessment.result
-            _write_above(panels[0], line + 0.4, f"{_WORDS[assessment.holds]}: {told}", _COLOURS[assessment.holds])
+            seen = "" if assessment.holds is None else f" ({assessment.seen})"
+            text = f"{_WORDS[assessment.holds]}: {assessment.result}{seen}"
+            _write_above(panels[0], line + 0.4, text, _COLOURS[assessment.holds])
         panels[-1].set_xlabel("time, s", fontsize=11)
     title = f"Simulation {simulation}, the paper's figure {FIGURE_OF[simulation]}: {TITLES[simulation]}"
     figure.text(0.75 / width, 1.0 - 0.42 / height, title, fontsize=17, fontweight="bold", color=_INK)
@@ -103,7 +97,7 @@ def draw_figure(
 
 
 def draw_page(path: Path, played_runs: Sequence[PlayedRun], assessments: Sequence[Assessment]) -> None:
-    """Write all five figures side by side to `path`, one below another for each interpretation."""
+    """Write all five figures side by side to `path`: one row for each interpretation."""
     interpretations = sorted({played.run.interpretation for played in played_runs})
     found = {(played.run.simulation, played.run.interpretation): played for played in played_runs}
     figure = Figure(figsize=(24.0, 1.6 + 4.7 * len(interpretations)), dpi=100, facecolor="white")
@@ -120,16 +114,16 @@ def draw_page(path: Path, played_runs: Sequence[PlayedRun], assessments: Sequenc
             if played is None:
                 beside = figure.add_subplot(cells[:, column])
                 beside.axis("off")
-                told = f"no table: α and β play no part,\nsee {interpretation.noise} in SI"
-                beside.text(0.5, 0.5, told, ha="center", va="center", color=_GREY, fontsize=12)
+                text = f"no table: α and β have no effect,\nsee {interpretation.noise} in SI"
+                beside.text(0.5, 0.5, text, ha="center", va="center", color=_GREY, fontsize=12)
                 continue
             panels = [figure.add_subplot(cells[panel, column]) for panel in range(3)]
             _draw(panels, played, left=simulation == SIMULATIONS[0] or (simulation - 1, interpretation) not in found)
             for panel in panels[:-1]:
                 panel.tick_params(labelbottom=False)
-            told, all_hold = summary(v for v in assessments if (v.simulation, v.interpretation) == _key(played))
+            text, all_hold = summary(_of(played, assessments))
             _write_above(panels[0], 0.4, _figures(played), _INK)
-            _write_above(panels[0], 0.4, told, _COLOURS[all_hold], right=True)
+            _write_above(panels[0], 0.4, text, _COLOURS[all_hold], right=True)
         box = block.get_position(figure)
         name = interpretation_title(interpretation).replace(", α", "\nα")
         middle = (box.y0 + box.y1) / 2.0
@@ -139,20 +133,22 @@ def draw_page(path: Path, played_runs: Sequence[PlayedRun], assessments: Sequenc
         left = columns[column].get_position(figure).x0
         heading = f"{simulation} (figure {FIGURE_OF[simulation]}): {TITLES[simulation]}"
         figure.text(left, 1.0 - 1.1 / height, heading, fontsize=13, fontweight="bold", color=_INK)
-    title = "The paper's five simulations, and what they show in each interpretation of the paper"
+    title = "The paper's five simulations in each interpretation of the paper"
     figure.text(0.045, 1.0 - 0.6 / height, title, fontsize=20, fontweight="bold", color=_INK)
     _legend(figure)
     figure.savefig(path)
 
 
-def _key(played: PlayedRun) -> tuple[int, Interpretation]:
-    return played.run.simulation, played.run.interpretation
+def _of(played: PlayedRun, assessments: Sequence[Assessment]) -> list[Assessment]:
+    """Return the assessments of this run."""
+    own = played.run.simulation, played.run.interpretation
+    return [each for each in assessments if (each.simulation, each.interpretation) == own]
 
 
 def _write_above(
     panel: Axes, line: float, text: str, colour: str, *, weight: str = "normal", right: bool = False
 ) -> None:
-    """Write `text` above the panel, `line` lines up, at its left or at its right."""
+    """Write `text` `line` lines above the panel, at its left or at its right."""
     panel.annotate(
         text, (float(right), 1.0), xycoords="axes fraction", xytext=(0, 4 + 14 * line), textcoords="offset points",
         ha="right" if right else "left", fontsize=8.8, color=colour, fontweight=weight,
@@ -168,7 +164,7 @@ def _figures(played: PlayedRun) -> str:
 
 
 def _draw(panels: Sequence[Axes], played: PlayedRun, *, left: bool) -> None:
-    """Draw one simulation's three panels, with the quantities named where they are the `left` ones of their row."""
+    """Draw the three panels of one run; the `left` ones of a row carry the names of the quantities."""
     curves = played.curves
     half_s = float(curves.time_s[-1]) / 2.0
     position, current, speed = panels
@@ -178,7 +174,7 @@ def _draw(panels: Sequence[Axes], played: PlayedRun, *, left: bool) -> None:
         (current, curves.current_low_ma, curves.current_high_ma, curves.current_ma),
         (speed, curves.speed_low_m_per_s, curves.speed_high_m_per_s, curves.velocity_m_per_s),
     ):
-        # broad and pale below the curve: a bound stays visible where the curve touches it
+        # broad and pale below the curve: a bound is visible where the curve touches it
         _step(panel, curves.time_s, high, _ORANGE, width=1.6, alpha=0.6)
         _step(panel, curves.time_s, low, _GREEN, width=1.6, alpha=0.6)
         _step(panel, curves.time_s, values, _BLUE)
@@ -212,5 +208,5 @@ def _step(
 def _legend(figure: Figure) -> None:
     lines = [Line2D([], [], color=colour, linewidth=2.0) for _, colour in _NAMES]
     lines.append(Line2D([], [], color=_GREY, linewidth=0.8, linestyle=(0, (4, 3))))
-    names = [*(name for name, _ in _NAMES), "from here the table is used"]
+    names = [*(name for name, _ in _NAMES), "use of the table begins"]
     figure.legend(lines, names, loc="lower center", ncols=len(names), frameon=False, fontsize=11)

@@ -1,4 +1,4 @@
-"""The figures and the assessments of `positioner reproduce`, as Markdown and as JSON. Pure."""
+"""The report of `positioner reproduce` as Markdown and as JSON: figures and assessments. Pure."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from positioner.studies.interpretations import Units
+from positioner.studies.markdown import table
 from positioner.studies.reproduce import VISIBLE_M, WITH_TABLE
-from positioner.studies.reproduce_page import NOISES, TITLES, UNITS
+from positioner.studies.reproduce_pictures import NOISES, TITLES, UNITS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from positioner.studies.interpretations import Interpretation
     from positioner.studies.published_results import Assessment
@@ -21,7 +22,7 @@ _FIGURES = ("error, %", "range, %", "overshoot, %", "reversals", "limit cycles",
 
 
 def to_markdown(played_runs: Sequence[PlayedRun], assessments: Sequence[Assessment]) -> str:
-    """Return the page: the interpretations, what the paper claims beside what is seen, and the figures of every run."""
+    """Return the interpretations, the published results beside ours, and the figures of every run."""
     interpretations = sorted({played.run.interpretation for played in played_runs})
     return "\n".join(
         [
@@ -29,7 +30,7 @@ def to_markdown(played_runs: Sequence[PlayedRun], assessments: Sequence[Assessme
             "",
             *_heading(played_runs, interpretations),
             "",
-            "## What the paper claims, and what is seen",
+            "## Published results, and what our runs show",
             "",
             *_assessment_table(assessments, interpretations),
             "",
@@ -42,7 +43,7 @@ def to_markdown(played_runs: Sequence[PlayedRun], assessments: Sequence[Assessme
 
 
 def to_json(played_runs: Sequence[PlayedRun], assessments: Sequence[Assessment]) -> str:
-    """Return the same as JSON: one object a run and one an assessment."""
+    """Return the same as JSON: one object for each run and one for each assessment."""
     page = {
         "runs": [
             {
@@ -85,62 +86,44 @@ def _heading(played_runs: Sequence[PlayedRun], interpretations: Sequence[Interpr
     ]
     if played_runs[0].run.short:
         lines += [
-            "**A short run**: its dwells show the moves; what happens at rest they cannot tell, and it is not judged.",
+            "**A short run**: its dwells show the moves; they are too short to decide results about the stem at rest.",
             "",
         ]
-    lines += [
-        f"- **{noise}**: {NOISES[noise]}"
-        for noise in dict.fromkeys(interpretation.noise for interpretation in interpretations)
-    ]
+    lines += [f"- **{noise}**: {NOISES[noise]}" for noise in dict.fromkeys(each.noise for each in interpretations)]
     return lines + [f"- **{units}**: {UNITS[units]}" for units in Units]
 
 
 def _assessment_table(found: Sequence[Assessment], interpretations: Sequence[Interpretation]) -> list[str]:
-    cells = {(assessment.simulation, assessment.result, assessment.interpretation): assessment for assessment in found}
-    claims = dict.fromkeys((assessment.simulation, assessment.result) for assessment in found)
-    lines = [
-        _row(("simulation", "claim", *map(str, interpretations))),
-        _row("---" for _ in range(2 + len(interpretations))),
-    ]
-    lines += [
-        _row(
-            (
-                f"{simulation}",
-                claim,
-                *(_assessment(cells.get((simulation, claim, interpretation))) for interpretation in interpretations),
-            )
-        )
-        for simulation, claim in claims
-    ]
-    return lines
+    cells = {(each.simulation, each.result, each.interpretation): _assessment(each) for each in found}
+    results = dict.fromkeys((each.simulation, each.result) for each in found)
+    rows = (
+        (str(simulation), result, *(cells.get((simulation, result, each), "as SI") for each in interpretations))
+        for simulation, result in results
+    )
+    return table(("simulation", "published result", *map(str, interpretations)), rows)
 
 
-def _assessment(assessment: Assessment | None) -> str:
-    """Return a cell: without a table one interpretation stands for both units."""
-    if assessment is None:
-        return "as SI"
+def _assessment(assessment: Assessment) -> str:
     if assessment.holds is None:
-        return "not judged"
+        return "not decided"
     return f"{'yes' if assessment.holds else '**no**'}: {assessment.seen}"
 
 
 def _figure_table(played_runs: Sequence[PlayedRun]) -> list[str]:
     head = ("simulation", "interpretation", *(f"{name}, before → after" for name in _FIGURES))
-    lines = [
-        "Before → after half time. Error, range and current range: over the second half of each dwell, mean of three",
-        "dwells, in percent of span; speed: root mean square over the same; reversals: above",
-        f"{VISIBLE_M * 1e3:.3f} mm, moves included.",
-        "",
-        _row(head),
-        _row("---" for _ in head),
-    ]
+    rows = []
     for played in played_runs:
         simulation, interpretation = played.run.simulation, played.run.interpretation
         name = str(interpretation) if simulation in WITH_TABLE else str(interpretation.noise)
         pairs = zip(_cells(played.before), _cells(played.after), strict=True)
-        figures = (f"{before} → {after}" for before, after in pairs)
-        lines.append(_row((f"{simulation}: {TITLES[simulation]}", name, *figures)))
-    return lines
+        rows.append((f"{simulation}: {TITLES[simulation]}", name, *(f"{before} → {after}" for before, after in pairs)))
+    return [
+        "Before → after half time. Error, range and current range: over the second half of each dwell, mean of three",
+        "dwells, in percent of span; speed: root mean square over the same; reversals: above",
+        f"{VISIBLE_M * 1e3:.3f} mm, moves included.",
+        "",
+        *table(head, rows),
+    ]
 
 
 def _cells(half: Half) -> tuple[str, ...]:
@@ -153,7 +136,3 @@ def _cells(half: Half) -> tuple[str, ...]:
         f"{half.current_range_ma:.2f}",
         f"{half.speed_m_per_s * 1e3:.1f}",
     )
-
-
-def _row(cells: Iterable[str]) -> str:
-    return f"| {' | '.join(cells)} |"

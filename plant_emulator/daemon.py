@@ -32,7 +32,7 @@ _NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunOptions:
+class EmulatorOptions:
     """How the emulator runs: its bus, its period, its noise, and who sets the pace.
 
     setpoint_every: in lockstep, samples between two setpoint frames that are waited for; 0 waits for none.
@@ -48,7 +48,7 @@ class RunOptions:
 class EmulatorDaemon:
     """One emulated valve on one bus."""
 
-    def __init__(self, settings: PlantSettings, codec: Codec, options: RunOptions) -> None:
+    def __init__(self, settings: PlantSettings, codec: Codec, options: EmulatorOptions) -> None:
         """Make the valve; the bus is opened by `run`."""
         self._settings = settings
         self._codec = codec

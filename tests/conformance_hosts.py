@@ -1,4 +1,4 @@
-"""Hosts for conformance tests: an honest one, and one for each way to be wrong, with the rule that must catch it."""
+"""Hosts for conformance tests: a correct one, and one for each mistake, with the rule that must catch it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Host:
     def __init__(self) -> None:
         self.sample = 0
 
-    def turn(self) -> list[CanFrame]:
+    def cycle(self) -> list[CanFrame]:
         """Return the frames of this sample, one each `PERIOD_S`."""
         time_s = self.sample * PERIOD_S
         said: list[CanFrame | None] = []
@@ -50,7 +50,7 @@ class Host:
 
 
 class Silent(Host):
-    rule = "heard"
+    rule = "received"
 
     def sends(self, frame: CanFrame) -> None:
         del frame

@@ -1,4 +1,4 @@
-"""Plants for conformance tests: an honest one, and one for each way to be wrong, with the rule that must catch it."""
+"""Plants for conformance tests: a correct one, and one for each mistake, with the rule that must catch it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def counted(frame: CanFrame, counter: int) -> CanFrame:
 
 
 class Plant:
-    """The emulator's node, which is honest; a faulty one replaces what it sends, or what it hears."""
+    """The emulator's node, which is correct; a faulty one changes the frames it sends or receives."""
 
     rule: ClassVar[str] = ""
     settings: ClassVar[PlantSettings] = PLANT
@@ -46,11 +46,11 @@ class Plant:
         self.sample = 0
 
     def take(self, frame: CanFrame) -> None:
-        heard = self.hears(frame)
-        if heard is not None:
-            self.state = device.take(CODEC, self.state, (heard,))
+        received = self.receives(frame)
+        if received is not None:
+            self.state = device.take(CODEC, self.state, (received,))
 
-    def turn(self) -> list[CanFrame]:
+    def cycle(self) -> list[CanFrame]:
         self.state = device.advance(self.settings, self.state, self.period_s)
         self.state, frames = device.publish(CODEC, self.settings, self.state)
         self.sample += 1
@@ -68,12 +68,12 @@ class Plant:
     def reads(self, reading: StemPosition) -> StemPosition:
         return reading
 
-    def hears(self, frame: CanFrame) -> CanFrame | None:
+    def receives(self, frame: CanFrame) -> CanFrame | None:
         return frame
 
 
 class Silent(Plant):
-    rule = "heard"
+    rule = "received"
 
     def sends(self, frame: CanFrame) -> None:
         del frame
@@ -171,14 +171,14 @@ class EchoesAnOldCounter(Plant):
 class ObeysNothing(Plant):
     rule = "obeys"
 
-    def hears(self, frame: CanFrame) -> None:
+    def receives(self, frame: CanFrame) -> None:
         del frame
 
 
-class TakesRepeatedCommandsForASignOfLife(Plant):
+class LivesOnRepeatedCommands(Plant):
     rule = "repeat"
 
-    def hears(self, frame: CanFrame) -> CanFrame:
+    def receives(self, frame: CanFrame) -> CanFrame:
         if len(frame.data) > 2 and frame.data[2] == self.state.command_counter:
             self.state = replace(self.state, command_check=CounterCheck())
         return frame
@@ -187,14 +187,14 @@ class TakesRepeatedCommandsForASignOfLife(Plant):
 class ChecksNoCrc(Plant):
     rule = "damage"
 
-    def hears(self, frame: CanFrame) -> CanFrame:
+    def receives(self, frame: CanFrame) -> CanFrame:
         return sealed(frame, frame.data) if len(frame.data) == 8 else frame
 
 
 class LivesOnDamagedCommands(Plant):
     rule = "damage"
 
-    def hears(self, frame: CanFrame) -> CanFrame:
+    def receives(self, frame: CanFrame) -> CanFrame:
         self.state = replace(self.state, commanded_s=self.state.plant.time_s)
         return frame
 
@@ -202,7 +202,7 @@ class LivesOnDamagedCommands(Plant):
 class ChecksNoCounter(Plant):
     rule = "old"
 
-    def hears(self, frame: CanFrame) -> CanFrame:
+    def receives(self, frame: CanFrame) -> CanFrame:
         self.state = replace(self.state, command_check=CounterCheck())
         return frame
 
@@ -210,7 +210,7 @@ class ChecksNoCounter(Plant):
 class TakesShortFrames(Plant):
     rule = "short"
 
-    def hears(self, frame: CanFrame) -> CanFrame:
+    def receives(self, frame: CanFrame) -> CanFrame:
         return sealed(frame, frame.data + b"\0") if len(frame.data) == 7 else frame
 
 
@@ -227,21 +227,21 @@ class HidesItsFailPosition(Plant):
 
 
 class GivesUpAtOnce(Plant):
-    rule = "patience"
+    rule = "grace"
     settings = replace(PLANT, deadman_s=0.015)
 
 
 class StaysInItsFailPosition(Plant):
     rule = "rejoins"
 
-    def hears(self, frame: CanFrame) -> CanFrame | None:
+    def receives(self, frame: CanFrame) -> CanFrame | None:
         return None if self.state.failed else frame
 
 
-class NeverHearsARestartedController(Plant):
+class NeverObeysARestartedController(Plant):
     rule = "restart"
 
-    def hears(self, frame: CanFrame) -> CanFrame:
+    def receives(self, frame: CanFrame) -> CanFrame:
         self.state = replace(self.state, command_check=replace(self.state.command_check, candidate=None))
         return frame
 
@@ -249,7 +249,7 @@ class NeverHearsARestartedController(Plant):
 class TakesAFailureSignalForAValue(Plant):
     rule = "failure-signal"
 
-    def hears(self, frame: CanFrame) -> CanFrame:
+    def receives(self, frame: CanFrame) -> CanFrame:
         if len(frame.data) != 8 or int.from_bytes(frame.data[3:5], "little") > 4000:
             return frame
         command, counter = CODEC.decode(frame)

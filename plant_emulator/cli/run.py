@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from plant_emulator.cli.numbers import seconds, whole
 from plant_emulator.cli.plant_options import add_plant_options, plant_of
-from plant_emulator.daemon import EmulatorDaemon, RunOptions
+from plant_emulator.daemon import EmulatorDaemon, EmulatorOptions
 from positioner.bus.address import parse_address
 from positioner.wire.codec import make_codec
 from positioner.wire.settings import WireSettings
@@ -51,7 +51,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
     settings = plant_of(arguments)
-    options = RunOptions(
+    options = EmulatorOptions(
         bus=parse_address(arguments.bus),
         period_s=arguments.period,
         seed=arguments.seed,

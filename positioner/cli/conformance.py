@@ -1,4 +1,4 @@
-"""`positioner conformance`: whether another node keeps the rules of docs/protocol.md. Shell."""
+"""`positioner conformance`: test whether another node keeps the rules of docs/protocol.md. Shell."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import sys
 from typing import TYPE_CHECKING
 
 from positioner.bus.address import parse_address
-from positioner.conformance.host import HostExamination, HostLimits
-from positioner.conformance.plant import PlantExamination, PlantLimits
+from positioner.conformance.host import HostLimits, HostTest
+from positioner.conformance.on_bus import ConformanceTest, run_test
+from positioner.conformance.plant import PlantLimits, PlantTest
 from positioner.conformance.report import as_json, lines
 from positioner.conformance.rules import conforms
 from positioner.conformance.script import Script
-from positioner.conformance.session import Examination, examine
 from positioner.errors import ExitCode
 from positioner.wire.codec import make_codec
 from positioner.wire.loop_current import VALUE_HIGH_MA, VALUE_LOW_MA
@@ -25,24 +25,25 @@ if TYPE_CHECKING:
     from positioner.wire.codec import Codec
 
 _EPILOG = """\
-One line for each rule: pass, FAIL or not seen; below a broken one the first frame that breaks it, and what to do.
+It prints one line for each rule: pass, FAIL or not seen (the node had no occasion to break it). Below a FAIL stand the
+first frame that breaks the rule, and the fix.
 
 examples:
   positioner conformance plant --bus socketcan:can0
   positioner conformance host --bus socketcan:can0 --travel 0:127
 
-exit status: 0 no rule broken, 1 some are, 69 the bus is not there or another controller is on it.
+exit status: 0 no rule is broken, 1 a rule is broken, 69 the bus cannot be used or another controller is on it.
 """
 _PLANT_EPILOG = """\
-With --currents the plant is commanded within these limits, and left alone until it goes to its fail position, several
-times: THE VALVE MOVES. Nothing is sent without.
+With --currents the plant is commanded within these limits, and several times it gets no commands until it goes to its
+fail position: THE VALVE MOVES. Without --currents nothing is sent.
 
 examples:
   positioner conformance plant --bus socketcan:can0
   positioner conformance plant --bus socketcan:can0 --currents 8:9
 """
 _HOST_EPILOG = """\
-Nothing is sent. Operate the host meanwhile: arm, move, disarm.
+Nothing is sent. Operate the host while the test listens: arm, move, disarm.
 
 example:
   positioner conformance host --bus socketcan:can0 --travel 0:127
@@ -57,42 +58,58 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     """Add the sub-command."""
     parser = subparsers.add_parser(
         "conformance",
-        help="examine another node on the bus: what it does wrong, frame by frame",
-        description="Examine a plant or a host of your own: whether it keeps the rules of docs/protocol.md.",
+        help="test another node on the bus, frame by frame, and report its mistakes",
+        description="Test whether a plant or a host of your own keeps the rules of docs/protocol.md.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     nodes = parser.add_subparsers(title="nodes", metavar="NODE", required=True)
-    for name, (told, epilog) in _NODES.items():
+    for name, (text, epilog) in _NODES.items():
         node = nodes.add_parser(
             name,
-            help=told,
-            description=f"Examine {told}.",
+            help=text,
+            description=f"Test {text}.",
             epilog=epilog,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         node.add_argument("--bus", required=True, metavar="INTERFACE:CHANNEL", help="the bus")
-        node.add_argument("--id-offset", type=int, default=0, metavar="N", help="as wire.id_offset (%(default)s)")
+        node.add_argument(
+            "--id-offset", type=int, default=0, metavar="N", help="wire.id_offset of the positioner (%(default)s)"
+        )
         node.add_argument("--travel", type=_range(-1e3, 1e3, "mm"), metavar="LOW:HIGH", help="allowed positions in mm")
         node.add_argument("--json", action="store_true", help="print one JSON object instead of lines")
         if name == "plant":
             node.add_argument(
-                "--period", type=_seconds, default=0.001, metavar="S", help="its sample period (%(default)s s)"
+                "--period", type=_seconds, default=0.001, metavar="S", help="sample period of the plant (%(default)s s)"
             )
-            node.add_argument("--deadman", type=_seconds, default=0.1, metavar="S", help="its deadman (%(default)s s)")
+            node.add_argument(
+                "--deadman",
+                type=_seconds,
+                default=0.1,
+                metavar="S",
+                help="deadman of the plant: time without a command until its fail position (%(default)s s)",
+            )
             node.add_argument(
                 "--currents",
                 type=_range(VALUE_LOW_MA, VALUE_HIGH_MA, "mA"),
                 metavar="LOW:HIGH",
-                help="command it within these limits in mA: the valve moves",
+                help="command the plant within these limits in mA: THE VALVE MOVES",
             )
-            node.add_argument("--listen", type=_seconds, default=1.0, metavar="S", help="listen first (%(default)s s)")
+            node.add_argument(
+                "--listen", type=_seconds, default=1.0, metavar="S", help="listen for so long first (%(default)s s)"
+            )
             node.set_defaults(run=_plant)
         else:
             node.add_argument(
-                "--hold", type=_seconds, default=0.5, metavar="S", help="as guard.setpoint_hold_s (%(default)s)"
+                "--hold",
+                type=_seconds,
+                default=0.5,
+                metavar="S",
+                help="guard.setpoint_hold_s of the positioner (%(default)s s)",
             )
-            node.add_argument("--listen", type=_seconds, default=10.0, metavar="S", help="listen (%(default)s s)")
+            node.add_argument(
+                "--listen", type=_seconds, default=10.0, metavar="S", help="listen for so long (%(default)s s)"
+            )
             node.set_defaults(run=_host)
 
 
@@ -100,22 +117,22 @@ def _plant(arguments: argparse.Namespace) -> ExitCode:
     limits = PlantLimits(period_s=arguments.period, deadman_s=arguments.deadman, travel_m=_metres(arguments.travel))
     codec = make_codec(WireSettings(id_offset=arguments.id_offset))
     script = Script(codec, arguments.currents, limits.deadman_s, limits.settle_s, arguments.listen)
-    examination = PlantExamination(codec, limits, script, arguments.id_offset)
-    return _run("plant", arguments, codec, examination, alone=arguments.currents is not None)
+    test = PlantTest(codec, limits, script, arguments.id_offset)
+    return _run("plant", arguments, codec, test, alone=arguments.currents is not None)
 
 
 def _host(arguments: argparse.Namespace) -> ExitCode:
     codec = make_codec(WireSettings(id_offset=arguments.id_offset))
     limits = HostLimits(hold_s=arguments.hold, travel_m=_metres(arguments.travel))
-    examination = HostExamination(codec, limits, arguments.listen, arguments.id_offset)
-    return _run("host", arguments, codec, examination, alone=False)
+    test = HostTest(codec, limits, arguments.listen, arguments.id_offset)
+    return _run("host", arguments, codec, test, alone=False)
 
 
-def _run(node: str, arguments: argparse.Namespace, codec: Codec, examination: Examination, *, alone: bool) -> ExitCode:
-    findings, start_ns = examine(parse_address(arguments.bus), codec, examination, alone=alone)
-    told = [as_json(node, findings, start_ns)] if arguments.json else lines(findings, start_ns)
-    sys.stdout.write("".join(f"{line}\n" for line in told))
-    return ExitCode.OK if conforms(findings) else ExitCode.FAILURE
+def _run(node: str, arguments: argparse.Namespace, codec: Codec, test: ConformanceTest, *, alone: bool) -> ExitCode:
+    results, start_ns = run_test(parse_address(arguments.bus), codec, test, alone=alone)
+    text = [as_json(node, results, start_ns)] if arguments.json else lines(results, start_ns)
+    sys.stdout.write("".join(f"{line}\n" for line in text))
+    return ExitCode.OK if conforms(results) else ExitCode.FAILURE
 
 
 def _metres(range_mm: tuple[float, float] | None) -> tuple[float, float] | None:
@@ -133,7 +150,7 @@ def _seconds(text: str) -> float:
 
 
 def _range(lowest: float, highest: float, unit: str) -> Callable[[str], tuple[float, float]]:
-    """Return what reads `LOW:HIGH` within `lowest` and `highest`."""
+    """Return the function that reads `LOW:HIGH` within `lowest` and `highest`."""
 
     def read(text: str) -> tuple[float, float]:
         try:

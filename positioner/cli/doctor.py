@@ -58,7 +58,7 @@ def _as_json(examination: Examination) -> dict[str, object]:
         "level": worst(examination.found).name,
         "exit_status": int(examination.exit_code),
         "findings": [
-            {"level": finding.level.name, "subject": finding.subject, "text": finding.text, "mend": finding.mend}
+            {"level": finding.level.name, "subject": finding.subject, "text": finding.text, "mend": finding.fix}
             for finding in examination.found
         ],
     }

@@ -1,1 +1,1 @@
-"""Whether somebody else's node keeps the rules of docs/protocol.md: the rules, what breaks them, and how to mend it."""
+"""Conformance tests: whether somebody else's node keeps the rules of docs/protocol.md, and how to correct it."""

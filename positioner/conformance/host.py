@@ -1,13 +1,13 @@
-"""The rules of a host, judged from its frames; nothing is sent to it. Pure."""
+"""The rules of a host, checked on its frames; nothing is sent to it. Pure."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from positioner.conformance.cadence import Cadence
-from positioner.conformance.frames import FRAME_RULES, FrameWatch
-from positioner.conformance.rules import Finding, Ledger, Offence, Rule
+from positioner.conformance.frames import FRAME_RULES, FrameChecks, check_travel
+from positioner.conformance.rules import Results, Rule, RuleResult, Violation
+from positioner.conformance.timing import FrameTiming
 from positioner.wire.messages import HostRequest, ManualCurrent, ManualRequest, Setpoint
 
 if TYPE_CHECKING:
@@ -15,32 +15,32 @@ if TYPE_CHECKING:
     from positioner.wire.messages import CanFrame
 
 HOST_RULES = (
-    Rule("heard", "it sends SETPOINT", "check bus, bit rate, wiring and id_offset; the host sends unasked"),
+    Rule("received", "it sends SETPOINT", "check bus, bit rate, wiring and id_offset; a host sends unasked"),
     *FRAME_RULES,
     Rule(
         "cadence",
         "two SETPOINT frames come within --hold, so that one may be lost",
-        "send it cyclically from a timer, every 10 ms for example, whether or not the setpoint changes",
+        "send it cyclically from a timer, every 10 ms for example, even while the setpoint does not change",
     ),
     Rule(
         "silence",
-        "SETPOINT never stays away for --hold",
-        "go on sending as long as the valve is to be controlled: the positioner holds there, and fails safe later",
+        "SETPOINT is never missing for --hold",
+        "go on sending as long as the valve is to be controlled; without it the positioner holds, and later fails safe",
     ),
     Rule("travel", "setpoints lie within --travel", "check the unit: Setpoint_mm is in mm; others are refused"),
     Rule(
         "arm",
         "ARM comes after another request",
-        "send NONE from the start and ARM when it is asked for: an ARM that is held all the time arms nothing",
+        "send NONE from the start and ARM when it is asked for: an ARM that is sent from the start arms nothing",
     ),
     Rule(
         "requests",
-        "ARM and DISARM stand for two frames at least",
+        "ARM and DISARM are sent in two frames at least",
         "keep a request for two frames or more: one frame may be lost",
     ),
     Rule(
         "manual",
-        "MANUAL_CURRENT goes on without a gap of --hold until AUTO is sent",
+        "MANUAL_CURRENT comes without a gap of --hold until AUTO is sent",
         "send it cyclically as long as manual mode lasts, and Request = AUTO at its end",
     ),
 )
@@ -48,80 +48,76 @@ HOST_RULES = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostLimits:
-    """What the positioner allows: the age of a setpoint in s, and its travel in m, None where it is not told."""
+    """What the positioner allows: the age of a setpoint in s, and the travel in m, None where it is not known."""
 
     hold_s: float = 0.5
     travel_m: tuple[float, float] | None = None
 
 
-class HostExamination:
-    """Judges a host frame by frame; mutable."""
+class HostTest:
+    """Checks a host frame by frame; mutable."""
 
     def __init__(self, codec: Codec, limits: HostLimits, listen_s: float, id_offset: int = 0) -> None:
-        """Begin before the first frame."""
+        """Prepare a test that listens for `listen_s`."""
         self._limits = limits
         self._listen_ns = round(listen_s * 1e9)
         self._begin_ns: int | None = None
-        self._ledger = Ledger(HOST_RULES)
-        self._watch = FrameWatch(codec, (Setpoint, ManualCurrent), self._ledger, id_offset)
-        self._cadence = Cadence(self._ledger, {"cadence": 0.5 * limits.hold_s, "silence": limits.hold_s})
-        self._manual = Cadence(self._ledger, {"manual": limits.hold_s})
+        self._results = Results(HOST_RULES)
+        self._frames = FrameChecks(codec, (Setpoint, ManualCurrent), self._results, id_offset)
+        self._setpoints = FrameTiming(self._results, {"cadence": 0.5 * limits.hold_s, "silence": limits.hold_s})
+        self._manual = FrameTiming(self._results, {"manual": limits.hold_s})
         self._request: HostRequest | None = None
-        self._stood = 0
-        self._armed_by: CanFrame | None = None
+        self._request_frames = 0
+        self._first_arm: CanFrame | None = None
         self._arms_rightly = False
 
-    def at(self, now_ns: int) -> bool:
-        """Let time pass; return False when the examination is over."""
+    def goes_on(self, now_ns: int) -> bool:
+        """Begin at the first call; return False when the test is over."""
         if self._begin_ns is None:
             self._begin_ns = now_ns
         return now_ns - self._begin_ns < self._listen_ns
 
-    def hear(self, frame: CanFrame, now_ns: int) -> None:
-        """Judge `frame`; nothing is sent after it."""
+    def receive(self, frame: CanFrame, now_ns: int) -> None:
+        """Check `frame`; nothing is sent after it."""
         del now_ns
-        heard = self._watch.hear(frame)
-        if heard is None:
+        received = self._frames.receive(frame)
+        if received is None:
             return
-        match heard[0]:
+        match received[0]:
             case Setpoint() as setpoint:
-                self._ledger.keep("heard")
-                self._cadence.hear(frame)
-                self._judge(setpoint, frame)
+                self._results.passed("received")
+                self._setpoints.receive(frame)
+                check_travel(self._results, self._limits.travel_m, "Setpoint_mm", setpoint.setpoint_m, frame)
+                self._check_request(setpoint.request, frame)
             case ManualCurrent(request=ManualRequest.MANUAL):
-                self._manual.hear(frame)
+                self._manual.receive(frame)
             case ManualCurrent():
-                self._ledger.keep("manual")
+                self._results.passed("manual")
                 self._manual.first_ns = None
             case _:
                 pass
 
-    def findings(self, now_ns: int) -> tuple[Finding, ...]:
-        """Return the verdicts at the end of the examination."""
-        self._cadence.end(now_ns)
+    def results(self, now_ns: int) -> tuple[RuleResult, ...]:
+        """End the test, and return the result for every rule."""
+        self._setpoints.end(now_ns)
         self._manual.end(now_ns)
-        if self._cadence.first_ns is None:
-            self._ledger.offend("heard", Offence("no SETPOINT came"))
-        if self._armed_by is not None and not self._arms_rightly:
-            self._ledger.offend("arm", Offence("ARM from the first frame on, and no other request", self._armed_by))
-        return self._ledger.findings()
+        if self._setpoints.first_ns is None:
+            self._results.failed("received", Violation("no SETPOINT came"))
+        if self._first_arm is not None and not self._arms_rightly:
+            self._results.failed("arm", Violation("ARM from the first frame on, and no other request", self._first_arm))
+        return self._results.all()
 
-    def _judge(self, setpoint: Setpoint, frame: CanFrame) -> None:
-        if self._limits.travel_m is not None:
-            low_m, high_m = self._limits.travel_m
-            inside = low_m <= setpoint.setpoint_m <= high_m
-            told = f"Setpoint_mm = {setpoint.setpoint_m * 1e3:g}"
-            self._ledger.judge("travel", None if inside else Offence(told, frame))
-        before, request = self._request, setpoint.request
-        if request is HostRequest.ARM and self._armed_by is None:
-            self._armed_by = frame
+    def _check_request(self, request: HostRequest, frame: CanFrame) -> None:
+        before = self._request
+        if request is HostRequest.ARM and self._first_arm is None:
+            self._first_arm = frame
         if before is not None and request is not before:
-            self._arms_rightly |= request is HostRequest.ARM
             if request is HostRequest.ARM:
-                self._ledger.keep("arm")
+                self._arms_rightly = True
+                self._results.passed("arm")
             if before is not HostRequest.NONE:
-                told = f"{before.name} stood for {self._stood} frame, then came {request.name}"
-                self._ledger.judge("requests", None if self._stood > 1 else Offence(told, frame))
-            self._stood = 0
+                found = f"{before.name} was sent in {self._request_frames} frame, then came {request.name}"
+                self._results.note("requests", None if self._request_frames > 1 else Violation(found, frame))
+            self._request_frames = 0
         self._request = request
-        self._stood += 1
+        self._request_frames += 1

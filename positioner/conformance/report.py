@@ -1,11 +1,11 @@
-"""An examination in lines for people, and as JSON for programs. Pure."""
+"""The results of a conformance test in lines for people, and as JSON for programs. Pure."""
 
 from __future__ import annotations
 
 import json
 from typing import TYPE_CHECKING
 
-from positioner.conformance.rules import Finding, Verdict, conforms
+from positioner.conformance.rules import RuleResult, Verdict, conforms
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -16,35 +16,35 @@ _MARKS = {Verdict.PASS: "pass", Verdict.FAIL: "FAIL", Verdict.NOT_SEEN: "not see
 _NS = 1e9
 
 
-def lines(findings: Sequence[Finding], start_ns: int) -> Iterator[str]:
-    """Yield one line a rule, below a broken one its first frame and what to do, and how many there are of each."""
-    width = max(len(finding.rule.name) for finding in findings)
-    for finding in findings:
-        yield f"{_MARKS[finding.verdict]:8}  {finding.rule.name:{width}}  {finding.rule.demands}"
-        if finding.first is not None:
-            often = f" ({finding.offences} times)" if finding.offences > 1 else ""
-            yield f"{'':8}  first: {_place(finding.first.frame, start_ns)}{finding.first.found}{often}"
-            yield f"{'':8}  mend:  {finding.mend}"
-    verdicts = [finding.verdict for finding in findings]
+def lines(results: Sequence[RuleResult], start_ns: int) -> Iterator[str]:
+    """Yield one line for each rule, below a broken one its first violation and the fix, and at the end the sums."""
+    width = max(len(result.rule.name) for result in results)
+    for result in results:
+        yield f"{_MARKS[result.verdict]:8}  {result.rule.name:{width}}  {result.rule.demands}"
+        if result.first is not None:
+            times = f" ({result.violations} times)" if result.violations > 1 else ""
+            yield f"{'':8}  first: {_place(result.first.frame, start_ns)}{result.first.found}{times}"
+            yield f"{'':8}  fix:   {result.fix}"
+    verdicts = [result.verdict for result in results]
     yield ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in Verdict)
 
 
-def as_json(node: str, findings: Sequence[Finding], start_ns: int) -> str:
+def as_json(node: str, results: Sequence[RuleResult], start_ns: int) -> str:
     """Return the same as one JSON object."""
     report = {
         "node": node,
-        "conforms": conforms(findings),
+        "conforms": conforms(results),
         "rules": [
             {
-                "name": finding.rule.name,
-                "demands": finding.rule.demands,
-                "verdict": finding.verdict,
-                "offences": finding.offences,
-                "found": finding.first.found if finding.first else None,
-                "frame": _frame(finding.first.frame, start_ns) if finding.first and finding.first.frame else None,
-                "mend": finding.mend or None,
+                "name": result.rule.name,
+                "demands": result.rule.demands,
+                "verdict": result.verdict,
+                "offences": result.violations,
+                "found": result.first.found if result.first else None,
+                "frame": _frame(result.first.frame, start_ns) if result.first and result.first.frame else None,
+                "mend": result.fix or None,
             }
-            for finding in findings
+            for result in results
         ],
     }
     return json.dumps(report, indent=2, ensure_ascii=False)

@@ -1,8 +1,8 @@
-"""Rules, and the book in which each is kept: never looked at, kept, or broken first by which frame. Pure."""
+"""The rules of a node, and the result for each: passed, failed (first by which frame), or not seen. Pure."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Verdict(StrEnum):
-    """What became of a rule."""
+    """The result for a rule; NOT_SEEN where the node had no occasion to break it."""
 
     PASS = "pass"  # noqa: S105 - a verdict
     FAIL = "fail"
@@ -22,72 +22,67 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """What a node must do, and what to do where it does not."""
+    """What a node must do, and how to correct a node that does not."""
 
     name: str
     demands: str
-    mend: str
+    fix: str
 
 
 @dataclass(frozen=True, slots=True)
-class Offence:
-    """What broke a rule: a frame, unless it is one that did not come, and in words what was found; `mend` may be ''."""
+class Violation:
+    """What was found, in which frame (None where it did not come), and a better fix than the rule's, where known."""
 
     found: str
     frame: CanFrame | None = None
-    mend: str = ""
+    fix: str = ""
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
-    """The verdict on a rule, how often it was broken, and by what first."""
+class RuleResult:
+    """The verdict on a rule, the number of violations, and the first one."""
 
     rule: Rule
-    verdict: Verdict
-    offences: int = 0
-    first: Offence | None = None
+    verdict: Verdict = Verdict.NOT_SEEN
+    violations: int = 0
+    first: Violation | None = None
 
     @property
-    def mend(self) -> str:
+    def fix(self) -> str:
         """What to do; empty where nothing is to be done."""
-        return "" if self.first is None else self.first.mend or self.rule.mend
+        return "" if self.first is None else self.first.fix or self.rule.fix
 
 
-class Ledger:
-    """The book of one examination; mutable."""
+class Results:
+    """The results of one test, rule by rule; mutable."""
 
     def __init__(self, rules: Iterable[Rule]) -> None:
-        """Begin with rules of which nothing was seen."""
-        self._rules = {rule.name: rule for rule in rules}
-        self._kept: set[str] = set()
-        self._broken: dict[str, tuple[int, Offence]] = {}
+        self._by_name = {rule.name: RuleResult(rule) for rule in rules}
 
-    def keep(self, name: str) -> None:
-        """Enter that the rule could have been broken and was not."""
-        self._kept.add(self._rules[name].name)
+    def passed(self, name: str) -> None:
+        """Note that the node could have broken the rule and did not."""
+        result = self._by_name[name]
+        if result.verdict is Verdict.NOT_SEEN:
+            self._by_name[name] = replace(result, verdict=Verdict.PASS)
 
-    def offend(self, name: str, offence: Offence) -> None:
-        """Enter that the rule was broken."""
-        count, first = self._broken.get(self._rules[name].name, (0, offence))
-        self._broken[name] = (count + 1, first)
+    def failed(self, name: str, violation: Violation) -> None:
+        """Note that the node broke the rule."""
+        result = self._by_name[name]
+        count, first = result.violations + 1, result.first or violation
+        self._by_name[name] = replace(result, verdict=Verdict.FAIL, violations=count, first=first)
 
-    def judge(self, name: str, offence: Offence | None) -> None:
-        """Enter either of the two."""
-        if offence is None:
-            self.keep(name)
+    def note(self, name: str, violation: Violation | None) -> None:
+        """Note a violation, or without one that the rule was kept."""
+        if violation is None:
+            self.passed(name)
         else:
-            self.offend(name, offence)
+            self.failed(name, violation)
 
-    def findings(self) -> tuple[Finding, ...]:
-        """Return the verdict on every rule, in their order."""
-        return tuple(self._finding(rule) for rule in self._rules.values())
-
-    def _finding(self, rule: Rule) -> Finding:
-        if rule.name in self._broken:
-            return Finding(rule, Verdict.FAIL, *self._broken[rule.name])
-        return Finding(rule, Verdict.PASS if rule.name in self._kept else Verdict.NOT_SEEN)
+    def all(self) -> tuple[RuleResult, ...]:
+        """Return the result for every rule, in the order of the rules."""
+        return tuple(self._by_name.values())
 
 
-def conforms(findings: Iterable[Finding]) -> bool:
+def conforms(results: Iterable[RuleResult]) -> bool:
     """Return whether no rule was broken."""
-    return all(finding.verdict is not Verdict.FAIL for finding in findings)
+    return all(result.verdict is not Verdict.FAIL for result in results)

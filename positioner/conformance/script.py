@@ -1,7 +1,7 @@
-"""What is sent to a plant under examination: good commands, bad ones, and silence, in turn. Pure.
+"""What is sent to a plant under test: good commands, bad ones, and silence, in turn. Pure.
 
-Each act follows the one before after its time. The plant is commanded before each bad act, so that it is seen to cease
-obeying, and after it, so that it is seen to obey again.
+The phases follow one another by time. Good commands come before each bad phase, so that the plant is seen to stop
+obeying, and after it, so that the plant is seen to obey again.
 """
 
 from __future__ import annotations
@@ -22,120 +22,127 @@ _COMMANDS_REMEMBERED = 256
 _BACK = 50
 _AHEAD = 100
 _MOST_STEADY_GAP = 0.3
-"""Of the deadman: after a longer gap between our own commands the plant may rightly have given up."""
+"""Of the deadman: after a longer gap between our own commands the plant may rightly be in its fail position."""
 
 
-class Act(StrEnum):
-    """What we do for a while."""
+class Phase(StrEnum):
+    """What is sent during a phase; the values of the bad ones are the names of the rules that they check."""
 
     LISTEN = "listen"
+    """Nothing."""
     COMMAND = "command"
-    REPEAT = "repeat one command"
-    DAMAGE = "send commands with a wrong CRC"
-    OLD = "send commands with counters that go back"
-    SHORT = "send commands of seven bytes"
-    SILENCE = "send nothing"
-    RESTART = "go on with another counter, as a controller that has restarted"
-    FAIL = "send a failure signal"
+    """Good commands."""
+    REPEAT = "repeat"
+    """One command again and again."""
+    DAMAGE = "damage"
+    """Commands with a wrong CRC."""
+    OLD = "old"
+    """Commands with counters that go back."""
+    SHORT = "short"
+    """Commands of seven bytes."""
+    SILENCE = "silence"
+    """Nothing, after good commands."""
+    RESTART = "restart"
+    """Good commands from another counter on, as from a controller that has restarted."""
+    FAIL = "fail"
+    """A failure signal (NAMUR NE 43)."""
 
 
-REFUSED = frozenset({Act.REPEAT, Act.DAMAGE, Act.OLD, Act.SHORT})
-"""Acts that a plant must not obey."""
+REFUSED = (Phase.REPEAT, Phase.DAMAGE, Phase.OLD, Phase.SHORT)
+"""Phases whose commands a plant must refuse."""
 
 
 @dataclass(frozen=True, slots=True)
-class Sent:
-    """A command that a plant must take over: when it left, and its counter."""
+class SentCommand:
+    """A good command: the instant at which it was sent, and its counter."""
 
     instant_ns: int
     counter: int
 
 
 class Script:
-    """The acts in turn; mutable. `currents_ma` are the lowest and highest that may be commanded, None for listening."""
+    """The phases in turn; mutable. Good commands lie within `currents_ma`; with None the script only listens."""
 
     def __init__(
         self, codec: Codec, currents_ma: tuple[float, float] | None, deadman_s: float, settle_s: float, listen_s: float
     ) -> None:
-        """Plan; the first call of `at` begins it."""
+        """Plan the phases; the first call of `goes_on` begins them."""
         self._codec = codec
         self._currents_ma = currents_ma or (0.0, 0.0)
         self.steady_gap_s = _MOST_STEADY_GAP * deadman_s
-        long_s = 2.0 * (deadman_s + settle_s)
-        commanded = (Act.COMMAND, 3.0 * settle_s + 0.2)
-        bad = [(act, long_s) for act in (Act.REPEAT, Act.DAMAGE, Act.OLD, Act.SHORT, Act.SILENCE)]
-        steps = [(Act.LISTEN, max(listen_s, long_s))]
+        long_s, command_s = 2.0 * (deadman_s + settle_s), 3.0 * settle_s + 0.2
+        self._phases = [(Phase.LISTEN, max(listen_s, long_s))]
         if currents_ma is not None:
-            for each in (*bad, (Act.RESTART, commanded[1]), (Act.FAIL, 3.0 * settle_s)):
-                steps += [commanded, each]
-            steps.append(commanded)
-        self._steps = steps
+            bad = [(phase, long_s) for phase in (*REFUSED, Phase.SILENCE)]
+            for each in (*bad, (Phase.RESTART, command_s), (Phase.FAIL, 3.0 * settle_s)):
+                self._phases += [(Phase.COMMAND, command_s), each]
+            self._phases.append((Phase.COMMAND, command_s))
         self._index = 0
-        self.since_ns: int | None = None
+        self._since_ns: int | None = None
         self.steady_ns = 0
-        self.sent: deque[Sent] = deque(maxlen=_COMMANDS_REMEMBERED)
+        """Since when the phase goes on without a long gap between our own commands."""
+        self.sent: deque[SentCommand] = deque(maxlen=_COMMANDS_REMEMBERED)
         self._counter = 0
         self._bad_counter = 0
 
     @property
-    def act(self) -> Act:
-        """What we do now."""
-        return self._steps[self._index][0]
+    def phase(self) -> Phase:
+        """The phase that goes on."""
+        return self._phases[self._index][0]
 
     @property
     def is_first_command(self) -> bool:
-        """Whether nothing but listening went before."""
+        """Whether no phase but listening went before."""
         return self._index <= 1
 
     @property
     def duration_s(self) -> float:
-        """How long all of it takes."""
-        return sum(seconds for _, seconds in self._steps)
+        """The duration of all phases."""
+        return sum(seconds for _, seconds in self._phases)
 
-    def at(self, now_ns: int) -> bool:
-        """Go on to the act that is due at `now_ns`; return False when all is over."""
-        if self.since_ns is None:
-            self.since_ns = self.steady_ns = now_ns
-        elif now_ns - self.since_ns >= self._steps[self._index][1] * _NS:
-            if self._index + 1 == len(self._steps):
+    def goes_on(self, now_ns: int) -> bool:
+        """Begin at the first call, go on to the next phase when it is due; return False after the last one."""
+        if self._since_ns is None:
+            self._since_ns = self.steady_ns = now_ns
+        elif now_ns - self._since_ns >= self._phases[self._index][1] * _NS:
+            if self._index + 1 == len(self._phases):
                 return False
             self._index += 1
-            self.since_ns = self.steady_ns = now_ns
+            self._since_ns = self.steady_ns = now_ns
             self._bad_counter = self._counter
-            if self.act is Act.RESTART:
+            if self.phase is Phase.RESTART:
                 self._counter += _AHEAD
         return True
 
     def answer(self, position_counter: int, now_ns: int) -> CanFrame | None:
-        """Return what to send after a position frame."""
-        if self.act in {Act.LISTEN, Act.SILENCE}:
+        """Return the frame to send after the position frame with `position_counter`."""
+        if self.phase in {Phase.LISTEN, Phase.SILENCE}:
             return None
-        if self.act in REFUSED:
+        if self.phase in REFUSED:
             return self._bad(position_counter)
         if self.sent and now_ns - self.sent[-1].instant_ns > self.steady_gap_s * _NS:
             self.steady_ns = now_ns
         self._counter += 1
-        frame = self._command(position_counter, self._counter)
-        self.sent.append(Sent(now_ns, self._counter % 256))
-        return frame
+        self.sent.append(SentCommand(now_ns, self._counter % 256))
+        return self._command(position_counter, self._counter)
 
     def _bad(self, position_counter: int) -> CanFrame:
-        if self.act is Act.REPEAT:
+        if self.phase is Phase.REPEAT:
             return self._command(position_counter, self._counter)
-        if self.act is Act.OLD:
+        if self.phase is Phase.OLD:
             self._bad_counter -= 2 if self._bad_counter < self._counter else _BACK
             if self._counter - self._bad_counter > 2 * _BACK:
                 self._bad_counter = self._counter - _BACK
             return self._command(position_counter, self._bad_counter)
         self._bad_counter += 1
         frame = self._command(position_counter, self._bad_counter)
-        if self.act is Act.SHORT:
+        if self.phase is Phase.SHORT:
             return replace(frame, data=frame.data[:-1])
         return replace(frame, data=bytes([frame.data[0] ^ 0x55, *frame.data[1:]]))
 
     def _command(self, position_counter: int, counter: int) -> CanFrame:
         low_ma, high_ma = self._currents_ma
         wave = abs(counter % 200 - 100) / 100.0
-        current_ma = FAILURE_LOW_MA if self.act is Act.FAIL else low_ma + wave * (high_ma - low_ma)
-        mode = Mode.FAILSAFE if self.act is Act.FAIL else Mode.ACTIVE
+        current_ma = FAILURE_LOW_MA if self.phase is Phase.FAIL else low_ma + wave * (high_ma - low_ma)
+        mode = Mode.FAILSAFE if self.phase is Phase.FAIL else Mode.ACTIVE
         return self._codec.encode(CurrentCommand(current_ma, position_counter, 0, mode, Motion.NONE), counter)

@@ -78,10 +78,10 @@ def findings(
         return (Finding(Level.FAIL, _SUBJECT, f"{text}: too slow for any sample period", _faster(name)),)
     shortest_s = rounded_up(load.shortest_period_s)
     slower = f"sudoedit {source}  # [control] sample_period_s, and the sensor's period with it"
-    mend = _faster(name) if bitrate < _FASTEST else slower
+    fix = _faster(name) if bitrate < _FASTEST else slower
     if load.total <= REFUSE_ABOVE:
         text += f", above {100 * WARN_ABOVE:.0f} %: others on this bus wait for this valve"
-        return (Finding(Level.WARN, _SUBJECT, text, mend),)
+        return (Finding(Level.WARN, _SUBJECT, text, fix),)
     text += f"; the shortest period that fits is {shortest_s:g} s: {1.0 / shortest_s:.0f} samples/s"
     return (Finding(Level.FAIL, _SUBJECT, text, slower),)
 

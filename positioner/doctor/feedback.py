@@ -1,4 +1,4 @@
-"""Live feedback: whether valid position frames come over the bus, how often, and what comes instead. Shell."""
+"""Live feedback: whether valid position frames come, how often, and which frames come instead. Shell."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 LISTENING_S = 1.0
 _ENOUGH = 200
-"""Position frames after which there is nothing more to learn."""
+"""After so many position frames listening ends."""
 _RATE_TOLERANCE = 0.2
 _FEWEST_FOR_A_RATE = 5
 _MOST_IDENTIFIERS = 4
@@ -32,8 +32,8 @@ _SUBJECT = "feedback"
 
 
 @dataclass(slots=True)
-class Heard:
-    """What was heard: instants of valid position frames in ns, commands, and everything else by what it was."""
+class BusTraffic:
+    """The frames received: instants of valid position frames in ns, commands, and counts of the others by kind."""
 
     positions_ns: list[int] = field(default_factory=list)
     last_position_m: float | None = None
@@ -42,7 +42,7 @@ class Heard:
     refused: Counter[str] = field(default_factory=Counter)
     others: Counter[str] = field(default_factory=Counter)
 
-    def take(self, codec: Codec, frames: tuple[CanFrame, ...]) -> None:
+    def add(self, codec: Codec, frames: tuple[CanFrame, ...]) -> None:
         """Count `frames`, oldest first."""
         for frame in frames:
             try:
@@ -63,55 +63,55 @@ class Heard:
 
     @property
     def rate_per_s(self) -> float | None:
-        """Valid position frames in a second, None where there are too few to tell."""
+        """Valid position frames per second, None where there are too few."""
         if len(self.positions_ns) < _FEWEST_FOR_A_RATE or self.positions_ns[-1] == self.positions_ns[0]:
             return None
         return (len(self.positions_ns) - 1) / (self.positions_ns[-1] - self.positions_ns[0]) * 1e9
 
 
-def listen(address: BusAddress, codec: Codec) -> Heard:
-    """Return what is heard on the bus within `LISTENING_S`, or less where much is heard; nothing is sent.
+def listen(address: BusAddress, codec: Codec) -> BusTraffic:
+    """Return what comes within `LISTENING_S`, or in less time where enough position frames come; nothing is sent.
 
     Raises:
         BusError: the bus cannot be opened.
     """
-    heard = Heard()
+    traffic = BusTraffic()
     port = BusPort(address)
     port.open()
     try:
         end_s = time.monotonic() + LISTENING_S
-        while len(heard.positions_ns) < _ENOUGH and (left_s := end_s - time.monotonic()) > 0.0:
-            heard.take(codec, port.receive(left_s))
+        while len(traffic.positions_ns) < _ENOUGH and (left_s := end_s - time.monotonic()) > 0.0:
+            traffic.add(codec, port.receive(left_s))
     finally:
         port.close()
-    return heard
+    return traffic
 
 
 def findings(address: BusAddress, codec: Codec, period_s: float, *, daemon_runs: bool) -> Iterator[Finding]:
-    """Yield what is heard on the bus, against the period in s of the configuration."""
+    """Yield the findings on the bus; `period_s` is the sample period of the configuration."""
     try:
-        heard = listen(address, codec)
+        traffic = listen(address, codec)
     except BusError as error:
-        text, _, mend = str(error).rpartition("; ")
+        text, _, fix = str(error).rpartition("; ")
         unknown = address.interface == "socketcan" and os.strerror(errno.EAFNOSUPPORT) in text
-        yield Finding(Level.FAIL, _SUBJECT, text, "sudo modprobe can-raw" if unknown else mend.removeprefix("try: "))
+        yield Finding(Level.FAIL, _SUBJECT, text, "sudo modprobe can-raw" if unknown else fix.removeprefix("try: "))
         return
-    yield judged(heard, address, period_s)
-    if heard.commands and not daemon_runs:
-        text = f"{heard.commands} command frames were heard, and no daemon of this valve runs here"
-        yield Finding(Level.WARN, "foreign", f"{text}: another controller commands it", _look(address))
+    yield assessed(traffic, address, period_s)
+    if traffic.commands and not daemon_runs:
+        text = f"{traffic.commands} command frames came, and no daemon of this valve runs here"
+        yield Finding(Level.WARN, "foreign", f"{text}: another controller commands the valve", _look(address))
 
 
-def judged(heard: Heard, address: BusAddress, period_s: float) -> Finding:
-    """Return what the position frames, or their absence, mean."""
-    if not heard.positions_ns:
-        instead = _instead(heard)
+def assessed(traffic: BusTraffic, address: BusAddress, period_s: float) -> Finding:
+    """Return the finding on the position frames, or on their absence."""
+    if not traffic.positions_ns:
+        instead = _instead(traffic)
         return Finding(Level.FAIL, _SUBJECT, f"no valid position frame in {LISTENING_S:g} s; {instead}", _look(address))
-    assert heard.last_position_m is not None  # noqa: S101 - set with the first instant
-    text = f"stem at {heard.last_position_m * 1e3:.2f} mm"
-    rate = heard.rate_per_s
+    assert traffic.last_position_m is not None  # noqa: S101 - set with the first instant
+    text = f"stem at {traffic.last_position_m * 1e3:.2f} mm"
+    rate = traffic.rate_per_s
     if rate is None:
-        text += f", {len(heard.positions_ns)} frames in {LISTENING_S:g} s"
+        text += f", {len(traffic.positions_ns)} frames in {LISTENING_S:g} s"
     else:
         text += f", {rate:.4g} frames/s"
     wanted = 1.0 / period_s
@@ -119,19 +119,19 @@ def judged(heard: Heard, address: BusAddress, period_s: float) -> Finding:
         return Finding(Level.OK, _SUBJECT, text)
     if rate is None and wanted * LISTENING_S < _FEWEST_FOR_A_RATE:
         return Finding(Level.OK, _SUBJECT, text)
-    text += f", where the configuration says {wanted:g} (control.sample_period_s)"
+    text += f", but the configuration says {wanted:g} (control.sample_period_s)"
     return Finding(Level.WARN, _SUBJECT, text, _look(address))
 
 
-def _instead(heard: Heard) -> str:
-    if heard.faults:
-        return f"the sensor reports a fault in {heard.faults} frames"
-    if heard.refused:
-        reason, count = heard.refused.most_common(1)[0]
+def _instead(traffic: BusTraffic) -> str:
+    if traffic.faults:
+        return f"the sensor reports a fault in {traffic.faults} frames"
+    if traffic.refused:
+        reason, count = traffic.refused.most_common(1)[0]
         return f"{count} frames were refused: {reason}"
-    if heard.others:
-        shown = ", ".join(identifier for identifier, _ in heard.others.most_common(_MOST_IDENTIFIERS))
-        return f"{heard.others.total()} frames with other identifiers came: {shown}"
+    if traffic.others:
+        shown = ", ".join(identifier for identifier, _ in traffic.others.most_common(_MOST_IDENTIFIERS))
+        return f"{traffic.others.total()} frames with other identifiers came: {shown}"
     return "the bus is silent"
 
 

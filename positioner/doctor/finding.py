@@ -1,4 +1,4 @@
-"""A finding: how serious it is, what it is about, what was found, and the command that mends it. Pure."""
+"""A finding: its level, its subject, what was found, and the command that fixes it. Pure."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ class Level(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One finding; `mend` is a command that can be pasted into a shell, empty where nothing is to be done."""
+    """One finding; `fix` is a command that can be pasted into a shell, empty where nothing is to be done."""
 
     level: Level
     subject: str
     text: str
-    mend: str = ""
+    fix: str = ""
 
     def __str__(self) -> str:
-        """One line, and a second one, indented, with the command that mends it."""
+        """One line, and where there is a fix a second, indented one with it."""
         line = f"{self.level.name:<5} {self.subject:<14} {self.text}"
-        return f"{line}\n{'':<20} mend: {self.mend}" if self.mend else line
+        return f"{line}\n{'':<20} fix:  {self.fix}" if self.fix else line
 
 
 def worst(findings: Iterable[Finding]) -> Level:

@@ -26,8 +26,8 @@ def findings(name: str, links: tuple[Link, ...]) -> tuple[Finding, ...]:
         text = f"{name} does not exist; " + (f"this machine has {others}" if others else "this machine has no CAN bus")
         return (Finding(Level.FAIL, _SUBJECT, text, _made(name)),)
     if not link.is_can:
-        mend = "ip -brief link show type can; ip -brief link show type vcan"
-        return (Finding(Level.FAIL, _SUBJECT, f"{name} is no CAN interface: name one that is in [bus] channel", mend),)
+        fix = "ip -brief link show type can; ip -brief link show type vcan"
+        return (Finding(Level.FAIL, _SUBJECT, f"{name} is no CAN interface: name one that is in [bus] channel", fix),)
     return tuple(_findings(link))
 
 
@@ -73,8 +73,8 @@ def _queue(link: Link) -> Finding:
     text = f"{link.queue_frames} frames on {link.name}"
     if link.queue_frames >= LEAST_QUEUE_FRAMES:
         return Finding(Level.OK, "queue", text)
-    mend = f"sudo ip link set {link.name} txqueuelen {LEAST_QUEUE_FRAMES}"
-    return Finding(Level.WARN, "queue", f"{text}, less than {LEAST_QUEUE_FRAMES}", mend)
+    fix = f"sudo ip link set {link.name} txqueuelen {LEAST_QUEUE_FRAMES}"
+    return Finding(Level.WARN, "queue", f"{text}, less than {LEAST_QUEUE_FRAMES}", fix)
 
 
 def _restart(link: Link) -> Finding:
@@ -82,8 +82,8 @@ def _restart(link: Link) -> Finding:
         return Finding(Level.OK, "restart", f"{link.restart_ms} ms after bus-off (restart-ms)")
     text = f"{link.name} stays off the bus after bus-off (restart-ms 0)"
     # the kernel takes a new restart-ms only while the interface is down
-    mend = f"sudo ip link set {link.name} down && {bring_up(link)}  # where the driver can (slcan cannot)"
-    return Finding(Level.WARN, "restart", text, mend)
+    fix = f"sudo ip link set {link.name} down && {bring_up(link)}  # where the driver can (slcan cannot)"
+    return Finding(Level.WARN, "restart", text, fix)
 
 
 def _state(link: Link) -> Finding:
@@ -123,5 +123,5 @@ def _history(link: Link) -> Iterator[Finding]:
     if not seen:
         yield Finding(Level.OK, "bus history", f"no error on {link.name} since its driver was loaded")
         return
-    mend = f"ip -details -statistics link show {link.name}  # do they still grow?"
-    yield Finding(Level.WARN, "bus history", f"{seen} on {link.name} since its driver was loaded", mend)
+    fix = f"ip -details -statistics link show {link.name}  # do they still grow?"
+    yield Finding(Level.WARN, "bus history", f"{seen} on {link.name} since its driver was loaded", fix)

@@ -83,10 +83,10 @@ def _table(configuration: Configuration, place: Place) -> Finding:
         return Finding(Level.FAIL, "table", str(rejected), f"{dump}  # the next start sets the file aside")
     except StateError as error:
         return Finding(Level.FAIL, "table", str(error), dump)
-    return _judged(configuration, stored, dump)
+    return _assessed(configuration, stored, dump)
 
 
-def _judged(configuration: Configuration, stored: StoredTable, dump: str) -> Finding:
+def _assessed(configuration: Configuration, stored: StoredTable, dump: str) -> Finding:
     samples = sum(cell.count for _, cell in stored.table)
     told = f"valve {stored.valve_id}: {samples} samples in {len(stored.table)} cells"
     expected, width_m = configuration.valve.id, configuration.control.table_cell_m

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from positioner.errors import HostError
-from positioner.host.cadence import Cadence
-from positioner.host.picture import SILENT_S, Picture
+from positioner.host.schedule import FrameSchedule
+from positioner.host.valve_view import SILENT_S, ValveView
 from positioner.host.verbs import HELP, Verb, Word
 from positioner.host.words import in_mm, state_in_words
 from positioner.wire.messages import (
@@ -41,14 +41,14 @@ _PASSIVE = frozenset({Word.STATUS, Word.HELP, Word.QUIT})
 """Verbs that send nothing."""
 
 
-class Session:
+class HostSession:
     """One person at one valve. `lines` is what there is to tell since somebody took them."""
 
     def __init__(self, configuration: Configuration) -> None:
         """Begin with nothing heard and nothing to say."""
         codec = configuration.make_codec()
         self._valve = configuration.valve
-        self._cadence = Cadence(codec, configuration.guard.setpoint_hold_s)
+        self._schedule = FrameSchedule(codec, configuration.guard.setpoint_hold_s)
         self._verb: Verb | None = None
         self._began_ns = 0
         self._was_controlled = False
@@ -56,8 +56,8 @@ class Session:
         self._manual_ma: float | None = None
         self._told = ""
         self._told_of_other = False
-        self.picture = Picture(codec, configuration.valve.span_m)
-        self.is_speaking = False
+        self.view = ValveView(codec, configuration.valve.span_m)
+        self.is_sending = False
         self.lines: list[str] = []
 
     @property
@@ -65,17 +65,17 @@ class Session:
         """Whether a verb is not done yet."""
         return self._verb is not None
 
-    def hear(self, frames: Iterable[CanFrame], now_ns: int) -> None:
+    def receive(self, frames: Iterable[CanFrame], now_ns: int) -> None:
         """Take in what arrived, and tell what has changed."""
-        picture = self.picture
-        picture.hear(frames, now_ns)
-        if picture.status is not None:
-            there = picture.is_there(PositionerStatus, now_ns)
-            told = state_in_words(picture.status) if there else "the positioner is silent"
+        view = self.view
+        view.receive(frames, now_ns)
+        if view.status is not None:
+            there = view.is_received(PositionerStatus, now_ns)
+            told = state_in_words(view.status) if there else "the positioner is silent"
             if told != self._told:
                 self._told = told
                 self.lines.append(told)
-        if self.is_speaking and not self._told_of_other and picture.is_there(Setpoint, now_ns):
+        if self.is_sending and not self._told_of_other and view.is_received(Setpoint, now_ns):
             self._told_of_other = True
             self.lines.append("another host sends setpoints to this valve, too: end one of them")
 
@@ -85,11 +85,11 @@ class Session:
         Raises:
             HostError: it cannot be done now.
         """
-        picture = self.picture
+        view = self.view
         if verb.word not in _PASSIVE and verb.word is not Word.DISARM:
             self._refuse_what_cannot_work(verb, now_ns)
-            self.is_speaking = True
-        self._was_controlled = picture.is_controlled(now_ns)
+            self.is_sending = True
+        self._was_controlled = view.is_controlled(now_ns)
         unarmed = "" if self._was_controlled else "; it acts once the positioner is armed: `arm`"
         match verb.word:
             case Word.SET:
@@ -97,14 +97,14 @@ class Session:
                 self.lines.append(f"setpoint {in_mm(verb.setpoint_m, self._valve.span_m)}{unarmed}")
             case Word.MANUAL:
                 self._manual_ma = self._current_by_hand_ma(verb, now_ns)
-                self._cadence.at_once(ManualCurrent)
+                self._schedule.at_once(ManualCurrent)
                 self.lines.append(f"current by hand {self._manual_ma:.3f} mA{unarmed}")
             case Word.AUTO:
                 if self._manual_ma is None:
                     self._setpoint_m = self._here_m()
                 # a setpoint that came behind AUTO would be a new one, and move the stem
-                self._cadence.at_once(Setpoint)
-                self._cadence.at_once(ManualCurrent)
+                self._schedule.at_once(Setpoint)
+                self._schedule.at_once(ManualCurrent)
             case Word.HELP:
                 self.lines += HELP.splitlines()
             case Word.STATUS:
@@ -132,42 +132,42 @@ class Session:
         return self._frames(now_ns)
 
     def _refuse_what_cannot_work(self, verb: Verb, now_ns: int) -> None:
-        picture = self.picture
-        if not self.is_speaking and picture.is_there(Setpoint, now_ns):
+        view = self.view
+        if not self.is_sending and view.is_received(Setpoint, now_ns):
             raise HostError(f"{verb.word}: another host sends setpoints to this valve: end it first")
         by_hand = verb.word is Word.MANUAL or self._manual_ma is not None
-        if not by_hand and not picture.is_there(StemPosition, now_ns):
+        if not by_hand and not view.is_received(StemPosition, now_ns):
             raise HostError(f"{verb.word}: no position frames come: is the bus the right one, and is the plant on?")
         if verb.word is Word.SET and self._manual_ma is not None:
             raise HostError("set: the current is given by hand: say `auto` first")
-        if verb.word is Word.AUTO and self._manual_ma is None and picture.mode(now_ns) is not Mode.MANUAL:
+        if verb.word is Word.AUTO and self._manual_ma is None and view.mode(now_ns) is not Mode.MANUAL:
             raise HostError("auto: it is in automatic mode")
 
     def _current_by_hand_ma(self, verb: Verb, now_ns: int) -> float:
-        command = self.picture.command
+        command = self.view.command
         if verb.current_ma is not None:
             return verb.current_ma
-        if command is None or not self.picture.is_there(CurrentCommand, now_ns):
+        if command is None or not self.view.is_received(CurrentCommand, now_ns):
             raise HostError("manual: there is no current that could be kept: give one, as in `manual 9.5mA`")
         return command.current_ma
 
     def _here_m(self) -> float | None:
-        here_m = self.picture.position_m
+        here_m = self.view.position_m
         return None if here_m is None else min(max(here_m, self._valve.travel_min_m), self._valve.travel_max_m)
 
     def _is_done(self, verb: Verb, elapsed_s: float, now_ns: int) -> bool:
-        picture = self.picture
-        answered = picture.heard_since(PositionerStatus, self._began_ns)
-        mode = picture.mode(now_ns)
+        view = self.view
+        answered = view.received_since(PositionerStatus, self._began_ns)
+        mode = view.mode(now_ns)
         match verb.word:
             case Word.ARM:
-                return answered and picture.is_controlled(now_ns)
+                return answered and view.is_controlled(now_ns)
             case Word.MANUAL:
                 return not self._was_controlled or (answered and mode is Mode.MANUAL)
             case Word.AUTO:
                 return not self._was_controlled or (answered and mode is not Mode.MANUAL)
             case Word.DISARM:
-                silenced = elapsed_s > SILENT_S and not picture.is_there(CurrentCommand, now_ns)
+                silenced = elapsed_s > SILENT_S and not view.is_received(CurrentCommand, now_ns)
                 return silenced or (answered and mode in {Mode.INIT, Mode.READY})
             case Word.STATUS:
                 return answered
@@ -182,22 +182,22 @@ class Session:
             case Word.AUTO:
                 self._manual_ma = None
             case Word.DISARM:
-                self.is_speaking, self._setpoint_m, self._manual_ma = False, None, None
+                self.is_sending, self._setpoint_m, self._manual_ma = False, None, None
                 self.lines.append("disarmed: the positioner commands nothing")
             case Word.STATUS:
-                self.lines += self.picture.lines(self._setpoint_m if self.is_speaking else None, now_ns)
+                self.lines += self.view.lines(self._setpoint_m if self.is_sending else None, now_ns)
             case _:
                 pass
 
     def _why_not(self, now_ns: int) -> str:
-        status = self.picture.status
-        if status is None or not self.picture.is_there(PositionerStatus, now_ns):
-            return self.picture.silence(now_ns)
+        status = self.view.status
+        if status is None or not self.view.is_received(PositionerStatus, now_ns):
+            return self.view.silence(now_ns)
         return f"not done within {ANSWER_S:g} s: {state_in_words(status)}"
 
     def _frames(self, now_ns: int) -> tuple[CanFrame, ...]:
         word = self._verb.word if self._verb else None
-        if not self.is_speaking and word is not Word.DISARM:
+        if not self.is_sending and word is not Word.DISARM:
             return ()
         request = HostRequest.NONE
         if word is Word.DISARM:
@@ -207,9 +207,9 @@ class Session:
         if self._manual_ma is not None and word is not Word.AUTO:
             self._setpoint_m = self._here_m()  # automatic mode begins where the stem is
         setpoint_m = self._valve.travel_min_m if self._setpoint_m is None else self._setpoint_m
-        frames = self._cadence.frame(Setpoint(setpoint_m, request), now_ns)
+        frames = self._schedule.frame(Setpoint(setpoint_m, request), now_ns)
         if word is Word.AUTO:
-            return frames + self._cadence.frame(ManualCurrent(self._manual_ma or 0.0, ManualRequest.AUTO), now_ns)
+            return frames + self._schedule.frame(ManualCurrent(self._manual_ma or 0.0, ManualRequest.AUTO), now_ns)
         if self._manual_ma is not None:
-            return frames + self._cadence.frame(ManualCurrent(self._manual_ma), now_ns)
+            return frames + self._schedule.frame(ManualCurrent(self._manual_ma), now_ns)
         return frames

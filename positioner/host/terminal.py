@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 from positioner.bus.port import BusPort
 from positioner.errors import ExitCode, PositionerError, UsageError
-from positioner.host.picture import HEARD
-from positioner.host.session import Session
+from positioner.host.session import HostSession
+from positioner.host.valve_view import RECEIVED
 from positioner.host.verbs import HELP_INTERACTIVE, Verb, Word, read_verbs
 
 if TYPE_CHECKING:
@@ -46,9 +46,9 @@ class Terminal:
         self._is_prompting = self._is_asking and sys.stdin.isatty()
         self._typed = b""
         self._stopping = False
-        self._session = Session(configuration)
+        self._session = HostSession(configuration)
         codec = configuration.make_codec()
-        identifiers = [codec.identifier(kind) for kind in HEARD]
+        identifiers = [codec.identifier(kind) for kind in RECEIVED]
         self._bus = BusPort(configuration.bus, identifiers, lambda event: self._session.lines.append(str(event)))
 
     def run(self) -> ExitCode:
@@ -71,27 +71,27 @@ class Terminal:
             self._is_prompting = False
             self._tell()
             self._bus.close()
-        if self._session.is_speaking:
+        if self._session.is_sending:
             self._say([self._farewell()])
         return ExitCode.OK
 
     @property
     def _is_finished(self) -> bool:
         session = self._session
-        return not (self._verbs or self._is_asking or session.is_busy or session.is_speaking)
+        return not (self._verbs or self._is_asking or session.is_busy or session.is_sending)
 
     def _listen_for(self, duration_s: float) -> None:
         end_s = time.monotonic() + duration_s
         while time.monotonic() < end_s and not self._stopping:
             time.sleep(_TURN_S)
-            self._session.hear(self._bus.receive(0.0), time.monotonic_ns())
+            self._session.receive(self._bus.receive(0.0), time.monotonic_ns())
 
     def _turn(self) -> None:
         """Listen, begin the next verb when the last one is done, and send what is due."""
         session = self._session
         self._wait()
         now_ns = time.monotonic_ns()
-        session.hear(self._bus.receive(0.0), now_ns)
+        session.receive(self._bus.receive(0.0), now_ns)
         try:
             if self._verbs and not session.is_busy:
                 verb = self._verbs.popleft()

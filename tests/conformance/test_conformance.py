@@ -1,4 +1,4 @@
-"""Each rule of an examination catches the node that breaks it, and an honest node breaks none."""
+"""Each rule of a conformance test catches the node that breaks it, and a correct node breaks none."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from conformance_hosts import Host
 from conformance_plants import CODEC, DEADMAN_S, OFFSET, Plant
 
 from positioner.conformance.crc_mistakes import mistake
-from positioner.conformance.host import HOST_RULES, HostExamination, HostLimits
-from positioner.conformance.plant import PLANT_RULES, PlantExamination, PlantLimits
+from positioner.conformance.host import HOST_RULES, HostLimits, HostTest
+from positioner.conformance.plant import PLANT_RULES, PlantLimits, PlantTest
 from positioner.conformance.report import as_json, lines
-from positioner.conformance.rules import Finding, Verdict, conforms
+from positioner.conformance.rules import RuleResult, Verdict, conforms
 from positioner.conformance.script import Script
 from positioner.wire import e2e
 from positioner.wire.codec import own_database
@@ -28,18 +28,18 @@ if TYPE_CHECKING:
 
 NS = 1_000_000_000
 START_NS = 5 * NS
-UNREADABLE = {"heard", "format", "crc", "values"}
+UNREADABLE = {"received", "format", "crc", "values"}
 LIMITS = PlantLimits(period_s=conformance_plants.PERIOD_S, deadman_s=DEADMAN_S, travel_m=(-0.01, 0.15))
 
 
-def examined_plant(plant: Plant, currents_ma: tuple[float, float] | None = (8.0, 9.0)) -> tuple[Finding, ...]:
+def plant_results(plant: Plant, currents_ma: tuple[float, float] | None = (8.0, 9.0)) -> tuple[RuleResult, ...]:
     script = Script(CODEC, currents_ma, DEADMAN_S, LIMITS.settle_s, 0.5)
-    examination = PlantExamination(CODEC, LIMITS, script, OFFSET)
+    test = PlantTest(CODEC, LIMITS, script, OFFSET)
     now_ns = START_NS
     sent: list[CanFrame] = []
-    while examination.at(now_ns):
-        for frame in plant.turn():
-            answer = examination.hear(replace(frame, received_ns=now_ns), now_ns)
+    while test.goes_on(now_ns):
+        for frame in plant.cycle():
+            answer = test.receive(replace(frame, received_ns=now_ns), now_ns)
             if answer is not None:
                 sent.append(answer)
                 plant.take(answer)
@@ -50,57 +50,57 @@ def examined_plant(plant: Plant, currents_ma: tuple[float, float] | None = (8.0,
         assert isinstance(command, dict)
         assert 8.0 <= float(str(command["Current_mA"])) <= 9.0 or command["Current_mA"] == 3.6
     assert bool(sent) is (currents_ma is not None and plant.rule not in UNREADABLE)
-    return examination.findings(now_ns)
+    return test.results(now_ns)
 
 
-def examined_host(host: Host) -> tuple[Finding, ...]:
-    examination = HostExamination(CODEC, HostLimits(travel_m=(0.0, 0.127)), 10.0, OFFSET)
+def host_results(host: Host) -> tuple[RuleResult, ...]:
+    test = HostTest(CODEC, HostLimits(travel_m=(0.0, 0.127)), 10.0, OFFSET)
     now_ns = START_NS
-    while examination.at(now_ns):
-        for frame in host.turn():
-            examination.hear(replace(frame, received_ns=now_ns), now_ns)
+    while test.goes_on(now_ns):
+        for frame in host.cycle():
+            test.receive(replace(frame, received_ns=now_ns), now_ns)
         now_ns += round(conformance_hosts.PERIOD_S * NS)
-    return examination.findings(now_ns)
+    return test.results(now_ns)
 
 
-def broken(findings: Iterable[Finding]) -> set[str]:
-    return {finding.rule.name for finding in findings if finding.verdict is Verdict.FAIL}
+def broken(results: Iterable[RuleResult]) -> set[str]:
+    return {result.rule.name for result in results if result.verdict is Verdict.FAIL}
 
 
 def test_the_emulator_keeps_every_rule_of_a_plant() -> None:
-    findings = examined_plant(Plant())
-    assert [finding.rule for finding in findings] == list(PLANT_RULES)
-    assert {finding.verdict for finding in findings} == {Verdict.PASS}, broken(findings)
-    assert conforms(findings)
+    results = plant_results(Plant())
+    assert [result.rule for result in results] == list(PLANT_RULES)
+    assert {result.verdict for result in results} == {Verdict.PASS}, broken(results)
+    assert conforms(results)
 
 
-def test_an_honest_host_keeps_every_rule_of_a_host() -> None:
-    findings = examined_host(Host())
-    assert [finding.rule for finding in findings] == list(HOST_RULES)
-    assert {finding.verdict for finding in findings} == {Verdict.PASS}, broken(findings)
+def test_a_correct_host_keeps_every_rule_of_a_host() -> None:
+    results = host_results(Host())
+    assert [result.rule for result in results] == list(HOST_RULES)
+    assert {result.verdict for result in results} == {Verdict.PASS}, broken(results)
 
 
-def test_a_plant_that_may_not_be_commanded_is_sent_nothing_and_its_obedience_is_not_seen() -> None:
-    findings = examined_plant(Plant(), None)
-    assert [finding.rule.name for finding in findings if finding.verdict is not Verdict.PASS] == [
-        "echo", "obeys", "repeat", "damage", "old", "short", "deadman", "patience", "rejoins", "restart",
+def test_without_currents_nothing_is_sent_to_the_plant_and_its_obedience_is_not_seen() -> None:
+    results = plant_results(Plant(), None)
+    assert [result.rule.name for result in results if result.verdict is not Verdict.PASS] == [
+        "echo", "obeys", "repeat", "damage", "old", "short", "deadman", "grace", "rejoins", "restart",
         "failure-signal",
     ]  # fmt: skip
-    assert conforms(findings)
+    assert conforms(results)
 
 
 @pytest.mark.parametrize("faulty", Plant.__subclasses__(), ids=lambda each: each.__name__)
 def test_each_faulty_plant_is_caught_by_its_rule(faulty: type[Plant]) -> None:
-    findings = examined_plant(faulty())
-    assert faulty.rule in broken(findings)
-    assert all(finding.mend for finding in findings if finding.verdict is Verdict.FAIL)
+    results = plant_results(faulty())
+    assert faulty.rule in broken(results)
+    assert all(result.fix for result in results if result.verdict is Verdict.FAIL)
 
 
 @pytest.mark.parametrize("faulty", Host.__subclasses__(), ids=lambda each: each.__name__)
 def test_each_faulty_host_is_caught_by_its_rule(faulty: type[Host]) -> None:
-    findings = examined_host(faulty())
-    assert faulty.rule in broken(findings)
-    assert all(finding.mend for finding in findings if finding.verdict is Verdict.FAIL)
+    results = host_results(faulty())
+    assert faulty.rule in broken(results)
+    assert all(result.fix for result in results if result.verdict is Verdict.FAIL)
 
 
 def test_every_rule_has_a_node_that_breaks_it() -> None:
@@ -114,31 +114,31 @@ def test_every_rule_has_a_node_that_breaks_it() -> None:
         (conformance_plants.IsTooSlow, {"period"}),
         (conformance_plants.MeasuresInAnotherUnit, {"travel"}),
         (conformance_plants.CallsItselfValidBeforeAnyCommand, {"first"}),
-        (conformance_plants.TakesRepeatedCommandsForASignOfLife, {"repeat"}),
+        (conformance_plants.LivesOnRepeatedCommands, {"repeat"}),
         (conformance_plants.ChecksNoCrc, {"damage"}),
         (conformance_plants.TakesShortFrames, {"short"}),
-        (conformance_plants.NeverHearsARestartedController, {"restart", "echo"}),
+        (conformance_plants.NeverObeysARestartedController, {"restart", "echo"}),
         (conformance_plants.TakesAFailureSignalForAValue, {"failure-signal"}),
     ],
 )
 def test_one_mistake_breaks_no_rule_that_it_does_not_touch(faulty: type[Plant], alone: set[str]) -> None:
-    assert broken(examined_plant(faulty())) <= alone | {"rejoins"}
+    assert broken(plant_results(faulty())) <= alone | {"rejoins"}
 
 
-def test_a_line_names_the_first_frame_that_breaks_a_rule_and_what_to_do() -> None:
-    findings = examined_host(conformance_hosts.CountsByTwo())
-    told = list(lines(findings, START_NS))
-    at = next(index for index, line in enumerate(told) if line.startswith("FAIL      counter"))
+def test_the_report_names_the_first_frame_that_breaks_a_rule_and_the_fix() -> None:
+    results = host_results(conformance_hosts.CountsByTwo())
+    text = list(lines(results, START_NS))
+    at = next(index for index, line in enumerate(text) if line.startswith("FAIL      counter"))
     assert re.fullmatch(
-        r" +first: 0\.010000 s  1A0  ([0-9A-F]{2} ){8} SETPOINT has the counter 2 after 0 \(999 times\)", told[at + 1]
+        r" +first: 0\.010000 s  1A0  ([0-9A-F]{2} ){8} SETPOINT has the counter 2 after 0 \(999 times\)", text[at + 1]
     )
-    assert told[at + 2].endswith("mend:  give each message a counter of its own, add 1 for each frame, and lose none")
-    assert told[-1] == "11 pass, 1 fail, 0 not seen"
+    assert text[at + 2].endswith("fix:   give each message a counter of its own, add 1 for each frame, and lose none")
+    assert text[-1] == "11 pass, 1 fail, 0 not seen"
 
 
-def test_the_report_for_programs_says_the_same() -> None:
-    findings = examined_host(conformance_hosts.SpeaksInMetres())
-    report = json.loads(as_json("host", findings, START_NS))
+def test_the_json_report_has_the_same_content() -> None:
+    results = host_results(conformance_hosts.SpeaksInMetres())
+    report = json.loads(as_json("host", results, START_NS))
     assert (report["node"], report["conforms"]) == ("host", False)
     by_name = {rule["name"]: rule for rule in report["rules"]}
     assert {name for name, rule in by_name.items() if rule["verdict"] == "fail"} == {"travel"}
@@ -163,18 +163,18 @@ def test_the_usual_mistakes_of_a_crc_are_named() -> None:
     assert CODEC.by_kind[StemPosition].data_id == data_id
     body = good[2:]
 
-    def told(crc: int) -> str:
+    def text(crc: int) -> str:
         return mistake(crc.to_bytes(2, "little") + body, data_id, OFFSET)
 
-    assert told(int.from_bytes(good[:2], "big")) == "its two bytes are swapped: the low byte goes first"
-    assert told(e2e.crc(body, data_id - OFFSET)) == "it leaves id_offset out of the data ID"
+    assert text(int.from_bytes(good[:2], "big")) == "its two bytes are swapped: the low byte comes first"
+    assert text(e2e.crc(body, data_id - OFFSET)) == "id_offset is missing from the data ID"
     assert (
-        told(e2e.crc(body, int.from_bytes(data_id.to_bytes(2, "big"), "little")))
-        == "it takes the data ID high byte first"
+        text(e2e.crc(body, int.from_bytes(data_id.to_bytes(2, "big"), "little")))
+        == "it covers the data ID high byte first"
     )
-    assert told(e2e.crc(body[:-2], int.from_bytes(body[-2:], "little"))) == "it leaves the data ID out"
-    assert told(e2e.crc(body, data_id) ^ 0xFFFF) == "it is inverted at its end"
+    assert text(e2e.crc(body[:-2], int.from_bytes(body[-2:], "little"))) == "it does not cover the data ID"
+    assert text(e2e.crc(body, data_id) ^ 0xFFFF) == "it is inverted at the end"
     assert reflected(b"123456789") == 0x6F91  # the check value of CRC-16/MCRF4XX
-    assert told(reflected(body + data_id.to_bytes(2, "little"))) == "it is reflected (CRC-16/MCRF4XX)"
-    assert told(0) == "it is not there: both its bytes are 0"
-    assert told(0x1234) == ""
+    assert text(reflected(body + data_id.to_bytes(2, "little"))) == "it is reflected (CRC-16/MCRF4XX)"
+    assert text(0) == "there is none: both its bytes are 0"
+    assert text(0x1234) == ""

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from positioner.bus.address import BusAddress
 
 pytestmark = pytest.mark.bus
-OF_TIME = {"period", "gaps", "cadence", "silence", "patience"}
+OF_TIME = {"period", "gaps", "cadence", "silence", "grace"}
 """Rules that a busy machine may break for an honest node."""
-OF_FRAMES = {"heard", "format", "crc", "values", "spare", "counter"}
+OF_FRAMES = {"received", "format", "crc", "values", "spare", "counter"}
 
 
 def report(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict[str, Any]]:
@@ -34,8 +34,8 @@ def report(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, di
     return status, json.loads(capsys.readouterr().out)
 
 
-def verdicts(told: dict[str, Any]) -> dict[str, str]:
-    return {rule["name"]: rule["verdict"] for rule in told["rules"]}
+def verdicts(report: dict[str, Any]) -> dict[str, str]:
+    return {rule["name"]: rule["verdict"] for rule in report["rules"]}
 
 
 def emulator(folder: Path, bus: BusAddress, *more: str) -> BenchProcess:
@@ -90,7 +90,7 @@ def test_a_node_that_is_not_there_fails_with_one_line_that_says_what_to_look_at(
     for node, message in (("plant", "STEM_POSITION"), ("host", "SETPOINT")):
         assert main(["conformance", node, "--bus", str(own_address()), "--listen", "0.1"]) == ExitCode.FAILURE
         lines = capsys.readouterr().out.splitlines()
-        assert re.fullmatch(rf"FAIL +heard +it sends {message}", lines[0])
+        assert re.fullmatch(rf"FAIL +received +it sends {message}", lines[0])
         assert f"no {message} came" in lines[1]
         assert "id_offset" in lines[2]
 

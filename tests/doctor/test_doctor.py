@@ -104,7 +104,7 @@ def test_an_ip_that_speaks_no_json_is_told(said: str, answer: list[str], capsys:
 def test_the_real_ip_of_this_machine_is_understood_where_there_is_one() -> None:
     links, missing = machine.links()
     if links is None:
-        assert [finding.mend for finding in missing] == ["sudo apt install iproute2"]
+        assert [finding.fix for finding in missing] == ["sudo apt install iproute2"]
     else:
         assert "lo" in {link.name for link in links}
 
@@ -151,7 +151,7 @@ def test_lines_name_level_and_subject_and_the_mend_stands_below(capsys: Output) 
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("OK    timer          the monotonic clock")
     down = lines.index("WARN  interface      vx1 is down")
-    assert lines[down + 1] == "                     mend: sudo ip link set vx1 up"
+    assert lines[down + 1] == "                     fix:  sudo ip link set vx1 up"
     assert lines[-1].endswith("0 failed")
 
 
@@ -180,7 +180,7 @@ def reporting(address: BusAddress) -> Iterator[None]:
 def test_a_valve_that_reports_is_heard_and_so_is_another_controller(
     tmp_path: Path, capsys: Output, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(feedback, "LISTENING_S", 30.0)  # it ends when enough was heard
+    monkeypatch.setattr(feedback, "LISTENING_S", 30.0)  # it ends when enough frames came
     path = configured(tmp_path)
     with reporting(load_config(path).bus):
         status, found, _ = examined(capsys, "--config", str(path))

@@ -8,7 +8,7 @@ import pytest
 
 from positioner.bus.address import BusAddress
 from positioner.doctor import feedback
-from positioner.doctor.feedback import Heard
+from positioner.doctor.feedback import BusTraffic
 from positioner.doctor.finding import Level
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import CanFrame, Quality, StemPosition
@@ -16,9 +16,9 @@ from positioner.wire.messages import CanFrame, Quality, StemPosition
 CODEC = make_codec()
 
 
-def heard(*frames: CanFrame) -> Heard:
-    made = Heard()
-    made.take(CODEC, frames)
+def traffic(*frames: CanFrame) -> BusTraffic:
+    made = BusTraffic()
+    made.add(CODEC, frames)
     return made
 
 
@@ -32,15 +32,15 @@ CAN0 = BusAddress(channel="can0")
 
 @pytest.mark.parametrize(("period_s", "level"), [(0.001, Level.OK), (0.0011, Level.OK), (0.002, Level.WARN)])
 def test_the_rate_is_measured_and_held_against_the_configuration(period_s: float, level: Level) -> None:
-    finding = feedback.judged(heard(*READINGS), CAN0, period_s)
+    finding = feedback.assessed(traffic(*READINGS), CAN0, period_s)
     assert finding.level is level
     assert finding.text.startswith("stem at 80.00 mm, 1000 frames/s")
     assert ("control.sample_period_s" in finding.text) is (level is Level.WARN)
 
 
 def test_a_slow_sensor_is_no_fault_where_it_is_configured_so() -> None:
-    assert feedback.judged(heard(*READINGS[:2]), CAN0, 0.5).level is Level.OK
-    assert feedback.judged(heard(*READINGS[:2]), CAN0, 0.001).level is Level.WARN
+    assert feedback.assessed(traffic(*READINGS[:2]), CAN0, 0.5).level is Level.OK
+    assert feedback.assessed(traffic(*READINGS[:2]), CAN0, 0.001).level is Level.WARN
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ def test_a_slow_sensor_is_no_fault_where_it_is_configured_so() -> None:
     ],
 )  # fmt: skip
 def test_what_came_instead_of_feedback_is_told(frames: list[CanFrame], told: str) -> None:
-    finding = feedback.judged(heard(*frames), CAN0, 0.001)
+    finding = feedback.assessed(traffic(*frames), CAN0, 0.001)
     assert finding.level is Level.FAIL
     assert finding.text.startswith(f"no valid position frame in 1 s; {told}")
-    assert finding.mend.startswith("candump -tz can0")
+    assert finding.fix.startswith("candump -tz can0")

@@ -69,7 +69,7 @@ def test_an_answer_that_is_something_else_is_refused(answer: str) -> None:
 def test_a_well_set_up_controller_has_nothing_to_mend() -> None:
     listed = findings("can1", parse_links(PEAK_USB))
     assert worst(listed) is Level.OK
-    assert [finding.mend for finding in listed] == [""] * 5
+    assert [finding.fix for finding in listed] == [""] * 5
     assert listed[0].text == "can1 is up at 1000 kbit/s, sample point 75.0 %"
     assert listed[3].text == "can1 is ERROR-ACTIVE, error counters: transmit 0, receive 1"
 
@@ -77,8 +77,8 @@ def test_a_well_set_up_controller_has_nothing_to_mend() -> None:
 def test_a_short_queue_and_no_restart_are_told_with_the_commands_that_mend_them() -> None:
     told = found(MCP251X)
     assert {subject for subject, finding in told.items() if finding.level is Level.WARN} == {"queue", "restart"}
-    assert told["queue"].mend == "sudo ip link set can0 txqueuelen 128"
-    assert told["restart"].mend == (
+    assert told["queue"].fix == "sudo ip link set can0 txqueuelen 128"
+    assert told["restart"].fix == (
         "sudo ip link set can0 down && sudo ip link set can0 up type can bitrate 500000 restart-ms 100"
         "  # where the driver can (slcan cannot)"
     )
@@ -92,18 +92,18 @@ def test_the_queue_is_long_enough_at_128_frames(length: int, level: Level) -> No
 def test_an_interface_that_is_down_is_brought_up_at_its_own_bitrate() -> None:
     told = found(down(MCP251X))
     assert (told["interface"].level, told["interface"].text) == (Level.FAIL, "can0 is down")
-    assert told["interface"].mend == "sudo ip link set can0 up type can bitrate 500000 restart-ms 100"
+    assert told["interface"].fix == "sudo ip link set can0 up type can bitrate 500000 restart-ms 100"
     assert "controller" not in told  # a stopped controller is the same fact again
 
 
 def test_a_virtual_bus_that_is_down_is_only_brought_up() -> None:
-    assert found(VXCAN_DOWN, "vx1")["interface"].mend == "sudo ip link set vx1 up"
+    assert found(VXCAN_DOWN, "vx1")["interface"].fix == "sudo ip link set vx1 up"
     assert worst(findings("vcan0", parse_links(VCAN0))) is Level.OK
 
 
 def test_a_controller_never_configured_gets_a_bitrate() -> None:
     unset = down(MCP251X).replace('"bitrate": 500000', '"bitrate": 0')
-    assert found(unset)["interface"].mend == "sudo ip link set can0 up type can bitrate 1000000 restart-ms 100"
+    assert found(unset)["interface"].fix == "sudo ip link set can0 up type can bitrate 1000000 restart-ms 100"
 
 
 @pytest.mark.parametrize(
@@ -113,17 +113,17 @@ def test_a_controller_never_configured_gets_a_bitrate() -> None:
 )  # fmt: skip
 def test_the_state_of_the_controller_is_judged(state: str, level: Level) -> None:
     finding = found(changed(PEAK_USB, state=state, berr_counter={"tx": 136, "rx": 7}), "can1")["controller"]
-    assert (finding.level, bool(finding.mend)) == (level, level is not Level.OK)
+    assert (finding.level, bool(finding.fix)) == (level, level is not Level.OK)
     assert finding.text.startswith(f"can1 is {state}, error counters: transmit 136, receive 7")
     if level is Level.FAIL:
-        assert finding.mend == "sudo ip link set can1 down && sudo ip link set can1 up"
+        assert finding.fix == "sudo ip link set can1 down && sudo ip link set can1 up"
 
 
 @pytest.mark.parametrize("mode", ["LISTEN-ONLY", "ONE-SHOT", "LOOPBACK"])
 def test_a_mode_that_no_control_loop_can_use_fails(mode: str) -> None:
     finding = found(changed(PEAK_USB, ctrlmode=[mode]), "can1")["controller"]
     assert finding.level is Level.FAIL
-    assert finding.mend == f"sudo ip link set can1 down && sudo ip link set can1 up type can {mode.lower()} off"
+    assert finding.fix == f"sudo ip link set can1 down && sudo ip link set can1 up type can {mode.lower()} off"
 
 
 def test_errors_of_the_past_are_counted() -> None:
@@ -135,13 +135,13 @@ def test_errors_of_the_past_are_counted() -> None:
 def test_an_interface_that_is_missing_is_made_where_it_is_virtual_and_looked_for_where_not() -> None:
     made = found(LOOPBACK, "vcan0")["interface"]
     assert (made.level, made.text) == (Level.FAIL, "vcan0 does not exist; this machine has no CAN bus")
-    assert made.mend == "sudo modprobe vcan; sudo ip link add dev vcan0 type vcan && sudo ip link set vcan0 up"
+    assert made.fix == "sudo modprobe vcan; sudo ip link add dev vcan0 type vcan && sudo ip link set vcan0 up"
     missing = found(ALL, "can7")["interface"]
     assert (missing.level, missing.text) == (
         Level.FAIL,
         "can7 does not exist; this machine has vcan0, vx1, can0, can1",
     )
-    assert missing.mend.startswith("sudo dmesg")
+    assert missing.fix.startswith("sudo dmesg")
 
 
 def test_a_network_card_is_no_bus() -> None:

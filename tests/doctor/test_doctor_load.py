@@ -84,7 +84,7 @@ def test_short_extended_frames_of_a_users_dbc_are_counted_as_they_are(tmp_path: 
 )
 def test_above_60_percent_is_told_and_above_90_refused(bitrate: int, period_s: float, level: Level) -> None:
     (finding,) = findings(OURS, period_s, "can0", bitrate)
-    assert (finding.level, bool(finding.mend)) == (level, level is not Level.OK)
+    assert (finding.level, bool(finding.fix)) == (level, level is not Level.OK)
     assert f"{100 * (2 * LONGEST / period_s + OTHERS) / bitrate:.0f} % of" in finding.text
 
 
@@ -92,15 +92,15 @@ def test_a_refusal_names_the_shortest_period_that_fits_and_where_to_set_it() -> 
     (finding,) = findings(OURS, 0.001, "can0", 250_000, "/etc/positioner/fv101.toml")
     # 270 bits within what 90 % of 250 kbit/s leave beside 28350 bit/s: 1.372998 ms
     assert "the shortest period that fits is 0.001373 s: 728 samples/s" in finding.text
-    assert finding.mend.startswith("sudoedit /etc/positioner/fv101.toml  # [control] sample_period_s")
+    assert finding.fix.startswith("sudoedit /etc/positioner/fv101.toml  # [control] sample_period_s")
     assert bus_load(OURS, 0.001373, 250_000).total <= 0.9 < bus_load(OURS, 0.001372, 250_000).total
 
 
 def test_a_warning_below_1_mbit_per_s_names_the_faster_bus_and_at_it_the_period() -> None:
     (slow,) = findings(OURS, 0.001, "can0", 400_000)
-    assert slow.mend.startswith("sudo ip link set can0 down && sudo ip link set can0 up type can bitrate 1000000 ")
+    assert slow.fix.startswith("sudo ip link set can0 down && sudo ip link set can0 up type can bitrate 1000000 ")
     (fast,) = findings(OURS, 0.0004, "can0", 1_000_000, "valve.toml")
-    assert fast.mend.startswith("sudoedit valve.toml")
+    assert fast.fix.startswith("sudoedit valve.toml")
 
 
 def test_a_virtual_bus_has_no_load_and_says_so() -> None:

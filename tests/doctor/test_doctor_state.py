@@ -33,7 +33,7 @@ def test_the_policy_of_a_process_is_read_from_the_kernel() -> None:
         child.communicate(b"\n")
     assert (finding.level, slow.level) == (Level.WARN, Level.OK)
     assert finding.text.startswith(f"process {child.pid}: SCHED_BATCH on processor ")
-    assert finding.mend.startswith(f"sudo chrt --fifo --pid 50 {child.pid}; to last: ")
+    assert finding.fix.startswith(f"sudo chrt --fifo --pid 50 {child.pid}; to last: ")
     assert scheduling.of_daemon(child.pid, 0.001, None).text == f"process {child.pid} has just ended"
 
 
@@ -87,7 +87,7 @@ def test_a_state_directory_that_is_not_there_yet_is_no_fault_where_it_can_be_mad
     assert (told.level, told.text) == (Level.OK, f"{tmp_path}/a/b is not there yet: the first start makes it")
     (tmp_path / "file").write_text("")
     told = state_found(tmp_path, tmp_path / "file" / "state")["state"]
-    assert (told.level, told.mend) == (
+    assert (told.level, told.fix) == (
         Level.FAIL,
         f"sudo install -d -m 750 -o $(id -un) {tmp_path}/file/state",
     )
@@ -131,7 +131,7 @@ def test_a_directory_that_cannot_be_written_or_read_is_told(tmp_path: Path, monk
     monkeypatch.setattr("positioner.doctor.state_directory.os.access", lambda _path, _mode: False)
     told = state_found(tmp_path, tmp_path)
     assert (told["state"].level, "is not writable" in told["state"].text) == (Level.FAIL, True)
-    assert (told["table"].level, told["table"].mend[:28]) == (Level.WARN, "sudo positioner table dump -")
+    assert (told["table"].level, told["table"].fix[:28]) == (Level.WARN, "sudo positioner table dump -")
 
 
 def test_the_worst_of_nothing_is_fine() -> None:
@@ -147,4 +147,4 @@ def test_a_directory_that_only_root_may_look_into_is_told(tmp_path: Path, monkey
     monkeypatch.setattr(Path, "is_dir", refused)
     (told,) = state_directory.findings(configuration, Place(tmp_path, "positioner@fv101"))
     assert (told.level, told.text) == (Level.WARN, f"{tmp_path} cannot be looked into by this user")
-    assert told.mend.startswith(f"sudo ls -l {tmp_path}")
+    assert told.fix.startswith(f"sudo ls -l {tmp_path}")

@@ -15,7 +15,7 @@ from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
 from positioner.errors import HostError
-from positioner.host.session import ANSWER_S, RELEASED_S, Session
+from positioner.host.session import ANSWER_S, RELEASED_S, HostSession
 from positioner.host.verbs import Verb, Word, read_verbs
 from positioner.wire.messages import (
     CurrentCommand,
@@ -48,7 +48,7 @@ class Bench:
         self.plant = plant_settings("paper")
         self.device = initial_device(self.plant, 3)
         self.state = CycleState()
-        self.session = Session(self.configuration)
+        self.session = HostSession(self.configuration)
         self.now_ns = 1000 * MS
         self.sent: list[Message] = []
         self.currents: list[float] = []
@@ -77,7 +77,7 @@ class Bench:
                 self.state, outbox, _ = step(self.setup, self.state, CycleInput(tuple(bus), self.now_ns))
             own = {self.codec.identifier(Setpoint), self.codec.identifier(ManualCurrent)} if self.host_is_on else set()
             heard = [frame for frame in bus if (frame.arbitration_id, frame.is_extended) not in own]
-            self.session.hear([*heard, *outbox], self.now_ns)
+            self.session.receive([*heard, *outbox], self.now_ns)
             self.currents += [
                 message.current_ma
                 for message, _ in map(self.codec.decode, outbox)
@@ -114,7 +114,7 @@ def test_before_the_first_verb_not_a_frame_is_sent() -> None:
     with pytest.raises(HostError, match="silent: it was not armed since its start"):
         it.say("status", within_s=2.0)
     assert it.sent == []
-    assert not it.session.is_speaking
+    assert not it.session.is_sending
 
 
 def test_arm_releases_first_and_holds_the_request_until_the_positioner_is_armed() -> None:
@@ -172,7 +172,7 @@ def test_disarm_silences_and_ends_the_setpoints() -> None:
     it.run(0.5)
     it.say("disarm")
     assert it.is_in(Mode.READY)
-    assert not it.session.is_speaking
+    assert not it.session.is_sending
     it.sent.clear()
     it.run(0.5)
     assert it.sent == []
@@ -318,8 +318,8 @@ def test_another_host_is_seen_before_and_while_one_speaks() -> None:
     it.run(0.6)
     it.say("arm")
     assert it.told("another host") == []
-    it.session.hear([it.codec.encode(Setpoint(0.08), 0)], it.now_ns)
-    it.session.hear([it.codec.encode(Setpoint(0.08), 1)], it.now_ns)
+    it.session.receive([it.codec.encode(Setpoint(0.08), 0)], it.now_ns)
+    it.session.receive([it.codec.encode(Setpoint(0.08), 1)], it.now_ns)
     assert it.told("another host") == ["another host sends setpoints to this valve, too: end one of them"]
 
 
@@ -327,7 +327,7 @@ def test_armed_already_is_no_mistake_and_brings_a_valve_back_that_was_left_alone
     it = Bench()
     it.say("arm set 80")
     it.run(1.0)
-    it.session = Session(it.configuration)
+    it.session = HostSession(it.configuration)
     it.run(1.0)
     assert it.is_in(Mode.HOLD)
     it.say("arm")
@@ -370,14 +370,14 @@ def test_a_positioner_that_falls_silent_is_told_once() -> None:
 def test_a_damaged_frame_is_passed_over_and_a_reading_that_is_none_is_not_shown() -> None:
     it = Bench()
     good = it.codec.encode(StemPosition(0.08), 0)
-    session = Session(it.configuration)
-    session.hear([type(good)(good.arbitration_id, bytes(8))], 0)
-    assert session.picture.position_m is None
-    session.hear([good], 1)
-    assert session.picture.position_m == pytest.approx(0.08)
+    session = HostSession(it.configuration)
+    session.receive([type(good)(good.arbitration_id, bytes(8))], 0)
+    assert session.view.position_m is None
+    session.receive([good], 1)
+    assert session.view.position_m == pytest.approx(0.08)
 
 
-def test_a_short_patience_of_the_positioner_shortens_the_cadence() -> None:
+def test_a_short_patience_of_the_positioner_shortens_the_schedule() -> None:
     it = Bench(TEXT + "[guard]\nsetpoint_hold_s = 0.02\nsetpoint_failsafe_s = 0.0\n")
     it.say("arm")
     it.sent.clear()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from plant_emulator import valve
-from plant_emulator.daemon import EmulatorDaemon, RunOptions
+from plant_emulator.daemon import EmulatorDaemon, EmulatorOptions
 from plant_emulator.device import DeviceState, advance, failure, initial_device, publish, take
 from plant_emulator.parameters import FailPosition, PlantSettings
 from plant_emulator.presets import plant_settings
@@ -303,7 +303,7 @@ def test_the_valve_says_why_it_failed_safe_and_where_it_went() -> None:
 def test_the_node_says_once_that_it_failed_safe_and_once_that_it_obeys_again(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    options = RunOptions(bus=BusAddress(), period_s=PERIOD_S, seed=1, lockstep=False)
+    options = EmulatorOptions(bus=BusAddress(), period_s=PERIOD_S, seed=1, lockstep=False)
     node = EmulatorDaemon(PAPER, CODEC, options)
     node._state = taken(command(12.0, 0), state=node._state)
     for _ in range(30):

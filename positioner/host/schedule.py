@@ -16,7 +16,7 @@ _FRAMES_IN_PATIENCE = 5
 _NS = 1_000_000_000
 
 
-class Cadence:
+class FrameSchedule:
     """Says when a frame is due, and numbers it."""
 
     def __init__(self, codec: Codec, patience_s: float) -> None:

@@ -23,21 +23,21 @@ if TYPE_CHECKING:
     from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame, Counted, Message
 
-HEARD: tuple[type[Message], ...] = (StemPosition, CurrentCommand, PositionerStatus, PositionerCount, Setpoint)
+RECEIVED: tuple[type[Message], ...] = (StemPosition, CurrentCommand, PositionerStatus, PositionerCount, Setpoint)
 """What a host listens to; a setpoint that it hears is another host's."""
 SILENT_S = 0.5
 """Whoever says nothing for so long is not there."""
 _NS = 1_000_000_000
 
 
-class Picture:
+class ValveView:
     """The valve as seen from the bus. Instants are monotonic; None for what was never heard."""
 
     def __init__(self, codec: Codec, span_m: float) -> None:
         """Begin with nothing heard."""
         self._codec = codec
         self._span_m = span_m
-        self._heard_ns: dict[type[Message], int] = {}
+        self._received_ns: dict[type[Message], int] = {}
         self._track: Handover | None = None
         self.status: PositionerStatus | None = None
         self.command: CurrentCommand | None = None
@@ -45,7 +45,7 @@ class Picture:
         self.counts: dict[Counted, int] = {}
         self.other_setpoint_m: float | None = None
 
-    def hear(self, frames: Iterable[CanFrame], now_ns: int) -> None:
+    def receive(self, frames: Iterable[CanFrame], now_ns: int) -> None:
         """Take in what arrived, oldest first; of positions and commands only the newest, of the rest everything."""
         newest: dict[tuple[int, bool], CanFrame] = {}
         often = {self._codec.identifier(kind) for kind in (StemPosition, CurrentCommand)}
@@ -63,7 +63,7 @@ class Picture:
             message, _ = self._codec.decode(frame)
         except FrameRejectedError:
             return
-        self._heard_ns[type(message)] = now_ns
+        self._received_ns[type(message)] = now_ns
         match message:
             case StemPosition():
                 self.quality = message.quality
@@ -79,18 +79,18 @@ class Picture:
             case Setpoint():
                 self.other_setpoint_m = message.setpoint_m
 
-    def heard_since(self, kind: type[Message], instant_ns: int) -> bool:
+    def received_since(self, kind: type[Message], instant_ns: int) -> bool:
         """Return whether such a frame came after `instant_ns`."""
-        return self._heard_ns.get(kind, -1) > instant_ns
+        return self._received_ns.get(kind, -1) > instant_ns
 
-    def is_there(self, kind: type[Message], now_ns: int) -> bool:
+    def is_received(self, kind: type[Message], now_ns: int) -> bool:
         """Return whether such frames come."""
-        heard_ns = self._heard_ns.get(kind)
-        return heard_ns is not None and now_ns - heard_ns <= SILENT_S * _NS
+        received_ns = self._received_ns.get(kind)
+        return received_ns is not None and now_ns - received_ns <= SILENT_S * _NS
 
     def mode(self, now_ns: int) -> Mode | None:
         """Return the mode in the positioner's status (a command may be another's), None while it is silent."""
-        return self.status.mode if self.status and self.is_there(PositionerStatus, now_ns) else None
+        return self.status.mode if self.status and self.is_received(PositionerStatus, now_ns) else None
 
     def is_controlled(self, now_ns: int) -> bool:
         """Return whether the positioner is armed and has not failed safe."""
@@ -104,12 +104,12 @@ class Picture:
     def lines(self, setpoint_m: float | None, now_ns: int) -> list[str]:
         """Return the status in lines; `setpoint_m` is the host's own, None where it sends none."""
         status = self.status
-        if status is None or not self.is_there(PositionerStatus, now_ns):
+        if status is None or not self.is_received(PositionerStatus, now_ns):
             return [self.silence(now_ns)]
         asked_m = setpoint_m
-        if asked_m is None and self.is_there(Setpoint, now_ns):
+        if asked_m is None and self.is_received(Setpoint, now_ns):
             asked_m = self.other_setpoint_m
-        here_m = self.position_m if self.is_there(StemPosition, now_ns) else None
+        here_m = self.position_m if self.is_received(StemPosition, now_ns) else None
         error_m = None if asked_m is None or here_m is None or status.mode is Mode.MANUAL else here_m - asked_m
         current = f"{self.command.current_ma:.3f} mA" if self.command else "none"
         doubt = f", the sensor says {self.quality.name}" if self.quality is not Quality.VALID else ""
@@ -120,14 +120,14 @@ class Picture:
             ("position", "no position frames come" if here_m is None else in_mm(here_m, self._span_m) + doubt),
             ("setpoint", "nobody sends one" if asked_m is None else in_mm(asked_m, self._span_m)),
             ("error", "-" if error_m is None else in_mm(error_m, self._span_m)),
-            ("current", current if self.is_there(CurrentCommand, now_ns) else "none is commanded"),
+            ("current", current if self.is_received(CurrentCommand, now_ns) else "none is commanded"),
             ("counted", self._counted(status)),
         )
         return [f"{name:<9} {value}" for name, value in rows]
 
     def silence(self, now_ns: int) -> str:
         """Return why the positioner may say nothing, in one line."""
-        if not self.is_there(StemPosition, now_ns):
+        if not self.is_received(StemPosition, now_ns):
             return (
                 "nothing is heard: no position frames and no positioner; is the bus the right one, and is the plant on?"
             )

@@ -1,7 +1,7 @@
-"""Condensing a linear time-variant horizon to a quadratic programme in the inputs alone. Pure.
+"""The quadratic programme of a predictive controller, with the inputs as its only variables. Pure.
 
-Letters follow the literature: the horizon is x(i+1) = A_i x(i) + B_i u(i) + c_i for i = 0 .. H_p - 1 (paper eqs 19, 20,
-with the affine term of D5), the programme is min ½ z'Pz + q'z subject to l ≤ Az ≤ u, with z the H_u inputs.
+Letters follow the literature: the model is x(i+1) = A x(i) + B u(i) along a horizon of H_p steps (paper eqs 19, 20),
+the programme is min ½ z'Pz + q'z subject to l ≤ Az ≤ u, where z are the H_u inputs.
 """
 
 from __future__ import annotations
@@ -16,30 +16,6 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Horizon:
-    """The linear model along the horizon: A (H_p, n, n), B (H_p, n), c (H_p, n)."""
-
-    A: NDArray[np.float64]
-    B: NDArray[np.float64]
-    c: NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class Prediction:
-    """States as an affine function of the inputs: x(i+1) = free[i] + forced[i] @ z.
-
-    free (H_p, n): the response without input; forced (H_p, n, H_u): the response to the inputs.
-    """
-
-    free: NDArray[np.float64]
-    forced: NDArray[np.float64]
-
-    def states(self, inputs: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the states (H_p, n) under `inputs` (H_u,)."""
-        return self.free + self.forced @ inputs
-
-
-@dataclass(frozen=True, slots=True)
 class QuadraticProgram:
     """min ½ z'Pz + q'z subject to l ≤ Az ≤ u; P (n, n) symmetric, q (n,), A (m, n), l and u (m,)."""
 
@@ -50,34 +26,29 @@ class QuadraticProgram:
     u: NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class Solution:
-    """The minimiser z (n,) and the multipliers y (m,) of a solved programme."""
-
-    z: NDArray[np.float64]
-    y: NDArray[np.float64]
-
-
 class Solver(Protocol):
-    """What the planner needs of a solver: see `positioner.optimization.solver.QpSolver`."""
+    """What a planner needs of a solver: see `positioner.optimization.solver.QpSolver`."""
 
-    def solve(self, program: QuadraticProgram) -> Solution | None:
-        """Return the solution of `program`, or None where there is none."""
+    def solve(self, program: QuadraticProgram) -> NDArray[np.float64] | None:
+        """Return the minimiser z (n,) of `program`, or None where there is none."""
 
 
-def predict(horizon: Horizon, start: NDArray[np.float64], control_steps: int) -> Prediction:
-    """Return the prediction from the state `start` (n,); the last of the `control_steps` inputs is held (eq. 17)."""
-    steps, size = horizon.B.shape
-    free = np.empty((steps, size))
-    forced = np.zeros((steps, size, control_steps))
-    state, response = start, np.zeros((size, control_steps))
-    for i in range(steps):
-        # Loop invariant: x(i) == state + response @ z
-        state = horizon.A[i] @ state + horizon.c[i]
-        response = horizon.A[i] @ response
-        response[:, min(i, control_steps - 1)] += horizon.B[i]
-        free[i], forced[i] = state, response
-    return Prediction(free, forced)
+def forced_response(
+    A: NDArray[np.float64], B: NDArray[np.float64], prediction_steps: int, control_steps: int
+) -> NDArray[np.float64]:
+    """Return what the inputs add to the states, (H_p, n, H_u), for A (n, n) and B (n,).
+
+    The states without inputs plus this response, times the inputs, are the states. The last of the `control_steps`
+    inputs is held to the end (eq. 17).
+    """
+    forced = np.zeros((prediction_steps, len(B), control_steps))
+    response = np.zeros((len(B), control_steps))
+    for i in range(prediction_steps):
+        # Loop invariant: response @ z is what the inputs have added to x(i)
+        response = A @ response
+        response[:, min(i, control_steps - 1)] += B
+        forced[i] = response
+    return forced
 
 
 def tracking_cost(

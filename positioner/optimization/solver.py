@@ -14,8 +14,6 @@ import numpy as np
 import osqp
 from scipy import sparse
 
-from positioner.optimization.qp import Solution
-
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -47,8 +45,8 @@ class QpSolver:
             check_termination=5,
         )
 
-    def solve(self, program: QuadraticProgram) -> Solution | None:
-        """Return the solution, or None where there is none: infeasible, not converged, or a value not finite.
+    def solve(self, program: QuadraticProgram) -> NDArray[np.float64] | None:
+        """Return the minimiser (n,), or None where there is none: infeasible, not converged, or a value not finite.
 
         Raises:
             ValueError: an array of the programme does not have the size of the workspace.
@@ -64,7 +62,7 @@ class QpSolver:
         if result.info.status_val != osqp.SolverStatus.OSQP_SOLVED:
             self._solver.warm_start(x=np.zeros_like(program.q), y=np.zeros_like(program.l))
             return None
-        return Solution(np.array(result.x), np.array(result.y))
+        return np.array(result.x)
 
     def _take_matrices(self, program: QuadraticProgram) -> bool:
         """Hand P and A to the workspace unless they are the very objects it has; False where they are not finite."""

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from positioner.laws.law import Decision
-    from positioner.optimization.qp import QuadraticProgram, Solution
+    from positioner.optimization.qp import QuadraticProgram
 
 VALVE = ValveParameters(id="paper")
 FREE = Bounds(-10.0, 10.0, 4.0, 20.0)
@@ -195,10 +195,10 @@ def test_the_next_guess_is_the_plan_shifted_by_one() -> None:
         def __init__(self) -> None:
             self.inner = QpSolver(4, 8)
 
-        def solve(self, program: QuadraticProgram) -> Solution | None:
+        def solve(self, program: QuadraticProgram) -> NDArray[np.float64] | None:
             found = self.inner.solve(program)
             assert found is not None
-            guesses.append(found.z)
+            guesses.append(found)
             return found
 
     law = replace(paper_law(), solver=Spy())

@@ -115,7 +115,7 @@ def approach(
         solution = solver.solve(program(settings, course, line, inputs))
         if solution is None:
             return None
-        found = np.clip(solution.z, low, high)
+        found = np.clip(solution, low, high)
         passes, change, inputs = passes + 1, float(np.max(np.abs(found - inputs))), found
     return Approach(tuple(inputs.tolist()), line.speed_limit, passes)
 

@@ -14,7 +14,7 @@ import numpy as np
 from annotated_types import Interval
 
 from positioner.inputs.table import SettingsTable
-from positioner.optimization.qp import Horizon, QuadraticProgram, predict, tracking_cost
+from positioner.optimization.qp import QuadraticProgram, forced_response, tracking_cost
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -52,12 +52,10 @@ class PlannerSettings(SettingsTable):
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The optimal inputs U* (H_u,) in mA, the predicted states X (H_p, 2) in m and m/s, and the passes it took."""
+    """The optimal inputs U* (H_u,) in mA, and the passes it took."""
 
     inputs_ma: NDArray[np.float64]
-    states: NDArray[np.float64]
     passes: int
-    converged: bool
 
 
 def plan(
@@ -76,30 +74,30 @@ def plan(
     """
     fixed = condense(settings, valve, period_s)
     free = free_response(settings, valve, start, inputs_ma, period_s)  # Steps 1 to 3
-    for passes in range(1, settings.max_passes + 1):
+    passes, has_converged = 0, False
+    while not has_converged and passes < settings.max_passes:
         solution = solver.solve(program(fixed, free, setpoint_m, bounds))  # Step 4
         if solution is None:
             return None
-        found = np.clip(solution.z, bounds.current_low_ma, bounds.current_high_ma)
+        found = np.clip(solution, bounds.current_low_ma, bounds.current_high_ma)
         change = float(np.abs(found - inputs_ma).max())
         linearised_at, inputs_ma = free, found
         free = free_response(settings, valve, start, inputs_ma, period_s)
+        passes += 1
         # Step 5; the same linear model again would only give the same inputs again
-        if change < settings.pass_tolerance_ma or np.array_equal(free, linearised_at):
-            return Plan(inputs_ma, free + fixed.forced @ inputs_ma, passes, True)
-    return Plan(inputs_ma, free + fixed.forced @ inputs_ma, passes, False)
+        has_converged = change < settings.pass_tolerance_ma or np.array_equal(free, linearised_at)
+    return Plan(inputs_ma, passes)
 
 
 @dataclass(frozen=True, slots=True)
 class Condensed:
     """What no pass and no cycle changes: with the friction as an affine term, A and B of eq. 30 are constant (D5).
 
-    forced (H_p, 2, H_u): states per mA of each input. P (H_u, H_u) and gradient (H_u, H_p): the cost is
+    P (H_u, H_u) and gradient (H_u, H_p): the cost is
     ½ z'Pz - z' gradient (r - free position). rows (H_u + H_p, H_u): the inputs, then the speeds in mA per mA.
     speed_unit: mA that one m/s is worth, B·T_s/m inverted. reach (H_p,): speeds under 1 mA held, in mA.
     """
 
-    forced: NDArray[np.float64]
     P: NDArray[np.float64]
     gradient: NDArray[np.float64]
     rows: NDArray[np.float64]
@@ -119,13 +117,12 @@ def condense(settings: PlannerSettings, valve: ValveParameters, period_s: float)
             [-valve.spring_rate_n_per_m * rate, 1.0 - valve.viscous_friction_n_s_per_m * rate],
         ]
     )
-    horizon = Horizon(np.tile(A, (steps, 1, 1)), np.tile([0.0, gain], (steps, 1)), np.zeros((steps, 2)))
-    forced = predict(horizon, np.zeros(2), count).forced
+    forced = forced_response(A, np.array([0.0, gain]), steps, count)
     weight = np.full(steps, settings.error_weight_per_cm2 * 1e4)
     weight[-1] *= settings.terminal_factor
     P, gradient = tracking_cost(forced[:, 0, :], weight, settings.input_weight_per_ma2)
     speeds = forced[:, 1, :] / gain
-    return Condensed(forced, P, gradient, np.vstack([np.eye(count), speeds]), 1.0 / gain, speeds.sum(axis=1))
+    return Condensed(P, gradient, np.vstack([np.eye(count), speeds]), 1.0 / gain, speeds.sum(axis=1))
 
 
 def free_response(

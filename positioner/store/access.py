@@ -8,8 +8,9 @@ import time
 from typing import TYPE_CHECKING
 
 from positioner.errors import AlreadyRunningError, StateError
-from positioner.store import as_owner, control, lock, messages
-from positioner.store.at_files import at_the_files
+from positioner.store import as_owner, commands, control, lock, messages
+from positioner.store.channel import Channel
+from positioner.store.file_check import Fault, TableRejectedError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -31,7 +32,7 @@ def dump(directory: Path) -> StoredTable:
     answer = _ask(directory, messages.DumpRequest())
     if isinstance(answer, messages.Dumped):
         return answer.stored
-    raise StateError(f"{directory}: {answer}")
+    raise _error(directory, answer)
 
 
 def reset(directory: Path) -> str | None:
@@ -40,7 +41,7 @@ def reset(directory: Path) -> str | None:
     Raises:
         StateError: nothing was changed; the message says why.
     """
-    return _backup(_ask(directory, messages.ResetRequest()))
+    return _backup(directory, messages.ResetRequest())
 
 
 def replace(directory: Path, stored: StoredTable, *, force: bool) -> str | None:
@@ -51,27 +52,37 @@ def replace(directory: Path, stored: StoredTable, *, force: bool) -> str | None:
     Raises:
         StateError: nothing was changed; the message says why.
     """
-    return _backup(_ask(directory, messages.ImportRequest(stored, force)))
+    return _backup(directory, messages.ImportRequest(stored, force))
 
 
-def _backup(answer: messages.Answer) -> str | None:
+def _backup(directory: Path, request: messages.Request) -> str | None:
+    answer = _ask(directory, request)
     if isinstance(answer, messages.Done):
         return answer.backup
-    raise StateError(answer.reason if isinstance(answer, messages.Refused) else f"unexpected answer: {answer}")
+    raise _error(directory, answer)
 
 
-def _ask(directory: Path, request: messages.Request) -> messages.Answer:
+def _error(directory: Path, answer: messages.Message) -> StateError:
+    match answer:
+        case messages.Refused(reason):
+            return StateError(reason)
+        case messages.Rejected(name, fault, detail):
+            return TableRejectedError(directory / name, Fault(fault), detail)
+    return StateError(f"{directory}: unexpected answer: {answer}")
+
+
+def _ask(directory: Path, request: messages.Request) -> messages.Message:
     deadline_s = time.monotonic() + _PATIENCE_S
     while True:
         try:
             with lock.held(directory, patience_s=0.0):
-                return _as_owner(directory, request)
+                return _of_files(directory, request)
         except AlreadyRunningError as occupied:
             try:
                 return _of_writer(directory, request)
             except (FileNotFoundError, ConnectionError, PermissionError) as error:
                 if isinstance(request, messages.DumpRequest):  # who may only read has no way to the table writer
-                    return _as_owner(directory, request)
+                    return _of_files(directory, request)
                 if isinstance(error, PermissionError):
                     message = f"{directory / control.NAME}: {error.strerror}; become the daemon's user or its group's"
                     raise StateError(message) from error
@@ -80,28 +91,25 @@ def _ask(directory: Path, request: messages.Request) -> messages.Answer:
         time.sleep(_RETRY_S)
 
 
-def _of_writer(directory: Path, request: messages.Request) -> messages.Answer:
+def _of_files(directory: Path, request: messages.Request) -> messages.Message:
+    return (as_owner.ask if as_owner.is_needed(directory) else commands.on_files)(directory, request)
+
+
+def _of_writer(directory: Path, request: messages.Request) -> messages.Message:
     descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
             connection.settimeout(_ANSWER_S)
             connection.connect(control.address(descriptor))
-            connection.sendall(messages.encode(request) + b"\n")
-            decoder, answer = messages.Decoder(), None
-            with connection.makefile("rb") as answers:
-                while answer is None:
-                    line = answers.readline()
-                    if not line.endswith(b"\n"):
-                        raise ConnectionAbortedError
-                    answer = decoder.feed(line)
-    except TimeoutError as error:
-        raise StateError(f"{directory}: the table writer does not answer") from error
+            channel = Channel(connection)
+            channel.send(request)
+            answer = next(channel.received_until(time.monotonic() + _ANSWER_S), None)
+            if answer is None and channel.ended:
+                raise ConnectionAbortedError
+    except TimeoutError:
+        answer = None
     finally:
         os.close(descriptor)
-    if isinstance(answer, messages.Dumped | messages.Done | messages.Refused):
-        return answer
-    raise StateError(f"{directory}: unexpected answer of the table writer: {answer}")
-
-
-def _as_owner(directory: Path, request: messages.Request) -> messages.Answer:
-    return (as_owner.ask if as_owner.is_needed(directory) else at_the_files)(directory, request)
+    if answer is None:
+        raise StateError(f"{directory}: the table writer does not answer")
+    return answer

@@ -13,8 +13,8 @@ from pathlib import Path
 
 from positioner.errors import PositionerError, StateError
 from positioner.store import messages
-from positioner.store.at_files import at_the_files
-from positioner.store.file_check import Fault, TableRejectedError
+from positioner.store.commands import on_files
+from positioner.store.file_check import TableRejectedError
 from positioner.store.interpreter import command, environment
 
 _ANSWER_S = 30.0
@@ -25,12 +25,11 @@ def is_needed(directory: Path) -> bool:
     return os.geteuid() == 0 and directory.stat().st_uid != 0
 
 
-def ask(directory: Path, request: messages.Request) -> messages.Answer:
-    """Return what `request` gives when the owner of the directory makes it.
+def ask(directory: Path, request: messages.Request) -> messages.Message:
+    """Return the answer to `request` that the owner of the directory gets.
 
     Raises:
-        TableRejectedError: the table is none.
-        StateError: nothing was changed; the message says why.
+        StateError: there is none; nothing was changed.
     """
     descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
     try:
@@ -50,15 +49,11 @@ def ask(directory: Path, request: messages.Request) -> messages.Answer:
     finally:
         os.close(descriptor)
     match answer:
-        case messages.Rejected(name, fault, detail):
-            raise TableRejectedError(directory / name, Fault(fault), detail)
         case messages.Refused(reason):
-            raise StateError(f"{directory}: {reason}")
+            return messages.Refused(f"{directory}: {reason}")
         case messages.Done(str(backup)):
             return messages.Done(str(directory / backup.lstrip("/")))
-        case messages.Dumped() | messages.Done():
-            return answer
-    raise StateError(f"{directory}: unexpected answer: {answer}")
+    return answer
 
 
 def _become_owner(descriptor: int) -> None:
@@ -71,20 +66,13 @@ def _become_owner(descriptor: int) -> None:
     os.setresuid(status.st_uid, status.st_uid, status.st_uid)
 
 
-def _answer(line: bytes) -> messages.Answer:
-    request = messages.decode(line)
-    if not isinstance(request, messages.DumpRequest | messages.ResetRequest | messages.ImportRequest):
-        raise StateError(f"not a request: {request}")
-    return at_the_files(Path("/"), request)
-
-
 def main() -> None:
     """Answer the request on the standard input as the owner of the directory whose descriptor is the argument."""
     answer: messages.Answer
     try:
-        line = sys.stdin.buffer.read()
+        request = messages.decode(sys.stdin.buffer.read())
         _become_owner(int(sys.argv[1]))
-        answer = _answer(line)
+        answer = on_files(Path("/"), request)
     except TableRejectedError as rejected:
         answer = messages.Rejected(rejected.path.name, rejected.fault, rejected.detail)
     except (PositionerError, OSError) as error:

@@ -25,7 +25,7 @@ _PATIENCE_S = 10.0
 """How long to wait for the lock: an earlier daemon's table writer, or a command, is done by then."""
 _RESTART_FIRST_S, _RESTART_LONGEST_S = 0.1, 30.0
 _LINES_PER_POLL = 4
-_TOLD_AFTER_S, _ENDED_AFTER_S = 3.0, 90.0
+_REPORTED_AFTER_S, _ENDED_AFTER_S = 3.0, 90.0
 """Silence of a table writer that has something to save: it commits within half a second, and reports a disk that fails
 every 30 s."""
 _HANGS = "the stiction table is not being saved: its table writer does not answer; the disk may hang"
@@ -34,22 +34,14 @@ _HANGS = "the stiction table is not being saved: its table writer does not answe
 class TableWriterClient:
     """The table writer as the daemon sees it; `problem` says in one line why the table is not being saved, or is None.
 
-    In each cycle call `record` before `poll`: then samples taught before a reset go to the table that was reset.
+    In each cycle call `record` before `poll`: then samples learned before a reset go to the table that was reset.
     """
 
-    def __init__(
-        self,
-        directory: Path,
-        lock_descriptor: int,
-        process: Child,
-        stored: StoredTable,
-        early: tuple[messages.Message, ...],
-    ) -> None:
+    def __init__(self, directory: Path, lock_descriptor: int, process: Child, stored: StoredTable) -> None:
         self._directory = directory
         self._lock = lock_descriptor
         self._child = process
         self._stored = stored
-        self._early = early
         self._saved = Saved(-1, -1)
         self._behind = False
         self._restart_s = _RESTART_FIRST_S
@@ -86,12 +78,11 @@ class TableWriterClient:
         descriptor = lock.acquire(directory, patience_s, tell)
         try:
             process = child.start(descriptor, messages.Open(str(directory), valve_id, cell_width_m, restarted=False))
-            opened, early = child.opened(process)
+            opened = child.opened(process)
         except (OSError, StateError) as error:
             os.close(descriptor)
             raise StateError(f"the stiction table cannot be opened: {error}") from error
-        writer = cls(directory, descriptor, process, opened.stored, early)
-        return writer, opened.stored.table, opened.notices
+        return cls(directory, descriptor, process, opened.stored), opened.stored.table, opened.notices
 
     @property
     def saved(self) -> bool:
@@ -104,27 +95,34 @@ class TableWriterClient:
 
     def record(self, samples: Sequence[LearnedSample]) -> None:
         """Hand over samples in the order in which the daemon recorded them; never waits, never raises."""
-        if not samples:
-            return
-        seconds = int(time.time())
+        seconds, learned = int(time.time()), []
         for sample in samples:
-            self._stored = self._stored.learned(sample, seconds)
-        if self._behind or self._child.busy or self._child.channel.ended:
+            before, self._stored = self._stored, self._stored.learned(sample, seconds)
+            if self._stored is not before:
+                learned.append(sample)
+        if not learned:
+            return
+        channel = self._child.channel
+        if self._behind or channel.pending or channel.ended:
             self._behind = True  # the table writer is slow or gone: it gets the whole table later; nothing piles up
         else:
-            self._child.send(messages.Learn(self._stored.generation, tuple(samples)))
+            channel.send(messages.Learn(self._stored.generation, tuple(learned)))
+            channel.flush()
 
     def poll(self, now_s: float | None = None) -> tuple[WriterEvent, ...]:
         """Return what has happened since the last call; never waits. `now_s` is monotonic, by default the present."""
         now_s = time.monotonic() if now_s is None else now_s
-        heard, self._early = (*self._early, *self._child.heard(_LINES_PER_POLL)), ()
-        events = [event for message in heard for event in self._hear(message)]
-        if self._child.ended:
+        channel = self._child.channel
+        received = channel.receive(_LINES_PER_POLL)
+        events = [event for message in received for event in self._update(message)]
+        if channel.ended:
             events.extend(self._revive(now_s))
         else:
-            self._catch_up()
-            self._child.work(_LINES_PER_POLL)
-            events.extend(self._watch(now_s, heard=bool(heard)))
+            if self._behind and not channel.pending:
+                channel.send(messages.Adopt(self._stored))
+                self._behind = False
+            channel.flush(_LINES_PER_POLL)
+            events.extend(self._watch(now_s, silent=not received))
         return tuple(events)
 
     def close(self, timeout_s: float) -> str | None:
@@ -133,16 +131,13 @@ class TableWriterClient:
         Within `timeout_s`; a table writer that needs longer goes on without the daemon, and so does its lock.
         """
         deadline_s = time.monotonic() + timeout_s
-        for message in self._early:
-            tuple(self._hear(message))
         try:
             if self._child.channel.ended:
                 self._child.end()
-                self._child = child.start(self._lock, self._opening())
-                self._behind = True
+                self._start_again()
             if self._behind:
-                self._child.send(messages.Adopt(self._stored))
-            self._child.send(messages.Close())
+                self._child.channel.send(messages.Adopt(self._stored))
+            self._child.channel.send(messages.Close())
             problem = self._farewell(deadline_s)
         except OSError as error:
             problem = f"the stiction table is not saved: its table writer cannot be started: {error}"
@@ -155,47 +150,16 @@ class TableWriterClient:
         return problem
 
     def _farewell(self, deadline_s: float) -> str | None:
-        channel = self._child.channel
-        while (left_s := deadline_s - time.monotonic()) > 0.0 and not channel.ended:
-            channel.wait(left_s)
-            channel.flush()
-            for message in self._child.heard():
-                if isinstance(message, messages.Closed):
-                    return message.problem
-                tuple(self._hear(message))
+        for message in self._child.channel.received_until(deadline_s):
+            if isinstance(message, messages.Closed):
+                return message.problem
+            tuple(self._update(message))
         if self.saved:
             return None
-        unsaved = self._stored.table.sequence - max(0, self._saved.sequence)
-        samples = f"the stiction table's newest samples (up to {unsaved})"
+        samples = f"the stiction table's newest samples (up to {self._newest.sequence - max(0, self._saved.sequence)})"
         return f"{samples} are not known to be saved: its table writer is silent"
 
-    def _opening(self) -> messages.Open:
-        table = self._stored.table
-        return messages.Open(str(self._directory), self._stored.valve_id, table.cell_width_m, restarted=True)
-
-    def _catch_up(self) -> None:
-        if self._behind and not self._child.busy:
-            self._child.begin(messages.Adopt(self._stored))
-            self._behind = False
-
-    def _watch(self, now_s: float, *, heard: bool) -> Iterator[WriterEvent]:
-        """Report that the table writer has not saved its samples, and end it when it has been silent for long."""
-        if heard or self._saved == self._newest:
-            if self.problem == _HANGS and self._saved == self._newest:
-                self.problem = None
-                yield SavingWorks()
-            self._silent_since_s = None
-            return
-        if self._silent_since_s is None:
-            self._silent_since_s = now_s
-        silent_s = now_s - self._silent_since_s
-        if silent_s > _TOLD_AFTER_S and self.problem is None:
-            self.problem = _HANGS
-            yield SavingFailed(_HANGS)
-        if silent_s > _ENDED_AFTER_S:
-            self._child.process.kill()  # what it held it gets again, and its transaction is rolled back
-
-    def _hear(self, message: messages.Message) -> Iterator[WriterEvent]:
+    def _update(self, message: messages.Message) -> Iterator[WriterEvent]:
         match message:
             case Saved():
                 self._saved = message
@@ -218,6 +182,25 @@ class TableWriterClient:
                 if stored.generation > self._stored.generation:
                     self._stored, self._behind = stored, False
                     yield Replaced(stored, "reset or import, just before the table writer ended")
+            case messages.Unreadable():
+                self._child.process.kill()  # no table writer of ours; the next one gets the whole table
+
+    def _watch(self, now_s: float, *, silent: bool) -> Iterator[WriterEvent]:
+        """Report that the table writer has not saved its samples, and end it when it has been silent for long."""
+        if not silent or self._saved == self._newest:
+            if self.problem == _HANGS and self._saved == self._newest:
+                self.problem = None
+                yield SavingWorks()
+            self._silent_since_s = None
+            return
+        if self._silent_since_s is None:
+            self._silent_since_s = now_s
+        silent_s = now_s - self._silent_since_s
+        if silent_s > _REPORTED_AFTER_S and self.problem is None:
+            self.problem = _HANGS
+            yield SavingFailed(_HANGS)
+        if silent_s > _ENDED_AFTER_S:
+            self._child.process.kill()  # the next one gets its samples again, and its transaction is rolled back
 
     def _revive(self, now_s: float) -> Iterator[WriterEvent]:
         """Start the table writer again once it is surely gone: there must never be two."""
@@ -232,9 +215,13 @@ class TableWriterClient:
             self._restart_at_s = None
             self._child.channel.close()
             try:
-                self._child = child.start(self._lock, self._opening())
-                self._behind = True
-                self._silent_since_s = None
+                self._start_again()
             except OSError as error:
                 self._restart_at_s = now_s + self._restart_s
                 yield Notice(f"the table writer cannot be started: {error}")
+
+    def _start_again(self) -> None:
+        table = self._stored.table
+        opening = messages.Open(str(self._directory), self._stored.valve_id, table.cell_width_m, restarted=True)
+        self._child = child.start(self._lock, opening)
+        self._behind, self._silent_since_s = True, None

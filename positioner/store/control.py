@@ -1,19 +1,18 @@
-"""`control.sock`, the table writer's door for the command line: one request a line, one answer a line."""
+"""`control.sock`, through which the command line sends requests to the table writer and receives its answers."""
 
 from __future__ import annotations
 
 import os
 import socket
-import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Self
 
-from positioner.errors import PositionerError
-from positioner.store import messages
-from positioner.store.lines import Lines
+from positioner.store.channel import Channel
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
+
+    from positioner.store import messages
 
 NAME = "control.sock"
 _WAITING_CLIENTS = 16
@@ -30,7 +29,7 @@ class ControlSocket:
 
     def __init__(self, directory: int) -> None:
         self._directory = directory
-        self._clients: dict[Lines, messages.Decoder] = {}
+        self._clients: set[Channel] = set()
         self._listening: socket.socket | None = None
         self.notices: tuple[str, ...] = ()
         try:
@@ -51,28 +50,30 @@ class ControlSocket:
                 os.unlink(NAME, dir_fd=self._directory)
             self._listening.close()
 
-    def waiting(self) -> tuple[list[socket.socket | Lines], list[Lines]]:
+    def waiting(self) -> tuple[list[socket.socket | Channel], list[Channel]]:
         """Return what to wait on for reading and for writing."""
         listening = [self._listening] if self._listening else []
         return [*listening, *self._clients], [client for client in self._clients if client.pending]
 
     def serve(
-        self, ready: Iterable[socket.socket | Lines], answer: Callable[[messages.Message, float], messages.Answer]
+        self, ready: Iterable[socket.socket | Channel], answer: Callable[[messages.Message], messages.Answer]
     ) -> None:
-        """Accept, read, answer and hang up, on what is ready and without waiting."""
+        """Accept, receive, answer and hang up, on what is ready and without waiting."""
         for one in ready:
-            if isinstance(one, Lines):
-                _converse(one, self._clients[one], answer)
+            if isinstance(one, Channel):
+                for request in one.receive():
+                    one.send(answer(request))
+                one.flush()
             else:
                 with suppress(OSError):  # the client may have gone again
-                    self._welcome(one.accept()[0])
+                    self._accept(one.accept()[0])
         for client in [client for client in self._clients if client.ended]:
-            del self._clients[client]
+            self._clients.remove(client)
             client.close()
 
-    def _welcome(self, connection: socket.socket) -> None:
+    def _accept(self, connection: socket.socket) -> None:
         if len(self._clients) < _MOST_CLIENTS:
-            self._clients[Lines(connection)] = messages.Decoder()
+            self._clients.add(Channel(connection))
         else:
             connection.close()  # nobody opens that many in good faith; the daemon's samples come first
 
@@ -92,18 +93,3 @@ def _listen(directory: int) -> socket.socket:
     listening.listen(_WAITING_CLIENTS)
     listening.setblocking(False)
     return listening
-
-
-def _converse(
-    client: Lines, decoder: messages.Decoder, answer: Callable[[messages.Message, float], messages.Answer]
-) -> None:
-    client.flush()
-    for line in client.receive():
-        try:
-            request = decoder.feed(line)
-            if request is None:
-                continue
-            reply = answer(request, time.monotonic())
-        except PositionerError as error:
-            reply = messages.Refused(str(error))
-        client.send(messages.encode(reply))

@@ -1,4 +1,4 @@
-"""The stiction table as a JSON document: the format of `table export`, of backups and of messages. Pure.
+"""The stiction table as plain values, checked by pydantic: the JSON document, and what rows and messages hold. Pure.
 
     {"format": "positioner-stiction-table", "schema": 1, "valve": "FV-101", "cell_width_m": 0.005,
      "generation": 0, "sequence": 12, "cells": [
@@ -11,35 +11,119 @@ The centre of a cell is `index * cell_width_m`; `samples` has the newest last; `
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, ValidationError
 
 from positioner.errors import ConfigurationError, Problem
-from positioner.store.document_reader import FORMAT, SCHEMA, TableReader
-from positioner.valve.stiction import MOST_CELLS
+from positioner.inputs.table import SettingsTable
+from positioner.store.content import StoredTable
+from positioner.valve.stiction import (
+    FARTHEST_M,
+    MOST_CELLS,
+    SAMPLES_KEPT,
+    Cell,
+    CellKey,
+    Direction,
+    Quantity,
+    StictionTable,
+)
 
 if TYPE_CHECKING:
-    from positioner.store.content import StoredTable
-    from positioner.valve.stiction import Cell, CellKey
+    from collections.abc import Iterator, Sequence
+
+    from pydantic_core import ErrorDetails
+
+FORMAT = "positioner-stiction-table"
+_LARGEST = 2**52
+"""A valve that learns a thousand times a second from now on gets there in 140,000 years; all of it is exact in JSON."""
+_LATEST_S = 253_402_300_799  # the last second of the year 9999, where ISO dates end
+_MOST_PROBLEMS = 20
+_LONGEST_SHOWN = 40
+_TEXTS = {
+    "dataclass_type": "must be an object",
+    "missing": "is required and missing",
+    "unexpected_keyword_argument": "unknown key",
+    "tuple_type": "must be a list",
+    "too_long": f"are too many: a table holds at most {MOST_CELLS}",
+}
+
+
+def _seconds(text: object) -> int:
+    try:
+        when = datetime.fromisoformat(str(text))
+    except ValueError:
+        when = None
+    if when is None or when.tzinfo is None or not 0 <= when.timestamp() <= _LATEST_S:
+        raise ValueError("must be a UTC time from 1970 to 9999 like 2026-05-09T07:35:25Z")
+    return int(when.timestamp())
+
+
+def _printable(text: str) -> str:
+    if text and text.isprintable():
+        return text
+    raise ValueError("must be a printable text")
+
+
+def _consistent(cell: PlainCell) -> PlainCell:
+    low, high = cell.quantity.limits
+    if wrong := [value for value in cell.samples if not low <= value <= high]:
+        raise ValueError(f"samples of {cell.quantity} must be from {low:g} to {high:g}, not {wrong[0]!r}")
+    if len(cell.samples) != min(cell.count, SAMPLES_KEPT):
+        raise ValueError(f"count must fit the {len(cell.samples)} samples: the last {SAMPLES_KEPT} are kept")
+    return cell
+
+
+_Whole = Annotated[int, Field(strict=True, ge=0, le=_LARGEST)]
+_Positive = Annotated[int, Field(strict=True, ge=1, le=_LARGEST)]
+_Index = Annotated[int, Field(strict=True, ge=-_LARGEST, le=_LARGEST)]
+
+
+@dataclass(frozen=True, slots=True)
+class PlainCell(SettingsTable):
+    """A cell of the document; `recorded` in seconds since 1970."""
+
+    quantity: Quantity
+    index: _Index
+    direction: Direction
+    samples: tuple[Annotated[float, Field(strict=True)], ...]
+    count: _Positive
+    sequence: _Positive
+    recorded: Annotated[int, BeforeValidator(_seconds)]
+
+
+_Cells = tuple[Annotated[PlainCell, AfterValidator(_consistent)], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Document(SettingsTable):
+    format: Literal["positioner-stiction-table"]
+    schema: Literal[1]
+    valve: Annotated[str, AfterValidator(_printable)]
+    cell_width_m: Annotated[float, Field(strict=True, ge=1e-6, le=10.0)]
+    generation: _Whole
+    sequence: _Whole
+    cells: Annotated[_Cells, Field(max_length=MOST_CELLS)]
+
+
+_DOCUMENT = TypeAdapter(_Document)
+_CELLS = TypeAdapter(_Cells)
 
 
 def dumps(stored: StoredTable) -> str:
     """Return the document as text: a line for the table and one for each cell."""
-    plain = as_plain(stored)
-    cells = ",\n ".join(json.dumps(cell) for cell in plain.pop("cells"))
-    return f'{json.dumps(plain)[:-1]}, "cells": [\n {cells}]}}\n'
-
-
-def as_plain(stored: StoredTable) -> dict[str, Any]:
-    """Return the document as what `json.dumps` takes."""
-    return {**head(stored), "cells": [plain_cell(*one) for one in cells_of(stored)]}
+    lines = ",\n ".join(json.dumps(cell) for cell in cells(stored))
+    return f'{json.dumps(head(stored))[:-1]}, "cells": [\n {lines}]}}\n'
 
 
 def head(stored: StoredTable) -> dict[str, Any]:
-    """Return all of the document but its cells."""
+    """Return all of the document but its cells, as `json.dumps` takes it."""
     return {
         "format": FORMAT,
-        "schema": SCHEMA,
+        "schema": 1,
         "valve": stored.valve_id,
         "cell_width_m": stored.table.cell_width_m,
         "generation": stored.generation,
@@ -47,22 +131,18 @@ def head(stored: StoredTable) -> dict[str, Any]:
     }
 
 
-def cells_of(stored: StoredTable) -> list[tuple[CellKey, Cell, int]]:
-    """Return the cells in the order of the document, each with the instant of its newest sample."""
-    return [(key, cell, stored.recorded_s[key]) for key, cell in stored.table]
-
-
-def plain_cell(key: CellKey, cell: Cell, recorded_s: int) -> dict[str, Any]:
-    """Return a cell of the document."""
-    return {
-        "quantity": str(key.quantity),
-        "index": key.index,
-        "direction": str(key.direction),
-        "samples": list(cell.samples),
-        "count": cell.count,
-        "sequence": cell.sequence,
-        "recorded": utc_text(recorded_s),
-    }
+def cells(stored: StoredTable) -> Iterator[dict[str, Any]]:
+    """Yield the cells of the document, as `json.dumps` takes them, by quantity, position and direction."""
+    for key, cell in stored.table:
+        yield {
+            "quantity": str(key.quantity),
+            "index": key.index,
+            "direction": str(key.direction),
+            "samples": list(cell.samples),
+            "count": cell.count,
+            "sequence": cell.sequence,
+            "recorded": utc_text(stored.recorded_s[key]),
+        }
 
 
 def utc_text(seconds: int) -> str:
@@ -83,13 +163,75 @@ def loads(text: str, source: str) -> StoredTable:
     return from_plain(plain, source)
 
 
-def from_plain(plain: Any, source: str) -> StoredTable:
-    """Return the table in a document that `json.loads` has read.
+def from_plain(plain: Any, source: str, cells_before: Sequence[PlainCell] = ()) -> StoredTable:
+    """Return the table in a document that `json.loads` has read; `cells_before` are cells that came before it.
 
     Raises:
         ConfigurationError: as `loads`.
     """
-    reader = TableReader(source)
-    if isinstance(plain, dict) and isinstance(plain.get("cells"), list):
-        reader.take(plain["cells"][: MOST_CELLS + 1])
-    return reader.finish(plain)
+    if not isinstance(plain, dict) or plain.get("format") != FORMAT:
+        raise ConfigurationError(source, (Problem("file", None, f'is not a stiction table: no "format": "{FORMAT}"'),))
+    given = plain.get("cells")
+    bounded = {**plain, "cells": given[: MOST_CELLS + 1]} if isinstance(given, list) else plain
+    try:
+        document = _DOCUMENT.validate_python(bounded)
+    except ValidationError as error:
+        raise ConfigurationError(source, _problems(error)) from error
+    return _assembled(document, (*cells_before, *document.cells), source)
+
+
+def cells_from(plain: Any, source: str) -> tuple[PlainCell, ...]:
+    """Return some cells of a document.
+
+    Raises:
+        ConfigurationError: as `loads`.
+    """
+    try:
+        return _CELLS.validate_python(plain)
+    except ValidationError as error:
+        raise ConfigurationError(source, _problems(error)) from error
+
+
+def _assembled(document: _Document, plain_cells: Sequence[PlainCell], source: str) -> StoredTable:
+    table = {
+        CellKey(one.quantity, one.index, one.direction): Cell(one.samples, one.count, one.sequence)
+        for one in plain_cells
+    }
+    recorded_s = {CellKey(one.quantity, one.index, one.direction): one.recorded for one in plain_cells}
+    newest = max((cell.sequence for cell in table.values()), default=0)
+    least = max(newest, sum(cell.count for cell in table.values()))
+    width_m = document.cell_width_m
+    problem = None
+    if len(plain_cells) > MOST_CELLS:
+        problem = Problem("cells", None, f"are too many: a table holds at most {MOST_CELLS}")
+    elif len(table) < len(plain_cells):
+        problem = Problem("cells", None, "hold a second cell for the same quantity, index and direction")
+    elif any(abs(key.index * width_m) > FARTHEST_M + width_m for key in table):
+        problem = Problem("cells", None, f"lie farther away than {FARTHEST_M:g} m")
+    elif document.sequence < least:
+        told = f"must be at least {least}, as the cells say, not {document.sequence}"
+        problem = Problem("sequence", None, told)
+    if problem:
+        raise ConfigurationError(source, (problem,))
+    cells_by_key = StictionTable(width_m, document.sequence, MappingProxyType(table))
+    return StoredTable(document.valve, cells_by_key, document.generation, MappingProxyType(recorded_s))
+
+
+def _problems(error: ValidationError) -> tuple[Problem, ...]:
+    return tuple(_problem(item) for item in error.errors(include_url=False)[:_MOST_PROBLEMS])
+
+
+def _problem(item: ErrorDetails) -> Problem:
+    where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in item["loc"]).lstrip(".")
+    text = _TEXTS.get(item["type"])
+    if text is None:
+        said = item["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+        text = said if isinstance(item["input"], dict) else f"{said}, not {_short(item['input'])}"
+    return Problem(where or "file", None, text)
+
+
+def _short(value: Any) -> str:
+    if type(value) is int and abs(value) > _LARGEST:
+        return "such a large number"
+    text = repr(value)
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}…"

@@ -1,24 +1,36 @@
-"""What daemon, table writer and command line tell each other, one JSON line each."""
+"""The messages between daemon, table writer and command line: a JSON line each, a table's cells in lines before it."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import islice
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+
+from pydantic import PlainSerializer, PlainValidator, TypeAdapter, ValidationInfo
 
 from positioner.errors import ConfigurationError, StateError
+from positioner.inputs.table import SettingsTable
 from positioner.store import document
 from positioner.store.content import StoredTable
-from positioner.store.document_reader import TableReader
-from positioner.valve.stiction import Direction, LearnedSample, Quantity
+from positioner.valve.stiction import MOST_CELLS, LearnedSample
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
+
+
+def _stored(plain: Any, info: ValidationInfo) -> StoredTable:
+    return document.from_plain(plain, "message", info.context or ())
+
+
+Stored: TypeAlias = Annotated[
+    StoredTable, PlainValidator(_stored), PlainSerializer(lambda stored: {**document.head(stored), "cells": []})
+]
+"""A table in a message: without its cells, which come in lines before it."""
 
 
 @dataclass(frozen=True, slots=True)
-class Open:
+class Open(SettingsTable):
     """Daemon → table writer, first: which table; `restarted` when it takes the place of a table writer that ended."""
 
     directory: str
@@ -28,15 +40,15 @@ class Open:
 
 
 @dataclass(frozen=True, slots=True)
-class Opened:
+class Opened(SettingsTable):
     """Table writer → daemon: the table as it was found, and what was noteworthy about it."""
 
-    stored: StoredTable
+    stored: Stored
     notices: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Learn:
+class Learn(SettingsTable):
     """Daemon → table writer: samples, in the order in which they were recorded."""
 
     generation: int
@@ -44,26 +56,26 @@ class Learn:
 
 
 @dataclass(frozen=True, slots=True)
-class Adopt:
+class Adopt(SettingsTable):
     """Daemon → table writer: the whole table, in place of samples that could not be sent one by one."""
 
-    stored: StoredTable
+    stored: Stored
 
 
 @dataclass(frozen=True, slots=True)
-class Close:
+class Close(SettingsTable):
     """Daemon → table writer: save, answer `Closed`, end."""
 
 
 @dataclass(frozen=True, slots=True)
-class Closed:
+class Closed(SettingsTable):
     """Table writer → daemon: everything is saved, or why it is not."""
 
     problem: str | None
 
 
 @dataclass(frozen=True, slots=True)
-class Saved:
+class Saved(SettingsTable):
     """Table writer → daemon: the table up to `sequence` is on the disk."""
 
     generation: int
@@ -71,27 +83,27 @@ class Saved:
 
 
 @dataclass(frozen=True, slots=True)
-class Replaced:
+class Replaced(SettingsTable):
     """Table writer → daemon: the table was replaced by command; `reason` says by which and where the former one is."""
 
-    stored: StoredTable
+    stored: Stored
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
-class SavingFailed:
+class SavingFailed(SettingsTable):
     """Table writer → daemon, once: the table cannot be saved; why, and what to do."""
 
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
-class SavingWorks:
+class SavingWorks(SettingsTable):
     """Table writer → daemon, once: the table could be saved again."""
 
 
 @dataclass(frozen=True, slots=True)
-class Notice:
+class Notice(SettingsTable):
     """Table writer → daemon: a line for the log."""
 
     text: str
@@ -102,46 +114,46 @@ class Notice:
 
 
 @dataclass(frozen=True, slots=True)
-class DumpRequest:
+class DumpRequest(SettingsTable):
     """Command line → table writer: what is in the table?"""
 
 
 @dataclass(frozen=True, slots=True)
-class ResetRequest:
+class ResetRequest(SettingsTable):
     """Command line → table writer: back the table up and empty it."""
 
 
 @dataclass(frozen=True, slots=True)
-class ImportRequest:
+class ImportRequest(SettingsTable):
     """Command line → table writer: back the table up and replace it; `force` takes another valve's table too."""
 
-    stored: StoredTable
+    stored: Stored
     force: bool
 
 
 @dataclass(frozen=True, slots=True)
-class Dumped:
+class Dumped(SettingsTable):
     """Table writer → command line: the table."""
 
-    stored: StoredTable
+    stored: Stored
 
 
 @dataclass(frozen=True, slots=True)
-class Done:
+class Done(SettingsTable):
     """Table writer → command line: the table was replaced; `backup` holds the former one, if it held anything."""
 
     backup: str | None
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
+class Refused(SettingsTable):
     """Table writer → command line: nothing was changed, and why."""
 
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
-class Rejected:
+class Rejected(SettingsTable):
     """Owner's process → root's: the file is no table; its `name` in the directory, the fault and the detail."""
 
     name: str
@@ -149,29 +161,33 @@ class Rejected:
     detail: str
 
 
+@dataclass(frozen=True, slots=True)
+class Unreadable(SettingsTable):
+    """In place of a line that is no message: why. It is never sent."""
+
+    reason: str
+
+
 ToWriter: TypeAlias = Open | Learn | Adopt | Close
 FromWriter: TypeAlias = Opened | Closed | Saved | Replaced | SavingFailed | SavingWorks | Notice
 Request: TypeAlias = DumpRequest | ResetRequest | ImportRequest
 Answer: TypeAlias = Dumped | Done | Refused | Rejected
-Message: TypeAlias = ToWriter | FromWriter | Request | Answer
+Message: TypeAlias = ToWriter | FromWriter | Request | Answer | Unreadable
 
+_ADAPTERS: dict[str, TypeAdapter[Message]] = {kind.__name__: TypeAdapter(kind) for kind in Message.__args__}
 _CELLS = "Cells"
-_KINDS: dict[str, Callable[..., Message]] = {kind.__name__: kind for kind in Message.__args__}
-
-
 CELLS_PER_LINE = 16
 """So many cells are read or written in well under a millisecond: a control cycle can wait for one line."""
 
 
 def lines(message: Message) -> Iterator[bytes]:
     """Yield the message line by line: a table's cells come before it, a few in each line."""
-    plain = {field.name: _plain(getattr(message, field.name)) for field in fields(message)}
-    if table := plain.get("stored"):
-        cells = iter(table["cells"])
+    if stored := getattr(message, "stored", None):
+        cells = document.cells(stored)
         while part := list(islice(cells, CELLS_PER_LINE)):
-            yield json.dumps({"kind": _CELLS, "cells": [document.plain_cell(*one) for one in part]}).encode()
-        table["cells"] = []
-    yield json.dumps({"kind": type(message).__name__, **plain}).encode()
+            yield json.dumps({"kind": _CELLS, "cells": part}).encode()
+    kind = type(message).__name__
+    yield json.dumps({"kind": kind, **_ADAPTERS[kind].dump_python(message)}).encode()
 
 
 def encode(message: Message) -> bytes:
@@ -183,8 +199,7 @@ class Decoder:
     """Puts messages together from lines; one for each connection."""
 
     def __init__(self) -> None:
-        """Begin with nothing read."""
-        self._reader = TableReader("message")
+        self._cells: list[document.PlainCell] = []
 
     def feed(self, line: bytes) -> Message | None:
         """Return the message that the line completes, or None.
@@ -192,19 +207,18 @@ class Decoder:
         Raises:
             StateError: the line is no message.
         """
-        reader = self._reader
+        cells, self._cells = self._cells, []
         try:
             plain = json.loads(line)
             kind = plain.pop("kind")
-            if kind == _CELLS:
-                reader.take(plain.pop("cells"))
-                return None
-            self._reader = TableReader("message")
-            return _KINDS[kind](**{name: _typed(name, value, reader) for name, value in plain.items()})
+            if kind != _CELLS:
+                return _ADAPTERS[kind].validate_python(plain, context=cells)
+            cells.extend(document.cells_from(plain["cells"], "message"))
         except (ValueError, TypeError, AttributeError, KeyError, RecursionError, ConfigurationError) as error:
-            self._reader = TableReader("message")
-            told = f": {error}" if isinstance(error, ConfigurationError) else ""
-            raise StateError(f"not a message: {line[:80]!r}{told}") from error
+            problem = f": {error}" if isinstance(error, ConfigurationError) else ""
+            raise StateError(f"not a message: {line[:80]!r}{problem}") from error
+        self._cells = cells[: MOST_CELLS + 1]
+        return None
 
 
 def decode(data: bytes) -> Message:
@@ -218,21 +232,3 @@ def decode(data: bytes) -> Message:
     if len(found) != 1:
         raise StateError(f"not a message: {data[:80]!r}")
     return found[0]
-
-
-def _plain(value: object) -> Any:
-    if isinstance(value, StoredTable):
-        return {**document.head(value), "cells": document.cells_of(value)}
-    if isinstance(value, LearnedSample):
-        return [value.quantity, value.position_m, value.direction, value.value]
-    if isinstance(value, tuple):
-        return [_plain(item) for item in value]
-    return value
-
-
-def _typed(name: str, value: Any, reader: TableReader) -> Any:
-    if name == "stored":
-        return reader.finish(value)
-    if name == "samples":
-        return tuple(LearnedSample(Quantity(q), float(x), Direction(d), float(y)) for q, x, d, y in value)
-    return tuple(value) if isinstance(value, list) else value

@@ -7,10 +7,10 @@ import json
 import re
 import sqlite3
 from contextlib import closing, contextmanager
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from positioner.store import document
-from positioner.store.document_reader import FORMAT, SCHEMA
 from positioner.valve.stiction import MOST_CELLS
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 APPLICATION_ID = 0x53544943  # "STIC"
 
+_COLUMNS = tuple(field.name for field in fields(document.PlainCell))
 _SCHEMA = "SELECT type, name, tbl_name, sql FROM sqlite_master"
 
 _Row: TypeAlias = tuple[Any, ...]
@@ -80,14 +81,13 @@ def stored_in(connection: sqlite3.Connection, source: str) -> StoredTable:
         ValueError: the rows are no table at all.
     """
     ((valve_id, cell_width_m, generation, sequence),) = connection.execute("SELECT * FROM meta")
-    names = ("quantity", "index", "direction", "samples", "count", "sequence", "recorded")
     rows = connection.execute("SELECT * FROM cells LIMIT ?", (MOST_CELLS + 1,))
     cells = [
-        dict(zip(names, (*start, json.loads(samples), count, newest, document.utc_text(seconds)), strict=True))
+        dict(zip(_COLUMNS, (*start, json.loads(samples), count, newest, document.utc_text(seconds)), strict=True))
         for *start, samples, count, newest, seconds in rows
     ]
     head = {"valve": valve_id, "cell_width_m": cell_width_m, "generation": generation, "sequence": sequence}
-    return document.from_plain({"format": FORMAT, "schema": SCHEMA, **head, "cells": cells}, source)
+    return document.from_plain({"format": document.FORMAT, "schema": 1, **head, "cells": cells}, source)
 
 
 def is_as_made(connection: sqlite3.Connection) -> bool:

@@ -7,6 +7,7 @@ descriptor that holds the directory's lock, so that the next daemon finds a tabl
 
 from __future__ import annotations
 
+import math
 import os
 import select
 import socket
@@ -16,9 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from positioner.errors import PositionerError, StateError
-from positioner.store import messages, requests
+from positioner.store import commands, messages
+from positioner.store.channel import Channel
 from positioner.store.control import ControlSocket
-from positioner.store.lines import Lines
 from positioner.store.table_directory import WRITING_FAILED, TableDirectory, remedy
 
 if TYPE_CHECKING:
@@ -39,11 +40,11 @@ class TableWriter:
     """
 
     def __init__(
-        self, channel: Lines, table_directory: TableDirectory, stored: StoredTable, now_s: float, problem: str | None
+        self, channel: Channel, tables: TableDirectory, stored: StoredTable, now_s: float, problem: str | None
     ) -> None:
         self.stored = stored
         self._channel = channel
-        self._table_directory = table_directory
+        self._tables = tables
         self._acknowledged = (-1, -1)
         self._commit_at_s: float | None = now_s
         self._copy_at_s = now_s
@@ -63,6 +64,8 @@ class TableWriter:
                 self.stored = self.stored.learned(sample, seconds)
         elif isinstance(message, messages.Adopt) and message.stored.generation >= self.stored.generation:
             self.stored = message.stored
+        elif isinstance(message, messages.Unreadable):
+            raise StateError(message.reason)
         if self.stored is not before and self._commit_at_s is None:
             self._commit_at_s = now_s + COMMIT_AFTER_S
 
@@ -72,31 +75,31 @@ class TableWriter:
             self.save(now_s)
 
     def save(self, now_s: float) -> None:
-        """Commit the table, and copy it from time to time; tell the daemon when this fails or works again."""
+        """Commit the table, and copy it from time to time; report to the daemon when this fails or works again."""
         try:
-            self._table_directory.save(self.stored)
-            self._tell_notices()
+            self._tables.save(self.stored)
+            self._send_notices()
             self._acknowledge()
             if now_s >= self._copy_at_s:
-                self._table_directory.copy(self.stored)
+                self._tables.copy(self.stored)
                 self._copy_at_s = now_s + _COPY_AFTER_S
         except WRITING_FAILED as error:
             self._fail(error, now_s)
         else:
             self._succeed()
-        self._tell_notices()
+        self._send_notices()
 
-    def answer(self, request: messages.Message, now_s: float) -> messages.Answer:
-        """Return the answer to a command; a reset or an import is on the disk before it is answered."""
+    def answer(self, request: messages.Message) -> messages.Answer:
+        """Return the answer to a request; a reset or an import is on the disk before it is answered."""
         if isinstance(request, messages.DumpRequest):
             return messages.Dumped(self.stored)
         try:
-            replaced = requests.replaced(self._table_directory, self.stored, request)
+            replaced = commands.replaced(self._tables, self.stored, request)
         except StateError as error:
             return messages.Refused(str(error))
         self.stored = replaced.stored
-        self._tell(messages.Replaced(replaced.stored, replaced.reason))
-        self._copy_at_s = now_s
+        self._send(messages.Replaced(replaced.stored, replaced.reason))
+        self._copy_at_s = now_s = time.monotonic()
         self.save(now_s)
         return messages.Done(replaced.backup)
 
@@ -107,50 +110,50 @@ class TableWriter:
             self._copy_at_s = 0.0
             self.save(time.monotonic())
             if self.problem is None or time.monotonic() >= deadline_s:
-                self._table_directory.close()
+                self._tables.close()
                 return
             time.sleep(_RETRY_FIRST_S)
 
-    def _tell_notices(self) -> None:
-        for notice in self._table_directory.take_notices():
-            self._tell(messages.Notice(notice))
+    def _send_notices(self) -> None:
+        for notice in self._tables.take_notices():
+            self._send(messages.Notice(notice))
 
     def _acknowledge(self) -> None:
         saved = (self.stored.generation, self.stored.table.sequence)
         if saved != self._acknowledged:
             self._acknowledged = saved
-            self._tell(messages.Saved(*saved))
+            self._send(messages.Saved(*saved))
 
     def _fail(self, error: Exception, now_s: float) -> None:
         self.problem = f"the stiction table cannot be saved: {remedy(error)}"
-        self._tell(messages.SavingFailed(self.problem))  # each time: whoever fails aloud does not hang
+        self._send(
+            messages.SavingFailed(self.problem)
+        )  # each time: a table writer that reports a failure does not hang
         self._commit_at_s = now_s + self._retry_s
         self._retry_s = min(2.0 * self._retry_s, _RETRY_LONGEST_S)
 
     def _succeed(self) -> None:
         if self.problem is not None:
             self.problem = None
-            self._tell(messages.SavingWorks())
+            self._send(messages.SavingWorks())
         self._commit_at_s = None
         self._retry_s = _RETRY_FIRST_S
 
-    def _tell(self, message: messages.FromWriter) -> None:
-        self._channel.send(messages.encode(message))
+    def _send(self, message: messages.FromWriter) -> None:
+        self._channel.send(message)
+        self._channel.flush()
 
 
-def serve(channel: Lines, writer: TableWriter, control: ControlSocket, lines: list[bytes]) -> None:
-    """Handle `lines`, and then messages and commands as they come, until the daemon closes or is gone."""
-    ready: list[socket.socket | Lines] = []
-    decoder = messages.Decoder()
+def serve(channel: Channel, writer: TableWriter, control: ControlSocket) -> None:
+    """Handle messages and requests as they come, until the daemon closes or is gone."""
+    ready: list[socket.socket | Channel] = []
     while True:
-        for line in lines:
-            message = decoder.feed(line)
+        for message in channel.receive():
             if isinstance(message, messages.Close):
                 writer.finish()
-                channel.send(messages.encode(messages.Closed(writer.problem)))
+                channel.send(messages.Closed(writer.problem))
                 return
-            if message is not None:
-                writer.handle(message, time.monotonic())
+            writer.handle(message, time.monotonic())
         channel.flush()
         control.serve(ready, writer.answer)
         writer.work(time.monotonic())
@@ -160,38 +163,31 @@ def serve(channel: Lines, writer: TableWriter, control: ControlSocket, lines: li
         readers, writers = control.waiting()
         writers = [*writers, *([channel] if channel.pending else [])]
         readable, writable, _ = select.select([channel, *readers], writers, [], writer.due_in(time.monotonic()))
-        lines = channel.receive() if channel in readable else []
         ready = [one for one in (*readable, *writable) if one is not channel]
 
 
-def run(channel: Lines, lock: int) -> None:
-    """Open what the daemon asks for, and serve it.
+def run(channel: Channel, lock: int) -> None:
+    """Open the table that the daemon asks for, and serve it.
 
     Raises:
         StateError: the daemon's first message is missing or wrong.
     """
-    lines: list[bytes] = []
-    while not lines and not channel.ended:
-        channel.wait(None)
-        lines = channel.receive()
-    if not lines:
+    first = next(channel.received_until(math.inf), None)
+    if first is None:
         return
-    first = messages.decode(lines[0])
     if not isinstance(first, messages.Open):
         raise StateError(f"not an opening message: {first}")
-    table_directory = TableDirectory(Path(first.directory), first.valve_id, first.cell_width_m)
+    tables = TableDirectory(Path(first.directory), first.valve_id, first.cell_width_m)
     try:
-        stored = table_directory.load()
+        stored = tables.load()
     except (PositionerError, OSError) as error:
-        channel.send(messages.encode(messages.Closed(str(error))))
-        return
-    with ControlSocket(lock) as control:
-        notices = (*table_directory.take_notices(), *control.notices)
-        channel.send(messages.encode(messages.Opened(stored, notices)))
-        writer = TableWriter(
-            channel, table_directory, stored, time.monotonic(), _RESTARTED if first.restarted else None
-        )
-        serve(channel, writer, control, lines[1:])
+        channel.send(messages.Closed(str(error)))
+    else:
+        with ControlSocket(lock) as control:
+            channel.send(messages.Opened(stored, (*tables.take_notices(), *control.notices)))
+            problem = _RESTARTED if first.restarted else None
+            serve(channel, TableWriter(channel, tables, stored, time.monotonic(), problem), control)
+    channel.flush()
     while channel.pending and not channel.ended:
         channel.wait(_LAST_TRIES_S)
         channel.flush()
@@ -203,7 +199,7 @@ def main() -> None:
     channel, lock = int(sys.argv[1]), int(sys.argv[2])
     if os.sched_getscheduler(0) != os.SCHED_OTHER:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # the disk's work yields to the cycle
-    run(Lines(socket.socket(fileno=channel)), lock)
+    run(Channel(socket.socket(fileno=channel)), lock)
 
 
 if __name__ == "__main__":

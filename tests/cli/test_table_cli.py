@@ -135,7 +135,7 @@ def test_a_reset_reaches_a_running_daemon(tmp_path: Path) -> None:
 def test_importing_a_bad_file_says_every_mistake_and_changes_nothing(
     state: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    plain = document.as_plain(taught(series(30)))
+    plain = json.loads(document.dumps(taught(series(30))))
     plain["valve"] = ""
     plain["cells"][3]["count"] = -1
     file = tmp_path / "bad.json"

@@ -13,9 +13,9 @@ from store_helpers import series, taught
 
 from positioner.errors import StateError
 from positioner.store import messages
+from positioner.store.channel import Channel
 from positioner.store.child import Child
 from positioner.store.client import TableWriterClient
-from positioner.store.lines import Lines
 from positioner.store.messages import Saved, SavingFailed, SavingWorks
 from positioner.store.writer import TableWriter
 
@@ -26,14 +26,17 @@ if TYPE_CHECKING:
     from positioner.store.table_directory import TableDirectory
 
 
-class Channel:
-    """Keeps what the daemon would hear."""
+class Sent:
+    """Keeps the messages that the daemon would receive."""
 
     def __init__(self) -> None:
-        self.said: list[messages.Message] = []
+        self.messages: list[messages.Message] = []
 
-    def send(self, line: bytes) -> None:
-        self.said.append(messages.decode(line))
+    def send(self, message: messages.Message) -> None:
+        self.messages.append(message)
+
+    def flush(self) -> None:
+        pass
 
 
 class Disk:
@@ -71,8 +74,8 @@ class Disk:
 def test_a_save_that_fails_is_told_once_and_tried_again_ever_less_often_up_to_every_30_s(
     error: Exception, tmp_path: Path
 ) -> None:
-    channel, disk, now_s = Channel(), Disk(error), 1000.0
-    writer = TableWriter(cast("Lines", channel), cast("TableDirectory", disk), taught(series(7)), now_s, None)
+    sent, disk, now_s = Sent(), Disk(error), 1000.0
+    writer = TableWriter(cast("Channel", sent), cast("TableDirectory", disk), taught(series(7)), now_s, None)
     waits_s = []
     for tries in range(1, 13):
         writer.work(now_s)
@@ -85,14 +88,13 @@ def test_a_save_that_fails_is_told_once_and_tried_again_ever_less_often_up_to_ev
         now_s += due_s
     assert waits_s == pytest.approx([0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0, 30.0, 30.0, 30.0])
     # each failure is said, so that nobody takes the table writer for one that hangs; the daemon tells the first
-    assert len(channel.said) == 12
-    (told,) = set(channel.said)
+    assert len(sent.messages) == 12
+    (told,) = set(sent.messages)
     assert isinstance(told, SavingFailed)
     ours, theirs = socket.socketpair()
-    theirs.sendall(b"".join(messages.encode(each) + b"\n" for each in channel.said))
-    daemon = TableWriterClient(tmp_path, -1, Child(subprocess.Popen(["true"]), Lines(ours)), taught(series(7)), ())
-    heard = [event for _ in range(12) for event in daemon.poll(now_s)]
-    assert heard == [told]
+    theirs.sendall(b"".join(messages.encode(each) + b"\n" for each in sent.messages))
+    daemon = TableWriterClient(tmp_path, -1, Child(subprocess.Popen(["true"]), Channel(ours)), taught(series(7)))
+    assert [event for _ in range(12) for event in daemon.poll(now_s)] == [told]
     daemon._child.end()
     theirs.close()
     assert told.reason.startswith(f"the stiction table cannot be saved: {getattr(error, 'strerror', None) or error}; ")
@@ -101,6 +103,6 @@ def test_a_save_that_fails_is_told_once_and_tried_again_ever_less_often_up_to_ev
     disk.error = None
     writer.work(now_s)
     assert disk.saved == [taught(series(7))]
-    assert channel.said[12:] == [Saved(0, 7), SavingWorks()]
+    assert sent.messages[12:] == [Saved(0, 7), SavingWorks()]
     assert writer.due_in(now_s) is None
     assert not writer.problem

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 from typing import TYPE_CHECKING
@@ -15,6 +16,7 @@ from positioner.store.messages import Replaced, SavingFailed, SavingWorks
 from positioner.valve.stiction import MOST_CELLS, Direction, LearnedSample, Quantity
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from positioner.store.content import StoredTable
@@ -103,13 +105,14 @@ def test_the_largest_table_goes_a_few_lines_at_a_time_to_a_table_writer_that_is_
     assert table == large(MOST_CELLS).table
     wait_for(writer, lambda: writer.saved)
     sent = [0]
-    plain_cell = document.plain_cell
+    cells = document.cells
 
-    def counting(*one: object) -> dict[str, object]:
-        sent[-1] += 1
-        return plain_cell(*one)  # type: ignore[arg-type]
+    def counting(stored: StoredTable) -> Iterator[dict[str, object]]:
+        for cell in cells(stored):
+            sent[-1] += 1
+            yield cell
 
-    monkeypatch.setattr(document, "plain_cell", counting)
+    monkeypatch.setattr(document, "cells", counting)
     writer._child.process.kill()
     writer._child.process.wait()
     writer.record(series(1))
@@ -129,7 +132,7 @@ def test_a_table_with_a_cell_too_many_is_refused_and_no_sample_makes_one() -> No
     assert len(full.table) == MOST_CELLS
     more = full.learned(LearnedSample(Quantity.STICK_SPEED, 9.9, Direction.OPENING, 0.05), 0)
     assert more is full
-    plain = document.as_plain(full)
+    plain = json.loads(document.dumps(full))
     plain["cells"].append({**plain["cells"][0], "index": 1500})
     with pytest.raises(ConfigurationError, match=f"are too many: a table holds at most {MOST_CELLS}"):
         document.from_plain(plain, "x")

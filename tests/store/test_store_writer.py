@@ -18,9 +18,9 @@ from store_helpers import VALVE, WIDTH_M, opened, sample, series, taught, wait_f
 
 from positioner.errors import AlreadyRunningError, StateError
 from positioner.store import access, database, lock
+from positioner.store.channel import Channel
 from positioner.store.child import Child
 from positioner.store.client import TableWriterClient
-from positioner.store.lines import Lines
 from positioner.store.messages import Open, Opened, Replaced, Saved, SavingFailed, SavingWorks, encode
 from positioner.store.table_directory import GOOD_COPY, TABLE
 
@@ -66,7 +66,7 @@ def test_a_first_save_that_fails_at_once_is_heard_although_it_comes_with_the_fir
         ours, theirs = socket.socketpair()
         theirs.sendall(b"\n".join((encode(Opened(taught([]), ())), encode(SavingFailed("the disk is full")), b"")))
         theirs.close()
-        return Child(subprocess.Popen(["true"]), Lines(ours))
+        return Child(subprocess.Popen(["true"]), Channel(ours))
 
     monkeypatch.setattr("positioner.store.child.start", start)
     writer, _, _ = opened(tmp_path)

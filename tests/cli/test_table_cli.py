@@ -143,7 +143,7 @@ def test_importing_a_bad_file_says_every_mistake_and_changes_nothing(
     assert main(["table", "import", str(file), "--state", str(state)]) == ExitCode.CONFIG
     first, second = capsys.readouterr().err.strip().split("\n")
     assert first == f"positioner: {file}: valve: must be a printable text, not ''"
-    assert second == f"{file}: cells[3].count: must be a whole number from 1 to 4503599627370496, not -1"
+    assert second == f"{file}: cells[3].count: must be greater than or equal to 1, not -1"
     assert access.dump(state).table.sequence == 200
 
 

@@ -16,7 +16,7 @@ import can
 from daemon_helpers import write_configuration
 
 from positioner.bus.address import BusAddress
-from positioner.bus.ports import Ports
+from positioner.bus.port import Ports
 from positioner.config.reader import load_config
 from positioner.machine.journal import logger
 from positioner.machine.time import Instant

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import select
 from collections import deque
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import can
@@ -15,8 +16,8 @@ import can
 from positioner.bus.arrivals import Arrivals
 from positioner.bus.events import BusBack, BusDown, BusNotOpened, NoFrame, Overrun, SendFailed
 from positioner.bus.opening import REFUSALS, descriptor_of, dropped_frames, mend, open_bus, refusal
-from positioner.bus.ports import Ports
 from positioner.errors import BusError, BusUnusableError
+from positioner.machine.time import MachineTime, TimePort
 from positioner.wire.messages import CanFrame
 
 if TYPE_CHECKING:
@@ -25,10 +26,23 @@ if TYPE_CHECKING:
     from positioner.bus.address import BusAddress
     from positioner.bus.events import BusEvent
 
+    OpenBus = Callable[[BusAddress, Iterable[tuple[int, bool]]], can.BusABC]
+
 _MOST_FRAMES_PER_BATCH = 1024
 _REOPEN_EVERY_S = 0.5
 _SEND_TIMEOUT_S = 0.05
 _NS = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Ports:
+    """Where a loop meets the world: its clocks, and what opens a bus (as `open_bus`, which None stands for).
+
+    A test may put a virtual world there.
+    """
+
+    time: TimePort = field(default_factory=MachineTime)
+    open_bus: OpenBus | None = None
 
 
 class BusPort:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from positioner.bus.address import BusAddress
+from positioner.cycle.state import Setup
 from positioner.guard.settings import GuardSettings
 from positioner.inputs.table import SettingsTable
 from positioner.laws.estimator_settings import EstimatorSettings
@@ -69,6 +70,10 @@ class Configuration(SettingsTable):
             ConfigurationError: the user's DBC does not hold what the file names.
         """
         return make_codec(self.wire, span_m=self.valve.span_m)
+
+    def make_setup(self, codec: Codec) -> Setup:
+        """Return what a cycle of this valve never changes, with a new instance of its law."""
+        return Setup(codec, self.valve, self.guard, self.make_law(), self.control.sample_period_s, limits=self.limits)
 
     def make_law(self) -> Law[Any]:
         """Return a new instance of the chosen law, with a solver of its own."""

@@ -9,7 +9,7 @@ from positioner.cycle.command_effect import SentCommand
 from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
-from positioner.runtime.record import KIND_AGE, NOTE_ID, TOLD, Note
+from positioner.runtime.record import KIND_AGE, NOTE_ID, NOTED_FIELDS, Note
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import CurrentCommand
 
@@ -78,9 +78,9 @@ def _told(cycle: RecordedCycle, *, table_saved: bool) -> CycleInput:
     told = CycleInput(_inbox(cycle, now_ns), now_ns, table_saved=table_saved)
     for logged in cycle.notes:
         note = Note.of(logged.frame.data)
-        if note.kind < len(TOLD):
-            usual = getattr(told, TOLD[note.kind])
-            told = replace(told, **{TOLD[note.kind]: type(usual)(note.value)})
+        if note.kind < len(NOTED_FIELDS):
+            usual = getattr(told, NOTED_FIELDS[note.kind])
+            told = replace(told, **{NOTED_FIELDS[note.kind]: type(usual)(note.value)})
     return told
 
 

@@ -1,4 +1,4 @@
-"""Who is told what a cycle did: the log, the trace, the service manager. Shell."""
+"""Reports to a person and to the service manager: the log, and the state of the daemon. Shell."""
 
 from __future__ import annotations
 
@@ -16,89 +16,82 @@ from positioner.cycle.events import (
     kind_of,
 )
 from positioner.cycle.trust_events import PushFailed
-from positioner.errors import AnotherControllerError
 from positioner.machine.journal import Throttle, logger
 from positioner.machine.notify import Notifier
-from positioner.runtime.other_controller import OtherController
 from positioner.wire.messages import Cause, Mode
 
 if TYPE_CHECKING:
+    from positioner.bus.address import BusAddress
+    from positioner.bus.events import BusEvent
     from positioner.machine.time import TimePort
-    from positioner.runtime.trace import TraceWriter
 
-_NEXT_TURN_S = 5.0
-"""Before the first feedback: a turn that takes longer hangs."""
-
-
+_NEXT_CYCLE_S = 5.0
+"""Before the first feedback: a cycle that takes longer hangs."""
+_WATCHDOG_EVERY_S = 0.1
 _SERIOUS = frozenset({Cause.FOREIGN_COMMAND, Cause.PERIOD_WRONG})
 
 
 class Announcer:
-    """Tells the world; `ready` once a first valid position frame has been seen."""
+    """Reports events; `ready` once a first valid position frame has been seen."""
 
     def __init__(self, time: TimePort) -> None:
-        """Find the service manager, if there is one; no trace is written until one is given."""
+        """Find the service manager, if there is one."""
         self.throttle = Throttle(time=time)
-        self.notifier = Notifier()
-        self.trace: TraceWriter | None = None
         self.ready = False
-        self._other = OtherController()
+        self._notifier = Notifier()
+        self._time = time
+        self._watchdog_due_s = 0.0
+
+    def waiting(self, address: BusAddress) -> None:
+        """Report to the service manager that the bus is open, as long as no feedback has come."""
+        if not self.ready:
+            self._notifier.send(STATUS=f"waiting for position frames on {address}")
 
     def alive(self) -> None:
-        """Tell the service manager that a turn is complete, also while the first feedback is waited for without end.
+        """Report to the service manager that a cycle is complete, also while the first feedback is waited for.
 
-        The log gets what was held back for its second.
+        The log gets the lines that were held back for their second.
         """
+        if self._time.monotonic_s() < self._watchdog_due_s:
+            return
+        self._watchdog_due_s = self._time.monotonic_s() + _WATCHDOG_EVERY_S
         self.throttle.flush()
         if self.ready:
-            self.notifier.send(WATCHDOG="1")
+            self._notifier.send(WATCHDOG="1")
         else:
-            self.notifier.send(EXTEND_TIMEOUT_USEC=f"{_NEXT_TURN_S * 1e6:.0f}", WATCHDOG="1")
+            self._notifier.send(EXTEND_TIMEOUT_USEC=f"{_NEXT_CYCLE_S * 1e6:.0f}", WATCHDOG="1")
 
-    def tell(self, events: tuple[Event, ...], now_ns: int, *, ever_armed: bool) -> None:
-        """Tell of the events of the cycle at `now_ns`.
+    def stopping(self) -> None:
+        """Report to the service manager that the daemon ends."""
+        self._notifier.send(STOPPING="1")
 
-        Raises:
-            AnotherControllerError: another controller goes on commanding this valve, and this one was never armed.
-        """
-        learned = [event for event in events if isinstance(event, Learned)]
+    def close(self) -> None:
+        """Log every line that was held back, and let the service manager go."""
+        self.throttle.flush(all_of_them=True)
+        self._notifier.close()
+
+    def bus(self, event: BusEvent) -> None:
+        """Log an event of the bus."""
+        self.throttle.log(logging.WARNING, type(event).__name__, str(event))
+
+    def cycle(self, events: tuple[Event, ...]) -> None:
+        """Log the events of a cycle."""
         for event in events:
             match event:
                 case Controlled():
-                    self._draw(event, learned)
+                    pass  # a row of the trace
                 case ModeChanged():
-                    self._announce(event)
+                    self._mode(event)
                 case Learned() | MoveBegan() | PushFailed(rest_s=0.0):
                     logger.debug("%s", event)
                 case LinesDropped():
-                    pass  # the log itself tells where they are missing
+                    pass  # the log itself says where lines are missing
                 case ForeignCommand():
-                    self.throttle.log(logging.ERROR, type(event).__name__, str(event))
-                    if self._other.goes_on(now_ns) and not ever_armed:
-                        raise AnotherControllerError(f"not started: {event}")
+                    self.throttle.log(logging.ERROR, kind_of(event), str(event))
                 case _:
                     self.throttle.log(logging.WARNING, kind_of(event), str(event))
 
-    def _draw(self, cycle: Controlled, learned: list[Learned]) -> None:
-        """Write one row of the trace; a disk that takes no more ends the trace, never the loop."""
-        try:
-            if self.trace:
-                self.trace.write(cycle, learned)
-        except OSError as error:
-            self.end_trace(f"the trace ends here: {error.strerror}")
-
-    def end_trace(self, complaint: str = "") -> None:
-        """Close the trace, if there is one, with a line where there is something to complain of."""
-        trace, self.trace = self.trace, None
-        try:
-            if trace:
-                trace.close()
-        except OSError as error:
-            complaint = complaint or f"the trace lacks its end: {error.strerror}"
-        if complaint:
-            logger.error("%s", complaint)
-
-    def _announce(self, event: ModeChanged) -> None:
+    def _mode(self, event: ModeChanged) -> None:
         troubled = {Mode.HOLD, Mode.FAILSAFE, Mode.MANUAL}
         serious = (event.after in troubled and event.cause not in {Cause.NONE, Cause.MANUAL}) or event.cause in _SERIOUS
         self.throttle.log(logging.WARNING if serious else logging.INFO, f"mode {event.after.name}", str(event))
@@ -106,6 +99,6 @@ class Announcer:
         status = f"{event.after.name}: {cause}" if event.cause is not Cause.NONE else event.after.name
         if event.after is not Mode.INIT and not self.ready:
             self.ready = True
-            self.notifier.send(READY="1", STATUS=status)
+            self._notifier.send(READY="1", STATUS=status)
         else:
-            self.notifier.send(STATUS=status)
+            self._notifier.send(STATUS=status)

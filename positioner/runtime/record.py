@@ -1,18 +1,17 @@
-"""The flight recorder: every frame that a positioner took and sent, turn by turn, as a candump log. Shell.
+"""The flight recorder: every frame that a positioner took and sent, cycle by cycle, as a candump log. Shell.
 
-All frames of a turn carry its instant, the very number that the cycle was told: those received as R, then those sent as
-T. `positioner replay` can then do exactly what the positioner did. What else the cycle was told stands before the
-turn's frames in notes: frames that no bus carried, under an identifier of their own.
+All frames of a cycle carry its instant, the very number in its `CycleInput`: those received as R, then those sent as T.
+`positioner replay` can then do exactly what the positioner did. The other fields of the `CycleInput` stand before the
+cycle's frames in notes: frames that no bus carried, under an identifier of their own.
 """
 
 from __future__ import annotations
 
-import contextlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 from positioner.guard.state import GuardState
-from positioner.machine.journal import logger
+from positioner.runtime.output_file import OutputFile
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,17 +24,17 @@ CHANNEL = "vcan0"
 """The name in the log, whatever bus it was recorded on: canplayer plays it there by default."""
 NOTE_ID = 0x1FFFFFFF
 """Identifier (extended) of a note: the byte of its kind, and a number of seven bytes, low byte first."""
-TOLD = ("table_saved", "late_ns", "lines_dropped", "unsent")
-"""What the shell tells the cycle beside the frames, in the order of the kinds of note."""
-KIND_AGE, KIND_TURN, KIND_TABLE = 0xFD, 0xFE, 0xFF
-"""How many µs the frames behind it had waited; a turn without frames that changed something; another table."""
+NOTED_FIELDS = ("table_saved", "late_ns", "lines_dropped", "unsent")
+"""Fields of a `CycleInput` that notes hold; the kind of such a note is the index here."""
+KIND_AGE, KIND_CYCLE, KIND_TABLE = 0xFD, 0xFE, 0xFF
+"""For how many µs the frames after the note had waited; a cycle without frames that moved the guard; another table."""
 _ERROR_FRAME_ID = 0x20000080
 _NS_PER_US = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """What a positioner was told beside the frames: the kind (an index of `TOLD`, or a `KIND_`) and the value."""
+    """What a cycle was given besides its frames: the kind (an index of `NOTED_FIELDS`, or a `KIND_`) and the value."""
 
     kind: int
     value: int = 0
@@ -52,68 +51,55 @@ class Note:
 
 
 class BusRecorder:
-    """Writes the log; the operating system does the buffering. A disk that takes no more ends it, never the loop."""
+    """Writes the log."""
 
     def __init__(self, path: Path | None) -> None:
         """Create `path`; without one nothing is ever written.
 
         Raises:
-            OSError: it cannot be written.
+            UsageError: it cannot be written.
         """
-        self._file: TextIO | None = path.open("w", encoding="ascii", buffering=1 << 16) if path else None
+        self._file = OutputFile("record", path)
+        self.close = self._file.close
         self._guard = GuardState()
         self._table_saved = True
 
     def cycle(self, cycle_input: CycleInput, outbox: Sequence[CanFrame], guard: GuardState) -> None:
-        """Append one cycle: the input of the cycle, what it sends, and the guard as it has left it."""
-        if self._file is None:
+        """Append one cycle: its input, its frames to send, and the guard after it."""
+        if not self._file.is_open:
             return
         notes = self._notes(cycle_input)
         if not cycle_input.frames and not outbox and _moved(self._guard, guard):
-            notes.append(Note(KIND_TURN))
+            notes.append(Note(KIND_CYCLE))
         self._guard, self._table_saved = guard, cycle_input.table_saved
         where = f"({_instant(cycle_input.now_ns)}) {CHANNEL}"
-        lines = [f"{where} {NOTE_ID:08X}#{note.data.hex().upper()} T\n" for note in notes]
+        lines = [_note_line(where, note) for note in notes]
         lines += _received(cycle_input.frames, cycle_input.now_ns, where)
         lines += [f"{where} {_text(frame)} T\n" for frame in outbox]
-        try:
-            self._file.writelines(lines)
-        except OSError as error:
-            self._complain(f"the record of the bus ends here: {error.strerror}")
-
-    def close(self) -> None:
-        """Write what is left."""
-        try:
-            if self._file:
-                self._file.close()
-        except OSError as error:
-            self._complain(f"the record of the bus lacks its end: {error.strerror}")
-
-    def _complain(self, complaint: str) -> None:
-        file, self._file = self._file, None
-        logger.error("%s", complaint)
-        with contextlib.suppress(OSError):
-            if file:
-                file.close()
+        self._file.write("".join(lines))
 
     def _notes(self, cycle_input: CycleInput) -> list[Note]:
-        """Return what is no longer as the last turn left it."""
+        """Return a note for each field that is not as usual; `table_saved` is usual as long as it stays the same."""
         usual = (self._table_saved, 0, 0, False)
-        values = [getattr(cycle_input, name) for name in TOLD]
+        values = [getattr(cycle_input, name) for name in NOTED_FIELDS]
         notes = [Note(kind, int(value)) for kind, value in enumerate(values) if value != usual[kind]]
         return notes if cycle_input.table is None else [*notes, Note(KIND_TABLE)]
 
 
 def _received(inbox: Sequence[CanFrame], now_ns: int, where: str) -> list[str]:
-    """Return the lines of the frames, with a note wherever the time that they had waited changes."""
+    """Return the lines of the frames, with a note wherever the time for which they had waited changes."""
     lines, age_us = [], 0
     for frame in inbox:
         waited_us = (now_ns - frame.received_ns) // _NS_PER_US if frame.received_ns else 0
         if waited_us != age_us:
             age_us = waited_us
-            lines.append(f"{where} {NOTE_ID:08X}#{Note(KIND_AGE, age_us).data.hex().upper()} T\n")
+            lines.append(_note_line(where, Note(KIND_AGE, age_us)))
         lines.append(f"{where} {_text(frame)} R\n")
     return lines
+
+
+def _note_line(where: str, note: Note) -> str:
+    return f"{where} {NOTE_ID:08X}#{note.data.hex().upper()} T\n"
 
 
 def _moved(before: GuardState, after: GuardState) -> bool:

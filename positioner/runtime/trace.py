@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
+
+from positioner.cycle.events import Controlled, Event, Learned
+from positioner.runtime.output_file import OutputFile
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
-
-    from positioner.cycle.events import Controlled, Learned
 
 COLUMNS = (
     "time_s",
@@ -33,29 +34,38 @@ COLUMNS = (
 
 
 class TraceWriter:
-    """Writes the rows of a trace; the operating system does the buffering."""
+    """Writes the rows of a trace."""
 
-    def __init__(self, path: Path) -> None:
-        """Create `path` with its header."""
-        self._file: TextIO = path.open("w", encoding="utf-8", buffering=1 << 16)
+    def __init__(self, path: Path | None) -> None:
+        """Create `path` with its header; without one nothing is written.
+
+        Raises:
+            UsageError: it cannot be written.
+        """
+        self._file = OutputFile("trace", path)
         self._file.write(",".join(COLUMNS) + "\n")
+        self.close = self._file.close
 
-    def write(self, cycle: Controlled, learned: Sequence[Learned]) -> None:
-        """Append one cycle, and the names of the quantities it taught, with + between them."""
-        stem, decision = cycle.stem, cycle.decision
-        bounds = decision.bounds
-        taught = "+".join(lesson.sample.quantity for lesson in learned)
-        self._file.write(
-            f"{cycle.time_s:.6f},{cycle.setpoint_m:.8f},{cycle.measured_m:.8f},{stem.position_m:.9f},"
-            f"{stem.velocity_m_per_s:.9f},{stem.stuck:d},{cycle.current_ma:.6f},{bounds.current_low_ma:.6f},"
-            f"{bounds.current_high_ma:.6f},{bounds.speed_low_m_per_s:.6f},{bounds.speed_high_m_per_s:.6f},"
-            f"{cycle.mode:d},{decision.motion:d},{decision.passes},{cycle.table_sequence},"
-            f"{taught},{_cell(decision.fallback)},{_cell(str(decision.reason or ''))}\n"
-        )
+    def cycle(self, events: Sequence[Event]) -> None:
+        """Append the closed cycle among `events`, if there is one, with the quantities it learned, + between them."""
+        if not self._file.is_open:
+            return
+        learned = "+".join(event.sample.quantity for event in events if isinstance(event, Learned))
+        for event in events:
+            if isinstance(event, Controlled):
+                self._file.write(_row(event, learned))
 
-    def close(self) -> None:
-        """Write what is left."""
-        self._file.close()
+
+def _row(cycle: Controlled, learned: str) -> str:
+    stem, decision = cycle.stem, cycle.decision
+    bounds = decision.bounds
+    return (
+        f"{cycle.time_s:.6f},{cycle.setpoint_m:.8f},{cycle.measured_m:.8f},{stem.position_m:.9f},"
+        f"{stem.velocity_m_per_s:.9f},{stem.stuck:d},{cycle.current_ma:.6f},{bounds.current_low_ma:.6f},"
+        f"{bounds.current_high_ma:.6f},{bounds.speed_low_m_per_s:.6f},{bounds.speed_high_m_per_s:.6f},"
+        f"{cycle.mode:d},{decision.motion:d},{decision.passes},{cycle.table_sequence},"
+        f"{learned},{_cell(decision.fallback)},{_cell(str(decision.reason or ''))}\n"
+    )
 
 
 def _cell(words: str) -> str:

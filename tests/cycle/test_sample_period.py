@@ -16,7 +16,7 @@ from positioner.bus.address import BusAddress
 from positioner.cli.main import main
 from positioner.cycle.frame_period import FramePeriod
 from positioner.errors import ExitCode, UsageError
-from positioner.runtime.clock import LockstepClock
+from positioner.runtime.lockstep import LockstepClock
 from positioner.runtime.session import RunOptions
 from positioner.wire.messages import Cause, CurrentCommand, Health, Mode, PositionerStatus, StemPosition
 

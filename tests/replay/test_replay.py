@@ -194,4 +194,4 @@ def test_commands_of_another_count_are_another_controller_s(tmp_path: Path) -> N
 
 
 def test_what_a_replay_takes_in_is_what_the_daemon_listens_to() -> None:
-    assert set(INPUTS) == {*daemon._WATCHED, CurrentCommand}
+    assert set(INPUTS) == {*daemon._RECEIVED, CurrentCommand}

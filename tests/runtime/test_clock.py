@@ -7,7 +7,8 @@ from dataclasses import replace
 from itertools import permutations
 from typing import TYPE_CHECKING
 
-from positioner.runtime.clock import LockstepClock, LockstepGate, RealClock
+from positioner.runtime.clock import RealClock
+from positioner.runtime.lockstep import LockstepClock, LockstepGate
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import CanFrame, CurrentCommand, Setpoint, StemPosition
 from positioner.wire.settings import WireSettings

@@ -383,8 +383,7 @@ def notifications(manager: socket.socket) -> list[str]:
 def test_a_trace_on_a_full_disk_ends_with_a_line_and_the_loop_goes_on(tmp_path: Path) -> None:
     with Loop(tmp_path, RunOptions(trace=tmp_path / "trace.csv"), guard=AUTO) as loop:
         loop.sample()
-        trace = loop.daemon._announcer.trace
-        assert trace is not None
+        trace = loop.daemon.session._trace._file
         trace.close()
         trace._file = Path("/dev/full").open("w", buffering=1, encoding="utf-8")  # noqa: SIM115 - the daemon closes it
         assert commands(loop.sample())

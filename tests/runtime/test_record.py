@@ -140,7 +140,7 @@ def test_a_full_disk_ends_the_record_and_nothing_else(monkeypatch: pytest.Monkey
     for turn in range(3000):
         recorder.cycle(CycleInput((FRAME,), turn * 1_000_000), (), HELD)
     recorder.close()
-    assert lines == ["the record of the bus ends here: No space left on device"]
+    assert lines == ["the record ends here: No space left on device"]
 
 
 def test_without_a_path_nothing_is_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,8 +15,7 @@ from daemon_helpers import HERE_M, PERIOD_S, Loop
 
 from positioner.bus.port import BusPort
 from positioner.errors import ExitCode
-from positioner.runtime import daemon as daemon_module
-from positioner.runtime import session
+from positioner.runtime import announce, session
 from positioner.store import access
 
 if TYPE_CHECKING:
@@ -96,7 +95,7 @@ def seconds(span: str | None) -> float:
 
 def test_the_service_manager_restarts_a_daemon_that_hangs_or_crashes(service: configparser.SectionProxy) -> None:
     assert service["Type"] == "notify"
-    assert 10.0 * daemon_module._WATCHDOG_EVERY_S <= seconds(service.get("WatchdogSec")) <= 5.0
+    assert 10.0 * announce._WATCHDOG_EVERY_S <= seconds(service.get("WatchdogSec")) <= 5.0
     assert service.get("Restart") == "on-failure"
     assert 0.0 < seconds(service.get("RestartSec")) <= 1.0
 

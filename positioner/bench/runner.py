@@ -87,7 +87,7 @@ def run_bench(scenario: Scenario, options: BenchOptions, say: Callable[[str], ob
     """
     try:
         options.out.mkdir(parents=True, exist_ok=True)
-        with lock.held(options.out, patience_s=0.0):
+        with lock.held(options.out, timeout_s=0.0):
             return _run(scenario, options, say)
     except OSError as error:
         raise BenchError(f"{error.filename or options.out}: {error.strerror}") from error

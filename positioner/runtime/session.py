@@ -64,7 +64,7 @@ class Session:
             configuration.state_directory,
             configuration.valve.id,
             configuration.control.table_cell_m,
-            tell=logger.warning,
+            report=logger.warning,
         )
         for notice in notices:
             logger.warning("%s", notice)

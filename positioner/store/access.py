@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from positioner.store.content import StoredTable
 
-_PATIENCE_S = 5.0
+_LOCK_TIMEOUT_S = 5.0
 """How long to wait for a daemon that is starting or ending, or for another command."""
 _RETRY_S = 0.02
 _ANSWER_S = 30.0
@@ -72,10 +72,10 @@ def _error(directory: Path, answer: messages.Message) -> StateError:
 
 
 def _ask(directory: Path, request: messages.Request) -> messages.Message:
-    deadline_s = time.monotonic() + _PATIENCE_S
+    deadline_s = time.monotonic() + _LOCK_TIMEOUT_S
     while True:
         try:
-            with lock.held(directory, patience_s=0.0):
+            with lock.held(directory, timeout_s=0.0):
                 return _of_files(directory, request)
         except AlreadyRunningError as occupied:
             try:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 WriterEvent: TypeAlias = Saved | Replaced | SavingFailed | SavingWorks | Notice
 
-_PATIENCE_S = 10.0
+_LOCK_TIMEOUT_S = 10.0
 """How long to wait for the lock: an earlier daemon's table writer, or a command, is done by then."""
 _RESTART_FIRST_S, _RESTART_LONGEST_S = 0.1, 30.0
 _LINES_PER_POLL = 4
@@ -55,14 +55,14 @@ class TableWriterClient:
         state_dir: Path,
         valve_id: str,
         cell_width_m: float,
-        patience_s: float = _PATIENCE_S,
-        tell: Callable[[str], object] = lambda _line: None,
+        timeout_s: float = _LOCK_TIMEOUT_S,
+        report: Callable[[str], object] = lambda _line: None,
     ) -> tuple[Self, StictionTable, tuple[str, ...]]:
         """Return the running table writer, the valve's table, and what was noteworthy about it, a line each.
 
         Raises:
-            AlreadyRunningError: another process uses the directory, and still did after `patience_s`;
-                `tell` was told at once for whom it waits.
+            AlreadyRunningError: another process uses the directory, and still did after `timeout_s`;
+                `report` has been called at once with the process that it waits for.
             StateError: the directory or its table cannot be used.
         """
         directory = state_dir.absolute()
@@ -75,7 +75,7 @@ class TableWriterClient:
             owner = directory.stat().st_uid
             message = f"{directory}: belongs to user {owner}; start the positioner as that user, or choose another"
             raise StateError(message)
-        descriptor = lock.acquire(directory, patience_s, tell)
+        descriptor = lock.acquire(directory, timeout_s, report)
         try:
             process = child.start(descriptor, messages.Open(str(directory), valve_id, cell_width_m, restarted=False))
             opened = child.opened(process)

@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 _RETRY_S = 0.02
 
 
-def acquire(directory: Path, patience_s: float, tell: Callable[[str], object] = lambda _line: None) -> int:
-    """Return a descriptor of the directory that holds its lock, waiting up to `patience_s` for another's end.
+def acquire(directory: Path, timeout_s: float, report: Callable[[str], object] = lambda _line: None) -> int:
+    """Return a descriptor of the directory that holds its lock, waiting up to `timeout_s` for another process.
 
-    `tell` is told, once, for whom it waits. Whoever inherits the descriptor holds the lock too; it is free when the
-    last copy is closed.
+    `report` is called once, with a line that names the other process. Whoever inherits the descriptor holds the lock,
+    too; the lock is free when the last copy is closed.
 
     Raises:
-        AlreadyRunningError: another process holds it; the message names it where the system tells.
+        AlreadyRunningError: another process holds it; the message names it where the system names it.
         StateError: the directory cannot be opened or locked.
     """
     try:
@@ -33,7 +33,7 @@ def acquire(directory: Path, patience_s: float, tell: Callable[[str], object] = 
     except OSError as error:
         message = f"{directory}: the state directory cannot be opened: {error.strerror}"
         raise StateError(message) from error
-    deadline_s = time.monotonic() + patience_s
+    deadline_s = time.monotonic() + timeout_s
     waiting = False
     while True:
         try:
@@ -44,7 +44,7 @@ def acquire(directory: Path, patience_s: float, tell: Callable[[str], object] = 
                 os.close(descriptor)
                 raise AlreadyRunningError(message) from error
             if not waiting:
-                tell(f"waiting {patience_s:g} s at most: {_occupied(directory, descriptor)}")
+                report(f"waiting {timeout_s:g} s at most: {_occupied(directory, descriptor)}")
             waiting = True
             time.sleep(_RETRY_S)
         except OSError as error:
@@ -56,14 +56,14 @@ def acquire(directory: Path, patience_s: float, tell: Callable[[str], object] = 
 
 
 @contextmanager
-def held(directory: Path, patience_s: float) -> Iterator[None]:
+def held(directory: Path, timeout_s: float) -> Iterator[None]:
     """Hold the lock of the directory inside a `with` block.
 
     Raises:
         AlreadyRunningError: as `acquire`.
         StateError: as `acquire`.
     """
-    descriptor = acquire(directory, patience_s)
+    descriptor = acquire(directory, timeout_s)
     try:
         yield
     finally:
@@ -73,7 +73,7 @@ def held(directory: Path, patience_s: float) -> Iterator[None]:
 def holder(directory: Path) -> int | None:
     """Return the process that holds the directory's lock, the daemon of its valve; None where none does.
 
-    It is None, too, where the directory cannot be opened or the system does not tell.
+    It is None, too, where the directory cannot be opened or the system does not name it.
     """
     try:
         descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
@@ -95,7 +95,7 @@ def _occupied(directory: Path, descriptor: int) -> str:
 
 
 def _holder(descriptor: int) -> int | None:
-    """Return the process that took the flock, as /proc/locks tells it, or None."""
+    """Return the process that took the flock, as /proc/locks names it, or None."""
     status = os.fstat(descriptor)
     inode = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}:{status.st_ino}"
     try:

@@ -23,7 +23,7 @@ from endurance import damage
 from endurance.crash_daemons import DaemonSlot
 from endurance.crash_learners import LearnerSlot
 from endurance.probe import DiskProbe
-from endurance.verdict import Outcome, Tally
+from endurance.table_check import KillCounters, KillOutcome
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
     from typing import NoReturn
 
 _Slot: TypeAlias = LearnerSlot | DaemonSlot
-_Report: TypeAlias = tuple[Outcome, ...] | str
+_Report: TypeAlias = tuple[KillOutcome, ...] | str
 _FORK = multiprocessing.get_context("fork")
-_MOST_TOLD = 20
-_TOLD_EVERY = 100
+_MOST_PRINTED = 20
+_PRINTED_EVERY = 100
 
 
 def main() -> int:
@@ -53,8 +53,8 @@ def main() -> int:
     damaged = damage.everywhere(options.damage_share, options.seed, options.slots)
     limit_s = options.limit_s + stall_s
     _print(f"seed {options.seed}; kills took {killed_s:.0f} s, with up to {options.slots} learners at once")
-    for tally in (learners, daemons):
-        _show(tally)
+    for counters in (learners, daemons):
+        _show(counters)
     _print(f"disk meanwhile: {rounds} rounds of create, sync, rename, sync; the longest took {stall_s:.3f} s")
     _print(f"processor meanwhile: a sleeper woke up to {late_s:.3f} s too late")
     oldest_s = max(learners.oldest_s, daemons.oldest_s)
@@ -65,7 +65,7 @@ def main() -> int:
     )
     _print(damaged.summary)
     violations = [*learners.violations, *daemons.violations, *damaged.violations]
-    for violation in violations[:_MOST_TOLD]:
+    for violation in violations[:_MOST_PRINTED]:
         _print(f"violation: {violation}")
     _print(f"violations: {len(violations)}")
     return int(bool(violations) or oldest_s > limit_s)
@@ -84,10 +84,10 @@ def _options() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _kill(make: Callable[[Path, int], _Slot], folder: Path, kills: int, slots: int, seed: int) -> Tally:
+def _kill(make: Callable[[Path, int], _Slot], folder: Path, kills: int, slots: int, seed: int) -> KillCounters:
     """Return what `kills` kills left and cost, spread over slots that work at the same time."""
     folder.mkdir()
-    tally = Tally()
+    counters = KillCounters()
     queue: SimpleQueue[_Report] = _FORK.SimpleQueue()
     shares = [kills // slots + (slot < kills % slots) for slot in range(slots)]
     workers = [
@@ -102,22 +102,22 @@ def _kill(make: Callable[[Path, int], _Slot], folder: Path, kills: int, slots: i
         while done < kills:
             report = queue.get()
             if isinstance(report, str):
-                tally.violations.append(report)
+                counters.violations.append(report)
                 break
             for outcome in report:
-                tally.add(outcome)
+                counters.add(outcome)
             done += 1
             bar.update()
-            if done % _TOLD_EVERY == 0 and bar.disable:  # no terminal: the log shows how far it is
+            if done % _PRINTED_EVERY == 0 and bar.disable:  # no terminal: the log shows how far it is
                 _print(
-                    f"{done} of {kills} kills of {folder.name}: oldest lost sample {tally.oldest_s:.3f} s,"
-                    f" {len(tally.violations)} violations"
+                    f"{done} of {kills} kills of {folder.name}: oldest lost sample {counters.oldest_s:.3f} s,"
+                    f" {len(counters.violations)} violations"
                 )
     for worker in workers:
         if done < kills:
             worker.terminate()
         worker.join()
-    return tally
+    return counters
 
 
 def _work(make: Callable[[Path, int], _Slot], folder: Path, kills: int, seed: int, queue: SimpleQueue[_Report]) -> None:
@@ -139,12 +139,12 @@ def _end(number: int, frame: FrameType | None) -> NoReturn:
     sys.exit(1)
 
 
-def _show(tally: Tally) -> None:
-    loads = sum(tally.kills.values())
-    _print(f"{loads} loads after {loads} kills, {tally.torn} of them inside a transaction")
-    _print(f"  {tally.saved} samples saved, {tally.lost} lost")
-    for kind, count in sorted(tally.kills.items()):
-        _print(f"  {count:6d} × {kind + ':':20} oldest lost sample {tally.oldest[kind]:.3f} s")
+def _show(counters: KillCounters) -> None:
+    loads = sum(counters.kills.values())
+    _print(f"{loads} loads after {loads} kills, {counters.torn} of them inside a transaction")
+    _print(f"  {counters.saved} samples saved, {counters.lost} lost")
+    for kind, count in sorted(counters.kills.items()):
+        _print(f"  {count:6d} × {kind + ':':20} oldest lost sample {counters.oldest[kind]:.3f} s")
 
 
 def _print(line: str) -> None:

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import tomli_w
 
 from endurance import sample_log
-from endurance.learner import PATIENCE_S, TOO_BUSY
-from endurance.verdict import Judge, Outcome
+from endurance.learner import LONG_S, TOO_BUSY
+from endurance.table_check import KillOutcome, TableCheck
 from positioner.bus.address import embedded_address
 from positioner.bus.port import BusPort
 from positioner.store import lock
@@ -52,14 +52,14 @@ class DaemonSlot:
         self._codec = make_codec()
         self._sample = 0
         self._acting: int | None = None
-        self._judge = Judge(folder / "state", _VALVE, StictionTable(cell_width_m=_WIDTH_M))
+        self._check = TableCheck(folder / "state", _VALVE, StictionTable(cell_width_m=_WIDTH_M))
         self._configuration = folder / "valve.toml"
         self._configuration.write_text(tomli_w.dumps(self._tables()), encoding="utf-8")
 
-    def kill_one(self) -> Iterator[Outcome]:
+    def kill_one(self) -> Iterator[KillOutcome]:
         """Let one daemon live for a random time and kill it; yield what that left."""
         self._sample_log.unlink(missing_ok=True)
-        self._judge.state.mkdir(exist_ok=True)
+        self._check.state.mkdir(exist_ok=True)
         daemon = self._start()
         try:
             self._play_to_the_end(daemon)
@@ -72,10 +72,10 @@ class DaemonSlot:
         if code != -signal.SIGKILL:
             yield from self._start_again()
             return
-        with lock.held(self._judge.state, PATIENCE_S):  # a table writer that lives on saves, then lets go
-            yield self._judge.look(kind, sample_log.read(self._sample_log), killed_ns)
+        with lock.held(self._check.state, LONG_S):  # a table writer that lives on saves, then lets go
+            yield self._check.after_kill(kind, sample_log.read(self._sample_log), killed_ns)
 
-    def _start_again(self) -> Iterator[Outcome]:
+    def _start_again(self) -> Iterator[KillOutcome]:
         """Kill another one in the place of a daemon that ended by itself, which only a busy machine excuses."""
         said = self._log.read_text(encoding="utf-8")
         if TOO_BUSY not in said:
@@ -102,7 +102,7 @@ class DaemonSlot:
         if self._chance.random() < _EARLY_SHARE:
             self._play(daemon, self._chance.uniform(0.0, _EARLY_S))
             return
-        deadline_s = time.monotonic() + PATIENCE_S
+        deadline_s = time.monotonic() + LONG_S
         while not self._sample_log.exists() and time.monotonic() < deadline_s:
             self._play(daemon, 0.05)
         self._play(daemon, self._chance.uniform(0.0, _LEARNING_S))
@@ -128,7 +128,7 @@ class DaemonSlot:
         return {
             "valve": {"id": _VALVE, "preset": "paper"},
             "bus": {"interface": bus.interface, "channel": bus.channel, "port": bus.port},
-            "state": {"directory": str(self._judge.state)},
+            "state": {"directory": str(self._check.state)},
             "control": {"sample_period_s": _PERIOD_S, "table_cell_m": _WIDTH_M},
             "guard": {"auto_arm": True, "feedback_hold_periods": 500, "feedback_failsafe_periods": 5000},
         }

@@ -10,7 +10,7 @@ import time
 from typing import TYPE_CHECKING
 
 from endurance import learner, sample_log
-from endurance.verdict import Judge, Outcome
+from endurance.table_check import KillOutcome, TableCheck
 from positioner.store import lock
 from positioner.valve.stiction import StictionTable
 
@@ -34,10 +34,10 @@ class LearnerSlot:
         folder.mkdir()
         self._state, self._sample_log, self._complaints = folder / "state", folder / "sample_log", folder / "complaints"
         self._chance = random.Random(seed)  # noqa: S311 - no secret
-        self._judge = Judge(self._state, learner.VALVE, StictionTable(cell_width_m=learner.WIDTH_M))
+        self._check = TableCheck(self._state, learner.VALVE, StictionTable(cell_width_m=learner.WIDTH_M))
         self._learner = 0
 
-    def kill_one(self) -> Iterator[Outcome]:
+    def kill_one(self) -> Iterator[KillOutcome]:
         """Let one learner live for a random time and kill it; yield the outcome of each kill, the learner's last."""
         self._sample_log.unlink(missing_ok=True)
         self._state.mkdir(exist_ok=True)
@@ -49,15 +49,15 @@ class LearnerSlot:
             killed_ns = time.monotonic_ns()
         finally:
             self._end()
-        with lock.held(self._state, learner.PATIENCE_S):  # a table writer that lives on saves, then lets go
-            yield self._judge.look(kind, sample_log.read(self._sample_log), killed_ns)
+        with lock.held(self._state, learner.LONG_S):  # a table writer that lives on saves, then lets go
+            yield self._check.after_kill(kind, sample_log.read(self._sample_log), killed_ns)
         if self._complaints.exists():
             raise AssertionError(self._complaints.read_text(encoding="utf-8"))
 
     def close(self) -> None:
         """Nothing is held between two learners."""
 
-    def _live(self) -> Iterator[Outcome]:
+    def _live(self) -> Iterator[KillOutcome]:
         if self._chance.random() < _EARLY_SHARE:
             time.sleep(self._chance.uniform(0.0, _EARLY_S))
             return
@@ -69,11 +69,11 @@ class LearnerSlot:
         time.sleep(self._chance.uniform(0.0, longest_s))
 
     def _wait_for_lessons(self) -> None:
-        deadline_s = time.monotonic() + learner.PATIENCE_S
+        deadline_s = time.monotonic() + learner.LONG_S
         while not self._sample_log.exists() and not self._complaints.exists() and time.monotonic() < deadline_s:
             time.sleep(_POLL_S)
 
-    def _kill_writer(self) -> Iterator[Outcome]:
+    def _kill_writer(self) -> Iterator[KillOutcome]:
         """Kill the table writer under a learner that stands still meanwhile, so that none takes its place."""
         os.kill(self._learner, signal.SIGSTOP)
         try:
@@ -85,7 +85,7 @@ class LearnerSlot:
             while any(map(learner.is_running, writers)):
                 time.sleep(_POLL_S)
             if writers:
-                yield self._judge.look(WRITER, sample_log.read(self._sample_log), killed_ns)
+                yield self._check.after_kill(WRITER, sample_log.read(self._sample_log), killed_ns)
         finally:
             os.kill(self._learner, signal.SIGCONT)
 

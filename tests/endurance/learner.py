@@ -25,7 +25,7 @@ VALVE = "FV-101"
 WIDTH_M = 0.005
 _TRAVEL_M = 0.127
 _LONGEST_PAUSE_S = 0.004
-PATIENCE_S = 600.0
+LONG_S = 600.0
 """How long anything may take on a busy machine; nothing waits for it in vain."""
 TOO_BUSY = "the table writer does not start"
 """The store's message when a table writer was not ready in time; any other failure to open the table is a finding."""
@@ -68,7 +68,7 @@ def _opened(state: Path) -> tuple[TableWriterClient, StictionTable, tuple[str, .
     """Open the table as a service is started: again, where the machine was too busy to start a table writer in time."""
     while True:
         try:
-            return TableWriterClient.open(state, VALVE, WIDTH_M, patience_s=PATIENCE_S)
+            return TableWriterClient.open(state, VALVE, WIDTH_M, timeout_s=LONG_S)
         except StateError as error:
             if TOO_BUSY not in str(error):
                 raise

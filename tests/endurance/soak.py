@@ -21,7 +21,7 @@ from endurance import sample_log
 from endurance.pulse import Pulse
 from endurance.soak_host import SoakHost
 from endurance.soak_report import report
-from endurance.verdict import taught
+from endurance.table_check import taught
 from positioner.bench.processes import BenchProcess
 from positioner.bus.address import embedded_address
 from positioner.errors import BenchError

@@ -13,7 +13,7 @@ from store_helpers import VALVE, WIDTH_M, series
 
 from endurance import damage, sample_log
 from endurance.sample_log import Entry, SampleLogWriter
-from endurance.verdict import Judge, taught
+from endurance.table_check import TableCheck, taught
 from positioner.store import database
 from positioner.store.content import StoredTable
 from positioner.store.table_directory import TABLE
@@ -85,27 +85,27 @@ def on_disk(folder: Path, numbers: list[int]) -> Path:
     return folder
 
 
-def test_the_judge_ages_what_was_lost_from_the_sample_log(tmp_path: Path) -> None:
-    judge = Judge(on_disk(tmp_path, [0, 1, 2]), VALVE, EMPTY)
-    outcome = judge.look("kill", entries(5), killed_ns=4_500_000_000)
+def test_the_check_ages_what_was_lost_from_the_sample_log(tmp_path: Path) -> None:
+    check = TableCheck(on_disk(tmp_path, [0, 1, 2]), VALVE, EMPTY)
+    outcome = check.after_kill("kill", entries(5), killed_ns=4_500_000_000)
     assert (outcome.saved, outcome.lost, outcome.oldest_s, outcome.violations) == (3, 2, 1.5, ())
-    assert judge.table == taught(EMPTY, entries(3))
+    assert check.table == taught(EMPTY, entries(3))
 
 
 @pytest.mark.parametrize("numbers", [[0, 2, 3], [0, 2, 1], [1, 2, 3], [0, 1, 1]])
-def test_the_judge_sees_a_hole(tmp_path: Path, numbers: list[int]) -> None:
-    outcome = Judge(on_disk(tmp_path, numbers), VALVE, EMPTY).look("kill", entries(5), 0)
+def test_the_check_sees_a_hole(tmp_path: Path, numbers: list[int]) -> None:
+    outcome = TableCheck(on_disk(tmp_path, numbers), VALVE, EMPTY).after_kill("kill", entries(5), 0)
     assert ["has a hole" in violation for violation in outcome.violations] == [True]
 
 
-def test_the_judge_sees_a_table_that_went_back_and_one_that_was_set_aside(tmp_path: Path) -> None:
-    judge = Judge(on_disk(tmp_path, [0]), VALVE, taught(EMPTY, entries(2)))
-    assert "went back from 2 to 1 samples" in judge.look("kill", [], 0).violations[0]
+def test_the_check_sees_a_table_that_went_back_and_one_that_was_set_aside(tmp_path: Path) -> None:
+    check = TableCheck(on_disk(tmp_path, [0]), VALVE, taught(EMPTY, entries(2)))
+    assert "went back from 2 to 1 samples" in check.after_kill("kill", [], 0).violations[0]
     (tmp_path / TABLE).write_bytes(b"garbage")
     (tmp_path / "stiction.damaged-20260101T000000Z-1.sqlite").touch()
-    told = " ".join(judge.look("kill", [], 0).violations)
-    assert "is not an SQLite database" in told
-    assert "was set aside" in told
+    reported = " ".join(check.after_kill("kill", [], 0).violations)
+    assert "is not an SQLite database" in reported
+    assert "was set aside" in reported
 
 
 def test_a_sample_log_keeps_every_digit_and_leaves_out_a_line_cut_short(tmp_path: Path) -> None:

@@ -193,7 +193,7 @@ def test_a_change_is_refused_while_the_directory_is_held_by_something_without_a_
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     access.replace(tmp_path, taught(series(7)), force=False)
-    monkeypatch.setattr(access, "_PATIENCE_S", 0.0)
+    monkeypatch.setattr(access, "_LOCK_TIMEOUT_S", 0.0)
     with lock.held(tmp_path, 0.0):
         with pytest.raises(AlreadyRunningError, match=f"in use by process {os.getpid()}"):
             access.reset(tmp_path)

@@ -31,7 +31,7 @@ def test_a_second_holder_is_refused_in_one_line_that_names_the_first(tmp_path: P
         pass
 
 
-def test_patience_outlasts_a_holder_that_ends(tmp_path: Path) -> None:
+def test_the_lock_waits_for_a_holder_that_ends(tmp_path: Path) -> None:
     holder = subprocess.Popen(
         [sys.executable, "-c", _HOLDER, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )

@@ -225,7 +225,7 @@ def test_a_close_after_the_table_writer_died_still_saves(tmp_path: Path) -> None
 
 def test_a_second_daemon_is_refused(tmp_path: Path, writer: TableWriterClient) -> None:
     with pytest.raises(AlreadyRunningError, match=f"in use by process {os.getpid()}"):
-        TableWriterClient.open(tmp_path, VALVE, WIDTH_M, patience_s=0.0)
+        TableWriterClient.open(tmp_path, VALVE, WIDTH_M, timeout_s=0.0)
     assert writer.problem is None
 
 

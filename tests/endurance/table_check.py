@@ -19,7 +19,7 @@ _NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class KillOutcome:
     """One kill of one kind: what was saved since the last one, what was lost, and what should not be.
 
     `torn` where the kill fell into a transaction.
@@ -34,7 +34,7 @@ class Outcome:
 
 
 @dataclass(slots=True)
-class Tally:
+class KillCounters:
     """The sum of many kills."""
 
     kills: dict[str, int] = field(default_factory=dict)
@@ -44,7 +44,7 @@ class Tally:
     oldest: dict[str, float] = field(default_factory=dict)
     violations: list[str] = field(default_factory=list)
 
-    def add(self, outcome: Outcome) -> None:
+    def add(self, outcome: KillOutcome) -> None:
         """Count one more."""
         self.kills[outcome.kind] = self.kills.get(outcome.kind, 0) + 1
         self.torn += outcome.torn
@@ -60,14 +60,14 @@ class Tally:
 
 
 @dataclass(slots=True)
-class Judge:
+class TableCheck:
     """Knows what one state directory must hold: what it held when last looked at, and then the sample log's samples."""
 
     state: Path
     valve_id: str
     table: StictionTable
 
-    def look(self, kind: str, entries: Sequence[Entry], killed_ns: int) -> Outcome:
+    def after_kill(self, kind: str, entries: Sequence[Entry], killed_ns: int) -> KillOutcome:
         """Return what a kill at `killed_ns` left and cost; nobody may be writing the table meanwhile."""
         torn = any((self.state / f"{TABLE}{suffix}").exists() for suffix in SIDECARS)
         table_directory = TableDirectory(self.state, self.valve_id, self.table.cell_width_m)
@@ -82,8 +82,8 @@ class Judge:
             violations.append(f"has a hole: not the first {found.sequence} samples, in their order")
         self.table = found
         oldest_s = max(((killed_ns - entry.written_ns) / _NS for entry in lost), default=0.0)
-        told = tuple(f"{self.state}, {kind}: {violation}" for violation in violations)
-        return Outcome(kind, len(saved), len(lost), oldest_s, torn, told)
+        found_wrong = tuple(f"{self.state}, {kind}: {violation}" for violation in violations)
+        return KillOutcome(kind, len(saved), len(lost), oldest_s, torn, found_wrong)
 
 
 def taught(table: StictionTable, entries: Iterable[Entry]) -> StictionTable:

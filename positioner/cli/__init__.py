@@ -1,1 +1,1 @@
-"""The command line: one file a command. Shell."""
+"""The command line: one file for each command. Shell."""

@@ -2,41 +2,39 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from positioner.cli.command import add_command
 from positioner.config.place import place_of
 from positioner.config.reader import load_config
 from positioner.doctor import bus_load
 from positioner.errors import ExitCode
 
 if TYPE_CHECKING:
+    import argparse
+
+    from positioner.cli.command import Commands
     from positioner.config.schema import Configuration
     from positioner.valve.parameters import ValveParameters
 
 _EPILOG = """\
 examples:
   positioner check /etc/positioner/fv101.toml
-  positioner check --example > fv101.toml       a commented configuration to start from
+  positioner check --example > fv101.toml       write a commented configuration to start from
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the sub-command."""
-    parser = subparsers.add_parser(
-        "check",
-        help="validate a configuration",
-        description="Validate a configuration: every mistake at once, with its line, its limits and the nearest key.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+def add_parser(commands: Commands) -> None:
+    """Add `positioner check`."""
+    parser = add_command(
+        commands, "check", _run, "check a configuration: all mistakes at once, each with its line", _EPILOG
     )
     which = parser.add_mutually_exclusive_group(required=True)
     which.add_argument("config", nargs="?", type=Path, metavar="valve.toml", help="the configuration")
-    which.add_argument("--example", action="store_true", help="print a commented configuration and end")
-    parser.set_defaults(run=_run)
+    which.add_argument("--example", action="store_true", help="print a commented configuration")
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
@@ -55,7 +53,7 @@ def example_text() -> str:
 
 
 def summary(configuration: Configuration, state: Path) -> str:
-    """Return what the configuration means in the units of a workshop, a line each; `state` holds its table."""
+    """Return the main properties of the configured valve in mm, % and ms, a line each; `state` holds its table."""
     valve, guard = configuration.valve, configuration.guard
     gain, rate = valve.force_gain_n_per_ma, valve.spring_rate_n_per_m
     low_n = gain * guard.current_low_ma - valve.bench_set_n
@@ -77,16 +75,16 @@ def summary(configuration: Configuration, state: Path) -> str:
 
 
 def _deadman(configuration: Configuration) -> str:
-    """Return the actuator's deadman, and whether commands come soon enough for it."""
+    """Return the actuator's deadman time, with a warning where the sample period is too long for it."""
     deadman_s, periods = configuration.guard.actuator_deadman_s, configuration.guard.feedback_hold_periods
     if deadman_s == 0.0:
         return "none"
-    told = f"{deadman_s * 1e3:g} ms"
+    text = f"{deadman_s * 1e3:g} ms"
     longest_s = deadman_s / periods
     if configuration.control.sample_period_s <= longest_s:
-        return told
+        return text
     return (
-        f"{told}: the sample period is too long for it; beyond {longest_s * 1e3:.3g} ms the actuator goes to its fail "
+        f"{text}: the sample period is too long for it; beyond {longest_s * 1e3:.3g} ms the actuator goes to its fail "
         f"position before HOLD, which comes after {periods} periods without feedback, repeats a command"
     )
 
@@ -97,5 +95,5 @@ def _range(lowest_m: float, highest_m: float, valve: ValveParameters) -> str:
     if low_m > high_m:
         return "nowhere: no current within the limits frees the stem both ways"
     stops = [stop for stop, ends in (("lower", low_m > lowest_m), ("upper", high_m < highest_m)) if ends]
-    told = f"{low_m * 1e3:.1f} to {high_m * 1e3:.1f} mm"
-    return f"{told} (to the {' and the '.join(stops)} stop)" if stops else told
+    text = f"{low_m * 1e3:.1f} to {high_m * 1e3:.1f} mm"
+    return f"{text} (to the {' and the '.join(stops)} stop)" if stops else text

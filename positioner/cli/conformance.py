@@ -8,6 +8,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from positioner.bus.address import parse_address
+from positioner.cli.command import add_command
 from positioner.conformance.host import HostLimits, HostTest
 from positioner.conformance.on_bus import ConformanceTest, run_test
 from positioner.conformance.plant import PlantLimits, PlantTest
@@ -22,6 +23,7 @@ from positioner.wire.settings import WireSettings
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from positioner.cli.command import Commands
     from positioner.wire.codec import Codec
 
 _EPILOG = """\
@@ -48,46 +50,43 @@ Nothing is sent. Operate the host while the test listens: arm, move, disarm.
 example:
   positioner conformance host --bus socketcan:can0 --travel 0:127
 """
-_NODES = {
-    "plant": ("the node that measures the position and drives the valve", _PLANT_EPILOG),
-    "host": ("the node that sends setpoints", _HOST_EPILOG),
-}
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the sub-command."""
-    parser = subparsers.add_parser(
-        "conformance",
-        help="test another node on the bus, frame by frame, and report its mistakes",
-        description="Test whether a plant or a host of your own keeps the rules of docs/protocol.md.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+def add_parser(commands: Commands) -> None:
+    """Add `positioner conformance`."""
+    parser = add_command(
+        commands, "conformance", None, "test whether another node keeps the rules of docs/protocol.md", _EPILOG
     )
     nodes = parser.add_subparsers(title="nodes", metavar="NODE", required=True)
-    for name, (text, epilog) in _NODES.items():
-        node = nodes.add_parser(
-            name,
-            help=text,
-            description=f"Test {text}.",
-            epilog=epilog,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )
+    for name, run, text, epilog in (
+        ("plant", _plant, "test the node that measures the position and drives the valve", _PLANT_EPILOG),
+        ("host", _host, "test the node that sends setpoints", _HOST_EPILOG),
+    ):
+        node = add_command(nodes, name, run, text, epilog)
         node.add_argument("--bus", required=True, metavar="INTERFACE:CHANNEL", help="the bus")
         node.add_argument(
-            "--id-offset", type=int, default=0, metavar="N", help="wire.id_offset of the positioner (%(default)s)"
+            "--id-offset",
+            type=int,
+            default=0,
+            metavar="N",
+            help="wire.id_offset of the positioner (default: %(default)s)",
         )
         node.add_argument("--travel", type=_range(-1e3, 1e3, "mm"), metavar="LOW:HIGH", help="allowed positions in mm")
         node.add_argument("--json", action="store_true", help="print one JSON object instead of lines")
         if name == "plant":
             node.add_argument(
-                "--period", type=_seconds, default=0.001, metavar="S", help="sample period of the plant (%(default)s s)"
+                "--period",
+                type=_seconds,
+                default=0.001,
+                metavar="S",
+                help="sample period of the plant (default: %(default)s s)",
             )
             node.add_argument(
                 "--deadman",
                 type=_seconds,
                 default=0.1,
                 metavar="S",
-                help="deadman of the plant: time without a command until its fail position (%(default)s s)",
+                help="deadman of the plant: time without a command until its fail position (default: %(default)s s)",
             )
             node.add_argument(
                 "--currents",
@@ -96,21 +95,23 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
                 help="command the plant within these limits in mA: THE VALVE MOVES",
             )
             node.add_argument(
-                "--listen", type=_seconds, default=1.0, metavar="S", help="listen for so long first (%(default)s s)"
+                "--listen",
+                type=_seconds,
+                default=1.0,
+                metavar="S",
+                help="listen for so long first (default: %(default)s s)",
             )
-            node.set_defaults(run=_plant)
         else:
             node.add_argument(
                 "--hold",
                 type=_seconds,
                 default=0.5,
                 metavar="S",
-                help="guard.setpoint_hold_s of the positioner (%(default)s s)",
+                help="guard.setpoint_hold_s of the positioner (default: %(default)s s)",
             )
             node.add_argument(
-                "--listen", type=_seconds, default=10.0, metavar="S", help="listen for so long (%(default)s s)"
+                "--listen", type=_seconds, default=10.0, metavar="S", help="listen for so long (default: %(default)s s)"
             )
-            node.set_defaults(run=_host)
 
 
 def _plant(arguments: argparse.Namespace) -> ExitCode:

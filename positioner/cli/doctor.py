@@ -1,17 +1,19 @@
-"""`positioner doctor`: what stands in a positioner's way on this machine, and the command that mends it. Shell."""
+"""`positioner doctor`: problems of this machine, and the commands that solve them. Shell."""
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from positioner.cli.command import add_command, add_config, add_state
 from positioner.doctor.examination import Examination
 from positioner.doctor.finding import Level, worst
 
 if TYPE_CHECKING:
+    import argparse
+
+    from positioner.cli.command import Commands
     from positioner.errors import ExitCode
 
 _EPILOG = """\
@@ -20,24 +22,20 @@ examples:
   positioner doctor --config /etc/positioner/fv101.toml           a valve: bus, load, state, daemon, live feedback
   positioner doctor --config /etc/positioner/fv101.toml --json    the same for programs
 
-It changes nothing and sends nothing. Each finding is OK, WARN or FAIL, with the command that mends it below.
-exit status: 0 nothing failed, 1 something did, 78 the configuration is wrong.
+It changes nothing and sends nothing. Each finding is OK, WARN or FAIL, followed by the command that solves the problem.
+
+exit status: 0 no finding is FAIL, 1 one is, 78 the configuration is wrong.
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the sub-command."""
-    parser = subparsers.add_parser(
-        "doctor",
-        help="examine machine, bus and valve, and say what mends them",
-        description="Examine this machine, and with a configuration its bus, state, daemon and live feedback.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+def add_parser(commands: Commands) -> None:
+    """Add `positioner doctor`."""
+    parser = add_command(
+        commands, "doctor", _run, "examine machine, bus and valve, and show how to solve problems", _EPILOG
     )
-    parser.add_argument("--config", type=Path, metavar="FILE", help="the configuration of a valve (TOML)")
-    parser.add_argument("--state", type=Path, metavar="DIR", help="instead of the configuration's state directory")
+    add_config(parser, required=False)
+    add_state(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of lines")
-    parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:

@@ -2,51 +2,46 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from positioner.cli.command import add_command, add_out, add_workers
 from positioner.errors import ExitCode, UsageError
 from positioner.inputs.nearest import names_in
 from positioner.laws.registry import LAWS
 
 if TYPE_CHECKING:
+    import argparse
+
+    from positioner.cli.command import Commands
     from positioner.studies.league import LeagueSettings
 
 _EPILOG = """\
 examples:
   positioner league                                     every law, every plant, seeds 101 to 103, 1 kHz
-  positioner league --short                             a minute's worth of it
-  positioner league --laws nmpc,paper --period 0.0001   at 10 kHz: about an hour of two cores
+  positioner league --short                             a part of it that takes about a minute
+  positioner league --laws nmpc,paper --period 0.0001   at 10 kHz: about an hour on two cores
 
-An interrupted league goes on where it stopped. It leaves league.json, league.md and league.png in the output directory.
+An interrupted league continues where it stopped. The output directory then holds league.json, league.md and league.png.
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the sub-command."""
-    parser = subparsers.add_parser(
-        "league",
-        help="compare all laws on all plants",
-        description="Compare control laws on the nominal valve and on valves that differ from what the laws believe.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--laws", metavar="A,B,…", help=f"laws (all: {', '.join(LAWS)})")
-    parser.add_argument("--plants", metavar="A,B,…", help="presets of the emulator (all variants of the nominal valve)")
-    parser.add_argument("--seeds", metavar="N,M,…", help="seeds (101,102,103)")
-    parser.add_argument("--setpoints", metavar="MM,MM,…", help="setpoints in mm instead of the usual eight")
-    parser.add_argument("--dwell", type=float, metavar="S", help="length of a dwell (5 s)")
-    parser.add_argument("--period", type=float, metavar="S", help="sample period (0.001 s)")
-    short = "unless told otherwise: three laws, two plants, one seed, four dwells of 1 s"
-    parser.add_argument("--short", action="store_true", help=short)
-    parser.add_argument("--workers", type=int, metavar="N", help="processes (one a core)")
+def add_parser(commands: Commands) -> None:
+    """Add `positioner league`."""
+    parser = add_command(commands, "league", _run, "compare all laws on all plants", _EPILOG)
+    parser.add_argument("--laws", metavar="A,B,…", help=f"laws (default: {', '.join(LAWS)})")
     parser.add_argument(
-        "--out", type=Path, default=Path("league"), metavar="DIR", help="output directory (%(default)s)"
+        "--plants", metavar="A,B,…", help="presets of the emulator (default: all variants of the nominal valve)"
     )
-    parser.set_defaults(run=_run)
+    parser.add_argument("--seeds", metavar="N,M,…", help="seeds (default: 101,102,103)")
+    parser.add_argument("--setpoints", metavar="MM,MM,…", help="setpoints in mm instead of the usual eight")
+    parser.add_argument("--dwell", type=float, metavar="S", help="length of a dwell (default: 5 s)")
+    parser.add_argument("--period", type=float, metavar="S", help="sample period (default: 0.001 s)")
+    short = "other defaults: three laws, two plants, one seed, four dwells of 1 s"
+    parser.add_argument("--short", action="store_true", help=short)
+    add_workers(parser)
+    add_out(parser, "league")
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
@@ -74,10 +69,10 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
 
 
 def _settings(arguments: argparse.Namespace) -> LeagueSettings:
-    """Return what is to be played: the whole league or its short form, with what was asked for in the place of its own.
+    """Return the settings of the whole league or of its short form, with the arguments in place of the defaults.
 
     Raises:
-        UsageError: a name is unknown, or a number is none.
+        UsageError: a name is unknown, or a number cannot be read.
     """
     from positioner.studies.conditions import ALL_PLANTS, NOMINAL, PLANTS  # noqa: PLC0415
     from positioner.studies.league import SETPOINTS_MM, LeagueSettings  # noqa: PLC0415
@@ -91,26 +86,26 @@ def _settings(arguments: argparse.Namespace) -> LeagueSettings:
             setpoints_mm=SETPOINTS_MM[:4],
             dwell_s=1.0,
         )
-    told: dict[str, Any] = {"dwell_s": arguments.dwell, "period_s": arguments.period}
+    given: dict[str, Any] = {"dwell_s": arguments.dwell, "period_s": arguments.period}
     if arguments.laws:
-        told["laws"] = names_in("law", arguments.laws, tuple(LAWS))
+        given["laws"] = names_in("law", arguments.laws, tuple(LAWS))
     if arguments.plants:
-        told["plants"] = names_in("plant", arguments.plants, ALL_PLANTS)
+        given["plants"] = names_in("plant", arguments.plants, ALL_PLANTS)
     if arguments.seeds is not None:
-        told["seeds"] = tuple(dict.fromkeys(_whole("seed", seed) for seed in arguments.seeds.split(",")))
+        given["seeds"] = tuple(dict.fromkeys(_whole("seed", seed) for seed in arguments.seeds.split(",")))
     if arguments.setpoints:
-        told["setpoints_mm"] = tuple(_number("setpoint", value) for value in arguments.setpoints.split(","))
-    return replace(settings, **{name: value for name, value in told.items() if value is not None})
+        given["setpoints_mm"] = tuple(_number("setpoint", value) for value in arguments.setpoints.split(","))
+    return replace(settings, **{name: value for name, value in given.items() if value is not None})
 
 
-def _whole(what: str, text: str) -> int:
+def _whole(name: str, text: str) -> int:
     if not text.strip().isdecimal():
-        raise UsageError(f"{what} '{text}' is no whole number")
+        raise UsageError(f"{name} '{text}' is no whole number")
     return int(text)
 
 
-def _number(what: str, text: str) -> float:
+def _number(name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise UsageError(f"{what} '{text}' is no number") from None
+        raise UsageError(f"{name} '{text}' is no number") from None

@@ -1,5 +1,5 @@
 # PYTHON_ARGCOMPLETE_OK
-"""`positioner`: the commands, their help, and how errors end. Shell."""
+"""`positioner`: the list of its commands, and its help. Shell."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from positioner.machine.console import run_command
 _DESCRIPTION = "A positioner for sticking control valves: predictive control with a learned stiction table, over CAN."
 _EPILOG = """\
 examples:
-  positioner bench                                the loop closed with an emulated valve, no hardware needed
-  positioner check /etc/positioner/fv101.toml     every mistake of a configuration at once
-  positioner doctor                               what stands in the way on this machine
-  positioner run --config fv101.toml              control the valve
-  positioner host --config fv101.toml arm set 62% let it, and move the valve to 62 %
-  positioner replay bus.log --config fv101.toml   do a recorded bus again, and compare
-  positioner table dump --config fv101.toml       what was learned about its stiction
+  positioner bench                                 control an emulated valve; no hardware needed
+  positioner check /etc/positioner/fv101.toml      report all mistakes of a configuration at once
+  positioner doctor                                report the problems of this machine
+  positioner run --config fv101.toml               control the valve
+  positioner host --config fv101.toml arm set 62%  arm the positioner, and move the valve to 62 %
+  positioner replay bus.log --config fv101.toml    compute recorded commands again, and compare
+  positioner table dump --config fv101.toml        print what was learned about the valve's stiction
 
-exit status: 0 done, 1 failed, 2 usage, 69 bus or valve not available, 70 internal error, 71 the system refuses,
-             74 state not saved, 75 occupied for now, 78 configuration
+exit status: 0 done, 1 failed, 2 wrong command line, 69 bus or valve not available, 70 internal error, 71 the system
+             refuses, 74 state not saved, 75 in use by another process for now, 78 wrong configuration
 completion:  eval "$(register-python-argcomplete positioner)"
 """
 
@@ -37,9 +37,9 @@ def build_parser() -> Parser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"positioner {positioner.__version__}")
-    subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (run, host, bench, replay, league, reproduce, tune, table, check, doctor, conformance):
-        command.add_parser(subparsers)
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    for module in (run, host, bench, replay, league, reproduce, tune, table, check, doctor, conformance):
+        module.add_parser(commands)
     return parser
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import sys
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
+from positioner.cli.command import add_command, add_config, add_state
 from positioner.config.reader import load_config
 from positioner.errors import ExitCode
 from positioner.inputs.toml_reader import changes_of, laid_over
@@ -22,6 +22,9 @@ from positioner.replay.report import headline, summary
 from positioner.replay.run import replay_cycles
 
 if TYPE_CHECKING:
+    import argparse
+
+    from positioner.cli.command import Commands
     from positioner.replay.output import OutputFolder
 
 _EPILOG = """\
@@ -30,27 +33,24 @@ examples:
   positioner replay bus.blf --config fv101.toml --state state-before
   positioner replay bus.log --config fv101.toml --law paper --set guard.max_rate_ma_per_s=500 --out what-if
 
-The log may be candump (.log), ASC, BLF, CSV or any other that python-can reads. It must begin before the positioner's
-first command; one that starts late is refused. --law and --set ask what would have been: the law sees the valve as it
-moved under the recorded commands, and says what it would have commanded.
-exit status: 0 identical (or, with --law or --set, done), 1 a frame differs, 74 the log or the table cannot be read,
-or the log starts late, 78 the configuration is wrong.
+The log may be candump (.log), ASC, BLF, CSV or another format that python-can reads. It must begin before the
+positioner's first command; a log that starts later is refused. --law and --set show what another law or other settings
+would have commanded, while the valve moves under the recorded commands.
+
+exit status: 0 identical (with --law or --set: done), 1 a frame differs, 74 the log or the table cannot be read, or the
+log starts late, 78 the configuration is wrong.
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the sub-command."""
-    parser = subparsers.add_parser(
-        "replay",
-        help="do a recorded bus again",
-        description="Feed a recorded bus through the same cycle, and compare its commands bit for bit.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+def add_parser(commands: Commands) -> None:
+    """Add `positioner replay`."""
+    parser = add_command(
+        commands, "replay", _run, "compute the commands of a recorded bus again, and compare bit for bit", _EPILOG
     )
     parser.add_argument("log", type=Path, metavar="LOG", help="the recorded bus")
-    parser.add_argument("--config", type=Path, required=True, metavar="FILE", help="configuration of the valve (TOML)")
-    parser.add_argument("--state", type=Path, metavar="DIR", help="start from the table in DIR, which is only read")
-    parser.add_argument("--law", choices=tuple(LAWS), metavar="NAME", help="what would this law have done?")
+    add_config(parser)
+    add_state(parser, "start from the table in DIR, which is only read")
+    parser.add_argument("--law", choices=tuple(LAWS), metavar="NAME", help="show what this law would have commanded")
     parser.add_argument(
         "--set",
         action="append",
@@ -59,8 +59,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar="KEY=VALUE",
         help="change one setting, such as control.table_from_s=2 (repeatable)",
     )
-    parser.add_argument("--out", type=Path, metavar="DIR", help="leave trace.csv and replay.png there")
-    parser.set_defaults(run=_run)
+    parser.add_argument("--out", type=Path, metavar="DIR", help="write trace.csv and replay.png into DIR")
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:

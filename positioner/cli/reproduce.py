@@ -1,47 +1,51 @@
-"""`positioner reproduce`: the paper's five simulations, beside what it claims of them. Shell."""
+"""`positioner reproduce`: the paper's five simulations, compared with its results. Shell."""
 
 from __future__ import annotations
 
-import argparse
 import sys
-from pathlib import Path
+from typing import TYPE_CHECKING
 
-from positioner.errors import ExitCode, StateError
+from positioner.cli.command import add_command, add_out, add_workers
+from positioner.errors import ExitCode, writing
+
+if TYPE_CHECKING:
+    import argparse
+    from pathlib import Path
+
+    from positioner.cli.command import Commands
 
 _EPILOG = """\
 examples:
-  positioner reproduce                     every interpretation: about ten minutes of one core
-  positioner reproduce --short             the moves, within half a minute: 15 ms a setpoint instead of 1 s, which
-                                           judges no claim about what happens at rest
+  positioner reproduce                     every interpretation: about ten minutes on one core
+  positioner reproduce --short             only the moves, in half a minute: dwells of 15 ms instead of 1 s, too short
+                                           to decide results about the stem at rest
   positioner reproduce --reading A         white noise and a Kalman filter only
 
-interpretations of the paper, where it leaves a choice:
-  A           noise white, 2 % of the reading; position and speed from a Kalman filter
-  B           each draw of the noise held for 10 ms; position raw, speed by differences
+interpretations of the paper, where it is not explicit:
+  A           white noise, 2 % of the reading; position and speed from a Kalman filter
+  B           each draw of the noise held for 10 ms; raw position, speed from differences
 Both are played with α and β of eq. 22 in SI and in cm, and each with a control run without noise.
 
-It leaves in the output directory: reproduce.png (everything on one page), figure-4.png to figure-8.png (the paper's
-figures), reproduce.md (its claims beside what is seen, and the figures) and reproduce.json (the same for programs).
-One of its runs, frame by frame over a bus: positioner bench --scenario paper-3
+The output directory then holds: reproduce.png (everything on one page), figure-4.png to figure-8.png (the paper's
+figures), reproduce.md (the published results beside ours, and the figures) and reproduce.json (the same for programs).
+One of the runs, frame by frame on a bus: positioner bench --scenario paper-3
 """
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the sub-command."""
-    parser = subparsers.add_parser(
-        "reproduce",
-        help="play the paper's simulations beside its claims",
-        description="Play the paper's five simulations, and set what is seen beside what the paper claims.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+def add_parser(commands: Commands) -> None:
+    """Add `positioner reproduce`."""
+    parser = add_command(
+        commands, "reproduce", _run, "play the paper's simulations, and compare with its published results", _EPILOG
     )
-    parser.add_argument("--reading", choices=("A", "B", "both"), default="both", help="of the noise (%(default)s)")
-    parser.add_argument("--short", action="store_true", help="15 ms a setpoint: shows the moves, judges no rest")
-    parser.add_argument("--workers", type=int, metavar="N", help="processes (one a core)")
     parser.add_argument(
-        "--out", type=Path, default=Path("reproduce"), metavar="DIR", help="output directory (%(default)s)"
+        "--reading",
+        choices=("A", "B", "both"),
+        default="both",
+        help="interpretation of the paper's noise (default: %(default)s)",
     )
-    parser.set_defaults(run=_run)
+    parser.add_argument("--short", action="store_true", help="dwells of 15 ms: they show the moves, and no rest")
+    add_workers(parser)
+    add_out(parser, "reproduce")
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
@@ -55,18 +59,17 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     both = (Noise.FILTERED, Noise.RAW)
     noises = both if arguments.reading == "both" else (Noise(arguments.reading),)
     out: Path = arguments.out
-    try:
+    with writing(out):
         out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StateError(f"{out}: cannot be written: {error.strerror}") from error
     played_runs = reproduce(all_runs(interpretations(noises), short=arguments.short), arguments.workers)
     found = assess(played_runs)
-    for simulation in SIMULATIONS:
-        draw_figure(out / f"figure-{FIGURE_OF[simulation]}.png", simulation, played_runs, found)
-    draw_page(out / "reproduce.png", played_runs, found)
     text = to_markdown(played_runs, found)
-    (out / "reproduce.md").write_text(text, encoding="utf-8")
-    (out / "reproduce.json").write_text(to_json(played_runs, found), encoding="utf-8")
+    with writing(out):
+        for simulation in SIMULATIONS:
+            draw_figure(out / f"figure-{FIGURE_OF[simulation]}.png", simulation, played_runs, found)
+        draw_page(out / "reproduce.png", played_runs, found)
+        (out / "reproduce.md").write_text(text, encoding="utf-8")
+        (out / "reproduce.json").write_text(to_json(played_runs, found), encoding="utf-8")
     sys.stdout.write(text)
     sys.stdout.write(f"\n{out}: reproduce.png, figure-4.png to figure-8.png, reproduce.md, reproduce.json\n")
     return ExitCode.OK

@@ -1,0 +1,61 @@
+"""How a command is added to the command line, and the options that several commands share. Pure."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from positioner.errors import ExitCode
+
+    Commands: TypeAlias = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse names no type
+
+
+def add_command(
+    commands: Commands,
+    name: str,
+    run: Callable[[argparse.Namespace], ExitCode] | None,
+    summary: str,
+    epilog: str,
+) -> argparse.ArgumentParser:
+    """Return the parser of a new command, whose epilog has examples and exit statuses.
+
+    Without `run` it is a group of commands.
+    """
+    description = f"{summary[0].upper()}{summary[1:]}."
+    parser = commands.add_parser(
+        name,
+        help=summary,
+        description=description,
+        epilog=epilog,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.set_defaults(run=run)
+    return parser
+
+
+def add_config(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
+    """Add `--config`."""
+    parser.add_argument(
+        "--config", type=Path, required=required, metavar="FILE", help="configuration of the valve (TOML)"
+    )
+
+
+def add_state(parser: argparse.ArgumentParser, text: str = "state directory instead of the configuration's") -> None:
+    """Add `--state`."""
+    parser.add_argument("--state", type=Path, metavar="DIR", help=text)
+
+
+def add_out(parser: argparse.ArgumentParser, folder: str) -> None:
+    """Add `--out` with a default."""
+    parser.add_argument(
+        "--out", type=Path, default=Path(folder), metavar="DIR", help="output directory (default: %(default)s)"
+    )
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Add `--workers`."""
+    parser.add_argument("--workers", type=int, metavar="N", help="number of processes (default: one for each core)")

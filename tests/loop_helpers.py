@@ -9,7 +9,7 @@ from plant_emulator.presets import plant_settings
 from positioner.bench.inprocess import configure
 from positioner.bench.scenario import Scenario
 from positioner.cycle.input import CycleInput
-from positioner.cycle.state import CycleState, Setup
+from positioner.cycle.state import CycleState
 from positioner.cycle.step import step
 from positioner.valve.stiction import StictionTable
 from positioner.wire.messages import Setpoint
@@ -42,16 +42,9 @@ class Loop:
         )
         self.configuration = configure(self.scenario)
         self.plant = plant_settings(overrides=self.scenario.plant)
-        self.codec = self.configuration.make_codec()
+        self.setup = self.configuration.make_setup()
+        self.codec = self.setup.codec
         self.period_s = self.scenario.sample_period_s
-        self.setup = Setup(
-            self.codec,
-            self.configuration.valve,
-            self.configuration.guard,
-            self.configuration.make_law(),
-            self.period_s,
-            limits=self.configuration.limits,
-        )
         self.state = CycleState(table=table or StictionTable(cell_width_m=self.configuration.control.table_cell_m))
         self.device = initial_device(self.plant, seed)
         self.sample = 0

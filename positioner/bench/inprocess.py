@@ -17,7 +17,7 @@ from positioner.bus.address import BusAddress
 from positioner.config.reader import parse_config
 from positioner.cycle.events import Controlled
 from positioner.cycle.input import CycleInput
-from positioner.cycle.state import CycleState, Setup
+from positioner.cycle.state import CycleState
 from positioner.cycle.step import step
 from positioner.valve.stiction import StictionTable
 from positioner.wire.messages import Setpoint
@@ -64,10 +64,8 @@ def run_in_process(
     """
     configuration = configure(scenario)
     settings = check_playable(scenario, configuration)
-    codec = configuration.make_codec()
-    period_s = scenario.sample_period_s
-    law = configuration.make_law()
-    setup = Setup(codec, configuration.valve, configuration.guard, law, period_s, limits=configuration.limits)
+    setup = configuration.make_setup()
+    codec, period_s = setup.codec, scenario.sample_period_s
     state = CycleState(table=table or StictionTable(cell_width_m=configuration.control.table_cell_m))
     device = initial_device(settings, scenario.seed)
     samples = round(scenario.duration_s / period_s)

@@ -71,8 +71,13 @@ class Configuration(SettingsTable):
         """
         return make_codec(self.wire, span_m=self.valve.span_m)
 
-    def make_setup(self, codec: Codec) -> Setup:
-        """Return what a cycle of this valve never changes, with a new instance of its law."""
+    def make_setup(self) -> Setup:
+        """Return what no cycle of this valve changes, with a new instance of its law.
+
+        Raises:
+            ConfigurationError: as `make_codec`.
+        """
+        codec = self.make_codec()
         return Setup(codec, self.valve, self.guard, self.make_law(), self.control.sample_period_s, limits=self.limits)
 
     def make_law(self) -> Law[Any]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from positioner.cycle.command_effect import SentCommand
 from positioner.cycle.input import CycleInput
-from positioner.cycle.state import CycleState, Setup
+from positioner.cycle.state import CycleState
 from positioner.cycle.step import step
 from positioner.runtime.record import KIND_AGE, NOTE_ID, NOTED_FIELDS, Note
 from positioner.wire.formats import FrameRejectedError
@@ -46,15 +46,12 @@ def replay_cycles(
     With `follows` the recorded command counts as sent after each cycle, whatever was computed: another law then sees
     the valve move under the current that really moved it.
     """
-    codec = configuration.make_codec()
-    period_s = configuration.control.sample_period_s
-    law = configuration.make_law()
-    setup = Setup(codec, configuration.valve, configuration.guard, law, period_s, limits=configuration.limits)
+    setup = configuration.make_setup()
     state = CycleState(table=table)
     for cycle in cycles:
         state, outbox, events = step(setup, state, _told(cycle, table_saved=state.table_saved))
         if follows:
-            state = _followed(codec, state, cycle, outbox)
+            state = _followed(setup.codec, state, cycle, outbox)
         yield ReplayedCycle(cycle, outbox, events, state.guard.mode)
 
 

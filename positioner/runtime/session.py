@@ -70,7 +70,7 @@ class Session:
             logger.warning("%s", notice)
         held = sum(len(cell.samples) for _, cell in table)
         logger.info("table of %s: %d samples in %d cells", configuration.valve.id, held, len(table))
-        self.setup = configuration.make_setup(configuration.make_codec())
+        self.setup = configuration.make_setup()
         if options.dry_run:
             self.setup = replace(self.setup, guard=replace(configuration.guard, auto_arm=True), learns=False)
         self.state = CycleState(table=table)

@@ -64,4 +64,4 @@ def _as_json(examination: Examination) -> dict[str, object]:
 
 def _summary(examination: Examination) -> str:
     levels = [finding.level for finding in examination.found]
-    return f"{levels.count(Level.OK)} fine, {levels.count(Level.WARN)} to look at, {levels.count(Level.FAIL)} failed"
+    return f"{levels.count(Level.OK)} OK, {levels.count(Level.WARN)} WARN, {levels.count(Level.FAIL)} FAIL"

@@ -1,1 +1,1 @@
-"""The host on a valve's bus: a person arms, sets, takes over by hand, and sees how it is. `positioner host` runs it."""
+"""The host on a valve's bus, for a person: arm, set, move by hand, see the status. `positioner host` runs it."""

@@ -1,7 +1,7 @@
-"""The host's side of the bus: what each verb sends, and what must be heard until it is done. Pure.
+"""The verbs at work: what each one sends, and which answer of the positioner completes it. Pure.
 
-A session sends nothing before the first verb that needs it, and then setpoints at their cadence until it ends or
-disarms: their absence is what the positioner notices. Time is an argument.
+A session sends nothing before the first verb that needs it. Then it sends setpoints at their period until it ends or
+disarms: the positioner goes to HOLD when they stay away. Time is an argument.
 """
 
 from __future__ import annotations
@@ -31,21 +31,21 @@ if TYPE_CHECKING:
     from positioner.wire.messages import CanFrame
 
 RELEASED_S = 0.1
-"""How long another request is sent before ARM: an ARM counts only where it follows another request."""
+"""How long another request is sent before ARM: an ARM counts only if it follows another request."""
 ANSWER_S = 3.0
-"""How long the positioner has to do what it is asked."""
+"""Allowed time for the positioner to do what a verb asks for."""
 STATUS_S = 1.0
-"""How long a status may take that is sent ten times a second."""
+"""Allowed time for a status, which is sent ten times a second."""
 _NS = 1_000_000_000
 _PASSIVE = frozenset({Word.STATUS, Word.HELP, Word.QUIT})
 """Verbs that send nothing."""
 
 
 class HostSession:
-    """One person at one valve. `lines` is what there is to tell since somebody took them."""
+    """One person at one valve. The terminal prints `lines` and empties it."""
 
     def __init__(self, configuration: Configuration) -> None:
-        """Begin with nothing heard and nothing to say."""
+        """Begin with nothing received and nothing to send."""
         codec = configuration.make_codec()
         self._valve = configuration.valve
         self._schedule = FrameSchedule(codec, configuration.guard.setpoint_hold_s)
@@ -54,8 +54,8 @@ class HostSession:
         self._was_controlled = False
         self._setpoint_m: float | None = None
         self._manual_ma: float | None = None
-        self._told = ""
-        self._told_of_other = False
+        self._state_line = ""
+        self._has_reported_other_host = False
         self.view = ValveView(codec, configuration.valve.span_m)
         self.is_sending = False
         self.lines: list[str] = []
@@ -66,31 +66,31 @@ class HostSession:
         return self._verb is not None
 
     def receive(self, frames: Iterable[CanFrame], now_ns: int) -> None:
-        """Take in what arrived, and tell what has changed."""
+        """Take in `frames`, and report what has changed."""
         view = self.view
         view.receive(frames, now_ns)
         if view.status is not None:
             there = view.is_received(PositionerStatus, now_ns)
-            told = state_in_words(view.status) if there else "the positioner is silent"
-            if told != self._told:
-                self._told = told
-                self.lines.append(told)
-        if self.is_sending and not self._told_of_other and view.is_received(Setpoint, now_ns):
-            self._told_of_other = True
-            self.lines.append("another host sends setpoints to this valve, too: end one of them")
+            line = state_in_words(view.status) if there else "the positioner is silent"
+            if line != self._state_line:
+                self._state_line = line
+                self.lines.append(line)
+        if self.is_sending and not self._has_reported_other_host and view.is_received(Setpoint, now_ns):
+            self._has_reported_other_host = True
+            self.lines.append("another host sends setpoints to this valve, too: stop one of them")
 
     def begin(self, verb: Verb, now_ns: int) -> None:
-        """Begin what a verb asks for; `advance` ends it.
+        """Begin `verb`; `advance` completes it.
 
         Raises:
-            HostError: it cannot be done now.
+            HostError: the verb cannot be done now.
         """
         view = self.view
         if verb.word not in _PASSIVE and verb.word is not Word.DISARM:
             self._refuse_what_cannot_work(verb, now_ns)
             self.is_sending = True
         self._was_controlled = view.is_controlled(now_ns)
-        unarmed = "" if self._was_controlled else "; it acts once the positioner is armed: `arm`"
+        unarmed = "" if self._was_controlled else "; it acts as soon as the positioner is armed: `arm`"
         match verb.word:
             case Word.SET:
                 self._setpoint_m = verb.setpoint_m
@@ -102,13 +102,13 @@ class HostSession:
             case Word.AUTO:
                 if self._manual_ma is None:
                     self._setpoint_m = self._here_m()
-                # a setpoint that came behind AUTO would be a new one, and move the stem
+                # a setpoint that comes after AUTO counts as a new one and moves the stem: send it before
                 self._schedule.at_once(Setpoint)
                 self._schedule.at_once(ManualCurrent)
             case Word.HELP:
                 self.lines += HELP.splitlines()
             case Word.STATUS:
-                self.lines[:] = [line for line in self.lines if line != self._told]  # the status begins with it
+                self.lines[:] = [line for line in self.lines if line != self._state_line]  # the status begins with it
             case _:
                 pass
         if self._setpoint_m is None:
@@ -116,10 +116,10 @@ class HostSession:
         self._verb, self._began_ns = verb, now_ns
 
     def advance(self, now_ns: int) -> tuple[CanFrame, ...]:
-        """Return the frames that are due, after ending the verb that is done.
+        """Return the frames that are due, and complete the verb where the positioner has answered.
 
         Raises:
-            HostError: the verb could not be done; the message says why.
+            HostError: the verb was not done in time; the message says why.
         """
         verb = self._verb
         if verb is not None:
@@ -134,21 +134,21 @@ class HostSession:
     def _refuse_what_cannot_work(self, verb: Verb, now_ns: int) -> None:
         view = self.view
         if not self.is_sending and view.is_received(Setpoint, now_ns):
-            raise HostError(f"{verb.word}: another host sends setpoints to this valve: end it first")
+            raise HostError(f"{verb.word}: another host sends setpoints to this valve: stop it first")
         by_hand = verb.word is Word.MANUAL or self._manual_ma is not None
         if not by_hand and not view.is_received(StemPosition, now_ns):
-            raise HostError(f"{verb.word}: no position frames come: is the bus the right one, and is the plant on?")
+            raise HostError(f"{verb.word}: no position frames come: is this the right bus, and is the plant on?")
         if verb.word is Word.SET and self._manual_ma is not None:
-            raise HostError("set: the current is given by hand: say `auto` first")
+            raise HostError("set: the valve is in manual mode: use `auto` first")
         if verb.word is Word.AUTO and self._manual_ma is None and view.mode(now_ns) is not Mode.MANUAL:
-            raise HostError("auto: it is in automatic mode")
+            raise HostError("auto: the valve is in automatic mode already")
 
     def _current_by_hand_ma(self, verb: Verb, now_ns: int) -> float:
         command = self.view.command
         if verb.current_ma is not None:
             return verb.current_ma
         if command is None or not self.view.is_received(CurrentCommand, now_ns):
-            raise HostError("manual: there is no current that could be kept: give one, as in `manual 9.5mA`")
+            raise HostError("manual: there is no present current to keep: give one, as in `manual 9.5mA`")
         return command.current_ma
 
     def _here_m(self) -> float | None:
@@ -178,7 +178,7 @@ class HostSession:
         self._verb = None
         match verb.word:
             case Word.ARM if self._was_controlled:
-                self.lines.append("it was armed already")
+                self.lines.append("the positioner was armed already")
             case Word.AUTO:
                 self._manual_ma = None
             case Word.DISARM:

@@ -22,21 +22,21 @@ if TYPE_CHECKING:
 
     from positioner.config.schema import Configuration
 
-_TURN_S = 0.005
+_CYCLE_S = 0.005
 _PROMPT = "> "
 _LISTEN_FIRST_S = 0.6
-"""Longer than whoever is there may be silent."""
+"""Longer than the time after which a sender counts as silent."""
 _NS = 1_000_000_000
 
 
 class Terminal:
-    """A session with a person, or with the script that stands for one."""
+    """A session with a person, or with a script."""
 
     def __init__(self, configuration: Configuration, words: Sequence[str]) -> None:
-        """Read the verbs in `words`; without any they come from the standard input, a line each.
+        """Read the verbs in `words`; if there are none, verbs are read from the standard input, a line each.
 
         Raises:
-            UsageError: a word is no verb, or asks for what the valve or the guard does not allow.
+            UsageError: a word is no verb, or a number is outside what the valve and the guard allow.
         """
         self._configuration = configuration
         self._verbs = deque(self._read(words))
@@ -52,7 +52,7 @@ class Terminal:
         self._bus = BusPort(configuration.bus, identifiers, lambda event: self._session.lines.append(str(event)))
 
     def run(self) -> ExitCode:
-        """Run until the verbs are done and nothing is to be kept up, or until SIGTERM, SIGINT or the end of the input.
+        """Run until the verbs are done and no setpoint is to be sent, or until SIGTERM, SIGINT or the end of the input.
 
         Raises:
             HostError: a verb of the command line could not be done.
@@ -64,15 +64,15 @@ class Terminal:
         try:
             self._listen_for(_LISTEN_FIRST_S)
             if self._is_prompting:
-                self._say(HELP_INTERACTIVE.splitlines())
+                self._print(HELP_INTERACTIVE.splitlines())
             while not self._stopping and not self._is_finished:
-                self._turn()
+                self._cycle()
         finally:
             self._is_prompting = False
-            self._tell()
+            self._print_new_lines()
             self._bus.close()
         if self._session.is_sending:
-            self._say([self._farewell()])
+            self._print([self._end_message()])
         return ExitCode.OK
 
     @property
@@ -83,11 +83,11 @@ class Terminal:
     def _listen_for(self, duration_s: float) -> None:
         end_s = time.monotonic() + duration_s
         while time.monotonic() < end_s and not self._stopping:
-            time.sleep(_TURN_S)
+            time.sleep(_CYCLE_S)
             self._session.receive(self._bus.receive(0.0), time.monotonic_ns())
 
-    def _turn(self) -> None:
-        """Listen, begin the next verb when the last one is done, and send what is due."""
+    def _cycle(self) -> None:
+        """Receive, begin the next verb when the last one is done, and send the frames that are due."""
         session = self._session
         self._wait()
         now_ns = time.monotonic_ns()
@@ -105,16 +105,16 @@ class Terminal:
             if not self._is_asking:
                 raise
             session.lines.append(str(error))
-        self._tell()
+        self._print_new_lines()
 
     def _wait(self) -> None:
         if not self._is_asking:
-            time.sleep(_TURN_S)
-        elif select.select([sys.stdin], [], [], _TURN_S)[0]:
+            time.sleep(_CYCLE_S)
+        elif select.select([sys.stdin], [], [], _CYCLE_S)[0]:
             self._take_input()
 
     def _take_input(self) -> None:
-        """Read what was typed; the end of the input ends the session once the verbs are done."""
+        """Read the lines that were typed; the end of the input ends the session after the verbs before it."""
         read = os.read(sys.stdin.fileno(), 4096)
         lines = (self._typed + read).split(b"\n")
         self._typed = lines.pop()
@@ -124,7 +124,7 @@ class Terminal:
             try:
                 found = self._read([line.decode("utf-8", errors="replace")])
             except PositionerError as error:
-                self._say([str(error)])
+                self._print([str(error)])
             else:
                 self._verbs.extend(found)
         if self._is_prompting and lines:
@@ -137,21 +137,21 @@ class Terminal:
     def _read(self, words: Sequence[str]) -> tuple[Verb, ...]:
         return read_verbs(words, self._configuration.valve, self._configuration.guard)
 
-    def _tell(self) -> None:
+    def _print_new_lines(self) -> None:
         lines, self._session.lines[:] = [*self._session.lines], []
-        self._say(lines)
+        self._print(lines)
 
-    def _say(self, lines: Sequence[str]) -> None:
+    def _print(self, lines: Sequence[str]) -> None:
         if lines:
             text = "".join(f"{line}\n" for line in lines)
             sys.stdout.write(f"\r{text}{_PROMPT}" if self._is_prompting else text)
             sys.stdout.flush()
 
-    def _farewell(self) -> str:
+    def _end_message(self) -> str:
         guard = self._configuration.guard
         hold = f"holds within {guard.setpoint_hold_s:g} s" if guard.setpoint_hold_s else "goes on"
         failsafe = f" and fails safe after {guard.setpoint_failsafe_s:g} s" if guard.setpoint_failsafe_s else ""
-        return f"no more setpoints are sent: the positioner {hold}{failsafe}; `disarm` silences it"
+        return f"no more setpoints are sent: the positioner {hold}{failsafe}; `disarm` makes it silent"
 
     def _stop(self, number: int, frame: FrameType | None) -> None:
         del number, frame

@@ -1,4 +1,4 @@
-"""What the host knows of the valve: the newest of everything that it hears, and how old it is. Pure."""
+"""What the host knows of the valve: the newest message of each kind, and how old it is. Pure."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
     from positioner.wire.messages import CanFrame, Counted, Message
 
 RECEIVED: tuple[type[Message], ...] = (StemPosition, CurrentCommand, PositionerStatus, PositionerCount, Setpoint)
-"""What a host listens to; a setpoint that it hears is another host's."""
+"""The messages that a host receives; a setpoint that it receives is another host's."""
 SILENT_S = 0.5
-"""Whoever says nothing for so long is not there."""
+"""A sender without a frame for so long counts as silent."""
 _NS = 1_000_000_000
 
 
 class ValveView:
-    """The valve as seen from the bus. Instants are monotonic; None for what was never heard."""
+    """The valve as seen from the bus. Instants are monotonic; None for what was never received."""
 
     def __init__(self, codec: Codec, span_m: float) -> None:
-        """Begin with nothing heard."""
+        """Begin with nothing received."""
         self._codec = codec
         self._span_m = span_m
         self._received_ns: dict[type[Message], int] = {}
@@ -46,7 +46,7 @@ class ValveView:
         self.other_setpoint_m: float | None = None
 
     def receive(self, frames: Iterable[CanFrame], now_ns: int) -> None:
-        """Take in what arrived, oldest first; of positions and commands only the newest, of the rest everything."""
+        """Take in `frames`, oldest first: of positions and commands only the newest, of the others all."""
         newest: dict[tuple[int, bool], CanFrame] = {}
         often = {self._codec.identifier(kind) for kind in (StemPosition, CurrentCommand)}
         for frame in frames:
@@ -54,11 +54,11 @@ class ValveView:
             if identifier in often:
                 newest[identifier] = frame
             else:
-                self._take(frame, now_ns)
+                self._add(frame, now_ns)
         for frame in newest.values():
-            self._take(frame, now_ns)
+            self._add(frame, now_ns)
 
-    def _take(self, frame: CanFrame, now_ns: int) -> None:
+    def _add(self, frame: CanFrame, now_ns: int) -> None:
         try:
             message, _ = self._codec.decode(frame)
         except FrameRejectedError:
@@ -80,16 +80,16 @@ class ValveView:
                 self.other_setpoint_m = message.setpoint_m
 
     def received_since(self, kind: type[Message], instant_ns: int) -> bool:
-        """Return whether such a frame came after `instant_ns`."""
+        """Return whether a message of this kind came after `instant_ns`."""
         return self._received_ns.get(kind, -1) > instant_ns
 
     def is_received(self, kind: type[Message], now_ns: int) -> bool:
-        """Return whether such frames come."""
+        """Return whether messages of this kind come."""
         received_ns = self._received_ns.get(kind)
         return received_ns is not None and now_ns - received_ns <= SILENT_S * _NS
 
     def mode(self, now_ns: int) -> Mode | None:
-        """Return the mode in the positioner's status (a command may be another's), None while it is silent."""
+        """Return the mode in the positioner's status, None while the positioner is silent."""
         return self.status.mode if self.status and self.is_received(PositionerStatus, now_ns) else None
 
     def is_controlled(self, now_ns: int) -> bool:
@@ -98,11 +98,11 @@ class ValveView:
 
     @property
     def position_m(self) -> float | None:
-        """Where the stem is: the mean of the newest readings under one current."""
+        """The position in m: the mean of the newest readings under one current."""
         return start_m(self._track, 0.0) if self._track and self._track.readings else None
 
     def lines(self, setpoint_m: float | None, now_ns: int) -> list[str]:
-        """Return the status in lines; `setpoint_m` is the host's own, None where it sends none."""
+        """Return the status, a line for each quantity; `setpoint_m` is the host's own, None where it sends none."""
         status = self.status
         if status is None or not self.is_received(PositionerStatus, now_ns):
             return [self.silence(now_ns)]
@@ -112,28 +112,26 @@ class ValveView:
         here_m = self.position_m if self.is_received(StemPosition, now_ns) else None
         error_m = None if asked_m is None or here_m is None or status.mode is Mode.MANUAL else here_m - asked_m
         current = f"{self.command.current_ma:.3f} mA" if self.command else "none"
-        doubt = f", the sensor says {self.quality.name}" if self.quality is not Quality.VALID else ""
+        doubt = f", quality {self.quality.name}" if self.quality is not Quality.VALID else ""
         rows = (
             ("mode", state_in_words(status)),
             ("armed", "yes" if status.armed else "no"),
-            ("table", "saved" if status.table_saved else "not saved: the positioner's log says why"),
+            ("table", "saved" if status.table_saved else "not saved: see the positioner's log"),
             ("position", "no position frames come" if here_m is None else in_mm(here_m, self._span_m) + doubt),
-            ("setpoint", "nobody sends one" if asked_m is None else in_mm(asked_m, self._span_m)),
+            ("setpoint", "no host sends one" if asked_m is None else in_mm(asked_m, self._span_m)),
             ("error", "-" if error_m is None else in_mm(error_m, self._span_m)),
-            ("current", current if self.is_received(CurrentCommand, now_ns) else "none is commanded"),
+            ("current", current if self.is_received(CurrentCommand, now_ns) else "no commands come"),
             ("counted", self._counted(status)),
         )
         return [f"{name:<9} {value}" for name, value in rows]
 
     def silence(self, now_ns: int) -> str:
-        """Return why the positioner may say nothing, in one line."""
+        """Return why no status may come, in one line."""
         if not self.is_received(StemPosition, now_ns):
-            return (
-                "nothing is heard: no position frames and no positioner; is the bus the right one, and is the plant on?"
-            )
+            return "nothing comes, neither position frames nor a status: is this the right bus, and is the plant on?"
         return (
-            "position frames come, and the positioner is silent: it was not armed since its start (`arm`), "
-            "or `positioner run` is not up on this bus with this configuration"
+            "position frames come, but the positioner is silent: it was not armed since its start (`arm`), "
+            "or `positioner run` does not run on this bus with this configuration"
         )
 
     def _counted(self, status: PositionerStatus) -> str:

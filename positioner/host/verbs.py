@@ -1,4 +1,4 @@
-"""What a person may say to the host: verbs with their numbers and units, refused before anything is sent. Pure."""
+"""The verbs of the host with their numbers and units, checked before anything is sent. Pure."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 HELP = """\
 arm            let the positioner control the valve; without `set` the stem stays where it is
-disarm         silence it: the actuator goes to its own fail position
+disarm         no more commands are sent: the actuator goes to its own fail position
 set 80         move the stem to 80 mm (`set 80mm` is the same)
 set 62%        move the stem to 62 % of the span (valve.span_m), from position 0
-manual 9.5mA   give the current by hand, within the guard's limits; `manual` alone keeps the present one
+manual 9.5mA   command this current (manual mode), within the guard's limits; `manual` alone keeps the present one
 auto           back to automatic mode: the stem stays where it is until the next `set`
-status         mode, health, position, setpoint, current and counts
+status         show mode, health, position, setpoint, current and counters
 """
-HELP_INTERACTIVE = HELP + "quit           end; the positioner then holds, and fails safe later\n"
+HELP_INTERACTIVE = HELP + "quit           end; the positioner then holds, and later fails safe\n"
 
 
 class Word(StrEnum):
@@ -43,7 +43,7 @@ class Word(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Verb:
-    """One verb; its number is a position in m with SET, a current in mA (or None) with MANUAL."""
+    """One verb; SET has a setpoint in m, MANUAL a current in mA or None."""
 
     word: Word
     setpoint_m: float = 0.0
@@ -59,7 +59,7 @@ def read_verbs(words: Sequence[str], valve: ValveParameters, guard: GuardSetting
     """Return the verbs in `words`, in their order; a unit may stand apart from its number.
 
     Raises:
-        UsageError: a word is no verb, or a number is missing, has a wrong unit or cannot be reached.
+        UsageError: a word is no verb, or a number is missing, has a wrong unit or is out of reach.
     """
     left = [word.lower() for text in words for word in text.split()]
     verbs: list[Verb] = []
@@ -85,7 +85,7 @@ def _word(text: str) -> Word:
 
 
 def _take_number(left: list[str]) -> str:
-    """Take a number and its unit from the words that are left; empty where there is none."""
+    """Remove a number and its unit from the front of `left` and return them; empty where there is none."""
     if not left or not _LOOKS_LIKE_A_NUMBER.fullmatch(left[0]):
         return ""
     number = left.pop(0)

@@ -120,7 +120,7 @@ def test_a_reader_of_the_quick_start_moves_a_valve_and_ends_it(walk: Walk) -> No
         assert re.match(r"mode      READY: disarmed \(NE 107: function check\)\narmed     no\n", said)
 
 
-def test_a_person_at_a_terminal_types_verbs_and_hears_of_mistakes(walk: Walk) -> None:
+def test_a_person_at_a_terminal_types_verbs_and_sees_mistakes_reported(walk: Walk) -> None:
     plant, positioner, host, _ = BLOCKS
     read, write = os.pipe()
     with ExitStack() as terminals:
@@ -134,7 +134,7 @@ def test_a_person_at_a_terminal_types_verbs_and_hears_of_mistakes(walk: Walk) ->
             ("set 200", "200 mm is outside the travel"),
             ("arm", "ACTIVE: controls the valve"),
             ("manual 9.5mA", "MANUAL: the current is given by hand"),
-            ("set 80", "say `auto` first"),
+            ("set 80", "use `auto` first"),
             ("status", "current   9.500 mA"),
         ):
             os.write(write, f"{typed}\n".encode())
@@ -151,7 +151,7 @@ def test_a_person_at_a_terminal_types_verbs_and_hears_of_mistakes(walk: Walk) ->
 def test_a_terminal_is_prompted_and_a_signal_ends_the_host(walk: Walk) -> None:
     keyboard, screen = os.openpty()
     with walk.running(BLOCKS[2].partition(" arm")[0], "3", screen) as child:
-        walk.until_said("3", "status         mode, health")
+        walk.until_said("3", "status         show mode, health")
         walk.until_said("3", "\n> ")
         os.write(keyboard, b"disarm\n")
         walk.until_said("3", "disarmed: the positioner commands nothing")
@@ -165,7 +165,7 @@ def test_a_verb_of_the_command_line_that_cannot_be_done_ends_the_host(walk: Walk
     host = BLOCKS[2].strip()
     code, said = walk.done(host)
     assert (code, said.count("\n")) == (1, 1)
-    assert said.startswith("positioner: arm: no position frames come: is the bus the right one")
+    assert said.startswith("positioner: arm: no position frames come: is this the right bus")
     code, said = walk.done(host.replace("62%", "99%"))
     assert (code, said.count("\n")) == (2, 1)
     assert "out of reach" in said
@@ -175,4 +175,4 @@ def test_a_verb_of_the_command_line_that_cannot_be_done_ends_the_host(walk: Walk
     assert closed.stderr.startswith("positioner: there is no standard input")
     code, said = walk.done(host.partition(" arm")[0] + " status")
     assert (code, said.count("\n")) == (1, 1)
-    assert said.startswith("positioner: status: nothing is heard: no position frames and no positioner")
+    assert said.startswith("positioner: status: nothing comes, neither position frames nor a status")

@@ -152,7 +152,7 @@ def test_lines_name_level_and_subject_and_the_mend_stands_below(capsys: Output) 
     assert lines[0].startswith("OK    timer          the monotonic clock")
     down = lines.index("WARN  interface      vx1 is down")
     assert lines[down + 1] == "                     fix:  sudo ip link set vx1 up"
-    assert lines[-1].endswith("0 failed")
+    assert lines[-1].endswith("0 FAIL")
 
 
 @contextlib.contextmanager

@@ -1,4 +1,4 @@
-"""The host against the positioner and the emulated valve, in virtual time: what each verb brings about."""
+"""The host with the positioner and the emulated valve, in virtual time: the effect of each verb."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ TEXT = '[valve]\nid = "V"\npreset = "paper"\n[control]\nsample_period_s = 0.002\
 
 
 class Bench:
-    """One host, one positioner, one valve; every turn is a period, and the host turns in each."""
+    """One host, one positioner, one valve; every cycle is a period, and the host runs in each."""
 
     def __init__(self, text: str = TEXT) -> None:
         self.configuration: Configuration = parse_config(text, "test", Path())
@@ -54,7 +54,7 @@ class Bench:
         self.currents: list[float] = []
         self.plant_is_on = self.positioner_is_on = self.host_is_on = True
         self.others: list[CanFrame] = []
-        self.turns = self.foreign_every = 0
+        self.cycles = self.foreign_every = 0
         self.run(0.7)
 
     def run(self, duration_s: float) -> None:
@@ -62,9 +62,9 @@ class Bench:
             self.now_ns += PERIOD_NS
             bus = [*self.others]
             self.others = []
-            self.turns += 1
-            if self.foreign_every and self.turns % self.foreign_every == 0:
-                bus.append(self.codec.encode(CurrentCommand(9.5), self.turns // self.foreign_every))
+            self.cycles += 1
+            if self.foreign_every and self.cycles % self.foreign_every == 0:
+                bus.append(self.codec.encode(CurrentCommand(9.5), self.cycles // self.foreign_every))
             if self.host_is_on:
                 frames = self.session.advance(self.now_ns)
                 self.sent += [self.codec.decode(frame)[0] for frame in frames]
@@ -76,8 +76,8 @@ class Bench:
             if self.positioner_is_on:
                 self.state, outbox, _ = step(self.setup, self.state, CycleInput(tuple(bus), self.now_ns))
             own = {self.codec.identifier(Setpoint), self.codec.identifier(ManualCurrent)} if self.host_is_on else set()
-            heard = [frame for frame in bus if (frame.arbitration_id, frame.is_extended) not in own]
-            self.session.receive([*heard, *outbox], self.now_ns)
+            received = [frame for frame in bus if (frame.arbitration_id, frame.is_extended) not in own]
+            self.session.receive([*received, *outbox], self.now_ns)
             self.currents += [
                 message.current_ma
                 for message, _ in map(self.codec.decode, outbox)
@@ -104,7 +104,7 @@ class Bench:
     def true_m(self) -> float:
         return self.device.plant.stem.position_m
 
-    def told(self, word: str) -> list[str]:
+    def reported(self, word: str) -> list[str]:
         return [line for line in self.session.lines if word in line]
 
 
@@ -117,7 +117,7 @@ def test_before_the_first_verb_not_a_frame_is_sent() -> None:
     assert not it.session.is_sending
 
 
-def test_arm_releases_first_and_holds_the_request_until_the_positioner_is_armed() -> None:
+def test_arm_sends_another_request_first_and_then_arm_until_the_positioner_is_armed() -> None:
     it = Bench()
     it.say("arm")
     assert it.is_in(Mode.ACTIVE)
@@ -129,7 +129,7 @@ def test_arm_releases_first_and_holds_the_request_until_the_positioner_is_armed(
     it.run(0.5)
     assert {message.request for message in it.sent if isinstance(message, Setpoint)} == {HostRequest.NONE}
     assert len(it.sent) == pytest.approx(50, abs=1)
-    assert it.told("ACTIVE") == ["ACTIVE: controls the valve (NE 107: good)"]
+    assert it.reported("ACTIVE") == ["ACTIVE: controls the valve (NE 107: good)"]
 
 
 def test_arm_alone_leaves_the_stem_where_it_is() -> None:
@@ -152,13 +152,13 @@ def test_set_moves_the_stem_and_its_end_leads_to_hold_and_failsafe() -> None:
     assert it.is_in(Mode.HOLD)
     it.run(9.6)
     assert it.is_in(Mode.FAILSAFE)
-    assert it.told("HOLD") == ["HOLD: the host sends nothing any more (NE 107: out of specification)"]
+    assert it.reported("HOLD") == ["HOLD: the host sends no setpoint any more (NE 107: out of specification)"]
 
 
 def test_set_before_arm_waits_for_it() -> None:
     it = Bench()
     it.say("set 80")
-    assert it.told("setpoint") == ["setpoint 80.00 mm (62.99 %); it acts once the positioner is armed: `arm`"]
+    assert it.reported("setpoint") == ["setpoint 80.00 mm (62.99 %); it acts as soon as the positioner is armed: `arm`"]
     it.run(0.5)
     assert it.is_in(Mode.READY)
     it.say("arm")
@@ -166,7 +166,7 @@ def test_set_before_arm_waits_for_it() -> None:
     assert it.true_m == pytest.approx(0.08, abs=0.0015)
 
 
-def test_disarm_silences_and_ends_the_setpoints() -> None:
+def test_disarm_makes_the_positioner_silent_and_ends_the_setpoints() -> None:
     it = Bench()
     it.say("arm set 80")
     it.run(0.5)
@@ -181,7 +181,7 @@ def test_disarm_silences_and_ends_the_setpoints() -> None:
     assert it.is_in(Mode.ACTIVE)
 
 
-def test_disarm_needs_nobody_who_answers() -> None:
+def test_disarm_needs_no_answer() -> None:
     it = Bench()
     it.positioner_is_on = it.plant_is_on = False
     it.run(1.0)
@@ -219,7 +219,7 @@ def test_manual_mode_and_back_without_a_bump() -> None:
     assert it.true_m == pytest.approx(0.085, abs=0.0015)
 
 
-def test_the_frames_of_manual_mode_come_at_their_cadence_and_end_with_auto() -> None:
+def test_the_frames_of_manual_mode_come_at_their_period_and_end_with_auto() -> None:
     it = Bench()
     it.say("arm manual 14mA")
     it.sent.clear()
@@ -235,7 +235,7 @@ def test_the_frames_of_manual_mode_come_at_their_cadence_and_end_with_auto() -> 
     assert 1 <= len(by_hand) <= 5
 
 
-def test_a_new_current_by_hand_leaves_at_once() -> None:
+def test_a_new_manual_current_is_sent_at_once() -> None:
     it = Bench()
     it.say("arm manual 14mA")
     it.run(0.521)
@@ -260,18 +260,18 @@ def test_with_a_dead_sensor_the_valve_is_moved_by_hand() -> None:
     it.say("manual 13mA")
     it.run(0.1)
     assert it.state.last_ma == 13.0
-    assert it.told("MANUAL") == ["MANUAL: no position frames come (NE 107: function check)"]
+    assert it.reported("MANUAL") == ["MANUAL: no position frames come (NE 107: function check)"]
 
 
 @pytest.mark.parametrize(
     ("before", "verb", "line"),
     [
-        ("arm manual 14mA", "set 80", "set: the current is given by hand: say `auto` first"),
-        ("arm", "auto", "auto: it is in automatic mode"),
-        ("", "manual", "manual: there is no current that could be kept: give one, as in `manual 9.5mA`"),
+        ("arm manual 14mA", "set 80", "set: the valve is in manual mode: use `auto` first"),
+        ("arm", "auto", "auto: the valve is in automatic mode already"),
+        ("", "manual", "manual: there is no present current to keep: give one, as in `manual 9.5mA`"),
     ],
 )
-def test_what_cannot_be_done_now_is_told_in_one_line(before: str, verb: str, line: str) -> None:
+def test_a_verb_that_cannot_be_done_now_is_refused_in_one_line(before: str, verb: str, line: str) -> None:
     it = Bench()
     it.say(before)
     with pytest.raises(HostError) as caught:
@@ -285,16 +285,16 @@ def test_without_position_frames_nothing_begins(verb: str, word: str) -> None:
     it = Bench()
     it.plant_is_on = False
     it.run(0.6)
-    with pytest.raises(HostError, match=f"{word}: no position frames come: is the bus the right one"):
+    with pytest.raises(HostError, match=f"{word}: no position frames come: is this the right bus"):
         it.say(verb)
     it.run(0.2)
     assert it.sent == []
 
 
-def test_an_arm_that_nobody_answers_says_why_that_may_be() -> None:
+def test_an_arm_without_an_answer_says_why_that_may_be() -> None:
     it = Bench()
     it.positioner_is_on = False
-    with pytest.raises(HostError, match="arm: position frames come, and the positioner is silent"):
+    with pytest.raises(HostError, match="arm: position frames come, but the positioner is silent"):
         it.say("arm", within_s=ANSWER_S + 1.0)
 
 
@@ -307,23 +307,23 @@ def test_an_arm_that_is_refused_says_why() -> None:
         it.run(4.0)
 
 
-def test_another_host_is_seen_before_and_while_one_speaks() -> None:
+def test_another_host_is_reported_before_and_while_this_one_sends() -> None:
     it = Bench()
     it.host_is_on = False
     it.others = [it.codec.encode(Setpoint(0.08), 0)]
     it.run(0.01)
     it.host_is_on = True
-    with pytest.raises(HostError, match="arm: another host sends setpoints to this valve: end it first"):
+    with pytest.raises(HostError, match="arm: another host sends setpoints to this valve: stop it first"):
         it.say("arm")
     it.run(0.6)
     it.say("arm")
-    assert it.told("another host") == []
+    assert it.reported("another host") == []
     it.session.receive([it.codec.encode(Setpoint(0.08), 0)], it.now_ns)
     it.session.receive([it.codec.encode(Setpoint(0.08), 1)], it.now_ns)
-    assert it.told("another host") == ["another host sends setpoints to this valve, too: end one of them"]
+    assert it.reported("another host") == ["another host sends setpoints to this valve, too: stop one of them"]
 
 
-def test_armed_already_is_no_mistake_and_brings_a_valve_back_that_was_left_alone() -> None:
+def test_arm_is_no_mistake_where_the_positioner_is_armed_and_ends_its_hold() -> None:
     it = Bench()
     it.say("arm set 80")
     it.run(1.0)
@@ -331,13 +331,13 @@ def test_armed_already_is_no_mistake_and_brings_a_valve_back_that_was_left_alone
     it.run(1.0)
     assert it.is_in(Mode.HOLD)
     it.say("arm")
-    assert it.told("armed already") == ["it was armed already"]
+    assert it.reported("armed already") == ["the positioner was armed already"]
     it.run(0.5)
     assert it.is_in(Mode.ACTIVE)
     assert it.true_m == pytest.approx(0.08, abs=0.002)
 
 
-def test_the_status_tells_all_there_is() -> None:
+def test_the_status_shows_every_quantity() -> None:
     it = Bench()
     it.say("arm set 80")
     it.run(2.0)
@@ -359,15 +359,15 @@ def test_the_status_tells_all_there_is() -> None:
     assert "position  no position frames come" in it.session.lines
 
 
-def test_a_positioner_that_falls_silent_is_told_once() -> None:
+def test_a_positioner_that_falls_silent_is_reported_once() -> None:
     it = Bench()
     it.say("arm")
     it.positioner_is_on = False
     it.run(2.0)
-    assert it.told("silent") == ["the positioner is silent"]
+    assert it.reported("silent") == ["the positioner is silent"]
 
 
-def test_a_damaged_frame_is_passed_over_and_a_reading_that_is_none_is_not_shown() -> None:
+def test_a_damaged_frame_is_ignored() -> None:
     it = Bench()
     good = it.codec.encode(StemPosition(0.08), 0)
     session = HostSession(it.configuration)
@@ -377,7 +377,7 @@ def test_a_damaged_frame_is_passed_over_and_a_reading_that_is_none_is_not_shown(
     assert session.view.position_m == pytest.approx(0.08)
 
 
-def test_a_short_patience_of_the_positioner_shortens_the_schedule() -> None:
+def test_a_short_timeout_of_the_positioner_shortens_the_period_of_the_setpoints() -> None:
     it = Bench(TEXT + "[guard]\nsetpoint_hold_s = 0.02\nsetpoint_failsafe_s = 0.0\n")
     it.say("arm")
     it.sent.clear()

@@ -1,4 +1,4 @@
-"""What a person may say to the host: numbers, units, and what is refused in one line before anything is sent."""
+"""The verbs of the host: numbers, units, and mistakes, refused in one line before anything is sent."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_a_setpoint_is_in_mm_or_in_percent_of_the_span(text: str, setpoint_m: fl
 @pytest.mark.parametrize(
     ("text", "current_ma"), [("manual 9.5mA", 9.5), ("manual 9.5", 9.5), ("manual 9.5 mA", 9.5), ("manual", None)]
 )
-def test_a_current_is_in_ma_and_without_one_the_present_one_stays(text: str, current_ma: float | None) -> None:
+def test_a_current_is_in_ma_and_without_a_number_the_present_one_stays(text: str, current_ma: float | None) -> None:
     assert read(text) == (Verb(Word.MANUAL, current_ma=current_ma),)
 
 
@@ -70,7 +70,7 @@ def test_verbs_stand_one_after_another() -> None:
         ("manual 18.1mA", "manual 18.1ma: 18.1 mA is beyond the limits of 4 to 18 mA (guard.current_*)"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(text: str, line: str) -> None:
+def test_a_mistake_is_refused_in_one_line(text: str, line: str) -> None:
     with pytest.raises(UsageError) as caught:
         read(text)
     assert str(caught.value) == line

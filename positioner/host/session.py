@@ -96,9 +96,9 @@ class HostSession:
                 self._setpoint_m = verb.setpoint_m
                 self.lines.append(f"setpoint {in_mm(verb.setpoint_m, self._valve.span_m)}{unarmed}")
             case Word.MANUAL:
-                self._manual_ma = self._current_by_hand_ma(verb, now_ns)
+                self._manual_ma = self._manual_current_ma(verb, now_ns)
                 self._schedule.at_once(ManualCurrent)
-                self.lines.append(f"current by hand {self._manual_ma:.3f} mA{unarmed}")
+                self.lines.append(f"manual current {self._manual_ma:.3f} mA{unarmed}")
             case Word.AUTO:
                 if self._manual_ma is None:
                     self._setpoint_m = self._here_m()
@@ -143,7 +143,7 @@ class HostSession:
         if verb.word is Word.AUTO and self._manual_ma is None and view.mode(now_ns) is not Mode.MANUAL:
             raise HostError("auto: the valve is in automatic mode already")
 
-    def _current_by_hand_ma(self, verb: Verb, now_ns: int) -> float:
+    def _manual_current_ma(self, verb: Verb, now_ns: int) -> float:
         command = self.view.command
         if verb.current_ma is not None:
             return verb.current_ma

@@ -121,7 +121,7 @@ class ValveView:
             ("setpoint", "no host sends one" if asked_m is None else in_mm(asked_m, self._span_m)),
             ("error", "-" if error_m is None else in_mm(error_m, self._span_m)),
             ("current", current if self.is_received(CurrentCommand, now_ns) else "no commands come"),
-            ("counted", self._counted(status)),
+            ("counters", self._counters(status)),
         )
         return [f"{name:<9} {value}" for name, value in rows]
 
@@ -134,7 +134,7 @@ class ValveView:
             "or `positioner run` does not run on this bus with this configuration"
         )
 
-    def _counted(self, status: PositionerStatus) -> str:
-        own = f"learned {status.learned_count}, refused {status.rejected_count}, fell back {status.fallback_count}"
+    def _counters(self, status: PositionerStatus) -> str:
+        own = f"learned {status.learned_count}, refused {status.rejected_count}, fallbacks {status.fallback_count}"
         counts = [f"{kind.name.lower().replace('_', ' ')} {count}" for kind, count in sorted(self.counts.items())]
         return ", ".join((f"{own} (each modulo 256)", *counts))

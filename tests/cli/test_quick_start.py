@@ -144,7 +144,7 @@ def test_a_person_at_a_terminal_types_verbs_and_sees_mistakes_reported(walk: Wal
         assert child.wait(PATIENCE_S) == 0
     said = walk.said("3")
     assert "setpoint 80.00 mm" in said
-    assert said.count("counted ") == 2
+    assert said.count("counters ") == 2
     assert said.splitlines()[-1].startswith("no more setpoints are sent: the positioner holds within 0.5 s")
 
 

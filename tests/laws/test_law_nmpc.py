@@ -102,7 +102,7 @@ def test_a_new_setpoint_begins_with_the_breakaway_current_and_says_why(step_m: f
     assert decision.reason.error_m == pytest.approx(step_m, rel=0.1)
     assert decision.reason.breakaway.source is BreakawaySource.MODEL
     assert isinstance(memory.stem, Sliding)
-    assert memory.watch.trial is not None
+    assert memory.monitor.verification is not None
 
 
 def test_an_error_inside_tolerance_or_doubt_is_left_alone() -> None:

@@ -1,4 +1,4 @@
-"""Γ from table and model, what a restart remembers, the trial of a move, and the bias of landings."""
+"""Γ from table and model, what a restart remembers, the verification of a move, and the bias of landings."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from positioner.laws.nmpc.breakaway import BreakawaySettings, breakaway, lesson, recollect
+from positioner.laws.nmpc.breakaway import BreakawaySettings, breakaway, breakaway_lesson, load_from_table
 from positioner.laws.nmpc.filter import AdaptationSettings, AdaptiveFilter, Resting, average
 from positioner.laws.nmpc.landing import Landing, landing_bias_m
-from positioner.laws.nmpc.verification import Trial, Watch, WatchSettings, judge, watch
+from positioner.laws.nmpc.verification import RestMonitor, Verification, VerificationSettings, verify
 from positioner.valve.motion import Load, MotionModel
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.stiction import Direction, Quantity, StictionTable
@@ -36,7 +36,7 @@ def taught(spring: float, static_n: float, places: tuple[float, ...], times: int
     for _ in range(times):
         for x in places:
             for s in (1.0, -1.0):
-                one = lesson(MODEL, table.cell_width_m, x, s, spring, static_n)
+                one = breakaway_lesson(MODEL, table.cell_width_m, x, s, spring, static_n)
                 table = table.record(one.quantity, one.position_m, one.direction, one.value)
     return table
 
@@ -69,7 +69,7 @@ def test_a_thin_a_stale_and_a_scattered_cell_leave_it_to_the_model(s: float) -> 
 def test_a_restart_remembers_spring_and_friction_from_the_table(spring: float, grip: float) -> None:
     truth = Load(spring * NOMINAL.spring_n_per_m, grip * NOMINAL.friction_n, grip * NOMINAL.viscous_n_s_per_m)
     table = taught(truth.spring_n_per_m, RATIO * truth.friction_n, (0.073, 0.08, 0.087))
-    load, sigmas = recollect(SETTINGS, MODEL, table, NOMINAL, SIGMAS, RATIO)
+    load, sigmas = load_from_table(SETTINGS, MODEL, table, NOMINAL, SIGMAS, RATIO)
     assert load == pytest.approx(truth, rel=0.02)
     assert sigmas.spring_n_per_m < 0.15 * SIGMAS.spring_n_per_m
     assert sigmas.friction_n < 0.2 * SIGMAS.friction_n
@@ -85,12 +85,12 @@ def test_a_restart_believes_what_was_learned_last(places: tuple[float, ...], hig
     table = taught(NOMINAL.spring_n_per_m, RATIO * NOMINAL.friction_n, places, times=2)
     for x in (0.073, 0.08, 0.087):
         for s in (1.0, -1.0):
-            one = lesson(
+            one = breakaway_lesson(
                 MODEL, table.cell_width_m, x, s, 0.9 * NOMINAL.spring_n_per_m, 1.05 * RATIO * NOMINAL.friction_n
             )
             table = table.record(one.quantity, one.position_m, one.direction, one.value)
     assert table.sequence == 18
-    load, _ = recollect(BreakawaySettings(largest_spread=1.0), MODEL, table, NOMINAL, SIGMAS, RATIO)
+    load, _ = load_from_table(BreakawaySettings(largest_spread=1.0), MODEL, table, NOMINAL, SIGMAS, RATIO)
     assert 0.895 < load.spring_n_per_m / NOMINAL.spring_n_per_m < highest
     assert 1.02 < load.friction_n / NOMINAL.friction_n < 1.06
 
@@ -98,7 +98,7 @@ def test_a_restart_believes_what_was_learned_last(places: tuple[float, ...], hig
 def test_an_empty_or_stale_table_remembers_nothing() -> None:
     stale = replace(taught(45e3, 1500.0, (0.08,)), sequence=10_000)
     for table in (StictionTable(), stale):
-        load, sigmas = recollect(SETTINGS, MODEL, table, NOMINAL, SIGMAS, RATIO)
+        load, sigmas = load_from_table(SETTINGS, MODEL, table, NOMINAL, SIGMAS, RATIO)
         assert load == pytest.approx(NOMINAL)
         assert sigmas == pytest.approx(SIGMAS)
 
@@ -110,68 +110,70 @@ def test_a_valve_without_friction_remembers_what_its_table_can_tell(friction_n: 
     table = taught(NOMINAL.spring_n_per_m, 10.0, (0.073, 0.08, 0.087))
     prior = NOMINAL._replace(friction_n=friction_n)
     sigmas = AdaptiveFilter(AdaptationSettings(), MODEL, prior).prior_sigmas()
-    load, sure = recollect(BreakawaySettings(margin=margin), MODEL, table, prior, sigmas, 1.0)
+    load, sure = load_from_table(BreakawaySettings(margin=margin), MODEL, table, prior, sigmas, 1.0)
     assert all(map(math.isfinite, (*load, *sure)))
     assert load.spring_n_per_m == pytest.approx(NOMINAL.spring_n_per_m, rel=0.01)
     assert 0.0 < sure.spring_n_per_m <= sigmas.spring_n_per_m
 
 
-def judged(readings_at_m: float, count: int = 400) -> tuple[Watch, Resting, Trial | None]:
+def verified(readings_at_m: float, count: int = 400) -> tuple[RestMonitor, Resting, Verification | None]:
     """Return the outcome of a move of 1 mm from 80 mm whose stem is then read at `readings_at_m`."""
     origin = FILTER.at_rest(0.08, (5e-5) ** 2, NOMINAL, SIGMAS)
     stem = FILTER.at_rest(0.081, (2e-4) ** 2, NOMINAL._replace(friction_n=1500.0), SIGMAS)
-    state = Watch(RATIO, trial=Trial(origin, 1.0, at_limit=True), landing=Landing(0.08, 0.081, 1.0))
+    state = RestMonitor(RATIO, verification=Verification(origin, 1.0, at_limit=True), landing=Landing(0.08, 0.081, 1.0))
     for _ in range(count):
         after = average(stem, readings_at_m, SIGMA_M**2)
-        state, stem, decided = judge(WatchSettings(), state, stem, after, readings_at_m, SIGMA_M**2)
+        state, stem, decided = verify(VerificationSettings(), state, stem, after, readings_at_m, SIGMA_M**2)
         if decided is not None:
             return state, stem, decided
     return state, stem, None
 
 
 def test_a_push_that_freed_the_stem_lowers_static_friction_a_little() -> None:
-    state, stem, decided = judged(0.081)
+    state, stem, decided = verified(0.081)
     assert decided is not None
-    assert state.ratio == pytest.approx(RATIO * (1.0 - WatchSettings().ratio_fall))
+    assert state.ratio == pytest.approx(RATIO * (1.0 - VerificationSettings().ratio_fall))
     assert stem.x == pytest.approx(0.081)
     assert state.landing == Landing(0.08, 0.081, 1.0)
 
 
 def test_a_push_that_failed_is_undone_and_raises_static_friction() -> None:
-    state, stem, decided = judged(0.08)
+    state, stem, decided = verified(0.08)
     assert decided is not None
-    assert state.ratio == pytest.approx(RATIO * (1.0 + WatchSettings().ratio_rise))
+    assert state.ratio == pytest.approx(RATIO * (1.0 + VerificationSettings().ratio_rise))
     assert stem.x == pytest.approx(0.08)
     assert stem.load == pytest.approx(NOMINAL)
     assert state.landing is None
-    assert state.trial is None
+    assert state.verification is None
 
 
 def test_a_move_too_small_to_tell_ends_without_a_lesson() -> None:
     origin = FILTER.at_rest(0.08, (2e-4) ** 2, NOMINAL, SIGMAS)
     stem = FILTER.at_rest(0.0801, (2e-4) ** 2, NOMINAL, SIGMAS)
-    state = Watch(RATIO, trial=Trial(origin, 1.0, at_limit=True), landing=Landing(0.08, 0.0801, 1.0))
-    state, _, decided = judge(WatchSettings(), state, stem, stem, 0.08005, SIGMA_M**2)
+    state = RestMonitor(
+        RATIO, verification=Verification(origin, 1.0, at_limit=True), landing=Landing(0.08, 0.0801, 1.0)
+    )
+    state, _, decided = verify(VerificationSettings(), state, stem, stem, 0.08005, SIGMA_M**2)
     assert decided is None
-    assert (state.trial, state.landing) == (None, None)
+    assert (state.verification, state.landing) == (None, None)
     assert state.ratio == RATIO
 
 
 def test_static_friction_rises_no_further_than_it_may() -> None:
     origin, stem = (FILTER.at_rest(x, 1e-8, NOMINAL, SIGMAS) for x in (0.08, 0.09))
-    for ratio in (WatchSettings().ratio_most, 5.0):
-        state = Watch(ratio, trial=Trial(origin, 1.0, at_limit=True))
-        state, _, decided = judge(WatchSettings(), state, stem, stem, 0.08, SIGMA_M**2)
+    for ratio in (VerificationSettings().ratio_most, 5.0):
+        state = RestMonitor(ratio, verification=Verification(origin, 1.0, at_limit=True))
+        state, _, decided = verify(VerificationSettings(), state, stem, stem, 0.08, SIGMA_M**2)
         assert decided is not None
         assert state.ratio == ratio
 
 
-@pytest.mark.parametrize(("shift_m", "surprised"), [(0.0, False), (1e-3, False), (4e-3, True)])
-def test_a_stem_that_leaves_its_rest_is_noticed(shift_m: float, surprised: bool) -> None:
-    rest, state = FILTER.at_rest(0.08, 1e-10, NOMINAL, SIGMAS), Watch(RATIO)
+@pytest.mark.parametrize(("shift_m", "noticed"), [(0.0, False), (1e-3, False), (4e-3, True)])
+def test_a_stem_that_leaves_its_rest_is_noticed(shift_m: float, noticed: bool) -> None:
+    rest, state = FILTER.at_rest(0.08, 1e-10, NOMINAL, SIGMAS), RestMonitor(RATIO)
     for _ in range(40):
-        state = watch(WatchSettings(), state, rest, 0.08 + shift_m, SIGMA_M**2, SIGMA_M)
-    assert state.is_surprised(WatchSettings()) is surprised
+        state = state.with_reading(VerificationSettings(), rest, 0.08 + shift_m, SIGMA_M**2, SIGMA_M)
+    assert state.finds_unexpected_move(VerificationSettings()) is noticed
 
 
 def test_a_landing_bias_counts_once_it_is_beyond_doubt() -> None:

@@ -12,8 +12,8 @@ def after(readings: list[float], *, moves_every: int = 0) -> NoiseLevel:
     level = NoiseLevel()
     for index, reading in enumerate(readings):
         if moves_every and index % moves_every == 0:
-            level = level.moved()
-        level = level.heard(reading)
+            level = level.at_new_place()
+        level = level.with_reading(reading)
     return level
 
 

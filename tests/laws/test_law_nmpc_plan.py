@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from unsolvable import Unsolvable
 
-from positioner.laws.nmpc.plan import Approach, ApproachSettings, Course, approach, predict, program
+from positioner.laws.nmpc.plan import ApproachSettings, Move, MovePlan, plan_move, predict, program
 from positioner.optimization.solver import QpSolver
 from positioner.valve.motion import STOPPING_TIME_S, Load, MotionModel
 from positioner.valve.parameters import ValveParameters
@@ -22,18 +22,18 @@ PERIODS_S = (1e-4, 1e-3)
 SOFT_MARGIN_M = 2e-6
 
 
-def course_of(load: Load, s: float, x: float, speed: float, distance: float, *, released: bool = True) -> Course:
+def move_of(load: Load, s: float, x: float, speed: float, distance: float, *, released: bool = True) -> Move:
     target = x + s * distance
     middle, friction_ma = MODEL.current_ma(load.spring_n_per_m * target), load.friction_n / MODEL.gain_n_per_ma
     weakest, strongest = middle - s * 0.8 * friction_ma, 20.0 if s > 0.0 else 4.0
     gamma = MODEL.current_ma(load.spring_n_per_m * x) + s * 1.22 * friction_ma
     release = weakest if released else gamma
-    return Course(x, s * speed, s, target, load, middle - s * 0.3 * friction_ma, weakest, strongest, release)
+    return Move(x, s * speed, s, target, load, middle - s * 0.3 * friction_ma, weakest, strongest, release)
 
 
 loads = st.builds(Load, st.floats(42e3, 58e3), st.floats(1100.0, 1700.0), st.floats(450.0, 750.0))
-courses = st.builds(
-    course_of,
+moves = st.builds(
+    move_of,
     loads,
     st.sampled_from((1.0, -1.0)),
     st.floats(0.074, 0.082),
@@ -42,101 +42,101 @@ courses = st.builds(
 )
 
 
-def landing_m(course: Course, first_ma: float, period_s: float) -> float:
-    first = MODEL.step(course.x, course.v, first_ma, course.load, course.direction, period_s)
-    return MODEL.step(first.x, first.v, course.brake_ma, course.load, course.direction, STOPPING_TIME_S).x
+def landing_m(move: Move, first_ma: float, period_s: float) -> float:
+    first = MODEL.step(move.x, move.v, first_ma, move.load, move.direction, period_s)
+    return MODEL.step(first.x, first.v, move.brake_ma, move.load, move.direction, STOPPING_TIME_S).x
 
 
-def plan_of(course: Course, period_s: float) -> Approach | None:
+def plan_of(move: Move, period_s: float) -> MovePlan | None:
     """Return the plan of a solver that has solved nothing else before."""
-    return approach(SETTINGS, MODEL, QpSolver(4, 8), course, (course.brake_ma,) * 4, period_s)
+    return plan_move(SETTINGS, MODEL, QpSolver(4, 8), move, (move.brake_ma,) * 4, period_s)
 
 
-@given(courses, st.sampled_from(PERIODS_S))
-def test_inside_the_limits_and_at_every_step_of_the_prediction_still_able_to_stop(
-    course: Course, period_s: float
-) -> None:
-    plan = plan_of(course, period_s)
-    assume(plan is not None)  # see test_nearly_every_course_has_a_plan
+@given(moves, st.sampled_from(PERIODS_S))
+def test_inside_the_limits_and_at_every_step_of_the_prediction_still_able_to_stop(move: Move, period_s: float) -> None:
+    plan = plan_of(move, period_s)
+    assume(plan is not None)  # see test_nearly_every_move_has_a_plan
     assert plan is not None
-    low, high = sorted((course.weakest_ma, course.strongest_ma))
+    low, high = sorted((move.weakest_ma, move.strongest_ma))
     assert all(low - 1e-12 <= each <= high + 1e-12 for each in plan.inputs_ma)
     # the exact motion, not the linearised one, under the plan and under full braking, which is what D10 allows
-    line = predict(SETTINGS, MODEL, course, list(plan.inputs_ma), period_s)
-    braked = predict(SETTINGS, MODEL, course, [course.release_ma, *(course.weakest_ma,) * 3], period_s)
-    for stop, least in zip(line.stops, braked.stops, strict=True):
-        past_m, least_m = (course.direction * (each - course.target_m) for each in (stop, least))
+    trajectory = predict(SETTINGS, MODEL, move, list(plan.inputs_ma), period_s)
+    braked = predict(SETTINGS, MODEL, move, [move.release_ma, *(move.weakest_ma,) * 3], period_s)
+    for stop, least in zip(trajectory.stops, braked.stops, strict=True):
+        past_m, least_m = (move.direction * (each - move.target_m) for each in (stop, least))
         # the soft margin is what the tolerance of solver and passes is worth
         assert past_m <= max(least_m, 0.0) + SOFT_MARGIN_M
 
 
-def test_nearly_every_course_has_a_plan() -> None:
-    chance, plans = random.Random(1), []  # noqa: S311 - courses that can be repeated, no secret
+def test_nearly_every_move_has_a_plan() -> None:
+    chance, plans = random.Random(1), []  # noqa: S311 - moves that can be repeated, no secret
     for _ in range(600):
         load = Load(chance.uniform(42e3, 58e3), chance.uniform(1100.0, 1700.0), chance.uniform(450.0, 750.0))
         s, x, speed = chance.choice((1.0, -1.0)), chance.uniform(0.074, 0.082), chance.uniform(0.01, 1.5)
-        course = course_of(load, s, x, speed, chance.uniform(2e-4, 6e-3))
-        plans.append(plan_of(course, chance.choice(PERIODS_S)))
-    assert plans.count(None) <= 1  # one course in some thousands takes the solver more iterations than it has
+        move = move_of(load, s, x, speed, chance.uniform(2e-4, 6e-3))
+        plans.append(plan_of(move, chance.choice(PERIODS_S)))
+    assert plans.count(None) <= 1  # one move in some thousands takes the solver more iterations than it has
 
 
-@given(courses, st.sampled_from(PERIODS_S))
-def test_the_stem_goes_as_far_as_it_may(course: Course, period_s: float) -> None:
-    plan = plan_of(course, period_s)
-    assume(plan is not None)  # see test_nearly_every_course_has_a_plan
+@given(moves, st.sampled_from(PERIODS_S))
+def test_the_stem_goes_as_far_as_it_may(move: Move, period_s: float) -> None:
+    plan = plan_of(move, period_s)
+    assume(plan is not None)  # see test_nearly_every_move_has_a_plan
     assert plan is not None
-    short_m = course.direction * (course.target_m - landing_m(course, plan.inputs_ma[0], period_s))
-    most_m = course.direction * (course.target_m - landing_m(course, course.strongest_ma, period_s))
+    short_m = move.direction * (move.target_m - landing_m(move, plan.inputs_ma[0], period_s))
+    most_m = move.direction * (move.target_m - landing_m(move, move.strongest_ma, period_s))
     # either full speed does not yet endanger the stop, or the stop is used up but for a tenth of the way
-    assert short_m <= max(most_m, 0.0) + 0.1 * abs(course.target_m - course.x) + 2e-5
+    assert short_m <= max(most_m, 0.0) + 0.1 * abs(move.target_m - move.x) + 2e-5
 
 
 @pytest.mark.parametrize("s", [1.0, -1.0])
 @pytest.mark.parametrize("period_s", PERIODS_S)
 def test_a_stuck_stem_gets_no_less_than_its_breakaway_current(s: float, period_s: float) -> None:
     for distance in (1e-5, 1e-4, 1e-3, 1e-2):
-        course = course_of(Load.of(VALVE), s, 0.08, 0.0, distance, released=False)
-        plan = plan_of(course, period_s)
+        move = move_of(Load.of(VALVE), s, 0.08, 0.0, distance, released=False)
+        plan = plan_of(move, period_s)
         assert plan is not None
-        assert s * (plan.inputs_ma[0] - course.release_ma) >= 0.0
+        assert s * (plan.inputs_ma[0] - move.release_ma) >= 0.0
 
 
 def test_where_braking_is_all_that_is_left_no_programme_is_solved() -> None:
-    course = course_of(Load.of(VALVE), 1.0, 0.08, 2.0, 1e-4)
-    plan = approach(SETTINGS, MODEL, Unsolvable(), course, (course.strongest_ma,) * 4, 1e-3)
+    move = move_of(Load.of(VALVE), 1.0, 0.08, 2.0, 1e-4)
+    plan = plan_move(SETTINGS, MODEL, Unsolvable(), move, (move.strongest_ma,) * 4, 1e-3)
     assert plan is not None
     assert plan.passes == 0
-    assert plan.inputs_ma == (course.weakest_ma,) * 4
+    assert plan.inputs_ma == (move.weakest_ma,) * 4
     assert plan.speed_limit_m_per_s < 2.0
 
 
 def test_no_solution_is_no_plan() -> None:
-    course = course_of(Load.of(VALVE), 1.0, 0.08, 0.1, 5e-3)
-    assert approach(SETTINGS, MODEL, Unsolvable(), course, (course.brake_ma,) * 4, 1e-3) is None
+    move = move_of(Load.of(VALVE), 1.0, 0.08, 0.1, 5e-3)
+    assert plan_move(SETTINGS, MODEL, Unsolvable(), move, (move.brake_ma,) * 4, 1e-3) is None
 
 
 @pytest.mark.parametrize("s", [1.0, -1.0])
 def test_the_linear_model_is_that_of_the_motion(s: float) -> None:
-    course = course_of(Load.of(VALVE), s, 0.08, 0.5, 5e-3)
-    inputs = [course.brake_ma + s * each for each in (3.0, 2.0, 1.0, 0.5)]
-    line = predict(SETTINGS, MODEL, course, inputs, 1e-3)
+    move = move_of(Load.of(VALVE), s, 0.08, 0.5, 5e-3)
+    inputs = [move.brake_ma + s * each for each in (3.0, 2.0, 1.0, 0.5)]
+    trajectory = predict(SETTINGS, MODEL, move, inputs, 1e-3)
     for j in range(4):
         nudged = list(inputs)
         nudged[j] += 1e-4
-        other = predict(SETTINGS, MODEL, course, nudged, 1e-3)
+        other = predict(SETTINGS, MODEL, move, nudged, 1e-3)
         for i in range(4):
-            assert (other.positions[i] - line.positions[i]) / 1e-4 == pytest.approx(
-                line.position_rows[i][j], rel=1e-3, abs=1e-9
+            assert (other.positions[i] - trajectory.positions[i]) / 1e-4 == pytest.approx(
+                trajectory.position_rows[i][j], rel=1e-3, abs=1e-9
             )
-            assert (other.stops[i] - line.stops[i]) / 1e-4 == pytest.approx(line.stop_rows[i][j], rel=1e-3, abs=1e-9)
+            assert (other.stops[i] - trajectory.stops[i]) / 1e-4 == pytest.approx(
+                trajectory.stop_rows[i][j], rel=1e-3, abs=1e-9
+            )
 
 
-@given(courses, st.sampled_from(PERIODS_S))
-def test_full_braking_solves_every_programme_as_a_last_resort(course: Course, period_s: float) -> None:
-    inputs = np.full(4, course.brake_ma)
-    line = predict(SETTINGS, MODEL, course, inputs.tolist(), period_s)
-    posed = program(SETTINGS, course, line, inputs)
-    braking = posed.A @ np.full(4, course.weakest_ma)
+@given(moves, st.sampled_from(PERIODS_S))
+def test_full_braking_solves_every_programme_as_a_last_resort(move: Move, period_s: float) -> None:
+    inputs = np.full(4, move.brake_ma)
+    trajectory = predict(SETTINGS, MODEL, move, inputs.tolist(), period_s)
+    posed = program(SETTINGS, move, trajectory, inputs)
+    braking = posed.A @ np.full(4, move.weakest_ma)
     assert np.all(posed.l <= braking + 1e-9)
     assert np.all(braking <= posed.u + 1e-9)
     assert np.all(np.linalg.eigvalsh(posed.P) > 0.0)
@@ -147,9 +147,9 @@ def test_programmes_are_well_scaled_also_far_from_the_target(
     load: Load, speed: float, distance: float, period_s: float
 ) -> None:
     # far away the braking current still drives the stem: where it stops hardly depends on where it is
-    course = course_of(load, 1.0, 0.073 - distance, speed, distance)
+    move = move_of(load, 1.0, 0.073 - distance, speed, distance)
     inputs = np.array([20.0, 20.0, 15.5, 8.7])
-    posed = program(SETTINGS, course, predict(SETTINGS, MODEL, course, inputs.tolist(), period_s), inputs)
+    posed = program(SETTINGS, move, predict(SETTINGS, MODEL, move, inputs.tolist(), period_s), inputs)
     assert 0.03 <= np.linalg.eigvalsh(posed.P)[0] < np.linalg.eigvalsh(posed.P)[-1] < 100.0
     assert np.abs(posed.A).max() == 1.0
     assert QpSolver(4, 8).solve(posed) is not None

@@ -94,13 +94,13 @@ def test_a_breakaway_of_the_papers_law_fails_twenty_times_at_most() -> None:
 
 @given(st.lists(st.tuples(st.floats(0.0, 10.0), st.floats(-5e-4, 5e-4)), min_size=1, max_size=200))
 def test_pushes_that_fail_are_bounded_in_any_time_for_one_setpoint(waits: list[tuple[float, float]]) -> None:
-    pushes, now_s, made = Pushes().pursuing(0.08, 0.127), 0.0, 0
+    pushes, now_s, made = Pushes().for_setpoint(0.08, 0.127), 0.0, 0
     for wait_s, tremble_m in waits:
         now_s += wait_s
-        pushes = pushes.pursuing(0.08 + tremble_m, 0.127)
+        pushes = pushes.for_setpoint(0.08 + tremble_m, 0.127)
         if pushes.may_push(now_s):
             made += 1
-            pushes = pushes.judged(moved=False, time_s=now_s, rest_m=0.08, sigma_m=1e-5)
+            pushes = pushes.after_push(moved=False, time_s=now_s, rest_m=0.08, sigma_m=1e-5)
     # 1 + 2 + 4 + ... + 32 s, then a minute each
     bound = MOST_FAILED + sum(1 for k in range(6) if 2.0**k - 1.0 <= now_s) + int(now_s / 60.0)
     assert made <= bound

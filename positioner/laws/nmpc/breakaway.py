@@ -1,7 +1,7 @@
-"""The breakaway current Γ, from the stiction table where it knows and from the model elsewhere (paper §5.2). Pure.
+"""The breakaway current Γ: from the stiction table where it has good samples, else from the model (paper §5.2). Pure.
 
-Inside a cell of the table Γ rises with the spring by K·(cell width)/B, more than a tenth of F_s. So what is recorded,
-and what is read, is Γ at the centre of the cell; the spring carries it to where the stem stands.
+Inside a cell of the table Γ rises with the spring by K·(cell width)/B, more than a tenth of F_s. So the table holds Γ
+at the centre of the cell, and the spring force between the centre and the stem is added when Γ is read.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 class BreakawaySettings(SettingsTable):
     """The `[control.nmpc.breakaway]` table of a configuration; forces as fractions of F_s.
 
-    margin: what is pushed beyond F_s.
-    least_count, largest_age, largest_spread: a cell with fewer samples, an older newest one (in learned samples), or
-        samples further apart than that is not used.
+    margin: the part of a push that exceeds F_s.
+    least_count, largest_age, largest_spread: a cell is not used if it has fewer samples, if its newest one is older (in
+        learned samples), or if its samples spread more.
     """
 
     margin: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.02
@@ -48,8 +48,8 @@ def breakaway(
 ) -> Breakaway:
     """Return Γ for a stem resting at `position_m` that is to move in `direction` (±1): (K·x ± F_s)/B, or the table's.
 
-    The table's is its mean and one spread, so that most pushes free the stem, never less than its newest sample, and
-    never less than 0.9 of the model's F_s: else a table that is wrong has the law push again and again in vain.
+    The table's Γ is the mean of the cell and one spread, so that most pushes free the stem. It is never less than the
+    newest sample, and never less than 0.9 of the model's F_s: with a wrong table the law would push in vain for ever.
     """
     spare_n = direction * settings.margin * static_n
     cell = table.cell(Quantity.BREAKAWAY_CURRENT, position_m, direction_of(direction))
@@ -72,7 +72,7 @@ _LEAST_OF_MODEL = 0.9
 """Part of the model's F_s that a push has at least, whatever the table says."""
 
 
-def lesson(
+def breakaway_lesson(
     model: MotionModel, cell_width_m: float, position_m: float, direction: float, spring_n_per_m: float, static_n: float
 ) -> LearnedSample:
     """Return the sample for the table: Γ in mA at the centre of the cell that holds `position_m`."""
@@ -82,18 +82,18 @@ def lesson(
 
 
 _SAMPLES_PER_CELL = 4
-"""Samples that add to the weight of their cell's newest one; what errs in one, errs in its neighbours."""
+"""Samples that add to the weight of their cell's newest one; neighbours share most of their error."""
 
 
-def recollect(
+def load_from_table(
     settings: BreakawaySettings, model: MotionModel, table: StictionTable, prior: Load, sigmas: Load, ratio: float
 ) -> tuple[Load, Load]:
-    """Return the load and its standard deviations that a table remembers, `prior` and `sigmas` without any cell.
+    """Return the load that a table implies, and its standard deviations; `prior` and `sigmas` for an empty table.
 
-    K and F_s are the least squares of B·Γ = K·x ± F_s over the newest Γ of all breakaway cells but stale and scattered
-    ones, weighed against the prior; F_c follows as F_s/`ratio`. Each Γ holds what was believed of K and F_s when it was
-    learned, so the newer it is, the more it counts. F_v is taken to have changed as F_c: packing that grips harder does
-    so at every speed. A valve without friction has nothing to break away from, and its table nothing to remember.
+    K and F_s are the least-squares solution of B·Γ = K·x ± F_s over the newest Γ of each breakaway cell, together with
+    the prior; old and scattered cells are left out. F_c is F_s/`ratio`. Each Γ was computed from the K and F_s of its
+    time, so a newer one counts more. F_v changes in proportion to F_c, since packing that grips harder does so at every
+    speed. The table of a valve without friction says nothing: there is nothing to break away from.
     """
     static_n = ratio * prior.friction_n
     if static_n < _SURE:
@@ -126,6 +126,6 @@ def recollect(
 _FADING = 0.9
 """Weight of a cell's newest sample for each sample learned since, anywhere."""
 _SURE = 1e-3
-"""N/m or N: no prior, and no sample, is surer than that; less static friction is none."""
+"""N/m or N: the least standard deviation of a prior or a sample; less static friction counts as none."""
 _LEAST_DOUBT = 0.005
-"""Part of F_s that a sample is uncertain by at least, however small the margin of a push is chosen."""
+"""The least uncertainty of a sample as a part of F_s, however small the configured margin is."""

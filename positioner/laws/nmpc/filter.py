@@ -1,8 +1,8 @@
 """Position, speed, spring rate and friction of the stem: an extended Kalman filter with the stop inside. Pure.
 
-While the stem slides, the filter has five states: x, v, K, F_c and F_v. Its covariance goes through the motion
-model, stop and all, so that the error of a landing corrects the load. While the stem rests nothing moves:
-the filter is a plain average of the position, and the load follows it along the one line that the covariance leaves.
+While the stem slides, the filter has the states x, v, K, F_c and F_v of `valve.motion`. The motion model, with its
+stop, propagates their covariance, so that the error of a landing corrects the load. While the stem rests, the filter is
+a plain average of the position; the covariance at the beginning of the rest says how the load changes with it.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 class AdaptationSettings(SettingsTable):
     """The `[control.nmpc.adaptation]` table of a configuration; fractions are of the nominal K_m, F_c and F_v.
 
-    spring_sigma, friction_sigma, viscous_sigma: how far the configured values may be off.
-    friction_per_move, friction_per_m: how F_c wanders from move to move, and per metre.
+    spring_sigma, friction_sigma, viscous_sigma: standard deviations of the configured values.
+    friction_per_move, friction_per_m: how much F_c changes from move to move, and per metre.
     force_noise_n: force that the model does not know, white per sample, while sliding.
     landing_noise_m: error of a landing that none of the states explains.
     least, most: limits of the estimates.
@@ -63,10 +63,9 @@ class Sliding:
 
 @dataclass(frozen=True, slots=True)
 class Resting:
-    """The estimate while the stem rests at x (m): its variance (m²), and the load, which follows x.
+    """The estimate while the stem rests at x (m): its variance (m²), and the load, which changes with x.
 
-    slopes: derivatives of the load to x, from the regression that the covariance is; `anchor` is the estimate that
-    came to rest.
+    anchor: the estimate when the stem came to rest. slopes: derivatives of the load to x, from its covariance.
     """
 
     x: float
@@ -88,7 +87,7 @@ class Resting:
 
 @dataclass(frozen=True, slots=True)
 class AdaptiveFilter:
-    """The filter of one valve: its motion, its nominal load, and what it takes as unknown."""
+    """The filter of one valve: its motion model, its nominal load, and how uncertain both are."""
 
     settings: AdaptationSettings
     model: MotionModel
@@ -100,7 +99,7 @@ class AdaptiveFilter:
         return self.rest(Sliding(x, 0.0, self._limited(load), covariance, 1.0, True))
 
     def prior_sigmas(self) -> Load:
-        """Return the standard deviations of a load of which nothing was learned."""
+        """Return the standard deviations of the load before anything was learned."""
         own, nominal = self.settings, self.nominal
         return Load(
             own.spring_sigma * nominal.spring_n_per_m,
@@ -109,7 +108,7 @@ class AdaptiveFilter:
         )
 
     def depart(self, rest: Resting, direction: float) -> Sliding:
-        """Return the estimate at the start of a move: what the average taught, and friction a little less certain."""
+        """Return the estimate at the start of a move, with the average at rest, and friction a little less certain."""
         covariance = rest.anchor.covariance.copy()
         line = covariance[POSITION] / covariance[POSITION, POSITION]
         covariance -= np.outer(line, line) * (covariance[POSITION, POSITION] - rest.variance_m2)
@@ -117,7 +116,7 @@ class AdaptiveFilter:
         return Sliding(rest.x, 0.0, self._limited(rest.load), covariance, direction)
 
     def advance(self, state: Sliding, current_ma: float, duration_s: float) -> Sliding:
-        """Return the prediction after `duration_s` under `current_ma`; a stop inside is part of it."""
+        """Return the prediction after `duration_s` under `current_ma`; the stem may stop on the way."""
         s = state.direction
         end = self.model.step(state.x, state.v, current_ma, state.load, s, duration_s)
         jacobian = np.eye(STATES)
@@ -130,7 +129,7 @@ class AdaptiveFilter:
         return Sliding(end.x, end.v, state.load, covariance, s, end.stopped)
 
     def correct(self, state: Sliding, measured_m: float, variance_m2: float) -> Sliding:
-        """Return the estimate after a reading with the variance `variance_m2`; friction forbids a change of sign."""
+        """Return the estimate after a reading with `variance_m2`; friction stops the stem before its speed turns."""
         column = state.covariance[:, POSITION]
         gain = column / (column[POSITION] + variance_m2)
         covariance = state.covariance - np.outer(gain, column)
@@ -141,7 +140,7 @@ class AdaptiveFilter:
         return Sliding(state.x + dx, 0.0 if stopped else v, load, covariance, state.direction, stopped)
 
     def rest(self, state: Sliding) -> Resting:
-        """Return the estimate of a stem that has come to rest, a little less certain of where."""
+        """Return the estimate of a stem that has come to rest; its position is a little less certain."""
         covariance = state.covariance.copy()
         covariance[SPEED, :] = covariance[:, SPEED] = 0.0
         covariance[POSITION, POSITION] += max(self.settings.landing_noise_m, _SHARPEST_M) ** 2
@@ -156,7 +155,7 @@ class AdaptiveFilter:
 
 
 _SHARPEST_M = 1e-9
-"""A landing is never known better."""
+"""The least uncertainty of a landing."""
 
 
 def spread_of(rest: Resting) -> Load:

@@ -1,7 +1,7 @@
-"""Where moves come to rest beside where they were aimed, by place and direction: what no state of the filter explains.
+"""The landing bias: by how much moves end beside their aim again and again, by place and direction. Pure.
 
-Pure. The filter learns from every landing what it can put down to spring and friction. What repeats itself all the same
-is the plant's own, and the table keeps it.
+From every landing the filter corrects spring and friction. An error that repeats itself nevertheless is a property of
+the valve that the model does not have, and the stiction table keeps it.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ _SIGNIFICANT = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Landing:
-    """A move: where it began and where it was aimed in m, in which direction (±1)."""
+    """A move from its origin to its aim, in m, and its direction (±1)."""
 
     origin_m: float
     aim_m: float
     direction: float
 
     def is_planned(self, stop: Resting) -> bool:
-        """Whether the model has stopped the stem where it was aimed, as far as the model can tell.
+        """Whether the stem has stopped at the aim, as far as the model knows.
 
-        A stop elsewhere is one that the filter has seen coming: the push came late, or was not enough. It corrects the
-        load, and is no landing.
+        Otherwise the filter has foreseen another place: the push came late, or was too weak. Such a stop corrects the
+        load, and teaches no bias.
         """
         return abs(stop.x - self.aim_m) <= _SIGNIFICANT * stop.sigma_m
 
     def samples(self, stem: Resting) -> tuple[LearnedSample, ...]:
-        """Return the bias in m of a landing that is sure to have happened, once it is known where the stem is.
+        """Return the bias in m of a landing that has certainly happened, once the position of the stem is known.
 
-        A move whose error is larger than its way tells of no landing: short of its origin it did not begin as planned,
-        and as far beyond its aim it is one that the law does not plan.
+        A move whose error is larger than its distance teaches nothing: either the stem ended short of the origin, or
+        as far beyond the aim, and the law plans neither.
         """
         bias_m = stem.x - self.aim_m
         if abs(bias_m) > abs(self.aim_m - self.origin_m) + _SIGNIFICANT * stem.sigma_m:
@@ -52,7 +52,7 @@ class Landing:
 
 
 def landing_bias_m(table: StictionTable, setpoint_m: float, direction: float) -> float:
-    """Return by how much moves in `direction` (±1) to `setpoint_m` land beside it, in m; 0 while that is in doubt."""
+    """Return the bias in m of moves in `direction` (±1) to `setpoint_m`, 0 where the table has no significant one."""
     cell = table.cell(Quantity.LANDING_BIAS, setpoint_m, direction_of(direction))
     if cell is None or len(cell.samples) < _LEAST_SAMPLES or table.age(cell) > _LARGEST_AGE:
         return 0.0

@@ -1,4 +1,4 @@
-"""What the law `nmpc` carries from cycle to cycle, and how it tells of the stem. Pure."""
+"""What the law `nmpc` carries from cycle to cycle, and how it reports the stem. Pure."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from positioner.valve.state import StemState
 from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
-    from positioner.laws.nmpc.verification import Watch
+    from positioner.laws.nmpc.verification import RestMonitor
     from positioner.valve.stiction import LearnedSample
 
 
@@ -22,14 +22,14 @@ class NmpcMemory:
     """What the law carries.
 
     stem: the estimate, of a sliding stem while motion is MOVE, else of a resting one.
-    settle_s: what is left of SETTLE. hold_ma: the current that is held, None to choose one.
+    settle_s: the rest of the time in SETTLE. hold_ma: the current at rest, None to choose one.
     plan_ma: the last plan, shifted by one, empty before a move.
-    setpoint_m: the setpoint pursued; aim_m: where the move is to end for it; corrections: moves made for it so far;
-        pushes: those that failed. ends_s: when the move must be over, in the law's time.
+    setpoint_m: the setpoint that the law pursues; aim_m: where the move is to end for it; corrections: moves made for
+        it so far; pushes: those that failed. ends_s: when the move must be over, in the law's time.
     """
 
     stem: Resting | Sliding
-    watch: Watch
+    monitor: RestMonitor
     motion: Motion = Motion.REST
     settle_s: float = 0.0
     hold_ma: float | None = None

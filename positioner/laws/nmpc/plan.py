@@ -1,4 +1,4 @@
-"""The iterative LTV-QP of the law `nmpc`: as fast as can be, and never too fast to stop at the target. Pure.
+"""The iterative LTV-QP of the law `nmpc`: to the target in the shortest time, and never too fast to stop there. Pure.
 
 The paper's movable speed bound v ≤ restVel(r - x) (eqs 22 to 24) is here the exact one: the speed from which braking
 with a given current ends at r. As a bound on the state, s·X(x, v) ≤ s·r with X the stopping point, it is linearised
@@ -49,7 +49,7 @@ class ApproachSettings(SettingsTable):
             raise ValueError("control_steps exceeds prediction_steps")
 
 
-class Course(NamedTuple):
+class Move(NamedTuple):
     """A move to be planned: from x (m) and v (m/s) in `direction` (±1) to the target, against `load`.
 
     brake_ma: the current that the stem is to stop under, in the stick band of the target.
@@ -68,14 +68,14 @@ class Course(NamedTuple):
     release_ma: float
 
     def smallest_m(self, model: MotionModel, period_s: float) -> float:
-        """Return where the smallest push ends: one sample of the least current, then braking."""
+        """Return where in m the stem stops after the smallest push: one sample of the least current, then braking."""
         s, load = self.direction, self.load
         pushed = model.step(self.x, self.v, self.release_ma, load, s, period_s)
         return model.step(pushed.x, pushed.v, self.brake_ma, load, s, STOPPING_TIME_S).x
 
 
 @dataclass(frozen=True, slots=True)
-class Approach:
+class MovePlan:
     """The plan: inputs (H_u) in mA, the speed bound after the first step in m/s, and the passes it took."""
 
     inputs_ma: tuple[float, ...]
@@ -83,7 +83,7 @@ class Approach:
     passes: int
 
 
-class Line(NamedTuple):
+class Trajectory(NamedTuple):
     """The prediction along given inputs: positions (H_p), stopping points (H_p), and their derivatives (H_p, H_u)."""
 
     positions: list[float]
@@ -93,103 +93,105 @@ class Line(NamedTuple):
     speed_limit: float
 
 
-def approach(
+def plan_move(
     settings: ApproachSettings,
     model: MotionModel,
     solver: Solver,
-    course: Course,
+    move: Move,
     guess_ma: tuple[float, ...],
     period_s: float,
-) -> Approach | None:
-    """Return the plan for `course`, or None when a programme was not solved; guess_ma (H_u) starts the passes."""
-    low, high = _limits(course, len(guess_ma))
-    braking = [course.release_ma, *(course.weakest_ma,) * (len(guess_ma) - 1)]
-    if course.direction * (course.smallest_m(model, period_s) - course.target_m) >= 0.0:
-        # not even the least current stops before the target: a programme would have this one solution
-        line = predict(settings, model, course, braking, period_s)
-        return Approach(tuple(braking), line.speed_limit, 0)
+) -> MovePlan | None:
+    """Return the plan for `move`, or None when a programme was not solved; guess_ma (H_u) starts the passes."""
+    low, high = _limits(move, len(guess_ma))
+    braking = [move.release_ma, *(move.weakest_ma,) * (len(guess_ma) - 1)]
+    if move.direction * (move.smallest_m(model, period_s) - move.target_m) >= 0.0:
+        # even the least current does not stop the stem before the target: a programme would have this one solution
+        trajectory = predict(settings, model, move, braking, period_s)
+        return MovePlan(tuple(braking), trajectory.speed_limit, 0)
     inputs = np.clip(guess_ma, low, high)
     passes, change = 0, math.inf
     while change >= settings.pass_tolerance_ma and passes < settings.max_passes:
-        line = predict(settings, model, course, inputs.tolist(), period_s)
-        solution = solver.solve(program(settings, course, line, inputs))
+        trajectory = predict(settings, model, move, inputs.tolist(), period_s)
+        solution = solver.solve(program(settings, move, trajectory, inputs))
         if solution is None:
             return None
         found = np.clip(solution, low, high)
         passes, change, inputs = passes + 1, float(np.max(np.abs(found - inputs))), found
-    return Approach(tuple(inputs.tolist()), line.speed_limit, passes)
+    return MovePlan(tuple(inputs.tolist()), trajectory.speed_limit, passes)
 
 
 def predict(
-    settings: ApproachSettings, model: MotionModel, course: Course, inputs_ma: list[float], period_s: float
-) -> Line:
+    settings: ApproachSettings, model: MotionModel, move: Move, inputs_ma: list[float], period_s: float
+) -> Trajectory:
     """Return the exact motion under `inputs_ma` (H_u), the last one held, linearised step by step."""
-    s, load, gain, count = course.direction, course.load, model.gain_n_per_ma, len(inputs_ma)
-    x, v = course.x, course.v
+    s, load, gain, count = move.direction, move.load, model.gain_n_per_ma, len(inputs_ma)
+    x, v = move.x, move.v
     x_row, v_row = [0.0] * count, [0.0] * count
-    line = Line([], [], [], [], 0.0)
+    trajectory = Trajectory([], [], [], [], 0.0)
     limit = 0.0
     for step in range(settings.prediction_steps):
         # Loop invariant: x_row and v_row are the derivatives of x and v to the inputs
         index = min(step, count - 1)
-        move = model.step(x, v, inputs_ma[index], load, s, period_s)
+        end = model.step(x, v, inputs_ma[index], load, s, period_s)
         x_row, v_row = (
-            [move.dx_dx * a + move.dx_dv * b for a, b in zip(x_row, v_row, strict=True)],
-            [move.dv_dx * a + move.dv_dv * b for a, b in zip(x_row, v_row, strict=True)],
+            [end.dx_dx * a + end.dx_dv * b for a, b in zip(x_row, v_row, strict=True)],
+            [end.dv_dx * a + end.dv_dv * b for a, b in zip(x_row, v_row, strict=True)],
         )
-        x_row[index] += move.dx_dq * gain
-        v_row[index] += move.dv_dq * gain
-        x, v = move.x, move.v
-        stop = model.step(x, v, course.brake_ma, load, s, STOPPING_TIME_S)
-        line.positions.append(x)
-        line.stops.append(stop.x)
-        line.position_rows.append(x_row)
-        line.stop_rows.append([stop.dx_dx * a + stop.dx_dv * b for a, b in zip(x_row, v_row, strict=True)])
+        x_row[index] += end.dx_dq * gain
+        v_row[index] += end.dv_dq * gain
+        x, v = end.x, end.v
+        stop = model.step(x, v, move.brake_ma, load, s, STOPPING_TIME_S)
+        trajectory.positions.append(x)
+        trajectory.stops.append(stop.x)
+        trajectory.position_rows.append(x_row)
+        trajectory.stop_rows.append([stop.dx_dx * a + stop.dx_dv * b for a, b in zip(x_row, v_row, strict=True)])
         if step == 0:
-            limit = v + (course.target_m - stop.x) / stop.dx_dv if stop.dx_dv > 0.0 else v
-    return line._replace(speed_limit=limit)
+            limit = v + (move.target_m - stop.x) / stop.dx_dv if stop.dx_dv > 0.0 else v
+    return trajectory._replace(speed_limit=limit)
 
 
-def program(settings: ApproachSettings, course: Course, line: Line, inputs_ma: NDArray[np.float64]) -> QuadraticProgram:
+def program(
+    settings: ApproachSettings, move: Move, trajectory: Trajectory, inputs_ma: NDArray[np.float64]
+) -> QuadraticProgram:
     """Return the programme in the inputs (H_u): tracking, the limits of the current, and the H_p stopping points.
 
     Positions are scaled so that the first input moves the last one by 1; each stopping point, so that no input moves it
     by more than 1. Far from the target, where the braking current still drives the stem, none of them moves it by much.
     """
-    s, count = course.direction, len(inputs_ma)
-    rows = np.array(line.position_rows)
+    s, count = move.direction, len(inputs_ma)
+    rows = np.array(trajectory.position_rows)
     unit = rows[-1, 0] or 1.0
     rows /= unit
     weights = np.ones(settings.prediction_steps)
     weights[-1] = settings.terminal_factor
     weighted = rows.T * weights
-    # a target beyond the reach of all currents is nearer for the solver, and the plan is the same
-    wanted = np.clip((course.target_m - np.array(line.positions)) / unit, -_REACH_MA, _REACH_MA)
+    # a target beyond the reach of all currents is moved nearer: better numbers for the solver, and the same plan
+    wanted = np.clip((move.target_m - np.array(trajectory.positions)) / unit, -_REACH_MA, _REACH_MA)
     errors = wanted + rows @ inputs_ma
     hessian = weighted @ rows + settings.input_weight * np.eye(count)
-    gradient = -(weighted @ errors) - settings.input_weight * course.brake_ma
+    gradient = -(weighted @ errors) - settings.input_weight * move.brake_ma
 
-    stops = s * np.array(line.stop_rows)
+    stops = s * np.array(trajectory.stop_rows)
     scales = np.maximum(np.abs(stops).max(axis=1), _LEAST_M_PER_MA)
     stops /= scales[:, np.newaxis]
-    room = s * (course.target_m - np.array(line.stops)) / scales + stops @ inputs_ma
-    low, high = _limits(course, count)
+    room = s * (move.target_m - np.array(trajectory.stops)) / scales + stops @ inputs_ma
+    low, high = _limits(move, count)
     braking = low if s > 0.0 else high
     lower = np.concatenate([low, np.full(len(stops), -_FREE)])
     upper = np.concatenate([high, np.maximum(room, stops @ braking)])
     return QuadraticProgram(hessian, gradient, np.vstack([np.eye(count), stops]), lower, upper)
 
 
-def _limits(course: Course, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _limits(move: Move, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the lowest and the highest inputs (count,) in mA; the first one starts at Γ."""
-    braking, driving = np.full(count, course.weakest_ma), np.full(count, course.strongest_ma)
-    braking[0] = course.release_ma
-    return (braking, driving) if course.direction > 0.0 else (driving, braking)
+    braking, driving = np.full(count, move.weakest_ma), np.full(count, move.strongest_ma)
+    braking[0] = move.release_ma
+    return (braking, driving) if move.direction > 0.0 else (driving, braking)
 
 
 _LEAST_M_PER_MA = 1e-9
-"""An input that moves a stopping point by less, does not move it."""
+"""An input that moves a stopping point by less counts as one that does not move it."""
 _REACH_MA = 20.0
-"""No error is worth more current than this."""
+"""No plan needs an error that is larger than the effect of this current."""
 _FREE = 1e6
-"""A bound that no row of the programme comes near."""
+"""A bound that no row of the programme reaches."""

@@ -1,8 +1,9 @@
 """How noisy the position sensor is, learned while the stem rests. Pure.
 
-An average over n readings is only as good as the noise is white. Differences of successive batch means, of 1, 2, 4, ...
-readings (Allan's variance in octaves), tell both: b times the variance of means of b readings is the same at every b
-for white noise, and grows with b where the noise is held or wanders. What counts is the largest.
+The average of n readings has 1/n of their variance only if the noise is white. The differences of successive means of
+b = 1, 2, 4, ... readings (Allan's variance in octaves) show how large and how white the noise is: b times the variance
+of means of b readings is the same at every b for white noise, and grows with b where the noise is held or wanders. The
+largest of these values counts.
 """
 
 from __future__ import annotations
@@ -14,13 +15,13 @@ from typing import NamedTuple
 OCTAVES = 9
 """The largest batch is 2^(OCTAVES - 1) readings."""
 _PRIOR_PAIRS = 20.0
-"""What the configured noise weighs, in pairs of readings."""
+"""Weight of the configured noise, in pairs of readings."""
 _PAIRS_KEPT = 4000.0
 """The sums are halved at this many pairs, so that the estimate follows a sensor that ages."""
 _CONFIDENCE = 2.0
 """σ of its own error that a batch's variance must rise above the single readings' to count."""
 _PAIRS_TO_COUNT = 16.0
-"""Fewer pairs of batches say nothing."""
+"""Fewer pairs of batches do not count."""
 
 
 class Octave(NamedTuple):
@@ -46,13 +47,14 @@ class Octave(NamedTuple):
 class NoiseLevel:
     """Variance of the sensor relative to the configured one, as if its noise were white; 1 before anything is learned.
 
-    It errs on the high side: assuming half the true noise ruins an average's claim, twice costs a little time.
+    It is rather too high than too low: with half the true noise, an average would seem far better than it is; with
+    twice the noise, the law only waits a little longer.
     """
 
-    octaves: tuple[Octave, ...] = (Octave(None, None, _PRIOR_PAIRS, _PRIOR_PAIRS), *(Octave(),) * (OCTAVES - 1))
+    octaves: tuple[Octave, ...] = (Octave(squares=_PRIOR_PAIRS, pairs=_PRIOR_PAIRS), *(Octave(),) * (OCTAVES - 1))
     ratio: float = 1.0
 
-    def heard(self, reading: float) -> NoiseLevel:
+    def with_reading(self, reading: float) -> NoiseLevel:
         """Return the level after one more reading of a resting stem, in units of its configured σ."""
         octaves = list(self.octaves)
         value, weight = reading, 1.0
@@ -63,9 +65,9 @@ class NoiseLevel:
             value, weight = 0.5 * (octave.waiting + value), 2.0 * weight
         return NoiseLevel(tuple(octaves), _ratio(octaves))
 
-    def moved(self) -> NoiseLevel:
-        """Return the level for a stem that rests elsewhere: what is learned stays, no pair spans the move."""
-        return NoiseLevel(tuple(Octave(None, None, each.squares, each.pairs) for each in self.octaves), self.ratio)
+    def at_new_place(self) -> NoiseLevel:
+        """Return the level of a stem that rests at another place: the sums stay, but no pair spans the move."""
+        return NoiseLevel(tuple(each._replace(waiting=None, previous=None) for each in self.octaves), self.ratio)
 
 
 def _ratio(octaves: list[Octave]) -> float:

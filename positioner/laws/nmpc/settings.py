@@ -11,22 +11,22 @@ from positioner.inputs.table import SettingsTable
 from positioner.laws.nmpc.breakaway import BreakawaySettings
 from positioner.laws.nmpc.filter import AdaptationSettings
 from positioner.laws.nmpc.plan import ApproachSettings
-from positioner.laws.nmpc.verification import WatchSettings
+from positioner.laws.nmpc.verification import VerificationSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NmpcSettings(SettingsTable):
-    """What the law `nmpc` may be told.
+    """Settings of the law `nmpc`.
 
-    tolerance_m: error that is not worth a correction, however well it is known.
-    doubt_sigma: an error counts only as far as it exceeds so many σ of the average.
-    patience: by what part the tolerance grows with every correction of the same setpoint.
-    patience_limit: the number of corrections at which it stops growing.
-    brake_share: the braking current rests so far from the middle of the stick band of the target, in F_s.
-    brake_limit: the strongest braking, in F_c: inside the stick band, or the valve would reverse.
-    hold_step_ma: change of the middle of the stick band that the held current follows.
-    landing_sigma_m: how well the end of a move must be known to teach the table.
-    settle_s: after a stop, until readings count as of a resting stem.
+    tolerance_m: error that is not worth a correction, however certain it is.
+    doubt_sigma: the law corrects an error once it exceeds the tolerance by so many σ of the average.
+    patience: growth of the tolerance with every correction of the same setpoint, as a part of it.
+    patience_limit: the number of corrections at which the tolerance stops growing.
+    brake_share: distance of the braking current from the middle of the target's stick band, as a part of F_s.
+    brake_limit: the strongest braking, as a part of F_c: inside the stick band, or the valve would reverse.
+    hold_step_ma: the current at rest follows the middle of the stick band when it is this far away.
+    landing_sigma_m: σ of the average below which the end of a move may teach the table.
+    settle_s: time after a stop until the stem counts as resting.
     """
 
     tolerance_m: Annotated[float, Interval(ge=1e-6, le=0.05)] = 5e-5
@@ -41,4 +41,4 @@ class NmpcSettings(SettingsTable):
     approach: ApproachSettings = field(default_factory=ApproachSettings)
     adaptation: AdaptationSettings = field(default_factory=AdaptationSettings)
     breakaway: BreakawaySettings = field(default_factory=BreakawaySettings)
-    watch: WatchSettings = field(default_factory=WatchSettings)
+    watch: VerificationSettings = field(default_factory=VerificationSettings)

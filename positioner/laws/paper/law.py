@@ -85,9 +85,9 @@ class PaperLaw:
         self, memory: PaperMemory, stem: StemState, observation: Observation, table: StictionTable
     ) -> tuple[PaperMemory, Decision]:
         """Return the first input of the plan within the movable bounds; a missing plan holds the stem (D12)."""
-        pushes = memory.pushes.pursuing(observation.setpoint_m, self.valve.span_m)
+        pushes = memory.pushes.for_setpoint(observation.setpoint_m, self.valve.span_m)
         if memory.released:
-            pushes = pushes.judged(
+            pushes = pushes.after_push(
                 moved=not stem.stuck,
                 time_s=observation.time_s,
                 rest_m=stem.position_m,

@@ -132,7 +132,7 @@ class Session:
             case SavingWorks():
                 logger.info("the stiction table is saved again")
             case Notice():
-                logger.warning("%s", event)
+                logger.warning("%s", event.text)
             case Saved():
                 pass
             case _:

@@ -14,7 +14,7 @@ import json
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, ValidationError
 
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from pydantic_core import ErrorDetails
+
+T = TypeVar("T")
 
 FORMAT = "positioner-stiction-table"
 _LARGEST = 2**52
@@ -93,6 +95,11 @@ class PlainCell(SettingsTable):
     count: _Positive
     sequence: _Positive
     recorded: Annotated[int, BeforeValidator(_seconds)]
+
+    @property
+    def key(self) -> CellKey:
+        """Address of the cell in the table."""
+        return CellKey(self.quantity, self.index, self.direction)
 
 
 _Cells = tuple[Annotated[PlainCell, AfterValidator(_consistent)], ...]
@@ -171,13 +178,31 @@ def from_plain(plain: Any, source: str, cells_before: Sequence[PlainCell] = ()) 
     """
     if not isinstance(plain, dict) or plain.get("format") != FORMAT:
         raise ConfigurationError(source, (Problem("file", None, f'is not a stiction table: no "format": "{FORMAT}"'),))
-    given = plain.get("cells")
-    bounded = {**plain, "cells": given[: MOST_CELLS + 1]} if isinstance(given, list) else plain
-    try:
-        document = _DOCUMENT.validate_python(bounded)
-    except ValidationError as error:
-        raise ConfigurationError(source, _problems(error)) from error
-    return _assembled(document, (*cells_before, *document.cells), source)
+    if isinstance(given := plain.get("cells"), list):
+        plain = {**plain, "cells": given[: MOST_CELLS + 1]}
+    document = _validated(_DOCUMENT, plain, source)
+    plain_cells = (*cells_before, *document.cells)
+    by_key = {one.key: one for one in plain_cells}
+    least = max((sum(one.count for one in plain_cells), *(one.sequence for one in plain_cells)))
+    width_m = document.cell_width_m
+    problem = None
+    if len(plain_cells) > MOST_CELLS:
+        problem = Problem("cells", None, _TEXTS["too_long"])
+    elif len(by_key) < len(plain_cells):
+        problem = Problem("cells", None, "hold a second cell for the same quantity, index and direction")
+    elif any(abs(one.index * width_m) > FARTHEST_M + width_m for one in plain_cells):
+        problem = Problem("cells", None, f"lie farther away than {FARTHEST_M:g} m")
+    elif document.sequence < least:
+        problem = Problem("sequence", None, f"must be at least {least}, as the cells say, not {document.sequence}")
+    if problem:
+        raise ConfigurationError(source, (problem,))
+    table = {key: Cell(one.samples, one.count, one.sequence) for key, one in by_key.items()}
+    return StoredTable(
+        document.valve,
+        StictionTable(width_m, document.sequence, MappingProxyType(table)),
+        document.generation,
+        MappingProxyType({key: one.recorded for key, one in by_key.items()}),
+    )
 
 
 def cells_from(plain: Any, source: str) -> tuple[PlainCell, ...]:
@@ -186,52 +211,25 @@ def cells_from(plain: Any, source: str) -> tuple[PlainCell, ...]:
     Raises:
         ConfigurationError: as `loads`.
     """
+    return _validated(_CELLS, plain, source)
+
+
+def _validated(adapter: TypeAdapter[T], plain: Any, source: str) -> T:
     try:
-        return _CELLS.validate_python(plain)
+        return adapter.validate_python(plain)
     except ValidationError as error:
-        raise ConfigurationError(source, _problems(error)) from error
-
-
-def _assembled(document: _Document, plain_cells: Sequence[PlainCell], source: str) -> StoredTable:
-    table = {
-        CellKey(one.quantity, one.index, one.direction): Cell(one.samples, one.count, one.sequence)
-        for one in plain_cells
-    }
-    recorded_s = {CellKey(one.quantity, one.index, one.direction): one.recorded for one in plain_cells}
-    newest = max((cell.sequence for cell in table.values()), default=0)
-    least = max(newest, sum(cell.count for cell in table.values()))
-    width_m = document.cell_width_m
-    problem = None
-    if len(plain_cells) > MOST_CELLS:
-        problem = Problem("cells", None, f"are too many: a table holds at most {MOST_CELLS}")
-    elif len(table) < len(plain_cells):
-        problem = Problem("cells", None, "hold a second cell for the same quantity, index and direction")
-    elif any(abs(key.index * width_m) > FARTHEST_M + width_m for key in table):
-        problem = Problem("cells", None, f"lie farther away than {FARTHEST_M:g} m")
-    elif document.sequence < least:
-        told = f"must be at least {least}, as the cells say, not {document.sequence}"
-        problem = Problem("sequence", None, told)
-    if problem:
-        raise ConfigurationError(source, (problem,))
-    cells_by_key = StictionTable(width_m, document.sequence, MappingProxyType(table))
-    return StoredTable(document.valve, cells_by_key, document.generation, MappingProxyType(recorded_s))
-
-
-def _problems(error: ValidationError) -> tuple[Problem, ...]:
-    return tuple(_problem(item) for item in error.errors(include_url=False)[:_MOST_PROBLEMS])
+        problems = map(_problem, error.errors(include_url=False)[:_MOST_PROBLEMS])
+        raise ConfigurationError(source, tuple(problems)) from error
 
 
 def _problem(item: ErrorDetails) -> Problem:
+    """Return one mistake as one line: where it is, what it must be, and the beginning of what it is."""
     where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in item["loc"]).lstrip(".")
     text = _TEXTS.get(item["type"])
     if text is None:
-        said = item["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
-        text = said if isinstance(item["input"], dict) else f"{said}, not {_short(item['input'])}"
+        text = item["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+        if not isinstance(value := item["input"], dict):
+            is_short = type(value) is not int or abs(value) <= _LARGEST
+            shown = repr(value) if is_short else "such a large number"
+            text += f", not {shown if len(shown) <= _LONGEST_SHOWN else f'{shown[:_LONGEST_SHOWN]}…'}"
     return Problem(where or "file", None, text)
-
-
-def _short(value: Any) -> str:
-    if type(value) is int and abs(value) > _LARGEST:
-        return "such a large number"
-    text = repr(value)
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}…"

@@ -108,10 +108,6 @@ class Notice(SettingsTable):
 
     text: str
 
-    def __str__(self) -> str:
-        """The line itself."""
-        return self.text
-
 
 @dataclass(frozen=True, slots=True)
 class DumpRequest(SettingsTable):
@@ -168,11 +164,10 @@ class Unreadable(SettingsTable):
     reason: str
 
 
-ToWriter: TypeAlias = Open | Learn | Adopt | Close
 FromWriter: TypeAlias = Opened | Closed | Saved | Replaced | SavingFailed | SavingWorks | Notice
 Request: TypeAlias = DumpRequest | ResetRequest | ImportRequest
 Answer: TypeAlias = Dumped | Done | Refused | Rejected
-Message: TypeAlias = ToWriter | FromWriter | Request | Answer | Unreadable
+Message: TypeAlias = Open | Learn | Adopt | Close | FromWriter | Request | Answer | Unreadable
 
 _ADAPTERS: dict[str, TypeAdapter[Message]] = {kind.__name__: TypeAdapter(kind) for kind in Message.__args__}
 _CELLS = "Cells"

@@ -1,7 +1,7 @@
-"""Root's way to a state directory of somebody else: a process that becomes its owner and sees nothing but it.
+"""Root's access to a state directory of another user, through a process that becomes that user.
 
-Whoever owns the directory decides what lies in it. So root opens none of it: the process that does has the directory as
-its root directory and the owner's rights, and only its answer, checked like any other message, comes back.
+The owner decides which files are in the directory, so root opens none of them. The process that opens them has the
+owner's rights, and the directory is its root directory. Its answer is checked like any other message.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _ANSWER_S = 30.0
 
 
 def is_needed(directory: Path) -> bool:
-    """Return whether this process is root's and the directory is not."""
+    """Return whether this process is root's and the directory belongs to another user."""
     return os.geteuid() == 0 and directory.stat().st_uid != 0
 
 

@@ -1,4 +1,4 @@
-"""Messages over a stream socket, without waiting: what cannot be sent yet is kept, what has not fully come is kept."""
+"""Messages over a stream socket, without waiting: it keeps unsent lines, and lines that are not yet complete."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Channel:
                     lines += 1
         except BlockingIOError:
             pass
-        except OSError:  # the other end is gone; what it sent may still be there to be received
+        except OSError:  # the other end is gone; its last messages may still be received
             self._outgoing.clear()
             self._to_write.clear()
 

@@ -27,7 +27,7 @@ _RESTART_FIRST_S, _RESTART_LONGEST_S = 0.1, 30.0
 _LINES_PER_POLL = 4
 _REPORTED_AFTER_S, _ENDED_AFTER_S = 3.0, 90.0
 """Silence of a table writer that has something to save: it commits within half a second, and reports a disk that fails
-every 30 s."""
+at least every 30 s."""
 _HANGS = "the stiction table is not being saved: its table writer does not answer; the disk may hang"
 
 
@@ -58,7 +58,7 @@ class TableWriterClient:
         timeout_s: float = _LOCK_TIMEOUT_S,
         report: Callable[[str], object] = lambda _line: None,
     ) -> tuple[Self, StictionTable, tuple[str, ...]]:
-        """Return the running table writer, the valve's table, and what was noteworthy about it, a line each.
+        """Return the running table writer, the valve's table, and notices about it, a line each.
 
         Raises:
             AlreadyRunningError: another process uses the directory, and still did after `timeout_s`;

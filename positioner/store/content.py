@@ -1,4 +1,4 @@
-"""What is stored: the stiction table, whose it is, and when it was taught. Pure."""
+"""The content of the store: the stiction table, its valve, and the times of its samples. Pure."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from positioner.valve.stiction import CellKey, LearnedSample, StictionTable
 class StoredTable:
     """A stiction table with its identity.
 
-    `generation` counts resets and imports: samples taught in one generation never enter another. `recorded_s` is the
+    `generation` counts resets and imports: samples of one generation never enter another. `recorded_s` is the
     wall-clock time (seconds since 1970) of each cell's newest sample, for people only.
     """
 
@@ -22,7 +22,7 @@ class StoredTable:
     recorded_s: MappingProxyType[CellKey, int] = field(default_factory=lambda: MappingProxyType({}))
 
     def learned(self, sample: LearnedSample, now_s: int) -> StoredTable:
-        """Return the table with one more sample; as `StictionTable.record` does, which may leave it as it is."""
+        """Return the table with one more sample, or itself where `StictionTable.record` refuses the sample."""
         table = self.table.record(sample.quantity, sample.position_m, sample.direction, sample.value)
         if table is self.table:
             return self

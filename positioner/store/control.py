@@ -58,7 +58,7 @@ class ControlSocket:
     def serve(
         self, ready: Iterable[socket.socket | Channel], answer: Callable[[messages.Message], messages.Answer]
     ) -> None:
-        """Accept, receive, answer and hang up, on what is ready and without waiting."""
+        """Accept connections, answer requests and close ended connections, without waiting."""
         for one in ready:
             if isinstance(one, Channel):
                 for request in one.receive():
@@ -75,7 +75,7 @@ class ControlSocket:
         if len(self._clients) < _MOST_CLIENTS:
             self._clients.add(Channel(connection))
         else:
-            connection.close()  # nobody opens that many in good faith; the daemon's samples come first
+            connection.close()  # so many are an attack; the daemon's samples come first
 
 
 def _listen(directory: int) -> socket.socket:

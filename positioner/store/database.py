@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 _BUSY_S = 1.0
 _STEPS_PER_CALL, _MOST_CALLS = 10_000, 20_000
-"""Instructions of SQLite's machine between two looks, and looks until a file is taken for one that never ends."""
+"""Instructions of SQLite's machine between two calls of our handler, and the calls after which reading is given up."""
 
 
 def create(path: Path, stored: StoredTable) -> None:
-    """Write the table to `path` as a new file, replacing what is there at once or not at all.
+    """Write the table to `path` as a new file, replacing an older file in one step.
 
     Raises:
         OSError: it cannot be written; `path` is as before.
@@ -63,7 +63,7 @@ def _connect(path: Path) -> sqlite3.Connection:
 
 
 def update(connection: sqlite3.Connection, before: StoredTable, after: StoredTable) -> None:
-    """Commit the difference between what the file holds and what it shall hold.
+    """Commit the difference between `before`, the file's content, and `after`.
 
     Raises:
         sqlite3.Error: it cannot be committed.
@@ -118,7 +118,7 @@ def _read_interrupted(path: Path) -> StoredTable:
 def _read(path: Path, uri: str) -> StoredTable:
     try:
         with closing(sqlite3.connect(uri, uri=True, timeout=_BUSY_S, isolation_level=None)) as connection:
-            connection.set_progress_handler(_patience(), _STEPS_PER_CALL)
+            connection.set_progress_handler(_step_limit(), _STEPS_PER_CALL)
             connection.execute("PRAGMA trusted_schema = OFF")
             connection.execute("BEGIN")  # one snapshot for all that follows
             _verify(path, connection)
@@ -132,13 +132,13 @@ def _read(path: Path, uri: str) -> StoredTable:
     except sqlite3.OperationalError:
         raise
     except ConfigurationError as error:
-        raise TableRejectedError(path, Fault.DAMAGED, f"holds what no table may: {error.problems[0]}") from error
+        raise TableRejectedError(path, Fault.DAMAGED, f"holds an impossible value: {error.problems[0]}") from error
     except (sqlite3.Error, ValueError, TypeError, OverflowError, OSError, RecursionError) as error:
         raise TableRejectedError(path, Fault.DAMAGED, f"is damaged: {' '.join(str(error).split())}") from error
 
 
-def _patience() -> Callable[[], int]:
-    """Return what SQLite asks whether it shall go on: no table needs so many steps to be read."""
+def _step_limit() -> Callable[[], int]:
+    """Return a handler that stops SQLite after more steps than reading any table needs."""
     calls = iter(range(_MOST_CALLS))
     return lambda: next(calls, None) is None
 

@@ -1,7 +1,7 @@
-"""What a file in a state directory must be before SQLite may open it as the table, and why it is not.
+"""The checks of a file before SQLite may open it as the table, and the faults that a file may have.
 
-Whoever owns the directory may put there what he likes: a FIFO that blocks its reader for ever, or a journal that makes
-SQLite delete the file that it names as its super-journal. None of these is written by this program.
+The owner of the directory may put any file there: a FIFO that blocks its reader for ever, or a journal that makes
+SQLite delete the file that the journal names as its super-journal. This program writes neither.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ def environment() -> dict[str, str]:
 def beyond_standard(descriptor: int) -> int:
     """Return the descriptor, or where it has the number of a closed standard stream a copy beyond them.
 
-    A process that is started gets streams of its own in their place, and would lose what is handed to it there.
+    A child process gets new streams in place of descriptors 0 to 2, and would lose a descriptor that it inherits there.
     """
     if descriptor >= _FIRST_FREE:
         return descriptor

@@ -41,7 +41,7 @@ class Open(SettingsTable):
 
 @dataclass(frozen=True, slots=True)
 class Opened(SettingsTable):
-    """Table writer → daemon: the table as it was found, and what was noteworthy about it."""
+    """Table writer → daemon: the table that was found, and notices about it."""
 
     stored: Stored
     notices: tuple[str, ...]
@@ -111,7 +111,7 @@ class Notice(SettingsTable):
 
 @dataclass(frozen=True, slots=True)
 class DumpRequest(SettingsTable):
-    """Command line → table writer: what is in the table?"""
+    """Command line → table writer: send me the table."""
 
 
 @dataclass(frozen=True, slots=True)

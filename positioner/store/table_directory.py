@@ -1,4 +1,4 @@
-"""The tables in a state directory: which one is used, where the others go, the good copy and the backups."""
+"""The tables in a state directory: the one in use, the good copy, the backups, and the tables moved aside."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class TableDirectory:
             try:
                 database.update(self._connection, self._on_disk, stored)
             except sqlite3.Error:
-                self.close()  # the next attempt looks at the file afresh
+                self.close()  # the next attempt reads the file again
                 raise
             self._on_disk = stored
 
@@ -96,7 +96,7 @@ class TableDirectory:
         return path
 
     def take_notices(self) -> tuple[str, ...]:
-        """Return what was noteworthy since the last call, each in one line."""
+        """Return the notices since the last call, a line each."""
         notices, self._notices = tuple(self._notices), []
         return notices
 
@@ -157,7 +157,7 @@ class TableDirectory:
 
 
 def remedy(error: Exception) -> str:
-    """Return in words why something could not be written, and what to do about it."""
+    """Return why a file could not be written, and what to do about it."""
     why = getattr(error, "strerror", None) or str(error)
     number = getattr(error, "errno", None)
     code = getattr(error, "sqlite_errorcode", 0) & 0xFF  # the primary code

@@ -1,8 +1,8 @@
 """The table writer: the process that owns the stiction table's files, so that no disk ever delays a control cycle.
 
-The daemon starts it and talks to it over a socket pair; `positioner table` talks to it over `control.sock`. It ends
-when the daemon's end of the pair closes, however the daemon ended, and saves before. It holds a copy of the
-descriptor that holds the directory's lock, so that the next daemon finds a table that nobody writes any more.
+The daemon starts it and talks to it over a socket pair; `positioner table` talks to it over `control.sock`. When the
+daemon's end of the pair closes, however the daemon ended, it saves and ends. It holds a copy of the descriptor that
+holds the directory's lock, so that the next daemon waits until this process no longer writes.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class TableWriter:
             self._commit_at_s = now_s + COMMIT_AFTER_S
 
     def work(self, now_s: float) -> None:
-        """Save what is due."""
+        """Save the table, if that is due."""
         if self._commit_at_s is not None and now_s >= self._commit_at_s:
             self.save(now_s)
 

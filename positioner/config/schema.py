@@ -14,7 +14,6 @@ from positioner.inputs.table import SettingsTable
 from positioner.laws.estimator_settings import EstimatorSettings
 from positioner.laws.registry import LAWS, Ingredients
 from positioner.laws.settings import ControlSettings
-from positioner.optimization.solver import QpSolver
 from positioner.valve.credible import Limits
 from positioner.valve.parameters import ValveParameters  # noqa: TC001 - pydantic reads this hint at run time
 from positioner.wire.codec import Codec, make_codec
@@ -22,6 +21,7 @@ from positioner.wire.settings import WireSettings
 
 if TYPE_CHECKING:
     from positioner.laws.law import Law
+    from positioner.optimization.qp import Solver
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,4 +83,10 @@ class Configuration(SettingsTable):
     def make_law(self) -> Law[Any]:
         """Return a new instance of the chosen law, with a solver of its own."""
         _, make = LAWS[self.control.law]
-        return make(Ingredients(self.control, self.valve, self.estimator, self.guard, QpSolver))
+        return make(Ingredients(self.control, self.valve, self.estimator, self.guard, _make_solver))
+
+
+def _make_solver(variables: int, constraints: int) -> Solver:
+    from positioner.optimization.solver import QpSolver  # noqa: PLC0415 - OSQP takes long to load, few commands solve
+
+    return QpSolver(variables, constraints)

@@ -1,1 +1,1 @@
-"""The bench: a scenario in, its figures and its picture out."""
+"""The bench: it plays a scenario in a closed loop, and computes figures and a picture."""

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from positioner.bus.address import BusAddress
 
 VALVE_ID = "bench"
-"""Identity of the emulated valve: one table serves all scenarios, if the user carries it over with --state."""
+"""Identity of the emulated valve: with --state one table serves all scenarios."""
 
 
 def configuration_text(scenario: Scenario, address: BusAddress, state: Path) -> str:
-    """Return the `valve.toml` of the daemon that `scenario` asks for.
+    """Return the `valve.toml` of the daemon for `scenario`.
 
-    Where the scenario says nothing else, the daemon believes in the valve, and in its sensor, of which the plant is a
-    variant.
+    Unless the scenario says otherwise, the daemon has the parameters of the nominal valve and sensor of which the plant
+    is a variant.
     """
     preset = scenario.plant.get("preset", DEFAULT_PRESET)
     nominal = root_preset(preset) if preset in preset_names() else DEFAULT_PRESET
@@ -42,6 +42,6 @@ def configuration_text(scenario: Scenario, address: BusAddress, state: Path) -> 
 
 
 def _nominal_noise(preset: str) -> dict[str, float]:
-    """Return what the datasheet of a valve's sensor says of its noise."""
+    """Return the noise of the sensor of a preset, as its datasheet would give it."""
     sensor = plant_settings(preset).sensor
     return {"noise_of_reading": sensor.noise_of_reading, "noise_of_span": sensor.noise_of_span}

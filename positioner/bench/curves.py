@@ -1,4 +1,4 @@
-"""Long records made drawable: the envelope of a curve. Pure."""
+"""The envelope of a long curve: few enough points to draw. Pure."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MOST_POINTS = 20_000
-"""Points of a line in the picture; a longer one is drawn as its envelope."""
+"""Points of a line in the picture; of a line with more points the envelope is drawn."""
 
 
 def envelope(
     time_s: NDArray[np.float64], values: NDArray[np.float64], most_points: int = MOST_POINTS
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the line, or for more than `most_points` the least and largest value of equal stretches of it.
+    """Return the line, or for more than `most_points` the least and largest value of equal parts of it.
 
-    No peak is lost: each stretch gives two points at its beginning, shape (2 * stretches). NaN stands for no value.
+    No peak is lost: each part gives two points at its beginning, shape (2 * parts). NaN stands for no value.
     """
     if len(values) <= most_points:
         return time_s, values

@@ -1,4 +1,4 @@
-"""The host of a bench: it plays a scenario's setpoints as frames and records what the others say. Shell."""
+"""The host of a bench: it sends a scenario's setpoints as frames and records all frames of the bus. Shell."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from tqdm import tqdm
 
+from positioner.bench.scenario import MOST_SAMPLES_PER_SETPOINT
 from positioner.errors import BenchError
 from positioner.wire.messages import Setpoint
 
@@ -20,11 +21,9 @@ if TYPE_CHECKING:
     from positioner.wire.messages import CanFrame
 
 _NS = 1_000_000_000
-_SILENCE_S = 30.0
-_QUIET_S = 0.25
-_DOZE_S = 0.002
-_SAMPLES_UNHEARD = 60
-"""Samples that may run while nobody listens: three frames each, and a raw CAN socket holds 278."""
+_TIMEOUT_S = 30.0
+_CHECK_AFTER_S = 0.25
+_PAUSE_S = 0.002
 
 
 class Host:
@@ -33,7 +32,7 @@ class Host:
     def __init__(
         self, scenario: Scenario, codec: Codec, bus: BusPort, recording: Recording, check: Callable[[], None]
     ) -> None:
-        """Prepare; `check` raises where a process of the bench has ended."""
+        """Prepare; `check` raises when a process of the bench has ended."""
         self._scenario = scenario
         self._codec = codec
         self._bus = bus
@@ -43,37 +42,37 @@ class Host:
         self._start_ns = time.monotonic_ns()
 
     def play_lockstep(self) -> None:
-        """Send the setpoints as far ahead as the sockets have room, and listen; the others set the pace.
+        """Send the setpoints as far ahead as the sockets have room, and receive; plant and daemon set the pace.
 
         Raises:
-            BenchError: nobody answers, or the bus lost a frame.
+            BenchError: no frame comes for a long time, or the bus lost a frame.
         """
         every, samples = self._scenario.samples_per_setpoint, self._recording.samples
-        ahead = max(_SAMPLES_UNHEARD // every, 1) * every
-        heard_s, known, due = time.monotonic(), 0, 0
+        ahead = max(MOST_SAMPLES_PER_SETPOINT // every, 1) * every
+        received_s, known, due = time.monotonic(), 0, 0
         with self._progress() as bar:
             while known < samples:
                 for sample in range(due, min(known // every * every + ahead, samples), every):
                     self._send_setpoint(sample)
                     due = sample + every
-                time.sleep(_DOZE_S)  # waking for each frame would take the processor from those who compute
-                if self._listen(0.0):
-                    heard_s = time.monotonic()
-                elif time.monotonic() - heard_s > _QUIET_S:
+                time.sleep(_PAUSE_S)  # to wake for each frame would take processor time from plant and daemon
+                if self._receive(0.0):
+                    received_s = time.monotonic()
+                elif time.monotonic() - received_s > _CHECK_AFTER_S:
                     self._check()
-                    if time.monotonic() - heard_s > _SILENCE_S:
+                    if time.monotonic() - received_s > _TIMEOUT_S:
                         raise BenchError(
-                            f"nobody answers sample {known} on {self._bus.address}: see positioner.log; a reading that "
-                            "the positioner refuses gets no answer, and in lockstep the plant waits for one"
+                            f"no answer to sample {known} on {self._bus.address}: see positioner.log; the positioner "
+                            "does not answer a reading that it rejects, and in lockstep the plant waits for the answer"
                         )
                 bar.update(self._recording.complete - known)
                 known = self._recording.complete
         lost = self._recording.lost + self._recording.unanswered
         if lost:
-            raise BenchError(f"the bus lost {lost} frame(s): this run is not reproducible, repeat it")
+            raise BenchError(f"the bus lost {lost} frame(s): this run is not reproducible: repeat it")
 
     def play_real_time(self) -> None:
-        """Send a setpoint every period of the host's clock, and listen in between.
+        """Send a setpoint every period of the host's clock, and receive in between.
 
         Raises:
             BenchError: a process of the bench has ended.
@@ -85,7 +84,7 @@ class Host:
                 self._send_setpoint(sample)
                 end_ns = self._start_ns + round((sample + every) * period_s * _NS)
                 while (left_ns := end_ns - time.monotonic_ns()) > 0:
-                    self._listen(left_ns / _NS)
+                    self._receive(left_ns / _NS)
                 self._check()
                 bar.update(min(every, self._recording.samples - sample))
 
@@ -97,9 +96,9 @@ class Host:
         self._sent += 1
         self._record(frame, time.monotonic_ns())
         if not self._bus.send(frame):
-            raise BenchError(f"bus {self._bus.address} did not take a setpoint frame")
+            raise BenchError(f"bus {self._bus.address} did not accept a setpoint frame")
 
-    def _listen(self, timeout_s: float) -> bool:
+    def _receive(self, timeout_s: float) -> bool:
         frames = self._bus.receive(timeout_s)
         for frame in frames:
             self._record(frame, frame.received_ns)

@@ -1,6 +1,6 @@
-"""The same closed loop without processes or bus: `cycle.step` and the emulated device exchange frames in memory. Pure.
+"""The closed loop without processes or bus: `cycle.step` and the emulated device exchange frames in memory. Pure.
 
-The frames are those of a lockstep bench, to the bit: what differs is only who carries them.
+The frames are equal to those of a lockstep bench, to the bit.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _NS = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class InProcessRun:
-    """What a run leaves: the recording, every closed cycle, every other event, and the learned table."""
+    """The result of a run: the recording, every control cycle, every other event, and the learned table."""
 
     recording: Recording
     cycles: tuple[Controlled, ...]
@@ -57,7 +57,7 @@ def run_in_process(
     table: StictionTable | None = None,
     progress: Callable[[int], None] = lambda _samples: None,
 ) -> InProcessRun:
-    """Return the run of `scenario`, starting from `table`; `progress` hears how many samples are done.
+    """Return the run of `scenario`, starting from `table`; `progress` is called with the number of samples done.
 
     Raises:
         ConfigurationError: the scenario's tables do not make a valve or a positioner, or contradict each other.

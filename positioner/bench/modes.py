@@ -1,8 +1,8 @@
-"""The positioner's modes over a run, as its frames tell them: from when to when, and why. Pure.
+"""The positioner's modes over a run, from its frames: when each began and ended, and its cause. Pure.
 
-A command carries the mode; the cause stands in the status, ten times a second. A mode that was left before the next
-status has no cause that anybody told. Where commands stay away for so long that an actuator obeys no more, the
-positioner is silent, whatever it said before.
+Every command carries the mode; the status carries also the cause, ten times a second. A mode that ends before the next
+status has an unknown cause. When no command comes for so long that an actuator goes to its fail position, the
+positioner counts as silent.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
 ACTIVE_AT_LEAST = 0.99
-"""Part of a run in which the law must have been in control for its figures to be the law's."""
+"""Part of a run in which the mode must be ACTIVE; else the figures are not the law's."""
 
 _MOST_SHOWN = 12
 _COMMANDING = frozenset({Mode.ACTIVE, Mode.HOLD, Mode.FAILSAFE})
-_SLOW = "this machine was too slow for that period: free a processor, or play a longer sample_period_s"
+_SLOW = "this machine was too slow for this period: free a processor, or choose a longer sample_period_s"
 _ADVICE = {
     Cause.FEEDBACK_STALE: _SLOW,
     Cause.SETPOINT_STALE: _SLOW,
-    Cause.LAW_FAILED: "the law had no answer",
-    Cause.FEEDBACK_IMPLAUSIBLE: "[guard] and the travel of [valve] say what can be true",
-    Cause.FEEDBACK_FROZEN: "[guard] frozen_s and frozen_command_ma say what counts as frozen",
+    Cause.LAW_FAILED: "the law gave no answer",
+    Cause.FEEDBACK_IMPLAUSIBLE: "[guard] and the travel of [valve] define which readings are plausible",
+    Cause.FEEDBACK_FROZEN: "[guard] frozen_s and frozen_command_ma define when a sensor counts as frozen",
     Cause.FOREIGN_COMMAND: "another controller is on this bus: give --bus another one",
-    Cause.WAITING_FOR_ARM: "nothing armed it: leave guard.auto_arm on",
+    Cause.WAITING_FOR_ARM: "nothing armed it: do not set guard.auto_arm to false",
 }
 
 
 @dataclass(frozen=True, slots=True)
 class ModeReport:
-    """What one frame of the positioner says of its mode at an instant; `cause` is None in a command."""
+    """The mode in one frame of the positioner; `cause` is None in a command, which carries none."""
 
     time_s: float
     mode: Mode
@@ -43,7 +43,7 @@ class ModeReport:
 
 @dataclass(frozen=True, slots=True)
 class ModeSpan:
-    """A stretch of one mode: None for silence, and `cause` None where no status told it."""
+    """A span of time in one mode: `mode` is None for silence, `cause` None where it is unknown."""
 
     mode: Mode | None
     cause: Cause | None
@@ -57,7 +57,7 @@ class ModeSpan:
 
     @property
     def is_normal(self) -> bool:
-        """Whether it is ACTIVE, and nothing ails it."""
+        """Whether it is ACTIVE without a cause that limits it."""
         return self.mode is Mode.ACTIVE and self.cause in {Cause.NONE, None}
 
     def __str__(self) -> str:
@@ -72,12 +72,12 @@ def name_of(mode: Mode | None) -> str:
 
 def in_words(cause: Cause | None) -> str:
     """Return a cause in words."""
-    return "not told" if cause is None else cause.name.lower().replace("_", " ")
+    return "cause unknown" if cause is None else cause.name.lower().replace("_", " ")
 
 
 @dataclass(slots=True)
 class _Edge:
-    """Where a stretch begins; its cause may be told later."""
+    """Where a span begins; its cause may become known later."""
 
     begin_s: float
     mode: Mode | None
@@ -85,12 +85,12 @@ class _Edge:
 
 
 def mode_spans(mode_reports: Iterable[ModeReport], duration_s: float, silent_after_s: float) -> tuple[ModeSpan, ...]:
-    """Return the stretches from 0 to `duration_s`; they touch and cover the run.
+    """Return the spans from 0 to `duration_s`; together they cover the run without gaps.
 
     Args:
-        mode_reports: what the frames said, in the order in which they came.
+        mode_reports: the modes in the frames, in order of arrival.
         duration_s: length of the run.
-        silent_after_s: how long after a command nobody obeys it any more.
+        silent_after_s: how long after the last command the positioner counts as silent.
     """
     edges = [_Edge(0.0, Mode.INIT, None)]
     command_s = 0.0
@@ -112,13 +112,13 @@ def mode_spans(mode_reports: Iterable[ModeReport], duration_s: float, silent_aft
 
 
 def _fall_silent(edges: list[_Edge], silent_s: float, now_s: float) -> None:
-    """Begin a silence at `silent_s` where that instant has passed without a command that was due."""
+    """Begin a silence at `silent_s` if a command was due and none came before `now_s`."""
     if edges[-1].mode in _COMMANDING and silent_s < now_s:
         edges.append(_Edge(max(silent_s, edges[-1].begin_s), None, None))
 
 
 def _merged(spans: Iterable[ModeSpan]) -> Iterator[ModeSpan]:
-    """Yield `spans`, those one after the other that say the same as one; ACTIVE that nobody explained is normal."""
+    """Yield `spans`, adjacent ones of the same mode and cause as one; ACTIVE of unknown cause is normal."""
     last: ModeSpan | None = None
     for each in spans:
         span = replace(each, cause=Cause.NONE) if each.is_normal else each
@@ -133,12 +133,12 @@ def _merged(spans: Iterable[ModeSpan]) -> Iterator[ModeSpan]:
 
 
 def active_fraction(spans: Sequence[ModeSpan]) -> float:
-    """Return the part of the run, 0 to 1, in which the law was in control."""
+    """Return the part of the run, 0 to 1, in which the mode was ACTIVE."""
     return sum(span.duration_s for span in spans if span.mode is Mode.ACTIVE) / sum(span.duration_s for span in spans)
 
 
 def mode_lines(spans: Sequence[ModeSpan]) -> tuple[str, ...]:
-    """Return the modes for a terminal: how long ACTIVE, and a line for each stretch of anything else."""
+    """Return the modes for a terminal: how long ACTIVE, and a line for each span that is not normal."""
     others = [span for span in spans if not span.is_normal]
     lines = [f"ACTIVE {_percent(active_fraction(spans))} of the time"]
     lines += [
@@ -151,7 +151,7 @@ def mode_lines(spans: Sequence[ModeSpan]) -> tuple[str, ...]:
 
 
 def complaint(spans: Sequence[ModeSpan], log: str) -> str | None:
-    """Return why the figures of a run are not the law's, in one line, or None; `log` is where more is told."""
+    """Return in one line why the figures of a run are not the law's, or None; `log` is the file with details."""
     active = active_fraction(spans)
     if active >= ACTIVE_AT_LEAST:
         return None
@@ -170,5 +170,5 @@ def complaint(spans: Sequence[ModeSpan], log: str) -> str | None:
 
 
 def _percent(part: float) -> str:
-    """Return a part in percent; what is not all of it is never rounded up to 100."""
+    """Return a part in percent; only all of it is 100."""
     return "100 %" if part >= 1.0 else f"{min(100.0 * part, 99.99):.4g} %"

@@ -1,4 +1,4 @@
-"""What every panel of a picture has: lines that hold, limits that fit, names at the right. Pure drawing."""
+"""Elements of every panel of a picture: lines in steps, fitting limits, names at the right. Pure drawing."""
 
 from __future__ import annotations
 
@@ -23,8 +23,7 @@ def line(
     alpha: float = 1.0,
     zorder: float = 4.0,
 ) -> None:
-    """Draw `values` (n,) over `time_s` (n,) as they are in force: until the next one."""
-    # a sample holds until the next one: a bound that is active for a single sample stays visible
+    """Draw `values` (n,) over `time_s` (n,) in steps: a bound that is active for a single sample is visible."""
     panel.plot(
         *envelope(time_s, values), color=colour, linewidth=width, alpha=alpha, drawstyle="steps-post", zorder=zorder
     )

@@ -1,4 +1,4 @@
-"""What a bench or a league refuses to play: setpoints that no law can serve, another valve than the plant's. Pure."""
+"""Scenarios that a bench or a league refuses: setpoints that no law can serve, contradictory valves. Pure."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 LOOP_LOW_MA, LOOP_HIGH_MA = 4.0, 20.0
 _GEOMETRY = ("span_m", "travel_min_m", "travel_max_m")
-"""What anybody reads off a valve: where plant and controller differ in these, one of them is another valve's."""
+"""Keys in which plant and controller must agree: they can be read off the valve itself."""
 
 
 def restartable_mm(
     settings: PlantSettings, low_ma: float = LOOP_LOW_MA, high_ma: float = LOOP_HIGH_MA
 ) -> tuple[float, float]:
-    """Return the range in mm from which `low_ma` to `high_ma` can start the stem both ways: K x + F_0 ± F_s in B·u."""
+    """Return the range in mm from which `low_ma` to `high_ma` move the stem both ways: K x + F_0 ± F_s within B·u."""
     valve = settings.valve
     gain = valve.diaphragm_area_m2 * valve.pressure_gain_pa_per_ma
     friction_n = valve.static_friction_n * (1.0 + settings.stochastic.friction_fraction)
@@ -45,18 +45,18 @@ def setpoint_problems(
     for setpoint_mm in dict.fromkeys(setpoints_mm):
         if low_mm <= setpoint_mm <= high_mm:
             continue
-        told = f"{loop} from {low_mm:.1f} to {high_mm:.1f} mm only" if low_mm <= high_mm else f"{loop} from nowhere"
+        text = f"{loop} from {low_mm:.1f} to {high_mm:.1f} mm only" if low_mm <= high_mm else f"{loop} from nowhere"
         if low_mm <= 1e3 * setpoint_mm <= high_mm:
-            told += f"; setpoints are in mm: {1e3 * setpoint_mm:g}?"
-        yield Problem(f"setpoint {setpoint_mm:g} mm", None, told)
+            text += f"; setpoints are in mm: {1e3 * setpoint_mm:g}?"
+        yield Problem(f"setpoint {setpoint_mm:g} mm", None, text)
 
 
 def check_playable(scenario: Scenario, configuration: Configuration) -> PlantSettings:
     """Return the plant of `scenario`, which the positioner of `configuration` is to control.
 
     Raises:
-        ConfigurationError: the plant is none, is another valve than the positioner believes in, or cannot reach a
-            setpoint within the guard's currents.
+        ConfigurationError: the plant's parameters are wrong, the positioner is configured for another valve, or the
+            plant cannot be restarted from a setpoint within the guard's currents.
     """
     plant, guard = plant_settings(overrides=scenario.plant), configuration.guard
     problems = [*_contradictions(scenario, plant, configuration)]
@@ -71,11 +71,11 @@ def _contradictions(scenario: Scenario, plant: PlantSettings, configuration: Con
     own = root_preset(plant.preset or DEFAULT_PRESET)
     believed = scenario.valve.get("preset", own)
     if believed != own:
-        told = f"the plant is {own!r}; leave it out, and [valve] follows the plant"
-        yield Problem(f"valve.preset = {believed!r}", None, told)
+        text = f"the plant is {own!r}; leave it out, and [valve] follows the plant"
+        yield Problem(f"valve.preset = {believed!r}", None, text)
         return
     for key in _GEOMETRY:
         theirs, ours = getattr(plant.valve, key), getattr(configuration.valve, key)
         if not math.isclose(theirs, ours, rel_tol=1e-9, abs_tol=1e-9):
-            told = f"contradicts plant.valve.{key} = {theirs:g}: give both the same"
-            yield Problem(f"valve.{key} = {ours:g}", None, told)
+            text = f"contradicts plant.valve.{key} = {theirs:g}: give both the same"
+            yield Problem(f"valve.{key} = {ours:g}", None, text)

@@ -1,4 +1,4 @@
-"""BenchProcess processes of a bench: started, waited for until they say that they are ready, and ended. Shell."""
+"""The processes of a bench: started, ready, and ended. Shell."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SOURCES = str(Path(__file__).resolve().parents[2])
 
 
 class BenchProcess:
-    """A program of ours that reports over sd_notify(3); its output goes to a log file."""
+    """One of our programs as a process that reports over sd_notify(3); its output goes to a log file."""
 
     def __init__(self, module: str, arguments: Sequence[str], log: Path) -> None:
         """Start `python -m module arguments`."""
@@ -50,32 +50,32 @@ class BenchProcess:
         """Wait until a notification contains `field`.
 
         Raises:
-            BenchError: the process ended first, or said nothing in time.
+            BenchError: the process ended first, or the notification did not come in time.
         """
         deadline_s = time.monotonic() + _START_S
         while time.monotonic() < deadline_s:
             self.check()
             if select.select([self._socket], [], [], 0.05)[0] and field in self._socket.recv(4096).decode():
                 return
-        raise BenchError(f"{self.name} did not get ready within {_START_S:g} s; its log is {self.log}")
+        raise BenchError(f"{self.name} was not ready within {_START_S:g} s; its log is {self.log}")
 
     def check(self) -> None:
-        """Raise where the process has ended.
+        """Check that the process runs.
 
         Raises:
-            BenchError: it has; the message shows the last line of its log.
+            BenchError: it has ended; the message has the last line of its log.
         """
         code = self.process.poll()
         if code is not None:
-            raise BenchError(f"{self.name} ended with status {code}: {self._last_words()} (log: {self.log})")
+            raise BenchError(f"{self.name} ended with status {code}: {self._last_line()} (log: {self.log})")
 
     def drain(self) -> None:
-        """Throw away what was reported meanwhile, so that the socket never fills."""
+        """Discard the notifications, so that the socket never fills."""
         while select.select([self._socket], [], [], 0.0)[0]:
             self._socket.recv(4096)
 
     def stop(self) -> int:
-        """End the process, by force when it does not end by itself, and return its exit status."""
+        """End the process, by force if SIGTERM does not end it, and return its exit status."""
         if self.process.poll() is None:
             self.process.terminate()
             try:
@@ -97,8 +97,8 @@ class BenchProcess:
         """End it."""
         self.stop()
 
-    def _last_words(self) -> str:
+    def _last_line(self) -> str:
         lines: list[str] = []
         with contextlib.suppress(OSError):
             lines = [line for line in self.log.read_text(encoding="utf-8", errors="replace").splitlines() if line]
-        return lines[-1] if lines else "it said nothing"
+        return lines[-1] if lines else "its log is empty"

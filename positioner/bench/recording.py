@@ -1,8 +1,8 @@
-"""What a bench heard on the bus: the arrays for the figures, and `bus.log`. Shell.
+"""The frames that a bench received: arrays for the figures, and `bus.log`. Shell.
 
-In lockstep every frame belongs to a sample, and the log lists a sample's frames in the order in which they cause each
-other (setpoint, truth, reading, command, status), whatever order the sockets of three processes delivered them in.
-Its time is then the plant's, and two runs write the same bytes.
+In lockstep every frame belongs to a sample. The log lists a sample's frames in the order of cause and effect (setpoint,
+truth, reading, command, status), in whatever order the sockets of three processes deliver them. Its time is the
+plant's, and two runs write the same bytes.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from positioner.wire.messages import CanFrame
 
 LOG_CHANNEL = "vcan0"
-"""The name in the log, whatever bus it was recorded on: canplayer plays it there by default."""
+"""The channel in the log, whatever bus was recorded: canplayer plays it there by default."""
 
 _RANK = {
     kind: rank
@@ -52,7 +52,7 @@ _COUNTER = 256
 
 @dataclass(slots=True)
 class Recording:
-    """Samples by number; `setpoints`, `truth`, `readings`, `commands` and `statuses` count the frames.
+    """The samples of a run; `setpoints`, `truth`, `readings`, `commands` and `statuses` count the frames.
 
     `mode_reports` are the modes in the positioner's frames. In real time `begin_ns` is the monotonic instant of the
     start.
@@ -84,11 +84,11 @@ class Recording:
         """Make room for every sample."""
         for name in ("true_position_m", "true_velocity_m_per_s", "measured_m", "current_ma", "setpoint_m"):
             setattr(self, name, np.full(self.samples, np.nan))
-        if self.lockstep:  # the host is there before the first sample, and hears it in any order
+        if self.lockstep:  # the host is there before the first sample, and may receive its frames in any order
             self.origin = 0
 
     def add(self, frame: CanFrame, time_s: float) -> None:
-        """Take a frame that arrived `time_s` after the start; in lockstep its sample's time counts instead."""
+        """Add a frame that arrived `time_s` after the start; in lockstep the time of its sample is used instead."""
         try:
             message, counter = self.codec.decode(frame)
         except FrameRejectedError:
@@ -124,7 +124,7 @@ class Recording:
                 self.truth += steps
                 sample = self.truth - 1
             case ActuatorState():
-                sample = self.truth  # it goes before the truth of its sample
+                sample = self.truth  # it is sent before the truth of its sample
             case StemPosition():
                 self.readings += self._steps(counter, self.readings)
                 sample = self.readings - 1
@@ -139,7 +139,7 @@ class Recording:
             case PositionerStatus() if self.lockstep:  # its 8-bit counter wraps after 25.6 s
                 self.statuses += ((counter or 0) - self.statuses) % _COUNTER + 1
                 sample = (self.statuses - 1) * self._samples_per_status
-            case PositionerCount() if self.lockstep:  # it goes behind its status
+            case PositionerCount() if self.lockstep:  # it is sent after its status
                 sample = max(self.statuses - 1, 0) * self._samples_per_status
             case _:
                 sample = max(self.commands - 1, 0)
@@ -158,7 +158,7 @@ class Recording:
 
     @property
     def complete(self) -> int:
-        """How many samples are known from end to end: truth, reading and command."""
+        """How many samples are complete: truth, reading and command."""
         return min(self.truth, self.readings, self.commands)
 
     @property
@@ -177,7 +177,7 @@ class Recording:
         )
 
     def fill_gaps(self) -> None:
-        """Carry the last known value over samples of which a frame is missing, as a real-time run may have."""
+        """Fill the samples whose frame is missing, as in a real-time run, with the last known value."""
         for values in (self.true_position_m, self.true_velocity_m_per_s, self.measured_m, self.current_ma):
             known = np.flatnonzero(np.isfinite(values))
             if known.size:

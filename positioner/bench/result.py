@@ -1,7 +1,7 @@
 """The result of a bench run: `result.json` for programs, a table for people.
 
-Two runs in lockstep with the same seed write the same bytes, except for the object `run`: whatever depends on the
-machine, the bus or the hour stands there and nowhere else.
+Two runs in lockstep with the same seed write the same bytes, except for the object `run`: it holds all that depends on
+the machine, the bus or the time of day.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from positioner.valve.stiction import StictionTable
 
 SIGNIFICANT_DIGITS = 6
-"""Digits of every figure in `result.json`: far finer than any figure means, far coarser than double precision."""
+"""Digits of every figure in `result.json`: far more than is meaningful, far fewer than double precision has."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +40,7 @@ class TableSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Versions:
-    """What the run was computed with."""
+    """Versions of the software of the run."""
 
     positioner: str
     python: str
@@ -52,10 +52,10 @@ class Versions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunInfo:
-    """What may differ between two runs of the same scenario and seed."""
+    """All that may differ between two runs of the same scenario and seed."""
 
     bus: str
-    """Interface and channel, as the user names them."""
+    """Interface and channel."""
     clock: str
     """`lockstep` or `real-time`."""
     started_at: str
@@ -67,13 +67,13 @@ class RunInfo:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Result:
-    """Everything that is known after a run."""
+    """The result of a run."""
 
     scenario: Scenario
     span_mm: float
-    """What 100 % stands for."""
+    """Length of 100 %."""
     modes: tuple[ModeSpan, ...]
-    """What the positioner was doing, from the beginning to the end: where it was not ACTIVE, no law was at work."""
+    """The positioner's modes from beginning to end; only in ACTIVE the law is in control."""
     totals: Totals
     dwells: tuple[DwellMetrics, ...]
     table_before: TableSummary
@@ -109,7 +109,7 @@ def installed_versions() -> Versions:
 
 def to_json(result: Result) -> str:
     """Return `result` as JSON text: keys in the order of the dataclasses, figures at `SIGNIFICANT_DIGITS`."""
-    # the scenario is what was asked for, not a figure: it stays as it was written
+    # the scenario is input and no figure: it is not rounded
     values = {key: value if key == "scenario" else _rounded(value) for key, value in asdict(result).items()}
     values["active_fraction"] = _rounded(active_fraction(result.modes))
     return json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
@@ -118,7 +118,7 @@ def to_json(result: Result) -> str:
 def to_text(result: Result) -> str:
     """Return `result` as a table for a terminal of 100 columns.
 
-    Its last row has means, largest values, medians of the settling times, counts and sums, each where it is meant.
+    Its last row sums up each column: mean, largest value, median of the settling times, count or sum.
     """
     scenario, run, totals = result.scenario, result.run, result.totals
     before, after = result.table_before, result.table_after

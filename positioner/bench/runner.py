@@ -1,4 +1,4 @@
-"""`positioner bench`: emulator and daemon as processes on one bus; it leaves numbers and a picture. Shell."""
+"""A bench on a bus: emulator and daemon as processes, and the files of the run. Shell."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import os
 import platform
 import shutil
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -52,9 +52,10 @@ _RECEIVED = (StemPosition, ActuatorState, PlantTruth, CurrentCommand, Positioner
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchOptions:
-    """How a bench runs: where (None: find a bus), in which time, and where its files and its table go.
+    """How a bench runs.
 
-    plant_bus: the emulator's own interface, where it has one on the same bus, as on hardware.
+    bus: None finds one. out: the output directory. state: the table's directory, None: a new one in `out`.
+    plant_bus: the emulator's own interface to the same bus, as on hardware.
     """
 
     bus: BusAddress | None
@@ -65,9 +66,9 @@ class BenchOptions:
 
 
 def choose_bus(address: BusAddress | None) -> tuple[BusAddress, str]:
-    """Return the bus to use, and a line that says why."""
+    """Return the bus to use, and a line that gives the reason."""
     if address is not None:
-        return address, f"bus {address}, as asked"
+        return address, f"bus {address}"
     vcan = find_vcan()
     if vcan is not None:
         return vcan, f"bus {vcan}: a virtual CAN interface of this machine"
@@ -77,7 +78,9 @@ def choose_bus(address: BusAddress | None) -> tuple[BusAddress, str]:
 
 
 def run_bench(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]) -> Result:
-    """Play `scenario` and leave `result.json`, `trend.png` and `bus.log` in the output directory.
+    """Play `scenario`, and write `result.json`, `trend.png` and `bus.log` into the output directory.
+
+    `say` gets each line of progress.
 
     Raises:
         AlreadyRunningError: another bench writes into the output directory.
@@ -104,7 +107,7 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
         _empty(state, say)
     started, begun_s = datetime.now(UTC), time.monotonic()
     before = _table(state, configuration)
-    _keep_start(state, out / "state-before")
+    _copy_start(state, out / "state-before")
     recording = _play(scenario, options, configuration, state)
     if not options.lockstep:
         recording.fill_gaps()
@@ -115,7 +118,7 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
     result = Result(
         scenario=scenario,
         span_mm=span_m * 1e3,
-        # so long after a command the actuator obeys no more; three periods are the guard's own patience
+        # the actuator's deadman, but no less than three periods
         modes=mode_spans(
             recording.mode_reports, scenario.duration_s, max(plant.deadman_s, 3.0 * scenario.sample_period_s)
         ),
@@ -142,16 +145,16 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
 
 
 def _empty(directory: Path, say: Callable[[str], object]) -> None:
-    """Let the run's own state directory have an empty table; what an earlier run left there is backed up."""
+    """Empty the table in the run's own state directory; the table of an earlier run is backed up."""
     if directory.exists():
         backup = access.reset(directory)
         if backup:
-            say(f"the table of the last run is kept in {backup}; --state {directory} would have started from it")
+            say(f"the table of the last run is now in {backup}; --state {directory} would have started from it")
 
 
 def _write_configuration(scenario: Scenario, options: BenchOptions, address: BusAddress, state: Path) -> Configuration:
     path = options.out / "valve.toml"
-    # the run's own table lies beside the file, wherever that is
+    # a relative path: the run's own table moves with the folder
     text = configuration_text(scenario, address, state.absolute() if options.state else Path("state"))
     path.write_text(text, encoding="utf-8")
     (options.out / "plant.toml").write_text(
@@ -210,15 +213,10 @@ def _table(state: Path, configuration: Configuration) -> TableSummary:
         return summary_of(empty)
 
 
-def _keep_start(state: Path, place: Path) -> None:
-    """Leave a copy of the table that the run starts from, where it starts from one: a replay must, too."""
+def _copy_start(state: Path, place: Path) -> None:
+    """Copy the table that the run starts from, if there is one: a replay needs it."""
     shutil.rmtree(place, ignore_errors=True)
     with contextlib.suppress(StateError):
         stored = access.dump(state)
         place.mkdir()
         access.replace(place, stored, force=True)
-
-
-def with_law(scenario: Scenario, law: str | None, seed: int | None) -> Scenario:
-    """Return the scenario with another law or seed, where one is given."""
-    return replace(scenario, law=law or scenario.law, seed=scenario.seed if seed is None else seed)

@@ -1,7 +1,7 @@
-"""Scenarios: what a bench run plays, as a TOML file with a name.
+"""Scenarios: the input of a bench run, a TOML file with a name. Shell, because it reads files.
 
-Shell, for it reads files. The tables `[plant]`, `[valve]`, `[control]`, `[estimator]` and `[guard]` pass through
-unread: the plant emulator and the daemon know their own keys and check them, so a scenario cannot disagree with them.
+The tables `[plant]`, `[valve]`, `[control]`, `[estimator]` and `[guard]` are not read here: the plant emulator and the
+daemon check their own keys.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ _MULTIPLES = (
     ("setpoint_period_s", "sample_period_s"),
     ("dwell_s", "setpoint_period_s"),
 )
-"""The first of each pair is a whole multiple of the second: a new setpoint then falls on a sample, never between."""
+"""The first of each pair is a whole multiple of the second: every new setpoint then coincides with a sample."""
 
 MOST_SAMPLES_PER_SETPOINT = 60
-"""In lockstep up to this many samples run unheard by the host; with three frames each, a raw CAN socket holds them."""
+"""In lockstep so many samples may run before the host receives; a raw CAN socket holds 278 frames, three a sample."""
 
 _MULTIPLE_TOLERANCE = 1e-9
 """Relative; decimal fractions such as 0.01 / 0.0001 are not exact in binary."""
@@ -34,7 +34,7 @@ _MULTIPLE_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario(SettingsTable):
-    """One bench run: which valve, which law, which setpoints, for how long, and which random numbers."""
+    """One bench run: plant, law, setpoints, their duration, and the seed."""
 
     name: Annotated[str, Len(1, 40)]
     title: Annotated[str, Len(1, 80)]
@@ -48,11 +48,11 @@ class Scenario(SettingsTable):
     setpoints_mm: Annotated[tuple[Annotated[float, Interval(ge=0.0, le=661.0)], ...], Len(1)]
     """Setpoints of one visit, in order; the upper limit is the range of the PLANT_TRUTH frame."""
     visits: Annotated[int, Interval(ge=1, le=10_000)] = 1
-    """How many times the whole sequence is played."""
+    """How many times the whole sequence of setpoints is played."""
     dwell_s: Annotated[float, Interval(gt=0.0, le=3600.0)]
-    """How long each setpoint is held."""
+    """Duration of each setpoint."""
     table_from_s: Annotated[float, Interval(ge=0.0)] | None = None
-    """When the law begins to use the stiction table; None from the start. It learns from the start in any case."""
+    """When the law begins to use the stiction table; None: from the start. It always learns from the start."""
     plant: dict[str, Any] = field(default_factory=dict)
     valve: dict[str, Any] = field(default_factory=dict)
     control: dict[str, Any] = field(default_factory=dict)
@@ -85,7 +85,7 @@ class Scenario(SettingsTable):
         return round(self.setpoint_period_s / self.sample_period_s)
 
     def setpoint_m_at(self, sample: int) -> float:
-        """Return the setpoint in m that is in force at `sample`; the last one stays after the end."""
+        """Return the setpoint in m at `sample`; after the end the last one."""
         dwell = min(sample // self.samples_per_dwell, len(self.visited_mm) - 1)
         return self.visited_mm[dwell] * 1e-3
 
@@ -122,7 +122,7 @@ def parse_scenario(text: str, source: str) -> Scenario:
 
 
 def check_scenario(scenario: Scenario, source: str) -> None:
-    """Refuse a scenario that was not read from a file, as `parse_scenario` refuses one that was.
+    """Check a scenario that was not read from a file as `parse_scenario` checks one.
 
     Raises:
         ConfigurationError: as `parse_scenario`.
@@ -143,8 +143,8 @@ def _check_periods(scenario: Scenario, source: str, text: str = "") -> None:
     )
     if scenario.samples_per_setpoint > MOST_SAMPLES_PER_SETPOINT:
         where = f"setpoint_period_s = {scenario.setpoint_period_s}"
-        told = f"must be at most {MOST_SAMPLES_PER_SETPOINT} sample periods: the sockets have no room for more frames"
-        problems = (*problems, Problem(where, toml_reader.line_of(text, ("setpoint_period_s",)), told))
+        text = f"must be at most {MOST_SAMPLES_PER_SETPOINT} sample periods: the sockets have no room for more frames"
+        problems = (*problems, Problem(where, toml_reader.line_of(text, ("setpoint_period_s",)), text))
     if problems:
         raise ConfigurationError(source, problems)
 

@@ -1,4 +1,4 @@
-"""From a recording and the daemon's trace to what the picture shows. Shell."""
+"""The data of the picture, from a recording and the daemon's trace. Shell."""
 
 from __future__ import annotations
 
@@ -25,17 +25,15 @@ _BOUNDS = ("current_low_ma", "current_high_ma", "speed_low_m_per_s", "speed_high
 
 
 def trend_data(result: Result, recording: Recording, trace: Path) -> TrendData:
-    """Return the picture's data: the bus tells what happened, the trace what the law believed and allowed."""
+    """Return the data of the picture: signals from the bus, estimates and bounds of the law from the trace."""
     scenario = result.scenario
     time_s = recording.time_s
     with trace.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    believed_s = np.array([float(row["time_s"]) - recording.period_s for row in rows])
-    columns = {name: _at(time_s, believed_s, [float(row[name]) for row in rows]) for name in _BOUNDS}
+    cycle_s = np.array([float(row["time_s"]) - recording.period_s for row in rows])
+    columns = {name: _at(time_s, cycle_s, [float(row[name]) for row in rows]) for name in _BOUNDS}
     learned = {
-        quantity: np.array(
-            [t for t, row in zip(believed_s, rows, strict=True) if quantity in row["learned"].split("+")]
-        )
+        quantity: np.array([t for t, row in zip(cycle_s, rows, strict=True) if quantity in row["learned"].split("+")])
         for quantity in Quantity
     }
     loop_low, loop_high = np.nanmin(columns["current_low_ma"]), np.nanmax(columns["current_high_ma"])
@@ -60,12 +58,12 @@ def trend_data(result: Result, recording: Recording, trace: Path) -> TrendData:
         stick_speed_learned_at_s=learned[Quantity.STICK_SPEED],
         breakaway_current_learned_at_s=learned[Quantity.BREAKAWAY_CURRENT],
         landing_bias_learned_at_s=learned[Quantity.LANDING_BIAS],
-        why=reasons(believed_s, [source_in(row["reason"]) for row in rows], [row["fallback"] for row in rows]),
+        why=reasons(cycle_s, [source_in(row["reason"]) for row in rows], [row["fallback"] for row in rows]),
     )
 
 
 def _at(time_s: NDArray[np.float64], known_s: NDArray[np.float64], values: list[float]) -> NDArray[np.float64]:
-    """Return `values`, known at the cycles `known_s`, at the samples `time_s`: the last one known."""
+    """Return at each sample of `time_s` the last of `values`, which are known from the instants `known_s` on."""
     if not values:
         return np.full_like(time_s, np.nan)
     index = np.searchsorted(known_s, time_s + 1e-9, side="right") - 1
@@ -73,6 +71,6 @@ def _at(time_s: NDArray[np.float64], known_s: NDArray[np.float64], values: list[
 
 
 def _active(bound: NDArray[np.float64], free: float) -> NDArray[np.float64] | None:
-    """Return the bound where it is tighter than `free`, NaN elsewhere; None where it never is."""
+    """Return the bound where it is tighter than `free`, NaN elsewhere; None if it never is."""
     active = np.where(np.isclose(bound, free, rtol=0.0, atol=_TOLERANCE), np.nan, bound)
     return active if np.isfinite(active).any() else None

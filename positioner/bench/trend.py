@@ -1,6 +1,6 @@
 """The picture of a run, `trend.png`: position, current, speed and the growth of the table over one time axis.
 
-Shell, for it writes a file. Figure and canvas are objects of this call: no state of matplotlib outlives it, and no
+Shell, because it writes a file. Figure and canvas are local objects: no global state of matplotlib is used, and no
 display is needed. Lines differ in lightness as well as in hue (Okabe and Ito's palette), so that the picture can be
 read without colour vision, and in print.
 """
@@ -34,10 +34,10 @@ if TYPE_CHECKING:
 
 
 MOST_DWELL_LABELS = 12
-"""Dwells labelled with number and error; of more dwells, every second, third, ... is."""
+"""Most dwells that are all labelled with number and error; of more dwells every second, third, … is labelled."""
 
 NARROWEST_LABEL = 0.012
-"""Part of the run that a mode must last for its name to have room."""
+"""Part of the run that a mode must last so that there is room for its name."""
 
 _TRUE, _ESTIMATED, _SETPOINT = "#0072B2", "#56B4E9", "#D55E00"
 _LOWER, _UPPER, _MEASURED = "#009E73", "#E69F00", "#8A8A8A"
@@ -49,9 +49,9 @@ _IDLE = "#B0B0B0"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrendData:
-    """What the picture shows; arrays without another shape have one value per sample, shape (n,).
+    """The data of the picture; arrays have one value for each sample, shape (n,), unless noted.
 
-    A bound is NaN where it is not active; None where the law has no such quantity.
+    A bound is NaN where it is not active, and None if the law has no such bound.
     """
 
     scenario: Scenario
@@ -73,7 +73,7 @@ class TrendData:
     velocity_lower_m_per_s: NDArray[np.float64] | None
     velocity_upper_m_per_s: NDArray[np.float64] | None
     stick_speed_learned_at_s: NDArray[np.float64]
-    """When the table learned a stick speed, shape (any,); the same for the next two."""
+    """Instants at which the table learned a stick speed, shape (any,); the next two likewise."""
     breakaway_current_learned_at_s: NDArray[np.float64]
     landing_bias_learned_at_s: NDArray[np.float64]
     why: Reasons = field(default_factory=Reasons)
@@ -98,8 +98,8 @@ def draw_trend(path: Path, data: TrendData) -> None:
     figure.align_ylabels(panels)
     _head(figure, 0.957, title(data.scenario), size=18.0, weight="bold")
     in_control = active_fraction(data.modes) >= ACTIVE_AT_LEAST
-    told = headline(data.totals) if in_control else f"{mode_lines(data.modes)[0]}  ·  {headline(data.totals)}"
-    _head(figure, 0.930, told, size=13.0, weight="normal", color=_INK if in_control else _SETPOINT)
+    text = headline(data.totals) if in_control else f"{mode_lines(data.modes)[0]}  ·  {headline(data.totals)}"
+    _head(figure, 0.930, text, size=13.0, weight="normal", color=_INK if in_control else _SETPOINT)
     figure.savefig(path)
 
 
@@ -144,7 +144,7 @@ def _prepare(panel: Axes, data: TrendData) -> None:
 def _draw_position(panel: Axes, data: TrendData) -> None:
     setpoint_mm, position_mm, band_mm = data.setpoint_m * 1e3, data.position_m * 1e3, 0.01 * data.span_m * 1e3
     if data.measured_m is not None:
-        # thinned, not enveloped: the cloud's density is the noise's distribution
+        # every n-th sample and no envelope: the density of the points shows the distribution of the noise
         stride = -(-len(data.time_s) // MOST_POINTS)
         dots = (data.time_s[::stride], data.measured_m[::stride] * 1e3)
         panel.plot(*dots, ".", color=_MEASURED, alpha=0.45, markersize=2.6, markeredgewidth=0.0, zorder=1)
@@ -185,7 +185,7 @@ def _draw_speed(panel: Axes, data: TrendData) -> None:
         (data.velocity_lower_m_per_s, "lower bound", _LOWER),
     )
     _draw_with_bounds(panel, data.time_s, (data.velocity_m_per_s, "true"), others)
-    # a bound is far from the speed when the error is large: the speed decides what is seen
+    # a bound is far from the speed when the error is large: the speed decides the limits of the panel
     fit(panel, [data.velocity_m_per_s], (0.05, 99.95))
     panel.set_ylabel("speed, m/s", fontsize=13)
 
@@ -196,7 +196,7 @@ def _draw_with_bounds(
     curve: tuple[NDArray[np.float64], str],
     others: tuple[tuple[NDArray[np.float64] | None, str, str], ...],
 ) -> None:
-    """Draw a thin curve over broad pale ones, which thereby stay visible where they coincide; None is left out."""
+    """Draw a thin curve over broad pale ones, which stay visible where they coincide; None is not drawn."""
     values, first = curve
     line(panel, time_s, values, _TRUE, width=1.2)
     names = [(first, _TRUE)]
@@ -213,7 +213,7 @@ def _draw_table(panel: Axes, data: TrendData) -> None:
         (data.stick_speed_learned_at_s, "stick speeds", _STICK),
         (data.landing_bias_learned_at_s, "landings", _LANDING),
     )
-    # stacked, since equal counts would hide each other: the top edge is what the table has learned in all
+    # stacked, because equal counts would hide each other: the top edge is the total number of learned samples
     when_s = np.unique(
         np.concatenate(([0.0, data.scenario.duration_s], *(learned_at_s for learned_at_s, _, _ in kinds)))
     )

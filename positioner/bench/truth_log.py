@@ -1,7 +1,7 @@
-"""`bus.log` of a real-time bench: what the positioner took in and sent, and the truth that only the bench heard. Shell.
+"""`bus.log` of a real-time bench: the positioner's own record, and truth frames that only the bench received. Shell.
 
-The positioner's own record is the log that replays: it holds the frames in the order and at the instants at which they
-were handled. What the host heard besides is merged into it by time; both count the machine's monotonic clock.
+The record can be replayed: it holds the frames in the order and at the instants at which they were handled. The truth
+frames are merged into it by time; both use the machine's monotonic clock.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def add_truth(path: Path, recording: Recording) -> None:
-    """Merge the truth frames of `recording` into the record in `path`, and let its time start at zero."""
+    """Merge the truth frames of `recording` into the record in `path`; the first frame then has the time zero."""
     record = path.read_text(encoding="ascii").splitlines()
     own = [(_stamp_us(line), line.split(" ", maxsplit=1)[1]) for line in record]
     merged = list(heapq.merge(own, _truth(recording), key=lambda stamped: stamped[0]))

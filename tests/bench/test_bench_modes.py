@@ -1,4 +1,4 @@
-"""Modes of a bench run: told from the frames, with cause and duration, and a run without control is no success."""
+"""Modes of a bench run, from its frames: cause and duration; a run without control is no success."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def spans(
     ]
 
 
-def test_a_mode_lasts_until_another_is_said_and_a_status_tells_its_cause_from_its_beginning() -> None:
+def test_a_mode_lasts_until_the_next_and_a_status_gives_its_cause_from_its_beginning() -> None:
     assert spans(
         ModeReport(0.0, Mode.ACTIVE),
         ModeReport(0.1, Mode.ACTIVE, Cause.NONE),
@@ -57,14 +57,14 @@ def test_a_mode_lasts_until_another_is_said_and_a_status_tells_its_cause_from_it
     ]
 
 
-def test_a_cause_that_changes_within_a_mode_begins_a_stretch() -> None:
+def test_a_cause_that_changes_within_a_mode_begins_a_span() -> None:
     assert spans(ModeReport(0.0, Mode.ACTIVE, Cause.NONE), ModeReport(4.0, Mode.ACTIVE, Cause.LAW_LATE)) == [
         (Mode.ACTIVE, Cause.NONE, 0.0, 4.0),
         (Mode.ACTIVE, Cause.LAW_LATE, 4.0, 10.0),
     ]
 
 
-def test_before_anything_is_said_it_is_init_and_a_disarmed_positioner_is_not_silent() -> None:
+def test_before_the_first_frame_the_mode_is_init_and_a_disarmed_positioner_is_not_silent() -> None:
     assert spans(
         ModeReport(1.0, Mode.ACTIVE),
         ModeReport(2.0, Mode.READY, Cause.DISARMED),
@@ -78,7 +78,7 @@ def test_before_anything_is_said_it_is_init_and_a_disarmed_positioner_is_not_sil
     ]
 
 
-def test_a_positioner_whose_commands_stay_away_is_silent_whatever_it_said_before() -> None:
+def test_a_positioner_that_sends_no_commands_is_silent_whatever_its_last_mode() -> None:
     assert spans(ModeReport(0.0, Mode.ACTIVE), ModeReport(5.0, Mode.ACTIVE), silent_after_s=0.1) == [
         (Mode.ACTIVE, Cause.NONE, 0.0, 0.1),
         (None, None, 0.1, 5.0),
@@ -98,7 +98,7 @@ def test_a_positioner_whose_commands_stay_away_is_silent_whatever_it_said_before
     ),
     st.floats(0.01, 20.0),
 )
-def test_the_stretches_touch_and_cover_the_run_whatever_was_reported(
+def test_the_spans_cover_the_run_without_gaps_whatever_was_reported(
     mode_reports: list[ModeReport], silent_after_s: float
 ) -> None:
     found = mode_spans(mode_reports, 10.0, silent_after_s)
@@ -108,7 +108,7 @@ def test_the_stretches_touch_and_cover_the_run_whatever_was_reported(
     assert 0.0 <= active_fraction(found) <= 1.0 + 1e-12
 
 
-def test_a_recording_hears_the_mode_in_commands_and_the_cause_in_statuses() -> None:
+def test_a_recording_takes_the_mode_from_commands_and_the_cause_from_statuses() -> None:
     recording = Recording(CODEC, 300, 0.001, 10, lockstep=True)
     for counter in range(300):
         mode = Mode.ACTIVE if counter < 150 else Mode.FAILSAFE
@@ -132,11 +132,11 @@ FAILED = (
 )
 
 
-def test_the_lines_tell_mode_cause_and_when() -> None:
+def test_the_lines_give_mode_cause_and_time() -> None:
     assert mode_lines(THROUGHOUT) == ("ACTIVE 100 % of the time",)
     assert mode_lines(FAILED) == (
         "ACTIVE 2.43 % of the time",
-        "    0.243 to 0.250 s  HOLD: not told",
+        "    0.243 to 0.250 s  HOLD: cause unknown",
         "    0.250 to 10.000 s  FAILSAFE: feedback stale",
     )
     many = tuple(ModeSpan((Mode.ACTIVE, Mode.HOLD)[n % 2], Cause.SETPOINT_STALE, n, n + 1.0) for n in range(40))
@@ -146,7 +146,7 @@ def test_the_lines_tell_mode_cause_and_when() -> None:
 def test_a_run_with_less_than_99_percent_active_gets_one_line_with_mode_cause_instant_and_what_to_do() -> None:
     assert complaint(FAILED, "out/positioner.log") == (
         "ACTIVE for 2.43 % of the run: below 99 % its figures are not the law's; FAILSAFE (feedback stale) for "
-        "9.750 s, first at 0.250 s; this machine was too slow for that period: free a processor, or play a longer "
+        "9.750 s, first at 0.250 s; this machine was too slow for this period: free a processor, or choose a longer "
         "sample_period_s; see out/positioner.log"
     )
 
@@ -154,12 +154,12 @@ def test_a_run_with_less_than_99_percent_active_gets_one_line_with_mode_cause_in
 @pytest.mark.parametrize(("lost_s", "complains"), [(0.0, False), (0.09, False), (0.11, True), (10.0, True)])
 def test_one_percent_without_control_is_the_limit(lost_s: float, complains: bool) -> None:
     edges = [ModeSpan(Mode.ACTIVE, Cause.NONE, 0.0, 10.0 - lost_s), ModeSpan(None, None, 10.0 - lost_s, 10.0)]
-    told = complaint([span for span in edges if span.duration_s > 0.0], "log")
-    assert (told is not None) == complains
-    assert told is None or "SILENT" in told
+    line = complaint([span for span in edges if span.duration_s > 0.0], "log")
+    assert (line is not None) == complains
+    assert line is None or "SILENT" in line
 
 
-def test_what_is_not_all_of_the_run_is_never_called_100_percent() -> None:
+def test_less_than_the_whole_run_is_never_100_percent() -> None:
     nearly = (ModeSpan(Mode.HOLD, Cause.NONE, 0.0, 1e-6), ModeSpan(Mode.ACTIVE, Cause.NONE, 1e-6, 10.0))
     assert mode_lines(nearly)[0] == "ACTIVE 99.99 % of the time"
 
@@ -174,16 +174,16 @@ def test_a_bench_that_fails_safe_shows_it_everywhere_and_ends_with_status_1(
     scenario.write_text(FAILS_SAFE, encoding="utf-8")
     command = ["bench", "--scenario", str(scenario), "--bus", str(own_address()), "--out", str(out)]
     assert main(command) == ExitCode.FAILURE
-    said = capsys.readouterr()
-    told = json.loads((out / "result.json").read_text(encoding="utf-8"))
-    assert told["modes"][-1]["mode"] == "FAILSAFE"
-    assert told["modes"][-1]["cause"] == "SETPOINT_STALE"
-    assert told["active_fraction"] < 0.1
-    assert "FAILSAFE: setpoint stale" in said.out
-    assert said.err.splitlines()[-1].startswith("positioner: ACTIVE for ")
-    assert "FAILSAFE (setpoint stale)" in said.err.splitlines()[-1]
+    printed = capsys.readouterr()
+    result = json.loads((out / "result.json").read_text(encoding="utf-8"))
+    assert result["modes"][-1]["mode"] == "FAILSAFE"
+    assert result["modes"][-1]["cause"] == "SETPOINT_STALE"
+    assert result["active_fraction"] < 0.1
+    assert "FAILSAFE: setpoint stale" in printed.out
+    assert printed.err.splitlines()[-1].startswith("positioner: ACTIVE for ")
+    assert "FAILSAFE (setpoint stale)" in printed.err.splitlines()[-1]
     assert drawn[0].modes[-1].mode is Mode.FAILSAFE
-    # the same run with the usual patience is in control from its first sample to its last
+    # the same run with the usual timeouts is in control from its first sample to its last
     scenario.write_text(
         FAILS_SAFE.replace("setpoint_hold_s = 0.004, setpoint_failsafe_s = 0.008", ""), encoding="utf-8"
     )

@@ -99,7 +99,7 @@ def test_modes_and_causes_stand_in_the_file_by_name_and_in_the_table_with_their_
     assert values["active_fraction"] == 0.75
     lines = to_text(result()).splitlines()
     first = lines.index("modes    ACTIVE 75 % of the time")
-    assert lines[first + 1].split() == ["1.500", "to", "2.000", "s", "HOLD:", "not", "told"]
+    assert lines[first + 1].split() == ["1.500", "to", "2.000", "s", "HOLD:", "cause", "unknown"]
 
 
 def test_a_figure_that_is_not_a_number_is_refused() -> None:

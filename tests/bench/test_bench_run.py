@@ -263,14 +263,14 @@ def test_a_process_that_dies_in_mid_run_is_told_in_one_line(
             super().__init__(*arguments)
             children.append(self)
 
-    def listen(self: Host, timeout_s: float) -> bool:
+    def receive(self: Host, timeout_s: float) -> bool:
         if self._recording.complete > 50:
             next(child for child in children if child.name == victim).process.kill()
-        return listened(self, timeout_s)
+        return received(self, timeout_s)
 
-    listened = Host._listen
+    received = Host._receive
     monkeypatch.setattr(runner, "BenchProcess", Marked)
-    monkeypatch.setattr(Host, "_listen", listen)
+    monkeypatch.setattr(Host, "_receive", receive)
     with pytest.raises(BenchError, match=rf"^{victim} ended with status -9: .*\(log: .*{victim}.log\)$") as caught:
         play(scenario, tmp_path / "out", tmp_path / "aside")
     assert "\n" not in str(caught.value)

@@ -1,7 +1,7 @@
 """The exception tree: every error that a user may see, carrying the values that failed.
 
-Exit statuses follow sysexits.h, so that a service manager can tell a mistake in a file (never worth a restart) from a
-bus that is away (always worth one).
+Exit statuses follow sysexits.h: by them a service manager distinguishes a mistake in a file (never worth a restart)
+from a bus that is away (always worth one).
 """
 
 from __future__ import annotations
@@ -31,8 +31,10 @@ class ExitCode(IntEnum):
     CONFIG = 78
 
 
-PASSING = frozenset({errno.ENOMEM, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOSPC, errno.EAGAIN, errno.EINTR})
-"""What the system refuses for now: no mistake of anybody's, and worth another start."""
+TEMPORARY_ERRNOS = frozenset(
+    {errno.ENOMEM, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOSPC, errno.EAGAIN, errno.EINTR}
+)
+"""Errors of system calls that may pass: no mistake in a file, and worth another start."""
 
 
 class PositionerError(Exception):
@@ -50,7 +52,7 @@ class Problem:
     message: str
 
     def __str__(self) -> str:
-        """One line: `line 12: valve.mass_kg = 1361: must be at most 200`; what is very long is cut."""
+        """One line: `line 12: valve.mass_kg = 1361: must be at most 200`; a very long text is cut."""
         where, message = shortened(self.where), shortened(self.message)
         return f"line {self.line}: {where}: {message}" if self.line else f"{where}: {message}"
 
@@ -81,7 +83,7 @@ class BusError(PositionerError):
 
 
 class BusUnusableError(BusError):
-    """No such bus can ever be used on this machine as it is; no restart mends it."""
+    """No such bus can be used on this machine as it is; no restart helps."""
 
     exit_code = ExitCode.CONFIG
 
@@ -120,7 +122,7 @@ class UsageError(PositionerError):
 
 
 class HostError(PositionerError):
-    """What the host was asked to do cannot be done now, or the positioner does not do it."""
+    """The host was asked for something that cannot be done now, or that the positioner did not do."""
 
 
 class BenchError(PositionerError):

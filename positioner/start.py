@@ -1,8 +1,8 @@
 # PYTHON_ARGCOMPLETE_OK
-"""The first lines of a program: it loads the rest of it, and says in one line where that does not succeed. Shell.
+"""The start of a program: it loads the other modules, and says in one line where that does not succeed. Shell.
 
-Nothing of ours is imported before, and of the libraries nothing but what the interpreter has loaded already: a machine
-that is short of memory or descriptors gets a line and a status, never a traceback.
+It imports only modules that the interpreter has loaded already: a machine that is short of memory or descriptors
+gives a line and an exit status, never a traceback.
 """
 
 import os
@@ -10,7 +10,7 @@ import sys
 
 _SYSTEM, _INTERNAL = 71, 70
 TRACEBACK = "POSITIONER_TRACEBACK"
-"""Set in the environment, it lets what was not foreseen end in a traceback."""
+"""Name of an environment variable: where it is set, an unexpected error ends in a traceback."""
 
 
 def main() -> int:
@@ -24,25 +24,25 @@ def load(program: str, module: str) -> int:
         command = __import__(module, fromlist=("main",)).main  # importlib might have to be loaded first
     except (KeyboardInterrupt, SystemExit):
         raise
-    except BaseException as error:  # a library written in Rust panics with less than an Exception
+    except BaseException as error:  # a library written in Rust panics with a BaseException
         if os.environ.get(TRACEBACK):
             raise
-        line, code = unforeseen(error)
+        line, code = unexpected(error)
         sys.stderr.write(f"{program}: cannot be loaded: {line}\n")
         return code
     return int(command())
 
 
-def unforeseen(error: BaseException) -> tuple[str, int]:
-    """Return one line about an error that nobody has foreseen, and the exit status: is it the machine's, or ours?"""
-    said = " ".join(str(error).split())[:300] or "no more is known"
+def unexpected(error: BaseException) -> tuple[str, int]:
+    """Return one line about an unexpected error, and the exit status: that of the system, or of a defect in here."""
+    text = " ".join(str(error).split())[:300] or "without a text"
     if isinstance(error, OSError | MemoryError | ImportError):
-        return f"the system refuses: {type(error).__name__}: {said}", _SYSTEM
+        return f"the system refuses: {type(error).__name__}: {text}", _SYSTEM
     where = error.__traceback__
     while where is not None and where.tb_next is not None:
         where = where.tb_next
     place = f" in {where.tb_frame.f_code.co_filename}, line {where.tb_lineno}" if where else ""
-    return f"internal error: {type(error).__name__}: {said}{place}; {TRACEBACK}=1 shows more", _INTERNAL
+    return f"internal error: {type(error).__name__}: {text}{place}; {TRACEBACK}=1 shows more", _INTERNAL
 
 
 if __name__ == "__main__":

@@ -8,8 +8,7 @@ import sys
 
 from plant_emulator.cli import presets, run, simulate
 from positioner import __version__
-from positioner.inputs.parser import Parser
-from positioner.machine.console import run_command
+from positioner.machine.console import Parser, run_command
 
 _DESCRIPTION = "A sticking control valve: Karnopp friction, simulated event by event, alone or on a CAN bus."
 _EPILOG = """\

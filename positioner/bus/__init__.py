@@ -1,1 +1,1 @@
-"""The CAN bus: its addresses, how it is opened and kept open, and when a frame arrived. Shell."""
+"""The CAN bus: its addresses, how it is opened and kept open, and when each frame arrived. Shell."""

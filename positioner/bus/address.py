@@ -24,22 +24,22 @@ if TYPE_CHECKING:
 EMBEDDED = "embedded"
 EMBEDDED_PORT = 43513
 _NAMED = 1
-"""Embedded buses with a name and those of a bench are apart."""
+"""Family of the embedded buses that a user names; those of a bench have family 0."""
 Option: TypeAlias = bool | int | float | str
 _LONGEST_NAME = 15
 """Characters of a network interface's name, IFNAMSIZ - 1 of linux/if.h."""
 _WORDS: dict[str, Option] = {"true": True, "false": False}
 _NAMED_CHANNELS = frozenset({"socketcan", "socketcand", "udp_multicast", "virtual"})
 """Interfaces whose channels are names even when they look like numbers."""
-_OURS = frozenset({"interface", "bustype", "channel", "can_filters", "ignore_config", "config_context", "context"})
-"""What is told to python-can in other ways, or not at all."""
+_RESERVED = frozenset({"interface", "bustype", "channel", "can_filters", "ignore_config", "config_context", "context"})
+"""Arguments of python-can that the positioner itself gives, or never uses."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BusAddress(SettingsTable):
     """The `[bus]` table of a configuration: an interface of python-can, its channel, and a port where it has one.
 
-    The interface "embedded" is a bus inside this machine, for trying things out: its channel is any name.
+    The interface "embedded" is a bus inside this machine, for trials: its channel is any name.
     """
 
     interface: str = "socketcan"
@@ -48,7 +48,7 @@ class BusAddress(SettingsTable):
     options: dict[str, Option] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
-        """Put the address of an embedded bus in the place of its name."""
+        """Replace the name of an embedded bus by its address."""
         if self.interface == EMBEDDED:
             address = embedded_address(zlib.crc32(self.channel.encode()), _NAMED)
             for name in ("interface", "channel", "port"):
@@ -62,24 +62,24 @@ class BusAddress(SettingsTable):
 
     @property
     def numbered_channel(self) -> str | int:
-        """The channel as python-can's interface takes it: most adapters number theirs."""
+        """The channel as python-can's interface takes it: most adapters number their channels."""
         is_number = self.interface not in _NAMED_CHANNELS and self.channel.isdecimal()
         return int(self.channel) if is_number else self.channel
 
     @property
     def is_embedded(self) -> bool:
-        """Whether this is python-can's UDP multicast, the bus for machines without one."""
+        """Whether this is python-can's UDP multicast, the bus for machines without CAN."""
         return self.interface == "udp_multicast"
 
 
 def parse_address(text: str) -> BusAddress:
     """Return the address in `INTERFACE:CHANNEL[@PORT][,OPTION=VALUE...]`, for example `socketcan:vcan0`.
 
-    The embedded bus alone has a port; with other interfaces what follows an @ belongs to the channel, as in
+    Only the embedded bus has a port; with other interfaces an @ and the text after it belong to the channel, as in
     `slcan:/dev/ttyUSB0@115200,bitrate=500000`.
 
     Raises:
-        BusUnusableError: the text has another form, or names what no bus has.
+        BusUnusableError: the text has another form, or contains a setting that no bus has.
     """
     found = re.fullmatch(r"([a-z_]\w*):([^=]+?)((?:,[A-Za-z_]\w*=[^,]*)*)", text)
     if not found:
@@ -102,7 +102,7 @@ def parse_address(text: str) -> BusAddress:
 
 
 def problems_of(address: BusAddress) -> Iterator[tuple[str, str]]:
-    """Yield what no bus can be opened with: the key of the `[bus]` table with its value, and what is wrong with it."""
+    """Yield each setting with which no bus can be opened: its key in `[bus]` with its value, and what is wrong."""
     interface, channel = f"interface = '{address.interface}'", f"channel = '{address.channel}'"
     if address.interface not in BACKENDS:
         close = difflib.get_close_matches(address.interface, (*BACKENDS, EMBEDDED), n=1, cutoff=0.5)
@@ -117,11 +117,11 @@ def problems_of(address: BusAddress) -> Iterator[tuple[str, str]]:
 
 
 def _refusal(interface: str, key: str) -> str:
-    """Return why an interface does not get this option; empty where it does."""
-    if key in _OURS:
+    """Return why an interface may not have this option; empty where it may."""
+    if key in _RESERVED:
         return "is no option: it stands beside [bus.options], or is the positioner's own"
     if key == "receive_own_messages":
-        return "would make the positioner hear its own commands as another controller's; leave it out"
+        return "would make the positioner take its own commands for another controller's; leave it out"
     if interface == "udp_multicast":
         return "is no option of the embedded bus, which has only its port"
     if interface == "socketcan" and key not in {"local_loopback", "ignore_rx_error_frames"}:

@@ -1,4 +1,4 @@
-"""How a bus is opened, what to try where it cannot be, and what its socket says of itself. Shell."""
+"""How a bus is opened, what to try where it cannot be, and what its socket reports. Shell."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import can
 from can.interfaces.socketcan import SocketcanBus
 
-from positioner.errors import PASSING, BusError, BusUnusableError
+from positioner.errors import TEMPORARY_ERRNOS, BusError, BusUnusableError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -25,21 +25,21 @@ _SO_MEMINFO = 55
 _MEMINFO = struct.Struct("=9I")
 _RECEIVE_BUFFER_BYTES = 1 << 20
 _EXTRAS = {"slcan": "serial", "robotell": "serial", "vector": "cvector"}
-"""Interfaces whose optional dependencies python-can lists under another name than theirs."""
+"""Interfaces whose optional dependencies python-can lists under another name."""
 _PAGE = "https://python-can.readthedocs.io/en/stable/interfaces.html"
 _NO_DRIVER = (NotImplementedError, ImportError, NameError, AttributeError)
-REFUSALS = (can.CanError, OSError, ValueError, TypeError, *_NO_DRIVER)
-"""What python-can and its interfaces raise when a bus cannot be opened."""
+OPENING_ERRORS = (can.CanError, OSError, ValueError, TypeError, *_NO_DRIVER)
+"""Errors that python-can and its interfaces raise when a bus cannot be opened."""
 
 
 def open_bus(address: BusAddress, wanted: Iterable[tuple[int, bool]]) -> can.BusABC:
-    """Return the bus at `address`, which hears the identifiers `wanted` (with their extended flag), or all if none.
+    """Return the bus at `address`, which receives the identifiers `wanted` (with their extended flag), or all if none.
 
-    python-can's own files (/etc/can.conf, ~/.canrc) and environment have no say; reading them at each try would also
-    take memory that only a garbage collection gives back.
+    python-can's own files (/etc/can.conf, ~/.canrc) and environment variables are ignored; to read them at each try
+    would also take memory that only a garbage collection gives back.
 
     Raises:
-        can.CanError: it cannot be opened; the other `REFUSALS` mean the same.
+        can.CanError: it cannot be opened; the other `OPENING_ERRORS` mean the same.
     """
     options: dict[str, Any] = dict(address.options)
     if address.interface == "socketcan":
@@ -61,28 +61,30 @@ def open_bus(address: BusAddress, wanted: Iterable[tuple[int, bool]]) -> can.Bus
     return bus
 
 
-def refusal(address: BusAddress, error: Exception) -> BusError:
-    """Return what one of the `REFUSALS` means: a `BusUnusableError` where no later try can succeed.
+def opening_error(address: BusAddress, error: Exception) -> BusError:
+    """Return the error to raise for one of the `OPENING_ERRORS`: a `BusUnusableError` where no later try can succeed.
 
-    A device that is away may come; a driver that is missing, or an option that is wrong, needs somebody.
+    A device that is away may come; a missing driver or a wrong option needs a person.
     """
-    said = " ".join(str(error).split()) or type(error).__name__
-    if any(os.strerror(number) in said for number in PASSING):  # also where an interface could not be imported for it
-        return BusError(f"bus {address} cannot be opened: {said}; the system refuses")
-    # ctypes, and python-can's pcan, say of a missing library what is an OSError without a number
+    text = " ".join(str(error).split()) or type(error).__name__
+    if any(
+        os.strerror(number) in text for number in TEMPORARY_ERRNOS
+    ):  # also where an interface could not be imported for it
+        return BusError(f"bus {address} cannot be opened: {text}; the system refuses")
+    # for a missing library ctypes, and python-can's pcan, raise an OSError without a number
     if isinstance(error, _NO_DRIVER) or (type(error) is OSError and error.errno is None):
-        return BusUnusableError(f"bus {address} cannot be used on this machine: {said}; {_driver(address)}")
+        return BusUnusableError(f"bus {address} cannot be used on this machine: {text}; {_driver(address)}")
     if isinstance(error, ValueError | TypeError):
-        said = said.partition("__init__() ")[2] or said
-        return BusUnusableError(f"bus {address} cannot be used: {said}; see [bus.options] and {_PAGE}")
-    return BusError(f"bus {address} cannot be opened: {said}; {mend(address)}")
+        text = text.partition("__init__() ")[2] or text
+        return BusUnusableError(f"bus {address} cannot be used: {text}; see [bus.options] and {_PAGE}")
+    return BusError(f"bus {address} cannot be opened: {text}; {advice(address)}")
 
 
 def _driver(address: BusAddress) -> str:
-    """Return how the interface's driver gets onto this machine."""
+    """Return how to install the driver of the interface."""
     extra = _EXTRAS.get(address.interface, address.interface.replace("_", "-"))
     if extra in _extras():
-        return f"try: python -m pip install 'python-can[{extra}]'  # and the driver of its maker"
+        return f"try: python -m pip install 'python-can[{extra}]'  # and the manufacturer's driver"
     return f"install its driver, see {_PAGE}"
 
 
@@ -93,7 +95,7 @@ def _extras() -> frozenset[str]:
 
 
 def _confine(bus: can.BusABC, group: str) -> None:
-    """Make an embedded bus deaf to other groups of this machine, and give it room for bursts.
+    """Let an embedded bus receive its own group only, and give it room for bursts.
 
     Its scope (IPv6: interface-local) and its hop limit of 0 keep what it sends on this machine.
     """
@@ -106,7 +108,7 @@ def _confine(bus: can.BusABC, group: str) -> None:
 
 
 def descriptor_of(bus: can.BusABC) -> int | None:
-    """Return the descriptor that says when a frame has come, None where the interface has none."""
+    """Return the descriptor that is readable once a frame has come, None where the interface has none."""
     try:
         return bus.fileno()
     except (NotImplementedError, AttributeError):
@@ -116,7 +118,7 @@ def descriptor_of(bus: can.BusABC) -> int | None:
 def dropped_frames(bus: can.BusABC | None) -> int:
     """Return how many frames the kernel dropped because this socket's queue was full: the count of SO_RXQ_OVFL.
 
-    It is asked for with SO_MEMINFO, whose ninth word it is: python-can allows no second ancillary message.
+    It is read with SO_MEMINFO, whose ninth word it is: python-can allows no second ancillary message.
     """
     if not isinstance(bus, SocketcanBus):
         return 0
@@ -124,7 +126,7 @@ def dropped_frames(bus: can.BusABC | None) -> int:
     return int(dropped)
 
 
-def mend(address: BusAddress) -> str:
+def advice(address: BusAddress) -> str:
     """Return what to try where the bus at `address` does not work."""
     if address.interface == "socketcan":
         name = address.channel

@@ -15,7 +15,7 @@ import can
 
 from positioner.bus.arrivals import Arrivals
 from positioner.bus.events import BusBack, BusDown, BusNotOpened, NoFrame, Overrun, SendFailed
-from positioner.bus.opening import REFUSALS, descriptor_of, dropped_frames, mend, open_bus, refusal
+from positioner.bus.opening import OPENING_ERRORS, advice, descriptor_of, dropped_frames, open_bus, opening_error
 from positioner.errors import BusError, BusUnusableError
 from positioner.machine.time import MachineTime, TimePort
 from positioner.wire.messages import CanFrame
@@ -55,7 +55,7 @@ class BusPort:
         report: Callable[[BusEvent], None] = lambda _event: None,
         ports: Ports | None = None,
     ) -> None:
-        """Prepare the port; `identifiers` (with their extended flag) are all it will receive, none means everything."""
+        """Prepare the port; it receives the `identifiers` (with their extended flag), all if there are none."""
         self.address = address
         self._ports = ports or Ports()
         self._time = self._ports.time
@@ -77,7 +77,7 @@ class BusPort:
 
     @property
     def gap_ns(self) -> int:
-        """How long nobody received before the last receive ended, but for the time that it was asked to wait."""
+        """How long nobody received before the last receive ended, less its timeout; see `Arrivals`."""
         return self._arrivals.gap_ns
 
     def open(self) -> None:
@@ -85,12 +85,12 @@ class BusPort:
 
         Raises:
             BusError: it cannot be opened; the message says why and what to do.
-            BusUnusableError: nor will it ever be.
+            BusUnusableError: no later try can succeed.
         """
         try:
             self._bus = (self._ports.open_bus or open_bus)(self.address, self._wanted)
-        except REFUSALS as error:
-            raise refusal(self.address, error) from error
+        except OPENING_ERRORS as error:
+            raise opening_error(self.address, error) from error
         self._descriptor = descriptor_of(self._bus)
         self._was_open = True
         self._arrivals.reopened(self._time.instant())
@@ -100,10 +100,10 @@ class BusPort:
             self._trouble = None
 
     def receive(self, timeout_s: float) -> tuple[CanFrame, ...]:
-        """Return what has arrived, oldest first, after waiting up to `timeout_s` for the first frame.
+        """Return the frames that have arrived, oldest first, after waiting up to `timeout_s` for the first one.
 
         Raises:
-            BusUnusableError: the bus was never open, and never will be.
+            BusUnusableError: the bus was never open, and no later try can succeed.
         """
         self._arrivals.begin(self._time.instant(), timeout_s)
         frames: list[CanFrame] = []
@@ -118,8 +118,8 @@ class BusPort:
         looked = self._time.instant()
         end_ns = looked.monotonic_ns + round(timeout_s * _NS)
         try:
-            for _ in range(_MOST_FRAMES_PER_BATCH):  # of whatever kind: a flood must not keep the cycle waiting
-                # an echo, or what is not for us, is nothing to wake up for
+            for _ in range(_MOST_FRAMES_PER_BATCH):  # of any kind: a flood must not keep the cycle waiting
+                # an echo, or a frame that is not wanted, does not end the waiting
                 message = self._receive_one(0.0 if frames else max(end_ns - looked.monotonic_ns, 0) / _NS)
                 if message is None:
                     self._arrivals.seen_empty(looked)
@@ -130,7 +130,7 @@ class BusPort:
                     frames.append(frame)
             self._count_overruns()
         except (can.CanError, OSError) as error:
-            self._lose(f"{error}; {mend(self.address)}")
+            self._lose(f"{error}; {advice(self.address)}")
 
     def send(self, frame: CanFrame, deadline_ns: float | None = None) -> bool:
         """Send `frame`; False when the bus did not take it, or when the monotonic `deadline_ns` has passed."""
@@ -147,7 +147,7 @@ class BusPort:
         try:
             self._bus.send(message, timeout=_SEND_TIMEOUT_S if not self.address.is_embedded else None)
         except (can.CanError, OSError) as error:
-            self._report_once(SendFailed(self.address, f"{error}; {mend(self.address)}"))
+            self._report_once(SendFailed(self.address, f"{error}; {advice(self.address)}"))
             return False
         self._trouble = None
         if self.address.is_embedded:
@@ -155,7 +155,7 @@ class BusPort:
         return True
 
     def close(self) -> None:
-        """Give the bus back."""
+        """Close the bus."""
         if self._bus is not None:
             with contextlib.suppress(can.CanError, OSError):
                 self._bus.shutdown()
@@ -164,7 +164,7 @@ class BusPort:
     def _receive_one(self, timeout_s: float) -> can.Message | None:
         assert self._bus is not None  # noqa: S101 - receive() has opened it
         if timeout_s > 0.0 and self._descriptor is not None:
-            # python-can's own waiting is by the wall clock: one that is set back would keep it for as long
+            # python-can waits by the wall clock: if that is set back, it would wait for that much longer
             select.select((self._descriptor,), (), (), timeout_s)
             timeout_s = 0.0
         try:
@@ -172,7 +172,7 @@ class BusPort:
         except can.CanOperationError as error:
             if not self.address.is_embedded:
                 raise
-            # whatever is no frame on the embedded bus is dropped; the socket itself is sound
+            # a datagram that is no frame is dropped; the socket itself is sound
             self._report_once(NoFrame(self.address, str(error)))
             return can.Message(is_error_frame=True)
 
@@ -184,7 +184,7 @@ class BusPort:
             self._report(Overrun(self.address, self._overruns))
 
     def _is_echo(self, frame: CanFrame) -> bool:
-        """Return whether `frame` is our own: UDP multicast hands a sender its own frames, in the order it sent them."""
+        """Return whether `frame` is our own: UDP multicast gives a sender its own frames, in the order it sent them."""
         if not self.address.is_embedded or (frame.arbitration_id, frame.data) not in self._echoes:
             return False
         while self._echoes.popleft() != (frame.arbitration_id, frame.data):

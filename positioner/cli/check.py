@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command
-from positioner.config.place import place_of
+from positioner.config.locations import location_of
 from positioner.config.reader import load_config
 from positioner.doctor import bus_load
 from positioner.errors import ExitCode
@@ -42,7 +42,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         sys.stdout.write(example_text())
         return ExitCode.OK
     configuration = load_config(arguments.config)
-    state = place_of(configuration, arguments.config).state
+    state = location_of(configuration, arguments.config).state
     sys.stdout.write(f"{arguments.config}: good\n{summary(configuration, state)}")
     return ExitCode.OK
 

@@ -8,8 +8,7 @@ import sys
 
 import positioner
 from positioner.cli import bench, check, conformance, doctor, host, league, replay, reproduce, run, table, tune
-from positioner.inputs.parser import Parser
-from positioner.machine.console import run_command
+from positioner.machine.console import Parser, run_command
 
 _DESCRIPTION = "A positioner for sticking control valves: predictive control with a learned stiction table, over CAN."
 _EPILOG = """\

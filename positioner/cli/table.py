@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from positioner.cli import table_text
-from positioner.config.place import place_of
+from positioner.config.locations import location_of
 from positioner.errors import ExitCode, StateError
 from positioner.store import access, document
 from positioner.valve.stiction import Quantity
@@ -121,7 +121,7 @@ def _import(args: argparse.Namespace) -> ExitCode:
 
 
 def _directory(args: argparse.Namespace) -> Path:
-    return args.state or place_of(_configuration(args.config), args.config).state
+    return args.state or location_of(_configuration(args.config), args.config).state
 
 
 def _configuration(path: Path) -> Configuration:

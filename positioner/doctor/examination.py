@@ -6,7 +6,7 @@ import shlex
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from positioner.config.place import place_of
+from positioner.config.locations import location_of
 from positioner.config.reader import load_config
 from positioner.doctor import bus_load, feedback, link_findings, machine, scheduling, state_directory
 from positioner.doctor.finding import Finding, Level, worst
@@ -69,7 +69,7 @@ class Examination:
 
     def _valve(self, configuration: Configuration, path: Path, links: tuple[Link, ...] | None) -> Iterator[Finding]:
         address, period_s = configuration.bus, configuration.control.sample_period_s
-        codec, place = configuration.make_codec(), place_of(configuration, path, self.state)
+        codec, place = configuration.make_codec(), location_of(configuration, path, self.state)
         if address.interface != "socketcan":
             yield Finding(Level.OK, "interface", f"{address} is not a CAN interface: no bitrate, no error counters")
         elif links is not None:

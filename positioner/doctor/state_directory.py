@@ -15,7 +15,7 @@ from positioner.store.file_check import Fault, TableRejectedError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from positioner.config.place import Place
+    from positioner.config.locations import Location
     from positioner.config.schema import Configuration
     from positioner.store.content import StoredTable
 
@@ -24,7 +24,7 @@ ROOM_NEEDED_BYTES = 1 << 20
 _SUBJECT = "state"
 
 
-def findings(configuration: Configuration, place: Place) -> Iterator[Finding]:
+def findings(configuration: Configuration, place: Location) -> Iterator[Finding]:
     """Yield what is found about the directory and the table in it."""
     try:
         yield from _findings(configuration, place)
@@ -35,7 +35,7 @@ def findings(configuration: Configuration, place: Place) -> Iterator[Finding]:
         )
 
 
-def _findings(configuration: Configuration, place: Place) -> Iterator[Finding]:
+def _findings(configuration: Configuration, place: Location) -> Iterator[Finding]:
     if not place.state.is_dir():
         yield _absent(place)
         return
@@ -43,7 +43,7 @@ def _findings(configuration: Configuration, place: Place) -> Iterator[Finding]:
     yield _table(configuration, place)
 
 
-def _absent(place: Place) -> Finding:
+def _absent(place: Location) -> Finding:
     directory = place.state
     nearest = next(above for above in directory.parents if above.exists())
     if place.unit:
@@ -54,7 +54,7 @@ def _absent(place: Place) -> Finding:
     return Finding(Level.FAIL, _SUBJECT, text, _made(directory))
 
 
-def _room(place: Place, held_by: int | None) -> Iterator[Finding]:
+def _room(place: Location, held_by: int | None) -> Iterator[Finding]:
     directory = place.state
     if place.unit is None and held_by is None and not os.access(directory, os.W_OK | os.X_OK):
         yield Finding(Level.FAIL, _SUBJECT, f"{directory} is not writable for this user", _made(directory))
@@ -70,7 +70,7 @@ def _room(place: Place, held_by: int | None) -> Iterator[Finding]:
         yield Finding(Level.OK, _SUBJECT, text)
 
 
-def _table(configuration: Configuration, place: Place) -> Finding:
+def _table(configuration: Configuration, place: Location) -> Finding:
     directory = place.state
     dump = f"positioner table dump --state {shlex.quote(str(directory))}"
     if not os.access(directory, os.R_OK | os.X_OK):

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
-from positioner.errors import PASSING, ConfigurationError, Problem
+from positioner.errors import TEMPORARY_ERRNOS, ConfigurationError, Problem
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -71,7 +71,7 @@ def read_text(path: Path) -> str:
 
     Raises:
         ConfigurationError: the file cannot be read, or is not UTF-8 text.
-        OSError: the system refuses for now, see `PASSING`.
+        OSError: the system refuses for now, see `TEMPORARY_ERRNOS`.
     """
     try:
         with path.open("rb") as file:
@@ -81,7 +81,7 @@ def read_text(path: Path) -> str:
             raise ConfigurationError(str(path), (Problem("file", None, told),))
         return data.decode("utf-8")
     except OSError as error:
-        if error.errno in PASSING:
+        if error.errno in TEMPORARY_ERRNOS:
             raise
         raise ConfigurationError(str(path), (Problem("file", None, f"cannot be read: {error.strerror}"),)) from error
     except UnicodeDecodeError as error:

@@ -1,7 +1,8 @@
-"""How every command ends: its status, its one line of error, its silence when nobody reads any more. Shell."""
+"""How every command begins and ends: its parser, its exit status, its one line of error. Shell."""
 
 from __future__ import annotations
 
+import argparse
 import errno
 import logging
 import os
@@ -12,29 +13,43 @@ from typing import TYPE_CHECKING
 import argcomplete
 
 from positioner.errors import ExitCode, PositionerError
+from positioner.inputs.nearest import nearest
 from positioner.machine.line_sink import LineSink
-from positioner.machine.plain_text import speak_plainly
-from positioner.start import TRACEBACK, unforeseen
+from positioner.machine.plain_text import replace_unknown_characters
+from positioner.start import TRACEBACK, unexpected
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Callable
 
 INTERRUPTED = 130
 """128 + SIGINT, as shells count it."""
-_PATIENCE_S = 1.0
-"""How long the last line may wait for somebody to read it."""
+_LINE_TIMEOUT_S = 1.0
+"""How long the last line may wait until somebody reads it."""
 _FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 _LAST_STANDARD = 2
+
+
+class Parser(argparse.ArgumentParser):
+    """Answers a name that it does not know with the nearest one that it does; so do the parsers of sub-commands."""
+
+    def _check_value(self, action: argparse.Action, value: object) -> None:
+        """Refuse a `value` that is none of the action's choices.
+
+        Raises:
+            ArgumentError: it is none.
+        """
+        if action.choices is not None and value not in action.choices:
+            known = nearest(str(value), map(str, action.choices))
+            raise argparse.ArgumentError(action, f"{value!r} is unknown; {known}")
 
 
 def run_command(parser: argparse.ArgumentParser, arguments: list[str] | None) -> int:
     """Return the exit status of the command that `parser` finds in `arguments` and that its `run` default names."""
     try:
         _open_standard_streams()
-        speak_plainly()
+        replace_unknown_characters()
         argcomplete.autocomplete(parser)
-        for library in ("can", "cantools"):  # what they cannot do they raise, too: told once, by us
+        for library in ("can", "cantools"):  # they raise what they log: it is reported once, by us
             logging.getLogger(library).addHandler(logging.NullHandler())
             logging.getLogger(library).propagate = False
         parsed = parser.parse_args(arguments)
@@ -42,35 +57,35 @@ def run_command(parser: argparse.ArgumentParser, arguments: list[str] | None) ->
         code = int(command(parsed))
         sys.stdout.flush()
     except PositionerError as error:
-        return _tell(parser, str(error), error.exit_code)
+        return _end(parser, str(error), error.exit_code)
     except KeyboardInterrupt:
         return INTERRUPTED
-    except BrokenPipeError:  # the reader has gone, and wants no more
+    except BrokenPipeError:  # the reader has gone
         _discard_output()
         return int(ExitCode.OK)
     except Exception as error:
         if isinstance(error, OSError) and error.errno in _FULL and error.filename is None:
             _discard_output()
-            return _tell(parser, f"nothing more can be written: {error.strerror}", ExitCode.IO)
+            return _end(parser, f"nothing more can be written: {error.strerror}", ExitCode.IO)
         if os.environ.get(TRACEBACK):
             raise
-        return _tell(parser, *unforeseen(error))
+        return _end(parser, *unexpected(error))
     return code
 
 
 def _discard_output() -> None:
-    """Let what is still buffered go nowhere, or the interpreter would complain when it ends."""
+    """Drop the text that is still buffered, or the interpreter would complain when it ends."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _tell(parser: argparse.ArgumentParser, line: str, code: int) -> int:
+def _end(parser: argparse.ArgumentParser, line: str, code: int) -> int:
     with closing(LineSink.of(sys.stderr)) as sink:
-        sink.write(f"{parser.prog}: {line}", _PATIENCE_S)
+        sink.write(f"{parser.prog}: {line}", _LINE_TIMEOUT_S)
     return int(code)
 
 
 def _open_standard_streams() -> None:
-    """Put /dev/null in the place of a standard stream that was closed: no file of ours must get its number."""
+    """Open /dev/null for each standard stream that is closed: no file of ours may get its number."""
     while (descriptor := os.open(os.devnull, os.O_RDWR)) <= _LAST_STANDARD:
         pass
     os.close(descriptor)

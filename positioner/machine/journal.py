@@ -1,4 +1,4 @@
-"""The daemon's log: one line a fact, and at most one line a second of each kind. Shell."""
+"""The daemon's log, with at most one line a second of each kind. Shell."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class SinkHandler(logging.Handler):
         self.setFormatter(logging.Formatter("%(levelname)s %(message)s"))
 
     def close(self) -> None:
-        """Let the sink go."""
+        """Close the sink."""
         self.sink.close()
         super().close()
 
@@ -49,7 +49,7 @@ def set_up(*, verbose: bool) -> None:
 
 
 def dropped_lines() -> int:
-    """Return how many lines of the log nobody took since it was set up."""
+    """Return how many lines of the log were dropped since it was set up, because nobody read them."""
     return sum(handler.sink.dropped for handler in logger.handlers if isinstance(handler, SinkHandler))
 
 
@@ -62,10 +62,10 @@ class _Kind:
 
 
 class Throttle:
-    """Lets one line of each kind through in a second; the last of the others follows when the second is over."""
+    """Logs one line of each kind in a second; the last of the others follows when the second is over."""
 
     def __init__(self, period_s: float = 1.0, time: TimePort | None = None) -> None:
-        """Let one line of a kind through every `period_s`."""
+        """Log one line of a kind every `period_s`."""
         self._time = time or MachineTime()
         self._period_s = period_s
         self._kinds: dict[str, _Kind] = {}
@@ -74,16 +74,16 @@ class Throttle:
         """Log `line`, unless a line of its `kind` was logged within the last second."""
         entry = self._kinds.setdefault(kind, _Kind())
         entry.level, entry.line, entry.held_back = level, line, entry.held_back + 1
-        self._let_through(entry, self._time.monotonic_s())
+        self._log_when_due(entry, self._time.monotonic_s())
 
     def flush(self, *, all_of_them: bool = False) -> None:
         """Log the last line of each kind that was held back for its second, or `all_of_them` at the end."""
         now_s = self._time.monotonic_s()
         for entry in self._kinds.values():
             if entry.held_back:
-                self._let_through(entry, math.inf if all_of_them else now_s)
+                self._log_when_due(entry, math.inf if all_of_them else now_s)
 
-    def _let_through(self, entry: _Kind, now_s: float) -> None:
+    def _log_when_due(self, entry: _Kind, now_s: float) -> None:
         if now_s < entry.next_s:
             return
         others = entry.held_back - 1

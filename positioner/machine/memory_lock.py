@@ -1,4 +1,4 @@
-"""Keeping the process's memory in RAM: a page that must first be read from a disk is a late command. Shell."""
+"""Keeping the process's memory in RAM: a page that must first be read from a disk makes a command late. Shell."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 _CURRENT, _FUTURE, _ON_FAULT = 1, 2, 4
-"""MCL_CURRENT, MCL_FUTURE and MCL_ONFAULT of mlockall(2): what is there, and what is touched later."""
+"""MCL_CURRENT, MCL_FUTURE and MCL_ONFAULT of mlockall(2): the pages in use, and those touched later."""
 
 
 def lock_memory(mlockall: Callable[[int], int] | None = None) -> bool:

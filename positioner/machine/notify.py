@@ -1,4 +1,4 @@
-"""Telling the service manager how the daemon fares: systemd's notification protocol, sd_notify(3). Shell."""
+"""Notifications to the service manager about the daemon: systemd's protocol, sd_notify(3). Shell."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Notifier:
             self._address = "\0" + address[1:] if address.startswith("@") else address
 
     def send(self, **fields: str) -> None:
-        """Send the fields, for example `send(READY="1", STATUS="loop closed")`; a full socket loses them in peace."""
+        """Send the fields, for example `send(READY="1", STATUS="loop closed")`; a full socket drops them."""
         if self._socket is not None:
             with contextlib.suppress(OSError):
                 self._socket.sendto(

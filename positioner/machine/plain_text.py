@@ -1,4 +1,4 @@
-"""Text for terminals that know fewer letters than we use: what they cannot show is written in other words. Shell."""
+"""Text for terminals that cannot show every character: those characters are written in ASCII. Shell."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import io
 import sys
 
 _HANDLER = "positioner.plain"
-_IN_OTHER_WORDS = str.maketrans(
+_ASCII = str.maketrans(
     {
         "α": "alpha",
         "β": "beta",
@@ -41,13 +41,13 @@ _IN_OTHER_WORDS = str.maketrans(
 )
 
 
-def in_other_words(text: str) -> str:
-    """Return `text` in ASCII; a letter without a substitute is a question mark."""
-    return text.translate(_IN_OTHER_WORDS).encode("ascii", "replace").decode("ascii")
+def to_ascii(text: str) -> str:
+    """Return `text` in ASCII; a character without a substitute becomes a question mark."""
+    return text.translate(_ASCII).encode("ascii", "replace").decode("ascii")
 
 
-def speak_plainly() -> None:
-    """Let the standard streams write in other words what their encoding does not know; without this they raise."""
+def replace_unknown_characters() -> None:
+    """Let the standard streams write characters that their encoding lacks in ASCII; without this they raise."""
     codecs.register_error(_HANDLER, _substitute)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -57,4 +57,4 @@ def speak_plainly() -> None:
 def _substitute(error: UnicodeError) -> tuple[str, int]:
     if not isinstance(error, UnicodeEncodeError):
         raise error
-    return in_other_words(error.object[error.start : error.end]), error.end
+    return to_ascii(error.object[error.start : error.end]), error.end

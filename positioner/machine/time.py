@@ -1,4 +1,4 @@
-"""The machine's clocks, and waiting: the only door through which the shell of the loop learns of time. Shell."""
+"""The machine's clocks, and waiting: the only source of time for the loop. Shell."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Instant(NamedTuple):
 
 
 class TimePort(Protocol):
-    """What tells the time to a loop, and lets it wait."""
+    """The clocks of a loop, and its way to wait."""
 
     def instant(self) -> Instant:
         """Return the present instant on both clocks."""

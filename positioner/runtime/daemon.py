@@ -75,7 +75,7 @@ class Daemon:
         return code
 
     def _cycle(self) -> None:
-        """Receive, compute and send once; then keep and report the result. An empty cycle lets time pass."""
+        """Receive, compute and send once; then report and keep the result. An empty cycle lets time pass."""
         frames = self._gate.admit(self._bus.receive(self._wait_s()))
         if self._bus.is_open:
             self._announcer.waiting(self._bus.address)
@@ -88,8 +88,8 @@ class Daemon:
             self._send(outbox, now_ns)
         if self._options.lockstep:
             self._lockstep.add(frames, answered=bool(outbox))
+        self._announcer.cycle(events)  # before a table is taken over that voids what they learned
         self.session.keep(cycle_input, outbox, events)
-        self._announcer.cycle(events)
         self._other.check(events, now_ns, ever_armed=self.session.state.guard.ever_armed)
         self._announcer.alive()
 

@@ -13,8 +13,8 @@ from daemon_helpers import own_address, write_configuration
 from store_helpers import series, taught
 
 from positioner.cli.main import main
-from positioner.config import place
-from positioner.config.place import Place, place_of
+from positioner.config import locations
+from positioner.config.locations import Location, location_of
 from positioner.config.reader import load_config
 from positioner.doctor import scheduling, state_directory
 from positioner.doctor.finding import Finding, Level, worst
@@ -49,26 +49,26 @@ def test_a_real_time_policy_is_fine_at_any_period(monkeypatch: pytest.MonkeyPatc
     assert (finding.level, "SCHED_FIFO priority 50 on processor" in finding.text) == (Level.OK, True)
 
 
-def test_the_place_of_a_configuration_tells_its_unit_and_its_state(
+def test_the_path_of_a_configuration_gives_its_unit_and_its_state(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(place, "CONFIGURATIONS", tmp_path)
+    monkeypatch.setattr(locations, "CONFIGURATIONS", tmp_path)
     path = tmp_path / "fv101.toml"
     path.write_text(VALVE, encoding="utf-8")
     plain = load_config(path)
-    assert place_of(plain, path) == Place(Path("/var/lib/positioner/fv101"), "positioner@fv101")
-    assert place_of(plain, path, tmp_path / "x") == Place(tmp_path / "x", "positioner@fv101")
+    assert location_of(plain, path) == Location(Path("/var/lib/positioner/fv101"), "positioner@fv101")
+    assert location_of(plain, path, tmp_path / "x") == Location(tmp_path / "x", "positioner@fv101")
     path.write_text(f'{VALVE}[state]\ndirectory = "{tmp_path}/own"\n', encoding="utf-8")
-    assert place_of(load_config(path), path) == Place(tmp_path / "own", "positioner@fv101")
+    assert location_of(load_config(path), path) == Location(tmp_path / "own", "positioner@fv101")
     elsewhere = tmp_path / "below" / "fv101.toml"
-    assert place_of(plain, elsewhere) == Place(plain.state_directory.absolute(), None)
+    assert location_of(plain, elsewhere) == Location(plain.state_directory.absolute(), None)
 
 
 def test_every_command_finds_the_table_of_a_service(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(place, "CONFIGURATIONS", tmp_path)
-    monkeypatch.setattr(place, "SERVICE_STATES", tmp_path / "lib")
+    monkeypatch.setattr(locations, "CONFIGURATIONS", tmp_path)
+    monkeypatch.setattr(locations, "SERVICE_STATES", tmp_path / "lib")
     path = tmp_path / "fv101.toml"
     path.write_text(VALVE, encoding="utf-8")
     assert main(["check", str(path)]) == ExitCode.OK
@@ -79,7 +79,7 @@ def test_every_command_finds_the_table_of_a_service(
 
 def state_found(folder: Path, directory: Path, unit: str | None = None) -> dict[str, Finding]:
     configuration = load_config(write_configuration(folder, own_address()))
-    return {finding.subject: finding for finding in state_directory.findings(configuration, Place(directory, unit))}
+    return {finding.subject: finding for finding in state_directory.findings(configuration, Location(directory, unit))}
 
 
 def test_a_state_directory_that_is_not_there_yet_is_no_fault_where_it_can_be_made(tmp_path: Path) -> None:
@@ -145,6 +145,6 @@ def test_a_directory_that_only_root_may_look_into_is_told(tmp_path: Path, monkey
         raise PermissionError(13, "Permission denied", str(path))
 
     monkeypatch.setattr(Path, "is_dir", refused)
-    (told,) = state_directory.findings(configuration, Place(tmp_path, "positioner@fv101"))
+    (told,) = state_directory.findings(configuration, Location(tmp_path, "positioner@fv101"))
     assert (told.level, told.text) == (Level.WARN, f"{tmp_path} cannot be looked into by this user")
     assert told.fix.startswith(f"sudo ls -l {tmp_path}")

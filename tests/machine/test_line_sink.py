@@ -176,10 +176,10 @@ def test_a_line_that_no_pipe_takes_whole_is_cut_and_the_last_word_is_waited_for(
     sink.write("ä" * PIPE_BUF)
     (line,) = ends.read()
     assert line == "ä" * ((PIPE_BUF - 4) // 2) + "…"
-    sink.write("x" * 3 * PIPE_BUF, patience_s=1.0)
+    sink.write("x" * 3 * PIPE_BUF, timeout_s=1.0)
     assert ends.read()[1:] == ["x" * 3 * PIPE_BUF]
     sink, _ = filled(ends)
-    sink.write("INFO the end", patience_s=0.01)
+    sink.write("INFO the end", timeout_s=0.01)
     assert sink.dropped == 2
     ends.close()
 

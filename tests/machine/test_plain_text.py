@@ -17,7 +17,7 @@ from test_cli import PARSERS
 from plant_emulator.cli import main as plant
 from positioner.cli import main as positioner
 from positioner.errors import ExitCode
-from positioner.machine.plain_text import in_other_words, speak_plainly
+from positioner.machine.plain_text import replace_unknown_characters, to_ascii
 
 ROOT = Path(__file__).resolve().parents[2]
 ASCII = {"LC_ALL": "C", "LANG": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii"}
@@ -83,11 +83,11 @@ def test_whatever_the_text_an_ascii_stream_takes_it(text: str) -> None:
     stream = io.TextIOWrapper(shown, encoding="ascii", errors="strict", write_through=True, newline="")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "stdout", stream)
-        speak_plainly()
+        replace_unknown_characters()
     stream.write(text)
-    assert shown.getvalue().decode("ascii") == in_other_words(text)
+    assert shown.getvalue().decode("ascii") == to_ascii(text)
 
 
 def test_letters_are_written_in_other_words_and_the_rest_is_a_question_mark() -> None:
-    assert in_other_words("±0.3 mm², α ≤ 5 → Γ…") == "+-0.3 mm^2, alpha <= 5 -> Gamma..."
-    assert in_other_words("日本") == "??"
+    assert to_ascii("±0.3 mm², α ≤ 5 → Γ…") == "+-0.3 mm^2, alpha <= 5 -> Gamma..."
+    assert to_ascii("日本") == "??"

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 ERRORS: list[tuple[BaseException, ExitCode, str]] = [
     (OSError(errno.EMFILE, "Too many open files"), ExitCode.SYSTEM, "the system refuses: OSError: [Errno 24] Too many"),
-    (MemoryError(), ExitCode.SYSTEM, "the system refuses: MemoryError: no more is known"),
+    (MemoryError(), ExitCode.SYSTEM, "the system refuses: MemoryError: without a text"),
     (
         ImportError("libopenblas.so:\n cannot allocate memory"),
         ExitCode.SYSTEM,
@@ -38,7 +38,7 @@ def _no_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(("error", "status", "told"), ERRORS)
-def test_a_command_that_fails_unforeseen_ends_in_one_line(
+def test_a_command_that_fails_unexpectedly_ends_in_one_line(
     error: BaseException, status: ExitCode, told: str, monkeypatch: pytest.MonkeyPatch, capsys: Output
 ) -> None:
     def fails() -> str:

@@ -1,4 +1,4 @@
-"""Where a valve's state is kept, and the systemd unit that runs it: told by the place of its configuration. Shell."""
+"""Where a valve's state is kept, and the systemd unit that runs it: both follow from the path of its file. Shell."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ SERVICE_STATES = Path("/var/lib/positioner")
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """The state directory of a valve, and its unit; None for a positioner that no unit of ours runs."""
+class Location:
+    """The state directory of a valve, and its unit; None for a positioner that no installed unit runs."""
 
     state: Path
     unit: str | None
 
 
-def place_of(configuration: Configuration, path: Path, state: Path | None = None) -> Place:
-    """Return where the valve of the configuration in `path` lives; `state` is a directory that was asked for.
+def location_of(configuration: Configuration, path: Path, state: Path | None = None) -> Location:
+    """Return the location of the valve of the configuration in `path`; `state` is a directory given by the user.
 
     The unit `positioner@NAME` reads `/etc/positioner/NAME.toml` and keeps its state in `/var/lib/positioner/NAME`,
     unless the file says otherwise.
@@ -33,4 +33,4 @@ def place_of(configuration: Configuration, path: Path, state: Path | None = None
     if state is None:
         served = is_of_unit and configuration.state.directory is None
         state = SERVICE_STATES / absolute.stem if served else configuration.state_directory
-    return Place(state.absolute(), unit)
+    return Location(state.absolute(), unit)

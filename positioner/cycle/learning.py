@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from positioner.cycle.events import Event, Learned
 from positioner.cycle.trust_events import NotBelieved
-from positioner.valve.credible import Limits, sift
+from positioner.valve.credible import Limits, credible_part
 
 if TYPE_CHECKING:
     from positioner.cycle.state import CycleState, Setup
@@ -18,7 +18,7 @@ def believe(setup: Setup, state: CycleState, events: list[Event]) -> CycleState:
     """Return the state with the credible part of its table, where that comes from outside; told once for each table."""
     if state.table is state.believed:
         return state
-    table, excluded = sift(_limits(setup), state.table)
+    table, excluded = credible_part(_limits(setup), state.table)
     if excluded:
         first = excluded[0]
         events.append(NotBelieved(first, *_range(setup, first, table.cell_width_m), len(excluded), taught=False))

@@ -1,1 +1,1 @@
-"""Control laws: one interface, one file a law, one registry. Pure."""
+"""Control laws: one interface, one file or folder for each law, one registry. Pure."""

@@ -1,4 +1,4 @@
-"""The bounds that a law was bound by in one cycle. Pure."""
+"""The bounds of a law's plan in one cycle. Pure."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """What the plan must respect: speed θ in m/s and current in mA, each between a lower and an upper limit."""
+    """Lower and upper limits of the speed θ in m/s and of the current in mA."""
 
     speed_low_m_per_s: float
     speed_high_m_per_s: float

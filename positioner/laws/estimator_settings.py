@@ -17,22 +17,22 @@ _NOISE_FLOOR_M = 1e-6
 
 
 class EstimationMethod(StrEnum):
-    """How position and speed come from the readings."""
+    """How a law computes position and speed from the readings."""
 
     KALMAN = "kalman"
     """The Kalman filter with stick logic (D11)."""
     RAW = "raw"
-    """Readings and their differences, as the paper has it; for readings without noise, or to see why not."""
+    """Readings and their differences, as in the paper; useful only for readings without noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EstimatorSettings(SettingsTable):
     """The `[estimator]` table of a configuration.
 
-    method: how the paper's law finds position and speed.
+    method: how the paper's law computes position and speed.
     noise_of_reading, noise_of_span: σ of the position sensor, as a fraction (0.02 = 2 %).
-    force_noise_n: σ of the force the model does not know, white per sample, while sliding.
-    slip_threshold_sigma: smoothed innovation, in its own σ, that ends a stick the model would keep.
+    force_noise_n: σ of a force that the model does not know, white per sample, while sliding.
+    slip_threshold_sigma: smoothed innovation, in its own σ, above which a stem that should stick must have slipped.
     slip_smoothing: weight of the newest innovation in that smoothing.
     """
 

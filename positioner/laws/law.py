@@ -1,7 +1,7 @@
 """The interface of every control law. Pure.
 
-A law is immutable; what it remembers from cycle to cycle is its memory, which the cycle carries for it. The cycle asks
-it two questions:
+A law is immutable. What it remembers from cycle to cycle is its memory, which the cycle carries for it. In each cycle
+the law answers two questions:
 
     estimate: where is the stem, how fast, does it stick, and what has this reading taught about the valve?
     decide:   which current next, within which bounds, and why?
@@ -27,14 +27,14 @@ M = TypeVar("M")
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """What a law sees in one cycle.
+    """The input of a law in one cycle.
 
     measured_m: the newest position reading.
     applied_ma: the current that acted on the plant since the reading before.
     elapsed_s: time between the two readings, a whole number of sample periods.
     setpoint_m: the wanted position, inside the travel.
     time_s: time since control began.
-    pressure_pa: the measured actuator pressure, where there is a sensor.
+    pressure_pa: the measured actuator pressure, None without a sensor.
     """
 
     measured_m: float
@@ -83,13 +83,13 @@ class Law(Protocol, Generic[M]):
 
     @property
     def name(self) -> str:
-        """The name the law is chosen by."""
+        """The name of the law in a configuration."""
 
     def begin(self, measured_m: float) -> M:
-        """Return the memory of a law that sees its first reading, with nothing of the past."""
+        """Return the memory of a law that starts at this reading, in m, and knows nothing of the past."""
 
     def estimate(self, memory: M, observation: Observation) -> tuple[M, Estimate]:
         """Return the memory with this cycle's reading in it, and the estimate."""
 
     def decide(self, memory: M, stem: StemState, observation: Observation, table: StictionTable) -> tuple[M, Decision]:
-        """Return the memory after the decision, and the decision. Never raises for a plan that does not exist."""
+        """Return the memory after the decision, and the decision; without a plan, the law's own fallback."""

@@ -1,4 +1,4 @@
-"""Every control law by name. A new law is one file and one entry here. Pure, but for the solver it is handed."""
+"""Every control law by name. A new law is one file and one entry here. Pure, but for the solvers that it makes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Ingredients:
-    """What a law is made of; `make_solver(variables, constraints)` returns a workspace of that size."""
+    """The settings of a law, and `make_solver(variables, constraints)`, which returns a workspace of that size."""
 
     control: ControlSettings
     valve: ValveParameters
@@ -83,18 +83,18 @@ def _pi(parts: Ingredients) -> PiLaw[None]:
 
 
 def _pi_deadband(parts: Ingredients) -> PiLaw[None]:
-    told = parts.control.pi_deadband
-    return PiLaw("pi-deadband", parts.valve, _controller(told.pid, parts), NoCompensator(), told.deadband_m)
+    settings = parts.control.pi_deadband
+    return PiLaw("pi-deadband", parts.valve, _controller(settings.pid, parts), NoCompensator(), settings.deadband_m)
 
 
 def _knocker(parts: Ingredients) -> PiLaw[KnockerMemory]:
-    told = parts.control.knocker
-    return PiLaw("knocker", parts.valve, _controller(told.pid, parts), Knocker(told))
+    settings = parts.control.knocker
+    return PiLaw("knocker", parts.valve, _controller(settings.pid, parts), Knocker(settings))
 
 
 def _constant_reinforcement(parts: Ingredients) -> PiLaw[float]:
-    told = parts.control.constant_reinforcement
-    return PiLaw("constant-reinforcement", parts.valve, _controller(told.pid, parts), Reinforcement(told))
+    settings = parts.control.constant_reinforcement
+    return PiLaw("constant-reinforcement", parts.valve, _controller(settings.pid, parts), Reinforcement(settings))
 
 
 def _two_move(name: str, parts: Ingredients, *, retries: bool) -> TwoMoveLaw:
@@ -134,4 +134,4 @@ LAWS: Mapping[str, tuple[str, Callable[[Ingredients], Law[Any]]]] = MappingProxy
         ),
     }
 )
-"""Name → what it is, and how it is made."""
+"""By name: a description, and the function that makes the law."""

@@ -22,16 +22,16 @@ from positioner.laws.tuned import tuned
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControlSettings(SettingsTable):
-    """What every law may be told.
+    """Settings of every law.
 
-    law: the control law, by name.
+    law: the name of the control law.
     sample_period_s: T_s, the period of the position frames.
-    table_from_s: time since control began from which the stiction table is used (paper §6.3); it always learns.
+    table_from_s: time since control began from which the stiction table is used (paper §6.3); the law always learns.
     table_cell_m: width of a cell of the stiction table.
     planner, bounds: the paper's controller (Table 5, eqs 21-26).
     nmpc: the law of that name.
-    pi ... two_move_retry: the laws of those names, packaged as `positioner tune` found them. Their parameters belong
-        together: a table replaces all of them.
+    pi ... two_move_retry: the laws of those names; the packaged values are results of `positioner tune`. The
+        parameters of one law belong together, so a table must give all of them.
     """
 
     law: str = "nmpc"

@@ -1,1 +1,1 @@
-"""What is believed of a valve: its parameters, its motion, its stiction table and what is credible of it. Pure."""
+"""The valve as the controller knows it: parameters, motion, stem state, stiction table, credible values. Pure."""

@@ -1,16 +1,16 @@
-"""What a stiction table may say of a valve: whatever physics excludes is neither learned nor believed. Pure.
+"""The credible range of each quantity in a stiction table; other values are neither learned nor used. Pure.
 
-A table outlives the run that taught it, is imported, restored and edited, and a single absurd value in it moves the
-stem by as much. So every sample is held against what a valve can do whose spring and friction lie within `least` and
-`most` of the configured ones, the range in which the filter of the law `nmpc` itself estimates them:
+A table outlives the run in which it was learned; it is imported, restored and edited. A single absurd value in it can
+move the stem by as much. So every sample is compared with what a valve can do whose spring and friction are between
+`least` and `most` times the configured ones, the range in which the filter of the law `nmpc` estimates them:
 
 Γ: the force that frees a stem at x lies between the spring and the least friction, and the spring and the most,
     B·Γ = k (K x + F_0) ± F with least ≤ k ≤ most and least·F_c ≤ F ≤ most·max(F_s, ratio_most·F_c) (eqs 25, 26).
 v_Ag: a stem is never faster than the largest net force F of the loop makes it, neither against viscous friction,
     v = F/F_v, nor over the whole travel without any, v = √(2 F (x_max - x_min)/m).
-Landing bias: the model that plans a stop knows every force but the rise of friction from F_c to F_s as the stem comes
-    to rest (eq. 4), and a force that it does not know shifts the place of rest by force/K: (F_s - F_c)/K, with the
-    most friction and the least spring. A valve without that rise is allowed 1 % of its span, for its sensor and play.
+Landing bias: the model that plans a stop has every force but the rise of friction from F_c to F_s as the stem comes to
+    rest (eq. 4). A missing force shifts the place of rest by force/K: (F_s - F_c)/K, with the most friction and the
+    least spring. A valve without that rise is allowed 1 % of its span, for its sensor and play.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What is credible of `valve`; least, most: of its spring and friction, as fractions; ratio_most: of F_s/F_c."""
+    """The range of credible valves; least, most: of spring and friction, as fractions; ratio_most: of F_s/F_c."""
 
     valve: ValveParameters
     least: float = 0.6
@@ -49,7 +49,7 @@ class Limits:
             return math.inf, -math.inf
         match quantity:
             case Quantity.BREAKAWAY_CURRENT:
-                return self._breakaway_ma(position_m - reach_m, position_m + reach_m, direction.sign)
+                return self._breakatravel_ma(position_m - reach_m, position_m + reach_m, direction.sign)
             case Quantity.STICK_SPEED:
                 return 0.0, self._fastest_m_per_s()
             case Quantity.LANDING_BIAS:
@@ -63,11 +63,11 @@ class Limits:
         return max(rise_n / (self.least * valve.spring_rate_n_per_m), _LANDING_OF_SPAN * valve.span_m)
 
     def allows(self, sample: LearnedSample, reach_m: float = 0.0) -> bool:
-        """Whether `sample`, taught within `reach_m` of its place, is credible."""
+        """Whether `sample`, learned within `reach_m` of its place, is credible."""
         low, high = self.range_of(sample.quantity, sample.position_m, sample.direction, reach_m)
         return low <= sample.value <= high
 
-    def _breakaway_ma(self, low_m: float, high_m: float, sign: float) -> tuple[float, float]:
+    def _breakatravel_ma(self, low_m: float, high_m: float, sign: float) -> tuple[float, float]:
         valve = self.valve
         springs_n = [
             share * (valve.spring_rate_n_per_m * place_m + valve.bench_set_n)
@@ -85,19 +85,20 @@ class Limits:
         opening_n = valve.force_gain_n_per_ma * VALUE_HIGH_MA - min(rate * valve.travel_min_m, 0.0)
         closing_n = rate * valve.travel_max_m + self.most * valve.bench_set_n - valve.force_gain_n_per_ma * VALUE_LOW_MA
         push_n = max(opening_n, closing_n)
-        way_m = valve.travel_max_m - valve.travel_min_m
+        travel_m = valve.travel_max_m - valve.travel_min_m
         against_m_per_s = push_n / (self.least * valve.viscous_friction_n_s_per_m)
-        return min(against_m_per_s, math.sqrt(2.0 * push_n * way_m / valve.mass_kg))
+        return min(against_m_per_s, math.sqrt(2.0 * push_n * travel_m / valve.mass_kg))
 
 
 _PLACE_OF_SPAN = 0.05
 _LANDING_OF_SPAN = 0.01
 
 
-def sift(limits: Limits, table: StictionTable) -> tuple[StictionTable, tuple[LearnedSample, ...]]:
-    """Return the table with its credible samples only, and those left out; the same table where none was.
+def credible_part(limits: Limits, table: StictionTable) -> tuple[StictionTable, tuple[LearnedSample, ...]]:
+    """Return the table with its credible samples only, and the excluded ones; the same table if there are none.
 
-    A cell that loses samples counts as many as it keeps, so that it has to earn belief anew.
+    The count of a cell that loses samples becomes the number of those that it keeps, so that a law that asks for a
+    least count waits for new ones.
     """
     cells, excluded = dict(table.cells), list[LearnedSample]()
     for key, cell in table:

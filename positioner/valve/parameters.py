@@ -28,7 +28,7 @@ class ValveParameters(SettingsTable):
     stribeck_velocity_m_per_s: V_s.
     stick_velocity_m_per_s: DV, below which the stem counts as resting.
     bench_set_n: spring force at position 0 (preload), 0 in the paper.
-    span_m: what errors in percent refer to; travel_min_m, travel_max_m: the hard stops.
+    span_m: 100 % of an error in percent; travel_min_m, travel_max_m: the hard stops.
     """
 
     id: str
@@ -47,7 +47,7 @@ class ValveParameters(SettingsTable):
     travel_max_m: Annotated[float, Interval(ge=1e-3, le=1.3)] = 0.1397
 
     def __post_init__(self) -> None:
-        """Refuse what no single limit can."""
+        """Refuse combinations that the limits of the single keys allow."""
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", self.id):
             raise ValueError(f"id '{self.id}' must be 1 to 64 letters, digits, dots, dashes or underscores")
         if self.coulomb_friction_n > self.static_friction_n:

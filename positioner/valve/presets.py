@@ -1,6 +1,6 @@
-"""Valves by name, for a `[valve]` table that names one with `preset`; any other gives its parameters itself. Pure.
+"""Valves by name, for a `[valve]` table with the key `preset`; a table without it gives all parameters itself. Pure.
 
-The numbers are what a controller believes of these valves; the plant emulator's presets of these names have the same.
+These are the controller's numbers; the plant emulator's presets of the same names have the same numbers.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ REQUIRED = (
     "span_m",
     "travel_max_m",
 )
-"""What a table without a preset must give; the rest has a usual value: no preload, and travel from 0."""
+"""The keys that a table without a preset must have; the others have usual values: no preload, and travel from 0."""
 
 PRESETS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
@@ -51,12 +51,12 @@ PRESETS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 
 
 def resolved(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a `[valve]` table with the values of the preset that it names below its own; `preset` itself is gone."""
+    """Return a `[valve]` table without `preset`, whose own values replace those of the preset that it names."""
     own = {key: value for key, value in table.items() if key != "preset"}
     preset = table.get("preset")
     return {**PRESETS[preset], **own} if isinstance(preset, str) and preset in PRESETS else own
 
 
 def missing(table: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the parameters that a `[valve]` table without a preset must give, and does not."""
+    """Return the parameters that a `[valve]` table lacks, if it names no preset."""
     return () if "preset" in table else tuple(key for key in REQUIRED if key not in table)

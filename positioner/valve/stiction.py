@@ -1,8 +1,8 @@
-"""The stiction table: what past sticks and slips taught, by position and direction (paper §5.1, Table 2).
+"""The stiction table: what the valve learned from sticks and slips, by position and direction (paper §5.1, Table 2).
 
 Pure and immutable: `record` returns a new table. A cell keeps the last ten samples of one quantity (D9: ten, as the
-paper's text says, not the three of its Table 2), how many it ever saw, and when it last saw one, counted in learned
-samples instead of seconds, so that an age survives a restart and a replay.
+paper's text says, not the three of its Table 2), the number of all its samples, and the time of the newest one. Time is
+counted in learned samples instead of seconds, so that an age survives a restart and a replay.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ SAMPLES_KEPT = 10
 MOST_CELLS = 4096
 """Cells a table holds: three quantities in both directions over 3.4 m of travel in cells of 5 mm."""
 FARTHEST_M = 10.0
-"""Distance from position 0 beyond which no stem is."""
+"""The largest distance of a stem from position 0 in m."""
 
 
 class Quantity(StrEnum):
-    """What a cell holds; the value is the name in files and dumps, its suffix the unit."""
+    """The quantity of a cell; the value is the name in files and dumps, its suffix the unit."""
 
     STICK_SPEED = "stick_speed_m_per_s"
     """Speed just before a stop, v_Ag when averaged; never negative."""
     BREAKAWAY_CURRENT = "breakaway_current_ma"
     """Current at the instant of a slip, Γ when averaged."""
     LANDING_BIAS = "landing_bias_m"
-    """Where a planned stop came to rest, minus where it was planned."""
+    """The place where a planned move stopped, minus the planned place."""
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -46,7 +46,7 @@ _LIMITS = {
     Quantity.BREAKAWAY_CURRENT: (-100.0, 100.0),
     Quantity.LANDING_BIAS: (-0.1, 0.1),
 }
-"""On any valve; what a certain valve can teach is much less."""
+"""For any valve; the credible range of one valve is much smaller."""
 
 
 class Direction(StrEnum):
@@ -77,7 +77,7 @@ class CellKey:
 
 @dataclass(frozen=True, slots=True)
 class LearnedSample:
-    """One thing that a stop or a slip taught: the quantity, where, in which direction, its value in its unit."""
+    """One lesson of a stop or a slip: the quantity, its value in its unit, the position and the direction."""
 
     quantity: Quantity
     position_m: float
@@ -120,7 +120,7 @@ class StictionTable:
         return math.floor(position_m / self.cell_width_m + 0.5)
 
     def record(self, quantity: Quantity, position_m: float, direction: Direction, value: float) -> StictionTable:
-        """Return the table with one more sample; one that no valve could teach, or a cell too many, changes nothing."""
+        """Return the table with one more sample; the same table for an impossible value or for a cell too many."""
         low, high = quantity.limits
         if not (low <= value <= high and abs(position_m) <= FARTHEST_M):
             return self

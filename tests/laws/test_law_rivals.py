@@ -283,7 +283,7 @@ def test_a_stem_that_rests_too_far_away_is_moved_again_by_what_was_learned() -> 
     readings = [(0.08, 0.087)] * 5 + [(0.086, 0.087)] * 40
     cycles = play(two_move(RETRY), readings)
     stages = [cycle.memory.stage for cycle in cycles]
-    assert stages[:15] == [Stage.APPROACH] * 5 + [Stage.HOLD] * 10
+    assert stages[:15] == [Stage.APPROACH] * 5 + [Stage.REST] * 10
     # 1.5 mm are less than the slip jump
     assert stages[15:25] == [Stage.BACK_OFF] * 5 + [Stage.APPROACH] * 5
     assert cycles[15].current_ma == pytest.approx(push_ma(0.086 - 0.012, -1.0))
@@ -314,7 +314,7 @@ def test_an_error_within_the_tolerance_is_left_and_the_judgement_is_of_the_avera
     # readings 2 mm off, to either side: their average is right, and what was read in the move is no part of it
     readings = [(0.08, 0.087)] * 6 + [(0.085, 0.087), (0.089, 0.087)] * 20
     cycles = play(two_move(RETRY), readings)
-    assert {cycle.memory.stage for cycle in cycles[5:]} == {Stage.HOLD}
+    assert {cycle.memory.stage for cycle in cycles[5:]} == {Stage.REST}
     assert cycles[45].memory.position_m == pytest.approx(0.087, abs=1e-4)
 
 

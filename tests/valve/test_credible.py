@@ -17,7 +17,7 @@ from plant_emulator.presets import preset_names
 from positioner.cycle.events import Learned
 from positioner.cycle.trust_events import NotBelieved
 from positioner.laws.registry import LAWS
-from positioner.valve.credible import Limits, sift
+from positioner.valve.credible import Limits, credible_part
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.stiction import Cell, CellKey, Direction, LearnedSample, Quantity, StictionTable
 
@@ -95,9 +95,9 @@ def test_a_table_keeps_what_is_credible_of_it() -> None:
     good = StictionTable(WIDTH_M)
     for value in (1e-4, 2e-4, 3e-4):
         good = good.record(BIAS, 0.08, Direction.OPENING, value)
-    assert sift(LIMITS, good)[0] is good
+    assert credible_part(LIMITS, good)[0] is good
     mixed = good.record(BIAS, 0.08, Direction.OPENING, 0.09).record(GAMMA, 0.075, Direction.CLOSING, 99.0)
-    table, excluded = sift(LIMITS, mixed)
+    table, excluded = credible_part(LIMITS, mixed)
     assert [(each.quantity, each.value) for each in excluded] == [(GAMMA, 99.0), (BIAS, 0.09)]
     assert dict(table.cells) == {CellKey(BIAS, 16, Direction.OPENING): Cell((1e-4, 2e-4, 3e-4), 3, 4)}
     assert table.sequence == mixed.sequence

@@ -8,7 +8,7 @@ a plain average of the position; the covariance at the beginning of the rest say
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -96,7 +96,7 @@ class AdaptiveFilter:
     def at_rest(self, x: float, variance_m2: float, load: Load, sigmas: Load) -> Resting:
         """Return the estimate of a stem that rests at x, with the load and its standard deviations."""
         covariance = np.diag([variance_m2, 0.0, *(sigma * sigma for sigma in sigmas)])
-        return self.rest(Sliding(x, 0.0, self._limited(load), covariance, 1.0, True))
+        return self.rest(Sliding(x, 0.0, self._limited(load), covariance, direction=1.0, stopped=True))
 
     def prior_sigmas(self) -> Load:
         """Return the standard deviations of the load before anything was learned."""
@@ -126,7 +126,7 @@ class AdaptiveFilter:
             covariance[SPEED, SPEED] += (self.settings.force_noise_n / self.model.mass_kg * duration_s) ** 2
         wander_n = self.settings.friction_per_m * self.nominal.friction_n
         covariance[FRICTION, FRICTION] += wander_n * wander_n * abs(end.x - state.x)
-        return Sliding(end.x, end.v, state.load, covariance, s, end.stopped)
+        return replace(state, x=end.x, v=end.v, covariance=covariance, stopped=end.stopped)
 
     def correct(self, state: Sliding, measured_m: float, variance_m2: float) -> Sliding:
         """Return the estimate after a reading with `variance_m2`; friction stops the stem before its speed turns."""
@@ -137,7 +137,9 @@ class AdaptiveFilter:
         load = self._limited(Load(*(old + new for old, new in zip(state.load, change, strict=True))))
         v = state.v + dv
         stopped = state.stopped or (state.v != 0.0 and v * state.direction <= 0.0)
-        return Sliding(state.x + dx, 0.0 if stopped else v, load, covariance, state.direction, stopped)
+        return replace(
+            state, x=state.x + dx, v=0.0 if stopped else v, load=load, covariance=covariance, stopped=stopped
+        )
 
     def rest(self, state: Sliding) -> Resting:
         """Return the estimate of a stem that has come to rest; its position is a little less certain."""
@@ -145,7 +147,7 @@ class AdaptiveFilter:
         covariance[SPEED, :] = covariance[:, SPEED] = 0.0
         covariance[POSITION, POSITION] += max(self.settings.landing_noise_m, _SHARPEST_M) ** 2
         x_x, _, *others = covariance[POSITION].tolist()
-        anchor = Sliding(state.x, 0.0, state.load, covariance, state.direction, True)
+        anchor = replace(state, v=0.0, covariance=covariance, stopped=True)
         return Resting(state.x, x_x, anchor, Load(*(each / x_x for each in others)))
 
     def _limited(self, load: Load) -> Load:
@@ -167,4 +169,4 @@ def average(rest: Resting, measured_m: float, variance_m2: float) -> Resting:
     """Return the estimate after one more reading of a resting stem."""
     gain = rest.variance_m2 / (rest.variance_m2 + variance_m2)
     x = rest.x + gain * (measured_m - rest.x)
-    return Resting(x, (1.0 - gain) * rest.variance_m2, rest.anchor, rest.slopes)
+    return replace(rest, x=x, variance_m2=(1.0 - gain) * rest.variance_m2)

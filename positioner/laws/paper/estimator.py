@@ -1,11 +1,11 @@
 """Position and speed of the stem from noisy positions: a Kalman filter with stick logic, or nothing at all. Pure.
 
-While the stem slides, the model is the closed form of `valve.motion`, which stops the stem inside a sample when its
-speed runs out. While it sticks, speed and its variance are zero and nothing drives the covariance: the filter becomes
-a plain average. It leaves the stick when the model says the spring loses to the current, or when the innovations say
-that the stem has left without the model's consent.
+While the stem slides, the model is the closed form of `valve.motion`, in which friction can stop the stem inside a
+sample. While the stem sticks, the speed and its variance are zero, and the filter is a plain average. The stick ends
+when the model says that the current overcomes spring and friction, or when the innovations say that the stem has
+slipped although the model says that it sticks.
 
-The method "raw" is the paper read literally: each reading is the position, and its difference quotient the speed.
+The method "raw" takes the paper literally: each reading is the position, and its difference quotient the speed.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 _SPEED_AT_SURPRISE_M_PER_S = 0.3
-"""σ of the speed after a slip that the model did not foresee: the peak speed of the natural slip jump."""
+"""σ of the speed after a slip that the model has not foreseen: the peak speed of the natural slip jump."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ def _predict(
     if resting and _holds(valve, end.x, applied_ma):
         return _stuck(end.x, direction, p_xx)
     if end.stopped:
-        # the stem only turns round here: it has no speed, and is not stuck
+        # the stem turns round here: it has no speed, but is not stuck
         return FilteredStem(end.x, 0.0, stuck=False, direction=-direction, p_xx=p_xx, p_vv=p_vv)
     kick = settings.force_noise_n / valve.mass_kg * period_s
     p_vv += kick * kick
@@ -125,7 +125,7 @@ def _correct(
         drift = state.drift + weight * (innovation / math.sqrt(variance) - state.drift)
         if abs(drift) <= settings.slip_threshold_sigma * math.sqrt(weight / (2.0 - weight)):
             return _stuck(position, state.direction, p_xx, drift)
-        # the stem has left without the model's consent: believe the reading, keep the speed open
+        # the stem has slipped, and the model has not foreseen it: take the reading, and any speed is possible
         direction, p_vv = math.copysign(1.0, drift), _SPEED_AT_SURPRISE_M_PER_S**2
         return FilteredStem(measured_m, 0.0, stuck=False, direction=direction, p_xx=sigma * sigma, p_vv=p_vv)
     velocity = state.velocity_m_per_s + gain_v * innovation

@@ -35,7 +35,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class PaperMemory:
-    """What the law carries: the estimate, the plan shifted by one (H_u,), and what became of its breakaways."""
+    """What the law carries: the estimate, the plan shifted by one (H_u,), and its failed pushes.
+
+    released: whether the last decision was a push to free the stem.
+    """
 
     stem: FilteredStem
     inputs_ma: NDArray[np.float64]
@@ -47,7 +50,7 @@ class PaperMemory:
 class PaperLaw:
     """The paper's controller; `use_table` False is its plain NMPC.
 
-    `table_from_s`: time from which what is learned is used (paper §6.3: 3 s); learning never waits.
+    `table_from_s`: time from which the table is used (paper §6.3: 3 s); the law learns from the beginning.
     """
 
     name: str

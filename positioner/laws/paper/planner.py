@@ -91,7 +91,7 @@ def plan(
 
 @dataclass(frozen=True, slots=True)
 class Condensed:
-    """What no pass and no cycle changes: with the friction as an affine term, A and B of eq. 30 are constant (D5).
+    """The constant part of the programme: with the friction as an affine term, A and B of eq. 30 are constant (D5).
 
     P (H_u, H_u) and gradient (H_u, H_p): the cost is
     ½ z'Pz - z' gradient (r - free position). rows (H_u + H_p, H_u): the inputs, then the speeds in mA per mA.

@@ -1,1 +1,1 @@
-"""What others have published against stiction, to compare with. Pure."""
+"""Published laws against stiction, for comparison. Pure."""

@@ -2,14 +2,14 @@
 
     u = u_c + a sign(u_c(t_p) - u_c(t_p - h_k))   for t_p <= t < t_p + τ,   u = u_c   until the next pulse at t_p + h_k
 
-The pulses push where the controller has been going since the last one. No pulse begins while the error is inside the
-off-band: a stem that is where it should be is left in peace.
+A pulse has the direction in which the controller's output has changed since the last pulse. No pulse begins while the
+error is inside the off-band, so that a stem close to its setpoint is not disturbed.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from annotated_types import Interval
@@ -18,7 +18,7 @@ from positioner.inputs.table import SettingsTable
 from positioner.laws.rivals.pid import PidSettings  # noqa: TC001 - pydantic reads this hint at run time
 
 _INSTANT_S = 1e-9
-"""Sample periods, added up, miss the end of a pulse by a rounding error."""
+"""Rounding of a sum of periods."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +36,7 @@ class KnockerSettings(SettingsTable):
     off_band_m: Annotated[float, Interval(ge=0.0, le=0.1)]
 
     def __post_init__(self) -> None:
-        """Refuse what no single limit can."""
+        """Refuse a pulse that is longer than its period."""
         if self.pulse_width_s > self.pulse_period_s:
             raise ValueError("pulse_width_s must not exceed pulse_period_s: pulses would overlap")
 
@@ -57,7 +57,7 @@ class Knocker:
     settings: KnockerSettings
 
     def begin(self, output_ma: float) -> KnockerMemory:
-        """Return the memory in which the first pulse comes after one period, when there is a direction to push in."""
+        """Return the memory of the start: the first pulse comes after one period, if the output has changed by then."""
         return KnockerMemory(0.0, 0.0, output_ma)
 
     def add(
@@ -68,9 +68,9 @@ class Knocker:
         age_s = memory.age_s + elapsed_s
         if age_s < pulses.pulse_period_s - _INSTANT_S:
             ends = age_s >= pulses.pulse_width_s - _INSTANT_S
-            memory = KnockerMemory(0.0 if ends else memory.pulse_ma, age_s, memory.output_ma)
+            memory = replace(memory, pulse_ma=0.0 if ends else memory.pulse_ma, age_s=age_s)
             return memory, memory.pulse_ma
         change_ma = output_ma - memory.output_ma
         knocks = change_ma != 0.0 and abs(error_m) >= pulses.off_band_m
         pulse_ma = math.copysign(pulses.pulse_amplitude_ma, change_ma) if knocks else 0.0
-        return KnockerMemory(pulse_ma, 0.0, output_ma), pulse_ma
+        return KnockerMemory(pulse_ma=pulse_ma, age_s=0.0, output_ma=output_ma), pulse_ma

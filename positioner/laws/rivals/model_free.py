@@ -1,4 +1,4 @@
-"""What a law without a model knows of the stem: a filtered position, its rate of change, and nothing else. Pure."""
+"""The stem of a law without a model: a filtered position and its rate of change. Pure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The law `pi`, alone or with what practice adds to it against stiction. Pure.
+"""The law `pi`, alone or with a compensator against stiction. Pure.
 
 `pi-deadband` freezes the current while the error is inside a dead band, so that the integral does not hunt; the laws
 `knocker` and `constant-reinforcement` add a current that is to free the stem, see their compensators.
@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Generic, Protocol, TypeVar
 
 from annotated_types import Interval
@@ -38,7 +38,7 @@ class PiDeadbandSettings(SettingsTable):
 
 
 class Compensator(Protocol[C]):
-    """What is added to the controller's output; it remembers a C."""
+    """Adds a current to the controller's output; its memory is a C."""
 
     def begin(self, output_ma: float) -> C:
         """Return the memory before the first cycle, the controller's output being `output_ma`."""
@@ -55,7 +55,7 @@ class NoCompensator:
         """Return nothing to remember."""
 
     def add(self, memory: None, output_ma: float, error_m: float, elapsed_s: float) -> tuple[None, float]:  # noqa: ARG002 - the interface's
-        """Return no current."""
+        """Return no memory and no current."""
         return None, 0.0
 
 
@@ -70,7 +70,7 @@ class PiMemory(Generic[C]):
 
 @dataclass(frozen=True, slots=True)
 class PiLaw(Generic[C]):
-    """The law; without a dead band it is 0."""
+    """The law; `deadband_m` is 0 for a law without a dead band."""
 
     name: str
     valve: ValveParameters
@@ -86,7 +86,7 @@ class PiLaw(Generic[C]):
     def estimate(self, memory: PiMemory[C], observation: Observation) -> tuple[PiMemory[C], Estimate]:
         """Return the memory with the reading in the filter, and the filtered position."""
         pid = self.controller.see(memory.pid, observation.measured_m, observation.elapsed_s)
-        return PiMemory(pid, memory.compensator, memory.current_ma), report(pid.position_m, pid.speed_m_per_s)
+        return replace(memory, pid=pid), report(pid.position_m, pid.speed_m_per_s)
 
     def decide(
         self, memory: PiMemory[C], stem: StemState, observation: Observation, table: StictionTable

@@ -7,7 +7,7 @@ y_f is the reading behind a first-order filter. The derivative acts on the posit
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from annotated_types import Interval
@@ -55,7 +55,7 @@ class PidController:
         """Return the memory with the reading in its filter."""
         position_m = smooth(memory.position_m, measured_m, self.settings.filter_time_constant_s, elapsed_s)
         speed_m_per_s = (position_m - memory.position_m) / elapsed_s
-        return PidMemory(position_m, speed_m_per_s, memory.integral_ma)
+        return replace(memory, position_m=position_m, speed_m_per_s=speed_m_per_s)
 
     def output(self, memory: PidMemory, setpoint_m: float, elapsed_s: float) -> tuple[PidMemory, float]:
         """Return the memory, integrated over `elapsed_s`, and u_c in mA; u_c is not limited."""
@@ -70,4 +70,4 @@ class PidController:
         if saturates:
             return memory, output_ma
         integral_ma = memory.integral_ma + gains.integral_gain_ma_per_m_s * error_m * elapsed_s
-        return PidMemory(memory.position_m, memory.speed_m_per_s, integral_ma), output_ma
+        return replace(memory, integral_ma=integral_ma), output_ma

@@ -2,7 +2,7 @@
 
     u = u_c + a sign(Δu_c),   Δu_c the change of the controller's output since the last sample
 
-Unlike the knocker's pulses it acts all the time; inside the off-band it rests.
+Unlike the knocker's pulses it acts all the time, except inside the off-band.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class ReinforcementSettings(SettingsTable):
 
 @dataclass(frozen=True, slots=True)
 class Reinforcement:
-    """The compensator; what it remembers is the controller's last output in mA."""
+    """The compensator; its memory is the controller's last output in mA."""
 
     settings: ReinforcementSettings
 

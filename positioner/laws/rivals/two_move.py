@@ -4,8 +4,9 @@
     2  u =  K r / B                  the middle of the stick band: the stem stays where the first move left it
 
 s is the direction of the move. Where r is closer than the slip jump (F_s - F_c) / K the first move cannot free the
-stem, and one more comes before: away from r, as far as it takes. In open loop b is 0 and the parameters must be exact;
-with retries, which are ours, where the stem came to rest corrects b, for each direction, and the moves are made again.
+stem, so that the law first moves the stem away from r. In open loop b is 0, and the parameters must be exact. The
+retries are not in the paper: the place where the stem comes to rest corrects b, for each direction, and the law makes
+the moves again.
 """
 
 from __future__ import annotations
@@ -30,9 +31,9 @@ if TYPE_CHECKING:
     from positioner.valve.stiction import StictionTable
 
 _REACH = 1.15
-"""Times the slip jump: from this distance on a move is sure to free the stem."""
+"""A move over this many slip jumps certainly frees the stem."""
 _INSTANT_S = 1e-9
-"""Sample periods, added up, miss the end of a move by a rounding error."""
+"""Rounding of a sum of periods."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +41,7 @@ class TwoMoveSettings(SettingsTable):
     """The `[control.two_move]` table.
 
     move_s: how long a move takes.
-    back_off_m: how far the stem is taken away where the setpoint is too close; more than 1.15 slip jumps.
+    back_off_m: how far the stem is moved away from a setpoint that is too close; more than 1.15 slip jumps.
     """
 
     move_s: Annotated[float, Interval(gt=0.0, le=60.0)]
@@ -49,12 +50,12 @@ class TwoMoveSettings(SettingsTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwoMoveRetrySettings(SettingsTable):
-    """The `[control.two_move_retry]` table: the moves, and when they are made again.
+    """The `[control.two_move_retry]` table: the moves, and the conditions of a retry.
 
-    averaging_s: how long readings are averaged after a move before it is judged.
+    averaging_s: how long readings are averaged after a move before the law looks at the error.
     tolerance_m: error that is left as it is.
-    most_retries: for one setpoint.
-    learning_gain: share of the error that corrects b.
+    most_retries: the largest number of retries for one setpoint.
+    learning_gain: the part of the error that is added to b.
     """
 
     moves: TwoMoveSettings
@@ -67,7 +68,7 @@ class TwoMoveRetrySettings(SettingsTable):
 class Stage(Enum):
     """What the stem is doing."""
 
-    HOLD = "hold"
+    REST = "rest"
     BACK_OFF = "back off"
     APPROACH = "approach"
 
@@ -76,15 +77,15 @@ class Stage(Enum):
 class TwoMoveMemory:
     """What the law carries.
 
-    setpoint_m: the setpoint pursued; retries: moves made again for it.
-    since_s: age of the stage. away_m: where a back-off goes. direction: ±1, of the approach, 0 before the first.
-    position_m, readings: the average of the readings since the stem is held, and of how many.
-    opening_bias_m, closing_bias_m: b for either direction.
+    setpoint_m: the setpoint that the law pursues; retries: how often it made the moves to it again.
+    since_s: age of the stage. away_m: the end of a back-off. direction: ±1, of the approach, 0 before the first.
+    position_m, readings: average and number of the readings since the stem rests.
+    opening_bias_m, closing_bias_m: b for each direction.
     """
 
     setpoint_m: float
     position_m: float
-    stage: Stage = Stage.HOLD
+    stage: Stage = Stage.REST
     since_s: float = 0.0
     away_m: float = 0.0
     direction: float = 0.0
@@ -100,7 +101,7 @@ class TwoMoveMemory:
 
 @dataclass(frozen=True, slots=True)
 class TwoMoveLaw:
-    """The law; `retry` None is open loop."""
+    """The law; open loop if `retry` is None."""
 
     name: str
     valve: ValveParameters
@@ -110,12 +111,12 @@ class TwoMoveLaw:
     current_high_ma: float
 
     def begin(self, measured_m: float) -> TwoMoveMemory:
-        """Return the memory of a stem that is held where it was measured."""
+        """Return the memory of a stem that rests where it was measured."""
         return TwoMoveMemory(min(max(measured_m, self.valve.travel_min_m), self.valve.travel_max_m), measured_m)
 
     def estimate(self, memory: TwoMoveMemory, observation: Observation) -> tuple[TwoMoveMemory, Estimate]:
-        """Return the memory and the position: the average while the stem is held, else the reading."""
-        readings = memory.readings + 1 if memory.stage is Stage.HOLD else 1
+        """Return the memory and the position: the average while the stem rests, else the reading."""
+        readings = memory.readings + 1 if memory.stage is Stage.REST else 1
         position_m = memory.position_m + (observation.measured_m - memory.position_m) / readings
         since_s = memory.since_s + observation.elapsed_s
         memory = replace(memory, position_m=position_m, readings=readings, since_s=since_s)
@@ -129,14 +130,14 @@ class TwoMoveLaw:
         setpoint_m = observation.setpoint_m
         if setpoint_m != memory.setpoint_m:
             memory = self._start(replace(memory, setpoint_m=setpoint_m, retries=0), stem.position_m)
-        elif memory.stage is not Stage.HOLD and memory.since_s >= self.moves.move_s - _INSTANT_S:
-            after = Stage.APPROACH if memory.stage is Stage.BACK_OFF else Stage.HOLD
+        elif memory.stage is not Stage.REST and memory.since_s >= self.moves.move_s - _INSTANT_S:
+            after = Stage.APPROACH if memory.stage is Stage.BACK_OFF else Stage.REST
             memory = replace(memory, stage=after, since_s=0.0, readings=0)
         elif self.retry is not None and self._is_worth_a_retry(self.retry, memory, setpoint_m - stem.position_m):
             memory = self._start(_corrected(self.retry, memory, setpoint_m - stem.position_m), stem.position_m)
         current_ma = min(max(self._current_ma(memory), self.current_low_ma), self.current_high_ma)
         bounds = Bounds(-math.inf, math.inf, self.current_low_ma, self.current_high_ma)
-        return memory, Decision(current_ma, bounds, Motion.REST if memory.stage is Stage.HOLD else Motion.MOVE)
+        return memory, Decision(current_ma, bounds, Motion.REST if memory.stage is Stage.REST else Motion.MOVE)
 
     def _start(self, memory: TwoMoveMemory, position_m: float) -> TwoMoveMemory:
         """Return the memory at the beginning of the moves to its setpoint."""
@@ -149,7 +150,7 @@ class TwoMoveLaw:
 
     def _is_worth_a_retry(self, retry: TwoMoveRetrySettings, memory: TwoMoveMemory, error_m: float) -> bool:
         return (
-            memory.stage is Stage.HOLD
+            memory.stage is Stage.REST
             and memory.direction != 0.0
             and memory.retries < retry.most_retries
             and memory.since_s >= retry.averaging_s - _INSTANT_S
@@ -166,7 +167,7 @@ class TwoMoveLaw:
             case Stage.APPROACH:
                 target_m = memory.setpoint_m + memory.bias_m(memory.direction)
                 return self.valve.balance_current_ma(target_m) + friction_ma
-            case Stage.HOLD:
+            case Stage.REST:
                 return self.valve.balance_current_ma(memory.setpoint_m)
 
 

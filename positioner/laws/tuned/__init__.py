@@ -1,6 +1,6 @@
-"""Packaged parameters of the laws that have to be tuned: one file a law, written by `positioner tune`. Pure.
+"""Packaged parameters of the laws that need tuning: one file for each law, written by `positioner tune`. Pure.
 
-Each file is a whole configuration, with a comment that says how its `[control.<law>]` table was found.
+Each file is a whole configuration; its comment says how `positioner tune` found the `[control.<law>]` table.
 """
 
 from __future__ import annotations

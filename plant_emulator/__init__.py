@@ -1,5 +1,5 @@
 """A sticking control valve on a CAN bus: Karnopp friction, simulated event by event.
 
-The emulator shares the wire and the plumbing (bus port, settings reader, errors) with the positioner, and no line of
-physics: a plant that copied its controller's model would hide that model's errors.
+The emulator shares messages, bus port and settings reader with the positioner, but no line of physics: a plant that
+copied the model of its controller would hide the errors of that model.
 """

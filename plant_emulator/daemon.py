@@ -33,9 +33,11 @@ _NS = 1_000_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EmulatorOptions:
-    """How the emulator runs: its bus, its period, its noise, and who sets the pace.
+    """How the emulator runs.
 
-    setpoint_every: in lockstep, samples between two setpoint frames that are waited for; 0 waits for none.
+    seed: of the noise and of the stochastic friction.
+    lockstep: wait for the command before the next period; otherwise the clock sets the pace.
+    setpoint_every: in lockstep, also wait for a setpoint frame every so many samples; 0 for never.
     """
 
     bus: BusAddress
@@ -56,10 +58,10 @@ class EmulatorDaemon:
         self._stopping = False
         identifiers = [codec.identifier(kind) for kind in (CurrentCommand, Setpoint)]
         self._log = LineSink.of(sys.stderr)
-        self._bus = BusPort(options.bus, identifiers, lambda event: self._say(str(event)))
+        self._bus = BusPort(options.bus, identifiers, lambda event: self._report(str(event)))
         self._notifier = Notifier()
         self._state = initial_device(settings, options.seed)
-        self._told = ""
+        self._failure = ""
 
     def run(self) -> ExitCode:
         """Run until SIGTERM or SIGINT.
@@ -83,7 +85,7 @@ class EmulatorDaemon:
         return ExitCode.OK
 
     def _run_lockstep(self) -> None:
-        """Advance one period when the host and the positioner have said what belongs to it."""
+        """Advance one period as soon as the setpoint and the command that belong to it have come."""
         every = self._options.setpoint_every
         while not self._stopping:
             sample = self._state.position_counter
@@ -94,29 +96,29 @@ class EmulatorDaemon:
             if not self._stopping:
                 self._advance(self._options.period_s)
 
-    def _await(self, arrived: Callable[[DeviceState], bool], what: str) -> None:
+    def _await(self, arrived: Callable[[DeviceState], bool], frame_name: str) -> None:
         deadline_s = time.monotonic() + _STALL_S
         while not arrived(self._state) and not self._stopping:
             frames = self._bus.receive(_WAIT_S)
             self._state = take(self._codec, self._state, frames)
             if not frames and time.monotonic() > deadline_s:
                 sample = self._state.position_counter
-                told = f"lockstep stands still at sample {sample}: no {what} within {_STALL_S:g} s"
-                raise BenchError(f"{told}; is the positioner armed (guard.auto_arm), in lockstep, and on this bus?")
+                text = f"lockstep waits at sample {sample}: no {frame_name} within {_STALL_S:g} s"
+                raise BenchError(f"{text}; is the positioner armed (guard.auto_arm), in lockstep, and on this bus?")
 
     def _run_real_time(self) -> None:
-        """Publish once a period whatever comes back; a command counts from the instant it arrives."""
+        """Publish every period, with or without commands; a command acts from the instant at which it arrives."""
         period_ns = round(self._options.period_s * _NS)
         start_ns = time.monotonic_ns()
         sample = 0
         while not self._stopping:
             self._publish()
             sample += 1
-            self._live_until(start_ns, start_ns + sample * period_ns)
+            self._advance_until(start_ns, start_ns + sample * period_ns)
 
-    def _live_until(self, start_ns: int, end_ns: int) -> None:
-        while not self._stopping and (left_ns := end_ns - time.monotonic_ns()) > 0:
-            for frame in self._bus.receive(left_ns / _NS):
+    def _advance_until(self, start_ns: int, end_ns: int) -> None:
+        while not self._stopping and (remaining_ns := end_ns - time.monotonic_ns()) > 0:
+            for frame in self._bus.receive(remaining_ns / _NS):
                 self._advance_to(min(frame.received_ns, end_ns) - start_ns)
                 self._state = take(self._codec, self._state, (frame,))
         self._advance_to(end_ns - start_ns)
@@ -127,13 +129,13 @@ class EmulatorDaemon:
             self._advance(duration_s)
 
     def _advance(self, duration_s: float) -> None:
-        """Let the valve live on, and say so when it begins or ceases to fail safe by itself."""
+        """Advance the valve, and report when it goes to its fail position and when it obeys again."""
         self._state = advance(self._settings, self._state, duration_s)
-        told = failure(self._settings, self._state)
-        if told != self._told:
-            self._told = told
-            line = told or "a valid command: the valve obeys again"
-            self._say(line)
+        text = failure(self._settings, self._state)
+        if text != self._failure:
+            self._failure = text
+            line = text or "a valid command: the valve obeys again"
+            self._report(line)
             self._notifier.send(STATUS=line)
 
     def _publish(self) -> None:
@@ -141,7 +143,7 @@ class EmulatorDaemon:
         for frame in frames:
             self._bus.send(frame)
 
-    def _say(self, line: str) -> None:
+    def _report(self, line: str) -> None:
         self._log.write(f"plant-emulator: {line}")
 
     def _stop(self, number: int, frame: FrameType | None) -> None:

@@ -1,9 +1,9 @@
 """The valve as a node on the bus: frames in, frames out. Pure.
 
-It takes over every valid command, reports the measured and the true position, and does by itself what a real actuator
-does when commands stay away or say that their sender has failed: after `deadman_s` without one, or at once under a
-current that is a failure signal (NAMUR NE 43), it goes to its fail position. The next valid command ends it. While no
-command acts, before the first one too, its readings say so.
+The node accepts every valid command, and reports the measured and the true position. Like a real actuator it goes to
+its fail position by itself: after `deadman_s` without a command, or at once on a current that is a failure signal
+(NAMUR NE 43). The next valid command ends this. As long as no command acts, also before the first one, the quality of
+its readings is FAIL_POSITION.
 """
 
 from __future__ import annotations
@@ -43,11 +43,12 @@ class DeviceState:
     """The node's state.
 
     current_ma: the last command that is a value; None until the first one, while the actuator holds its pressure.
+    commanded_s: plant time of the last command.
     signal_failed: the command in force is a failure signal.
     failed: the valve is on its way to its fail position, or there.
     position_counter: the counter of the next position frame.
     answered: the counter of the position frame that the command in force answers.
-    setpoints: how many fresh setpoint frames were seen.
+    setpoints: number of fresh setpoint frames received.
     """
 
     plant: PlantState
@@ -74,7 +75,7 @@ def initial_device(settings: PlantSettings, seed: int) -> DeviceState:
 
 
 def take(codec: Codec, state: DeviceState, frames: tuple[CanFrame, ...]) -> DeviceState:
-    """Return the state after `frames`; whatever is damaged, repeated or not for an actuator is passed over."""
+    """Return the state after `frames`; frames that are damaged, repeated or not for an actuator are ignored."""
     for frame in frames:
         try:
             message, counter = codec.decode(frame)
@@ -108,7 +109,7 @@ def _take_command(state: DeviceState, message: CurrentCommand, counter: int | No
 
 
 def advance(settings: PlantSettings, state: DeviceState, duration_s: float) -> DeviceState:
-    """Return the state `duration_s` later, under the command in force or, when that is too old, failed safe."""
+    """Return the state `duration_s` later: under the command in force, or in the fail position once it is too old."""
     plant = state.plant
     held_ma = state.current_ma
     if held_ma is None:
@@ -139,7 +140,7 @@ def _fail_current_ma(settings: PlantSettings, last_ma: float) -> float:
 
 
 def failure(settings: PlantSettings, state: DeviceState) -> str:
-    """Return in words why the valve is in its fail position and which one that is, empty when it is not."""
+    """Return why the valve is in its fail position, and which one that is; empty when it is not."""
     if not state.failed:
         return ""
     why = (
@@ -150,7 +151,7 @@ def failure(settings: PlantSettings, state: DeviceState) -> str:
 
 
 def publish(codec: Codec, settings: PlantSettings, state: DeviceState) -> tuple[DeviceState, tuple[CanFrame, ...]]:
-    """Return the state and the frames of this sample: the truth for benches, then the reading for the positioner."""
+    """Return the state and the frames of this sample: the true position for benches, then the reading."""
     plant, measured_m = valve.measure(settings, state.plant)
     speed = min(max(plant.stem.velocity_m_per_s, -_SPEED_LIMIT_M_PER_S), _SPEED_LIMIT_M_PER_S)
     true_m = min(max(plant.stem.position_m, _TRUTH_RANGE_M[0]), _TRUTH_RANGE_M[1])

@@ -1,6 +1,6 @@
 """Random numbers without a state: the n-th draw of a stream follows from the seed alone. Pure.
 
-So a plant state can be kept, compared and resumed, and sensor noise does not change when the friction draws more.
+A plant state can therefore be kept, compared and resumed, and the sensor noise does not depend on the friction draws.
 """
 
 from __future__ import annotations

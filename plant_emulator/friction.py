@@ -1,6 +1,6 @@
-"""Karnopp's friction (paper eqs 3-5), and how it varies from place to place and from stop to stop. Pure.
+"""Dry friction (paper eqs 3-5), and how it varies with the position and from stop to stop. Pure.
 
-Deviation from the paper: its eq. 4 has e^(+(v/V_s)²), which grows without bound; Stribeck's curve falls, e^(-(v/V_s)²).
+Deviation from the paper: its eq. 4 has e^(+(v/V_s)²), which grows without bound. Stribeck's curve is e^(-(v/V_s)²).
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ CELL_WIDTH_M = 0.00025
 """Friction is constant inside a cell, so that the motion there keeps its closed form."""
 
 _WAVELENGTHS_M = (0.011, 0.0037)
-"""Of the two waves of the friction field; incommensurable, so that no two strokes are alike."""
+"""Of the two waves of the friction field; their ratio is such that no two strokes are alike."""
 
 
 @dataclass(frozen=True, slots=True)
 class Packing:
-    """Dry friction where the stem is now: F_s and F_c, the cell of the field, and the draws behind them."""
+    """Dry friction at the present position: F_s and F_c, the cell of the field, and the random numbers behind them."""
 
     static_n: float
     coulomb_n: float
@@ -46,12 +46,12 @@ def initial_packing(settings: PlantSettings, seed: int) -> Packing:
 
 
 def after_crossing(settings: PlantSettings, packing: Packing, direction: int) -> Packing:
-    """Return the friction behind the next cell border in `direction`, +1 or -1."""
+    """Return the friction in the next cell in `direction`, +1 or -1."""
     return _packed(settings, replace(packing, cell=packing.cell + direction))
 
 
 def after_stop(settings: PlantSettings, packing: Packing, stops: int) -> Packing:
-    """Return the friction after the stop number `stops`, whose random half is drawn anew."""
+    """Return the friction after stop number `stops`: its random half is drawn anew."""
     if settings.stochastic.friction_fraction == 0.0:
         return packing
     return _packed(settings, replace(packing, draw=uniform(packing.seed, Stream.FRICTION, stops + 1)))
@@ -66,7 +66,7 @@ def _packed(settings: PlantSettings, packing: Packing) -> Packing:
 
 
 def _field(cell: int, phase: float) -> float:
-    """Return the friction field of a cell, from -1 to 1."""
+    """Return the value of the friction field in a cell, from -1 to 1."""
     centre_m = (cell + 0.5) * CELL_WIDTH_M
     long, short = _WAVELENGTHS_M
     return 0.5 * math.sin(math.tau * centre_m / long + phase) + 0.5 * math.sin(

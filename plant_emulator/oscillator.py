@@ -2,9 +2,9 @@
 
     m·ẍ + c·ẋ + K·x = f_∞ + f_Δ·e^(-ρt)
 
-With y = x - f_∞/K, and y(0), v(0) the start, x = f_∞/K + y(0)·g₀ + v(0)·g₁ + (f_Δ/m)·φ: g₁ answers an impulse, g₀ a
-displacement and φ the exponential. φ is the divided difference of e^(λt) over the poles λ₁, λ₂ and -ρ, which has a
-value at resonance too, where the usual formula divides 0 by 0.
+With y = x - f_∞/K, and y(0), v(0) the start, x = f_∞/K + y(0)·g₀ + v(0)·g₁ + (f_Δ/m)·φ: g₁ is the response to an
+impulse, g₀ to a displacement and φ to the exponential. φ is the divided difference of e^(λt) over the poles λ₁, λ₂ and
+-ρ: it has a value at resonance, too, where the usual formula divides 0 by 0.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _NEAR = 1e-6
 
 
 _APART = 0.5
-"""Half the difference of the poles times t: above it their exponentials may be subtracted, far below overflow."""
+"""Half the difference of the poles times t: above it subtracting their exponentials loses no digits."""
 
 
 class PushingForce(NamedTuple):
@@ -62,7 +62,7 @@ class PushingForce(NamedTuple):
 
 
 class Oscillator:
-    """Mass, damping and spring, with everything that depends on them alone; immutable by convention."""
+    """Mass, damping and spring, with the quantities that follow from them; immutable by convention."""
 
     __slots__ = (
         "damping",
@@ -109,7 +109,7 @@ class Oscillator:
         return even + swing, odd, even - swing
 
     def exponential_response(self, t: float, rate: float, g0: float, g1: float) -> float:
-        """Return φ(t) in s², the answer from rest to a unit of acceleration that dies as e^(-rate·t)."""
+        """Return φ(t) in s², the response from rest to a unit of acceleration that decays as e^(-rate·t)."""
         distance = rate * rate - 2.0 * self.decay * rate + self.stiffness
         if abs(distance) > _NEAR * self.stiffness:
             return (math.exp(-rate * t) - g0 + rate * g1) / distance
@@ -125,7 +125,7 @@ class Oscillator:
 
 
 class Glide:
-    """One stretch of motion under constant friction, from position_m and velocity_m_per_s on."""
+    """The motion under constant friction, from position_m and velocity_m_per_s on."""
 
     __slots__ = ("force", "load", "offset", "oscillator", "rest", "velocity")
 
@@ -167,13 +167,13 @@ class Glide:
         return (self.force.slope(t) - slowing) / oscillator.mass
 
     def jerk_bound(self, t: float, velocity_m_per_s: float, acceleration_m_per_s2: float, left_s: float) -> float:
-        """Return what the size of the jerk in m/s³ cannot exceed from `t` until `left_s` later."""
+        """Return an upper bound of the size of the jerk in m/s³, from `t` until `left_s` later."""
         oscillator = self.oscillator
         swing = self._swing(t, velocity_m_per_s, acceleration_m_per_s2, left_s)
         return (abs(self.force.slope(t)) + swing * oscillator.wildness) / oscillator.mass
 
     def snap_bound(self, t: float, velocity_m_per_s: float, acceleration_m_per_s2: float, left_s: float) -> float:
-        """Return what the size of the snap in m/s⁴ cannot exceed from `t` until `left_s` later."""
+        """Return an upper bound of the size of the jerk's derivative in m/s⁴, from `t` until `left_s` later."""
         oscillator = self.oscillator
         swing = self._swing(t, velocity_m_per_s, acceleration_m_per_s2, left_s)
         jerk_bound = (abs(self.force.slope(t)) + swing * oscillator.wildness) / oscillator.mass
@@ -181,9 +181,9 @@ class Glide:
         return (abs(self.force.slope(t)) * self.force.rate_per_s + slowing) / oscillator.mass
 
     def _swing(self, t: float, velocity_m_per_s: float, acceleration_m_per_s2: float, left_s: float) -> float:
-        """Return a bound of W = √(m·a² + K·v²), which only the force feeds: dW/dt ≤ |df/dt|/√m.
+        """Return a bound of W = √(m·a² + K·v²); only a change of the force makes it grow: dW/dt ≤ |df/dt|/√m.
 
-        W bounds a and v, and by Cauchy and Schwarz K·v + c·a, at most W·√(K + c²/m).
+        W bounds a and v, and by the Cauchy-Schwarz inequality K·v + c·a ≤ W·√(K + c²/m).
         """
         oscillator, rate = self.oscillator, self.force.rate_per_s
         swing = math.sqrt(

@@ -1,7 +1,7 @@
-"""What a plant is made of, with the limits of every parameter. Pure.
+"""The parameters of a plant, with their limits. Pure.
 
-SI inside; mA for the loop current. The limits are wide enough for any control valve and narrow enough to catch a slip
-of a unit or of a decimal point, as in "a mass of 1361 kg".
+SI units; mA for the loop current. The limits are wide enough for any control valve, and narrow enough to catch a wrong
+unit or decimal point, such as a mass of 1361 kg.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class ValveSettings(SettingsTable):
     spring_rate_n_per_m: Annotated[float, Interval(ge=100.0, le=1e8)]
     """K_m."""
     static_friction_n: Annotated[float, Interval(ge=0.0, le=1e5)]
-    """F_s; 0 makes the valve frictionless but for F_v, without a zero-speed band."""
+    """F_s; with 0 the valve has only viscous friction, and no zero-speed band."""
     coulomb_friction_n: Annotated[float, Interval(ge=0.0, le=1e5)]
     """F_c, at most F_s."""
     viscous_friction_n_s_per_m: Annotated[float, Interval(ge=0.0, le=1e7)]
@@ -55,7 +55,7 @@ class ValveSettings(SettingsTable):
     initial_position_m: Annotated[float, Interval(ge=-1.0, le=1.0)] = 0.01
 
     def __post_init__(self) -> None:
-        """Check what no single limit can.
+        """Check the relations between parameters.
 
         Raises:
             ValueError: F_c above F_s, no travel between the stops, or a start beyond them.
@@ -86,9 +86,9 @@ class SensorSettings(SettingsTable):
     noise_of_reading: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0
     """Standard deviation as a fraction of the reading; the paper's "2 %" is 0.02."""
     noise_of_span: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0
-    """Standard deviation as a fraction of the span; adds to the other in power."""
+    """Standard deviation as a fraction of the span; the variances of the two add up."""
     noise_hold_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 0.0
-    """How long one draw of the noise lasts; 0 is white, a draw per sample."""
+    """How long one noise value lasts; 0 is white noise, a new value for each sample."""
     resolution_m: Annotated[float, Interval(ge=0.0, le=0.01)] = 0.0
     """Step of the quantisation; 0 is none."""
     reports_pressure: bool = False
@@ -97,7 +97,7 @@ class SensorSettings(SettingsTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StochasticSettings(SettingsTable):
-    """Friction that varies: half of it with the position, half redrawn at every stop."""
+    """Friction that varies: one half of the variation follows the position, the other is drawn anew at every stop."""
 
     friction_fraction: Annotated[float, Interval(ge=0.0, le=0.9)] = 0.0
     """Largest deviation of F_s and F_c, as a fraction of each."""
@@ -105,7 +105,7 @@ class StochasticSettings(SettingsTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlantSettings(SettingsTable):
-    """One emulated valve; `preset` names the settings that the rest was laid over."""
+    """One emulated valve; `preset` names the settings on which the others are based."""
 
     preset: str | None = None
     valve: ValveSettings
@@ -116,4 +116,4 @@ class PlantSettings(SettingsTable):
     fail_current_ma: Annotated[float, Interval(ge=0.0, le=25.0)] = 4.0
     """Current that `fail_position = "current"` falls back to."""
     deadman_s: Annotated[float, Interval(ge=0.001, le=60.0)] = 0.1
-    """How old the last command may grow before `fail_position` is taken."""
+    """How old the last command may be before the valve goes to its `fail_position`."""

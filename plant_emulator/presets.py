@@ -1,6 +1,6 @@
-"""Ready-made plants, and plant files that lay their own values over one. Shell: reads files.
+"""The presets, and plant files that replace values of a preset. Shell: reads files.
 
-A preset is itself a plant file, so a preset may rest on another: `spring-10` is `paper` and one line.
+A preset is itself a plant file, and may be based on another preset: `spring-10` is `paper` and one line.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ def preset_names() -> tuple[str, ...]:
 
 
 def root_preset(name: str) -> str:
-    """Return the preset that `name` rests on in the end: the valve of which it is a variant, or itself."""
+    """Return the preset on which `name` is based in the end, or `name` itself."""
     below = tables(_preset_text(name), name).get("preset")
     return name if below is None else root_preset(below)
 
 
 def preset_summary(name: str) -> str:
-    """Return the first comment line of the preset `name`: what it is, in a few words."""
+    """Return the first comment line of the preset `name`, its description."""
     return _preset_text(name).partition("\n")[0].removeprefix("#").strip()
 
 
@@ -49,7 +49,7 @@ def load_plant(path: Path) -> PlantSettings:
 
 
 def parse_plant(text: str, source: str) -> PlantSettings:
-    """Return the plant in the TOML `text`: its tables, laid over the preset that it names; `source` is for messages.
+    """Return the plant in the TOML `text`, based on the preset that it names; `source` is for messages.
 
     Raises:
         ConfigurationError: as `load_plant`.
@@ -58,7 +58,7 @@ def parse_plant(text: str, source: str) -> PlantSettings:
 
 
 def plant_settings(preset: str = DEFAULT_PRESET, overrides: str | Mapping[str, Any] = "") -> PlantSettings:
-    """Return the plant `preset` with `overrides` (TOML text, or nested mappings) laid over it.
+    """Return the plant `preset` with the values of `overrides` (TOML text, or nested mappings) instead of its own.
 
     Raises:
         ConfigurationError: as `load_plant`.
@@ -69,7 +69,7 @@ def plant_settings(preset: str = DEFAULT_PRESET, overrides: str | Mapping[str, A
 
 
 def overridden(base: Mapping[str, Any], changes: Mapping[str, Any], source: str, text: str = "") -> PlantSettings:
-    """Return the plant file `base`, already read as tables, with `changes` laid over it.
+    """Return the plant of the tables `base`, with the values of `changes` instead of its own.
 
     Raises:
         ConfigurationError: as `load_plant`.

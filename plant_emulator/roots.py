@@ -1,4 +1,4 @@
-"""Where an event lies in time: guaranteed first zeros, and zeros that are known to be there. Pure."""
+"""The instants of events: first zeros that cannot be missed, and zeros in a known interval. Pure."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 TIME_TOLERANCE_S = 1e-13
-"""How near to an event counts as there: at 1 m/s, a thousandth of an atom."""
+"""So near to an event counts as the event: at 1 m/s, a thousandth of an atom."""
 
 _BISECTIONS = 200
 _MARCHES = 500
 
 
 def clear_time(gap: float, slope: float, bend: float) -> float:
-    """Return how long a quantity that is `gap` above zero and changes at `slope` surely stays above zero, in s.
+    """Return for how many seconds a quantity `gap` above zero that changes at `slope` is sure to stay above zero.
 
     `bend` bounds the size of its second derivative: the time is the positive zero of gap + slope·t - bend·t²/2.
     """
     if bend <= 0.0:
         return math.inf if slope >= 0.0 else max(gap, 0.0) / -slope
     spread = math.sqrt(slope * slope + 2.0 * bend * max(gap, 0.0))
-    # the two forms are equal; each avoids the subtraction of the other
+    # the two forms are equal; each avoids a loss of digits in the other
     return (slope + spread) / bend if slope >= 0.0 else 2.0 * max(gap, 0.0) / (spread - slope)
 
 
 def first_event(clear: Callable[[float], float], horizon_s: float) -> tuple[float, bool]:
     """Return the time of the first event before `horizon_s` and True, or the time that was reached and False.
 
-    `clear(t)` returns how long after t there is surely no event. It never passes an event, however brief, and near one
-    it converges as fast as Newton's method. Where two events graze each other it may give up early, before both.
+    `clear(t)` returns for how long after t there is no event for sure. No event is missed, however brief, and near an
+    event the search converges as fast as Newton's method. Where two events nearly touch it may stop before both.
     """
     time = 0.0
     for _ in range(_MARCHES):
@@ -47,7 +47,7 @@ def first_event(clear: Callable[[float], float], horizon_s: float) -> tuple[floa
 def crossing(gap: Callable[[float], float], low_s: float, high_s: float) -> float:
     """Return where `gap` changes sign between `low_s` and `high_s`, by the Illinois method.
 
-    Where rounding leaves no change of sign, `low_s` lies on the zero, a hair beyond it.
+    Where rounding leaves no change of sign, the zero is at `low_s`.
     """
     low, high = gap(low_s), gap(high_s)
     if low == 0.0 or (high != 0.0 and (low > 0.0) == (high > 0.0)):

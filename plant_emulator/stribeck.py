@@ -1,7 +1,7 @@
-"""Sliding so slowly that Stribeck's curve bends the friction: Dormand-Prince 5(4), with events located. Pure.
+"""Sliding so slowly that Stribeck's curve matters: Dormand-Prince 5(4), with events located. Pure.
 
-Below some five V_s the motion has no closed form, and it is quick: the friction falls by (F_s - F_c)/V_s per unit of
-speed, which is microseconds per time constant. The error allowed per step is far below what any sensor resolves.
+Below about five V_s the motion has no closed form, and it is fast: the friction falls by (F_s - F_c)/V_s per unit of
+speed, and time constants are microseconds. The allowed error per step is far below the resolution of any sensor.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 _TOLERANCE_M_PER_S = 1e-12
 _RELATIVE_TOLERANCE = 1e-10
 _FIRST_STEP = 0.2
-"""Of the quickest time constant of the motion."""
+"""Of the shortest time constant of the motion."""
 
 
 class _Point(NamedTuple):
-    """A state on the way: x in m, v in m/s, a in m/s², and the error of the step to it, 1 being just allowed."""
+    """A state on the way: x in m, v in m/s, a in m/s², and the error of the step to it; 1 is the largest allowed."""
 
     x: float
     v: float
@@ -46,9 +46,9 @@ class StribeckSlide:
     stribeck_velocity_m_per_s: float
 
     def run(self, x: float, v: float, horizon_s: float, low: float, high: float, border_m: float) -> Segment:
-        """Return the segment from `x` and `v`, until the speed falls to `low` or the stem comes to `border_m`.
+        """Return the segment from `x` and `v`, until the speed falls to `low` or the stem reaches `border_m`.
 
-        A speed beyond `high` ends it too, as open: there the curve is flat and the closed form takes over.
+        A speed above `high` ends it, too, as OPEN: there the curve is flat and the closed form follows.
         """
         t, point = 0.0, _Point(x, v, self._acceleration(0.0, x, v), 0.0)
         bend = self.drop_n / self.stribeck_velocity_m_per_s + self.viscous_n_s_per_m
@@ -62,7 +62,7 @@ class StribeckSlide:
                 h *= max(0.2, 0.9 * trial.error**-0.2)
                 continue
             if self.sign * point.v <= low and self.sign * trial.v < low and self.sign * point.a > 0.0:
-                # it leaves the bound and is back within the step: the event is its return, not its start
+                # the speed starts at the bound and comes back to it within the step: the event is the return
                 h *= 0.5
                 continue
             event = self._event(t, point, h, trial, low, border_m)

@@ -1,5 +1,5 @@
 # PYTHON_ARGCOMPLETE_OK
-"""`plant-emulator`: the commands, their help, and how errors end. Shell."""
+"""`plant-emulator`: the commands, their help, and the exit status of errors. Shell."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ examples:
   plant-emulator simulate --input triangle --out signature.csv     a valve signature
   plant-emulator run --preset paper --bus socketcan:vcan0          the valve on a bus
 
-exit status: 0 done, 2 usage, 69 bus not available, 74 result not written, 78 plant or input file
+exit status: 0 done, 2 wrong command line, 69 bus not available, 74 result not written, 78 wrong plant or input file
 completion:  eval "$(register-python-argcomplete plant-emulator)"
 """
 

@@ -1,4 +1,4 @@
-"""Numbers on the command line, each with its limits: a wrong one is a wrong command line. Shell."""
+"""Numbers on the command line, each with its limits. Shell."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ def seconds(text: str) -> float:
 
 
 def whole(text: str) -> int:
-    """Return a whole number from 0 on, such as a seed."""
+    """Return a whole number of 0 or more, such as a seed."""
     if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 on")
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number of 0 or more")
     return int(text)
 
 

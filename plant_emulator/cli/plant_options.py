@@ -1,4 +1,4 @@
-"""The options that choose a plant: a preset or a file, and single changes. Shell."""
+"""The options that choose a plant: a preset or a file, and changes of single parameters. Shell."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def add_plant_options(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help=f"plant to emulate (default: {DEFAULT_PRESET}; see `plant-emulator presets`)",
     )
-    plant.add_argument("--config", type=Path, metavar="PLANT.toml", help="plant file, which may rest on a preset")
+    plant.add_argument("--config", type=Path, metavar="PLANT.toml", help="plant file, which may be based on a preset")
     parser.add_argument(
         "--set",
         action="append",

@@ -26,7 +26,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser = subparsers.add_parser(
         "run",
         help="put the valve on a CAN bus",
-        description="Put the valve on a CAN bus: it sends its position every period and obeys command frames.",
+        description="Put the valve on a CAN bus: it sends its position every period and obeys the command frames.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -40,11 +40,15 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--clock",
         choices=("realtime", "lockstep"),
         default="realtime",
-        help="send whatever comes back, or advance only when the positioner has answered (%(default)s)",
+        help="send every period, or wait for each answer of the positioner (%(default)s)",
     )
     parser.add_argument("--setpoint-every", type=whole, default=0, metavar="N", help=argparse.SUPPRESS)
     parser.add_argument(
-        "--id-offset", type=int, default=0, metavar="N", help="added to all identifiers; a multiple of 128"
+        "--id-offset",
+        type=int,
+        default=0,
+        metavar="N",
+        help="number added to all identifiers, a multiple of 128 (%(default)s)",
     )
     parser.set_defaults(run=_run)
 

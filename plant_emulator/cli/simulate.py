@@ -43,8 +43,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "simulate",
         help="drive a valve with a current waveform and write its motion as CSV",
         description="Drive a valve with a current waveform and write its motion as CSV, one row per period. "
-        "current_ma is the current that was held during the period that ends at time_s. The first row is the start: "
-        "the stem held at its initial position under the waveform's first current.",
+        "current_ma is the current during the period that ends at time_s. The first row is the start: the stem is held "
+        "at its initial position, under the first current of the waveform.",
         epilog="example: plant-emulator simulate --preset paper --set valve.mass_kg=2 --input step --duration 1 "
         "--low-ma 8 --high-ma 14 --out step.csv",
     )
@@ -59,7 +59,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help=f"simulated time (default: {_DEFAULT_DURATION_S:g} s, or all of FILE.csv)",
     )  # fmt: skip
     parser.add_argument("--period", type=seconds, default=0.001, metavar="S", help="time per row (default: 0.001)")
-    parser.add_argument("--seed", type=whole, default=0, metavar="N", help="of the friction's chance (default: 0)")
+    parser.add_argument("--seed", type=whole, default=0, metavar="N", help="seed of stochastic friction (default: 0)")
     parser.add_argument("--low-ma", type=_current, default=4.0, metavar="MA", help="lowest current (default: 4)")
     parser.add_argument("--high-ma", type=_current, default=20.0, metavar="MA", help="highest current (default: 20)")
     parser.set_defaults(run=_run)

@@ -1,4 +1,4 @@
-"""The loop current over time: a ramp, a step, a triangle, or what a CSV file says."""
+"""The loop current over time: a ramp, a step, a triangle, or the currents of a CSV file. Shell: reads files."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 HIGHEST_CURRENT_MA = 25.0
 _COLUMNS = ("time_s", "current_ma")
 _STEP_AFTER = 0.1
-"""Of the duration: where the step stands."""
+"""Of the duration: the instant of the step."""
 
 
 _ROUNDING = 1e-9
-"""Of an instant or a part: a sample that falls on an edge but for rounding has passed it."""
+"""Of an instant or a part: a sample this little before an edge counts as after it, whatever the rounding."""
 
 
 class Shape(StrEnum):

@@ -1,4 +1,4 @@
-"""The emulated node: it takes valid commands only, reports with counters, and fails safe by itself when left alone."""
+"""The emulated node: it accepts valid commands only, reports with counters, and goes to its fail position by itself."""
 
 from __future__ import annotations
 
@@ -53,12 +53,12 @@ def decoded(frames: Sequence[CanFrame]) -> list[tuple[Message, int | None]]:
 
 
 def alone_for(settings: PlantSettings, duration_s: float, current_ma: float = 12.0) -> DeviceState:
-    """Return a node that was commanded once at the start and heard nothing for `duration_s`."""
+    """Return a node that got one command at the start and then none for `duration_s`."""
     state = taken(command(current_ma, 0), state=initial_device(settings, 1))
     return advance(settings, state, duration_s)
 
 
-def test_a_command_is_taken_over_with_its_counter_and_what_it_answers() -> None:
+def test_a_command_is_accepted_with_its_counter_and_the_counter_that_it_answers() -> None:
     state = taken(command(9.5, 7, answers=200))
     assert (state.current_ma, state.command_counter, state.answered) == (9.5, 7, 200)
 
@@ -105,7 +105,7 @@ def test_fresh_setpoints_are_counted_once_each() -> None:
     assert taken(*frames).setpoints == 4
 
 
-def test_the_truth_goes_before_the_reading_and_both_bear_the_samples_counter() -> None:
+def test_the_truth_comes_before_the_reading_and_both_have_the_counter_of_the_sample() -> None:
     state, counters = initial_device(PAPER, 1), []
     for _ in range(300):
         state, frames = publish(CODEC, PAPER, state)
@@ -118,14 +118,14 @@ def test_the_truth_goes_before_the_reading_and_both_bear_the_samples_counter() -
     assert state.position_counter == 300
 
 
-def test_the_reading_echoes_the_command_that_was_heard_last() -> None:
+def test_the_reading_echoes_the_counter_of_the_last_command() -> None:
     _, frames = publish(CODEC, PAPER, taken(command(9.5, 213)))
     reading = decoded(frames)[1][0]
     assert isinstance(reading, StemPosition)
     assert reading.command_counter == 213
 
 
-def test_the_truth_has_no_noise_and_the_reading_has_the_sensors() -> None:
+def test_the_truth_has_no_noise_and_the_reading_has_that_of_the_sensor() -> None:
     # the spread of 2000 readings has itself an error of 1.6 %; three times that is allowed
     state = initial_device(PAPER, 1)
     readings = []
@@ -141,7 +141,7 @@ def test_the_truth_has_no_noise_and_the_reading_has_the_sensors() -> None:
     assert spread_m == pytest.approx(0.02 * 0.01, rel=0.048)
 
 
-def test_values_beyond_the_truths_signals_saturate_instead_of_failing() -> None:
+def test_values_outside_the_range_of_the_truth_saturate() -> None:
     state = initial_device(PAPER, 1)
     noiseless = plant_settings(overrides={"sensor": {"noise_of_reading": 0.0}})
     for position_m, velocity_m_per_s, shown in ((1.0, 9.0, (0.661, 8.19)), (-1.0, -9.0, (-0.01, -8.19))):
@@ -154,7 +154,7 @@ def test_values_beyond_the_truths_signals_saturate_instead_of_failing() -> None:
         assert reading.position_m == pytest.approx(position_m)
 
 
-def test_before_the_first_command_the_actuator_holds_its_pressure_for_as_long_as_it_takes() -> None:
+def test_before_the_first_command_the_actuator_holds_its_pressure() -> None:
     start = initial_device(PAPER, 1)
     state = advance(PAPER, start, 10.0)
     assert (state.plant.stem.position_m, state.plant.time_s) == (start.plant.stem.position_m, 10.0)
@@ -173,7 +173,7 @@ def test_a_command_acts_until_the_deadman_and_not_an_instant_longer() -> None:
     assert state.plant.actuator.pressure_pa == 0.0
 
 
-def test_the_deadman_falls_inside_a_period_where_it_is_due() -> None:
+def test_the_deadman_expires_inside_a_period() -> None:
     once = alone_for(PAPER, 0.25)
     held = valve.step(PAPER, initial_device(PAPER, 1).plant, 12.0, 0.1)
     assert once.plant.stem.position_m == pytest.approx(valve.step(PAPER, held, 0.0, 0.15).stem.position_m, abs=1e-12)
@@ -184,7 +184,7 @@ def test_the_deadman_falls_inside_a_period_where_it_is_due() -> None:
     assert in_pieces.plant.stem.position_m == pytest.approx(once.plant.stem.position_m, abs=1e-9)
 
 
-def test_a_picosecond_after_the_deadman_is_not_yet_after_it() -> None:
+def test_the_deadman_has_a_tolerance_of_one_picosecond() -> None:
     at_its_end = alone_for(replace(PAPER, deadman_s=0.125), 0.125)
     assert not advance(replace(PAPER, deadman_s=0.125), at_its_end, 1e-12).failed
     assert advance(replace(PAPER, deadman_s=0.125), at_its_end, 2e-12).failed
@@ -197,7 +197,7 @@ def test_commands_at_every_period_keep_the_node_alive() -> None:
         assert not state.failed
 
 
-def test_the_next_command_ends_the_failure() -> None:
+def test_the_next_command_ends_the_fail_position() -> None:
     failed = alone_for(PAPER, 0.5)
     alive = advance(PAPER, taken(command(12.0, 1), state=failed), PERIOD_S)
     assert (failed.failed, alive.failed) == (True, False)
@@ -271,18 +271,18 @@ def test_a_failure_signal_takes_the_valve_to_its_fail_position_at_once(current_m
 
 
 @pytest.mark.parametrize("current_ma", [3.601, 3.8, 20.5, 20.999])
-def test_what_is_no_failure_signal_is_obeyed(current_ma: float) -> None:
+def test_a_current_that_is_no_failure_signal_is_obeyed(current_ma: float) -> None:
     state = advance(PAPER, taken(command(current_ma, 0)), PERIOD_S)
     assert not state.failed
     assert state.plant.actuator.pressure_pa == pytest.approx(current_ma * PAPER.valve.pressure_gain_pa_per_ma)
 
 
-def test_a_value_ends_what_a_failure_signal_began() -> None:
+def test_a_value_ends_the_fail_position_of_a_failure_signal() -> None:
     state = taken(command(3.6, 0), command(12.0, 1))
     assert (state.failed, state.signal_failed, state.current_ma) == (False, False, 12.0)
 
 
-def test_a_valve_that_holds_keeps_the_last_value_or_before_the_first_its_pressure() -> None:
+def test_the_fail_position_hold_keeps_the_last_current_or_before_the_first_command_the_pressure() -> None:
     holding = replace(PAPER, fail_position=FailPosition.HOLD)
     after_a_value = advance(holding, taken(command(11.0, 0), command(3.6, 1)), PERIOD_S)
     assert after_a_value.plant.actuator.pressure_pa == pytest.approx(11.0 * PAPER.valve.pressure_gain_pa_per_ma)
@@ -292,15 +292,15 @@ def test_a_valve_that_holds_keeps_the_last_value_or_before_the_first_its_pressur
     assert closing.plant.actuator.pressure_pa == 0.0
 
 
-def test_the_valve_says_why_it_failed_safe_and_where_it_went() -> None:
+def test_the_reason_and_the_fail_position_are_given_in_words() -> None:
     assert failure(PAPER, taken(command(12.0, 0))) == ""
     assert failure(PAPER, alone_for(PAPER, 0.2)) == "no command for 100 ms: fail position 'close'"
     to_current = replace(PAPER, fail_position=FailPosition.CURRENT, fail_current_ma=7.5)
-    told = "the command is a failure signal: fail position 'current' (7.5 mA)"
-    assert failure(to_current, taken(command(21.0, 0))) == told
+    text = "the command is a failure signal: fail position 'current' (7.5 mA)"
+    assert failure(to_current, taken(command(21.0, 0))) == text
 
 
-def test_the_node_says_once_that_it_failed_safe_and_once_that_it_obeys_again(
+def test_the_log_has_one_line_for_the_fail_position_and_one_for_its_end(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     options = EmulatorOptions(bus=BusAddress(), period_s=PERIOD_S, seed=1, lockstep=False)
@@ -316,7 +316,7 @@ def test_the_node_says_once_that_it_failed_safe_and_once_that_it_obeys_again(
     ]
 
 
-def test_a_pressure_sensor_reports_the_true_pressure_before_all_else() -> None:
+def test_a_pressure_sensor_reports_the_true_pressure_in_the_first_frame() -> None:
     settings = plant_settings(overrides={"sensor": {"reports_pressure": True}})
     state = initial_device(settings, 1)
     for pressure_pa, shown in ((41_000.0, 41_000.0), (-1.0, 0.0), (17e6, 16e6)):
@@ -336,7 +336,7 @@ BO_ 513 WANTED: 2 A
 """
 
 
-def test_commands_and_setpoints_of_users_without_counters_are_all_taken(tmp_path: Path) -> None:
+def test_commands_and_setpoints_of_a_users_dbc_without_counters_are_all_accepted(tmp_path: Path) -> None:
     path = tmp_path / "user.dbc"
     path.write_text(USERS_DBC, encoding="utf-8")
     order = MessageSettings(message="ORDER", signals={"current_ma": "Loop"})
@@ -349,7 +349,7 @@ def test_commands_and_setpoints_of_users_without_counters_are_all_taken(tmp_path
     assert state.setpoints == 2
 
 
-def test_a_bad_frame_costs_no_other_frame_of_its_batch() -> None:
+def test_a_bad_frame_does_not_affect_the_others_of_its_batch() -> None:
     good = command(9.5, 7)
     state = taken(replace(good, data=bytes(8)), good, CODEC.encode(Setpoint(0.08), 0))
     assert (state.current_ma, state.setpoints) == (9.5, 1)
@@ -359,7 +359,7 @@ def test_setpoints_are_counted_across_the_wrap_of_their_counter() -> None:
     assert taken(*(CODEC.encode(Setpoint(0.08), counter) for counter in (255, 0, 1))).setpoints == 3
 
 
-def test_noise_that_lasts_is_the_noise_of_the_plants_time() -> None:
+def test_held_noise_follows_the_plant_time() -> None:
     settings = plant_settings(overrides={"sensor": {"noise_hold_s": 0.01}})
     state, readings = initial_device(settings, 1), []
     for _ in range(25):

@@ -39,7 +39,7 @@ def test_simulate_writes_one_row_per_period_and_the_start(capsys: Output) -> Non
 
 @pytest.mark.parametrize("preset", ["paper", "graphite", "stochastic"])
 @pytest.mark.parametrize("lag_s", [0.0, 0.1])
-def test_every_row_lies_inside_the_waveform_from_the_first_on(preset: str, lag_s: float, capsys: Output) -> None:
+def test_every_row_lies_within_the_waveform(preset: str, lag_s: float, capsys: Output) -> None:
     lag = ["--set", f"actuator.fill_time_constant_s={lag_s}", "--set", f"actuator.vent_time_constant_s={lag_s}"]
     assert main(["simulate", "--preset", preset, *lag, "--duration", "0.5", "--low-ma", "6", "--high-ma", "8"]) == 0
     rows = rows_of(capsys.readouterr().out)
@@ -50,7 +50,7 @@ def test_every_row_lies_inside_the_waveform_from_the_first_on(preset: str, lag_s
     assert (rows[0]["time_s"], rows[0]["current_ma"], rows[0]["velocity_m_per_s"]) == (0.0, 6.0, 0.0)
 
 
-def test_the_stem_is_held_at_the_start_by_what_friction_there_is(capsys: Output) -> None:
+def test_the_stem_is_held_at_the_start_by_friction(capsys: Output) -> None:
     # B u - K x at 10 mm: within F_s at 4 mA, beyond it at 10 mA
     for low_ma, held_n in (("4", 4.0 * 333.637 - 525.38), ("10", 1707.7)):
         assert main(["simulate", "--duration", "0.01", "--low-ma", low_ma]) == 0
@@ -100,7 +100,7 @@ def test_a_current_file_is_held_from_row_to_row(tmp_path: Path, capsys: Output) 
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("time_s,current_ma\n0,4\n0.1,x\n", "line 3: current_ma = 'x': is not a number; write it like 12.5"),
         ("time_s,current_ma\n0,4\n0.1\n", "line 3: current_ma = '': is not a number; write it like 12.5"),
@@ -114,16 +114,16 @@ def test_a_current_file_is_held_from_row_to_row(tmp_path: Path, capsys: Output) 
         ("time_s,current_ma\n0,4\n", "file: holds fewer than two rows"),
     ],
 )
-def test_a_bad_row_is_told_with_file_row_and_mend(text: str, told: str, tmp_path: Path, capsys: Output) -> None:
+def test_a_bad_row_is_reported_with_file_row_and_fix(text: str, message: str, tmp_path: Path, capsys: Output) -> None:
     currents = tmp_path / "currents.csv"
     currents.write_text(text, encoding="utf-8")
     assert main(["simulate", "--input", str(currents)]) == ExitCode.CONFIG
     error = capsys.readouterr().err
-    assert error.startswith(f"plant-emulator: {currents}: {told}")
+    assert error.startswith(f"plant-emulator: {currents}: {message}")
     assert error.count("\n") == 1
 
 
-def test_a_current_file_that_is_no_text_is_told(tmp_path: Path, capsys: Output) -> None:
+def test_a_current_file_that_is_no_text_is_reported(tmp_path: Path, capsys: Output) -> None:
     currents = tmp_path / "currents.csv"
     currents.write_bytes(b"\xff\xfe\x00")
     assert main(["simulate", "--input", str(currents)]) == ExitCode.CONFIG
@@ -131,7 +131,7 @@ def test_a_current_file_that_is_no_text_is_told(tmp_path: Path, capsys: Output) 
 
 
 @pytest.mark.parametrize(
-    ("arguments", "status", "told"),
+    ("arguments", "status", "message"),
     [
         (["--set", "valve.mass_kg=1361"], ExitCode.CONFIG, "valve.mass_kg = 1361: must be less than or equal to 200"),
         (["--set", "valve.mas_kg=1"], ExitCode.CONFIG, "valve.mas_kg: unknown key; did you mean 'mass_kg'?"),
@@ -147,38 +147,43 @@ def test_a_current_file_that_is_no_text_is_told(tmp_path: Path, capsys: Output) 
         ),
     ],
 )
-def test_a_mistake_ends_in_one_line_and_its_exit_status(
-    arguments: list[str], status: ExitCode, told: str, capsys: Output, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_mistake_gives_one_line_and_its_exit_status(
+    arguments: list[str],
+    status: ExitCode,
+    message: str,
+    capsys: Output,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["simulate", *arguments]) == status
     error = capsys.readouterr().err
     assert error.startswith("plant-emulator: ")
-    assert told in error
+    assert message in error
     assert error.count("\n") == 1
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (["simulate", "--period", "0"], "argument --period: '0' is not seconds from 1e-6 to 1e6"),
         (["simulate", "--duration", "long"], "argument --duration: 'long' is not seconds from 1e-6 to 1e6"),
         (["simulate", "--high-ma", "nan"], "argument --high-ma: 'nan' is not mA from 0 to 25"),
-        (["simulate", "--seed", "-1"], "argument --seed: '-1' is no whole number from 0 on"),
+        (["simulate", "--seed", "-1"], "argument --seed: '-1' is no whole number of 0 or more"),
         (["simulate", "--preset", "papr"], "argument --preset: 'papr' is unknown; did you mean 'paper'?"),
         (["simulate", "--preset", "paper", "--config", "x.toml"], "not allowed with argument --preset"),
         (["tease"], "'tease' is unknown"),
         ([], "the following arguments are required: COMMAND"),
     ],
 )
-def test_a_wrong_command_line_is_refused(arguments: list[str], told: str, capsys: Output) -> None:
+def test_a_wrong_command_line_is_refused(arguments: list[str], message: str, capsys: Output) -> None:
     with pytest.raises(SystemExit) as end:
         main(arguments)
     assert end.value.code == ExitCode.USAGE
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
-def test_presets_are_listed_with_what_they_are(capsys: Output) -> None:
+def test_presets_are_listed_with_their_descriptions(capsys: Output) -> None:
     assert main(["presets"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 11
@@ -193,7 +198,7 @@ def test_help_gives_an_example(command: list[str], capsys: Output) -> None:
     assert "example" in capsys.readouterr().out
 
 
-def test_the_version_is_told(capsys: Output) -> None:
+def test_the_version_is_printed(capsys: Output) -> None:
     with pytest.raises(SystemExit):
         main(["--version"])
     assert capsys.readouterr().out == f"plant-emulator {__version__}\n"
@@ -207,7 +212,7 @@ def test_an_interrupt_ends_as_shells_expect(monkeypatch: pytest.MonkeyPatch) -> 
     assert main(["presets"]) == 130
 
 
-def test_a_reader_that_has_gone_is_no_error() -> None:
+def test_a_closed_pipe_is_no_error() -> None:
     command = f"{sys.executable} -m plant_emulator.cli.main simulate --duration 2 | head -n 2"
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
     assert len(done.stdout.splitlines()) == 2

@@ -21,14 +21,14 @@ def test_stribecks_curve_falls_from_static_to_coulomb_friction() -> None:
     assert stribeck_n(0.1, 1707.7, 1423.0, 0.000254) == 1423.0
 
 
-def test_friction_without_chance_is_the_same_everywhere_and_always() -> None:
+def test_friction_without_variation_is_the_same_everywhere() -> None:
     settings = plant_settings("paper")
     packing = initial_packing(settings, 5)
     assert (packing.static_n, packing.coulomb_n) == (1707.7, 1423.0)
     assert after_stop(settings, packing, 1) == packing
 
 
-def test_stochastic_friction_stays_in_its_bounds_and_fills_them() -> None:
+def test_stochastic_friction_stays_within_its_bounds_and_has_its_spread() -> None:
     factors = np.array([initial_packing(STOCHASTIC, seed).static_n / STATIC - 1.0 for seed in range(1500)])
     assert np.abs(factors).max() <= 0.1
     # half a uniform draw (variance 1/3), half the mean of two sines of random phase (variance 1/4)
@@ -55,7 +55,7 @@ def test_coulomb_friction_varies_with_static_friction() -> None:
     assert packing.coulomb_n / STOCHASTIC.valve.coulomb_friction_n == pytest.approx(packing.static_n / STATIC)
 
 
-def test_a_sliding_stem_keeps_count_of_its_cell() -> None:
+def test_the_cell_follows_a_sliding_stem() -> None:
     state = valve.initial_state(STOCHASTIC, 2)
     for current in (9.0, 2.0, 12.0, 7.0):
         state = valve.step(STOCHASTIC, state, current, 0.0213)
@@ -63,7 +63,7 @@ def test_a_sliding_stem_keeps_count_of_its_cell() -> None:
     assert state.stem.stops >= 1
 
 
-def test_the_breakaway_force_is_the_static_friction_of_the_place() -> None:
+def test_the_breakaway_force_is_the_static_friction_at_the_position() -> None:
     state = valve.initial_state(STOCHASTIC, 4)
     v = STOCHASTIC.valve
     breakaway_ma = (v.spring_rate_n_per_m * state.stem.position_m + state.packing.static_n) / (

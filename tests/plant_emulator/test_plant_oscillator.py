@@ -59,10 +59,10 @@ def test_jerk_and_snap_stay_within_their_bounds() -> None:
                 jerks.append(glide.jerk(later, at_v, glide.acceleration(later, at_x, at_v)))
             assert max(map(abs, jerks)) <= jerk_bound * (1 + 1e-12)
             assert np.abs(np.gradient(jerks, 0.05 / 2000)).max() <= snap_bound * (1 + 1e-6)
-            assert t > 0.0 or jerk_bound < 100.0 * max(map(abs, jerks))  # a bound that allows no stride is none
+            assert t > 0.0 or jerk_bound < 100.0 * max(map(abs, jerks))  # a far larger bound would be useless
 
 
-def test_a_settling_force_says_when_it_passes_a_bound() -> None:
+def test_the_time_at_which_a_settling_force_passes_a_bound() -> None:
     rising = PushingForce(100.0, -80.0, 10.0)
     assert rising.time_above(60.0) == pytest.approx(math.log(2.0) / 10.0)
     assert rising.at(rising.time_above(60.0)) == pytest.approx(60.0)
@@ -76,7 +76,7 @@ def test_a_settling_force_says_when_it_passes_a_bound() -> None:
     assert rising.slope(0.03) == pytest.approx((rising.at(0.03 + 1e-6) - rising.at(0.03 - 1e-6)) / 2e-6, rel=1e-6)
 
 
-def test_the_first_of_two_brief_zeros_is_never_passed_over() -> None:
+def test_the_first_of_two_brief_zeros_is_never_missed() -> None:
     # cos(t) + 0.99999 is below zero for 9 ms around t = π only
     def clear(t: float) -> float:
         return clear_time(math.cos(t) + 0.99999, -math.sin(t), 1.0)
@@ -87,7 +87,7 @@ def test_the_first_of_two_brief_zeros_is_never_passed_over() -> None:
     assert first_event(clear, 3.0) == (3.0, False)
 
 
-def test_a_quantity_that_falls_straight_is_clear_until_its_zero() -> None:
+def test_a_quantity_with_a_constant_slope_is_clear_until_its_zero() -> None:
     assert clear_time(2.0, -4.0, 0.0) == 0.5
     assert clear_time(2.0, 4.0, 0.0) == math.inf
     assert clear_time(0.0, 3.0, 6.0) == 1.0
@@ -105,7 +105,7 @@ def test_a_crossing_is_found_to_a_rounding_error() -> None:
     )  # no change of sign: the start is on the zero, but for rounding
 
 
-def test_a_march_that_cannot_end_gives_up_before_any_event() -> None:
+def test_a_search_that_makes_no_progress_stops_before_any_event() -> None:
     t, found = first_event(lambda _: 2e-13, 1.0)
     assert not found
     assert 0.0 < t < 1e-9

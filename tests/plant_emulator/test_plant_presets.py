@@ -1,4 +1,4 @@
-"""Presets, overrides, limits, and how mistakes are told."""
+"""Presets, overrides, limits, and the messages for mistakes."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_the_paper_preset_is_table_3_and_equation_10() -> None:
         ("friction-20", 1.0, 0.8),
     ],
 )
-def test_a_mismatched_preset_differs_from_the_paper_in_what_it_says_only(
+def test_a_mismatched_preset_differs_from_the_paper_in_the_named_parameters_only(
     name: str, spring: float, friction: float
 ) -> None:
     v = PAPER.valve
@@ -71,7 +71,7 @@ def test_the_graphite_preset_is_slow_and_440_newtons_per_milliampere() -> None:
     assert settings.actuator.fill_time_constant_s == 0.1
 
 
-def test_a_plant_file_lays_its_tables_over_its_preset(tmp_path: Path) -> None:
+def test_a_plant_file_replaces_values_of_its_preset(tmp_path: Path) -> None:
     path = tmp_path / "plant.toml"
     path.write_text(
         'preset = "spring-20"\nfail_position = "hold"\n\n[valve]\nmass_kg = 2.0\n\n[sensor]\nresolution_m = 1e-5\n',
@@ -101,7 +101,7 @@ def test_an_unknown_preset_is_refused_with_the_known_ones() -> None:
 
 
 @pytest.mark.parametrize(
-    ("overrides", "told"),
+    ("overrides", "message"),
     [
         ({"valve": {"mass_kg": 1361.0}}, r"valve\.mass_kg = 1361.0: must be less than or equal to 200"),
         ({"valve": {"mass": 1.0}}, r"valve\.mass: unknown key; did you mean 'mass_kg'\?"),
@@ -117,6 +117,6 @@ def test_an_unknown_preset_is_refused_with_the_known_ones() -> None:
         ({"deadman_s": 0.0}, "deadman_s = 0.0: must be greater than or equal to 0.001"),
     ],
 )
-def test_a_value_out_of_its_limits_is_refused_by_name(overrides: dict[str, Any], told: str) -> None:
-    with pytest.raises(ConfigurationError, match=told):
+def test_a_value_out_of_its_limits_is_refused_by_name(overrides: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
         plant_settings("paper", overrides)

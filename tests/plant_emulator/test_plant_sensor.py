@@ -1,4 +1,4 @@
-"""The sensor: the size of its noise, its colour, its steps, its seed."""
+"""The sensor: size and spectrum of its noise, its resolution, its seed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def readings(settings: PlantSettings, position_m: float, seed: int = 1, period_s
     return np.array(values)
 
 
-def test_a_sensor_without_noise_tells_the_truth() -> None:
+def test_a_sensor_without_noise_gives_the_true_position() -> None:
     quiet = plant_settings("paper", "sensor.noise_of_reading = 0.0")
     assert (readings(quiet, 0.0712) == 0.0712).all()
 

@@ -43,7 +43,7 @@ def test_a_brief_dip_of_the_speed_below_its_bound_is_found(sign: int, margin: fl
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_a_dip_that_stays_above_the_bound_is_none(sign: int) -> None:
+def test_a_dip_that_stays_above_the_bound_is_no_event(sign: int) -> None:
     low = speed(0.05, LOWEST_S) - 1e-6
     segment = free(sign).run(0.0, sign * 0.05, 0.1, low, 10.0, sign * 9.0)
     assert segment.ending is Ending.OPEN
@@ -61,7 +61,7 @@ def test_a_border_is_met_before_the_dip_behind_it(sign: int) -> None:
     assert segment.velocity_m_per_s == pytest.approx(sign * speed(0.05, segment.duration_s), abs=1e-11)
 
 
-def test_a_stem_that_hurries_leaves_slow_sliding() -> None:
+def test_a_fast_stem_ends_slow_sliding() -> None:
     segment = free().run(0.0, 0.05, 10.0, 0.0, 0.5, 99.0)
     assert segment.ending is Ending.OPEN
     assert segment.velocity_m_per_s >= 0.5

@@ -1,4 +1,4 @@
-"""Time passes in every plant: between two instants there are few events, however fast the pressure settles."""
+"""Time passes in every plant: there are few events between two instants, however fast the pressure settles."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 EVENTS_PER_S = 1e5
 """Borders of a friction field every 0.1 mm at 10 m/s; far below what fits into the tolerance of a located event."""
 EVENTS = 100
-"""A few at one instant are right: a stop, a new draw of the friction, a slip, a border."""
+"""Several at one instant are correct: a stop, a new draw of the friction, a slip, a border."""
 
 
 class _NoProgressError(AssertionError):
@@ -107,7 +107,7 @@ def test_time_passes_whatever_the_lags_the_dead_time_and_the_commands(
 @example(_plant("paper", 0.00017, 0.00087, 0.0, 1.0, 1.0, 1.0), (24.0, 0.0), -6.7, 0)  # stops while the pull falls fast
 @example(_plant("graphite", 0.00068, 0.00744, 0.0, 1.0, 8.0, 1.0), (24.0, 0.0), -7.0, 0)  # creeps while it rises fast
 @example(_plant("graphite", 0.0001, 0.0001, 0.0, 1.0, 1.0, 0.01), (0.0, 24.0), -6.375, 0)  # slides for nanoseconds
-def test_a_push_taken_back_just_after_the_slip_ends(
+def test_a_push_that_is_reversed_just_after_the_slip_takes_few_events(
     plant: PlantSettings, push: tuple[float, float], exponent: float, seed: int
 ) -> None:
     there_ma, back_ma = push

@@ -1,4 +1,4 @@
-"""The valve against closed forms and published figures: jumps, decay, signature, energy, and no trace of the step."""
+"""The valve against closed forms and published figures: jumps, decay, signature, energy, independence of the step."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def test_a_triangle_shows_the_deadband_and_the_slip_jump_of_the_signature() -> N
 
 
 @pytest.mark.parametrize("lag_s", [0.0, 0.01])
-def test_the_work_of_the_pressure_is_found_again_in_spring_motion_and_friction(lag_s: float) -> None:
+def test_the_work_of_the_pressure_is_the_energy_of_spring_motion_and_friction(lag_s: float) -> None:
     lags = {"fill_time_constant_s": lag_s, "vent_time_constant_s": lag_s}
     settings = plant_settings("paper", {"actuator": lags, "valve": {"initial_position_m": 0.06}})
     state = valve.initial_state(settings, 0)
@@ -168,7 +168,7 @@ def test_the_work_of_the_pressure_is_found_again_in_spring_motion_and_friction(l
 
 @pytest.mark.parametrize("preset", ["paper", "frictionless", "stochastic", "graphite"])
 @pytest.mark.parametrize("lags", [(0.0, 0.0), (0.02, 0.005)])
-def test_the_result_does_not_depend_on_how_time_is_cut(preset: str, lags: tuple[float, float]) -> None:
+def test_the_result_does_not_depend_on_how_time_is_divided_into_steps(preset: str, lags: tuple[float, float]) -> None:
     settings = plant_settings(
         preset, {"actuator": {"fill_time_constant_s": lags[0], "vent_time_constant_s": lags[1], "dead_time_s": 0.0023}}
     )
@@ -249,7 +249,7 @@ def test_the_spring_preload_shifts_the_balance() -> None:
     )
 
 
-def test_a_turn_of_the_force_while_sliding_reverses_the_stem_without_a_stick() -> None:
+def test_a_reversed_force_while_sliding_reverses_the_stem_without_a_stick() -> None:
     moving = valve.step(PAPER, valve.initial_state(PAPER, 0), current_for(PAPER, 0.02, 2.0 * STATIC), 0.01)
     turned = valve.step(PAPER, moving, current_for(PAPER, 0.0, -2.0 * STATIC), 0.005)
     assert turned.stem.velocity_m_per_s < -0.1
@@ -257,7 +257,7 @@ def test_a_turn_of_the_force_while_sliding_reverses_the_stem_without_a_stick() -
     assert turned.stem.travel_m > abs(turned.stem.position_m - 0.01) + 1e-4
 
 
-def test_no_time_leaves_a_valve_as_it_is() -> None:
+def test_a_step_of_no_time_changes_nothing() -> None:
     moving = valve.step(PAPER, valve.initial_state(PAPER, 0), 9.0, 0.01)
     assert valve.step(PAPER, moving, 9.0, 0.0) == moving
 

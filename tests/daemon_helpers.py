@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from positioner.config.schema import Configuration
     from positioner.errors import ExitCode
 
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 """How long anything may take on a busy machine before a test gives up."""
 PERIOD_S = 0.02
 HERE_M = 0.08
@@ -68,7 +68,7 @@ class Others:
         self.codec = codec or make_codec()
         self.port = BusPort(address)
         self.port.open()
-        self.heard: list[CanFrame] = []
+        self.received: list[CanFrame] = []
         self._counters = {StemPosition: 0, Setpoint: 0, CurrentCommand: 0}
 
     def frame(self, message: StemPosition | Setpoint | CurrentCommand) -> CanFrame:
@@ -84,7 +84,7 @@ class Others:
     @property
     def acting(self) -> int | None:
         """The counter of the newest command heard, which acts on a valve that obeys; None before the first."""
-        frames = (frame for frame in reversed(self.heard) if not frame.is_error and not frame.is_remote)
+        frames = (frame for frame in reversed(self.received) if not frame.is_error and not frame.is_remote)
         decoded = (self.codec.decode(frame) for frame in frames)
         return next((counter for message, counter in decoded if isinstance(message, CurrentCommand)), None)
 
@@ -97,7 +97,7 @@ class Others:
     def listen(self, timeout_s: float = 0.0) -> list[Message]:
         """Return what was said by others since the last call."""
         frames = self.port.receive(timeout_s)
-        self.heard += frames
+        self.received += frames
         return [self.codec.decode(frame)[0] for frame in frames if not frame.is_error and not frame.is_remote]
 
 
@@ -154,7 +154,7 @@ class Loop:
 
     def cycle_until(self, word: str) -> None:
         """Let samples pass until the log has a line with `word`."""
-        deadline_s = time.monotonic() + PATIENCE_S
+        deadline_s = time.monotonic() + TIMEOUT_S
         while not self.logged(word):
             assert time.monotonic() < deadline_s, self.lines
             self.sample()
@@ -214,9 +214,9 @@ class Service:
     def logged(self, word: str) -> list[str]:
         return [line for line in self.lines if word in line]
 
-    def hear(self, kind: type[T]) -> T:
+    def next(self, kind: type[T]) -> T:
         """Report and ask every period until the daemon says something of that kind."""
-        deadline_s = time.monotonic() + PATIENCE_S
+        deadline_s = time.monotonic() + TIMEOUT_S
         while True:
             self.others.ask()
             self.others.report()
@@ -233,7 +233,7 @@ class Service:
 
     def arm(self) -> None:
         """Ask it to arm, anew every second period, until its first command has come."""
-        deadline_s = time.monotonic() + PATIENCE_S
+        deadline_s = time.monotonic() + TIMEOUT_S
         while True:
             for request in (HostRequest.NONE, HostRequest.ARM):
                 if any(isinstance(message, CurrentCommand) for message in self.request(request)):

@@ -69,12 +69,12 @@ class Loop:
             self.device, published = publish(self.codec, self.plant, self.device)
             inbox = self.to_positioner((*frames, *published))
             self.sample += 1
-            told = CycleInput(tuple(inbox), round(self.sample * self.period_s * _NS))
-            self.state, outbox, events = step(self.setup, self.state, told)
+            cycle_input = CycleInput(tuple(inbox), round(self.sample * self.period_s * _NS))
+            self.state, outbox, events = step(self.setup, self.state, cycle_input)
             self.events += events
             self.device = advance(self.plant, take(self.codec, self.device, self.to_plant(outbox)), self.period_s)
         return self.events[before:]
 
-    def told(self, kind: type[E]) -> list[E]:
+    def events_of(self, kind: type[E]) -> list[E]:
         """Return the events of one kind."""
         return [event for event in self.events if isinstance(event, kind)]

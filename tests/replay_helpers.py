@@ -141,9 +141,9 @@ class _Faulty:
                 inbox.append(self.codec.encode(CurrentCommand(12.0), 7 * sample))
             # a turn a little later than its sample, as a machine has it, and never at the same time in it
             now_ns = sample * PERIOD_NS + 1000 * (100 + sample * 37 % 91)
-            told = CycleInput(tuple(inbox), now_ns, now.late_ns, table_saved=now.table_saved)
-            self.state, outbox, _ = step(self.setup, self.state, told)
-            self.recorder.cycle(told, outbox, self.state.guard)
+            cycle_input = CycleInput(tuple(inbox), now_ns, now.late_ns, table_saved=now.table_saved)
+            self.state, outbox, _ = step(self.setup, self.state, cycle_input)
+            self.recorder.cycle(cycle_input, outbox, self.state.guard)
             self.device = advance(self.settings, take(self.codec, self.device, outbox), PERIOD_NS / _NS)
         self.recorder.close()
 

@@ -18,7 +18,7 @@ import can
 import matplotlib.image as mpl_image
 import numpy as np
 import pytest
-from daemon_helpers import PATIENCE_S, own_address
+from daemon_helpers import TIMEOUT_S, own_address
 
 from positioner.bench import metrics, runner
 from positioner.bench.host import Host
@@ -312,17 +312,17 @@ def test_a_bench_that_is_stopped_takes_its_processes_along(tmp_path: Path) -> No
     path = written(tmp_path, SHORT.replace("dwell_s = 0.2", "dwell_s = 3000.0"))
     process = bench("--scenario", str(path), "--bus", str(address), "--out", "out", folder=tmp_path)
     try:
-        deadline_s = time.monotonic() + PATIENCE_S
+        deadline_s = time.monotonic() + TIMEOUT_S
         while not port.receive(0.1):
             assert time.monotonic() < deadline_s
             assert process.poll() is None
         again = main(["bench", "--scenario", str(path), "--out", str(tmp_path / "out")])
         process.send_signal(signal.SIGTERM)
-        _, error = process.communicate(timeout=PATIENCE_S)
+        _, error = process.communicate(timeout=TIMEOUT_S)
         assert process.returncode == 130
         assert "Traceback" not in error
         while port.receive(0.3):
-            assert time.monotonic() < deadline_s + PATIENCE_S
+            assert time.monotonic() < deadline_s + TIMEOUT_S
         assert again == ExitCode.TEMPORARY
     finally:
         process.kill()

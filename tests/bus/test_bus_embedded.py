@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from positioner.bus.events import BusEvent
 
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 QUIET_S = 0.05
 
 
@@ -68,9 +68,9 @@ class BusContract:
         return port
 
     def wait_for(self, port: BusPort, count: int) -> list[CanFrame]:
-        """Return `count` frames, or those that came within `PATIENCE_S`."""
+        """Return `count` frames, or those that came within `TIMEOUT_S`."""
         frames: list[CanFrame] = []
-        deadline_s = time.monotonic() + PATIENCE_S
+        deadline_s = time.monotonic() + TIMEOUT_S
         while len(frames) < count and time.monotonic() < deadline_s:
             frames += port.receive(0.1)
         return frames
@@ -129,7 +129,7 @@ class BusContract:
         one, _ = pair
         start_s = time.monotonic()
         assert one.receive(QUIET_S) == ()
-        assert QUIET_S * 0.9 <= time.monotonic() - start_s < QUIET_S + PATIENCE_S
+        assert QUIET_S * 0.9 <= time.monotonic() - start_s < QUIET_S + TIMEOUT_S
 
     def test_a_closed_port_opens_itself_again(self, pair: tuple[BusPort, BusPort]) -> None:
         one, other = pair

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from daemon_helpers import PATIENCE_S
+from daemon_helpers import TIMEOUT_S
 
 from positioner.config.reader import load_config
 
@@ -62,13 +62,13 @@ class Walk:
         finally:
             if child.poll() is None:
                 child.terminate()
-            child.wait(PATIENCE_S)
+            child.wait(TIMEOUT_S)
 
     def said(self, name: str) -> str:
         return (self.folder / name).read_text(encoding="utf-8")
 
     def until_said(self, name: str, words: str) -> None:
-        deadline_s = time.monotonic() + PATIENCE_S
+        deadline_s = time.monotonic() + TIMEOUT_S
         while words not in self.said(name):
             assert time.monotonic() < deadline_s, {path.name: path.read_text() for path in self.folder.iterdir()}
             time.sleep(0.05)
@@ -76,7 +76,7 @@ class Walk:
     def done(self, line: str) -> tuple[int, str]:
         """Run a command to its end; return its status and what it said."""
         done = subprocess.run(
-            self.command(line), capture_output=True, text=True, timeout=PATIENCE_S, check=False, env=os.environ
+            self.command(line), capture_output=True, text=True, timeout=TIMEOUT_S, check=False, env=os.environ
         )
         return done.returncode, done.stdout + done.stderr
 
@@ -141,7 +141,7 @@ def test_a_person_at_a_terminal_types_verbs_and_sees_mistakes_reported(walk: Wal
             walk.until_said("3", words)
         os.write(write, b"auto\nset 80\nstatus")
         os.close(write)
-        assert child.wait(PATIENCE_S) == 0
+        assert child.wait(TIMEOUT_S) == 0
     said = walk.said("3")
     assert "setpoint 80.00 mm" in said
     assert said.count("counters ") == 2
@@ -156,7 +156,7 @@ def test_a_terminal_is_prompted_and_a_signal_ends_the_host(walk: Walk) -> None:
         os.write(keyboard, b"disarm\n")
         walk.until_said("3", "disarmed: the positioner commands nothing")
         child.send_signal(signal.SIGTERM)
-        assert child.wait(PATIENCE_S) == 0
+        assert child.wait(TIMEOUT_S) == 0
     os.close(keyboard)
     os.close(screen)
 
@@ -170,7 +170,7 @@ def test_a_verb_of_the_command_line_that_cannot_be_done_ends_the_host(walk: Walk
     assert (code, said.count("\n")) == (2, 1)
     assert "out of reach" in said
     line = shlex.join(walk.command(host.partition(" arm")[0])) + " <&-"
-    closed = subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    closed = subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
     assert (closed.returncode, closed.stderr.count("\n")) == (2, 1)
     assert closed.stderr.startswith("positioner: there is no standard input")
     code, said = walk.done(host.partition(" arm")[0] + " status")

@@ -9,7 +9,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from daemon_helpers import PATIENCE_S, own_address, write_configuration
+from daemon_helpers import TIMEOUT_S, own_address, write_configuration
 
 from positioner.bench.processes import BenchProcess
 from positioner.bus.port import BusPort
@@ -48,7 +48,7 @@ def emulator(folder: Path, bus: BusAddress, *more: str) -> BenchProcess:
 
 
 def await_setpoint(bus: BusAddress, child: BenchProcess) -> None:
-    port, end_s = BusPort(bus, [make_codec().identifier(Setpoint)]), time.monotonic() + PATIENCE_S
+    port, end_s = BusPort(bus, [make_codec().identifier(Setpoint)]), time.monotonic() + TIMEOUT_S
     port.open()
     while not port.receive(0.05) and time.monotonic() < end_s:
         child.check()

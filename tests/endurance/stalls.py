@@ -6,7 +6,7 @@
 On the virtual clock the daemon is driven through its ports, and a stall may strike at any instant but between the last
 look at the clock and the system call that sends. By SIGSTOP and SIGCONT it is a process, on an embedded bus; there each
 frame's instant is the kernel's stamp at a third socket. Exit status 0: no command left that was computed from a reading
-older than the limit of HOLD, and each stall beyond the limit of FAILSAFE was latched and told; 1 otherwise.
+older than the limit of HOLD, and each stall beyond the limit of FAILSAFE was latched and logged; 1 otherwise.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ if TYPE_CHECKING:
 PERIOD_S, HOLD_S, FAILSAFE_S = 0.01, 0.03, 0.1
 _SHORTEST_S, _LONGEST_S, _LONGEST_REAL_S = 0.001, 60.0, 4.0
 _NS = 1_000_000_000
-_MOST_TOLD = 20
+_MOST_SHOWN = 20
 
 
 @dataclass
-class Tally:
+class Stalls:
     """What came of the stalls of one kind."""
 
     name: str
@@ -51,7 +51,7 @@ class Tally:
     oldest_s: float = 0.0
     violations: list[str] = field(default_factory=list)
 
-    def judge(self, stall_s: float, ages_s: Sequence[float], *, too_long: bool, latched: bool, told: bool) -> None:
+    def add(self, stall_s: float, ages_s: Sequence[float], *, too_long: bool, latched: bool, logged: bool) -> None:
         """Take a stall with the ages of the readings that commands answered while and after it."""
         self.stalls += 1
         self.commands += len(ages_s)
@@ -63,15 +63,15 @@ class Tally:
         ]
         if too_long:
             self.long += 1
-            self.latched += latched and told
-            if not (latched and told):
-                what = "not latched" if not latched else "not told"
+            self.latched += latched and logged
+            if not (latched and logged):
+                what = "not latched" if not latched else "not logged"
                 self.violations.append(f"stall {self.stalls} of {stall_s:.4f} s: {what}")
 
     def lines(self) -> Iterable[str]:
         """Yield the report."""
         yield f"{self.name}: {self.stalls} stalls, {self.commands} commands while and after them"
-        yield f"  beyond the limit of FAILSAFE: {self.long}, latched and told: {self.latched}"
+        yield f"  beyond the limit of FAILSAFE: {self.long}, latched and logged: {self.latched}"
         told = f"{self.oldest_s * 1e3:.2f} ms, where {self.hold_s * 1e3:g} ms are allowed"
         yield f"  oldest reading that a command answered: {told}"
 
@@ -81,9 +81,9 @@ def log_uniform(chance: random.Random, longest_s: float) -> float:
     return math.exp(chance.uniform(math.log(_SHORTEST_S), math.log(longest_s)))
 
 
-def on_a_virtual_clock(folder: Path, count: int, chance: random.Random) -> Tally:
+def on_a_virtual_clock(folder: Path, count: int, chance: random.Random) -> Stalls:
     """Stop a daemon `count` times at any instant, computing and waiting alike."""
-    tally = Tally("virtual clock", HOLD_S)
+    stalls = Stalls("virtual clock", HOLD_S)
     with VirtualShell(folder, PERIOD_S) as shell:
         world = shell.world
         world.compute_ns = lambda: chance.randrange(1_000, 4_000_000)
@@ -104,21 +104,21 @@ def on_a_virtual_clock(folder: Path, count: int, chance: random.Random) -> Tally
                 and said.answered_ns is not None
             ]
             latched = shell.mode() is Mode.FAILSAFE
-            told = bool(shell.logged("-> FAILSAFE")) and bool(shell.logged("stood still for"))
-            tally.judge(stall_s, ages_s, too_long=stall_s > FAILSAFE_S, latched=latched, told=told)
-    return tally
+            logged = bool(shell.logged("-> FAILSAFE")) and bool(shell.logged("stood still for"))
+            stalls.add(stall_s, ages_s, too_long=stall_s > FAILSAFE_S, latched=latched, logged=logged)
+    return stalls
 
 
-def by_signals(folder: Path, count: int, chance: random.Random) -> Tally:
+def by_signals(folder: Path, count: int, chance: random.Random) -> Stalls:
     """Stop a daemon in a process of its own `count` times."""
     with StoppedDaemon(folder) as stopped:
-        tally = Tally("SIGSTOP and SIGCONT", stopped.hold_s)
+        stalls = Stalls("SIGSTOP and SIGCONT", stopped.hold_s)
         for _ in tqdm(range(count), desc="signals", unit=" stalls", leave=False, disable=None):
             stopped.make_ready()
             stop = stopped.stop_for(log_uniform(chance, _LONGEST_REAL_S), chance)
             too_long = stop.stall_s > stopped.failsafe_s
-            tally.judge(stop.stall_s, stop.ages_s, too_long=too_long, latched=stop.latched, told=stop.told)
-    return tally
+            stalls.add(stop.stall_s, stop.ages_s, too_long=too_long, latched=stop.latched, logged=stop.logged)
+    return stalls
 
 
 def main() -> int:
@@ -132,7 +132,7 @@ def main() -> int:
     logger.propagate = False
     started_s = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="stall-test-") as name:
-        tallies = []
+        found = []
         for number, kind, word in (
             (options.virtual, on_a_virtual_clock, "virtual"),
             (options.real, by_signals, "real"),
@@ -141,11 +141,11 @@ def main() -> int:
             folder.mkdir()
             if number:
                 chance = random.Random(options.seed)  # noqa: S311 - to be repeated, no secret
-                tallies.append(kind(folder, number, chance))
-    violations = [violation for tally in tallies for violation in tally.violations]
-    for line in (line for tally in tallies for line in tally.lines()):
+                found.append(kind(folder, number, chance))
+    violations = [violation for stalls in found for violation in stalls.violations]
+    for line in (line for stalls in found for line in stalls.lines()):
         sys.stdout.write(f"{line}\n")
-    for violation in violations[:_MOST_TOLD]:
+    for violation in violations[:_MOST_SHOWN]:
         sys.stdout.write(f"violation: {violation}\n")
     sys.stdout.write(f"seed {options.seed}, {time.monotonic() - started_s:.0f} s; violations: {len(violations)}\n")
     return int(bool(violations))

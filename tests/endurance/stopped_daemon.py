@@ -10,7 +10,7 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
-from daemon_helpers import HERE_M, PATIENCE_S, PERIOD_S, Service
+from daemon_helpers import HERE_M, PERIOD_S, TIMEOUT_S, Service
 
 from positioner.bus.port import BusPort
 from positioner.guard.settings import GuardSettings
@@ -36,7 +36,7 @@ class Stop:
     stall_s: float
     ages_s: tuple[float, ...]
     latched: bool
-    told: bool
+    logged: bool
 
 
 class StoppedDaemon:
@@ -61,7 +61,7 @@ class StoppedDaemon:
 
     def make_ready(self) -> None:
         """Let it be ACTIVE for a while, armed anew if need be."""
-        deadline_s, active_s, turns = time.monotonic() + PATIENCE_S, None, 0
+        deadline_s, active_s, turns = time.monotonic() + TIMEOUT_S, None, 0
         while active_s is None or time.monotonic() - active_s < _QUIET_S:
             assert time.monotonic() < deadline_s, self._service.lines[-20:]
             if self._mode is not Mode.ACTIVE:
@@ -86,12 +86,12 @@ class StoppedDaemon:
         end_s = time.monotonic() + _AFTER_S
         while time.monotonic() < end_s:
             self._period()
-        told = self._service.lines[lines:]
+        new_lines = self._service.lines[lines:]
         return Stop(
             held_s,
             tuple(self._ages_s),
             self._mode is Mode.FAILSAFE,
-            any("-> FAILSAFE" in line for line in told) and any("stood still for" in line for line in told),
+            any("-> FAILSAFE" in line for line in new_lines) and any("stood still for" in line for line in new_lines),
         )
 
     def _period(self, duration_s: float = PERIOD_S) -> None:

@@ -22,7 +22,7 @@ def stalls(*arguments: str) -> tuple[int, str]:
 def test_stalls_at_random_instants_fail_safe_and_let_nothing_old_through() -> None:
     code, report = stalls("--virtual", "60", "--real", "3", "--seed", "5")
     assert code == 0, report
-    long = [(int(count), int(latched)) for count, latched in re.findall(r"(\d+), latched and told: (\d+)", report)]
+    long = [(int(count), int(latched)) for count, latched in re.findall(r"(\d+), latched and logged: (\d+)", report)]
     assert [count == latched for count, latched in long] == [True, True], report
     assert [count > 0 for count, _ in long] == [True, True], report
     commands = [int(count) for count in re.findall(r"(\d+) commands while and after", report)]

@@ -8,7 +8,7 @@ import subprocess
 import time
 from typing import TYPE_CHECKING, Self
 
-from harness.plan import patience
+from harness.plan import time_factor
 
 from positioner.bus.address import BusAddress
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
-PATIENCE_S = 60.0 * patience()
+TIMEOUT_S = 60.0 * time_factor()
 """How long anything may take in a kernel that shares a busy machine."""
 _NUMBERS = itertools.count(10)
 
 
 def command(*words: str, check: bool = True, text: str | None = None) -> str:
     """Return what a command prints; where it fails its own words are the failure."""
-    done = subprocess.run(words, check=False, capture_output=True, text=True, input=text, timeout=PATIENCE_S * 10)
+    done = subprocess.run(words, check=False, capture_output=True, text=True, input=text, timeout=TIMEOUT_S * 10)
     assert not check or done.returncode == 0, f"{' '.join(words)}: {done.returncode}\n{done.stdout}{done.stderr}"
     return done.stdout + done.stderr
 
@@ -45,9 +45,9 @@ def vcan(name: str = "") -> Iterator[BusAddress]:
         command("ip", "link", "delete", name, check=False)
 
 
-def until(holds: Callable[[], object], what: object = "it", patience_s: float = PATIENCE_S) -> None:
+def until(holds: Callable[[], object], what: object = "it", timeout_s: float = TIMEOUT_S) -> None:
     """Wait until `holds`, or fail with `what`, called where it can be."""
-    deadline_s = time.monotonic() + patience_s
+    deadline_s = time.monotonic() + timeout_s
     while not holds():
         assert time.monotonic() < deadline_s, what() if callable(what) else what
         time.sleep(0.02)
@@ -66,7 +66,7 @@ class Program:
         return self.output.read_text(encoding="utf-8", errors="replace")
 
     def wait(self) -> int:
-        return self.process.wait(PATIENCE_S)
+        return self.process.wait(TIMEOUT_S)
 
     def __enter__(self) -> Self:
         return self

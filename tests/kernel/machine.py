@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from links import PATIENCE_S, command, until
+from links import TIMEOUT_S, command, until
 from rig import CLOSED_M, HIGH_M, LOW_M, NEAR_M, PERIOD_S
 
 from positioner.bus.address import BusAddress
@@ -91,14 +91,14 @@ class Valve:
                     continue
                 self.newest[type(message)] = message
 
-    def until(self, holds: Callable[[], object], patience_s: float = PATIENCE_S * 2) -> None:
+    def until(self, holds: Callable[[], object], timeout_s: float = TIMEOUT_S * 2) -> None:
         """Play the host until `holds`."""
-        deadline_s = time.monotonic() + patience_s
+        deadline_s = time.monotonic() + timeout_s
         while not holds():
             assert time.monotonic() < deadline_s, f"{self.newest}\n{self.story()}"
             self.step()
 
-    def hear(self, kind: type[Message]) -> Message:
+    def next(self, kind: type[Message]) -> Message:
         """Return the next message of that kind."""
         self.newest.pop(kind, None)
         self.until(lambda: kind in self.newest)
@@ -118,7 +118,7 @@ class Valve:
         """Start both services and return when they are ready."""
         systemctl("reset-failed", self.unit, self.plant, check=False)
         systemctl("start", "--no-block", self.plant, self.unit)
-        until(lambda: self.is_active, self.story, PATIENCE_S * 2)
+        until(lambda: self.is_active, self.story, TIMEOUT_S * 2)
 
     @property
     def is_active(self) -> bool:

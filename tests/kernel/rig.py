@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from daemon_helpers import write_configuration
-from links import PATIENCE_S
+from links import TIMEOUT_S
 
 from positioner.bench.processes import BenchProcess
 from positioner.bus.port import BusPort
@@ -51,7 +51,7 @@ M = TypeVar("M", bound=Message)
 
 
 @dataclass
-class Heard:
+class Received:
     """What the host of a rig has heard: the newest message of each kind, and how many there were."""
 
     newest: dict[type, Message] = field(default_factory=dict)
@@ -67,7 +67,7 @@ class Rig:
         self.codec = make_codec()
         self.port = BusPort(bus)
         self.port.open()
-        self.heard = Heard()
+        self.received = Received()
         self.setpoint_m = 0.08
         self.request = HostRequest.NONE
         self._numbers = itertools.count()
@@ -102,7 +102,7 @@ class Rig:
         """What the positioner has logged."""
         return (self.folder / "daemon.log").read_text(encoding="utf-8").splitlines()
 
-    def told(self, word: str) -> list[str]:
+    def logged(self, word: str) -> list[str]:
         return [line for line in self.lines if word in line]
 
     def step(self, *, asks: bool = True) -> None:
@@ -118,37 +118,37 @@ class Rig:
                 try:
                     message, _ = self.codec.decode(frame)
                 except FrameRejectedError:
-                    self.heard.refused += 1
+                    self.received.refused += 1
                 else:
-                    self.heard.newest[type(message)] = message
-                    self.heard.counts[type(message)] += 1
+                    self.received.newest[type(message)] = message
+                    self.received.counts[type(message)] += 1
         for child in (self.plant, self.daemon):
             if child.process.poll() is None:
                 child.drain()
 
-    def until(self, holds: Callable[[], object], patience_s: float = PATIENCE_S, *, asks: bool = True) -> None:
+    def until(self, holds: Callable[[], object], timeout_s: float = TIMEOUT_S, *, asks: bool = True) -> None:
         """Let periods pass until `holds`."""
-        deadline_s = time.monotonic() + patience_s
+        deadline_s = time.monotonic() + timeout_s
         while not holds():
             assert time.monotonic() < deadline_s, self.story()
             self.step(asks=asks)
 
     def newest(self, kind: type[M]) -> M | None:
-        message = self.heard.newest.get(kind)
+        message = self.received.newest.get(kind)
         return message if isinstance(message, kind) else None
 
-    def wait(self, kind: type[M]) -> M:
+    def next(self, kind: type[M]) -> M:
         """Return the next message of that kind."""
-        self.heard.newest.pop(kind, None)
-        self.until(lambda: kind in self.heard.newest)
+        self.received.newest.pop(kind, None)
+        self.until(lambda: kind in self.received.newest)
         message = self.newest(kind)
         assert message is not None
         return message
 
     def after(self, count: int, kind: type[Message] = CurrentCommand) -> None:
         """Let periods pass until `count` more messages of that kind were heard."""
-        wanted = self.heard.counts[kind] + count
-        self.until(lambda: self.heard.counts[kind] >= wanted)
+        wanted = self.received.counts[kind] + count
+        self.until(lambda: self.received.counts[kind] >= wanted)
 
     def mode(self) -> Mode | None:
         status = self.newest(PositionerStatus)
@@ -156,7 +156,7 @@ class Rig:
 
     def arm(self) -> None:
         """Ask until it is active."""
-        self.heard.newest.clear()
+        self.received.newest.clear()
         turns = itertools.count()
 
         def is_active() -> bool:
@@ -194,9 +194,9 @@ class Rig:
 
     def story(self) -> str:
         """Return what is known, for a test that fails."""
-        seen = {kind.__name__: str(message) for kind, message in self.heard.newest.items()}
+        seen = {kind.__name__: str(message) for kind, message in self.received.newest.items()}
         plant = (self.folder / "plant.log").read_text(encoding="utf-8").splitlines()
-        return "\n".join([str(seen), str(self.heard.counts), *self.lines[-15:], *plant[-3:]])
+        return "\n".join([str(seen), str(self.received.counts), *self.lines[-15:], *plant[-3:]])
 
     def __enter__(self) -> Self:
         return self

@@ -46,14 +46,14 @@ def calm(rig: Rig) -> None:
 )
 def test_a_bad_bus_is_counted_and_the_valve_stays_controlled(rig: Rig, discipline: tuple[str, ...], told: str) -> None:
     disturb(rig, *discipline)
-    rig.until(lambda: rig.told(told))
+    rig.until(lambda: rig.logged(told))
     # frames still come through, and the stem still goes where it is asked to
     rig.go_to(LOW_M)
     rig.go_to(HIGH_M)
     calm(rig)
     rig.after(5)
     assert rig.mode() is Mode.ACTIVE
-    assert not rig.told("Traceback")
+    assert not rig.logged("Traceback")
 
 
 def test_a_delay_of_a_period_is_lived_with(rig: Rig) -> None:
@@ -67,8 +67,8 @@ def test_a_delay_of_a_period_is_lived_with(rig: Rig) -> None:
 
 def test_a_bus_that_takes_no_frames_is_told_and_comes_back(rig: Rig) -> None:
     disturb(rig, "tbf", "rate", "800bit", "burst", "64", "limit", "64")
-    rig.until(lambda: rig.told("did not take a frame"))
-    assert any("No buffer space" in line for line in rig.told("did not take a frame"))
+    rig.until(lambda: rig.logged("did not take a frame"))
+    assert any("No buffer space" in line for line in rig.logged("did not take a frame"))
     calm(rig)
     rig.until(lambda: rig.mode() in {Mode.ACTIVE, Mode.HOLD, Mode.FAILSAFE})
     rig.go_to(LOW_M)
@@ -77,16 +77,16 @@ def test_a_bus_that_takes_no_frames_is_told_and_comes_back(rig: Rig) -> None:
 
 def test_a_link_that_goes_down_fails_safe_on_both_sides_and_waits_to_be_armed(rig: Rig) -> None:
     command("ip", "link", "set", rig.bus.channel, "down")
-    rig.until(lambda: rig.told("-> FAILSAFE"))
-    assert rig.told("ACTIVE -> HOLD (feedback stale)")
-    assert rig.told("is down")
+    rig.until(lambda: rig.logged("-> FAILSAFE"))
+    assert rig.logged("ACTIVE -> HOLD (feedback stale)")
+    assert rig.logged("is down")
     command("ip", "link", "set", rig.bus.channel, "up")
-    rig.heard.newest.clear()
+    rig.received.newest.clear()
     # the actuator's own deadman has closed the valve meanwhile, and FAILSAFE keeps it there
     rig.until(lambda: rig.is_at(CLOSED_M, 0.002))
     rig.after(20)
     assert rig.mode() is Mode.FAILSAFE
-    assert rig.wait(CurrentCommand).current_ma == 4.0
+    assert rig.next(CurrentCommand).current_ma == 4.0
     rig.arm()
     rig.go_to(HIGH_M)
 
@@ -94,11 +94,11 @@ def test_a_link_that_goes_down_fails_safe_on_both_sides_and_waits_to_be_armed(ri
 def test_a_link_that_is_deleted_and_made_again_is_found_again(rig: Rig) -> None:
     name = rig.bus.channel
     command("ip", "link", "delete", name)
-    rig.until(lambda: rig.told("-> FAILSAFE"))
+    rig.until(lambda: rig.logged("-> FAILSAFE"))
     command("ip", "link", "add", "dev", name, "type", "vcan")
     command("ip", "link", "set", name, "up")
-    rig.heard.newest.clear()
-    rig.until(lambda: rig.told("is there again"))
+    rig.received.newest.clear()
+    rig.until(lambda: rig.logged("is there again"))
     rig.until(lambda: rig.is_at(CLOSED_M, 0.002))
     assert rig.daemon.process.poll() is None
     rig.arm()

@@ -7,7 +7,7 @@ import time
 from typing import TYPE_CHECKING
 
 import pytest
-from links import PATIENCE_S, Program, command, vcan
+from links import TIMEOUT_S, Program, command, vcan
 from rig import CLOSED_M, DEADMAN_S, FAILSAFE_PERIODS, HIGH_M, HOLD_PERIODS, LOW_M, PERIOD_S, Rig
 
 from positioner.wire.messages import Cause, CurrentCommand, Health, Mode, PlantTruth, PositionerStatus
@@ -29,16 +29,16 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
 
 
 def test_a_flood_of_higher_priority_does_not_reach_the_positioner(rig: Rig, tmp_path: Path) -> None:
-    before = len(rig.told("mode "))
+    before = len(rig.logged("mode "))
     words = ["cangen", rig.bus.channel, "-g", "0.5", "-I", "001", "-L", "8", "-n", "4000"]
     with Program(words, tmp_path / "cangen.log") as flood:
         rig.go_to(LOW_M)
-        rig.until(lambda: flood.process.poll() is not None, PATIENCE_S * 2)
+        rig.until(lambda: flood.process.poll() is not None, TIMEOUT_S * 2)
     rig.after(5)
-    assert not rig.told("queue was full")
-    assert not rig.told("refused")
+    assert not rig.logged("queue was full")
+    assert not rig.logged("refused")
     assert rig.mode() is Mode.ACTIVE
-    assert len(rig.told("mode ")) >= before
+    assert len(rig.logged("mode ")) >= before
     rig.go_to(HIGH_M)
 
 
@@ -56,17 +56,17 @@ def test_a_second_controller_is_an_alarm_for_as_long_as_it_speaks(rig: Rig) -> N
     assert (status.mode, status.health) == (Mode.ACTIVE, Health.FAILURE)
     assert any("12.500 mA" in line for line in rig.lines)
     rig.until(lambda: (said := rig.newest(PositionerStatus)) is not None and said.cause is Cause.NONE)
-    assert rig.wait(PositionerStatus).health is Health.GOOD
+    assert rig.next(PositionerStatus).health is Health.GOOD
 
 
 def test_a_clock_that_is_stepped_by_an_hour_changes_nothing(rig: Rig) -> None:
-    modes = len(rig.told("mode "))
+    modes = len(rig.logged("mode "))
     for step in (1, -2):
         now = dt.datetime.now(tz=dt.UTC) + dt.timedelta(hours=step)
         command("date", "-u", "-s", now.strftime("%Y-%m-%d %H:%M:%S"))
         rig.after(30)
         assert rig.mode() is Mode.ACTIVE
-    assert len(rig.told("mode ")) == modes
+    assert len(rig.logged("mode ")) == modes
     rig.go_to(LOW_M)
 
 
@@ -74,17 +74,17 @@ def test_a_positioner_that_hangs_leaves_the_valve_to_its_own_deadman(rig: Rig) -
     rig.pause(rig.daemon)
     rig.until(lambda: rig.is_at(CLOSED_M, 0.002))
     rig.resume(rig.daemon)
-    rig.heard.newest.clear()
+    rig.received.newest.clear()
     rig.after(5)
     rig.go_to(HIGH_M)
     assert rig.mode() is Mode.ACTIVE
 
 
 def test_a_valve_that_is_silent_is_held_then_failed_safe_until_it_is_armed_again(rig: Rig) -> None:
-    last = rig.wait(CurrentCommand)
+    last = rig.next(CurrentCommand)
     silent_s = time.monotonic()
     rig.pause(rig.plant)
-    rig.heard.newest.clear()
+    rig.received.newest.clear()
     rig.until(lambda: (said := rig.newest(CurrentCommand)) is not None and said.mode is Mode.HOLD)
     # the last reading may be some periods old when the emulator is stopped: this kernel is slow
     assert HOLD_PERIODS / 2 <= (time.monotonic() - silent_s) / PERIOD_S < FAILSAFE_PERIODS
@@ -96,10 +96,10 @@ def test_a_valve_that_is_silent_is_held_then_failed_safe_until_it_is_armed_again
     status = rig.newest(PositionerStatus)
     assert status is not None
     assert (status.cause, status.health) == (Cause.FEEDBACK_STALE, Health.FAILURE)
-    assert rig.wait(CurrentCommand).current_ma == 4.0
+    assert rig.next(CurrentCommand).current_ma == 4.0
     rig.resume(rig.plant)
-    rig.heard.newest.pop(PlantTruth, None)
-    rig.until(lambda: rig.is_at(CLOSED_M, 0.002), PATIENCE_S + DEADMAN_S)
+    rig.received.newest.pop(PlantTruth, None)
+    rig.until(lambda: rig.is_at(CLOSED_M, 0.002), TIMEOUT_S + DEADMAN_S)
     assert rig.mode() is Mode.FAILSAFE
     rig.arm()
     rig.go_to(LOW_M)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from harness.plan import PROJECT
-from links import PATIENCE_S, Program, add_vcan, command, until
+from links import TIMEOUT_S, Program, add_vcan, command, until
 from machine import Valve, journal, show
 from rig import LOW_M, PERIOD_S
 from serial_adapter import SerialAdapter
@@ -110,4 +110,4 @@ def test_the_five_steps_lead_to_a_valve_under_control(tmp_path: Path) -> None:
     walk("sudo systemctl stop positioner@fv101", tmp_path)
     assert "stopped; the stiction table is saved" in journal("positioner@fv101")
     valve.port.close()
-    until(lambda: not show("positioner@fv101", "MainPID").strip("0"), patience_s=PATIENCE_S)
+    until(lambda: not show("positioner@fv101", "MainPID").strip("0"), timeout_s=TIMEOUT_S)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from harness.plan import PROJECT
-from links import PATIENCE_S, add_vcan, command, until
+from links import TIMEOUT_S, add_vcan, command, until
 from machine import CLOSED_M, CONFIGURATIONS, HIGH_M, LOW_M, Valve, configure, journal, show, systemctl
 
 from positioner.store import document
@@ -136,7 +136,7 @@ def test_a_positioner_waits_for_its_first_feedback_without_end_and_is_killed_if_
     with start_within(valve, limit_s):
         killed = journal(valve.unit).count("Watchdog timeout")
         systemctl("start", "--no-block", valve.unit)
-        until(lambda: valve.pid and running_s(valve) > limit_s + 5.0, valve.story, PATIENCE_S * 2)
+        until(lambda: valve.pid and running_s(valve) > limit_s + 5.0, valve.story, TIMEOUT_S * 2)
         waiting = valve.pid
         assert "waiting for position frames" in show(valve.unit, "StatusText")
         assert show(valve.unit, "ActiveState") == "activating"
@@ -157,7 +157,7 @@ def test_a_positioner_that_hangs_before_its_first_turn_is_killed_and_comes_back(
         assert show(valve.unit, "StatusText") == ""
         until(lambda: journal(valve.unit).count("start operation timed out") > late, valve.story)
     until(lambda: valve.pid not in {0, hung}, valve.story)
-    until(lambda: valve.is_active, valve.story, PATIENCE_S * 2)
+    until(lambda: valve.is_active, valve.story, TIMEOUT_S * 2)
 
 
 def test_a_positioner_that_is_killed_again_and_again_is_not_given_up(valve: Valve) -> None:
@@ -183,7 +183,7 @@ def test_a_bus_that_is_deleted_and_made_again_brings_the_service_back_by_itself(
     command("ip", "link", "delete", "vcan0")
     until(lambda: show(valve.unit, "ActiveState") in {"inactive", "failed"}, valve.story)
     add_vcan("vcan0")
-    until(lambda: valve.is_active, valve.story, PATIENCE_S * 2)
+    until(lambda: valve.is_active, valve.story, TIMEOUT_S * 2)
     valve.go_to(HIGH_M)
     systemctl("disable", valve.unit)
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import can
 import pytest
 from daemon_helpers import PERIOD_S, Service
-from links import PATIENCE_S, Program, command, until, vcan
+from links import TIMEOUT_S, Program, command, until, vcan
 from test_daemon_process import PATIENT
 from test_vcan_bus import filters
 
@@ -81,14 +81,14 @@ def test_cantools_monitor_shows_the_running_valve(bus: BusAddress, tmp_path: Pat
         fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 50, 120, 0, 0))
         environment = {**os.environ, "TERM": "xterm", "LINES": "50", "COLUMNS": "120"}
         with subprocess.Popen(words, stdin=follower, stdout=follower, stderr=follower, env=environment) as monitor:
-            shown, deadline_s = "", time.monotonic() + PATIENCE_S
+            shown, deadline_s = "", time.monotonic() + TIMEOUT_S
             while "STEM_POSITION" not in shown or "Position_mm" not in shown:
                 assert time.monotonic() < deadline_s, shown
                 assert monitor.poll() is None, shown
                 if select.select([leader], [], [], 0.1)[0]:
                     shown += os.read(leader, 65536).decode(errors="replace")
             monitor.terminate()
-            monitor.wait(PATIENCE_S)
+            monitor.wait(TIMEOUT_S)
         os.close(leader)
         os.close(follower)
 

@@ -84,7 +84,7 @@ def test_a_law_learns_nothing_while_its_commands_do_not_act_and_begins_anew_afte
     assert not any(isinstance(event, Learned) for event in events)
     guard = loop.state.guard
     assert (guard.mode, guard.cause, guard.health(table_saved=True)) == (Mode.ACTIVE, cause, Health.FAILURE)
-    told = loop.told(ForeignCommand if kind == "usurped" else ActingChanged)
+    told = loop.events_of(ForeignCommand if kind == "usurped" else ActingChanged)
     assert told
     assert counting.begun == 1
     loop.to_plant = loop.to_positioner = passed
@@ -93,7 +93,7 @@ def test_a_law_learns_nothing_while_its_commands_do_not_act_and_begins_anew_afte
     assert counting.begun == 2
     assert any(isinstance(event, ModeChanged) and event.cause is Cause.NONE for event in events)
     if kind != "usurped":
-        causes = [event.cause for event in loop.told(ActingChanged)]
+        causes = [event.cause for event in loop.events_of(ActingChanged)]
         assert (causes[0], causes[-1]) == (cause, None)
     if law == "nmpc":
         # what was believed of the load while nothing acted is forgotten

@@ -59,7 +59,7 @@ def test_a_jammed_stem_is_pushed_twenty_times_and_then_ever_more_seldom() -> Non
     # a setpoint that trembles changes nothing
     for sample in range(50):
         loop.run(0.1, 0.087 + 1e-4 * (sample % 2))
-    later = [event.rest_s for event in loop.told(PushFailed)][len(first) :]
+    later = [event.rest_s for event in loop.events_of(PushFailed)][len(first) :]
     assert later == [4.0]
     assert loop.state.counters.by_cause[Counted.PUSH_FAILED] == len(first) + len(later)
     # one that is elsewhere does

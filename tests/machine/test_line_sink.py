@@ -16,7 +16,7 @@ import tty
 from typing import TYPE_CHECKING
 
 import pytest
-from daemon_helpers import PATIENCE_S, Loop, Service, own_address, write_configuration
+from daemon_helpers import TIMEOUT_S, Loop, Service, own_address, write_configuration
 
 from positioner.bench.processes import BenchProcess
 from positioner.errors import ExitCode
@@ -40,7 +40,7 @@ def _no_write_waits() -> Iterator[None]:
         raise AssertionError("something waits for a reader")
 
     before = signal.signal(signal.SIGALRM, waited)
-    signal.setitimer(signal.ITIMER_REAL, PATIENCE_S / 3.0)
+    signal.setitimer(signal.ITIMER_REAL, TIMEOUT_S / 3.0)
     yield
     signal.setitimer(signal.ITIMER_REAL, 0.0)
     signal.signal(signal.SIGALRM, before)
@@ -232,7 +232,7 @@ def test_a_log_that_nobody_reads_keeps_no_daemon_from_controlling_nor_from_endin
         service.child.wait_for("READY=1")
         service.arm()
         for _ in range(20):
-            assert service.hear(CurrentCommand).mode is Mode.ACTIVE
+            assert service.next(CurrentCommand).mode is Mode.ACTIVE
         assert service.stop() == ExitCode.OK
     left = os.read(descriptor, 1 << 20)
     assert set(left) == {ord("\n")}
@@ -244,7 +244,7 @@ def test_a_log_that_nobody_reads_keeps_no_daemon_from_controlling_nor_from_endin
 def test_a_command_ends_though_nobody_reads_its_last_line(program: str, tmp_path: Path) -> None:
     descriptor = full_pipe(tmp_path / "log")
     child = BenchProcess(program, ["run", "--config", str(tmp_path / "absent.toml")], tmp_path / "log")
-    assert child.process.wait(PATIENCE_S) == ExitCode.CONFIG
+    assert child.process.wait(TIMEOUT_S) == ExitCode.CONFIG
     child.stop()
     os.close(descriptor)
 
@@ -274,7 +274,7 @@ def test_a_stop_is_clean_whatever_has_become_of_the_standard_streams(
             with contextlib.suppress(TimeoutError):
                 said = notified.recv(4096)
         process.terminate()
-        assert process.wait(PATIENCE_S) == ExitCode.OK
+        assert process.wait(TIMEOUT_S) == ExitCode.OK
 
 
 def test_an_output_that_cannot_be_written_is_told_with_a_status_of_its_own() -> None:

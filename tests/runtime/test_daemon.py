@@ -100,11 +100,11 @@ def test_it_arms_itself_at_the_first_reading_where_it_may(tmp_path: Path) -> Non
 
 
 def test_each_command_answers_its_reading_and_names_the_setpoint_it_obeys(armed: Loop) -> None:
-    armed.others.heard.clear()
+    armed.others.received.clear()
     for _ in range(20):
         armed.sample()
     pairs = [(m.position_counter, m.setpoint_counter) for m in (armed.others.codec.decode(f)[0] for f in
-             armed.others.heard) if isinstance(m, CurrentCommand)]  # fmt: skip
+             armed.others.received) if isinstance(m, CurrentCommand)]  # fmt: skip
     assert pairs == [(number, number) for number in range(1, 21)]
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import cantools
 import pytest
-from daemon_helpers import HERE_M, PATIENCE_S, PERIOD_S, Service, own_address, write_configuration
+from daemon_helpers import HERE_M, PERIOD_S, TIMEOUT_S, Service, own_address, write_configuration
 
 from positioner.bench.processes import BenchProcess
 from positioner.bus.port import BusPort
@@ -37,7 +37,7 @@ def test_a_service_is_silent_until_armed_and_saves_its_table_at_the_end(tmp_path
             service.others.report()
             assert service.others.listen(PERIOD_S) == []
         service.arm()
-        service.hear(PositionerStatus)
+        service.next(PositionerStatus)
         service.child.drain()
 
         second = BenchProcess("positioner.cli.main", ["run", "--config", str(service.path)], tmp_path / "second.log")
@@ -47,7 +47,7 @@ def test_a_service_is_silent_until_armed_and_saves_its_table_at_the_end(tmp_path
         assert waiting.startswith(f"WARNING waiting 10 s at most: {occupied}")
         assert line.startswith(f"positioner: {occupied}")
 
-        assert service.hear(CurrentCommand).mode is Mode.ACTIVE
+        assert service.next(CurrentCommand).mode is Mode.ACTIVE
         assert service.stop() == ExitCode.OK
         assert service.lines[-1] == "INFO stopped; the stiction table is saved"
     assert access.dump(tmp_path / "state").valve_id == "FV-101"
@@ -55,7 +55,7 @@ def test_a_service_is_silent_until_armed_and_saves_its_table_at_the_end(tmp_path
 
 def ended(child: BenchProcess, beside: Service, *said: CurrentCommand) -> int:
     """Return the exit status of a program that ends by itself, while the loop beside it goes on, and `said` is."""
-    deadline_s = time.monotonic() + PATIENCE_S
+    deadline_s = time.monotonic() + TIMEOUT_S
     while (code := child.process.poll()) is None:
         assert time.monotonic() < deadline_s, child.log.read_text(encoding="utf-8")
         beside.others.say(*said)
@@ -71,7 +71,7 @@ def test_a_held_arm_does_not_arm_a_daemon_that_starts_again(tmp_path: Path) -> N
         service.arm()
         service.kill()
         service.start()
-        deadline_s = time.monotonic() + PATIENCE_S
+        deadline_s = time.monotonic() + TIMEOUT_S
         while not service.logged("mode INIT -> READY (waiting for arm)")[1:]:
             assert time.monotonic() < deadline_s, service.lines
             assert service.request(HostRequest.ARM) == []
@@ -86,14 +86,14 @@ def test_another_controller_on_the_bus_ends_a_daemon_before_it_says_a_word(tmp_p
         assert ended(service.child, service, CurrentCommand(9.5)) == ExitCode.UNAVAILABLE
         told = "positioner: not started: another controller commands this valve (9.500 mA): stop it, or give one"
         assert [line[: len(told)] for line in service.lines if line.startswith("positioner:")] == [told]
-        assert service.others.heard == []
+        assert service.others.received == []
 
 
 def test_a_service_waits_for_a_bus_that_is_not_there_and_can_be_stopped_meanwhile(tmp_path: Path) -> None:
     path = write_configuration(tmp_path, own_address())
     arguments = ["run", "--config", str(path), "--bus", "socketcan:vcan77"]
     with BenchProcess("positioner.cli.main", arguments, tmp_path / "daemon.log") as child:
-        deadline_s = time.monotonic() + PATIENCE_S
+        deadline_s = time.monotonic() + TIMEOUT_S
         while "cannot be opened" not in child.log.read_text(encoding="utf-8"):
             assert time.monotonic() < deadline_s
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -119,7 +119,7 @@ def test_a_kill_loses_nothing_that_was_learned_and_a_reset_is_taken_over(tmp_pat
         with plant(service) as emulator:
             learn(service, emulator, learned + 4)
             assert access.reset(tmp_path / "state") is not None
-            deadline_s = time.monotonic() + PATIENCE_S
+            deadline_s = time.monotonic() + TIMEOUT_S
             while not service.logged("the stiction table was replaced: reset"):
                 assert time.monotonic() < deadline_s, service.lines
                 service.others.listen(PERIOD_S)
@@ -140,7 +140,7 @@ def plant(service: Service) -> BenchProcess:
 
 def learn(service: Service, emulator: BenchProcess, wanted: int) -> None:
     """Send the stem to and fro until the log has `wanted` lines of what was learned."""
-    deadline_s, number = time.monotonic() + PATIENCE_S, 0
+    deadline_s, number = time.monotonic() + TIMEOUT_S, 0
     while len(service.logged("learned")) < wanted:
         emulator.check()
         assert time.monotonic() < deadline_s, service.lines
@@ -178,7 +178,7 @@ def test_a_valve_that_speaks_frames_of_its_own_is_controlled(tmp_path: Path) -> 
         try:
             reading = feedback.encode({"StemPosition": HERE_M / 0.127 * 100.0, "Spare": 0})
             currents: list[float] = []
-            deadline_s = time.monotonic() + PATIENCE_S
+            deadline_s = time.monotonic() + TIMEOUT_S
             while len(currents) < 40:
                 assert time.monotonic() < deadline_s, service.lines
                 if len(currents) == 20:

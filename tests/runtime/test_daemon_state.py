@@ -7,7 +7,7 @@ import time
 from typing import TYPE_CHECKING
 
 import pytest
-from daemon_helpers import HERE_M, PATIENCE_S, Loop
+from daemon_helpers import HERE_M, TIMEOUT_S, Loop
 
 from positioner.errors import ExitCode
 from positioner.store import access
@@ -30,7 +30,7 @@ def teach(loop: Loop) -> None:
 
 def wait_until_saved(loop: Loop) -> None:
     """Let samples pass until the state directory holds the daemon's table."""
-    deadline_s = time.monotonic() + PATIENCE_S
+    deadline_s = time.monotonic() + TIMEOUT_S
     while access.dump(loop.configuration.state_directory).table != loop.daemon.session.state.table:
         assert time.monotonic() < deadline_s, loop.lines
         loop.sample()

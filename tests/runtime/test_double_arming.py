@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING
 
 import pytest
-from daemon_helpers import HERE_M, PATIENCE_S, PERIOD_S, Service
+from daemon_helpers import HERE_M, PERIOD_S, TIMEOUT_S, Service
 
 from positioner.wire.messages import HostRequest, Setpoint, StemPosition
 
@@ -29,7 +29,7 @@ def test_two_daemons_that_one_arm_has_armed_do_not_both_go_on(tmp_path: Path) ->
     for folder in folders:
         folder.mkdir()
     with Service(folders[0], guard=PATIENT) as one, Service(folders[1], guard=PATIENT) as other:
-        services, deadline_s, cycles, joined = (one, other), time.monotonic() + PATIENCE_S, 0, False
+        services, deadline_s, cycles, joined = (one, other), time.monotonic() + TIMEOUT_S, 0, False
         modes: list[str] = ["", ""]
         while not joined or all(mode.rpartition("-> ")[2].startswith("ACTIVE") for mode in modes):
             assert time.monotonic() < deadline_s, modes
@@ -40,9 +40,9 @@ def test_two_daemons_that_one_arm_has_armed_do_not_both_go_on(tmp_path: Path) ->
             said_s = time.monotonic()
             while time.monotonic() < said_s + PERIOD_S:
                 for service, its_other in ((one, other), (other, one)):
-                    count = len(service.others.heard)
+                    count = len(service.others.received)
                     service.others.listen(PERIOD_S / 10.0)
-                    for frame in service.others.heard[count:] if joined else ():
+                    for frame in service.others.received[count:] if joined else ():
                         its_other.others.port.send(frame)
             joined = joined or all(service.others.acting is not None for service in services)
             modes = [" ".join(service.logged("mode ")) for service in services]

@@ -124,14 +124,14 @@ def test_a_law_with_an_absurd_table_does_as_with_none_and_says_so_once(law: str,
     for loop in (fresh, given):
         loop.run(0.05, 0.08)
     assert given.position_m == fresh.position_m
-    (told,) = (event for event in given.told(NotBelieved) if not event.taught)
+    (told,) = (event for event in given.events_of(NotBelieved) if not event.taught)
     assert told.count == 4 * len(table)
     assert str(told).startswith("the table is not believed where it says ")
-    assert not any(not event.taught for event in fresh.told(NotBelieved))
+    assert not any(not event.taught for event in fresh.events_of(NotBelieved))
     # one more that comes while it runs, as an import does
     given.state = replace(given.state, table=table)
     given.run(0.002, 0.08)
-    assert sum(not event.taught for event in given.told(NotBelieved)) == 2
+    assert sum(not event.taught for event in given.events_of(NotBelieved)) == 2
 
 
 @pytest.mark.parametrize("late", [1, 2, 3, 5])
@@ -145,7 +145,7 @@ def test_a_push_that_acts_late_teaches_no_landing_that_never_was(late: int) -> N
     loop.to_plant = delay
     for setpoint_m in (0.08, 0.073, 0.087, 0.08, 0.073, 0.087):
         loop.run(0.2, setpoint_m)
-    biases_m = [event.sample.value for event in loop.told(Learned) if event.sample.quantity is BIAS]
+    biases_m = [event.sample.value for event in loop.events_of(Learned) if event.sample.quantity is BIAS]
     assert all(abs(bias_m) < 2e-3 for bias_m in biases_m), biases_m
 
 
@@ -153,7 +153,7 @@ def test_what_physics_excludes_is_not_learned_and_told() -> None:
     # the first push of the paper's law is the whole loop: 20 mA at 10 mm frees the stem, and is no breakaway current
     loop = Loop("paper")
     loop.run(0.1, 0.08)
-    (told,) = loop.told(NotBelieved)
+    (told,) = loop.events_of(NotBelieved)
     assert told.taught
     assert told.sample.value == 20.0
     assert "not learned: breakaway_current_ma = 20" in str(told)
@@ -166,4 +166,4 @@ def test_what_the_emulated_valves_do_is_credible(preset: str) -> None:
     loop = Loop("nmpc", plant={"preset": preset})
     for setpoint_m in (0.073, 0.087, 0.08):
         loop.run(0.2, setpoint_m)
-    assert loop.told(NotBelieved) == []
+    assert loop.events_of(NotBelieved) == []

@@ -74,8 +74,8 @@ class Guest:
         if self._process.poll() is not None:
             return True
         age_s, kind = time.monotonic() - self._started_s, self.group.kind
-        if age_s > kind.patience_s:
-            self._overdue = f"its tests were not over after {kind.patience_s:g} s"
+        if age_s > kind.timeout_s:
+            self._overdue = f"its tests were not over after {kind.timeout_s:g} s"
         elif age_s > kind.boot_s and not self.kernel:
             self._overdue = f"it had not come as far as its tests after {kind.boot_s:g} s"
         if self._overdue:

@@ -11,7 +11,7 @@ CACHE = PROJECT / "build" / "kernel"
 INSIDE = "POSITIONER_KERNEL"
 """Set inside a kernel of ours, to the name of its kind."""
 RESULTS = "POSITIONER_KERNEL_RESULTS"
-PATIENCE = "POSITIONER_KERNEL_PATIENCE"
+TIME_FACTOR = "POSITIONER_KERNEL_TIME_FACTOR"
 """Set inside a kernel of ours, to how many times longer than usual anything may take."""
 BEGAN = "began"
 """A kernel that comes as far as its tests writes its version into the file of this name."""
@@ -29,27 +29,27 @@ class Kind:
     booted: systemd is process 1, instead of a script.
     vcan_echo: vcan loops frames back through the queueing discipline, which netem and tbf need.
     boot_s: how long the way to the first test may take, on a busy machine.
-    patience_s: how long all tests of a file may take together, on a busy machine.
-    patience: how many times longer than usual anything may take inside.
+    timeout_s: how long all tests of a file may take together, on a busy machine.
+    time_factor: how many times longer than usual anything may take inside.
     """
 
     emulated: bool = False
     booted: bool = False
     vcan_echo: bool = False
     boot_s: float = 300.0
-    patience_s: float = 900.0
-    patience: float = 1.0
+    timeout_s: float = 900.0
+    time_factor: float = 1.0
 
     def in_qemu(self) -> Kind:
         """Return this kind on an emulated processor, which is slow."""
-        return self if self.emulated else replace(self, emulated=True, boot_s=900.0, patience_s=3600.0, patience=10.0)
+        return self if self.emulated else replace(self, emulated=True, boot_s=900.0, timeout_s=3600.0, time_factor=10.0)
 
 
 KINDS = {
     "vcan": Kind(),
     "faults": Kind(vcan_echo=True),
     "systemd": Kind(booted=True),
-    "controller": Kind(emulated=True, boot_s=900.0, patience_s=1800.0),
+    "controller": Kind(emulated=True, boot_s=900.0, timeout_s=1800.0),
 }
 
 
@@ -58,6 +58,6 @@ def kind_inside() -> str | None:
     return os.environ.get(INSIDE)
 
 
-def patience() -> float:
+def time_factor() -> float:
     """Return how many times longer than usual anything may take here."""
-    return float(os.environ.get(PATIENCE, "1"))
+    return float(os.environ.get(TIME_FACTOR, "1"))

@@ -8,7 +8,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from harness.booted import BOOT
-from harness.plan import BEGAN, INSIDE, PATIENCE, PROJECT, RESULTS, WHEELS
+from harness.plan import BEGAN, INSIDE, PROJECT, RESULTS, TIME_FACTOR, WHEELS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -66,7 +66,7 @@ def _write_inside(out: Path, kind_name: str, kind: Kind, tests: Sequence[str]) -
     settings = {
         INSIDE: kind_name,
         RESULTS: str(out / "results.jsonl"),
-        PATIENCE: str(kind.patience),
+        TIME_FACTOR: str(kind.time_factor),
         "PATH": "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin",
         "PYTHONPATH": f"{PROJECT}:{PROJECT}/tests:{PROJECT}/tests/kernel:{PROJECT}/tests/bus:{PROJECT}/tests/runtime",
         "PYTHONDONTWRITEBYTECODE": "1",

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import select
+import subprocess
+import sys
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import pytest
 from hypothesis import strategies as st
 
 from positioner.store.client import TableWriterClient
@@ -13,7 +17,7 @@ from positioner.store.content import StoredTable
 from positioner.valve.stiction import Direction, LearnedSample, Quantity, StictionTable
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
     from positioner.store.client import WriterEvent
@@ -66,5 +70,20 @@ def wait_for(writer: TableWriterClient, done: Callable[[], bool], timeout_s: flo
         select.select([writer._child.channel] if writer._child.channel.fileno() >= 0 else [], [], [], 0.02)
 
 
+def python(*arguments: object, **options: Any) -> subprocess.Popen[str]:
+    """Start this interpreter with all modules that this process can import; its output is to be read."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command = [sys.executable, *map(str, arguments)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment, **options)
+
+
 def opened(directory: Path, valve_id: str = VALVE) -> tuple[TableWriterClient, StictionTable, tuple[str, ...]]:
     return TableWriterClient.open(directory, valve_id, WIDTH_M)
+
+
+@pytest.fixture
+def writer(tmp_path: Path) -> Iterator[TableWriterClient]:
+    """A table writer of the directory `tmp_path`, which must be able to save at the end."""
+    client, _, _ = opened(tmp_path)
+    yield client
+    assert client.close(10.0) is None

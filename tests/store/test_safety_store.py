@@ -71,7 +71,7 @@ class Disk:
     ],
     ids=str,
 )
-def test_a_save_that_fails_is_told_once_and_tried_again_ever_less_often_up_to_every_30_s(
+def test_a_save_that_fails_is_reported_once_and_tried_again_ever_less_often_up_to_every_30_s(
     error: Exception, tmp_path: Path
 ) -> None:
     sent, disk, now_s = Sent(), Disk(error), 1000.0
@@ -87,18 +87,20 @@ def test_a_save_that_fails_is_told_once_and_tried_again_ever_less_often_up_to_ev
         assert disk.tries == tries
         now_s += due_s
     assert waits_s == pytest.approx([0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0, 30.0, 30.0, 30.0])
-    # each failure is said, so that nobody takes the table writer for one that hangs; the daemon tells the first
+    # each failure is sent, or the table writer would count as hanging; the daemon reports the first
     assert len(sent.messages) == 12
-    (told,) = set(sent.messages)
-    assert isinstance(told, SavingFailed)
+    (reported,) = set(sent.messages)
+    assert isinstance(reported, SavingFailed)
     ours, theirs = socket.socketpair()
     theirs.sendall(b"".join(messages.encode(each) + b"\n" for each in sent.messages))
     daemon = TableWriterClient(tmp_path, -1, Child(subprocess.Popen(["true"]), Channel(ours)), taught(series(7)))
-    assert [event for _ in range(12) for event in daemon.poll(now_s)] == [told]
+    assert [event for _ in range(12) for event in daemon.poll(now_s)] == [reported]
     daemon._child.end()
     theirs.close()
-    assert told.reason.startswith(f"the stiction table cannot be saved: {getattr(error, 'strerror', None) or error}; ")
-    assert writer.problem == told.reason
+    assert reported.reason.startswith(
+        f"the stiction table cannot be saved: {getattr(error, 'strerror', None) or error}; "
+    )
+    assert writer.problem == reported.reason
 
     disk.error = None
     writer.work(now_s)

@@ -2,15 +2,13 @@ from __future__ import annotations
 
 import os
 import socket
-import subprocess
-import sys
 import tempfile
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from store_helpers import VALVE, opened, series, taught, wait_for
+from store_helpers import VALVE, opened, python, series, taught, wait_for
 
 from positioner.errors import AlreadyRunningError, StateError
 from positioner.store import access, control, database, document, lock
@@ -20,21 +18,11 @@ from positioner.store.table_directory import GOOD_COPY, TABLE
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from positioner.store.client import TableWriterClient
     from positioner.store.content import StoredTable
 
 _NOBODY = 65534
 
-_HAMMER = """
-import sys
-from pathlib import Path
-from positioner.store import access
-last = -1
-for _ in range(40):
-    sequence = access.dump(Path(sys.argv[1])).table.sequence
-    assert sequence >= last, (sequence, last)
-    last = sequence
-print(last)
-"""
 _IMPORTER = """
 import sys
 from pathlib import Path
@@ -43,13 +31,6 @@ directory = Path(sys.argv[1])
 for _ in range(10):
     access.replace(directory, access.dump(directory), force=False)
 """
-
-
-def _python(script: str, directory: Path) -> subprocess.Popen[str]:
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    return subprocess.Popen(
-        [sys.executable, "-c", script, str(directory)], stdout=subprocess.PIPE, text=True, env=environment
-    )
 
 
 @pytest.fixture(params=["writer", "files"])
@@ -139,25 +120,9 @@ def test_a_failed_reset_without_a_daemon_changes_nothing(tmp_path: Path) -> None
     assert access.dump(tmp_path).table.sequence == 7
 
 
-def test_commands_hammering_at_a_daemon_that_learns_lose_nothing(tmp_path: Path) -> None:
-    writer, _, _ = opened(tmp_path)
-    hammers = [_python(_HAMMER, tmp_path) for _ in range(2)]
-    count = 0
-    while any(hammer.poll() is None for hammer in hammers):
-        writer.record(series(1, count))
-        count += 1
-        wait_for(writer, lambda: not writer._child.channel.pending)
-    for hammer in hammers:
-        output, _ = hammer.communicate()
-        assert hammer.returncode == 0
-        assert int(output) <= count
-    assert writer.close(10.0) is None
-    assert database.read(tmp_path / TABLE).table == taught(series(count)).table
-
-
 def test_imports_hammering_at_a_daemon_leave_daemon_table_writer_and_disk_with_the_same_table(tmp_path: Path) -> None:
     writer, table, _ = opened(tmp_path)
-    importer = _python(_IMPORTER, tmp_path)
+    importer = python("-c", _IMPORTER, tmp_path)
     number = replacements = 0
     while importer.poll() is None:
         (one,) = series(1, number)
@@ -181,7 +146,7 @@ def test_imports_hammering_at_a_daemon_leave_daemon_table_writer_and_disk_with_t
 
 def test_commands_on_the_files_alone_wait_for_each_other(tmp_path: Path) -> None:
     access.replace(tmp_path, taught(series(7)), force=False)
-    importers = [_python(_IMPORTER, tmp_path) for _ in range(3)]
+    importers = [python("-c", _IMPORTER, tmp_path) for _ in range(3)]
     for importer in importers:
         importer.communicate()
         assert importer.returncode == 0
@@ -200,8 +165,7 @@ def test_a_change_is_refused_while_the_directory_is_held_by_something_without_a_
         assert access.dump(tmp_path).table.sequence == 7
 
 
-def test_a_table_writer_answers_nonsense_with_a_refusal_and_lives_on(tmp_path: Path) -> None:
-    writer, _, _ = opened(tmp_path)
+def test_a_table_writer_answers_nonsense_with_a_refusal_and_lives_on(tmp_path: Path, writer: TableWriterClient) -> None:
     descriptor = os.open(tmp_path, os.O_RDONLY)
     with socket.socket(socket.AF_UNIX) as client:
         client.connect(control.address(descriptor))
@@ -212,7 +176,6 @@ def test_a_table_writer_answers_nonsense_with_a_refusal_and_lives_on(tmp_path: P
     assert kinds == [True] * 4
     writer.record(series(3))
     assert wait_for(writer, lambda: writer.saved)
-    assert writer.close(10.0) is None
 
 
 @contextmanager

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 from contextlib import nullcontext, suppress
 from typing import TYPE_CHECKING
 
 import pytest
-from store_helpers import VALVE, WIDTH_M, opened, series, taught
+from store_helpers import VALVE, WIDTH_M, opened, python, series, taught
 from test_store_hostile import hot_journal
 
 from positioner.cli.main import main
@@ -79,7 +78,7 @@ def test_no_command_of_root_writes_where_a_planted_link_points(state: Path, tmp_
     assert not IS_ROOT or list(elsewhere.iterdir()) == []
 
 
-def test_what_the_owner_finds_is_told_with_the_true_path(state: Path) -> None:
+def test_what_the_owner_finds_is_reported_with_the_true_path(state: Path) -> None:
     (state / TABLE).unlink()
     (state / GOOD_COPY).unlink()
     with pytest.raises(TableRejectedError, match="does not exist") as caught:
@@ -105,10 +104,9 @@ def test_the_table_writer_imports_nothing_from_the_current_directory(tmp_path: P
         f"writer, _, _ = TableWriterClient.open(Path(sys.argv[1]), {VALVE!r}, {WIDTH_M})\n"
         "sys.exit(writer.close(10.0))\n"
     )
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    command = [sys.executable, "-P", "-c", script, str(tmp_path / "state")]
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
+    child = python("-P", "-c", script, tmp_path / "state", cwd=tmp_path, stderr=subprocess.STDOUT)
+    output, _ = child.communicate()
+    assert (child.returncode, output) == (0, "")
 
 
 def test_the_table_writer_works_with_all_standard_streams_closed(tmp_path: Path) -> None:
@@ -121,7 +119,7 @@ def test_the_table_writer_works_with_all_standard_streams_closed(tmp_path: Path)
         "held = lock.holder(Path(sys.argv[1])) == os.getpid() and os.path.exists(sys.argv[1] + '/control.sock')\n"
         "os._exit(0 if held and writer.close(10.0) is None else 1)\n"
     )
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    done = subprocess.run([sys.executable, "-c", script, str(tmp_path / "state")], env=environment, check=False)
-    assert done.returncode == ExitCode.OK
+    child = python("-c", script, tmp_path / "state")
+    child.communicate()
+    assert child.returncode == ExitCode.OK
     assert access.dump(tmp_path / "state").table == taught(series(20)).table

@@ -110,7 +110,7 @@ def test_an_unfinished_transaction_is_rolled_back_without_touching_the_files(tmp
     assert {path.name: path.read_bytes() for path in place.iterdir()} == crashed
 
 
-def test_a_missing_file_a_foreign_one_and_a_newer_one_are_told_apart(
+def test_a_missing_file_a_foreign_one_and_a_newer_one_are_distinguished(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / TABLE

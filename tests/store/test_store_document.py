@@ -92,7 +92,7 @@ def test_each_mistake_in_a_document_is_one_clear_line(path: str, value: object, 
     assert len(caught.value.problems) == 1
 
 
-def test_all_mistakes_are_told_at_once() -> None:
+def test_all_mistakes_are_reported_at_once() -> None:
     plain = _set("valve", 7)
     plain["cells"][0]["count"] = 0
     plain["cells"][2]["index"] = None

@@ -22,7 +22,7 @@ from positioner.wire.messages import CurrentCommand, Health
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-_PATIENCE_S = 300.0
+_LONG_S = 300.0
 """The table writer tries again after up to 30 s; a busy machine takes longer for everything."""
 FAULTS = {
     "full": "database or disk is full; free some space on the disk",
@@ -72,27 +72,27 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Disk]:
 
 
 @pytest.mark.parametrize(("how", "words"), FAULTS.items())
-def test_a_disk_that_fails_is_told_once_and_what_was_learned_meanwhile_is_saved_later(
+def test_a_disk_that_fails_is_reported_once_and_what_was_learned_meanwhile_is_saved_later(
     disk: Disk, how: str, words: str
 ) -> None:
     writer, _, _ = opened(disk.state)
     writer.record(series(10))
-    wait_for(writer, lambda: writer.saved, _PATIENCE_S)
+    wait_for(writer, lambda: writer.saved, _LONG_S)
     disk.fail(how)
     writer.record(series(10, 10))
-    events = wait_for(writer, lambda: writer.problem is not None, _PATIENCE_S)
+    events = wait_for(writer, lambda: writer.problem is not None, _LONG_S)
     assert str(writer.problem).startswith("the stiction table cannot be saved: ")
     assert str(writer.problem).endswith(words)
     writer.record(series(10, 20))
     before = disk.refused
     # it goes on trying, whether there is news or not
-    events += wait_for(writer, lambda: disk.refused >= before + 3, _PATIENCE_S)
+    events += wait_for(writer, lambda: disk.refused >= before + 3, _LONG_S)
     assert not writer.saved
     assert database.read(disk.state / TABLE).table == taught(series(10)).table
     disk.work()
-    events += wait_for(writer, lambda: writer.saved, _PATIENCE_S)
+    events += wait_for(writer, lambda: writer.saved, _LONG_S)
     assert [type(event) for event in events if not isinstance(event, Saved)] == [SavingFailed, SavingWorks]
-    assert writer.close(_PATIENCE_S) is None
+    assert writer.close(_LONG_S) is None
     assert database.read(disk.state / TABLE).table == taught(series(30)).table
 
 
@@ -102,10 +102,10 @@ def test_a_start_on_a_disk_that_fails_learns_all_the_same_and_saves_it_later(dis
     writer, table, _ = opened(disk.state)
     assert len(table) == 0
     writer.record(series(10))
-    wait_for(writer, lambda: writer.problem is not None, _PATIENCE_S)
+    wait_for(writer, lambda: writer.problem is not None, _LONG_S)
     disk.work()
-    wait_for(writer, lambda: writer.saved, _PATIENCE_S)
-    assert writer.close(_PATIENCE_S) is None
+    wait_for(writer, lambda: writer.saved, _LONG_S)
+    assert writer.close(_LONG_S) is None
     assert database.read(disk.state / TABLE).table == taught(series(10)).table
 
 
@@ -113,19 +113,19 @@ def test_a_start_on_a_disk_that_fails_learns_all_the_same_and_saves_it_later(dis
 def test_a_close_on_a_disk_that_fails_says_so_and_leaves_the_former_table_whole(disk: Disk, how: str) -> None:
     writer, _, _ = opened(disk.state)
     writer.record(series(10))
-    wait_for(writer, lambda: writer.saved, _PATIENCE_S)
+    wait_for(writer, lambda: writer.saved, _LONG_S)
     disk.fail(how)
     writer.record(series(10, 10))
-    assert str(writer.close(_PATIENCE_S)).startswith("the stiction table cannot be saved: ")
+    assert str(writer.close(_LONG_S)).startswith("the stiction table cannot be saved: ")
     disk.work()
     again, table, notices = opened(disk.state)
     assert (table, notices) == (taught(series(10)).table, ())
-    again.close(_PATIENCE_S)
+    again.close(_LONG_S)
 
 
 def sample_until(loop: Loop, done: Callable[[], bool]) -> None:
     """Let samples pass until it is done."""
-    deadline_s = time.monotonic() + _PATIENCE_S
+    deadline_s = time.monotonic() + _LONG_S
     while not done():
         assert time.monotonic() < deadline_s, loop.lines
         loop.sample()

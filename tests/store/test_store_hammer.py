@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import select
 import subprocess
-import sys
 import time
 from typing import TYPE_CHECKING
 
-from store_helpers import opened, sample, wait_for
+from store_helpers import opened, python, sample, wait_for
 
 from positioner.store import database, document
 from positioner.store.messages import Replaced
@@ -23,7 +21,7 @@ if TYPE_CHECKING:
     from positioner.store.content import StoredTable
     from positioner.valve.stiction import StictionTable
 
-_PATIENCE_S = 900.0
+_LONG_S = 900.0
 
 
 class User:
@@ -54,18 +52,13 @@ class User:
         if command is None:
             return False
         self.started_ns = time.monotonic_ns()
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "positioner.cli.main", "table", *command, "--state", str(self._state)],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-        )
+        arguments = ("-m", "positioner.cli.main", "table", *command, "--state", self._state)
+        self._process = python(*arguments, stderr=subprocess.STDOUT)
         return True
 
 
 class Learner:
-    """The daemon's half: it records all the time, and knows what it recorded in which generation of the table."""
+    """The daemon's half: it records all the time, and notes what it recorded in each generation of the table."""
 
     def __init__(self, writer: TableWriterClient, table: StictionTable) -> None:
         self._writer = writer
@@ -86,7 +79,7 @@ class Learner:
         self._writer.record([sample(self._number)])
         self._number += 1
 
-    def hear(self, events: Iterable[WriterEvent], commanded_ns: int) -> None:
+    def update(self, events: Iterable[WriterEvent], commanded_ns: int) -> None:
         """Take over what a command given at `commanded_ns` put in the table's place."""
         for event in events:
             if isinstance(event, Replaced):
@@ -129,16 +122,16 @@ def test_commands_hammering_at_a_table_writer_that_records_lose_nothing(tmp_path
     writer, table, _ = opened(state)
     learner = Learner(writer, table)
     working = {changer, reader}
-    deadline_s = time.monotonic() + _PATIENCE_S
+    deadline_s = time.monotonic() + _LONG_S
     while working:
         assert time.monotonic() < deadline_s, (changer.said, reader.said)
         learner.record()
         idle = [user for user in working if not user.is_busy()]
-        learner.hear(writer.poll(), changer.started_ns)  # what a finished command did is heard before the next one
+        learner.update(writer.poll(), changer.started_ns)  # what a finished command did is received before the next one
         working -= {user for user in idle if not user.go_on()}
         select.select([], [], [], 0.002)
-    learner.hear(wait_for(writer, lambda: writer.saved, _PATIENCE_S), changer.started_ns)
-    assert writer.close(_PATIENCE_S) is None
+    learner.update(wait_for(writer, lambda: writer.saved, _LONG_S), changer.started_ns)
+    assert writer.close(_LONG_S) is None
 
     assert learner.replacements == 4
     assert learner.check(database.read(state / TABLE)) == 0

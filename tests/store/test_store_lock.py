@@ -47,10 +47,10 @@ def test_the_lock_waits_for_a_holder_that_ends(tmp_path: Path) -> None:
 
 
 def test_a_lock_that_is_held_is_no_reason_to_stay_down(tmp_path: Path) -> None:
-    told: list[str] = []
+    reports: list[str] = []
     with lock.held(tmp_path, 0.0), pytest.raises(AlreadyRunningError) as caught:
-        lock.acquire(tmp_path, 0.1, told.append)
-    assert told == [f"waiting 0.1 s at most: {caught.value}"]
+        lock.acquire(tmp_path, 0.1, reports.append)
+    assert reports == [f"waiting 0.1 s at most: {caught.value}"]
     assert caught.value.exit_code is ExitCode.TEMPORARY
     unit = (Path(__file__).resolve().parents[2] / "systemd" / "positioner@.service").read_text(encoding="utf-8")
     (kept_down,) = re.findall(r"^RestartPreventExitStatus=(.*)$", unit, re.MULTILINE)

@@ -60,7 +60,7 @@ def test_a_table_of_any_released_version_is_read_as_it_was_written(version: int,
     assert (tmp_path / TABLE).read_bytes() == whole
 
 
-def test_a_daemon_takes_a_table_of_any_released_version_over_without_a_word(version: int, tmp_path: Path) -> None:
+def test_a_daemon_takes_a_table_of_any_released_version_over_without_a_notice(version: int, tmp_path: Path) -> None:
     before = golden_table.content(version)
     writer, table, notices = TableWriterClient.open(tmp_path, before.valve_id, WIDTH_M)
     assert (table, notices) == (before.table, ())

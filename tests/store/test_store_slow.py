@@ -1,4 +1,4 @@
-"""A table writer that says nothing, and tables that are too large for one turn of the loop."""
+"""A table writer that is silent, and tables that are too large for one cycle of the loop."""
 
 from __future__ import annotations
 
@@ -11,14 +11,16 @@ import pytest
 from store_helpers import VALVE, WIDTH_M, opened, series, taught, wait_for
 
 from positioner.errors import ConfigurationError
-from positioner.store import access, document, messages
+from positioner.store import access, database, document, messages
 from positioner.store.messages import Replaced, SavingFailed, SavingWorks
+from positioner.store.table_directory import TABLE
 from positioner.valve.stiction import MOST_CELLS, Direction, LearnedSample, Quantity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from positioner.store.client import TableWriterClient
     from positioner.store.content import StoredTable
 
 _FAR_S = 1e6
@@ -35,16 +37,17 @@ def large(cells: int) -> StoredTable:
     return taught(samples[:cells], VALVE)
 
 
-def test_a_table_writer_that_hangs_is_told_and_then_replaced_and_loses_nothing(tmp_path: Path) -> None:
-    writer, _, _ = opened(tmp_path)
+def test_a_table_writer_that_hangs_is_reported_and_then_replaced_and_loses_nothing(
+    tmp_path: Path, writer: TableWriterClient
+) -> None:
     wait_for(writer, lambda: writer.saved)
     pid = writer._child.process.pid
     os.kill(pid, signal.SIGSTOP)
     writer.record(series(30))
     assert writer.poll(_FAR_S) == ()
     assert writer.poll(_FAR_S + 2.9) == ()
-    (told,) = writer.poll(_FAR_S + 3.1)
-    assert isinstance(told, SavingFailed)
+    (reported,) = writer.poll(_FAR_S + 3.1)
+    assert isinstance(reported, SavingFailed)
     assert writer.problem is not None
     assert not writer.saved
     assert writer.poll(_FAR_S + 89.0) == ()
@@ -53,12 +56,10 @@ def test_a_table_writer_that_hangs_is_told_and_then_replaced_and_loses_nothing(t
     events = wait_for(writer, lambda: writer.saved)
     assert writer._child.process.pid != pid
     assert SavingWorks() in events
-    assert writer.close(10.0) is None
-    assert access.dump(tmp_path).table == taught(series(30)).table
+    assert database.read(tmp_path / TABLE).table == taught(series(30)).table
 
 
-def test_a_table_writer_that_was_only_slow_is_told_to_work_again(tmp_path: Path) -> None:
-    writer, _, _ = opened(tmp_path)
+def test_a_table_writer_that_was_only_slow_is_reported_to_work_again(writer: TableWriterClient) -> None:
     wait_for(writer, lambda: writer.saved)
     pid = writer._child.process.pid
     os.kill(pid, signal.SIGSTOP)
@@ -68,11 +69,11 @@ def test_a_table_writer_that_was_only_slow_is_told_to_work_again(tmp_path: Path)
     os.kill(pid, signal.SIGCONT)
     assert SavingWorks() in wait_for(writer, lambda: writer.saved)
     assert writer._child.process.pid == pid
-    assert writer.close(10.0) is None
 
 
-def test_the_largest_table_comes_a_few_lines_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    writer, _, _ = opened(tmp_path)
+def test_the_largest_table_comes_a_few_lines_at_a_time(
+    tmp_path: Path, writer: TableWriterClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
     wait_for(writer, lambda: writer.saved)
     access.replace(tmp_path, large(MOST_CELLS), force=False)
     lines = [0]
@@ -92,14 +93,11 @@ def test_the_largest_table_comes_a_few_lines_at_a_time(tmp_path: Path, monkeypat
     assert [event.stored.table for event in polls if isinstance(event, Replaced)] == [large(MOST_CELLS).table]
     assert max(lines) == 4
     assert sum(lines) > MOST_CELLS / messages.CELLS_PER_LINE
-    assert writer.close(10.0) is None
 
 
 def test_the_largest_table_goes_a_few_lines_at_a_time_to_a_table_writer_that_is_started_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    access_first, _, _ = opened(tmp_path)
-    assert access_first.close(10.0) is None
     access.replace(tmp_path, large(MOST_CELLS), force=False)
     writer, table, _ = opened(tmp_path)
     assert table == large(MOST_CELLS).table

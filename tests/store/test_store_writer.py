@@ -7,14 +7,13 @@ import signal
 import socket
 import sqlite3
 import subprocess
-import sys
 import time
 from contextlib import closing
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
-from store_helpers import VALVE, WIDTH_M, opened, sample, series, taught, wait_for
+from store_helpers import VALVE, WIDTH_M, opened, python, sample, series, taught, wait_for
 
 from positioner.errors import AlreadyRunningError, StateError
 from positioner.store import access, database, lock
@@ -25,7 +24,6 @@ from positioner.store.messages import Open, Opened, Replaced, Saved, SavingFaile
 from positioner.store.table_directory import GOOD_COPY, TABLE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     from positioner.valve.stiction import StictionTable
@@ -44,13 +42,6 @@ for number in count(table.sequence):
 """
 
 
-@pytest.fixture
-def writer(tmp_path: Path) -> Iterator[TableWriterClient]:
-    writer, _, _ = opened(tmp_path)
-    yield writer
-    writer.close(10.0)
-
-
 def _on_disk(directory: Path) -> StictionTable:
     return database.read(directory / TABLE).table
 
@@ -59,7 +50,7 @@ def _pid(writer: TableWriterClient) -> int:
     return writer._child.process.pid
 
 
-def test_a_first_save_that_fails_at_once_is_heard_although_it_comes_with_the_first_answer(
+def test_a_first_save_that_fails_at_once_is_reported_although_it_comes_with_the_first_answer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def start(_lock: int, _opening: Open) -> Child:
@@ -77,7 +68,7 @@ def test_a_first_save_that_fails_at_once_is_heard_although_it_comes_with_the_fir
     os.close(writer._lock)
 
 
-def test_a_first_start_gives_an_empty_table_without_a_word(tmp_path: Path) -> None:
+def test_a_first_start_gives_an_empty_table_without_a_notice(tmp_path: Path) -> None:
     writer, table, notices = opened(tmp_path / "made" / "by" / "us")
     assert (len(table), table.cell_width_m, notices) == (0, WIDTH_M, ())
     assert writer.close(10.0) is None
@@ -110,9 +101,7 @@ def test_close_returns_after_everything_is_on_the_disk_and_in_the_good_copy(tmp_
 def test_a_daemon_killed_while_it_learns_loses_nothing_that_it_had_handed_over(
     tmp_path: Path, milliseconds: int
 ) -> None:
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    command = [sys.executable, "-c", _DAEMON, str(tmp_path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment) as daemon:
+    with python("-c", _DAEMON, tmp_path) as daemon:
         assert daemon.stdout
         first = daemon.stdout.readline()
         assert first
@@ -172,7 +161,7 @@ def _let_write(pid: int, limit: int) -> None:
     resource.prlimit(pid, resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
 
 
-def test_a_full_disk_is_told_once_and_what_was_learned_meanwhile_is_saved_later(
+def test_a_full_disk_is_reported_once_and_what_was_learned_meanwhile_is_saved_later(
     tmp_path: Path, writer: TableWriterClient
 ) -> None:
     writer.record(series(10))
@@ -191,17 +180,7 @@ def test_a_full_disk_is_told_once_and_what_was_learned_meanwhile_is_saved_later(
     assert _on_disk(tmp_path) == taught(series(30)).table
 
 
-def test_a_close_that_cannot_save_says_so_and_leaves_the_former_table_whole(tmp_path: Path) -> None:
-    writer, _, _ = opened(tmp_path)
-    writer.record(series(10))
-    wait_for(writer, lambda: writer.saved)
-    _let_write(_pid(writer), 0)
-    writer.record(series(10, 10))
-    assert str(writer.close(10.0)).startswith("the stiction table cannot be saved: ")
-    assert _on_disk(tmp_path) == taught(series(10)).table
-
-
-def test_a_close_that_hears_nothing_says_so_in_time(tmp_path: Path) -> None:
+def test_a_close_without_an_answer_reports_it_in_time(tmp_path: Path) -> None:
     writer, _, _ = opened(tmp_path)
     os.kill(_pid(writer), signal.SIGSTOP)
     writer.record(series(10))
@@ -248,8 +227,9 @@ def test_a_reset_reaches_the_daemon_by_itself_and_no_earlier_sample_undoes_it(
     assert _on_disk(tmp_path) == taught(series(3, 100)).table
 
 
-def test_a_reset_that_a_dying_table_writer_could_not_tell_is_not_undone_by_its_successor(tmp_path: Path) -> None:
-    writer, _, _ = opened(tmp_path)
+def test_a_reset_that_a_dying_table_writer_could_not_report_is_not_undone_by_its_successor(
+    tmp_path: Path, writer: TableWriterClient
+) -> None:
     writer.record(series(50))
     access.reset(tmp_path)
     os.kill(_pid(writer), signal.SIGKILL)
@@ -257,11 +237,10 @@ def test_a_reset_that_a_dying_table_writer_could_not_tell_is_not_undone_by_its_s
     writer._child.channel.receive()  # the news is lost
     events = wait_for(writer, lambda: writer.problem is None and writer.saved)
     assert [len(event.stored.table) for event in events if isinstance(event, Replaced)] == [0]
-    assert writer.close(10.0) is None
     assert len(_on_disk(tmp_path)) == 0
 
 
-def test_damage_found_at_the_start_is_told_and_repaired(tmp_path: Path) -> None:
+def test_damage_found_at_the_start_is_reported_and_repaired(tmp_path: Path) -> None:
     database.create(tmp_path / GOOD_COPY, taught(series(8)))
     (tmp_path / TABLE).write_bytes(b"garbage")
     writer, table, notices = opened(tmp_path)

@@ -1,0 +1,3 @@
+from store_helpers import writer
+
+__all__ = ["writer"]

@@ -9,9 +9,10 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from plant_emulator.parameters import PlantSettings
-from positioner.errors import ConfigurationError, Problem
+from positioner.errors import ConfigurationError
 from positioner.inputs.nearest import nearest
-from positioner.inputs.toml_reader import build, laid_over, line_of, read_text, tables
+from positioner.inputs.toml_lines import problem_at
+from positioner.inputs.toml_reader import build, laid_over, read_text, tables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -83,7 +84,7 @@ def _resolved(values: Mapping[str, Any], source: str, text: str) -> dict[str, An
     name = values["preset"]
     if name not in preset_names():
         message = f"is no preset; {nearest(str(name), preset_names())}"
-        raise ConfigurationError(source, (Problem(f"preset = {name!r}", line_of(text, ("preset",)), message),))
+        raise ConfigurationError(source, (problem_at(text, f"preset = {name!r}", message),))
     below = _preset_text(name)
     return laid_over(_resolved(tables(below, name), name, below), values)
 

@@ -14,10 +14,11 @@ from typing import Annotated, Any
 
 from annotated_types import Interval, Len
 
-from positioner.errors import ConfigurationError, Problem
+from positioner.errors import ConfigurationError
 from positioner.inputs import toml_reader
 from positioner.inputs.nearest import check_name
 from positioner.inputs.table import SettingsTable
+from positioner.inputs.toml_lines import problem_at
 
 _MULTIPLES = (
     ("setpoint_period_s", "sample_period_s"),
@@ -133,9 +134,9 @@ def check_scenario(scenario: Scenario, source: str) -> None:
 
 def _check_periods(scenario: Scenario, source: str, text: str = "") -> None:
     problems = tuple(
-        Problem(
+        problem_at(
+            text,
             f"{longer} = {getattr(scenario, longer)}",
-            toml_reader.line_of(text, (longer,)),
             f"must be a whole multiple of {shorter} = {getattr(scenario, shorter)}",
         )
         for longer, shorter in _MULTIPLES
@@ -143,8 +144,8 @@ def _check_periods(scenario: Scenario, source: str, text: str = "") -> None:
     )
     if scenario.samples_per_setpoint > MOST_SAMPLES_PER_SETPOINT:
         where = f"setpoint_period_s = {scenario.setpoint_period_s}"
-        text = f"must be at most {MOST_SAMPLES_PER_SETPOINT} sample periods: the sockets have no room for more frames"
-        problems = (*problems, Problem(where, toml_reader.line_of(text, ("setpoint_period_s",)), text))
+        most = f"must be at most {MOST_SAMPLES_PER_SETPOINT} sample periods: the sockets have no room for more frames"
+        problems = (*problems, problem_at(text, where, most))
     if problems:
         raise ConfigurationError(source, problems)
 

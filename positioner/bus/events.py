@@ -3,83 +3,69 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 if TYPE_CHECKING:
     from positioner.bus.address import BusAddress
 
 
 @dataclass(frozen=True, slots=True)
-class BusNotOpened:
-    """The bus cannot be opened now; `reason` is the whole line, as the error that says so."""
+class BusEvent:
+    """Something happened to the bus at `address`."""
 
-    reason: str
+    address: BusAddress
+    line: ClassVar[str]
 
     def __str__(self) -> str:
         """One line for the log."""
-        return self.reason
+        return self.line.format(self)
 
 
 @dataclass(frozen=True, slots=True)
-class BusDown:
+class BusNotOpened(BusEvent):
+    """The bus cannot be opened now; `error` is the text of the error, which names the bus."""
+
+    error: str
+    line = "{0.error}"
+
+
+@dataclass(frozen=True, slots=True)
+class BusDown(BusEvent):
     """The bus was open and does not work any more."""
 
-    address: BusAddress
     reason: str
-
-    def __str__(self) -> str:
-        """One line for the log."""
-        return f"bus {self.address} is down: {self.reason}"
+    line = "bus {0.address} is down: {0.reason}"
 
 
 @dataclass(frozen=True, slots=True)
-class BusBack:
+class BusBack(BusEvent):
     """The bus works again."""
 
-    address: BusAddress
-
-    def __str__(self) -> str:
-        """One line for the log."""
-        return f"bus {self.address} is there again"
+    line = "bus {0.address} is there again"
 
 
 @dataclass(frozen=True, slots=True)
-class SendFailed:
+class SendFailed(BusEvent):
     """The bus did not take a frame."""
 
-    address: BusAddress
     reason: str
-
-    def __str__(self) -> str:
-        """One line for the log."""
-        return f"bus {self.address} did not take a frame: {self.reason}"
+    line = "bus {0.address} did not take a frame: {0.reason}"
 
 
 @dataclass(frozen=True, slots=True)
-class NoFrame:
+class NoFrame(BusEvent):
     """Something on an embedded bus is no CAN frame, and was dropped."""
 
-    address: BusAddress
     reason: str
-
-    def __str__(self) -> str:
-        """One line for the log."""
-        return f"bus {self.address}: something that is no CAN frame was dropped ({self.reason})"
+    line = "bus {0.address}: something that is no CAN frame was dropped ({0.reason})"
 
 
 @dataclass(frozen=True, slots=True)
-class Overrun:
+class Overrun(BusEvent):
     """The receive queue was full: `count` frames were lost so far."""
 
-    address: BusAddress
     count: int
-
-    def __str__(self) -> str:
-        """One line for the log."""
-        return (
-            f"bus {self.address}: the receive queue was full, {self.count} frame(s) lost so far; "
-            "this process gets too little of the processor, or the bus carries too much"
-        )
-
-
-BusEvent = BusNotOpened | BusDown | BusBack | SendFailed | NoFrame | Overrun
+    line = (
+        "bus {0.address}: the receive queue was full, {0.count} frame(s) lost so far; "
+        "this process gets too little of the processor, or the bus carries too much"
+    )

@@ -203,7 +203,7 @@ class BusPort:
         except BusError as error:
             if isinstance(error, BusUnusableError) and not self._was_open:
                 raise
-            self._report_once(BusNotOpened(str(error)))
+            self._report_once(BusNotOpened(self.address, str(error)))
         return self._bus is not None
 
     def _lose(self, reason: str) -> None:

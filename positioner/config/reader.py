@@ -12,6 +12,7 @@ from positioner.config.wire_limits import range_problems, wire_problems
 from positioner.errors import ConfigurationError, Problem
 from positioner.inputs import toml_reader
 from positioner.inputs.nearest import nearest
+from positioner.inputs.toml_lines import problem_at
 from positioner.laws.registry import LAWS
 from positioner.valve.presets import PRESETS, missing, resolved
 
@@ -32,7 +33,7 @@ def load_config(path: Path, changes: Mapping[str, Any] | None = None) -> Configu
     changed = tomli_w.dumps(toml_reader.laid_over(toml_reader.tables(text, str(path)), changes))
     try:
         return parse_config(changed, f"{path} with --set", path.parent)
-    except ConfigurationError as error:  # lines of a text that nobody has seen would mislead
+    except ConfigurationError as error:  # lines of a text that nobody has written would mislead
         problems = tuple(Problem(problem.where, None, problem.message) for problem in error.problems)
         raise ConfigurationError(error.source, problems) from error
 
@@ -58,10 +59,7 @@ def parse_config(text: str, source: str, base: Path) -> Configuration:
     problems += wire_problems(tables, text)
     problems += _law_problems(tables, text)
     if found is not None:
-        problems += [
-            Problem(f"bus.{where}", toml_reader.line_of(text, _key(f"bus.{where}")), what)
-            for where, what in problems_of(found.bus)
-        ]
+        problems += [problem_at(text, f"bus.{where}", what) for where, what in problems_of(found.bus)]
     if found is not None and not problems:
         problems += range_problems(found, text)
     if problems or found is None:
@@ -70,7 +68,7 @@ def parse_config(text: str, source: str, base: Path) -> Configuration:
 
 
 def _anchor(tables: dict[str, Any], base: Path) -> None:
-    """Let a path in the tables lie where the file lies, not where a command happens to be called."""
+    """Let a relative path in the tables start at the folder of the file, not at the current one."""
     for table, key in (("wire", "dbc"), ("state", "directory")):
         found = tables.get(table)
         if isinstance(found, dict) and isinstance(found.get(key), str):
@@ -78,7 +76,7 @@ def _anchor(tables: dict[str, Any], base: Path) -> None:
 
 
 def _name_channel(tables: dict[str, Any]) -> None:
-    """Take a channel that is written as a number for its name."""
+    """Read a channel that is written as a number as its name."""
     bus = tables.get("bus")
     if isinstance(bus, dict) and type(bus.get("channel")) is int:
         bus["channel"] = str(bus["channel"])
@@ -89,24 +87,18 @@ def _law_problems(tables: dict[str, Any], text: str) -> list[Problem]:
     law = control.get("law") if isinstance(control, dict) else None
     if not isinstance(law, str) or law in LAWS:
         return []
-    where, told = f"control.law = '{law}'", f"is no law; {nearest(law, LAWS)}"
-    return [Problem(where, toml_reader.line_of(text, ("control", "law")), told)]
+    return [problem_at(text, f"control.law = '{law}'", f"is no law; {nearest(law, LAWS)}")]
 
 
 def _valve_problems(tables: dict[str, Any], text: str) -> list[Problem]:
-    """Return what `[valve]` lacks: it names a preset, or gives its parameters; an id alone is no valve."""
+    """Return the mistakes in `[valve]`, which names a preset, or gives all parameters: an id alone is no valve."""
     valve = tables.get("valve")
     if not isinstance(valve, dict):
         return []
     preset = valve.get("preset")
     if preset is not None and not (isinstance(preset, str) and preset in PRESETS):
-        told = f"is no valve; {nearest(str(preset), PRESETS)}"
-        return [Problem(f"valve.preset = {preset!r}", toml_reader.line_of(text, ("valve", "preset")), told)]
+        return [problem_at(text, f"valve.preset = {preset!r}", f"is no valve; {nearest(str(preset), PRESETS)}")]
     if lacks := missing(valve):
-        told = f"lacks {', '.join(lacks)}: give them, or name a valve with `preset` ({', '.join(PRESETS)})"
-        return [Problem("valve", toml_reader.line_of(text, ("valve",)), told)]
+        message = f"lacks {', '.join(lacks)}: give them, or name a valve with `preset` ({', '.join(PRESETS)})"
+        return [problem_at(text, "valve", message)]
     return []
-
-
-def _key(where: str) -> tuple[str, ...]:
-    return tuple(where.split(" = ", maxsplit=1)[0].split("."))

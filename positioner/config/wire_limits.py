@@ -1,12 +1,13 @@
-"""What the user's DBC cannot carry: mistakes in [wire], and currents that the command frame has no bits for. Shell."""
+"""Limits of the user's DBC: mistakes in [wire], and currents that the command frame cannot carry. Shell."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from positioner.errors import ConfigurationError, Problem
+from positioner.errors import ConfigurationError
 from positioner.guard.settings import FailsafeAction
 from positioner.inputs import toml_reader
+from positioner.inputs.toml_lines import problem_at
 from positioner.wire.codec import make_codec
 from positioner.wire.formats import EncodingError
 from positioner.wire.loop_current import same_signal
@@ -16,6 +17,7 @@ from positioner.wire.settings import WireSettings
 
 if TYPE_CHECKING:
     from positioner.config.schema import Configuration
+    from positioner.errors import Problem
     from positioner.guard.settings import GuardSettings
     from positioner.wire.formats import FieldFormat
 
@@ -23,24 +25,17 @@ _LARGEST_COUNTER = 255
 
 
 def wire_problems(tables: dict[str, Any], text: str) -> list[Problem]:
-    """Return what is wrong with the DBC, where the [wire] table itself can be read."""
+    """Return the mistakes in the DBC, where the [wire] table itself can be read."""
     try:
         make_codec(toml_reader.build(tables.get("wire", {}), WireSettings, "[wire]"))
     except ConfigurationError as error:
         if error.source == "[wire]" and any(problem.where.startswith("wire.") for problem in error.problems):
-            return [
-                Problem(
-                    problem.where,
-                    toml_reader.line_of(text, tuple(problem.where.split(" = ", maxsplit=1)[0].split("."))),
-                    problem.message,
-                )
-                for problem in error.problems
-            ]
+            return [problem_at(text, problem.where, problem.message) for problem in error.problems]
     return []
 
 
 def range_problems(found: Configuration, text: str) -> list[Problem]:
-    """Return what a command frame of the user's DBC cannot carry: a current within the limits, or a counter."""
+    """Return the currents within the limits, and the counters, that a command frame of the DBC cannot carry."""
     codec, guard = found.make_codec(), found.guard
     failsafe = "failsafe_current_ma" if guard.failsafe_action is FailsafeAction.CURRENT else "failsafe_action"
     currents_ma = {
@@ -54,26 +49,21 @@ def range_problems(found: Configuration, text: str) -> list[Problem]:
             codec.encode(CurrentCommand(current_ma, _LARGEST_COUNTER, _LARGEST_COUNTER), 0)
         except EncodingError as error:
             where = f"guard.{key} = {getattr(guard, key)}"
-            told = f"does not fit the command frame of the DBC: {error}"
-            problems.append(Problem(where, toml_reader.line_of(text, ("guard", key)), told))
+            problems.append(problem_at(text, where, f"does not fit the command frame of the DBC: {error}"))
     if not problems:
         problems += _step_problems(codec.field(CurrentCommand, "current_ma"), guard, failsafe, text)
     return problems
 
 
 def _step_problems(form: FieldFormat, guard: GuardSettings, failsafe: str, text: str) -> list[Problem]:
-    """Return what lies between two steps of the user's command signal."""
+    """Return the limits that lie between two steps of the user's command signal."""
     kept = {
         "current_high_ma": (guard.current_low_ma, guard.current_high_ma),
         failsafe: same_signal(guard.failsafe_ma(guard.current_low_ma)),
     }
-    told = "the command signal of the DBC has steps of {:g} mA, and none from {:g} to {:g} mA"
+    message = "the command signal of the DBC has steps of {:g} mA, and none from {:g} to {:g} mA"
     return [
-        Problem(
-            f"guard.{key} = {getattr(guard, key)}",
-            toml_reader.line_of(text, ("guard", key)),
-            told.format(abs(form.si_per_bit), *limits_ma),
-        )
+        problem_at(text, f"guard.{key} = {getattr(guard, key)}", message.format(abs(form.si_per_bit), *limits_ma))
         for key, limits_ma in kept.items()
         if not fits(form, *limits_ma)
     ]

@@ -1,7 +1,7 @@
 """TOML in, frozen dataclass out: every mistake at once, with its line, its limits and the nearest known key.
 
-Shell. Plumbing that the positioner and the plant emulator share; it knows no physics. Limits stand beside the
-parameters, as `Annotated[float, Interval(gt=0.0, le=200.0)]`, and pydantic checks them.
+Shell. The positioner and the plant emulator share it; it contains no physics. Limits stand beside the parameters, as
+`Annotated[float, Interval(gt=0.0, le=200.0)]`, and pydantic checks them.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ import re
 import tomllib
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
-from itertools import takewhile
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
 from positioner.errors import TEMPORARY_ERRNOS, ConfigurationError, Problem
+from positioner.inputs.toml_lines import line_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -30,31 +30,15 @@ T = TypeVar("T")
 _LARGEST_BYTES = 1 << 20
 _MOST_PROBLEMS = 50
 _LIMITS = frozenset({"greater_than", "greater_than_equal", "less_than", "less_than_equal"})
-_UNITS = (
-    ("_n_s_per_m", "N s/m"),
-    ("_n_per_m", "N/m"),
-    ("_m_per_s", "m/s"),
-    ("_pa_per_ma", "Pa/mA"),
-    ("_ma_per_s", "mA/s"),
-    ("_per_m", "1/m"),
-    ("_per_s", "1/s"),
-    ("_kg", "kg"),
-    ("_m2", "m²"),
-    ("_ma", "mA"),
-    ("_pa", "Pa"),
-    ("_mm", "mm"),
-    ("_n", "N"),
-    ("_m", "m"),
-    ("_s", "s"),
-)
+_UNITS = {
+    "_n_s_per_m": "N s/m", "_n_per_m": "N/m", "_m_per_s": "m/s", "_pa_per_ma": "Pa/mA", "_ma_per_s": "mA/s",
+    "_per_m": "1/m", "_per_s": "1/s", "_kg": "kg", "_m2": "m²", "_ma": "mA", "_pa": "Pa", "_mm": "mm", "_n": "N",
+    "_m": "m", "_s": "s",
+}  # fmt: skip
 """Suffix of a key and its unit, longer suffixes first."""
 _MOST_DOTS = 50
 _BETWEEN = re.compile(r"[,=\[\]{}]")
 _LINE_IN_TOML_ERROR = re.compile(r"\(at line (\d+)")
-_KEY = r"(?:[A-Za-z0-9_\-]+|\"[^\"]*\"|'[^']*')"
-_KEYS = rf"({_KEY}(?:\s*\.\s*{_KEY})*)"
-_HEADER = re.compile(rf"\s*\[\[?\s*{_KEYS}\s*\]")
-_EQUATION = re.compile(rf"\s*{_KEYS}\s*=")
 
 
 def load(path: Path, kind: type[T]) -> T:
@@ -77,15 +61,19 @@ def read_text(path: Path) -> str:
         with path.open("rb") as file:
             data = file.read(_LARGEST_BYTES + 1)
         if len(data) > _LARGEST_BYTES:
-            told = f"is larger than {_LARGEST_BYTES >> 10} KiB: no settings file is"
-            raise ConfigurationError(str(path), (Problem("file", None, told),))
+            text = f"is larger than {_LARGEST_BYTES >> 10} KiB: no settings file is"
+            raise _unusable(str(path), "file", text)
         return data.decode("utf-8")
     except OSError as error:
         if error.errno in TEMPORARY_ERRNOS:
             raise
-        raise ConfigurationError(str(path), (Problem("file", None, f"cannot be read: {error.strerror}"),)) from error
+        raise _unusable(str(path), "file", f"cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise ConfigurationError(str(path), (Problem("file", None, f"is not UTF-8 text: {error}"),)) from error
+        raise _unusable(str(path), "file", f"is not UTF-8 text: {error}") from error
+
+
+def _unusable(source: str, where: str, text: str, line: int | None = None) -> ConfigurationError:
+    return ConfigurationError(source, (Problem(where, line, text),))
 
 
 def parse(text: str, kind: type[T], source: str) -> T:
@@ -104,18 +92,18 @@ def tables(text: str, source: str) -> dict[str, Any]:
         ConfigurationError: the text is not TOML; the message gives the line.
     """
     if deep := _dotted(text):
-        raise ConfigurationError(source, (Problem("TOML", deep, f"has a key of more than {_MOST_DOTS} parts"),))
+        raise _unusable(source, "TOML", f"has a key of more than {_MOST_DOTS} parts", deep)
     try:
         values = tomllib.loads(text)
-        json.dumps(values, default=str)  # what is nested too deeply, or too long a number, ends here
+        json.dumps(values, default=str)  # fails for tables nested too deeply, and for a number that is too long
     except tomllib.TOMLDecodeError as error:
         found = _LINE_IN_TOML_ERROR.search(str(error))
         line = int(found.group(1)) if found else None
-        raise ConfigurationError(source, (Problem("TOML", line, str(error)),)) from error
+        raise _unusable(source, "TOML", str(error), line) from error
     except RecursionError as error:
-        raise ConfigurationError(source, (Problem("TOML", None, "is nested too deeply"),)) from error
+        raise _unusable(source, "TOML", "is nested too deeply") from error
     except (ValueError, OverflowError) as error:
-        raise ConfigurationError(source, (Problem("TOML", None, f"cannot be used: {error}"),)) from error
+        raise _unusable(source, "TOML", f"cannot be used: {error}") from error
     return values
 
 
@@ -127,7 +115,7 @@ def _dotted(text: str) -> int | None:
 
 
 def changes_of(pairs: Sequence[str], example: str) -> dict[str, Any]:
-    """Return `KEY=VALUE` pairs of a command line as nested tables; a value that is no TOML is taken as a word.
+    """Return `KEY=VALUE` pairs of a command line as nested tables; a value that is no TOML is taken as a string.
 
     Raises:
         ConfigurationError: one is no pair, or they contradict each other; `example` shows how to write one.
@@ -170,44 +158,12 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
 def _toml_line(pair: str, example: str) -> str:
     key, equals, value = pair.partition("=")
     if not equals:
-        raise ConfigurationError("--set", (Problem(pair, None, f"is no KEY=VALUE; write it like {example}"),))
+        raise _unusable("--set", pair, f"is no KEY=VALUE; write it like {example}")
     try:
         tables(pair, "--set")
     except ConfigurationError:
         return f'{key} = "{value}"'
     return pair
-
-
-def line_of(text: str, path: tuple[str, ...]) -> int | None:
-    """Return the 1-based line in the TOML `text` that comes nearest to setting the key `path`, or None.
-
-    That is the key's own line, dotted or not; inside an inline table the line of that table; for a table its header.
-    """
-    nearest: int | None = None
-    most_shared = 0
-    for number, key in _keys_in(text):
-        shared = len(tuple(takewhile(lambda pair: pair[0] == pair[1], zip(key, path, strict=False))))
-        if shared > most_shared:
-            nearest, most_shared = number, shared
-    return nearest
-
-
-@lru_cache(maxsize=2)
-def _keys_in(text: str) -> tuple[tuple[int, tuple[str, ...]], ...]:
-    """Return the keys and the headers in `text`, each with its line."""
-    table: tuple[str, ...] = ()
-    found = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        if header := _HEADER.match(line):
-            table = _parts(header.group(1))
-            found.append((number, table))
-        elif equation := _EQUATION.match(line):
-            found.append((number, (*table, *_parts(equation.group(1)))))
-    return tuple(found)
-
-
-def _parts(keys: str) -> tuple[str, ...]:
-    return tuple(part.strip("\"'") for part in re.findall(_KEY, keys))
 
 
 def _problem(item: ErrorDetails, kind: type[Any], text: str) -> Problem:
@@ -218,7 +174,7 @@ def _problem(item: ErrorDetails, kind: type[Any], text: str) -> Problem:
         return Problem(key, line, f"unknown key{_nearest(path, kind)}")
     if item["type"] in {"missing", "missing_argument"}:
         return Problem(key, line_of(text, path[:-1]), "is required and missing")
-    if item["type"] == "value_error":  # a rule between several keys: its own words say which
+    if item["type"] == "value_error":  # a rule between several keys: its text names them
         return Problem(key, line, item["msg"].removeprefix("Value error, "))
     message = item["msg"].replace("Input should be", "must be")
     if item["type"] in _LIMITS:
@@ -228,7 +184,7 @@ def _problem(item: ErrorDetails, kind: type[Any], text: str) -> Problem:
 
 def _unit_of(key: str) -> str:
     """Return the unit in which `key` is given, with a space before it; empty where it has none."""
-    return next((f" {unit}" for suffix, unit in _UNITS if key.endswith(suffix)), "")
+    return next((f" {unit}" for suffix, unit in _UNITS.items() if key.endswith(suffix)), "")
 
 
 def _nearest(path: tuple[str, ...], kind: type[Any]) -> str:

@@ -11,25 +11,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-COLUMNS = (
-    "time_s",
-    "setpoint_m",
-    "measured_m",
-    "position_m",
-    "velocity_m_per_s",
-    "stuck",
-    "current_ma",
-    "current_low_ma",
-    "current_high_ma",
-    "speed_low_m_per_s",
-    "speed_high_m_per_s",
-    "mode",
-    "motion",
-    "passes",
-    "table_sequence",
-    "learned",
-    "fallback",
-    "reason",
+_HEADER = (
+    "time_s,setpoint_m,measured_m,position_m,velocity_m_per_s,stuck,current_ma,current_low_ma,current_high_ma,"
+    "speed_low_m_per_s,speed_high_m_per_s,mode,motion,passes,table_sequence,learned,fallback,reason\n"
 )
 
 
@@ -43,7 +27,7 @@ class TraceWriter:
             UsageError: it cannot be written.
         """
         self._file = OutputFile("trace", path)
-        self._file.write(",".join(COLUMNS) + "\n")
+        self._file.write(_HEADER)
         self.close = self._file.close
 
     def cycle(self, events: Sequence[Event]) -> None:

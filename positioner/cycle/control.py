@@ -7,8 +7,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from positioner.cycle.events import Event, LawFellBack, MoveBegan
-from positioner.cycle.handover import start_m
-from positioner.cycle.learning import believe, learn
+from positioner.cycle.handover import blend, start_m
+from positioner.cycle.learning import credible, learn
+from positioner.cycle.state import ControlState
 from positioner.cycle.trust_events import PushFailed
 from positioner.laws.law import Decision, Observation
 
@@ -18,61 +19,78 @@ if TYPE_CHECKING:
 
 
 def control(
-    setup: Setup, state: CycleState, reading: Reading, events: list[Event]
+    setup: Setup, state: CycleState, reading: Reading, now_ns: int, events: list[Event]
 ) -> tuple[CycleState, Decision | None]:
-    """Return the state after estimate, learning and decision. A law that raises has decided nothing."""
-    state = believe(setup, state, events)
+    """Return the state after estimate, learning and decision, and the decision; None where the law failed."""
+    table, before = credible(setup, state, events), state.control
     try:
-        if state.memory is None:
-            # control begins: hold what is there until the host asks for something else
-            here = min(
-                max(start_m(state.handover, reading.position_m), setup.valve.travel_min_m), setup.valve.travel_max_m
-            )
-            state = replace(state, memory=setup.law.begin(reading.position_m), stem=None, setpoint_m=here)
-        asked_m = state.link.setpoint_m if state.handover is None else None
-        setpoint_m = asked_m if asked_m is not None else state.setpoint_m
-        elapsed_s = reading.periods * setup.period_s
-        observation = Observation(
-            reading.position_m,
-            _applied_ma(setup, state, reading),
-            elapsed_s,
-            setpoint_m,
-            state.control_s,
-            state.link.pressure_pa,
-        )
-        memory, estimate = setup.law.estimate(state.memory, observation)
-        state = learn(setup, state, estimate.lessons, events)
-        memory, decision = setup.law.decide(memory, estimate.stem, observation, state.table)
+        if before.memory is None:
+            before = _begun(setup, state, reading)
+        observation = _observation(setup, state, before, reading)
+        memory, estimate = setup.law.estimate(before.memory, observation)
+        if before.stem is not None:  # in the law's first cycle nothing is learned
+            table = learn(setup, state, table, estimate.lessons, events)
+        memory, decision = setup.law.decide(memory, estimate.stem, observation, table)
         _check(decision)
     except Exception as error:  # noqa: BLE001 - whatever a law does, the valve gets a command that somebody chose
-        watch = replace(state.guard, law_failures=state.guard.law_failures + 1)
         events.append(LawFellBack(f"{setup.law.name} failed: {type(error).__name__}: {error}"))
-        return replace(state, guard=watch, memory=None, stem=None), None
+        stopped = replace(before, memory=None, stem=None)
+        guard = state.guard.after_law(answered=False)
+        return replace(state, guard=guard, table=table, credible_table=table, control=stopped), None
+    events += _events(decision)
+    handover = state.handover
+    if handover is not None and state.output.last_ma is not None:
+        handover, decision = blend(handover, decision, state.output.last_ma, now_ns)
+    state = replace(
+        state,
+        guard=state.guard.after_law(answered=True),
+        table=table,
+        credible_table=table,
+        handover=handover,
+        control=ControlState(
+            memory=memory,
+            stem=estimate.stem,
+            setpoint_m=observation.setpoint_m,
+            time_s=before.time_s + observation.elapsed_s,
+        ),
+        answered=True,
+    )
+    return state, decision
+
+
+def _begun(setup: Setup, state: CycleState, reading: Reading) -> ControlState:
+    """Return the state in which control begins: the position that is there is held until the host asks for another."""
+    here_m = start_m(state.handover, reading.position_m)
+    setpoint_m = min(max(here_m, setup.valve.travel_min_m), setup.valve.travel_max_m)
+    return replace(state.control, memory=setup.law.begin(reading.position_m), stem=None, setpoint_m=setpoint_m)
+
+
+def _observation(setup: Setup, state: CycleState, before: ControlState, reading: Reading) -> Observation:
+    """Return what the law is given; before the first command, the current that balances the spring has acted."""
+    asked_m = state.link.setpoint.position_m if state.handover is None else None
+    applied_ma = state.effect.current_ma
+    return Observation(
+        measured_m=reading.position_m,
+        applied_ma=applied_ma if applied_ma is not None else setup.valve.balance_current_ma(reading.position_m),
+        elapsed_s=reading.periods * setup.period_s,
+        setpoint_m=asked_m if asked_m is not None else before.setpoint_m,
+        time_s=before.time_s,
+        pressure_pa=state.link.pressure_pa,
+    )
+
+
+def _events(decision: Decision) -> list[Event]:
+    events: list[Event] = []
     if decision.reason:
         events.append(MoveBegan(decision.reason))
     if decision.failed_pushes:
         events.append(PushFailed(decision.failed_pushes, decision.rest_s))
     if decision.fallback:
         events.append(LawFellBack(decision.fallback))
-    state = replace(
-        state,
-        memory=memory,
-        stem=estimate.stem,
-        setpoint_m=setpoint_m,
-        control_s=state.control_s + elapsed_s,
-        guard=replace(state.guard, law_failures=0) if state.guard.law_failures else state.guard,
-        answered=True,
-    )
-    return state, decision
+    return events
 
 
 def _check(decision: Decision) -> None:
     """Raise ValueError where a law's answer is no current: it then counts as a failure of the law."""
     if not math.isfinite(decision.current_ma):
         raise ValueError(f"a current of {decision.current_ma} mA")
-
-
-def _applied_ma(setup: Setup, state: CycleState, reading: Reading) -> float:
-    """Return the current that acted before the reading; before the first command, the one that balances the spring."""
-    acting_ma = state.effect.current_ma
-    return acting_ma if acting_ma is not None else setup.valve.balance_current_ma(reading.position_m)

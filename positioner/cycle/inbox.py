@@ -13,7 +13,7 @@ from positioner.cycle.events import (
     OrderDisputed,
     SetpointRefused,
 )
-from positioner.cycle.link import LinkState, Reading, Received
+from positioner.cycle.link import FeedbackState, LastSetpoint, LinkState, Reading, Received
 from positioner.cycle.plausibility import check_reading
 from positioner.cycle.timing_events import PeriodWrong
 from positioner.guard.stall import Freshness
@@ -75,7 +75,7 @@ def receive(
 
 
 class _Batch:
-    """A batch of frames on its way to being understood: the link's fields, writable until `result`."""
+    """A batch of frames: what its frames change of the link's state, collected until `result`."""
 
     def __init__(
         self,
@@ -94,53 +94,46 @@ class _Batch:
         self.period_s = period_s
         self.fresh = fresh
         self.senders = dict(link.senders)
-        self.readings = link.readings
-        self.setpoint_m = link.setpoint_m
-        self.setpoint_counter = link.setpoint_counter
+        self.readings = link.feedback.readings
+        self.frame_period = link.feedback.frame_period
+        self.position_counter = link.feedback.counter
+        self.periods_unread = link.feedback.periods_unread
+        self.setpoint = link.setpoint
         self.pressure_pa = link.pressure_pa
-        self.position_counter = link.position_counter
-        self.frame_period = link.frame_period
         self.reading: Reading | None = None
         self.feedback_ns: int | None = None
+        self.feedback_refused: Cause | None = None
         self.setpoint_ns: int | None = None
-        self.requests: list[HostRequest] = []
-        self.manual: ManualCurrent | None = None
-        self.stray_disarm = False
-        self.waited: HostRequest | None = None
-        self.foreign = False
-        self.refused: Cause | None = None
         self.setpoint_refused: Cause | None = None
+        self.requests: list[HostRequest] = []
+        self.waiting_request: HostRequest | None = None
+        self.stray_disarm = False
+        self.manual: ManualCurrent | None = None
+        self.foreign_command = False
         self.events: list[Event] = []
-        self._periods = link.periods_unread
 
     def result(self) -> Received:
         """Return what the batch amounts to."""
-        link = LinkState(
-            self.senders,
-            self.readings,
-            self.setpoint_m,
-            self.setpoint_counter,
-            self.pressure_pa,
-            self._periods - (self.reading.periods if self.reading else 0),
-            self.reading.counter if self.reading else self.position_counter,
-            self.frame_period,
+        reading, now_ns = self.reading, self.fresh.now_ns
+        feedback = FeedbackState(
+            readings=self.readings,
+            frame_period=self.frame_period,
+            counter=reading.counter if reading else self.position_counter,
+            periods_unread=self.periods_unread - (reading.periods if reading else 0),
         )
-        now_ns, feedback_ns, setpoint_ns = self.fresh.now_ns, self.feedback_ns, self.setpoint_ns
         guard_input = GuardInput(
-            feedback_ns is not None,
-            setpoint_ns is not None,
-            tuple(self.requests),
-            self.foreign,
-            self.refused,
-            manual=self.manual,
-            feedback_age_ns=0 if feedback_ns is None else now_ns - feedback_ns,
-            setpoint_age_ns=0 if setpoint_ns is None else now_ns - setpoint_ns,
-            waited=self.waited,
-            period_wrong=self.frame_period.is_wrong(self.period_s),
-            stray_disarm=self.stray_disarm,
+            feedback_age_ns=None if self.feedback_ns is None else now_ns - self.feedback_ns,
+            feedback_refused=self.feedback_refused,
+            setpoint_age_ns=None if self.setpoint_ns is None else now_ns - self.setpoint_ns,
             setpoint_refused=self.setpoint_refused,
+            requests=tuple(self.requests),
+            waiting_request=self.waiting_request,
+            stray_disarm=self.stray_disarm,
+            manual=self.manual,
+            foreign_command=self.foreign_command,
         )
-        return Received(link, self.reading, guard_input, tuple(self.events))
+        link = LinkState(senders=self.senders, feedback=feedback, setpoint=self.setpoint, pressure_pa=self.pressure_pa)
+        return Received(link, reading, guard_input, tuple(self.events))
 
     def in_sequence(self, message: Message, counter: int | None, modulus: int, data: bytes) -> int:
         """Take the counter over and return how many frames were lost before it.
@@ -177,17 +170,17 @@ class _Batch:
             case ActuatorState():
                 self.pressure_pa = message.pressure_pa
             case CurrentCommand():
-                self.foreign = True
+                self.foreign_command = True
                 self.events.append(ForeignCommand(message.current_ma, counter))
 
     def _take_position(self, message: StemPosition, counter: int | None, lost: int, arrived_ns: int) -> None:
-        self._periods += lost + 1
+        self.periods_unread += lost + 1
         before, self.frame_period = self.frame_period, self.frame_period.add(arrived_ns, lost)
         if self.frame_period.measured_s != before.measured_s and self.frame_period.is_wrong(self.period_s):
             self.events.append(PeriodWrong(self.frame_period.measured_s or 0.0, self.period_s))
         if (sender := self.senders.get(StemPosition)) is not None and not sender.window.settled:
             self.events.append(FeedbackRefused(message.position_m, sender.window.why, counted=Counted.DISPUTED))
-            self.refused = self.refused if sender.window.valid else Cause.FEEDBACK_DISPUTED
+            self.feedback_refused = self.feedback_refused if sender.window.valid else Cause.FEEDBACK_DISPUTED
             return
         elapsed_s = (lost + 1) * self.period_s
         self.readings, doubt = check_reading(
@@ -196,12 +189,12 @@ class _Batch:
         if doubt:
             self.events.append(FeedbackRefused(message.position_m, doubt.why, counted=doubt.counted))
             frozen = doubt.counted is Counted.FEEDBACK_FROZEN
-            self.refused = Cause.FEEDBACK_FROZEN if frozen else Cause.FEEDBACK_IMPLAUSIBLE
+            self.feedback_refused = Cause.FEEDBACK_FROZEN if frozen else Cause.FEEDBACK_IMPLAUSIBLE
             return
         self.feedback_ns = arrived_ns
         fresh = arrived_ns >= self.fresh.readings_since_ns
         obeys = message.quality is not Quality.FAIL_POSITION
-        reading = Reading(message.position_m, counter, message.command_counter, self._periods, obeys)
+        reading = Reading(message.position_m, counter, message.command_counter, self.periods_unread, obeys)
         self.reading = reading if fresh else None
 
     def _take_manual(self, message: ManualCurrent) -> None:
@@ -225,12 +218,12 @@ class _Batch:
         if usable or message.request is not HostRequest.ARM:
             self._take_request(message.request, arrived_ns)
         if usable:
-            self.setpoint_ns, self.setpoint_m, self.setpoint_counter = arrived_ns, setpoint_m, counter
+            self.setpoint_ns, self.setpoint = arrived_ns, LastSetpoint(setpoint_m, counter)
         else:
             self.events.append(SetpointRefused(message.setpoint_m, low_m, high_m))
 
     def _take_request(self, request: HostRequest, arrived_ns: int) -> None:
         if request is not HostRequest.DISARM and arrived_ns < self.fresh.arms_since_ns:
-            self.waited = request
+            self.waiting_request = request
         elif [request] != self.requests[-1:]:
             self.requests.append(request)

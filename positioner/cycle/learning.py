@@ -1,8 +1,7 @@
-"""What a cycle learns, and what it believes of what others have learned: nothing that physics excludes. Pure."""
+"""What a cycle learns, and what it believes of a table from outside: nothing that physics excludes. Pure."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from positioner.cycle.events import Event, Learned
@@ -11,25 +10,26 @@ from positioner.valve.credible import Limits, credible_part
 
 if TYPE_CHECKING:
     from positioner.cycle.state import CycleState, Setup
-    from positioner.valve.stiction import LearnedSample
+    from positioner.valve.stiction import LearnedSample, StictionTable
 
 
-def believe(setup: Setup, state: CycleState, events: list[Event]) -> CycleState:
-    """Return the state with the credible part of its table, where that comes from outside; told once for each table."""
-    if state.table is state.believed:
-        return state
+def credible(setup: Setup, state: CycleState, events: list[Event]) -> StictionTable:
+    """Return the credible part of the table; one that comes from outside is checked, and reported, once."""
+    if state.table is state.credible_table:
+        return state.table
     table, excluded = credible_part(_limits(setup), state.table)
     if excluded:
         first = excluded[0]
         events.append(NotBelieved(first, *_range(setup, first, table.cell_width_m), len(excluded), taught=False))
-    return replace(state, table=table, believed=table)
+    return table
 
 
-def learn(setup: Setup, state: CycleState, lessons: tuple[LearnedSample, ...], events: list[Event]) -> CycleState:
-    """Return the state with the law's `lessons`; without them in the law's first cycle, and while no command acts."""
-    if not setup.learns or state.stem is None or not state.effect.teaches or state.guard.foreign_ns is not None:
-        return state
-    table = state.table
+def learn(
+    setup: Setup, state: CycleState, table: StictionTable, lessons: tuple[LearnedSample, ...], events: list[Event]
+) -> StictionTable:
+    """Return the table with the law's `lessons`; without them where other commands than ours may have acted."""
+    if not setup.learns or not state.effect.teaches or state.guard.last.foreign_ns is not None:
+        return table
     for sample in lessons:
         low, high = _range(setup, sample, table.cell_width_m)
         if not low <= sample.value <= high:
@@ -37,9 +37,7 @@ def learn(setup: Setup, state: CycleState, lessons: tuple[LearnedSample, ...], e
             continue
         table = table.record(sample.quantity, sample.position_m, sample.direction, sample.value)
         events.append(Learned(sample, table.sequence))
-    if table is state.table:
-        return state
-    return replace(state, table=table, believed=table)
+    return table
 
 
 def _limits(setup: Setup) -> Limits:

@@ -18,17 +18,34 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
+class FeedbackState:
+    """What is remembered of the position frames.
+
+    counter: of the newest frame whose reading was used; periods_unread: sample periods since that frame.
+    """
+
+    readings: ReadingHistory = field(default_factory=ReadingHistory)
+    frame_period: FramePeriod = field(default_factory=FramePeriod)
+    counter: int | None = None
+    periods_unread: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class LastSetpoint:
+    """The newest usable setpoint of the host, and the counter of its frame; None before the first."""
+
+    position_m: float | None = None
+    counter: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class LinkState:
     """What is remembered of the other nodes between cycles."""
 
     senders: Mapping[type[Message], Sender] = field(default_factory=dict)
-    readings: ReadingHistory = field(default_factory=ReadingHistory)
-    setpoint_m: float | None = None
-    setpoint_counter: int | None = None
+    feedback: FeedbackState = field(default_factory=FeedbackState)
+    setpoint: LastSetpoint = field(default_factory=LastSetpoint)
     pressure_pa: float | None = None
-    periods_unread: int = 0
-    position_counter: int | None = None
-    frame_period: FramePeriod = field(default_factory=FramePeriod)
 
 
 @dataclass(frozen=True, slots=True)

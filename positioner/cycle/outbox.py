@@ -13,76 +13,86 @@ from positioner.wire.rounding import inside
 
 if TYPE_CHECKING:
     from positioner.cycle.link import Reading
-    from positioner.cycle.state import CycleState, Setup
+    from positioner.cycle.state import CycleState, OutputState, Setup
     from positioner.laws.law import Decision
 
 _NS = 1_000_000_000
 STATUS_PERIOD_NS = _NS // 10
 _COMMANDS_REMEMBERED = 255
-"""Fewer where their counter goes round sooner: each counter names one command."""
+"""Fewer where their counter wraps sooner: each counter names one command."""
 
 
-def command(
+def send(
     setup: Setup, state: CycleState, decision: Decision | None, reading: Reading | None, now_ns: int
 ) -> tuple[CycleState, list[CanFrame]]:
-    """Return the state and the command frame, if one may leave."""
-    here_m = reading.position_m if reading else state.setpoint_m
-    last_ma, elapsed_s = _last(setup, state, here_m, now_ns)
-    wanted_ma = decision.current_ma if decision else state.guard.manual_ma
-    current_ma = admit(setup.guard, state.guard, wanted_ma, last_ma, elapsed_s)
+    """Return the state and the frames to send: the command, and the status with one count when they are due."""
+    output, frames = _command(setup, state, decision, reading, now_ns)
+    due = output.status_ns is None or now_ns - output.status_ns >= STATUS_PERIOD_NS
+    if not due or not state.guard.arming.ever_armed:
+        return replace(state, output=output), frames
+    counters, count = state.counters.next_message()
+    messages = (_status(state), count)
+    frames += [setup.codec.encode(each, output.status_counter) for each in messages if each is not None]
+    output = replace(output, status_counter=output.status_counter + 1, status_ns=now_ns)
+    return replace(state, output=output, counters=counters), frames
+
+
+def _command(
+    setup: Setup, state: CycleState, decision: Decision | None, reading: Reading | None, now_ns: int
+) -> tuple[OutputState, list[CanFrame]]:
+    """Return what was sent, and the command frame, if the guard lets one be sent."""
+    output, guard = state.output, state.guard
+    here_m = reading.position_m if reading else state.control.setpoint_m
+    last_ma, elapsed_s = _last(setup, output, here_m, now_ns)
+    wanted_ma = decision.current_ma if decision else guard.manual_ma
+    current_ma = admit(setup.guard, guard, wanted_ma, last_ma, elapsed_s)
     if current_ma is None:
-        return replace(state, sent=(), left_ma=state.last_ma if state.sent else state.left_ma), []
-    current_ma = inside(setup.codec.field(CurrentCommand, "current_ma"), current_ma, *_limits_ma(setup, state))
+        return replace(output, sent=(), paused_ma=output.last_ma if output.sent else output.paused_ma), []
+    current_ma = inside(setup.codec.field(CurrentCommand, "current_ma"), current_ma, *_limits_ma(setup, guard.mode))
     message = CurrentCommand(
-        current_ma,
-        state.link.position_counter,
-        state.link.setpoint_counter,
-        state.guard.mode,
-        decision.motion if decision else Motion.NONE,
+        current_ma=current_ma,
+        position_counter=state.link.feedback.counter,
+        setpoint_counter=state.link.setpoint.counter,
+        mode=guard.mode,
+        motion=decision.motion if decision else Motion.NONE,
     )
-    frame = setup.codec.encode(message, state.command_counter)
+    frame = setup.codec.encode(message, output.command_counter)
     modulus = setup.codec.by_kind[CurrentCommand].counter_modulus
-    counter = state.command_counter % modulus
-    sent = (*state.sent, SentCommand(counter, current_ma))[-min(_COMMANDS_REMEMBERED, modulus - 1) :]
-    return replace(state, sent=sent, command_counter=state.command_counter + 1, command_ns=now_ns), [frame]
+    newest = SentCommand(output.command_counter % modulus, current_ma)
+    sent = (*output.sent, newest)[-min(_COMMANDS_REMEMBERED, modulus - 1) :]
+    return replace(output, sent=sent, command_counter=output.command_counter + 1, command_ns=now_ns), [frame]
 
 
-def _limits_ma(setup: Setup, state: CycleState) -> tuple[float, float]:
-    """Return what a current must not leave when it is rounded to the steps of its signal, in mA."""
-    if state.guard.mode is Mode.FAILSAFE:
+def _limits_ma(setup: Setup, mode: Mode) -> tuple[float, float]:
+    """Return the limits in mA within which a current is rounded to the steps of its signal."""
+    if mode is Mode.FAILSAFE:
         return same_signal(setup.guard.failsafe_ma(setup.guard.current_low_ma))
     return setup.guard.current_low_ma, setup.guard.current_high_ma
 
 
-def _last(setup: Setup, state: CycleState, here_m: float, now_ns: int) -> tuple[float, float]:
-    """Return the current in mA that the next one follows, and for how long it has been there in s.
+def _last(setup: Setup, output: OutputState, here_m: float, now_ns: int) -> tuple[float, float]:
+    """Return the current in mA that the next one follows, and for how long it has acted in s.
 
-    A limited rate goes on where the last command before a disarming left the actuator; otherwise control begins at the
-    current that balances the spring.
+    After a pause a limited rate continues from the last command before it. Otherwise control begins at the current that
+    balances the spring.
     """
-    elapsed_s = (now_ns - state.command_ns) / _NS
-    if state.last_ma is not None:
-        return state.last_ma, elapsed_s
-    if state.left_ma is not None and setup.guard.max_rate_ma_per_s > 0.0:
-        return state.left_ma, elapsed_s
+    elapsed_s = (now_ns - output.command_ns) / _NS
+    if output.last_ma is not None:
+        return output.last_ma, elapsed_s
+    if output.paused_ma is not None and setup.guard.max_rate_ma_per_s > 0.0:
+        return output.paused_ma, elapsed_s
     return setup.valve.balance_current_ma(here_m), setup.period_s
 
 
-def status(setup: Setup, state: CycleState, now_ns: int) -> tuple[CycleState, list[CanFrame]]:
-    """Return the state and the status frame when one is due; nothing leaves before the positioner was first armed."""
-    due = state.status_ns is None or now_ns - state.status_ns >= STATUS_PERIOD_NS
-    if not due or not state.guard.ever_armed:
-        return state, []
-    message = PositionerStatus(
-        state.guard.mode,
-        state.guard.cause,
-        state.guard.health(table_saved=state.table_saved),
-        state.guard.armed,
-        state.table_saved,
-        state.counters.fallbacks % 256,
-        state.counters.refused_frames % 256,
-        state.counters.learned % 256,
+def _status(state: CycleState) -> PositionerStatus:
+    guard, counters = state.guard, state.counters
+    return PositionerStatus(
+        mode=guard.mode,
+        cause=guard.cause,
+        health=guard.health(table_saved=state.table_saved),
+        armed=guard.arming.armed,
+        table_saved=state.table_saved,
+        fallback_count=counters.fallbacks % 256,
+        rejected_count=counters.refused_frames % 256,
+        learned_count=counters.learned % 256,
     )
-    counters, count = state.counters.next_message()
-    frames = [setup.codec.encode(each, state.status_counter) for each in (message, count) if each is not None]
-    return replace(state, status_counter=state.status_counter + 1, status_ns=now_ns, counters=counters), frames

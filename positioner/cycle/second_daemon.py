@@ -1,7 +1,8 @@
-"""A twin: another positioner on this bus, with a state directory of its own, armed by the same ARM. Pure.
+"""A second daemon on this bus, with a state directory of its own, armed by the same ARM. Pure.
 
-Two that know and see the same send the same frames at first. So a command frame like one that we sent is nobody else's:
-a bus that doubles frames brings it back. But a bus doubles some of them, and a twin sends one for each of ours.
+Two daemons with the same knowledge send the same frames at first. A bus that doubles frames brings our own commands
+back, so a command like one of ours is no foreign one. But a bus doubles only some of them, and a second daemon sends
+one for each of ours.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from positioner.cycle.events import Event, ForeignCommand
+from positioner.cycle.events import ForeignCommand
 from positioner.wire.messages import CurrentCommand
 
 if TYPE_CHECKING:
@@ -18,18 +19,19 @@ if TYPE_CHECKING:
 
     from positioner.cycle.command_effect import SentCommand
     from positioner.cycle.link import Received
-    from positioner.guard.state import GuardInput
+    from positioner.cycle.state import OutputState
     from positioner.wire.codec import Codec
 
 _DOUBLED_SHARE = 0.75
-"""A bus that doubles frames doubles fewer of them than this."""
+"""A bus that doubles frames doubles a smaller share of them."""
 _EXCESS = 12.0
-"""So many more than that share: 48 of 48; where a bus doubles every second frame, in one cycle of 10^12."""
+"""So many more than that share are a second daemon: 48 of 48, or one false alarm in 10^12 cycles on a bus that doubles
+every second frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReturnedCommands:
-    """Command frames like ours that came back of late. excess: beyond what a bus doubles; sent: ours before."""
+    """Commands like ours that came back. excess: beyond what a bus doubles; sent: how many of ours were sent then."""
 
     excess: float = 0.0
     sent: int = 0
@@ -39,27 +41,30 @@ NO_RETURNED_COMMANDS = ReturnedCommands()
 
 
 def without_own_commands(
-    codec: Codec, received: Received, sent: Sequence[SentCommand], sent_count: int, before: ReturnedCommands
-) -> tuple[GuardInput, list[Event], ReturnedCommands]:
-    """Return what was seen, what happened, and what came back, of `sent_count` commands whose last ones are `sent`.
+    codec: Codec, received: Received, output: OutputState, before: ReturnedCommands
+) -> tuple[Received, ReturnedCommands]:
+    """Return what was received, without the commands like ours, and how many of these came back.
 
-    A ForeignCommand that is like one of ours is no event, unless as many come back as only a twin sends.
+    They stay where as many come back as only a second daemon sends.
     """
-    excess = max(before.excess - _DOUBLED_SHARE * (sent_count - before.sent), 0.0) if sent else 0.0
-    guard_input, events = received.guard_input, [*received.events]
-    if guard_input.foreign_command:
+    fading = _DOUBLED_SHARE * (output.command_counter - before.sent)
+    excess = max(before.excess - fading, 0.0) if output.sent else 0.0
+    if received.guard_input.foreign_command:
         step_ma = codec.field(CurrentCommand, "current_ma").si_per_bit
-        ours = [event for event in events if isinstance(event, ForeignCommand) and _is_own(event, sent, step_ma)]
+        commands = [event for event in received.events if isinstance(event, ForeignCommand)]
+        ours = [event for event in commands if _is_like_ours(event, output.sent, step_ma)]
         excess += len(ours)
-        if excess < _EXCESS:
-            events = [event for event in events if event not in ours]
-        foreign = any(isinstance(event, ForeignCommand) for event in events)
-        guard_input = replace(guard_input, foreign_command=foreign, own_command_returned=bool(ours))
-    return guard_input, events, ReturnedCommands(excess, sent_count)
+        removed = ours if excess < _EXCESS else []
+        guard_input = replace(
+            received.guard_input, foreign_command=len(removed) < len(commands), own_command_returned=bool(ours)
+        )
+        events = tuple(event for event in received.events if event not in removed)
+        received = replace(received, guard_input=guard_input, events=events)
+    return received, ReturnedCommands(excess, output.command_counter)
 
 
-def _is_own(event: ForeignCommand, sent: Sequence[SentCommand], step_ma: float) -> bool:
-    """Return whether it is like one that we sent: its signal holds the current to a step of `step_ma`."""
+def _is_like_ours(event: ForeignCommand, sent: Sequence[SentCommand], step_ma: float) -> bool:
+    """Return whether the command is like one that we sent; its signal resolves the current to `step_ma`."""
     return any(
         each.counter == event.counter and math.isclose(each.current_ma, event.current_ma, abs_tol=step_ma)
         for each in sent

@@ -40,36 +40,57 @@ class Setup:
 
 
 @dataclass(frozen=True, slots=True)
-class CycleState:
-    """Everything a positioner carries on.
+class ControlState:
+    """What the closed loop carries on.
 
-    `memory` is the law's own.
-    believed: the table as this cycle left it; another one comes from outside, and is looked through first.
+    memory: the law's own, None while it does not control; stem: its last estimate; setpoint_m: its last setpoint.
+    time_s: for how long it has controlled since the start.
     """
 
-    table: StictionTable = field(default_factory=StictionTable)
-    believed: StictionTable | None = None
-    guard: GuardState = field(default_factory=GuardState)
-    link: LinkState = field(default_factory=LinkState)
     memory: Any = None
     stem: StemState | None = None
+    setpoint_m: float = 0.0
+    time_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class OutputState:
+    """What was sent: the newest commands without a pause, counters of the frames, and when the last ones were sent.
+
+    paused_ma: the current of the last command before a pause, None where there was none.
+    """
+
     sent: tuple[SentCommand, ...] = ()
-    returned: ReturnedCommands = NO_RETURNED_COMMANDS
-    effect: CommandEffect = EFFECT_UNKNOWN
+    paused_ma: float | None = None
     command_counter: int = 0
     command_ns: int = 0
     status_counter: int = 0
     status_ns: int | None = None
-    control_s: float = 0.0
-    setpoint_m: float = 0.0
-    table_saved: bool = True
-    answered: bool = False
-    left_ma: float | None = None
-    counters: Counters = field(default_factory=Counters)
-    handover: Handover | None = None
-    deviation: Deviation = NO_DEVIATION
 
     @property
     def last_ma(self) -> float | None:
-        """The current commanded last, None before the first."""
+        """The current commanded last, None in a pause and before the first."""
         return self.sent[-1].current_ma if self.sent else None
+
+
+@dataclass(frozen=True, slots=True)
+class CycleState:
+    """Everything a positioner carries on.
+
+    credible_table: `table` after its check; another `table` comes from outside, and is checked before it is used.
+    answered: the law answered in the last cycle.
+    """
+
+    table: StictionTable = field(default_factory=StictionTable)
+    credible_table: StictionTable | None = None
+    table_saved: bool = True
+    link: LinkState = field(default_factory=LinkState)
+    returned: ReturnedCommands = NO_RETURNED_COMMANDS
+    effect: CommandEffect = EFFECT_UNKNOWN
+    deviation: Deviation = NO_DEVIATION
+    guard: GuardState = field(default_factory=GuardState)
+    handover: Handover | None = None
+    control: ControlState = field(default_factory=ControlState)
+    answered: bool = False
+    output: OutputState = field(default_factory=OutputState)
+    counters: Counters = field(default_factory=Counters)

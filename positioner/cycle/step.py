@@ -14,99 +14,81 @@ from positioner.cycle.command_effect import EFFECT_UNKNOWN, CommandEffect, track
 from positioner.cycle.control import control
 from positioner.cycle.deviation import NO_DEVIATION, Deviates, Deviation, description, track_deviation
 from positioner.cycle.events import Controlled, Event, LinesDropped, ModeChanged
-from positioner.cycle.handover import blend, update_handover
+from positioner.cycle.handover import update_handover
 from positioner.cycle.inbox import receive
-from positioner.cycle.outbox import command, status
+from positioner.cycle.outbox import send
 from positioner.cycle.second_daemon import without_own_commands
 from positioner.cycle.timing_events import LawLate, Stalled
 from positioner.cycle.trust_events import ActingChanged
-from positioner.guard import stall
+from positioner.guard.stall import freshness, stall_of
+from positioner.guard.state import Conditions
 from positioner.guard.supervisor import is_feedback_stale, supervise
 from positioner.wire.messages import Cause, CurrentCommand, Mode
 
 if TYPE_CHECKING:
     from positioner.cycle.input import CycleInput
-    from positioner.cycle.link import Reading
+    from positioner.cycle.link import Reading, Received
+    from positioner.cycle.second_daemon import ReturnedCommands
     from positioner.cycle.state import CycleState, Setup
-    from positioner.guard.state import GuardInput, GuardState
+    from positioner.guard.state import GuardState
     from positioner.laws.law import Decision
     from positioner.wire.messages import CanFrame
 
 IDLE_COMMAND_PERIOD_S = 0.01
-"""In HOLD and FAILSAFE the actuator hears the last word this often, whatever the sample period."""
+"""Without feedback the last command is repeated this often, whatever the sample period."""
 _IDLE_COMMAND_PERIOD_NS = round(IDLE_COMMAND_PERIOD_S * 1e9)
 
 
 def step(
     setup: Setup, state: CycleState, cycle_input: CycleInput
 ) -> tuple[CycleState, tuple[CanFrame, ...], tuple[Event, ...]]:
-    """Return the state, the frames to send and the events after what the cycle was `told`.
+    """Return the state, the frames to send and the events after `cycle_input`.
 
-    A cycle closes for every batch that holds a fresh, plausible reading. Without one, only time passes: the guard ages
-    what it has, and in HOLD or FAILSAFE the last word is repeated so that the actuator hears that somebody is there.
-    A reading that waited while nobody looked at the bus is not acted on; a command that did not leave is not the last
-    word.
+    With a fresh, plausible reading the loop is closed. Without one only time passes: the guard ages the last reading,
+    and in HOLD or FAILSAFE the last command is repeated, as a sign of life for the actuator. A reading that waited
+    during a stall is not acted on. A command that could not be sent does not count as the last one.
     """
-    if cycle_input.unsent:
-        state = replace(state, sent=state.sent[:-1])
     before, now_ns = state.guard, cycle_input.now_ns
-    commanded_ma = state.last_ma if before.controls or before.mode is Mode.MANUAL else None
-    stall_ns = stall.stall_ns(setup.guard, setup.period_s, cycle_input.late_ns, armed=before.armed)
-    fresh = stall.freshness(setup.guard, setup.period_s, now_ns, armed=before.armed, stalled=stall_ns > 0)
-    received = receive(
-        setup.codec, setup.guard, setup.valve, state.link, cycle_input.frames, commanded_ma, setup.period_s, fresh
-    )
-    guard_input, events, returned = without_own_commands(
-        setup.codec, received, state.sent, state.command_counter, state.returned
-    )
-    events += _of_the_shell(setup, cycle_input, stall_ns)
-    if cycle_input.late_ns or before.late_answers:
-        guard_input = replace(guard_input, late=cycle_input.late_ns > 0, stall_ns=stall_ns, answered=state.answered)
-    reading = received.reading
-    effect, guard_input = _track_effect(setup, state, guard_input, reading)
-    deviation = _deviation(setup, state, reading, events)
-    if deviation.cause is not Cause.NONE:
-        guard_input = replace(guard_input, deviation=deviation.cause)
-    watch = supervise(setup.guard, before, guard_input, setup.period_s, now_ns)
-    measured_m = reading.position_m if reading else None
-    handover = update_handover(state.handover, watch.mode, measured_m, received.link.setpoint_m, state.last_ma)
-    state = replace(
-        state,
-        link=received.link,
-        returned=returned,
-        guard=watch,
-        table=state.table if cycle_input.table is None else cycle_input.table,
-        table_saved=cycle_input.table_saved,
-        answered=False,
-        handover=handover,
-        effect=effect,
-        deviation=deviation,
-    )
+    if cycle_input.unsent:
+        state = replace(state, output=replace(state.output, sent=state.output.sent[:-1]))
+    stall_ns = stall_of(setup.guard, setup.period_s, cycle_input.late_ns, armed=before.arming.armed)
+    # decode, receive
+    received, returned = _receive(setup, state, cycle_input, stall_ns)
+    reading, events = received.reading, [*received.events, *_shell_events(setup, cycle_input, stall_ns)]
+    # supervise
+    state = _supervise(setup, replace(state, returned=returned), cycle_input, received, stall_ns, events)
+    # estimate, detect, learn, decide
     decision: Decision | None = None
-    if state.memory is not None and (not watch.controls or watch.acts_again(before)):
-        state = replace(state, memory=None, stem=None)
-    if watch.controls and reading is not None:
-        state, decision = control(setup, state, reading, events)
-        if handover is not None and decision is not None and state.last_ma is not None:
-            handover, decision = blend(handover, decision, state.last_ma, now_ns)
-            state = replace(state, handover=handover)
-
+    if state.guard.controls and reading is not None:
+        state, decision = control(setup, state, reading, now_ns, events)
+    # admit, encode
     state = replace(state, counters=state.counters.add(events))
     outbox: list[CanFrame] = []
-    stale = stall_ns > 0 or is_feedback_stale(setup.guard, watch, setup.period_s, now_ns)
-    if reading is not None or (stale and now_ns - state.command_ns >= _IDLE_COMMAND_PERIOD_NS):
-        state, frames = command(setup, state, decision, reading, now_ns)
-        outbox += frames
+    stale = stall_ns > 0 or is_feedback_stale(setup.guard, state.guard, setup.period_s, now_ns)
+    if reading is not None or (stale and now_ns - state.output.command_ns >= _IDLE_COMMAND_PERIOD_NS):
+        state, outbox = send(setup, state, decision, reading, now_ns)
         if decision is not None and reading is not None:
             events.append(_controlled(state, decision, reading))
-        state, frames = status(setup, state, now_ns)
-        outbox += frames
     events += _changes(before, state.guard)
     return state, tuple(outbox), tuple(events)
 
 
-def _of_the_shell(setup: Setup, cycle_input: CycleInput, stall_ns: int) -> list[Event]:
-    """Return what the shell has told."""
+def _receive(
+    setup: Setup, state: CycleState, cycle_input: CycleInput, stall_ns: int
+) -> tuple[Received, ReturnedCommands]:
+    """Return what the frames amount to, our own commands taken out, and those of them that came back."""
+    before = state.guard
+    commanded_ma = state.output.last_ma if before.controls or before.mode is Mode.MANUAL else None
+    armed, stalled = before.arming.armed, stall_ns > 0
+    fresh = freshness(setup.guard, setup.period_s, cycle_input.now_ns, armed=armed, stalled=stalled)
+    received = receive(
+        setup.codec, setup.guard, setup.valve, state.link, cycle_input.frames, commanded_ma, setup.period_s, fresh
+    )
+    return without_own_commands(setup.codec, received, state.output, state.returned)
+
+
+def _shell_events(setup: Setup, cycle_input: CycleInput, stall_ns: int) -> list[Event]:
+    """Return what the shell reports of itself."""
     events: list[Event] = []
     if cycle_input.late_ns:
         events.append(Stalled(stall_ns) if stall_ns else LawLate(cycle_input.late_ns, setup.period_s))
@@ -115,53 +97,88 @@ def _of_the_shell(setup: Setup, cycle_input: CycleInput, stall_ns: int) -> list[
     return events
 
 
-def _track_effect(
-    setup: Setup, state: CycleState, guard_input: GuardInput, reading: Reading | None
-) -> tuple[CommandEffect, GuardInput]:
-    """Return whether our commands act, and the sighting with why they do not; a dry run commands nobody."""
+def _supervise(
+    setup: Setup,
+    state: CycleState,
+    cycle_input: CycleInput,
+    received: Received,
+    stall_ns: int,
+    events: list[Event],
+) -> CycleState:
+    """Return the state with what was received, and with the mode that follows; where control ends, without memory."""
+    reading, link, before = received.reading, received.link, state.guard
+    effect, deviation = _effect(setup, state, reading), _deviation(setup, state, reading, events)
+    conditions = Conditions(
+        stall_ns=stall_ns,
+        late=cycle_input.late_ns > 0,
+        answered=state.answered,
+        no_effect=effect.fault if setup.learns else None,
+        deviation=deviation.cause,
+        period_wrong=link.feedback.frame_period.is_wrong(setup.period_s),
+    )
+    guard = supervise(setup.guard, before, received.guard_input, setup.period_s, cycle_input.now_ns, conditions)
+    measured_m = reading.position_m if reading else None
+    control_state = state.control
+    if control_state.memory is not None and (not guard.controls or guard.acts_again(before)):
+        control_state = replace(control_state, memory=None, stem=None)
+    return replace(
+        state,
+        table=state.table if cycle_input.table is None else cycle_input.table,
+        table_saved=cycle_input.table_saved,
+        link=link,
+        effect=effect,
+        deviation=deviation,
+        guard=guard,
+        handover=update_handover(
+            state.handover, guard.mode, measured_m, link.setpoint.position_m, state.output.last_ma
+        ),
+        control=control_state,
+        answered=False,
+    )
+
+
+def _effect(setup: Setup, state: CycleState, reading: Reading | None) -> CommandEffect:
+    """Return whether our commands act; nothing is known while none are sent."""
     effect = state.effect if state.guard.controls or state.guard.mode is Mode.MANUAL else EFFECT_UNKNOWN
-    if reading is not None:
-        form = setup.codec.by_kind[CurrentCommand]
-        effect = track_effect(effect, state.sent, reading, form, reading.periods * setup.period_s)
-    if effect.fault is not None and setup.learns:
-        guard_input = replace(guard_input, idle=effect.fault)
-    return effect, guard_input
-
-
-def _changes(before: GuardState, after: GuardState) -> list[Event]:
-    """Return the events of a guard that went from one state to another."""
-    events: list[Event] = []
-    if after.controls and after.idle is not before.idle:
-        events.append(ActingChanged(after.idle))
-    if after.mode is not before.mode or after.cause is not before.cause:
-        events.append(ModeChanged(before.mode, after.mode, after.cause))
-    return events
+    if reading is None:
+        return effect
+    form = setup.codec.by_kind[CurrentCommand]
+    return track_effect(effect, state.output.sent, reading, form, reading.periods * setup.period_s)
 
 
 def _deviation(setup: Setup, state: CycleState, reading: Reading | None, events: list[Event]) -> Deviation:
-    """Return what is known of the error, from the setpoint that the law was given last; say when it begins to count."""
+    """Return what is known of the error from the law's last setpoint; add an event where it begins to count."""
     if not state.guard.controls:
         return NO_DEVIATION
-    if reading is None or state.memory is None:
+    if reading is None or state.control.memory is None:
         return state.deviation
-    elapsed_s, setpoint_m = reading.periods * setup.period_s, state.setpoint_m
+    elapsed_s, setpoint_m = reading.periods * setup.period_s, state.control.setpoint_m
     known = track_deviation(setup.guard, setup.valve, state.deviation, reading.position_m, setpoint_m, elapsed_s)
     if known.cause is not state.deviation.cause and known.cause is not Cause.NONE:
         events.append(Deviates(description(setup.guard, setup.valve, known, setpoint_m)))
     return known
 
 
+def _changes(before: GuardState, after: GuardState) -> list[Event]:
+    """Return the events of a guard that went from one state to another."""
+    events: list[Event] = []
+    if after.controls and after.conditions.no_effect is not before.conditions.no_effect:
+        events.append(ActingChanged(after.conditions.no_effect))
+    if after.mode is not before.mode or after.cause is not before.cause:
+        events.append(ModeChanged(before.mode, after.mode, after.cause))
+    return events
+
+
 def _controlled(state: CycleState, decision: Decision, reading: Reading) -> Controlled:
-    stem = state.stem
+    stem, last_ma = state.control.stem, state.output.last_ma
     assert stem is not None  # noqa: S101 - a decision is made of an estimate
-    current_ma = state.last_ma if state.last_ma is not None else decision.current_ma
     return Controlled(
-        state.control_s,
-        state.setpoint_m,
-        reading.position_m,
-        stem,
-        decision,
-        current_ma,
-        state.guard.mode,
-        state.table.sequence,
+        time_s=state.control.time_s,
+        setpoint_m=state.control.setpoint_m,
+        measured_m=reading.position_m,
+        stem=stem,
+        decision=decision,
+        current_ma=last_ma if last_ma is not None else decision.current_ma,
+        mode=state.guard.mode,
+        table_sequence=state.table.sequence,
     )

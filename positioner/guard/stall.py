@@ -40,7 +40,7 @@ def failsafe_ns(settings: GuardSettings, period_s: float) -> float:
     return settings.feedback_failsafe_periods * period_s * _NS
 
 
-def stall_ns(settings: GuardSettings, period_s: float, gap_ns: int, *, armed: bool) -> int:
+def stall_of(settings: GuardSettings, period_s: float, gap_ns: int, *, armed: bool) -> int:
     """Return the gap if it is a stall, in ns, else 0: while nothing is commanded, nothing old can be acted on."""
     return gap_ns if armed and gap_ns > hold_ns(settings, period_s) else 0
 

@@ -1,8 +1,8 @@
-"""What the guard sees in a cycle, and what it remembers between two. Pure."""
+"""What the guard is given in a cycle, and what it remembers between two. Pure."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 from positioner.guard.manual import AUTOMATIC, Manual
 from positioner.wire.messages import Cause, Health, HostRequest, ManualCurrent, Mode
@@ -12,70 +12,97 @@ _OUT_OF_SPECIFICATION = frozenset({Cause.LAW_LATE, Cause.PERIOD_WRONG, Cause.DEV
 
 @dataclass(frozen=True, slots=True)
 class GuardInput:
-    """What this cycle saw: a reading that can be true, a usable setpoint, what the host asks, a foreign command.
+    """What the frames of this cycle brought.
 
-    feedback_age_ns, setpoint_age_ns: how long ago they arrived; requests: in their order, a repeated one once; waited:
-    the last request that waited for too long to arm; refused: why a reading could not be true; late: the turn before
-    took longer than a period; stall_ns: so long that it is a stall; answered: a law had answered in the turn before;
-    period_wrong: position frames come at another period than the configured one; own_command_returned: a
-    command like one of ours came back.
-    stray_disarm: a DISARM in a frame out of sequence; setpoint_refused: why a setpoint was not used.
-    manual: what the host last said of manual mode; idle: why commands do not act, None while they do.
-    deviation: what the error is called that does not shrink, NONE where there is none.
+    feedback_age_ns: how long ago the newest plausible reading arrived, None where none did; feedback_refused: why a
+        reading was not plausible. setpoint_age_ns, setpoint_refused: the same of a usable setpoint.
+    requests: of the host, in their order, repetitions left out; waiting_request: the last that waited for too long to
+        arm; stray_disarm: a DISARM came in a frame out of sequence; manual: the newest MANUAL_CURRENT.
+    foreign_command: another controller's command; own_command_returned: a command like one of ours.
     """
 
-    feedback: bool = False
-    setpoint: bool = False
-    requests: tuple[HostRequest, ...] = ()
-    foreign_command: bool = False
-    refused: Cause | None = None
-    late: bool = False
-    manual: ManualCurrent | None = None
-    stray_disarm: bool = False
+    feedback_age_ns: int | None = None
+    feedback_refused: Cause | None = None
+    setpoint_age_ns: int | None = None
     setpoint_refused: Cause | None = None
-    feedback_age_ns: int = 0
-    setpoint_age_ns: int = 0
-    waited: HostRequest | None = None
-    stall_ns: int = 0
-    answered: bool = False
-    idle: Cause | None = None
-    deviation: Cause = Cause.NONE
-    period_wrong: bool = False
+    requests: tuple[HostRequest, ...] = ()
+    waiting_request: HostRequest | None = None
+    stray_disarm: bool = False
+    manual: ManualCurrent | None = None
+    foreign_command: bool = False
     own_command_returned: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class GuardState:
-    """Mode and cause, and what decides them; instants are monotonic, None for never.
+class Conditions:
+    """What is wrong besides missing data; the defaults say that nothing is.
 
-    armed_or_returned_ns: the last arming, or when a command of ours last came back; late_cycles, late_answers: in a
-    row; stall_ns:
-    how long the process stood still just before, 0 for no stall.
+    stall_ns: how long the process stood still just before, 0 for no stall; late: the cycle before took longer than a
+        period; answered: the law had answered in it.
+    no_effect: why commands do not act on the valve; deviation: DEVIATION or SETPOINT_UNREACHABLE, where the error does
+        not shrink; period_wrong: position frames come at another period than the configured one.
     """
 
-    mode: Mode = Mode.INIT
-    cause: Cause = Cause.WAITING_FOR_FEEDBACK
+    stall_ns: int = 0
+    late: bool = False
+    answered: bool = False
+    no_effect: Cause | None = None
+    deviation: Cause = Cause.NONE
+    period_wrong: bool = False
+
+
+NOTHING_WRONG = Conditions()
+
+
+@dataclass(frozen=True, slots=True)
+class Arming:
+    """Whether the positioner is armed, and what decides it.
+
+    request: the host's request in force, None since the start: an ARM does not count yet.
+    armed_or_returned_ns: the last arming, or when a command like one of ours last came back.
+    """
+
     armed: bool = False
     ever_armed: bool = False
-    request: HostRequest | None = None  # in force; none since the start: an ARM does not count yet
+    request: HostRequest | None = None
+    armed_or_returned_ns: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class LastReceived:
+    """Monotonic instants, None for never; no_feedback, no_setpoint: the cause to report where they are too old."""
+
     feedback_ns: int | None = None
     setpoint_ns: int | None = None
     foreign_ns: int | None = None
-    law_failures: int = 0
-    no_feedback: Cause = Cause.FEEDBACK_STALE  # what it is called when feedback is missing
+    no_feedback: Cause = Cause.FEEDBACK_STALE
+    no_setpoint: Cause = Cause.SETPOINT_STALE
+
+
+@dataclass(frozen=True, slots=True)
+class LawRecord:
+    """Numbers of cycles in a row: without an answer of the law; longer than a period; whose answer was too late."""
+
+    failures: int = 0
     late_cycles: int = 0
-    manual: Manual = AUTOMATIC
-    no_setpoint: Cause = Cause.SETPOINT_STALE  # what it is called when setpoints are missing
-    stall_ns: int = 0
     late_answers: int = 0
-    idle: Cause | None = None  # why commands do not act
-    deviation: Cause = Cause.NONE
-    armed_or_returned_ns: int = 0
-    period_wrong: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class GuardState:
+    """Mode and cause, and what decides them."""
+
+    mode: Mode = Mode.INIT
+    cause: Cause = Cause.WAITING_FOR_FEEDBACK
+    arming: Arming = field(default_factory=Arming)
+    last: LastReceived = field(default_factory=LastReceived)
+    law: LawRecord = field(default_factory=LawRecord)
+    manual: Manual = AUTOMATIC
+    conditions: Conditions = NOTHING_WRONG
 
     @property
     def transmits(self) -> bool:
-        """Whether commands may leave."""
+        """Whether commands may be sent."""
         return self.mode in {Mode.ACTIVE, Mode.HOLD, Mode.FAILSAFE, Mode.MANUAL}
 
     @property
@@ -85,21 +112,27 @@ class GuardState:
 
     @property
     def manual_ma(self) -> float | None:
-        """The current that a person gives in mA, None but in manual mode."""
+        """The current that a person gives in mA; None in every mode but MANUAL."""
         return self.manual.current_ma if self.mode is Mode.MANUAL else None
 
     def acts_again(self, before: GuardState) -> bool:
-        """Whether our commands act on the valve now, and ours alone, which they did not `before`."""
-        idle, foreign = before.idle is not None, before.foreign_ns is not None
-        return (idle and self.idle is None) or (foreign and self.foreign_ns is None)
+        """Whether our commands alone act on the valve now, and did not `before`."""
+        was_without_effect, was_foreign = before.conditions.no_effect is not None, before.last.foreign_ns is not None
+        has_effect, is_ours = self.conditions.no_effect is None, self.last.foreign_ns is None
+        return (was_without_effect and has_effect) or (was_foreign and is_ours)
+
+    def after_law(self, *, answered: bool) -> GuardState:
+        """Return the state after the law answered, or failed to."""
+        failures = 0 if answered else self.law.failures + 1
+        return self if failures == self.law.failures else replace(self, law=replace(self.law, failures=failures))
 
     def health(self, *, table_saved: bool) -> Health:
         """Return the NAMUR NE 107 status signal."""
-        if self.mode is Mode.FAILSAFE or self.foreign_ns is not None:
+        if self.mode is Mode.FAILSAFE or self.last.foreign_ns is not None:
             return Health.FAILURE
         if self.mode in {Mode.INIT, Mode.READY, Mode.MANUAL}:
             return Health.FUNCTION_CHECK
-        if self.idle is not None:
+        if self.conditions.no_effect is not None:
             return Health.FAILURE
         if self.mode is Mode.HOLD or self.cause in _OUT_OF_SPECIFICATION:
             return Health.OUT_OF_SPECIFICATION

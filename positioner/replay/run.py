@@ -84,11 +84,11 @@ def _told(cycle: RecordedCycle, *, table_saved: bool) -> CycleInput:
 def _followed(codec: Codec, state: CycleState, cycle: RecordedCycle, outbox: tuple[CanFrame, ...]) -> CycleState:
     """Return the state as if the recorded command had been sent; one that is equal was, to its last decimal."""
     recorded = _commanded(codec, [logged.frame for logged in cycle.outbox])
-    if recorded is None or not state.sent or recorded == _commanded(codec, outbox):
+    if recorded is None or not state.output.sent or recorded == _commanded(codec, outbox):
         return state
     current_ma, counter = recorded
-    sent = SentCommand(state.sent[-1].counter if counter is None else counter, current_ma)
-    return replace(state, sent=(*state.sent[:-1], sent))
+    sent = SentCommand(state.output.sent[-1].counter if counter is None else counter, current_ma)
+    return replace(state, output=replace(state.output, sent=(*state.output.sent[:-1], sent)))
 
 
 def _commanded(codec: Codec, frames: Sequence[CanFrame]) -> tuple[float, int | None] | None:

@@ -90,19 +90,19 @@ class Daemon:
             self._lockstep.add(frames, answered=bool(outbox))
         self._announcer.cycle(events)  # before a table is taken over that voids what they learned
         self.session.keep(cycle_input, outbox, events)
-        self._other.check(events, now_ns, ever_armed=self.session.state.guard.ever_armed)
+        self._other.check(events, now_ns, ever_armed=self.session.state.guard.arming.ever_armed)
         self._announcer.alive()
 
     def _wait_s(self) -> float:
         """Return how long to wait for a frame: for as long as nothing is due."""
-        if not self.session.state.guard.armed:
+        if not self.session.state.guard.arming.armed:
             return _IDLE_WAIT_S
         return max(min(self._period_s, IDLE_COMMAND_PERIOD_S), _SHORTEST_WAIT_S)
 
     def _late_ns(self) -> int:
         """Return for how long nobody looked at the bus, where that was longer than a period; before arming 0."""
         gap_ns = self._bus.gap_ns
-        late = self._clock.is_real and self.session.state.guard.armed and gap_ns > self._period_s * _NS
+        late = self._clock.is_real and self.session.state.guard.arming.armed and gap_ns > self._period_s * _NS
         return gap_ns if late else 0
 
     def _send(self, outbox: tuple[CanFrame, ...], now_ns: int) -> None:

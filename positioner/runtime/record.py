@@ -103,7 +103,7 @@ def _note_line(where: str, note: Note) -> str:
 
 
 def _moved(before: GuardState, after: GuardState) -> bool:
-    return (before.mode, before.cause, before.late_cycles) != (after.mode, after.cause, after.late_cycles)
+    return (before.mode, before.cause, before.law.late_cycles) != (after.mode, after.cause, after.law.late_cycles)
 
 
 def _instant(now_ns: int) -> str:

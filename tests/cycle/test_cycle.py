@@ -109,7 +109,7 @@ class Exchange:
         self, position_m: float = 0.08, echo: int | None = None, setpoint: Setpoint | None = None, **told: Any
     ) -> tuple[CanFrame, ...]:
         # a plant that says nothing else has obeyed the newest command
-        newest = self.state.sent[-1].counter if self.state.sent else 0
+        newest = self.state.output.sent[-1].counter if self.state.output.sent else 0
         frames = [CODEC.encode(StemPosition(position_m, newest if echo is None else echo), self.counter)]
         self.counter += 1
         if setpoint is not None:
@@ -250,7 +250,7 @@ def test_a_frozen_sensor_leads_to_hold_and_failsafe_with_its_cause_and_arming_st
     assert modes[:254] == [(Mode.ACTIVE, Cause.NONE)] * 254
     assert modes[254:261] == [(Mode.HOLD, frozen)] * 7
     assert modes[261:] == [(Mode.FAILSAFE, frozen)] * 9
-    assert exchange.state.last_ma == 4.0
+    assert exchange.state.output.last_ma == 4.0
     exchange.sample(0.05, setpoint=Setpoint(0.06, HostRequest.NONE))
     exchange.sample(0.05, setpoint=Setpoint(0.06, HostRequest.ARM))
     assert exchange.state.guard.mode is Mode.ACTIVE
@@ -283,7 +283,7 @@ def test_each_counter_names_the_newest_command_that_had_it() -> None:
     exchange = Exchange()
     for _ in range(300):
         exchange.sample()
-    assert len(exchange.state.sent) == 255
+    assert len(exchange.state.output.sent) == 255
     # 44 is forgotten, so that the last one counts; 43 is the newest, of 299; 60 is still known
     for echo, sample in ((44, 299), (43, 299), (60, 60)):
         exchange.sample(echo=echo)
@@ -355,7 +355,7 @@ def test_an_error_that_stays_is_told_once_shown_in_the_status_and_ends_where_con
     said: list[CanFrame] = []
     for sample in range(2500):
         setpoint = Setpoint(0.092) if sample % 100 == 0 else None
-        said += exchange.sample(0.08, (exchange.state.command_counter - 1) % 256, setpoint)
+        said += exchange.sample(0.08, (exchange.state.output.command_counter - 1) % 256, setpoint)
     (deviates,) = exchange.told(Deviates)
     assert str(deviates).startswith("deviation: the stem is 12.0 mm below its setpoint of 92.0 mm and came no nearer")
     status = [message for message, _ in map(CODEC.decode, said) if isinstance(message, PositionerStatus)][-1]
@@ -373,7 +373,7 @@ def test_lost_frames_count_in_the_laws_time() -> None:
     exchange.sample()
     assert [seen.elapsed_s for seen in exchange.law.shown] == pytest.approx([0.001, 0.003])
     assert [seen.time_s for seen in exchange.law.shown] == pytest.approx([0.0, 0.001])
-    assert exchange.state.control_s == pytest.approx(0.004)
+    assert exchange.state.control.time_s == pytest.approx(0.004)
 
 
 def test_edges_are_learned_counted_and_told() -> None:
@@ -415,7 +415,7 @@ def test_after_a_failure_the_law_begins_anew_and_nothing_is_learned_from_the_gap
     exchange.sample()
     assert len(exchange.law.begun_m) == 2
     assert exchange.told(Learned) == []
-    assert exchange.state.guard.law_failures == 0
+    assert exchange.state.guard.law.failures == 0
 
 
 def test_a_law_that_falls_back_says_why_and_still_counts_as_working() -> None:
@@ -431,9 +431,9 @@ def test_disarming_ends_control_and_forgets_the_commands() -> None:
     exchange = Exchange(guard=GuardSettings())
     exchange.sample(setpoint=Setpoint(0.08))
     exchange.sample(setpoint=Setpoint(0.08, HostRequest.ARM))
-    assert exchange.state.memory is not None
+    assert exchange.state.control.memory is not None
     assert commands(exchange.sample(setpoint=Setpoint(0.08, HostRequest.DISARM))) == []
-    assert (exchange.state.memory, exchange.state.stem, exchange.state.sent) == (None, None, ())
+    assert (exchange.state.control.memory, exchange.state.control.stem, exchange.state.output.sent) == (None, None, ())
     assert [str(event) for event in exchange.told(ModeChanged)] == [
         "mode INIT -> READY (waiting for arm)",
         "mode READY -> ACTIVE (none)",
@@ -481,7 +481,7 @@ def test_a_twin_that_goes_on_saying_the_same_is_found_and_a_bus_that_doubles_is_
 ) -> None:
     exchange = Exchange(guard=GuardSettings(auto_arm=True, setpoint_hold_s=0.0, setpoint_failsafe_s=0.0))
     doubled, turns = exchange.sample(), 0
-    while exchange.state.guard.armed and turns < 3000:
+    while exchange.state.guard.arming.armed and turns < 3000:
         exchange.step(*(frame for frame in doubled if frame.arbitration_id == 0x100 and turns % 5 < of_five))
         doubled, turns = exchange.sample(), turns + 1
     assert turns in (found_after or range(3000, 3001))
@@ -502,10 +502,10 @@ def test_a_rate_limit_goes_on_over_disarming() -> None:
     exchange.sample(setpoint=Setpoint(0.08))
     exchange.sample(setpoint=Setpoint(0.08, HostRequest.ARM))
     exchange.step(elapsed_ns=20 * MS)
-    assert (exchange.state.guard.mode, exchange.state.last_ma) == (Mode.FAILSAFE, 4.0)
+    assert (exchange.state.guard.mode, exchange.state.output.last_ma) == (Mode.FAILSAFE, 4.0)
     for _ in range(10):
         exchange.sample(setpoint=Setpoint(0.08, HostRequest.DISARM))
-    assert exchange.state.last_ma is None
+    assert exchange.state.output.last_ma is None
     ((command, _),) = commands(exchange.sample(setpoint=Setpoint(0.08, HostRequest.ARM)))
     assert command.mode is Mode.ACTIVE
     assert command.current_ma == pytest.approx(4.0 + 10.0 * 0.011, abs=1e-3)

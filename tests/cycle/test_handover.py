@@ -123,8 +123,8 @@ def test_nothing_is_learned_in_manual_mode_and_the_law_begins_anew_behind_it() -
     assert taught > 0
     for _ in range(10):
         it.turn(it.order(9.5))
-        assert it.state.memory is None
-        assert it.state.stem is None
+        assert it.state.control.memory is None
+        assert it.state.control.stem is None
     assert len(it.told(Learned)) == taught
     assert len(law.shown) == 2
     it.turn(it.order(9.5, ManualRequest.AUTO))

@@ -18,7 +18,7 @@ from positioner.cycle.events import (
 from positioner.cycle.inbox import receive
 from positioner.cycle.link import LinkState, Reading, Received
 from positioner.guard.settings import GuardSettings
-from positioner.guard.state import GuardInput, GuardState
+from positioner.guard.state import Arming, GuardInput, GuardState, LastReceived
 from positioner.guard.supervisor import supervise
 from positioner.valve.parameters import ValveParameters
 from positioner.wire.codec import make_codec
@@ -67,19 +67,14 @@ def reasons(received: Received) -> list[Counted]:
 def test_a_reading_comes_with_its_counters() -> None:
     received = take(position(0.08, 7, echo=42))
     assert received.reading == Reading(0.08, 7, 42, 1)
-    assert received.guard_input.feedback
-    assert received.link.readings.position_m == 0.08
+    assert received.guard_input.feedback_age_ns is not None
+    assert received.link.feedback.readings.position_m == 0.08
     assert received.events == ()
 
 
 def test_nothing_received_is_nothing_seen() -> None:
     received = take()
     assert received.reading is None
-    assert (received.guard_input.feedback, received.guard_input.setpoint, received.guard_input.requests) == (
-        False,
-        False,
-        (),
-    )
     assert received.guard_input == GuardInput()
     assert received.link == LinkState()
 
@@ -90,9 +85,9 @@ def test_the_time_between_two_readings_counts_towards_a_frozen_one() -> None:
     for counter, frozen in ((0, False), (4, False), (7, False), (8, True)):
         received = receive(CODEC, tuning, VALVE, link, (position(0.05, counter),), 20.0, 0.125)
         link = received.link
-        assert received.guard_input.refused is (Cause.FEEDBACK_FROZEN if frozen else None)
-        assert received.guard_input.feedback is not frozen
-    assert link.readings.rigid_s == 1.0
+        assert received.guard_input.feedback_refused is (Cause.FEEDBACK_FROZEN if frozen else None)
+        assert (received.guard_input.feedback_age_ns is not None) is not frozen
+    assert link.feedback.readings.rigid_s == 1.0
     (event,) = received.events
     assert isinstance(event, FeedbackRefused)
     assert event.counted is Counted.FEEDBACK_FROZEN
@@ -100,8 +95,8 @@ def test_the_time_between_two_readings_counts_towards_a_frozen_one() -> None:
 
 def test_without_a_period_or_a_command_no_time_is_counted() -> None:
     frames = tuple(position(0.05, counter) for counter in range(5))
-    assert receive(CODEC, GUARD, VALVE, LinkState(), frames, 20.0).link.readings.rigid_s == 0.0
-    assert receive(CODEC, GUARD, VALVE, LinkState(), frames, None, 10.0).link.readings.rigid_s == 0.0
+    assert receive(CODEC, GUARD, VALVE, LinkState(), frames, 20.0).link.feedback.readings.rigid_s == 0.0
+    assert receive(CODEC, GUARD, VALVE, LinkState(), frames, None, 10.0).link.feedback.readings.rigid_s == 0.0
 
 
 def test_a_backlog_is_drained_to_the_newest_reading_and_its_time_counted() -> None:
@@ -139,7 +134,7 @@ def test_a_repeated_frame_is_refused() -> None:
     assert received.reading is None
     assert reasons(received) == [Counted.REPEATED]
     assert str(received.events[0]) == "frame refused: repeated counter: StemPosition counter 7 after 7"
-    assert received.link.readings.position_m == 0.08
+    assert received.link.feedback.readings.position_m == 0.08
 
 
 def test_an_old_frame_is_refused_and_a_restarted_sensor_believed_at_its_third_frame() -> None:
@@ -150,7 +145,7 @@ def test_an_old_frame_is_refused_and_a_restarted_sensor_believed_at_its_third_fr
     restarted = take(position(0.08, 4), link=stale.link)
     assert restarted.reading is None
     assert reasons(restarted) == []
-    assert restarted.guard_input.refused is None  # one frame out of sequence is no dispute
+    assert restarted.guard_input.feedback_refused is None  # one frame out of sequence is no dispute
     (event,) = restarted.events
     assert isinstance(event, FeedbackRefused)
     assert (event.counted, event.why.partition(":")[0]) == (Counted.DISPUTED, "its sender is in doubt")
@@ -162,9 +157,9 @@ def test_a_restarted_host_is_believed_at_its_second_frame() -> None:
     link = take(setpoint(0.07, 7)).link
     stale = take(setpoint(0.08, 3, HostRequest.ARM), link=link)
     assert reasons(stale) == [Counted.OUT_OF_ORDER]
-    assert (stale.guard_input.requests, stale.link.setpoint_m) == ((), 0.07)
+    assert (stale.guard_input.requests, stale.link.setpoint.position_m) == ((), 0.07)
     restarted = take(setpoint(0.08, 4, HostRequest.ARM), link=stale.link)
-    assert (restarted.guard_input.requests, restarted.link.setpoint_m) == ((HostRequest.ARM,), 0.08)
+    assert (restarted.guard_input.requests, restarted.link.setpoint.position_m) == ((HostRequest.ARM,), 0.08)
 
 
 def test_two_sensors_under_one_identifier_are_disputed_and_no_feedback() -> None:
@@ -173,8 +168,8 @@ def test_two_sensors_under_one_identifier_are_disputed_and_no_feedback() -> None
         received = take(position(0.08, counter), position(0.12, counter + 100), link=link)
         link = received.link
         assert received.reading is None or counter == 1
-        assert received.guard_input.refused is (None if counter <= 4 else Cause.FEEDBACK_DISPUTED)
-    assert link.readings.position_m == 0.08
+        assert received.guard_input.feedback_refused is (None if counter <= 4 else Cause.FEEDBACK_DISPUTED)
+    assert link.feedback.readings.position_m == 0.08
     (disputed,) = (event for event in received.events if isinstance(event, FeedbackRefused))
     assert disputed.counted is Counted.DISPUTED
     assert disputed.why.startswith("disputed: 32 of the last 64 frames came out of sequence; a second sender")
@@ -187,10 +182,10 @@ def test_two_hosts_under_one_identifier_are_disputed_and_only_their_disarm_count
     for counter in range(1, 10):
         received = take(setpoint(0.07, counter, HostRequest.ARM), setpoint(0.09, counter + 100), link=link)
         link = received.link
-        assert received.guard_input.setpoint is (counter < 5)
+        assert (received.guard_input.setpoint_age_ns is not None) is (counter < 5)
         assert received.guard_input.setpoint_refused is (None if counter < 5 else Cause.SETPOINT_DISPUTED)
         assert received.guard_input.requests == ((HostRequest.ARM,) if counter < 5 else ())
-    assert link.setpoint_m == 0.07
+    assert link.setpoint.position_m == 0.07
     disputed = received.events[0]
     assert isinstance(disputed, OrderDisputed)
     assert str(disputed).startswith("setpoint 70.000 mm refused: disputed: 8 of the last 64 frames")
@@ -217,7 +212,7 @@ def test_an_intact_disarm_is_obeyed_whatever_its_counter(counter: int) -> None:
     assert len(reasons(received)) == (not in_sequence)
     if not in_sequence:
         assert str(received.events[0]).endswith(f"Setpoint counter {counter} after 100; its DISARM is obeyed")
-        assert received.link.setpoint_m == 0.07
+        assert received.link.setpoint.position_m == 0.07
     for other in (HostRequest.NONE, HostRequest.ARM):
         assert not take(setpoint(0.07, counter, other), link=link).guard_input.stray_disarm
 
@@ -230,7 +225,7 @@ def test_every_sender_has_its_own_counter() -> None:
     received = take(position(0.08, 7), setpoint(0.07, 7), CODEC.encode(ActuatorState(4e4), 7))
     assert reasons(received) == []
     assert received.link.pressure_pa == pytest.approx(4e4)
-    assert (received.link.setpoint_m, received.link.setpoint_counter) == (0.07, 7)
+    assert (received.link.setpoint.position_m, received.link.setpoint.counter) == (0.07, 7)
     again = take(CODEC.encode(ActuatorState(5e4), 7), link=received.link)
     assert reasons(again) == [Counted.REPEATED]
     assert again.link.pressure_pa == pytest.approx(4e4)
@@ -239,16 +234,16 @@ def test_every_sender_has_its_own_counter() -> None:
 def test_a_setpoint_of_the_travels_ends_is_taken() -> None:
     for wanted_m in (VALVE.travel_min_m, VALVE.travel_max_m):
         received = take(setpoint(wanted_m, 1))
-        assert received.guard_input.setpoint
-        assert received.link.setpoint_m == pytest.approx(wanted_m)
+        assert received.guard_input.setpoint_age_ns is not None
+        assert received.link.setpoint.position_m == pytest.approx(wanted_m)
 
 
 @pytest.mark.parametrize("wanted_m", [-0.00001, 0.13971, 1.3])
 def test_a_setpoint_outside_the_travel_is_refused_and_the_last_one_stays(wanted_m: float) -> None:
     link = take(setpoint(0.07, 1)).link
     received = take(setpoint(wanted_m, 2, HostRequest.ARM), link=link)
-    assert not received.guard_input.setpoint
-    assert (received.link.setpoint_m, received.link.setpoint_counter) == (0.07, 1)
+    assert received.guard_input.setpoint_age_ns is None
+    assert (received.link.setpoint.position_m, received.link.setpoint.counter) == (0.07, 1)
     (event,) = received.events
     assert isinstance(event, SetpointRefused)
     assert event.setpoint_m == pytest.approx(wanted_m)
@@ -262,28 +257,32 @@ def test_the_newest_setpoint_of_a_batch_counts_and_its_requests_keep_their_order
     arm, none = HostRequest.ARM, HostRequest.NONE
     asked = [arm, arm, none, arm, none, none]
     received = take(*(setpoint(0.07 + 1e-3 * number, number, request) for number, request in enumerate(asked)))
-    assert received.link.setpoint_m == pytest.approx(0.075)
+    assert received.link.setpoint.position_m == pytest.approx(0.075)
     assert received.guard_input.requests == (arm, none, arm, none)
 
 
 def test_a_request_to_disarm_is_not_unsaid_by_a_later_frame_of_the_batch() -> None:
     for later in (HostRequest.NONE, HostRequest.ARM):
         received = take(setpoint(0.07, 1, HostRequest.DISARM), setpoint(0.07, 2, later))
-        armed = GuardState(mode=Mode.ACTIVE, armed=True, ever_armed=True, request=HostRequest.ARM, feedback_ns=0)
+        armed = GuardState(
+            mode=Mode.ACTIVE,
+            arming=Arming(armed=True, ever_armed=True, request=HostRequest.ARM),
+            last=LastReceived(feedback_ns=0),
+        )
         state = supervise(GuardSettings(), armed, received.guard_input, 0.001, 0)
-        assert not state.armed
+        assert not state.arming.armed
 
 
 @pytest.mark.parametrize("position_m", [-0.0201, 0.1598, 1.3])
 def test_a_reading_beyond_travel_and_margin_is_refused(position_m: float) -> None:
     received = take(position(position_m, 1))
     assert received.reading is None
-    assert not received.guard_input.feedback
+    assert received.guard_input.feedback_age_ns is None
     (event,) = received.events
     assert isinstance(event, FeedbackRefused)
     assert "outside the travel (-20 to 159.7 mm" in event.why
     assert event.counted is Counted.FEEDBACK_RANGE
-    assert received.guard_input.refused is Cause.FEEDBACK_IMPLAUSIBLE
+    assert received.guard_input.feedback_refused is Cause.FEEDBACK_IMPLAUSIBLE
 
 
 @pytest.mark.parametrize("position_m", [-0.0199, 0.1596])
@@ -307,12 +306,12 @@ def test_a_jump_is_refused_twice_and_believed_the_third_time() -> None:
         link = received.link
     received = take(position(0.0901, 3), link=link)
     assert received.reading is not None
-    assert (received.link.readings.position_m, received.link.readings.jumps) == (0.0901, 0)
+    assert (received.link.feedback.readings.position_m, received.link.feedback.readings.jumps) == (0.0901, 0)
 
 
 def test_a_single_outlier_is_forgotten() -> None:
     link = take(position(0.08, 0), position(0.0901, 1), position(0.08, 2)).link
-    assert (link.readings.jumps, link.readings.position_m) == (0, 0.08)
+    assert (link.feedback.readings.jumps, link.feedback.readings.position_m) == (0, 0.08)
     assert take(position(0.0899, 3), link=link).reading is not None
 
 
@@ -342,14 +341,14 @@ def test_a_bad_frame_is_refused_counted_and_told(frame: CanFrame, reason: Counte
     received = take(frame)
     assert received.reading is None
     assert reasons(received) == [reason]
-    assert received.link.readings.position_m is None
+    assert received.link.feedback.readings.position_m is None
     assert reason.text in str(received.events[0])
 
 
 def test_a_bad_frame_costs_no_other_frame_of_its_batch() -> None:
     received = take(damaged(position(0.08, 1)), position(0.08, 2), damaged(position(0.08, 3)), setpoint(0.07, 1))
     assert received.reading is not None
-    assert received.guard_input.setpoint
+    assert received.guard_input.setpoint_age_ns is not None
     assert len(reasons(received)) == 2
 
 
@@ -403,7 +402,7 @@ def test_a_foreign_frame_without_counter_that_carries_no_number_is_refused(tmp_p
     nan = bytes.fromhex("0000c07f")
     received = receive(codec, GUARD, VALVE, LinkState(), (CanFrame(512, nan), CanFrame(513, nan)))
     assert received.reading is None
-    assert not received.guard_input.setpoint
+    assert received.guard_input.setpoint_age_ns is None
     assert reasons(received) == [Counted.OUT_OF_RANGE] * 2
     fine = codec.encode(StemPosition(0.08), 0)
     received = receive(codec, GUARD, VALVE, LinkState(), (fine, fine))

@@ -109,14 +109,14 @@ class Positioner:
 
     def _compare_values(self, frame: CanFrame, received: Received, *, taken: bool, disputed: bool) -> None:
         """Raise unless the frame had the effect that its bytes and the oracle's verdict give it."""
-        seen, link = received.guard_input, received.link
+        given, link = received.guard_input, received.link
         said = [event for event in received.events if isinstance(event, FeedbackRefused | OrderDisputed)]
         if disputed and (len(said) != 1 or "sequence" not in said[0].why):
             raise DisagreementError("a frame of a disputed sender was refused without a word")
         doubts = [event for event in received.events if isinstance(event, FeedbackRefused | SetpointRefused)]
         foreign = [event for event in received.events if isinstance(event, ForeignCommand)]
-        orders = seen.setpoint or seen.requests or seen.manual
-        effect = received.reading or seen.feedback or orders or foreign
+        orders = given.setpoint_age_ns is not None or given.requests or given.manual
+        effect = received.reading or given.feedback_age_ns is not None or orders or foreign
         if not taken and (effect or (doubts and not disputed)):
             raise DisagreementError("a frame that was not taken had an effect")
         kind = frame.arbitration_id
@@ -125,8 +125,8 @@ class Positioner:
         raw = KINDS[kind].ranges[0].raw(frame.data)
         effects = {
             POSITION: (received.reading.position_m if received.reading else None, 1e-8),
-            SETPOINT: (link.setpoint_m if seen.setpoint else None, 1e-8),
-            MANUAL: (seen.manual.current_ma if seen.manual else None, 1e-3),
+            SETPOINT: (link.setpoint.position_m if given.setpoint_age_ns is not None else None, 1e-8),
+            MANUAL: (given.manual.current_ma if given.manual else None, 1e-3),
             PRESSURE: (link.pressure_pa, 1.0),
             COMMAND: (foreign[0].current_ma if foreign else None, 1e-3),
         }

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from endurance import restarts
-from positioner.guard.arming import _follow
+from positioner.guard.arming import _latest_request
 from positioner.runtime.other_controller import OtherController
 from positioner.wire.messages import HostRequest
 
@@ -30,9 +30,9 @@ def test_a_start_that_takes_a_held_request_for_a_new_one_is_seen(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def eager(before: HostRequest | None, requests: list[HostRequest], *, fresh: bool) -> object:
-        return _follow(HostRequest.NONE if before is None else before, requests, fresh=fresh)
+        return _latest_request(HostRequest.NONE if before is None else before, requests, fresh=fresh)
 
-    monkeypatch.setattr("positioner.guard.arming._follow", eager)
+    monkeypatch.setattr("positioner.guard.arming._latest_request", eager)
     wrong, _ = restarts.play(tmp_path, [HELD], seed=7)
     assert "commands that nobody has asked for" in wrong[HELD]
 

@@ -18,7 +18,15 @@ from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
 from positioner.errors import ConfigurationError
 from positioner.guard.settings import FailsafeAction, GuardSettings
-from positioner.guard.state import GuardInput, GuardState
+from positioner.guard.state import (
+    NOTHING_WRONG,
+    Arming,
+    Conditions,
+    GuardInput,
+    GuardState,
+    LastReceived,
+    LawRecord,
+)
 from positioner.guard.supervisor import admit, is_feedback_stale, supervise
 from positioner.inputs.toml_reader import build
 from positioner.laws.bounds import Bounds
@@ -50,21 +58,30 @@ PERIOD_S = 0.001
 MS = 1_000_000
 SECOND = 1000 * MS
 SETTINGS = GuardSettings()
-EVERYTHING = GuardInput(feedback=True, setpoint=True)
-RELEASED = GuardInput(feedback=True, setpoint=True, requests=(HostRequest.NONE,))
-ARM = GuardInput(feedback=True, setpoint=True, requests=(HostRequest.ARM,))
-DISARM = GuardInput(feedback=True, setpoint=True, requests=(HostRequest.DISARM,))
+EVERYTHING = GuardInput(feedback_age_ns=0, setpoint_age_ns=0)
+RELEASED = GuardInput(feedback_age_ns=0, setpoint_age_ns=0, requests=(HostRequest.NONE,))
+ARM = GuardInput(feedback_age_ns=0, setpoint_age_ns=0, requests=(HostRequest.ARM,))
+DISARM = GuardInput(feedback_age_ns=0, setpoint_age_ns=0, requests=(HostRequest.DISARM,))
 NOTHING = GuardInput()
 
 
 def watch(
-    state: GuardState, seen: GuardInput, now_ns: int, tuning: GuardSettings = SETTINGS, period_s: float = PERIOD_S
+    state: GuardState,
+    given: GuardInput,
+    now_ns: int,
+    tuning: GuardSettings = SETTINGS,
+    conditions: Conditions = NOTHING_WRONG,
 ) -> GuardState:
-    return supervise(tuning, state, seen, period_s, now_ns)
+    return supervise(tuning, state, given, PERIOD_S, now_ns, conditions)
 
 
 def ready_at(now_ns: int, tuning: GuardSettings = SETTINGS) -> GuardState:
     return watch(GuardState(), RELEASED, now_ns, tuning)
+
+
+def long_armed() -> GuardState:
+    active = active_at(SECOND)
+    return replace(active, arming=replace(active.arming, armed_or_returned_ns=0))
 
 
 def active_at(now_ns: int, tuning: GuardSettings = SETTINGS) -> GuardState:
@@ -79,7 +96,7 @@ def told(state: GuardState) -> tuple[Mode, Cause]:
 
 
 def test_it_boots_silent_and_waits_for_feedback() -> None:
-    state = watch(GuardState(), GuardInput(setpoint=True), SECOND)
+    state = watch(GuardState(), GuardInput(setpoint_age_ns=0), SECOND)
     assert told(state) == (Mode.INIT, Cause.WAITING_FOR_FEEDBACK)
     assert not state.transmits
     assert not state.controls
@@ -114,9 +131,9 @@ def test_feedback_that_ends_before_arming_leads_back_to_the_beginning() -> None:
     ],
 )
 def test_feedback_ages_in_sample_periods(age_ns: int, expected: tuple[Mode, Cause]) -> None:
-    assert told(watch(active_at(SECOND), GuardInput(setpoint=True), SECOND + age_ns)) == expected
+    assert told(watch(active_at(SECOND), GuardInput(setpoint_age_ns=0), SECOND + age_ns)) == expected
     # the same number of longer periods
-    state = supervise(SETTINGS, active_at(SECOND), GuardInput(setpoint=True), 0.1, SECOND + 100 * age_ns)
+    state = supervise(SETTINGS, active_at(SECOND), GuardInput(setpoint_age_ns=0), 0.1, SECOND + 100 * age_ns)
     assert told(state) == expected
 
 
@@ -130,7 +147,7 @@ def test_feedback_ages_in_sample_periods(age_ns: int, expected: tuple[Mode, Caus
     ],
 )
 def test_the_setpoint_ages_in_seconds(age_ns: int, expected: tuple[Mode, Cause]) -> None:
-    assert told(watch(active_at(SECOND), GuardInput(feedback=True), SECOND + age_ns)) == expected
+    assert told(watch(active_at(SECOND), GuardInput(feedback_age_ns=0), SECOND + age_ns)) == expected
 
 
 def test_a_hold_ends_when_what_was_missing_comes_back() -> None:
@@ -147,13 +164,13 @@ def test_zero_means_that_a_setpoint_never_ages() -> None:
         (GuardSettings(setpoint_hold_s=0.0), Mode.FAILSAFE),
         (GuardSettings(setpoint_hold_s=0.0, setpoint_failsafe_s=0.2), Mode.FAILSAFE),
     ):
-        assert watch(active_at(SECOND, tuning), GuardInput(feedback=True), 10**13, tuning).mode is expected
+        assert watch(active_at(SECOND, tuning), GuardInput(feedback_age_ns=0), 10**13, tuning).mode is expected
 
 
 def test_a_law_that_keeps_failing_fails_safe() -> None:
-    almost = replace(active_at(SECOND), law_failures=9)
+    almost = replace(active_at(SECOND), law=LawRecord(failures=9))
     assert watch(almost, EVERYTHING, SECOND + MS).mode is Mode.ACTIVE
-    enough = replace(almost, law_failures=10)
+    enough = replace(almost, law=LawRecord(failures=10))
     assert told(watch(enough, EVERYTHING, SECOND + MS)) == (Mode.FAILSAFE, Cause.LAW_FAILED)
 
 
@@ -170,28 +187,28 @@ def test_what_is_missing_longest_is_not_what_counts_but_what_is_worst() -> None:
     late = SECOND + 11 * SECOND
     state = watch(active_at(SECOND), NOTHING, late)
     assert told(state) == (Mode.FAILSAFE, Cause.FEEDBACK_STALE)
-    state = watch(active_at(SECOND), GuardInput(feedback=True), SECOND + 600 * MS)
+    state = watch(active_at(SECOND), GuardInput(feedback_age_ns=0), SECOND + 600 * MS)
     assert told(watch(state, NOTHING, SECOND + 604 * MS)) == (Mode.HOLD, Cause.FEEDBACK_STALE)
 
 
 @pytest.mark.parametrize("cause", [Cause.FEEDBACK_IMPLAUSIBLE, Cause.FEEDBACK_FROZEN])
 def test_readings_that_come_and_are_refused_give_the_cause_its_name(cause: Cause) -> None:
-    doubted = GuardInput(setpoint=True, refused=cause)
+    doubted = GuardInput(setpoint_age_ns=0, feedback_refused=cause)
     state = watch(active_at(SECOND), doubted, SECOND + 3 * MS)
     assert told(state) == (Mode.ACTIVE, Cause.NONE)
     state = watch(state, doubted, SECOND + 4 * MS)
     assert told(state) == (Mode.HOLD, cause)
     assert told(watch(state, NOTHING, SECOND + 11 * MS)) == (Mode.FAILSAFE, cause)
-    good = watch(state, GuardInput(feedback=True, setpoint=True, refused=cause), SECOND + 5 * MS)
+    good = watch(state, GuardInput(feedback_age_ns=0, setpoint_age_ns=0, feedback_refused=cause), SECOND + 5 * MS)
     assert told(good) == (Mode.ACTIVE, Cause.NONE)
     assert told(watch(good, NOTHING, SECOND + 9 * MS)) == (Mode.HOLD, Cause.FEEDBACK_STALE)
 
 
 def test_cycles_that_are_late_again_and_again_are_told_and_one_in_time_ends_it() -> None:
-    late = GuardInput(feedback=True, setpoint=True, late=True)
+    late = Conditions(late=True)
     state = active_at(SECOND)
     for cycle_number in range(1, 13):
-        state = watch(state, late, SECOND + cycle_number * MS)
+        state = watch(state, EVERYTHING, SECOND + cycle_number * MS, conditions=late)
         expected = Cause.LAW_LATE if cycle_number >= 10 else Cause.NONE
         assert told(state) == (Mode.ACTIVE, expected)
         assert state.health(table_saved=True) is (Health.OUT_OF_SPECIFICATION if expected else Health.GOOD)
@@ -204,7 +221,7 @@ def test_cycles_that_are_late_again_and_again_are_told_and_one_in_time_ends_it()
 def test_a_request_counts_when_it_changes() -> None:
     state = watch(active_at(SECOND), DISARM, SECOND + MS)
     assert told(state) == (Mode.READY, Cause.DISARMED)
-    assert not state.armed
+    assert not state.arming.armed
     state = watch(state, DISARM, SECOND + 2 * MS)
     state = watch(state, ARM, SECOND + 3 * MS)
     assert told(state) == (Mode.ACTIVE, Cause.NONE)
@@ -223,12 +240,12 @@ def test_a_request_that_is_held_does_not_rearm_after_a_failsafe() -> None:
 
 
 def test_arming_forgets_the_failures_of_the_law() -> None:
-    failed = watch(replace(active_at(SECOND), law_failures=10), EVERYTHING, SECOND + MS)
+    failed = watch(replace(active_at(SECOND), law=LawRecord(failures=10)), EVERYTHING, SECOND + MS)
     assert told(failed) == (Mode.FAILSAFE, Cause.LAW_FAILED)
-    released = watch(failed, GuardInput(feedback=True, requests=(HostRequest.NONE,)), SECOND + 2 * MS)
+    released = watch(failed, GuardInput(feedback_age_ns=0, requests=(HostRequest.NONE,)), SECOND + 2 * MS)
     again = watch(released, ARM, SECOND + 3 * MS)
     assert told(again) == (Mode.ACTIVE, Cause.NONE)
-    assert again.law_failures == 0
+    assert again.law.failures == 0
 
 
 def test_an_arm_that_was_held_at_the_start_does_not_arm_until_something_else_was_asked() -> None:
@@ -236,10 +253,10 @@ def test_an_arm_that_was_held_at_the_start_does_not_arm_until_something_else_was
     for sample in range(50):
         state = watch(state, ARM, SECOND + sample * MS)
         assert told(state) == (Mode.READY, Cause.WAITING_FOR_ARM)
-        assert not state.ever_armed
+        assert not state.arming.ever_armed
     for released in (HostRequest.NONE, HostRequest.DISARM):
-        other = watch(state, GuardInput(feedback=True, setpoint=True, requests=(released,)), SECOND + 50 * MS)
-        assert not other.armed
+        other = watch(state, GuardInput(feedback_age_ns=0, setpoint_age_ns=0, requests=(released,)), SECOND + 50 * MS)
+        assert not other.arming.armed
         assert told(watch(other, ARM, SECOND + 51 * MS)) == (Mode.ACTIVE, Cause.NONE)
 
 
@@ -253,13 +270,19 @@ def test_requests_mean_the_same_in_one_batch_and_in_many(
 ) -> None:
     """But for a DISARM, which outweighs what else its batch asks."""
     requests = [request for request in requests if request is not HostRequest.DISARM]
-    start = GuardState(mode=Mode.FAILSAFE, armed=True, ever_armed=True, request=before, feedback_ns=SECOND)
+    start = GuardState(
+        mode=Mode.FAILSAFE,
+        arming=Arming(armed=True, ever_armed=True, request=before),
+        last=LastReceived(feedback_ns=SECOND),
+    )
     bounds = [0, *sorted(cut for cut in cuts if cut < len(requests)), len(requests)]
     many = start
     for one, other in pairwise(bounds):
-        many = watch(many, GuardInput(feedback=True, setpoint=True, requests=tuple(requests[one:other])), SECOND)
-    one_batch = watch(start, GuardInput(feedback=True, setpoint=True, requests=tuple(requests)), SECOND)
-    assert (one_batch.mode, one_batch.request, one_batch.armed) == (many.mode, many.request, many.armed)
+        many = watch(
+            many, GuardInput(feedback_age_ns=0, setpoint_age_ns=0, requests=tuple(requests[one:other])), SECOND
+        )
+    one_batch = watch(start, GuardInput(feedback_age_ns=0, setpoint_age_ns=0, requests=tuple(requests)), SECOND)
+    assert (one_batch.mode, one_batch.arming) == (many.mode, many.arming)
     seen = [*([] if before is None else [before]), *requests]
     edges = [other for one, other in pairwise(seen) if other is HostRequest.ARM and one is not HostRequest.ARM]
     assert (one_batch.mode is Mode.ACTIVE) is bool(edges)
@@ -267,7 +290,7 @@ def test_requests_mean_the_same_in_one_batch_and_in_many(
 
 @pytest.mark.parametrize("since_ms", [1, 500, 1000])
 def test_another_controller_s_command_right_after_the_arming_disarms(since_ms: int) -> None:
-    alive = GuardInput(feedback=True, setpoint=True, requests=(HostRequest.ARM,))
+    alive = GuardInput(feedback_age_ns=0, setpoint_age_ns=0, requests=(HostRequest.ARM,))
     state = active_at(SECOND)
     for passed_ms in range(1, since_ms):
         state = watch(state, alive, SECOND + passed_ms * MS)
@@ -276,7 +299,7 @@ def test_another_controller_s_command_right_after_the_arming_disarms(since_ms: i
     assert not state.transmits
     for passed_ms in range(1, 3000):  # the held ARM does not arm again, however long ago the other one was heard
         state = watch(state, alive, SECOND + (since_ms + passed_ms) * MS)
-        assert not state.armed
+        assert not state.arming.armed
     state = watch(watch(state, RELEASED, 5 * SECOND), ARM, 5 * SECOND + MS)
     assert told(state) == (Mode.ACTIVE, Cause.NONE)
 
@@ -284,50 +307,54 @@ def test_another_controller_s_command_right_after_the_arming_disarms(since_ms: i
 def test_the_automatic_arming_waits_while_the_host_wants_it_disarmed() -> None:
     tuning = GuardSettings(auto_arm=True)
     state = watch(GuardState(), DISARM, SECOND, tuning)
-    assert not watch(state, EVERYTHING, SECOND + MS, tuning).armed
-    assert watch(state, RELEASED, SECOND + MS, tuning).armed
+    assert not watch(state, EVERYTHING, SECOND + MS, tuning).arming.armed
+    assert watch(state, RELEASED, SECOND + MS, tuning).arming.armed
 
 
 def test_a_batch_without_a_request_changes_no_request() -> None:
     state = watch(active_at(SECOND), EVERYTHING, SECOND + MS)
-    assert state.request is HostRequest.ARM
+    assert state.arming.request is HostRequest.ARM
 
 
 def test_arming_needs_fresh_feedback() -> None:
     state = ready_at(SECOND)
-    asked = GuardInput(setpoint=True, requests=(HostRequest.ARM,))
-    assert watch(state, asked, SECOND + 3 * MS).armed
-    assert not watch(state, asked, SECOND + 3 * MS + 1).armed
-    assert not watch(GuardState(), asked, SECOND).armed
-    assert not watch(GuardState(), GuardInput(), SECOND, GuardSettings(auto_arm=True)).armed
+    asked = GuardInput(setpoint_age_ns=0, requests=(HostRequest.ARM,))
+    assert watch(state, asked, SECOND + 3 * MS).arming.armed
+    assert not watch(state, asked, SECOND + 3 * MS + 1).arming.armed
+    assert not watch(GuardState(), asked, SECOND).arming.armed
+    assert not watch(GuardState(), GuardInput(), SECOND, GuardSettings(auto_arm=True)).arming.armed
 
 
 def test_an_arm_before_the_feedback_is_heard_when_it_is_repeated() -> None:
-    early = watch(GuardState(request=HostRequest.NONE), GuardInput(setpoint=True, requests=(HostRequest.ARM,)), 0)
+    early = watch(
+        GuardState(arming=Arming(request=HostRequest.NONE)),
+        GuardInput(setpoint_age_ns=0, requests=(HostRequest.ARM,)),
+        0,
+    )
     assert told(early) == (Mode.INIT, Cause.WAITING_FOR_FEEDBACK)
-    ready = watch(early, GuardInput(feedback=True), MS)
+    ready = watch(early, GuardInput(feedback_age_ns=0), MS)
     assert told(ready) == (Mode.READY, Cause.WAITING_FOR_ARM)
     assert told(watch(ready, ARM, 2 * MS)) == (Mode.ACTIVE, Cause.NONE)
 
 
 def test_a_foreign_command_forbids_arming_again_after_a_disarm() -> None:
     disarmed = watch(active_at(0), DISARM, MS)
-    foreign = watch(disarmed, GuardInput(feedback=True, setpoint=True, foreign_command=True), 2 * MS)
+    foreign = watch(disarmed, GuardInput(feedback_age_ns=0, setpoint_age_ns=0, foreign_command=True), 2 * MS)
     assert told(watch(foreign, ARM, 3 * MS)) == (Mode.READY, Cause.FOREIGN_COMMAND)
 
 
 def test_arming_starts_the_age_of_the_setpoint_anew() -> None:
-    quiet = GuardInput(feedback=True)
+    quiet = GuardInput(feedback_age_ns=0)
     state = watch(ready_at(SECOND), quiet, SECOND + 60 * SECOND)
-    state = watch(state, GuardInput(feedback=True, requests=(HostRequest.ARM,)), 61 * SECOND + MS)
+    state = watch(state, GuardInput(feedback_age_ns=0, requests=(HostRequest.ARM,)), 61 * SECOND + MS)
     assert told(state) == (Mode.ACTIVE, Cause.NONE)
     assert told(watch(state, quiet, 61 * SECOND + 502 * MS)) == (Mode.HOLD, Cause.SETPOINT_STALE)
 
 
 def test_asking_again_while_armed_does_not_refresh_the_setpoint() -> None:
-    held = watch(active_at(SECOND), GuardInput(feedback=True, requests=(HostRequest.NONE,)), SECOND + 600 * MS)
+    held = watch(active_at(SECOND), GuardInput(feedback_age_ns=0, requests=(HostRequest.NONE,)), SECOND + 600 * MS)
     assert held.mode is Mode.HOLD
-    again = watch(held, GuardInput(feedback=True, requests=(HostRequest.ARM,)), SECOND + 601 * MS)
+    again = watch(held, GuardInput(feedback_age_ns=0, requests=(HostRequest.ARM,)), SECOND + 601 * MS)
     assert told(again) == (Mode.HOLD, Cause.SETPOINT_STALE)
 
 
@@ -336,20 +363,20 @@ def test_disarming_works_in_every_mode_and_silences() -> None:
     failed = watch(active_at(SECOND), NOTHING, SECOND + 11 * MS)
     for state in (ready_at(SECOND), active_at(SECOND), held, failed):
         off = watch(state, DISARM, SECOND + 12 * MS)
-        assert off.armed is False
+        assert off.arming.armed is False
         assert not off.transmits
         assert off.mode is Mode.READY
 
 
 def test_a_stray_disarm_disarms_in_every_mode_and_is_no_request_that_an_arm_could_follow() -> None:
     """A DISARM of long ago, played again: a host that holds ARM must not so be made to arm a positioner that failed."""
-    stray = GuardInput(feedback=True, setpoint=True, stray_disarm=True)
+    stray = GuardInput(feedback_age_ns=0, setpoint_age_ns=0, stray_disarm=True)
     held = watch(active_at(SECOND), NOTHING, SECOND + 5 * MS)
     failed = watch(active_at(SECOND), NOTHING, SECOND + 11 * MS)
     for state in (active_at(SECOND), held, failed):
         off = watch(state, stray, SECOND + 12 * MS)
         assert told(off) == (Mode.READY, Cause.DISARMED)
-        assert off.request is state.request
+        assert off.arming.request is state.arming.request
         again = watch(off, ARM, SECOND + 13 * MS)
         assert told(again) == (Mode.READY, Cause.DISARMED)
         again = watch(watch(again, RELEASED, SECOND + 14 * MS), ARM, SECOND + 15 * MS)
@@ -357,16 +384,16 @@ def test_a_stray_disarm_disarms_in_every_mode_and_is_no_request_that_an_arm_coul
 
 
 def test_disputed_setpoints_age_and_are_called_so_until_one_is_taken() -> None:
-    disputed = GuardInput(feedback=True, setpoint_refused=Cause.SETPOINT_DISPUTED)
+    disputed = GuardInput(feedback_age_ns=0, setpoint_refused=Cause.SETPOINT_DISPUTED)
     state = watch(active_at(SECOND), disputed, SECOND + 499 * MS)
     assert told(state) == (Mode.ACTIVE, Cause.NONE)
     state = watch(state, disputed, SECOND + 501 * MS)
     assert told(state) == (Mode.HOLD, Cause.SETPOINT_DISPUTED)
-    assert told(watch(state, GuardInput(feedback=True), SECOND + 502 * MS)) == (Mode.HOLD, Cause.SETPOINT_DISPUTED)
+    assert told(watch(state, GuardInput(feedback_age_ns=0), SECOND + 502 * MS)) == (Mode.HOLD, Cause.SETPOINT_DISPUTED)
     assert told(watch(state, disputed, 12 * SECOND)) == (Mode.FAILSAFE, Cause.SETPOINT_DISPUTED)
     taken = watch(state, EVERYTHING, SECOND + 502 * MS)
     assert told(taken) == (Mode.ACTIVE, Cause.NONE)
-    assert told(watch(taken, GuardInput(feedback=True), 2 * SECOND + 3 * MS)) == (Mode.HOLD, Cause.SETPOINT_STALE)
+    assert told(watch(taken, GuardInput(feedback_age_ns=0), 2 * SECOND + 3 * MS)) == (Mode.HOLD, Cause.SETPOINT_STALE)
 
 
 def test_a_disarmed_positioner_says_so() -> None:
@@ -377,8 +404,8 @@ def test_a_disarmed_positioner_says_so() -> None:
 
 def test_auto_arm_arms_once_at_the_first_feedback() -> None:
     tuning = GuardSettings(auto_arm=True)
-    assert not watch(GuardState(), GuardInput(setpoint=True), SECOND, tuning).armed
-    state = watch(GuardState(), GuardInput(feedback=True), SECOND, tuning)
+    assert not watch(GuardState(), GuardInput(setpoint_age_ns=0), SECOND, tuning).arming.armed
+    state = watch(GuardState(), GuardInput(feedback_age_ns=0), SECOND, tuning)
     assert told(state) == (Mode.ACTIVE, Cause.NONE)
     failed = watch(state, NOTHING, SECOND + 11 * MS, tuning)
     assert watch(failed, EVERYTHING, SECOND + 12 * MS, tuning).mode is Mode.FAILSAFE
@@ -389,7 +416,7 @@ def test_auto_arm_arms_once_at_the_first_feedback() -> None:
 # foreign commands
 
 
-FOREIGN = GuardInput(feedback=True, setpoint=True, foreign_command=True)
+FOREIGN = GuardInput(feedback_age_ns=0, setpoint_age_ns=0, foreign_command=True)
 
 
 def test_a_foreign_command_forbids_the_first_arming_for_a_second() -> None:
@@ -401,7 +428,7 @@ def test_a_foreign_command_forbids_the_first_arming_for_a_second() -> None:
 
 
 def test_a_foreign_command_while_armed_is_told_and_does_not_stop_control() -> None:
-    state = watch(replace(active_at(SECOND), armed_or_returned_ns=0), FOREIGN, SECOND + MS)
+    state = watch(long_armed(), FOREIGN, SECOND + MS)
     assert told(state) == (Mode.ACTIVE, Cause.FOREIGN_COMMAND)
     assert state.health(table_saved=True) is Health.FAILURE
     state = watch(state, EVERYTHING, 2 * SECOND + MS)
@@ -413,10 +440,14 @@ def test_a_foreign_command_while_armed_is_told_and_does_not_stop_control() -> No
 
 
 def by_hand(current_ma: float = 9.5, *, feedback: bool = True, setpoint: bool = True) -> GuardInput:
-    return GuardInput(feedback=feedback, setpoint=setpoint, manual=ManualCurrent(current_ma))
+    return GuardInput(
+        feedback_age_ns=0 if feedback else None,
+        setpoint_age_ns=0 if setpoint else None,
+        manual=ManualCurrent(current_ma),
+    )
 
 
-AUTO = GuardInput(feedback=True, setpoint=True, manual=ManualCurrent(9.5, ManualRequest.AUTO))
+AUTO = GuardInput(feedback_age_ns=0, setpoint_age_ns=0, manual=ManualCurrent(9.5, ManualRequest.AUTO))
 
 
 def test_manual_mode_begins_and_ends_with_a_frame_and_only_while_armed() -> None:
@@ -480,8 +511,8 @@ def test_lost_feedback_is_told_and_does_not_end_manual_mode() -> None:
 def test_a_valve_whose_sensor_died_is_armed_again_while_the_host_asks_for_manual_mode() -> None:
     dead = watch(active_at(SECOND), NOTHING, 2 * SECOND)
     assert told(dead) == (Mode.FAILSAFE, Cause.FEEDBACK_STALE)
-    arm = GuardInput(setpoint=True, requests=(HostRequest.ARM,))
-    none = GuardInput(setpoint=True, requests=(HostRequest.NONE,))
+    arm = GuardInput(setpoint_age_ns=0, requests=(HostRequest.ARM,))
+    none = GuardInput(setpoint_age_ns=0, requests=(HostRequest.NONE,))
     dead = watch(dead, none, 2 * SECOND + MS)
     assert watch(dead, arm, 2 * SECOND + 2 * MS).mode is Mode.FAILSAFE
     asked = watch(dead, by_hand(feedback=False), 2 * SECOND + 2 * MS)
@@ -489,8 +520,8 @@ def test_a_valve_whose_sensor_died_is_armed_again_while_the_host_asks_for_manual
     state = watch(asked, arm, 2 * SECOND + 502 * MS)
     assert told(state) == (Mode.MANUAL, Cause.FEEDBACK_STALE)
     assert watch(asked, arm, 2 * SECOND + 502 * MS + 1).mode is Mode.FAILSAFE
-    never = watch(GuardState(request=HostRequest.NONE), by_hand(feedback=False), SECOND)
-    assert not watch(never, replace(arm, manual=ManualCurrent(9.5)), SECOND).armed
+    never = watch(GuardState(arming=Arming(request=HostRequest.NONE)), by_hand(feedback=False), SECOND)
+    assert not watch(never, replace(arm, manual=ManualCurrent(9.5)), SECOND).arming.armed
 
 
 def test_who_arms_long_after_the_last_manual_frame_begins_in_automatic_mode() -> None:
@@ -504,7 +535,7 @@ def test_back_in_automatic_mode_the_host_has_its_time_to_send_a_setpoint() -> No
     state = watch(active_at(SECOND), by_hand(), SECOND)
     for second in range(2, 20):
         state = watch(state, by_hand(setpoint=False), second * SECOND)
-    auto = GuardInput(feedback=True, manual=ManualCurrent(0.0, ManualRequest.AUTO))
+    auto = GuardInput(feedback_age_ns=0, manual=ManualCurrent(0.0, ManualRequest.AUTO))
     state = watch(state, auto, 19 * SECOND + 400 * MS)
     assert told(state) == (Mode.ACTIVE, Cause.NONE)
     state = watch(state, auto, 19 * SECOND + 500 * MS + 1)
@@ -512,7 +543,7 @@ def test_back_in_automatic_mode_the_host_has_its_time_to_send_a_setpoint() -> No
 
 
 def test_another_controller_in_manual_mode_is_a_failure_that_is_told() -> None:
-    state = watch(replace(active_at(SECOND), armed_or_returned_ns=0), by_hand(), SECOND)
+    state = watch(long_armed(), by_hand(), SECOND)
     state = watch(state, replace(by_hand(), foreign_command=True), SECOND + MS)
     assert told(state) == (Mode.MANUAL, Cause.FOREIGN_COMMAND)
     assert state.health(table_saved=True) is Health.FAILURE
@@ -523,14 +554,15 @@ def test_another_controller_in_manual_mode_is_a_failure_that_is_told() -> None:
 
 @pytest.mark.parametrize("cause", [Cause.DEVIATION, Cause.SETPOINT_UNREACHABLE])
 def test_an_error_that_stays_is_out_of_specification_and_control_goes_on(cause: Cause) -> None:
-    deviates = replace(EVERYTHING, deviation=cause)
-    state = watch(active_at(SECOND), deviates, SECOND + MS)
+    deviates = Conditions(deviation=cause)
+    state = watch(active_at(SECOND), EVERYTHING, SECOND + MS, conditions=deviates)
     assert told(state) == (Mode.ACTIVE, cause)
     assert state.controls
     assert state.health(table_saved=True) is Health.OUT_OF_SPECIFICATION
     # what is worse comes first
-    assert told(watch(state, replace(deviates, foreign_command=True), SECOND + 2 * MS))[1] is Cause.FOREIGN_COMMAND
-    assert told(watch(state, replace(NOTHING, deviation=cause), SECOND + 5 * MS)) == (Mode.HOLD, Cause.FEEDBACK_STALE)
+    assert watch(state, FOREIGN, SECOND + 2 * MS, conditions=deviates).cause is Cause.FOREIGN_COMMAND
+    held = watch(state, NOTHING, SECOND + 5 * MS, conditions=deviates)
+    assert told(held) == (Mode.HOLD, Cause.FEEDBACK_STALE)
     assert told(watch(state, EVERYTHING, SECOND + 2 * MS)) == (Mode.ACTIVE, Cause.NONE)
 
 
@@ -753,7 +785,7 @@ class AnythingOnTheBus(RuleBasedStateMachine):
         """Let a cycle pass and check what left."""
         self.state, outbox, _ = step(self.setup, self.state, CycleInput(frames, self.now_ns, late_ns))
         guard = self.state.guard
-        self.was_armed |= guard.armed
+        self.was_armed |= guard.arming.armed
         if good:
             self.feedback_ns = self.now_ns
         sent = [CODEC.decode(frame)[0] for frame in outbox]
@@ -763,7 +795,7 @@ class AnythingOnTheBus(RuleBasedStateMachine):
         if not self.was_armed:
             assert not sent
         for command in commands:
-            assert guard.armed
+            assert guard.arming.armed
             assert LIMITS.current_low_ma - 5e-4 <= command.current_ma <= LIMITS.current_high_ma + 5e-4
             assert command.mode is guard.mode
 
@@ -833,7 +865,7 @@ class AnythingOnTheBus(RuleBasedStateMachine):
     @rule(repeat=st.integers(1, 12), setpoint_m=st.floats(0.0, 0.1397))
     def regular_life(self, repeat: int, setpoint_m: float) -> None:
         """Feedback and setpoints as they should be, with an edge that arms: also the way back from FAILSAFE."""
-        here_m = self.state.link.readings.position_m or 0.08
+        here_m = self.state.link.feedback.readings.position_m or 0.08
         for request in (HostRequest.NONE, *[HostRequest.ARM] * repeat):
             self.now_ns += MS
             self.turn(
@@ -851,8 +883,8 @@ class AnythingOnTheBus(RuleBasedStateMachine):
             self.now_ns += MS
             frame = CODEC.encode(StemPosition(0.08), self.next_counter(StemPosition))
             self.turn(frame, CODEC.encode(Setpoint(0.1), self.next_counter(Setpoint)), good=True)
-            pushes = self.state.guard.mode is Mode.ACTIVE and self.state.link.readings.position_m == 0.08
-            pushed_ns = (pushed_ns or self.now_ns) if pushes and (self.state.last_ma or 0.0) > 19.5 else None
+            pushes = self.state.guard.mode is Mode.ACTIVE and self.state.link.feedback.readings.position_m == 0.08
+            pushed_ns = (pushed_ns or self.now_ns) if pushes and (self.state.output.last_ma or 0.0) > 19.5 else None
             assert pushed_ns is None or self.now_ns - pushed_ns <= (30 + 1 + 4) * MS
 
     @rule(number=st.integers(0, 300))
@@ -885,13 +917,13 @@ class AnythingOnTheBus(RuleBasedStateMachine):
     def it_fails_safe_in_time(self) -> None:
         """Assert the ages that the settings promise; `feedback_ns` errs on the young side."""
         guard = self.state.guard
-        if not guard.armed:
+        if not guard.arming.armed:
             assert not guard.transmits
             return
-        assert guard.feedback_ns is not None
-        age_ns = self.now_ns - guard.feedback_ns
+        assert guard.last.feedback_ns is not None
+        age_ns = self.now_ns - guard.last.feedback_ns
         assert self.feedback_ns is not None
-        assert guard.feedback_ns <= self.feedback_ns
+        assert guard.last.feedback_ns <= self.feedback_ns
         if guard.mode is Mode.MANUAL:
             assert guard.manual.received_ns is not None
             assert self.now_ns - guard.manual.received_ns <= 0.2 * SECOND
@@ -900,16 +932,16 @@ class AnythingOnTheBus(RuleBasedStateMachine):
             assert guard.mode is Mode.FAILSAFE
         elif age_ns > 3 * MS:
             assert guard.mode in {Mode.HOLD, Mode.FAILSAFE}
-        assert guard.setpoint_ns is not None
-        if self.now_ns - guard.setpoint_ns > 0.2 * SECOND:
+        assert guard.last.setpoint_ns is not None
+        if self.now_ns - guard.last.setpoint_ns > 0.2 * SECOND:
             assert guard.mode is Mode.FAILSAFE
         # one cycle more than allowed: the guard judges at the beginning of the next one
-        assert guard.law_failures <= LIMITS.law_failsafe_cycles
+        assert guard.law.failures <= LIMITS.law_failsafe_cycles
 
     @invariant()
     def a_control_law_counts_only_where_it_may(self) -> None:
         if not self.state.guard.controls:
-            assert self.state.memory is None
+            assert self.state.control.memory is None
 
 
 TestAnythingOnTheBus = AnythingOnTheBus.TestCase

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from positioner.guard.manual import AUTOMATIC, Manual
 from positioner.guard.settings import GuardSettings
-from positioner.guard.state import GuardInput, GuardState
+from positioner.guard.state import Arming, Conditions, GuardInput, GuardState, LastReceived, LawRecord
 from positioner.guard.supervisor import _mode, supervise
 from positioner.wire.messages import Cause, HostRequest, ManualCurrent, ManualRequest, Mode
 
@@ -26,7 +26,7 @@ NOW_NS = 10**12
 LIMITS = GuardSettings(setpoint_hold_s=0.005, setpoint_failsafe_s=0.02, law_failsafe_cycles=2)
 AUTO, MANUAL = ManualCurrent(9.5, ManualRequest.AUTO), ManualCurrent(9.5)
 NO_FEEDBACK = (Cause.FEEDBACK_STALE, Cause.FEEDBACK_IMPLAUSIBLE, Cause.FEEDBACK_DISPUTED, Cause.FEEDBACK_FROZEN)
-IDLE = (Cause.ACTUATOR_FAILED, Cause.COMMAND_IGNORED)
+NO_EFFECT = (Cause.ACTUATOR_FAILED, Cause.COMMAND_IGNORED)
 DEVIATIONS = (Cause.NONE, Cause.DEVIATION, Cause.SETPOINT_UNREACHABLE)
 NO_SETPOINT = (Cause.SETPOINT_STALE, Cause.SETPOINT_DISPUTED)
 
@@ -44,11 +44,11 @@ def cause_of(words: str) -> Cause:
 
 
 def feedback_age_ms(state: GuardState) -> float:
-    return (NOW_NS - (state.feedback_ns or 0)) / MS
+    return (NOW_NS - (state.last.feedback_ns or 0)) / MS
 
 
 def setpoint_age_s(state: GuardState) -> float:
-    return (NOW_NS - (state.setpoint_ns or 0)) / 1e9
+    return (NOW_NS - (state.last.setpoint_ns or 0)) / 1e9
 
 
 def is_by_hand(state: GuardState) -> bool:
@@ -60,34 +60,40 @@ def manual_age_s(state: GuardState) -> float:
 
 
 MEANING: dict[str, Callable[[GuardState], bool]] = {
-    "no valid feedback yet": lambda it: it.feedback_ns is None,
+    "no valid feedback yet": lambda it: it.last.feedback_ns is None,
     "already failed safe, not armed again": lambda it: it.mode is Mode.FAILSAFE,
-    "not armed, feedback older than `feedback_failsafe_periods`": lambda it: not it.armed and feedback_age_ms(it) > 10,
-    "not armed, another controller seen within 1 s": lambda it: not it.armed and it.foreign_ns is not None,
-    "not armed, was armed before": lambda it: not it.armed and it.ever_armed,
-    "not armed": lambda it: not it.armed,
-    "the process stood still for longer than `feedback_failsafe_periods` (10)": lambda it: it.stall_ns > 10 * MS,
+    "not armed, feedback older than `feedback_failsafe_periods`": lambda it: (
+        not it.arming.armed and feedback_age_ms(it) > 10
+    ),
+    "not armed, another controller seen within 1 s": lambda it: not it.arming.armed and it.last.foreign_ns is not None,
+    "not armed, was armed before": lambda it: not it.arming.armed and it.arming.ever_armed,
+    "not armed": lambda it: not it.arming.armed,
+    "the process stood still for longer than `feedback_failsafe_periods` (10)": lambda it: (
+        it.conditions.stall_ns > 10 * MS
+    ),
     "by hand, MANUAL_CURRENT older than `setpoint_failsafe_s` (10 s)": lambda it: manual_age_s(it) > 0.02,
     "by hand, MANUAL_CURRENT older than `setpoint_hold_s` (0.5 s)": lambda it: manual_age_s(it) > 0.005,
     "by hand, feedback older than `feedback_failsafe_periods`": lambda it: is_by_hand(it) and feedback_age_ms(it) > 10,
-    "by hand, another controller seen within 1 s": lambda it: is_by_hand(it) and it.foreign_ns is not None,
+    "by hand, another controller seen within 1 s": lambda it: is_by_hand(it) and it.last.foreign_ns is not None,
     "by hand": is_by_hand,
     "feedback older than `feedback_failsafe_periods` (10)": lambda it: feedback_age_ms(it) > 10,
-    "`law_failsafe_cycles` (10) cycles in a row without an answer of the law": lambda it: it.law_failures >= 2,
+    "`law_failsafe_cycles` (10) cycles in a row without an answer of the law": lambda it: it.law.failures >= 2,
     "`law_failsafe_cycles` (10) answers of the law in a row that came too late to be used": lambda it: (
-        it.late_answers >= 2
+        it.law.late_answers >= 2
     ),
     "setpoint older than `setpoint_failsafe_s` (10 s)": lambda it: setpoint_age_s(it) > 0.02,
-    "the process stood still for longer than `feedback_hold_periods` (3)": lambda it: it.stall_ns > 0,
+    "the process stood still for longer than `feedback_hold_periods` (3)": lambda it: it.conditions.stall_ns > 0,
     "feedback older than `feedback_hold_periods` (3)": lambda it: feedback_age_ms(it) > 3,
     "setpoint older than `setpoint_hold_s` (0.5 s)": lambda it: setpoint_age_s(it) > 0.005,
-    "another controller seen within 1 s": lambda it: it.foreign_ns is not None,
+    "another controller seen within 1 s": lambda it: it.last.foreign_ns is not None,
     "the node's actuator obeys no command, or no newer command of ours is named as acting": lambda it: (
-        it.idle is not None
+        it.conditions.no_effect is not None
     ),
-    "an error that does not shrink (`deviation_of_span`, `deviation_s`)": lambda it: it.deviation is not Cause.NONE,
-    "position frames come at another period than `sample_period_s`, by a fifth": lambda it: it.period_wrong,
-    "`law_failsafe_cycles` (10) cycles in a row longer than a period": lambda it: it.late_cycles >= 2,
+    "an error that does not shrink (`deviation_of_span`, `deviation_s`)": lambda it: (
+        it.conditions.deviation is not Cause.NONE
+    ),
+    "position frames come at another period than `sample_period_s`, by a fifth": lambda it: it.conditions.period_wrong,
+    "`law_failsafe_cycles` (10) cycles in a row longer than a period": lambda it: it.law.late_cycles >= 2,
     "otherwise": lambda _: True,
 }
 CONDITIONS = rows_of("| condition | mode | cause |")
@@ -109,7 +115,7 @@ AGES = st.one_of(st.none(), st.sampled_from([0, 3, 4, 5, 6, 10, 11, 20, 21]))
     no_setpoint=st.sampled_from(NO_SETPOINT),
     stall_ms=st.sampled_from([0, 0, 4, 10, 11]),
     late_answers=st.integers(0, 3),
-    idle=st.sampled_from((None, *IDLE)),
+    no_effect=st.sampled_from((None, *NO_EFFECT)),
     deviation=st.sampled_from(DEVIATIONS),
     period_wrong=st.booleans(),
 )
@@ -148,35 +154,33 @@ def test_the_first_row_that_holds_gives_mode_and_cause(
     no_setpoint: Cause,
     stall_ms: int,
     late_answers: int,
-    idle: Cause | None,
+    no_effect: Cause | None,
     deviation: Cause,
     period_wrong: bool,
 ) -> None:
     state = GuardState(
-        mode,
-        cause,
-        armed,
-        ever_armed,
-        feedback_ns=None if feedback_ms is None else NOW_NS - feedback_ms * MS,
-        setpoint_ns=None if setpoint_ms is None else NOW_NS - setpoint_ms * MS,
-        foreign_ns=NOW_NS if foreign else None,
-        law_failures=failures,
-        no_feedback=no_feedback,
-        late_cycles=late,
+        mode=mode,
+        cause=cause,
+        arming=Arming(armed=armed, ever_armed=ever_armed),
+        last=LastReceived(
+            feedback_ns=None if feedback_ms is None else NOW_NS - feedback_ms * MS,
+            setpoint_ns=None if setpoint_ms is None else NOW_NS - setpoint_ms * MS,
+            foreign_ns=NOW_NS if foreign else None,
+            no_feedback=no_feedback,
+            no_setpoint=no_setpoint,
+        ),
+        law=LawRecord(failures=failures, late_cycles=late, late_answers=late_answers),
         manual=AUTOMATIC if manual_ms is None else Manual(9.5, NOW_NS - manual_ms * MS),
-        no_setpoint=no_setpoint,
-        stall_ns=stall_ms * MS,
-        late_answers=late_answers,
-        idle=idle,
-        deviation=deviation,
-        period_wrong=period_wrong,
+        conditions=Conditions(
+            stall_ns=stall_ms * MS, no_effect=no_effect, deviation=deviation, period_wrong=period_wrong
+        ),
     )
     _, its_mode, its_cause = next(row for row in CONDITIONS if MEANING[row[0]](state))
     if its_cause == "feedback stale, implausible, disputed or frozen":
         expected = no_feedback
     elif its_cause == "actuator failed or command ignored":
-        assert idle is not None
-        expected = idle
+        assert no_effect is not None
+        expected = no_effect
     elif its_cause == "setpoint stale or disputed":
         expected = no_setpoint
     elif its_cause == "deviation or setpoint unreachable":
@@ -199,32 +203,32 @@ def wander(steps: int) -> dict[tuple[Mode, Mode], set[Cause]]:
         now_ns += chance.choice((1, 1, 1, 4, 6, 11, 21, 1001)) * MS
         good = chance.random() < 0.6
         requests = tuple(chance.choices((*HostRequest, HostRequest.ARM), k=chance.randrange(3)))
-        stall_ns = chance.choice((0, 0, 0, 0, 4, 11)) * MS if before.armed else 0
-        seen = GuardInput(
-            feedback=good,
-            setpoint=chance.random() < 0.5,
+        stall_ns = chance.choice((0, 0, 0, 0, 4, 11)) * MS if before.arming.armed else 0
+        given = GuardInput(
+            feedback_age_ns=0 if good else None,
+            setpoint_age_ns=0 if chance.random() < 0.5 else None,
             requests=() if stall_ns else requests,
-            waited=requests[-1] if stall_ns and requests else None,
-            stall_ns=stall_ns,
-            answered=before.controls and chance.random() < 0.7,
+            waiting_request=requests[-1] if stall_ns and requests else None,
             foreign_command=chance.random() < 0.1,
-            refused=None if good else chance.choice((None, *NO_FEEDBACK[1:])),
-            late=chance.random() < 0.4,
-            period_wrong=chance.random() < 0.3,
+            feedback_refused=None if good else chance.choice((None, *NO_FEEDBACK[1:])),
             manual=chance.choice((None, None, None, AUTO, MANUAL)),
             stray_disarm=chance.random() < 0.02,
-            deviation=chance.choice((*DEVIATIONS, Cause.NONE)) if before.controls else Cause.NONE,
             setpoint_refused=chance.choice((None, None, None, None, Cause.SETPOINT_DISPUTED)),
-            idle=chance.choice((None, None, None, *IDLE)),
         )
-        failed = before.controls and chance.random() < 0.4
-        before = replace(before, law_failures=before.law_failures + 1) if failed else before
-        before = (
-            replace(before, armed_or_returned_ns=before.armed_or_returned_ns - 1001 * MS)
-            if chance.random() < 0.2
-            else before
+        conditions = Conditions(
+            stall_ns=stall_ns,
+            answered=before.controls and chance.random() < 0.7,
+            late=chance.random() < 0.4,
+            period_wrong=chance.random() < 0.3,
+            deviation=chance.choice((*DEVIATIONS, Cause.NONE)) if before.controls else Cause.NONE,
+            no_effect=chance.choice((None, None, None, *NO_EFFECT)),
         )
-        state = supervise(LIMITS, before, seen, PERIOD_S, now_ns)
+        if before.controls and chance.random() < 0.4:
+            before = before.after_law(answered=False)
+        if chance.random() < 0.2:
+            earlier_ns = before.arming.armed_or_returned_ns - 1001 * MS
+            before = replace(before, arming=replace(before.arming, armed_or_returned_ns=earlier_ns))
+        state = supervise(LIMITS, before, given, PERIOD_S, now_ns, conditions)
         if state.mode is not before.mode:
             found[before.mode, state.mode].add(state.cause)
     return dict(found)

@@ -112,7 +112,7 @@ def test_after_a_stall_the_last_word_comes_before_any_new_one(shell: VirtualShel
     shell.cycle()
     modes = [said.message.mode for said in shell.world.said[before:] if isinstance(said.message, CurrentCommand)]
     assert modes[0] is Mode.HOLD
-    assert shell.daemon.session.state.link.periods_unread > 0  # the law will know how much time has passed
+    assert shell.daemon.session.state.link.feedback.periods_unread > 0  # the law will know how much time has passed
 
 
 PATIENT = {"feedback_failsafe_periods": 10_000, "setpoint_hold_s": 0.0, "setpoint_failsafe_s": 0.0}

@@ -194,15 +194,15 @@ def test_manual_mode_and_back_without_a_bump() -> None:
     it = Bench()
     it.say("arm set 85")
     it.run(1.5)
-    before_ma = it.state.last_ma
+    before_ma = it.state.output.last_ma
     it.say("manual")
     assert it.is_in(Mode.MANUAL)
     it.run(0.5)
-    assert it.state.last_ma == pytest.approx(before_ma, abs=1e-3)
+    assert it.state.output.last_ma == pytest.approx(before_ma, abs=1e-3)
     learned = it.state.counters.learned
     it.say("manual 19mA")
     it.run(1.5)
-    assert it.state.last_ma == 19.0
+    assert it.state.output.last_ma == 19.0
     moved_m = it.true_m
     assert moved_m > 0.09
     it.currents.clear()
@@ -212,7 +212,7 @@ def test_manual_mode_and_back_without_a_bump() -> None:
     assert it.currents[0] == 19.0
     assert max(abs(one - other) for one, other in pairwise(it.currents)) < 0.5
     assert it.true_m == pytest.approx(moved_m, abs=0.0015)
-    assert it.state.setpoint_m == pytest.approx(moved_m, abs=0.0015)
+    assert it.state.control.setpoint_m == pytest.approx(moved_m, abs=0.0015)
     assert it.state.counters.learned - learned <= 1
     it.say("set 85")
     it.run(1.5)
@@ -241,7 +241,7 @@ def test_a_new_manual_current_is_sent_at_once() -> None:
     it.run(0.521)
     it.session.begin(Verb(Word.MANUAL, current_ma=14.5), it.now_ns)
     it.run(0.004)
-    assert it.state.last_ma == 14.5
+    assert it.state.output.last_ma == 14.5
 
 
 def test_with_a_dead_sensor_the_valve_is_moved_by_hand() -> None:
@@ -259,7 +259,7 @@ def test_with_a_dead_sensor_the_valve_is_moved_by_hand() -> None:
     assert it.is_in(Mode.MANUAL)
     it.say("manual 13mA")
     it.run(0.1)
-    assert it.state.last_ma == 13.0
+    assert it.state.output.last_ma == 13.0
     assert it.reported("MANUAL") == ["MANUAL: no position frames come (NE 107: function check)"]
 
 
@@ -350,7 +350,7 @@ def test_the_status_shows_every_quantity() -> None:
     assert lines["setpoint"] == "80.00 mm (62.99 %)"
     assert float(lines["position"].split()[0]) == pytest.approx(it.true_m * 1e3, abs=0.5)
     assert float(lines["error"].split()[0]) == pytest.approx((it.true_m - 0.08) * 1e3, abs=0.5)
-    assert float(lines["current"].split()[0]) == pytest.approx(it.state.last_ma, abs=1e-3)
+    assert float(lines["current"].split()[0]) == pytest.approx(it.state.output.last_ma, abs=1e-3)
     assert lines["counters"].startswith(f"learned {it.state.counters.learned}, refused 0, fallbacks 0")
     it.plant_is_on = False
     it.run(1.0)

@@ -75,7 +75,7 @@ def test_a_stem_that_is_free_again_is_found_at_the_next_push() -> None:
     loop.device = replace(loop.device, plant=replace(free.device.plant, time_s=loop.device.plant.time_s))
     loop.run(3.0, 0.087)
     assert loop.position_m == pytest.approx(0.087, abs=1e-3)
-    assert loop.state.memory.pushes.failed == 0
+    assert loop.state.control.memory.pushes.failed == 0
 
 
 def test_a_breakaway_of_the_papers_law_fails_twenty_times_at_most() -> None:

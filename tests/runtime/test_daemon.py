@@ -166,7 +166,7 @@ def test_a_setpoint_outside_the_travel_is_told_and_the_last_one_stays(armed: Loo
     armed.sample()
     (command,) = commands(armed.sample(setpoint_m=0.15))
     assert command.setpoint_counter == 1
-    assert armed.daemon.session.state.setpoint_m == pytest.approx(HERE_M)
+    assert armed.daemon.session.state.control.setpoint_m == pytest.approx(HERE_M)
     (line,) = armed.logged("setpoint")
     assert line.startswith("setpoint 150.000 mm refused: outside the travel of 0 to 139.7 mm; the last one stays")
 

@@ -21,7 +21,7 @@ from positioner.bus.port import BusPort
 from positioner.cli.main import main
 from positioner.config.reader import load_config
 from positioner.cycle.input import CycleInput
-from positioner.guard.state import GuardState
+from positioner.guard.state import GuardState, LawRecord
 from positioner.machine.journal import logger
 from positioner.replay import recorded
 from positioner.replay.cycles import cycles_of
@@ -70,7 +70,7 @@ def test_an_empty_turn_is_noted_where_it_moves_the_guard(tmp_path: Path) -> None
     recorder = BusRecorder(tmp_path / "bus.log")
     recorder.cycle(CycleInput((), 1_000_000), (), GuardState())
     recorder.cycle(CycleInput((), 2_000_000), (), HELD)
-    recorder.cycle(CycleInput((), 3_000_000), (), replace(HELD, late_cycles=1))
+    recorder.cycle(CycleInput((), 3_000_000), (), replace(HELD, law=LawRecord(late_cycles=1)))
     recorder.close()
     empty = f"vcan0 {NOTE_ID:08X}#FE00000000000000 T"
     assert lines(tmp_path / "bus.log") == [f"(0.002000) {empty}", f"(0.003000) {empty}"]

@@ -45,7 +45,7 @@ def test_a_second_sensor_under_the_identifier_of_the_first_is_told_and_neither_m
             first = () if counter == 160 else (lost,)
             setpoint = loop.others.frame(Setpoint(HERE_M))
             said += loop.cycle(*first, second(loop, StemPosition(HERE_M + 0.04), counter), setpoint)
-        assert loop.daemon.session.state.link.readings.position_m == HERE_M
+        assert loop.daemon.session.state.link.feedback.readings.position_m == HERE_M
         status = last_status(said)
         assert (status.mode, status.cause, status.health) == (Mode.FAILSAFE, Cause.FEEDBACK_DISPUTED, Health.FAILURE)
         assert loop.logged("mode ACTIVE -> HOLD (feedback disputed)")
@@ -64,7 +64,7 @@ def test_a_second_host_under_the_identifier_of_the_first_is_told_and_moves_nothi
         for counter in range(150, 200):
             setpoints = second(loop, Setpoint(HERE_M + 0.005), counter), loop.others.frame(Setpoint(HERE_M))
             said += loop.cycle(*setpoints, loop.others.frame(StemPosition(HERE_M, loop.others.acting)))
-        assert loop.daemon.session.state.link.setpoint_m == HERE_M
+        assert loop.daemon.session.state.link.setpoint.position_m == HERE_M
         status = last_status(said)
         assert (status.mode, status.cause) == (Mode.HOLD, Cause.SETPOINT_DISPUTED)
         assert status.health is Health.OUT_OF_SPECIFICATION

@@ -101,7 +101,7 @@ def test_the_full_travel_is_a_setpoint_with_which_one_can_arm(tenths: int) -> No
     exchange.sample(0.01, setpoint=Setpoint(travel_m))
     exchange.sample(0.01, setpoint=Setpoint(travel_m, HostRequest.ARM))
     assert exchange.state.guard.mode is Mode.ACTIVE
-    assert exchange.state.link.setpoint_m == travel_m
+    assert exchange.state.link.setpoint.position_m == travel_m
 
 
 @pytest.mark.parametrize(("unit", "scale"), CURRENT_SCALES)

@@ -220,7 +220,7 @@ MISTAKES = [
     ('interface = "zzz"', 5, "bus.interface = 'zzz': is none of kvaser, "),
     ('channel = "a-name-too-long-for-it"', 5, "must have 1 to 15 characters"),
     ('interface = "udp_multicast"\nchannel = "10.0.0.1"', 6, "bus.channel = '10.0.0.1': is no multicast group"),
-    ('interface = "kvaser"\noptions.receive_own_messages = true', 6, "hear its own commands as another controller's"),
+    ('interface = "kvaser"\noptions.receive_own_messages = true', 6, "take its own commands for another controller's"),
     ('interface = "kvaser"\noptions.channel = 3', 6, "bus.options.channel = 3: is no option"),
     ("options.bitrate = 500000", 5, "bus.options.bitrate = 500000: is set on the interface itself: sudo ip link set"),
     ('interface = "udp_multicast"\nchannel = "ff11::1"\noptions.hop_limit = 3', 7, "is no option of the embedded bus"),

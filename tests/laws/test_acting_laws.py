@@ -1,4 +1,4 @@
-"""Every law learns nothing while its commands do not act, it is told, and the law begins anew when they act again."""
+"""While its commands do not act, every law learns nothing; it begins anew when they act again."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from positioner.wire.messages import CanFrame
 
 
-class Deaf:
+class IgnoringNode:
     """A node that takes no command from now on, and says so, or only goes on naming the last one that it took."""
 
     def __init__(self, loop: Loop, *, says_so: bool) -> None:
@@ -29,9 +29,9 @@ class Deaf:
         return ()
 
     def to_positioner(self, frames: tuple[CanFrame, ...]) -> tuple[CanFrame, ...]:
-        return tuple(self.told(frame) for frame in frames)
+        return tuple(self.with_old_echo(frame) for frame in frames)
 
-    def told(self, frame: CanFrame) -> CanFrame:
+    def with_old_echo(self, frame: CanFrame) -> CanFrame:
         message, counter = self.loop.codec.decode(frame)
         if not isinstance(message, StemPosition):
             return frame
@@ -67,15 +67,15 @@ class Counting:
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("kind", ["failed", "deaf", "usurped"])
+@pytest.mark.parametrize("kind", ["failed", "ignored", "usurped"])
 def test_a_law_learns_nothing_while_its_commands_do_not_act_and_begins_anew_after(law: str, kind: str) -> None:
     loop = Loop(law)
     counting = Counting(loop.setup.law)
     loop.setup = replace(loop.setup, law=counting)
     # a foreign command within a second of the arming is another matter: one ARM has armed two
     loop.run(1.1 if kind == "usurped" else 0.3, 0.08)
-    fault = Usurper(loop) if kind == "usurped" else Deaf(loop, says_so=kind == "failed")
-    cause = {"failed": Cause.ACTUATOR_FAILED, "deaf": Cause.COMMAND_IGNORED, "usurped": Cause.FOREIGN_COMMAND}[kind]
+    fault = Usurper(loop) if kind == "usurped" else IgnoringNode(loop, says_so=kind == "failed")
+    cause = {"failed": Cause.ACTUATOR_FAILED, "ignored": Cause.COMMAND_IGNORED, "usurped": Cause.FOREIGN_COMMAND}[kind]
     loop.to_plant, loop.to_positioner = fault.to_plant, fault.to_positioner
     loop.run(0.005, 0.08)
     table = loop.state.table
@@ -84,8 +84,8 @@ def test_a_law_learns_nothing_while_its_commands_do_not_act_and_begins_anew_afte
     assert not any(isinstance(event, Learned) for event in events)
     guard = loop.state.guard
     assert (guard.mode, guard.cause, guard.health(table_saved=True)) == (Mode.ACTIVE, cause, Health.FAILURE)
-    told = loop.events_of(ForeignCommand if kind == "usurped" else ActingChanged)
-    assert told
+    events = loop.events_of(ForeignCommand if kind == "usurped" else ActingChanged)
+    assert events
     assert counting.begun == 1
     loop.to_plant = loop.to_positioner = passed
     events = loop.run(1.2, 0.08)

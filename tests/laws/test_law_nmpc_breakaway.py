@@ -77,7 +77,7 @@ def test_a_restart_remembers_spring_and_friction_from_the_table(spring: float, g
 
 @pytest.mark.parametrize(
     ("places", "highest"),
-    # cells far from each other tell more of the spring: 12 old samples there count half as much as 6 new ones
+    # cells far from each other say more about the spring: 12 old samples there count half as much as 6 new ones
     [((0.073, 0.08, 0.087), 0.92), ((0.0605, 0.1005, 0.0705), 0.955)],
 )
 def test_a_restart_believes_what_was_learned_last(places: tuple[float, ...], highest: float) -> None:

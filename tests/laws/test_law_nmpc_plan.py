@@ -1,4 +1,4 @@
-"""The LTV-QP: inside the current's limits, never past the target beyond the soft margin, optimal where it matters."""
+"""The LTV-QP: every move has a plan, inside the limits of the current, and the stem can stop at the target."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import random
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 from unsolvable import Unsolvable
 
@@ -47,15 +47,15 @@ def landing_m(move: Move, first_ma: float, period_s: float) -> float:
     return MODEL.step(first.x, first.v, move.brake_ma, move.load, move.direction, STOPPING_TIME_S).x
 
 
-def plan_of(move: Move, period_s: float) -> MovePlan | None:
-    """Return the plan of a solver that has solved nothing else before."""
-    return plan_move(SETTINGS, MODEL, QpSolver(4, 8), move, (move.brake_ma,) * 4, period_s)
+def plan_of(move: Move, period_s: float, max_iterations: int = 4000) -> MovePlan | None:
+    """Return the plan of a new solver, with enough iterations for every programme that has a solution."""
+    solver = QpSolver(4, 8, max_iterations=max_iterations)
+    return plan_move(SETTINGS, MODEL, solver, move, (move.brake_ma,) * 4, period_s)
 
 
 @given(moves, st.sampled_from(PERIODS_S))
 def test_inside_the_limits_and_at_every_step_of_the_prediction_still_able_to_stop(move: Move, period_s: float) -> None:
     plan = plan_of(move, period_s)
-    assume(plan is not None)  # see test_nearly_every_move_has_a_plan
     assert plan is not None
     low, high = sorted((move.weakest_ma, move.strongest_ma))
     assert all(low - 1e-12 <= each <= high + 1e-12 for each in plan.inputs_ma)
@@ -68,20 +68,19 @@ def test_inside_the_limits_and_at_every_step_of_the_prediction_still_able_to_sto
         assert past_m <= max(least_m, 0.0) + SOFT_MARGIN_M
 
 
-def test_nearly_every_move_has_a_plan() -> None:
+def test_nearly_every_move_has_a_plan_within_the_iterations_of_the_law() -> None:
     chance, plans = random.Random(1), []  # noqa: S311 - moves that can be repeated, no secret
     for _ in range(600):
         load = Load(chance.uniform(42e3, 58e3), chance.uniform(1100.0, 1700.0), chance.uniform(450.0, 750.0))
         s, x, speed = chance.choice((1.0, -1.0)), chance.uniform(0.074, 0.082), chance.uniform(0.01, 1.5)
         move = move_of(load, s, x, speed, chance.uniform(2e-4, 6e-3))
-        plans.append(plan_of(move, chance.choice(PERIODS_S)))
-    assert plans.count(None) <= 1  # one move in some thousands takes the solver more iterations than it has
+        plans.append(plan_of(move, chance.choice(PERIODS_S), max_iterations=400))
+    assert plans.count(None) <= 1  # one move in some thousands needs more
 
 
 @given(moves, st.sampled_from(PERIODS_S))
 def test_the_stem_goes_as_far_as_it_may(move: Move, period_s: float) -> None:
     plan = plan_of(move, period_s)
-    assume(plan is not None)  # see test_nearly_every_move_has_a_plan
     assert plan is not None
     short_m = move.direction * (move.target_m - landing_m(move, plan.inputs_ma[0], period_s))
     most_m = move.direction * (move.target_m - landing_m(move, move.strongest_ma, period_s))

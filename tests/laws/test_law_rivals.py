@@ -310,7 +310,7 @@ def test_retries_end_and_a_new_setpoint_brings_new_ones() -> None:
     assert cycles[105].memory.stage is Stage.APPROACH
 
 
-def test_an_error_within_the_tolerance_is_left_and_the_judgement_is_of_the_average() -> None:
+def test_an_error_within_the_tolerance_is_left_and_only_the_average_counts() -> None:
     # readings 2 mm off, to either side: their average is right, and what was read in the move is no part of it
     readings = [(0.08, 0.087)] * 6 + [(0.085, 0.087), (0.089, 0.087)] * 20
     cycles = play(two_move(RETRY), readings)
@@ -338,7 +338,7 @@ def test_a_law_leaves_its_memories_as_they_were(name: str) -> None:
     first = play(law, readings)
     with pytest.raises(FrozenInstanceError):
         setattr(first[0].memory, next(iter(first[0].memory.__slots__)), None)
-    # a memory from the middle tells the same story again
+    # from a memory of the middle, the law gives the same answers again
     memory = first[99].memory
     for number, (measured_m, setpoint_m) in enumerate(readings[100:], start=100):
         observation = Observation(measured_m, 12.0, PERIOD_S, setpoint_m, number * PERIOD_S)

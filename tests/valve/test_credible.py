@@ -124,9 +124,9 @@ def test_a_law_with_an_absurd_table_does_as_with_none_and_says_so_once(law: str,
     for loop in (fresh, given):
         loop.run(0.05, 0.08)
     assert given.position_m == fresh.position_m
-    (told,) = (event for event in given.events_of(NotBelieved) if not event.taught)
-    assert told.count == 4 * len(table)
-    assert str(told).startswith("the table is not believed where it says ")
+    (event,) = (event for event in given.events_of(NotBelieved) if not event.taught)
+    assert event.count == 4 * len(table)
+    assert str(event).startswith("the table is not believed where it says ")
     assert not any(not event.taught for event in fresh.events_of(NotBelieved))
     # one more that comes while it runs, as an import does
     given.state = replace(given.state, table=table)
@@ -153,10 +153,10 @@ def test_what_physics_excludes_is_not_learned_and_told() -> None:
     # the first push of the paper's law is the whole loop: 20 mA at 10 mm frees the stem, and is no breakaway current
     loop = Loop("paper")
     loop.run(0.1, 0.08)
-    (told,) = loop.events_of(NotBelieved)
-    assert told.taught
-    assert told.sample.value == 20.0
-    assert "not learned: breakaway_current_ma = 20" in str(told)
+    (event,) = loop.events_of(NotBelieved)
+    assert event.taught
+    assert event.sample.value == 20.0
+    assert "not learned: breakaway_current_ma = 20" in str(event)
     assert all(value < 16.0 for key, cell in loop.state.table if key.index == 2 for value in cell.samples)
 
 

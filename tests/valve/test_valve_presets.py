@@ -46,8 +46,8 @@ def test_a_single_parameter_that_is_missing_is_named() -> None:
     own = tomllib.loads((resources.files("positioner") / "example.toml").read_text(encoding="utf-8"))["valve"]
     for lacking in REQUIRED:
         table = "".join(f"{key} = {value!r}\n" for key, value in own.items() if key not in {lacking, "preset"})
-        (told,) = problems_of("[valve]\n" + table)
-        assert told.startswith(f"line 1: valve: lacks {lacking}: ")
+        (problem,) = problems_of("[valve]\n" + table)
+        assert problem.startswith(f"line 1: valve: lacks {lacking}: ")
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -57,12 +57,12 @@ def test_a_preset_gives_all_and_what_stands_beside_it_counts_more(name: str) -> 
 
 
 @pytest.mark.parametrize(
-    ("given", "told"), [('"graphit"', "did you mean 'graphite'?"), ("3", "known: paper, graphite")]
+    ("given", "hint"), [('"graphit"', "did you mean 'graphite'?"), ("3", "known: paper, graphite")]
 )
-def test_a_preset_that_is_none_is_told_with_the_nearest(given: str, told: str) -> None:
+def test_an_unknown_preset_is_refused_with_the_nearest_name(given: str, hint: str) -> None:
     (problem,) = problems_of(f'[valve]\nid = "v"\npreset = {given}\n')
     assert problem.startswith("line 3: valve.preset = ")
-    assert told in problem
+    assert hint in problem
 
 
 def test_all_parameters_together_need_no_preset() -> None:

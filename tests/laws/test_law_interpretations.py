@@ -1,4 +1,4 @@
-"""The readings of the paper: what each makes of the sensor, of the estimate and of the movable bound."""
+"""The interpretations of the paper: the sensor, the estimate and the movable bound of each."""
 
 from __future__ import annotations
 
@@ -86,15 +86,17 @@ def test_the_filter_is_the_default_and_an_unknown_method_is_refused() -> None:
         build({"method": "median"}, EstimatorSettings, "estimator")
 
 
-def short(simulation: int, reading: Interpretation, dwell_s: float = 0.02) -> Scenario:
+def short(simulation: int, interpretation: Interpretation, dwell_s: float = 0.02) -> Scenario:
     return replace(
-        interpreted_as(load_scenario(f"paper-{simulation}"), reading.noise, reading.units), visits=1, dwell_s=dwell_s
+        interpreted_as(load_scenario(f"paper-{simulation}"), interpretation.noise, interpretation.units),
+        visits=1,
+        dwell_s=dwell_s,
     )
 
 
 @pytest.fixture(scope="module")
 def played() -> dict[Noise, InProcessRun]:
-    """Simulation 2 in every reading of the noise, 20 ms a setpoint."""
+    """Simulation 2 in every interpretation of the noise, 20 ms a setpoint."""
     return {noise: run_in_process(short(2, SI[noise])) for noise in Noise}
 
 
@@ -154,7 +156,7 @@ def test_alpha_and_beta_are_read_in_si_or_in_centimetres() -> None:
         (Noise.FREE, EstimationMethod.RAW, 0.0, 0.0),
     ],
 )
-def test_a_reading_sets_sensor_and_estimator_and_leaves_the_valve_alone(
+def test_an_interpretation_sets_sensor_and_estimator_and_leaves_the_valve_alone(
     noise: Noise, method: EstimationMethod, fraction: float, hold_s: float
 ) -> None:
     scenario = short(4, SI[noise])
@@ -165,7 +167,7 @@ def test_a_reading_sets_sensor_and_estimator_and_leaves_the_valve_alone(
     assert configure(scenario).valve == configure(load_scenario("paper-4")).valve
 
 
-def test_the_packaged_scenario_is_reading_a_in_si() -> None:
+def test_the_packaged_scenario_is_interpretation_a_in_si() -> None:
     scenario = load_scenario("paper-3")
     read = interpreted_as(scenario, Noise.FILTERED, Units.SI)
     assert configure(read) == configure(scenario)
@@ -173,7 +175,7 @@ def test_the_packaged_scenario_is_reading_a_in_si() -> None:
 
 
 def test_every_choice_of_noise_comes_with_its_control_run_in_both_units() -> None:
-    assert [str(reading) for reading in interpretations((Noise.RAW,))] == [
+    assert [str(each) for each in interpretations((Noise.RAW,))] == [
         "B, SI",
         "B, cm",
         "noise-free, SI",
@@ -191,7 +193,7 @@ def test_every_choice_of_noise_comes_with_its_control_run_in_both_units() -> Non
         (["--units", "cm", "--law", "paper-plain"], EstimationMethod.KALMAN, 0.0, 0.02, 0.05),
     ],
 )
-def test_the_bench_plays_a_scenario_in_the_reading_that_it_is_told(
+def test_the_bench_plays_a_scenario_in_the_given_interpretation(
     arguments: list[str],
     method: EstimationMethod,
     hold_s: float,
@@ -203,7 +205,7 @@ def test_the_bench_plays_a_scenario_in_the_reading_that_it_is_told(
 
     def run_bench(scenario: Scenario, *_: object) -> None:
         played.append(scenario)
-        raise BenchError("heard enough")
+        raise BenchError("seen enough")
 
     monkeypatch.setattr("positioner.bench.runner.run_bench", run_bench)
     assert main(["bench", "--scenario", "paper-3", *arguments]) == ExitCode.FAILURE
@@ -217,6 +219,6 @@ def test_the_bench_plays_a_scenario_in_the_reading_that_it_is_told(
     assert configuration.control.law == ("paper-plain" if "--law" in arguments else "paper")
 
 
-def test_a_reading_leaves_what_it_does_not_name_as_it_was() -> None:
+def test_an_interpretation_changes_only_the_settings_that_it_names() -> None:
     scenario = load_scenario("paper-4")
     assert interpreted_as(scenario, None, None) == scenario

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters
 
-POSITION, SPEED, SPRING_RATE, FRICTION, VISCOUS = range(5)
-"""Place of x, v, K, F_c and F_v in the state of a filter that estimates the load, too."""
 STATES = 5
-"""Size of that state."""
+"""Size of the state of a filter that estimates the load, too."""
+POSITION, SPEED, SPRING_RATE, FRICTION, VISCOUS = range(STATES)
+"""The places of x, v, K, F_c and F_v in that state."""
 LOAD = slice(SPRING_RATE, STATES)
-"""The part of that state that is a `Load`, in its order."""
+"""The places of a `Load` in that state, in its order."""
 
 STOPPING_TIME_S = 60.0
 """Longer than any stop takes; a frictionless stem, which never stops, has then reached its balance."""

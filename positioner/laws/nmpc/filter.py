@@ -95,8 +95,9 @@ class AdaptiveFilter:
 
     def at_rest(self, x: float, variance_m2: float, load: Load, sigmas: Load) -> Resting:
         """Return the estimate of a stem that rests at x, with the load and its standard deviations."""
-        covariance = np.diag([variance_m2, 0.0, *(sigma * sigma for sigma in sigmas)])
-        return self.rest(Sliding(x, 0.0, self._limited(load), covariance, direction=1.0, stopped=True))
+        variances = np.zeros(STATES)
+        variances[POSITION], variances[LOAD] = variance_m2, [sigma * sigma for sigma in sigmas]
+        return self.rest(Sliding(x, 0.0, self._limited(load), np.diag(variances), direction=1.0, stopped=True))
 
     def prior_sigmas(self) -> Load:
         """Return the standard deviations of the load before anything was learned."""
@@ -133,12 +134,17 @@ class AdaptiveFilter:
         column = state.covariance[:, POSITION]
         gain = column / (column[POSITION] + variance_m2)
         covariance = state.covariance - np.outer(gain, column)
-        dx, dv, *change = (gain * (measured_m - state.x)).tolist()
-        load = self._limited(Load(*(old + new for old, new in zip(state.load, change, strict=True))))
-        v = state.v + dv
+        change = (gain * (measured_m - state.x)).tolist()
+        load = self._limited(Load(*(old + new for old, new in zip(state.load, change[LOAD], strict=True))))
+        v = state.v + change[SPEED]
         stopped = state.stopped or (state.v != 0.0 and v * state.direction <= 0.0)
         return replace(
-            state, x=state.x + dx, v=0.0 if stopped else v, load=load, covariance=covariance, stopped=stopped
+            state,
+            x=state.x + change[POSITION],
+            v=0.0 if stopped else v,
+            load=load,
+            covariance=covariance,
+            stopped=stopped,
         )
 
     def rest(self, state: Sliding) -> Resting:
@@ -146,9 +152,10 @@ class AdaptiveFilter:
         covariance = state.covariance.copy()
         covariance[SPEED, :] = covariance[:, SPEED] = 0.0
         covariance[POSITION, POSITION] += max(self.settings.landing_noise_m, _SHARPEST_M) ** 2
-        x_x, _, *others = covariance[POSITION].tolist()
+        by_x = covariance[POSITION].tolist()
+        variance_m2 = by_x[POSITION]
         anchor = replace(state, v=0.0, covariance=covariance, stopped=True)
-        return Resting(state.x, x_x, anchor, Load(*(each / x_x for each in others)))
+        return Resting(state.x, variance_m2, anchor, Load(*(each / variance_m2 for each in by_x[LOAD])))
 
     def _limited(self, load: Load) -> Load:
         """Return the load inside its limits."""

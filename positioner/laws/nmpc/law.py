@@ -56,7 +56,7 @@ class NmpcLaw:
 
     @property
     def longest_move_s(self) -> float:
-        """The longest time in s that a move can take; where the model says longer, it is wrong."""
+        """The longest time in s that a move can take; a stem that slides longer in the model has stopped in fact."""
         return 3.0 + 10.0 * self.valve.viscous_friction_n_s_per_m / self.valve.spring_rate_n_per_m
 
     def begin(self, measured_m: float) -> NmpcMemory:

@@ -12,11 +12,10 @@ from plant_emulator.parameters import PlantSettings
 from positioner.errors import ConfigurationError
 from positioner.inputs.nearest import nearest
 from positioner.inputs.toml_lines import problem_at
-from positioner.inputs.toml_reader import build, laid_over, read_text, tables
+from positioner.inputs.toml_reader import build, laid_over, tables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
 
 DEFAULT_PRESET = "paper"
@@ -39,30 +38,11 @@ def preset_summary(name: str) -> str:
     return _preset_text(name).partition("\n")[0].removeprefix("#").strip()
 
 
-def load_plant(path: Path) -> PlantSettings:
-    """Return the plant in the TOML file `path`.
-
-    Raises:
-        ConfigurationError: the file cannot be read, names an unknown preset, or holds an unknown key or a value out
-            of its limits.
-    """
-    return parse_plant(read_text(path), str(path))
-
-
-def parse_plant(text: str, source: str) -> PlantSettings:
-    """Return the plant in the TOML `text`, based on the preset that it names; `source` is for messages.
-
-    Raises:
-        ConfigurationError: as `load_plant`.
-    """
-    return build(_resolved(tables(text, source), source, text), PlantSettings, source, text)
-
-
 def plant_settings(preset: str = DEFAULT_PRESET, overrides: str | Mapping[str, Any] = "") -> PlantSettings:
     """Return the plant `preset` with the values of `overrides` (TOML text, or nested mappings) instead of its own.
 
     Raises:
-        ConfigurationError: as `load_plant`.
+        ConfigurationError: as `overridden`.
     """
     text = overrides if isinstance(overrides, str) else ""
     values = tables(overrides, "overrides") if isinstance(overrides, str) else dict(overrides)
@@ -72,8 +52,10 @@ def plant_settings(preset: str = DEFAULT_PRESET, overrides: str | Mapping[str, A
 def overridden(base: Mapping[str, Any], changes: Mapping[str, Any], source: str, text: str = "") -> PlantSettings:
     """Return the plant of the tables `base`, with the values of `changes` instead of its own.
 
+    source, text: name and content of the file behind the tables, for messages.
+
     Raises:
-        ConfigurationError: as `load_plant`.
+        ConfigurationError: an unknown preset, an unknown key, or a value outside its limits.
     """
     return build(_resolved(laid_over(base, changes), source, text), PlantSettings, source, text)
 

@@ -6,12 +6,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plant_emulator.presets import DEFAULT_PRESET, overridden, preset_names
+from positioner.inputs.numbers import number
 from positioner.inputs.toml_reader import changes_of, read_text, tables
 
 if TYPE_CHECKING:
     import argparse
 
     from plant_emulator.parameters import PlantSettings
+
+SECONDS = number(1e-6, 1e6, "seconds from 1e-6 to 1e6")
+"""The type of an option that is a time in s."""
 
 
 def add_plant_options(parser: argparse.ArgumentParser) -> None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from plant_emulator.cli.numbers import seconds, whole
-from plant_emulator.cli.plant_options import add_plant_options, plant_of
+from plant_emulator.cli.plant_options import SECONDS, add_plant_options, plant_of
 from plant_emulator.daemon import EmulatorDaemon, EmulatorOptions
 from positioner.bus.address import parse_address
+from positioner.inputs.numbers import whole
 from positioner.wire.codec import make_codec
 from positioner.wire.settings import WireSettings
 
@@ -33,7 +33,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add_plant_options(parser)
     parser.add_argument("--bus", default="socketcan:vcan0", metavar="INTERFACE:CHANNEL", help="the bus (%(default)s)")
     parser.add_argument(
-        "--period", type=seconds, default=0.001, metavar="S", help="period of the frames (%(default)s s)"
+        "--period", type=SECONDS, default=0.001, metavar="S", help="period of the frames (%(default)s s)"
     )
     parser.add_argument("--seed", type=whole, default=1, help="seed of noise and stochastic friction (%(default)s)")
     parser.add_argument(

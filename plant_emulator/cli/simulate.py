@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from plant_emulator import valve
-from plant_emulator.cli.numbers import in_range, seconds, whole
-from plant_emulator.cli.plant_options import add_plant_options, plant_of
+from plant_emulator.cli.plant_options import SECONDS, add_plant_options, plant_of
 from plant_emulator.cli.waveforms import HIGHEST_CURRENT_MA, Shape, Waveform, from_file, shaped
 from positioner.errors import ExitCode, PositionerError
 from positioner.inputs.nearest import check_name
+from positioner.inputs.numbers import number, whole
 
 if TYPE_CHECKING:
     import argparse
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 _HEADER = ("time_s", "current_ma", "pressure_pa", "position_m", "velocity_m_per_s", "friction_n")
 _PROGRESS_AFTER_S = 2.0
 _DEFAULT_DURATION_S = 60.0
+_CURRENT = number(0.0, HIGHEST_CURRENT_MA, f"mA from 0 to {HIGHEST_CURRENT_MA:g}")
 
 
 class OutputError(PositionerError):
@@ -55,13 +56,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )  # fmt: skip
     parser.add_argument("--out", default="-", metavar="FILE.csv", help="where to write (default: standard output)")
     parser.add_argument(
-        "--duration", type=seconds, metavar="S",
+        "--duration", type=SECONDS, metavar="S",
         help=f"simulated time (default: {_DEFAULT_DURATION_S:g} s, or all of FILE.csv)",
     )  # fmt: skip
-    parser.add_argument("--period", type=seconds, default=0.001, metavar="S", help="time per row (default: 0.001)")
+    parser.add_argument("--period", type=SECONDS, default=0.001, metavar="S", help="time per row (default: 0.001)")
     parser.add_argument("--seed", type=whole, default=0, metavar="N", help="seed of stochastic friction (default: 0)")
-    parser.add_argument("--low-ma", type=_current, default=4.0, metavar="MA", help="lowest current (default: 4)")
-    parser.add_argument("--high-ma", type=_current, default=20.0, metavar="MA", help="highest current (default: 20)")
+    parser.add_argument("--low-ma", type=_CURRENT, default=4.0, metavar="MA", help="lowest current (default: 4)")
+    parser.add_argument("--high-ma", type=_CURRENT, default=20.0, metavar="MA", help="highest current (default: 20)")
     parser.set_defaults(run=_run)
 
 
@@ -115,7 +116,3 @@ def _waveform(options: argparse.Namespace) -> Waveform:
 
 def _opened(out: str) -> AbstractContextManager[TextIO]:
     return nullcontext(sys.stdout) if out == "-" else Path(out).open("w", newline="", encoding="utf-8")
-
-
-def _current(text: str) -> float:
-    return in_range(text, 0.0, HIGHEST_CURRENT_MA, f"mA from 0 to {HIGHEST_CURRENT_MA:g}")

@@ -16,6 +16,7 @@ from positioner.conformance.report import as_json, lines
 from positioner.conformance.rules import conforms
 from positioner.conformance.script import Script
 from positioner.errors import ExitCode
+from positioner.inputs.numbers import number
 from positioner.wire.codec import make_codec
 from positioner.wire.loop_current import VALUE_HIGH_MA, VALUE_LOW_MA
 from positioner.wire.settings import WireSettings
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from positioner.cli.command import Commands
     from positioner.wire.codec import Codec
 
+_SECONDS = number(0.0001, 3600.0, "a time from 0.0001 to 3600 s")
 _EPILOG = """\
 It prints one line for each rule: pass, FAIL or not seen (the node had no occasion to break it). Below a FAIL stand the
 first frame that breaks the rule, and the fix.
@@ -76,14 +78,14 @@ def add_parser(commands: Commands) -> None:
         if name == "plant":
             node.add_argument(
                 "--period",
-                type=_seconds,
+                type=_SECONDS,
                 default=0.001,
                 metavar="S",
                 help="sample period of the plant (default: %(default)s s)",
             )
             node.add_argument(
                 "--deadman",
-                type=_seconds,
+                type=_SECONDS,
                 default=0.1,
                 metavar="S",
                 help="deadman of the plant: time without a command until its fail position (default: %(default)s s)",
@@ -96,7 +98,7 @@ def add_parser(commands: Commands) -> None:
             )
             node.add_argument(
                 "--listen",
-                type=_seconds,
+                type=_SECONDS,
                 default=1.0,
                 metavar="S",
                 help="listen for so long first (default: %(default)s s)",
@@ -104,13 +106,13 @@ def add_parser(commands: Commands) -> None:
         else:
             node.add_argument(
                 "--hold",
-                type=_seconds,
+                type=_SECONDS,
                 default=0.5,
                 metavar="S",
                 help="guard.setpoint_hold_s of the positioner (default: %(default)s s)",
             )
             node.add_argument(
-                "--listen", type=_seconds, default=10.0, metavar="S", help="listen for so long (default: %(default)s s)"
+                "--listen", type=_SECONDS, default=10.0, metavar="S", help="listen for so long (default: %(default)s s)"
             )
 
 
@@ -138,16 +140,6 @@ def _run(node: str, arguments: argparse.Namespace, codec: Codec, test: Conforman
 
 def _metres(range_mm: tuple[float, float] | None) -> tuple[float, float] | None:
     return None if range_mm is None else (range_mm[0] * 1e-3, range_mm[1] * 1e-3)
-
-
-def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0001 <= value <= 3600.0:  # noqa: PLR2004 - what the message says
-        raise argparse.ArgumentTypeError(f"{text!r} is not a time from 0.0001 to 3600 s")
-    return value
 
 
 def _range(lowest: float, highest: float, unit: str) -> Callable[[str], tuple[float, float]]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from positioner.errors import UsageError
+from positioner.inputs.nearest import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -79,9 +79,7 @@ def _word(text: str) -> Word:
     try:
         return Word(text)
     except ValueError:
-        close = difflib.get_close_matches(text, list(Word), n=1, cutoff=0.5)
-        advice = f"did you mean '{close[0]}'?" if close else f"known: {', '.join(Word)}"
-        raise UsageError(f"'{text}' is no verb of the host; {advice}") from None
+        raise UsageError(f"'{text}' is no verb of the host; {nearest(text, Word)}") from None
 
 
 def _take_number(left: list[str]) -> str:

@@ -14,11 +14,11 @@ import can
 from store_helpers import VALVE, WIDTH_M, series, taught
 from user_dbc import ALL, USER_DBC
 
-from plant_emulator.presets import parse_plant
+from plant_emulator.presets import overridden
 from positioner.bench import scenario
 from positioner.config.reader import parse_config
 from positioner.errors import ConfigurationError, Problem
-from positioner.inputs.toml_reader import read_text
+from positioner.inputs.toml_reader import read_text, tables
 from positioner.replay.cycles import cycles_of
 from positioner.replay.log import read_log
 from positioner.replay.recorded import FrameClassifier
@@ -79,7 +79,7 @@ def _read_toml(number: int, data: bytes, folder: Path) -> None:
     elif number < len(_CONFIGURATIONS) + len(_SCENARIOS):
         scenario.parse_scenario(text, "input.toml")
     else:
-        parse_plant(text, "input.toml")
+        overridden(tables(text, "input.toml"), {}, "input.toml", text)
 
 
 def _read_json(number: int, data: bytes, folder: Path) -> None:

@@ -12,6 +12,7 @@ from positioner.valve.parameters import ValveParameters
 from positioner.wire.messages import Cause
 
 VALVE = ValveParameters(id="paper")
+KNOWN = "known: arm, disarm, set, manual, auto, status, help, quit"
 GUARD = GuardSettings(current_low_ma=4.0, current_high_ma=18.0)
 
 
@@ -53,8 +54,8 @@ def test_verbs_stand_one_after_another() -> None:
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("amr", "'amr' is no verb of the host; did you mean 'arm'?"),
-        ("80", "'80' is no verb of the host; known: arm, disarm, set, manual, auto, status, help, quit"),
+        ("amr", f"'amr' is no verb of the host; did you mean 'arm'? {KNOWN}"),
+        ("80", f"'80' is no verb of the host; {KNOWN}"),
         ("set", "set needs a position: `set 80` (mm) or `set 62%` (of the span)"),
         ("set arm", "set needs a position: `set 80` (mm) or `set 62%` (of the span)"),
         ("set 80cm", "set 80cm: is no number in mm or %; write it like `set 9.5%`"),

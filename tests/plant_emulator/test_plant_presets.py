@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
-from plant_emulator.parameters import FailPosition
-from plant_emulator.presets import load_plant, parse_plant, plant_settings, preset_names, preset_summary
+from plant_emulator.parameters import FailPosition, PlantSettings
+from plant_emulator.presets import overridden, plant_settings, preset_names, preset_summary
 from positioner.errors import ConfigurationError
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from positioner.inputs.toml_reader import tables
 
 PAPER = plant_settings("paper")
+
+
+def plant_of(text: str) -> PlantSettings:
+    return overridden(tables(text, "plant.toml"), {}, "plant.toml", text)
 
 
 def test_the_presets_are_these_and_all_can_be_read() -> None:
@@ -71,13 +73,10 @@ def test_the_graphite_preset_is_slow_and_440_newtons_per_milliampere() -> None:
     assert settings.actuator.fill_time_constant_s == 0.1
 
 
-def test_a_plant_file_replaces_values_of_its_preset(tmp_path: Path) -> None:
-    path = tmp_path / "plant.toml"
-    path.write_text(
-        'preset = "spring-20"\nfail_position = "hold"\n\n[valve]\nmass_kg = 2.0\n\n[sensor]\nresolution_m = 1e-5\n',
-        encoding="utf-8",
+def test_a_plant_file_replaces_values_of_its_preset() -> None:
+    settings = plant_of(
+        'preset = "spring-20"\nfail_position = "hold"\n\n[valve]\nmass_kg = 2.0\n\n[sensor]\nresolution_m = 1e-5\n'
     )
-    settings = load_plant(path)
     assert settings.preset == "spring-20"
     assert (settings.valve.mass_kg, settings.valve.spring_rate_n_per_m) == (2.0, 42030.4)
     assert (settings.sensor.resolution_m, settings.sensor.noise_of_reading) == (1e-5, 0.02)
@@ -86,7 +85,7 @@ def test_a_plant_file_replaces_values_of_its_preset(tmp_path: Path) -> None:
 
 def test_a_plant_file_without_a_preset_stands_alone() -> None:
     with pytest.raises(ConfigurationError, match=r"plant\.toml: .*valve.*required and missing"):
-        parse_plant("deadman_s = 0.2\n", "plant.toml")
+        plant_of("deadman_s = 0.2\n")
 
 
 def test_overrides_may_be_text_or_tables() -> None:
@@ -97,7 +96,7 @@ def test_an_unknown_preset_is_refused_with_the_known_ones() -> None:
     with pytest.raises(
         ConfigurationError, match=r"line 2: preset = 'papr': is no preset; did you mean 'paper'\? known: ."
     ):
-        parse_plant('# mine\npreset = "papr"\n', "plant.toml")
+        plant_of('# mine\npreset = "papr"\n')
 
 
 @pytest.mark.parametrize(

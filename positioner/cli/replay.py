@@ -1,4 +1,4 @@
-"""`positioner replay`: a recorded bus through the same cycle. Shell."""
+"""`positioner replay`: the commands of a recorded bus computed again. Shell."""
 
 from __future__ import annotations
 
@@ -69,12 +69,12 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     configuration = load_config(arguments.config, changes)
     prepared = prepare(arguments.log, configuration, arguments.state)
     if not changes and not prepared.commands:
-        told = "no command among them to compare with; --law says what would have been commanded"
-        raise LogError(f"{arguments.log}: holds {prepared.readings} position frames, and {told}")
+        text = "no command to compare with; --law shows what would have been commanded"
+        raise LogError(f"{arguments.log}: holds {prepared.readings} position frames, and {text}")
     if not changes and prepared.late:
-        told = "what the positioner knew before is not in it, and nothing can be compared; log it from its start"
+        text = "the earlier frames are missing, so commands cannot be compared; start the log before the positioner"
         raise LogError(
-            f"{arguments.log}: starts late: {prepared.late}: {told}, or ask with --law what would be commanded"
+            f"{arguments.log}: starts late: {prepared.late}: {text}, or see with --law what would be commanded"
         )
     sys.stdout.write(f"{headline(prepared)}\n")
     codec = configuration.make_codec()
@@ -99,6 +99,6 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
 def _output(folder: Path | None) -> contextlib.AbstractContextManager[OutputFolder | None]:
     if folder is None:
         return contextlib.nullcontext()
-    from positioner.replay.output import OutputFolder  # noqa: PLC0415 - pictures slow every other command down
+    from positioner.replay.output import OutputFolder  # noqa: PLC0415 - matplotlib would slow every other command down
 
     return OutputFolder(folder)

@@ -1,1 +1,1 @@
-"""Replay: a recorded bus through the very same cycle."""
+"""Replay: the frames of a recorded bus are given to the same control cycle."""

@@ -1,8 +1,8 @@
-"""From a log to the cycles of the positioner that it shows: what each took in, at which instant, and what it sent.
+"""The positioner's cycles in a log: the instant of each cycle, and the frames that it received and sent. Pure.
 
-Three kinds of log tell this in three ways (DESIGN.md, "Replay"). The positioner's own record says it outright. In the
-log of a lockstep bench, all frames of a sample carry the sample's time. On any other log, the counters that a command
-echoes say which frames were in before it, and its time stamp stands for the instant. Pure.
+There are three kinds of log (DESIGN.md, "Replay"). The positioner's own record has the instants and the order of the
+frames. In the log of a lockstep bench, all frames of a sample have the sample's time. In any other log, the counters
+that a command echoes show which frames the positioner had received, and the command's time stamp is the instant.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from positioner.replay.echoes import bus_cycles
-from positioner.replay.recorded import MOST_FRAMES, NOTE_ID, FrameClassifier, RecordedCycle
+from positioner.replay.recorded import MOST_FRAMES, FrameClassifier, RecordedCycle
 from positioner.replay.survey import LogKind, snapped
+from positioner.runtime.record import NOTE_ID
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -34,7 +35,7 @@ def cycles_of(
 
 
 def _recorded_cycles(classifier: FrameClassifier, frames: Iterable[LogFrame]) -> Iterator[RecordedCycle]:
-    """Yield the runs of one instant; what comes in after something was sent begins the next."""
+    """Yield a cycle for each instant; a frame received after a sent one begins the next cycle."""
 
     def begins(run: list[LogFrame], frame: LogFrame) -> bool:
         return frame.time_ns != run[0].time_ns or (_is_sent(run[-1]) and not _is_sent(frame))
@@ -45,7 +46,7 @@ def _recorded_cycles(classifier: FrameClassifier, frames: Iterable[LogFrame]) ->
 def _runs(
     frames: Iterable[LogFrame], begins: Callable[[list[LogFrame], LogFrame], bool]
 ) -> Iterator[Sequence[LogFrame]]:
-    """Yield the frames in runs; a new one begins where `begins` says so of the last run and a frame."""
+    """Yield the frames in runs; a frame begins a new run if `begins` of the last run and the frame is true."""
     run: list[LogFrame] = []
     for frame in frames:
         if run and (len(run) == MOST_FRAMES or begins(run, frame)):

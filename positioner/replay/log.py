@@ -1,6 +1,6 @@
-"""A recorded bus as frames: candump, ASC, BLF, CSV, or whatever else python-can reads. Shell.
+"""The frames of a recorded bus: candump, ASC, BLF, CSV, or another format that python-can reads. Shell.
 
-The frames stay in the file, and each pass reads them anew: a log may be longer than the memory.
+The frames stay in the file, and each pass reads them again: a log may be larger than the memory.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 _NS = 1_000_000_000
 _BLF_HEADER_BYTES = 144
 _BLF_OBJECT, _BLF_OBJECT_BYTES = b"LOBJ", 16
-"""What begins every object, and how long its header is, with its size in the bytes 8 to 11."""
+"""The first bytes of every object, and the length of its header, whose bytes 8 to 11 are the object's size."""
 _LATEST_S = 1e11
-"""No clock of a logger is past the year 5000; NaN is no smaller either."""
+"""A later time stamp is none: the clock of no logger is past the year 5000."""
 
 
 class LogError(PositionerError):
-    """A log that cannot be replayed: unreadable, or without what a replay needs."""
+    """A log that cannot be replayed: it cannot be read, or frames that a replay needs are missing."""
 
     exit_code = ExitCode.IO
 
@@ -45,7 +45,7 @@ class LogFrame:
 
 @dataclass(frozen=True, slots=True)
 class BusLog:
-    """A log: how many frames it has, the time stamps of first and last in s, and where and why it ends early, if so."""
+    """A log: its number of frames, the time stamps of the first and the last in s, and why it ends early, if so."""
 
     path: Path
     count: int
@@ -54,10 +54,10 @@ class BusLog:
     cut: str = ""
 
     def frames(self) -> Iterator[LogFrame]:
-        """Yield the frames in order, read from the file anew.
+        """Yield the frames in order, read from the file again.
 
         Raises:
-            LogError: the file is no longer what it was.
+            LogError: the file has changed.
         """
         found = 0
         for frame in islice(_Pass(self.path), self.count):
@@ -72,7 +72,7 @@ class BusLog:
 
 
 def read_log(path: Path, show: Callable[[LogFrame], None] = lambda _: None) -> BusLog:
-    """Return the log in `path`, after one pass that `show` sees; of one that is cut or damaged, what stands before.
+    """Return the log in `path` after one pass, which gives each frame to `show`; of a damaged log, the part before.
 
     Raises:
         LogError: it cannot be read at all, or holds no frame.
@@ -86,7 +86,7 @@ def read_log(path: Path, show: Callable[[LogFrame], None] = lambda _: None) -> B
 
 
 class _Pass:
-    """One pass over a file: its frames, and, behind the last, why no further one can be read."""
+    """One pass over a file: its frames, and after the last one why no further frame can be read."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -103,7 +103,7 @@ class _Pass:
                     _check_stamp(message)
                 except Exception as error:  # noqa: BLE001 - whatever a damaged file makes python-can raise
                     self.cut = (
-                        f"what follows frame {read} cannot be read ({type(error).__name__}: {shortened(str(error))})"
+                        f"the part after frame {read} cannot be read ({type(error).__name__}: {shortened(str(error))})"
                     )
                     break
                 if message is None:
@@ -116,7 +116,7 @@ class _Pass:
                 read, last = number, LogFrame(number, time_ns, _frame(message), sent=not message.is_rx)
             promised = getattr(reader, "object_count", read)
         if not self.cut and _ends_within_a_line(self.path):
-            self.cut = f"the line behind frame {max(0, read - 1)} is not complete"
+            self.cut = f"the line after frame {max(0, read - 1)} is not complete"
             return
         if not self.cut and promised > read:
             self.cut = f"frame {read} is the last of {promised}"
@@ -126,7 +126,7 @@ class _Pass:
 
 def _opened(path: Path) -> can.io.generic.MessageReader:
     try:
-        with path.open("rb") as file:  # python-can's own complaint would name neither the file nor the reason
+        with path.open("rb") as file:  # python-can's own message would name neither the file nor the reason
             _check_head(path, file.read(_BLF_HEADER_BYTES))
         return _finite(can.LogReader(path))
     except OSError as error:
@@ -134,20 +134,20 @@ def _opened(path: Path) -> can.io.generic.MessageReader:
     except LogError:
         raise
     except Exception as error:
-        told = shortened(str(error)) or type(error).__name__
-        raise LogError(f"{path}: cannot be read: {told}; known formats: {_formats()}") from error
+        text = shortened(str(error)) or type(error).__name__
+        raise LogError(f"{path}: cannot be read: {text}; known formats: {_formats()}") from error
 
 
 def _check_head(path: Path, head: bytes) -> None:
-    """Refuse what cannot be BLF under the name of one: python-can would leave the file open."""
+    """Refuse a file named .blf that is none: python-can would not close it."""
     if path.suffix.lower() == ".blf" and not (head.startswith(b"LOGG") and len(head) == _BLF_HEADER_BYTES):
-        raise LogError(f"{path}: cannot be read: it is no BLF file")
+        raise LogError(f"{path}: cannot be read: it is not a BLF file")
 
 
 def _finite(reader: can.io.generic.MessageReader) -> can.io.generic.MessageReader:
-    """Return the reader; one of BLF sees only objects behind which there is another."""
+    """Return the reader; a reader of BLF gets only objects that have a valid size."""
     if isinstance(reader, can.BLFReader):
-        parse = reader._parse_data  # noqa: SLF001 - a damaged size would keep it for ever, out of anybody's reach
+        parse = reader._parse_data  # noqa: SLF001 - a damaged size would make it loop for ever
         reader._parse_data = lambda data: parse(_advancing(data))  # type: ignore[method-assign]  # noqa: SLF001
     return reader
 
@@ -155,7 +155,7 @@ def _finite(reader: can.io.generic.MessageReader) -> can.io.generic.MessageReade
 def _advancing(data: bytes) -> bytes:
     """Return a part of a BLF file up to the first object that is smaller than its own header.
 
-    python-can steps from object to object by their sizes, and never leaves one of size 0.
+    python-can steps from object to object by their sizes, and loops for ever at one of size 0.
     """
     at = data.find(_BLF_OBJECT)
     while 0 <= at <= len(data) - _BLF_OBJECT_BYTES:
@@ -182,7 +182,7 @@ def _frame(message: can.Message) -> CanFrame:
 
 
 def _ends_within_a_line(path: Path) -> bool:
-    """Return whether a text log ends without the end of its last line: that line may lack some bytes."""
+    """Return whether a text log ends without a line end: bytes of its last line may be missing."""
     if path.suffix.lower() not in {".log", ".asc", ".csv", ".trc"}:
         return False
     with path.open("rb") as file:

@@ -1,4 +1,4 @@
-"""What another law, or other settings, would have done: their commands beside the recorded ones. Pure."""
+"""The commands of another law or of other settings, compared with the recorded ones. Pure."""
 
 from __future__ import annotations
 
@@ -7,21 +7,18 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from positioner.cycle.events import Controlled, LawFellBack
-from positioner.wire.formats import FrameRejectedError
-from positioner.wire.messages import CurrentCommand, Mode
+from positioner.replay.recorded import command_in
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from positioner.replay.run import ReplayedCycle
     from positioner.wire.codec import Codec
-    from positioner.wire.messages import CanFrame
+    from positioner.wire.messages import CurrentCommand, Mode
 
 _LEAST_DIFFERENCE_MA = 0.0005
 """Half a bit of the command frame."""
-_REASONS_TOLD = 5
+_REASONS_SHOWN = 5
 _REASONS_KEPT = 1000
-"""Some have a number in them: beyond so many different ones the others count together."""
+"""Some reasons contain a number: if there are more different ones, the others are counted together."""
 
 _Apart = tuple[float, float, float, float]
 """Difference in mA, time in s, and recorded and computed current in mA."""
@@ -29,7 +26,7 @@ _Apart = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One cycle in which a command was recorded or computed; None where there was none."""
+    """One cycle in which a command was recorded or computed; None where there is none."""
 
     time_s: float
     setpoint_m: float | None
@@ -44,7 +41,7 @@ class Row:
 
 @dataclass(slots=True)
 class OtherLaw:
-    """Sums up what `add` is shown."""
+    """Summary of the cycles given to `add`."""
 
     codec: Codec
     both: int = 0
@@ -58,21 +55,22 @@ class OtherLaw:
     _last_ns: int | None = None
 
     def add(self, replayed: ReplayedCycle) -> Row | None:
-        """Note one cycle, and return it, if a command was recorded or computed in it."""
+        """Count one cycle; return its row if a command was recorded or computed in it."""
         if self._last_ns is not None:
             self.modes[replayed.mode] += replayed.recorded.time_ns - self._last_ns
         self._last_ns = replayed.recorded.time_ns
         for event in replayed.events:
             if isinstance(event, LawFellBack):
                 self.fallbacks[event.why if self._is_kept(event.why) else "for other reasons"] += 1
-        recorded = self._command([logged.frame for logged in replayed.recorded.outbox])
-        computed = self._command(replayed.computed)
+        recorded, _ = command_in(self.codec, (logged.frame for logged in replayed.recorded.outbox)) or (None, None)
+        computed, _ = command_in(self.codec, replayed.computed) or (None, None)
         if recorded is None and computed is None:
             return None
-        self._compare(_stamp_ns(replayed) * 1e-9, recorded, computed)
+        time_s = _stamp_ns(replayed) * 1e-9
+        self._compare(time_s, recorded, computed)
         closed = next((event for event in replayed.events if isinstance(event, Controlled)), None)
         return Row(
-            _stamp_ns(replayed) * 1e-9,
+            time_s,
             closed.setpoint_m if closed else None,
             closed.measured_m if closed else None,
             recorded.current_ma if recorded else None,
@@ -94,10 +92,10 @@ class OtherLaw:
             ]
         elif self.both:
             lines.append("no difference: every current is as recorded")
-        told = ", ".join(f"{mode.name} {spent_ns * 1e-9:.3f} s" for mode, spent_ns in sorted(self.modes.items()))
-        lines.append(f"modes: {told}")
+        modes = ", ".join(f"{mode.name} {spent_ns * 1e-9:.3f} s" for mode, spent_ns in sorted(self.modes.items()))
+        lines.append(f"modes: {modes}")
         lines.append(f"fallbacks: {self.fallbacks.total()}")
-        lines += [f"  {times} × {why}" for why, times in self.fallbacks.most_common(_REASONS_TOLD)]
+        lines += [f"  {times} × {why}" for why, times in self.fallbacks.most_common(_REASONS_SHOWN)]
         return "\n".join(lines)
 
     def _is_kept(self, why: str) -> bool:
@@ -116,19 +114,9 @@ class OtherLaw:
         if self._first is None and gap_ma > _LEAST_DIFFERENCE_MA:
             self._first = apart
 
-    def _command(self, frames: Iterable[CanFrame]) -> CurrentCommand | None:
-        for frame in frames:
-            try:
-                message, _ = self.codec.decode(frame)
-            except FrameRejectedError:
-                continue
-            if isinstance(message, CurrentCommand):
-                return message
-        return None
-
 
 def _stamp_ns(replayed: ReplayedCycle) -> int:
-    """Return the time that the log gives to a cycle's frames."""
+    """Return the time of a cycle's frames in the log."""
     cycle = replayed.recorded
     return next((logged.time_ns for logged in (*cycle.outbox, *cycle.inbox)), cycle.time_ns)
 

@@ -1,4 +1,4 @@
-"""What a replay leaves on the disk: `trace.csv`, and `replay.png`, the recorded beside the computed current. Shell."""
+"""The files of a replay: `trace.csv`, and `replay.png` with the recorded and the computed current. Shell."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _RECORDED, _COMPUTED, _SETPOINT, _MEASURED = "#0072B2", "#D55E00", "#009E73", "#
 
 
 class OutputFolder:
-    """Both files of a folder: a context within which `trace.csv` is written row by row."""
+    """The folder with both files: a context in which `trace.csv` is written row by row."""
 
     def __init__(self, folder: Path) -> None:
         """Begin `trace.csv` in `folder`.
@@ -65,7 +65,7 @@ class OutputFolder:
         self._is_empty = False
 
     def draw(self, title: str) -> None:
-        """Leave `replay.png`, if there was a row.
+        """Write `replay.png`, if there was a row.
 
         Raises:
             StateError: the folder cannot be written.

@@ -1,4 +1,4 @@
-"""What a replay starts from: the log, its cycles, the configuration and the table. Shell."""
+"""The preparation of a replay: the log, its cycles, and the table at its start. Shell."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class PreparedLog:
-    """A log that is ready to be done again; its frames stay in the file."""
+    """A log that is ready to be replayed; its frames stay in the file."""
 
     log: BusLog
     classifier: FrameClassifier
@@ -37,7 +37,7 @@ class PreparedLog:
     table: StictionTable
     warnings: tuple[str, ...]
     late: str = ""
-    """How the log shows that the positioner had been at work before it; empty where it begins in time."""
+    """How the log shows that it begins after the positioner's start; empty if it begins in time."""
 
     def cycles(self) -> Iterator[RecordedCycle]:
         """Yield the cycles, read from the file anew."""
@@ -49,7 +49,7 @@ def prepare(path: Path, configuration: Configuration, state: Path | None) -> Pre
 
     Raises:
         LogError: the log cannot be read, or holds no position frame of this valve.
-        StateError: the table cannot be read, or is another valve's.
+        StateError: the table cannot be read, or belongs to another valve.
     """
     classifier = FrameClassifier(configuration.make_codec())
     period_ns = round(configuration.control.sample_period_s * 1e9)
@@ -75,18 +75,18 @@ def prepare(path: Path, configuration: Configuration, state: Path | None) -> Pre
     late = _late(classifier, survey, first) if first else ""
     warnings = [f"starts late: {late}"] if late else []
     if replaced:
-        told = f"the stiction table was replaced at {log.instant_s(replaced):.6f} s"
-        warnings.insert(0, f"{told}, and the log cannot tell by what: differences may follow")
+        text = f"the stiction table was replaced at {log.instant_s(replaced):.6f} s"
+        warnings.insert(0, f"{text}, and the log does not hold the new one: differences may follow")
     return PreparedLog(
         log, classifier, period_ns, survey.kind, cycle_count, survey.readings, commands, table, tuple(warnings), late
     )
 
 
 def _late(classifier: FrameClassifier, survey: Survey, command: LogFrame) -> str:
-    """Return how the frames tell that the positioner had spoken before them; its counters begin at 0."""
+    """Return how the frames show that the positioner sent others before the log; its counters begin with 0."""
     if survey.first_reading and command.number < survey.first_reading.number:
-        return f"a command, frame {command.number}, stands before the first position frame"
-    for first in (command, survey.first_besides):
+        return f"a command, frame {command.number}, comes before the first position frame"
+    for first in (command, survey.first_other):
         if first is not None and (counter := classifier.counter(first)):
             return f"frame {first.number} has the counter {counter}, and a positioner begins with 0"
     return ""

@@ -1,10 +1,11 @@
-"""What a frame of a log is to the positioner: something it hears, something it sent, or nothing to it. Pure."""
+"""The frames of a log: which of them the positioner received, which it sent, and which do not concern it. Pure."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from positioner.runtime.record import NOTE_ID
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import (
     ActuatorState,
@@ -16,13 +17,14 @@ from positioner.wire.messages import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from positioner.replay.log import LogFrame
     from positioner.wire.codec import Codec
+    from positioner.wire.messages import CanFrame
 
 INPUTS = (StemPosition, ActuatorState, Setpoint, ManualCurrent, CurrentCommand)
-"""What a positioner hears; a command that it hears is somebody else's."""
-NOTE_ID = 0x1FFFFFFF
-"""Identifier of a note in the positioner's own record (`positioner.runtime.record`)."""
+"""Messages that a positioner receives; a command that it receives is another controller's."""
 _NOTE_BYTES = 8
 MOST_FRAMES = 4096
 """Frames of one cycle at most (a real one: 1024, `positioner.bus.port`), and frames that are looked ahead in a log."""
@@ -30,7 +32,7 @@ MOST_FRAMES = 4096
 
 @dataclass(frozen=True, slots=True)
 class RecordedCycle:
-    """One cycle of the positioner's loop: its instant, what it took in, what it sent, and what else it was told."""
+    """One cycle of the positioner: its instant, the frames it received and sent, and the notes of its record."""
 
     time_ns: int
     inbox: tuple[LogFrame, ...]
@@ -39,10 +41,10 @@ class RecordedCycle:
 
 
 class FrameClassifier:
-    """Tells the frames of one valve apart, by their identifiers."""
+    """Classifies the frames of one valve by their identifiers."""
 
     def __init__(self, codec: Codec) -> None:
-        """Learn who sends what: the command's sender is the positioner, and it sends all that the DBC says so of."""
+        """Read the identifiers from the DBC; the positioner is the sender of the status."""
         self.codec = codec
         own = set(codec.by_kind[PositionerStatus].dbc.senders)
         sent = [kind for kind, form in codec.by_kind.items() if own & set(form.dbc.senders)]
@@ -53,12 +55,12 @@ class FrameClassifier:
         self._setpoint = codec.identifier(Setpoint)
 
     def concerns(self, logged: LogFrame) -> bool:
-        """Return whether the positioner hears or sends such a frame, or notes it."""
+        """Return whether the positioner receives, sends or notes such a frame."""
         is_note = logged.sent and _address(logged) == (NOTE_ID, True) and len(logged.frame.data) == _NOTE_BYTES
         return self.is_input(logged) or self.is_output(logged) or is_note
 
     def is_input(self, logged: LogFrame) -> bool:
-        """Return whether the positioner hears such a frame; error frames reach everybody."""
+        """Return whether the positioner receives such a frame; every node receives error frames."""
         return logged.frame.is_error or _address(logged) in self._inputs
 
     def is_output(self, logged: LogFrame) -> bool:
@@ -66,24 +68,24 @@ class FrameClassifier:
         return not logged.frame.is_error and _address(logged) in self._outputs
 
     def is_command(self, logged: LogFrame) -> bool:
-        """Return whether it is a command, whoever sent it."""
+        """Return whether it is a command, of this positioner or of another controller."""
         return not logged.frame.is_error and _address(logged) == self._command
 
     def is_position(self, logged: LogFrame) -> bool:
-        """Return whether it is a position frame that can be read."""
-        return _address(logged) == self._position and self._is_whole(logged)
+        """Return whether it is a valid position frame."""
+        return _address(logged) == self._position and self._is_valid(logged)
 
     def is_setpoint(self, logged: LogFrame) -> bool:
-        """Return whether it is a setpoint frame that can be read."""
-        return _address(logged) == self._setpoint and self._is_whole(logged)
+        """Return whether it is a valid setpoint frame."""
+        return _address(logged) == self._setpoint and self._is_valid(logged)
 
     def counter(self, logged: LogFrame) -> int | None:
-        """Return the counter of a frame, intact or not, or None where it has none."""
+        """Return the counter of a frame, valid or not, or None if it has none."""
         form = self.codec.by_id[_address(logged)]
         return self._raw(logged).get(form.counter) if form.counter else None
 
     def echo(self, logged: LogFrame, field: str) -> int | None:
-        """Return the counter that a command echoes in `field`, or None where there is no such signal."""
+        """Return the counter that a command echoes in `field`, or None if the DBC has no such signal."""
         form = self.codec.by_kind[CurrentCommand]
         signal = next((each.signal for each in form.fields if each.name == field), None)
         return self._raw(logged).get(signal) if signal else None
@@ -94,7 +96,7 @@ class FrameClassifier:
             return {}
         return form.dbc.decode(logged.frame.data, decode_choices=False, scaling=False)  # type: ignore[return-value]
 
-    def _is_whole(self, logged: LogFrame) -> bool:
+    def _is_valid(self, logged: LogFrame) -> bool:
         try:
             self.codec.decode(logged.frame)
         except FrameRejectedError:
@@ -102,9 +104,16 @@ class FrameClassifier:
         return True
 
 
-def command_echo(classifier: FrameClassifier, logged: LogFrame) -> int | None:
-    """Return the position counter that a command echoes."""
-    return classifier.echo(logged, "position_counter")
+def command_in(codec: Codec, frames: Iterable[CanFrame]) -> tuple[CurrentCommand, int | None] | None:
+    """Return the first valid command among `frames` with its counter, or None."""
+    for frame in frames:
+        try:
+            message, counter = codec.decode(frame)
+        except FrameRejectedError:
+            continue
+        if isinstance(message, CurrentCommand):
+            return message, counter
+    return None
 
 
 def _address(logged: LogFrame) -> tuple[int, bool]:

@@ -1,4 +1,4 @@
-"""The cycles of a log through the very same cycle. Shell, for the law's solver and nothing else."""
+"""The cycles of a log, computed again by the same `step`. Shell, only because of the law's solver."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ from positioner.cycle.command_effect import SentCommand
 from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState
 from positioner.cycle.step import step
+from positioner.replay.recorded import command_in
 from positioner.runtime.record import KIND_AGE, NOTE_ID, NOTED_FIELDS, Note
-from positioner.wire.formats import FrameRejectedError
-from positioner.wire.messages import CurrentCommand
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator
 
     from positioner.config.schema import Configuration
     from positioner.cycle.events import Event
@@ -24,13 +23,13 @@ if TYPE_CHECKING:
     from positioner.wire.messages import CanFrame, Mode
 
 _BEGIN_NS = 10**15
-"""The instant of a log's first frame: later than any that a frame may have waited for."""
+"""The instant of a log's first frame: so late that the arrival of a frame that waited before it is not negative."""
 _NS_PER_US = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class ReplayedCycle:
-    """One cycle done again: what it was, the frames and events that came of it, and the mode it ended in."""
+    """One cycle computed again: the recorded one, the computed frames and events, and the mode at its end."""
 
     recorded: RecordedCycle
     computed: tuple[CanFrame, ...]
@@ -41,22 +40,22 @@ class ReplayedCycle:
 def replay_cycles(
     configuration: Configuration, cycles: Iterable[RecordedCycle], table: StictionTable, *, follows: bool = False
 ) -> Iterator[ReplayedCycle]:
-    """Yield every cycle, done again from `table` on.
+    """Yield every cycle computed again; the first one starts with `table`.
 
-    With `follows` the recorded command counts as sent after each cycle, whatever was computed: another law then sees
-    the valve move under the current that really moved it.
+    With `follows` the recorded command counts as sent after each cycle, instead of the computed one: another law then
+    observes the valve with the current that really moved it.
     """
     setup = configuration.make_setup()
     state = CycleState(table=table)
     for cycle in cycles:
-        state, outbox, events = step(setup, state, _told(cycle, table_saved=state.table_saved))
+        state, outbox, events = step(setup, state, _cycle_input(cycle, table_saved=state.table_saved))
         if follows:
             state = _followed(setup.codec, state, cycle, outbox)
         yield ReplayedCycle(cycle, outbox, events, state.guard.mode)
 
 
 def _inbox(cycle: RecordedCycle, now_ns: int) -> tuple[CanFrame, ...]:
-    """Return the frames that the positioner took in, with their arrival where a note says how long they had waited."""
+    """Return the frames that the positioner received; `received_ns` is set where a note gives their waiting time."""
     noted = [logged for logged in cycle.notes if Note.of(logged.frame.data).kind == KIND_AGE]
     if not noted:
         return tuple(logged.frame for logged in cycle.inbox)
@@ -69,35 +68,25 @@ def _inbox(cycle: RecordedCycle, now_ns: int) -> tuple[CanFrame, ...]:
     return tuple(inbox)
 
 
-def _told(cycle: RecordedCycle, *, table_saved: bool) -> CycleInput:
-    """Return what the cycle was told, the notes' part included; what was said of the table holds until another note."""
+def _cycle_input(cycle: RecordedCycle, *, table_saved: bool) -> CycleInput:
+    """Return the input of the cycle with the fields of its notes; `table_saved` is valid until another note."""
     now_ns = _BEGIN_NS + cycle.time_ns
-    told = CycleInput(_inbox(cycle, now_ns), now_ns, table_saved=table_saved)
+    cycle_input = CycleInput(_inbox(cycle, now_ns), now_ns, table_saved=table_saved)
     for logged in cycle.notes:
         note = Note.of(logged.frame.data)
         if note.kind < len(NOTED_FIELDS):
-            usual = getattr(told, NOTED_FIELDS[note.kind])
-            told = replace(told, **{NOTED_FIELDS[note.kind]: type(usual)(note.value)})
-    return told
+            usual = getattr(cycle_input, NOTED_FIELDS[note.kind])
+            cycle_input = replace(cycle_input, **{NOTED_FIELDS[note.kind]: type(usual)(note.value)})
+    return cycle_input
 
 
 def _followed(codec: Codec, state: CycleState, cycle: RecordedCycle, outbox: tuple[CanFrame, ...]) -> CycleState:
-    """Return the state as if the recorded command had been sent; one that is equal was, to its last decimal."""
-    recorded = _commanded(codec, [logged.frame for logged in cycle.outbox])
-    if recorded is None or not state.output.sent or recorded == _commanded(codec, outbox):
+    """Return the state as if the recorded command had been sent; an equal one needs no change of the state."""
+    recorded, computed = command_in(codec, (logged.frame for logged in cycle.outbox)), command_in(codec, outbox)
+    if recorded is None or not state.output.sent:
         return state
-    current_ma, counter = recorded
-    sent = SentCommand(state.output.sent[-1].counter if counter is None else counter, current_ma)
+    command, counter = recorded
+    if computed and (command.current_ma, counter) == (computed[0].current_ma, computed[1]):
+        return state
+    sent = SentCommand(state.output.sent[-1].counter if counter is None else counter, command.current_ma)
     return replace(state, output=replace(state.output, sent=(*state.output.sent[:-1], sent)))
-
-
-def _commanded(codec: Codec, frames: Sequence[CanFrame]) -> tuple[float, int | None] | None:
-    """Return current and counter of the command among `frames`, if there is a valid one."""
-    for frame in frames:
-        try:
-            message, counter = codec.decode(frame)
-        except FrameRejectedError:
-            continue
-        if isinstance(message, CurrentCommand):
-            return message.current_ma, counter
-    return None

@@ -1,12 +1,10 @@
-"""What a first pass over a log finds: who wrote it, and what it begins with. Pure."""
+"""The first pass over a log: who wrote it, and its first frames. Pure."""
 
 from __future__ import annotations
 
 from collections import Counter
 from enum import Enum
 from typing import TYPE_CHECKING
-
-from positioner.replay.recorded import command_echo
 
 if TYPE_CHECKING:
     from positioner.replay.log import LogFrame
@@ -16,7 +14,7 @@ _STAMP_NS = 1000
 
 
 class LogKind(Enum):
-    """Who wrote a log, as far as its frames tell; the value says it in words."""
+    """Who wrote a log, according to its frames; the value is its name in words."""
 
     RECORD = "the positioner's own record"
     LOCKSTEP = "the log of a lockstep bench"
@@ -24,25 +22,25 @@ class LogKind(Enum):
 
     @property
     def knows_instants(self) -> bool:
-        """Whether the log holds the very instants that the cycle was told."""
+        """Whether the log has the exact instants of the cycles."""
         return self is not LogKind.BUS
 
 
 class Survey:
-    """What `add` has seen so far: how many readings, and the first of them and of what the positioner sends."""
+    """The result so far: the number of readings, the first reading, and the positioner's first other frame."""
 
     def __init__(self, classifier: FrameClassifier, period_ns: int) -> None:
-        """Begin with nothing; `period_ns` is the sample period."""
+        """Begin; `period_ns` is the sample period."""
         self.readings = 0
         self.first_reading: LogFrame | None = None
-        self.first_besides: LogFrame | None = None
-        """The first that a positioner sends besides its commands."""
+        self.first_other: LogFrame | None = None
+        """The first frame of the positioner that is no command."""
         self._classifier = classifier
         self._sent = False
         self._samples = _Samples(classifier, period_ns)
 
     def add(self, frame: LogFrame) -> None:
-        """Look at the next frame."""
+        """Add the next frame."""
         classifier = self._classifier
         if not classifier.concerns(frame):
             return
@@ -54,7 +52,7 @@ class Survey:
         elif classifier.is_output(frame):
             self._sent |= frame.sent
             if not classifier.is_command(frame):
-                self.first_besides = self.first_besides or frame
+                self.first_other = self.first_other or frame
 
     @property
     def kind(self) -> LogKind:
@@ -65,7 +63,7 @@ class Survey:
 
 
 class _Samples:
-    """Whether every frame stands at a whole number of periods, and a command at that of its reading."""
+    """Checks whether every frame is at a whole number of periods, and each command at the time of its reading."""
 
     def __init__(self, classifier: FrameClassifier, period_ns: int) -> None:
         self._classifier = classifier
@@ -77,7 +75,7 @@ class _Samples:
         self._echoes: Counter[int | None] = Counter()
 
     def add(self, frame: LogFrame, *, is_position: bool) -> None:
-        """Look at the next frame."""
+        """Add the next frame."""
         self._whole = self._whole and abs(frame.time_ns - snapped(frame, self._period_ns)) <= _STAMP_NS
         if not self._whole:
             return
@@ -88,10 +86,10 @@ class _Samples:
             self._read.add(self._classifier.counter(frame))
         elif self._classifier.is_command(frame):
             self._commands += 1
-            self._echoes[command_echo(self._classifier, frame)] += 1
+            self._echoes[self._classifier.echo(frame, "position_counter")] += 1
 
     def in_lockstep(self) -> bool:
-        """Return whether it is so for all frames, and for most commands."""
+        """Return whether this is true for all frames and for most commands."""
         self._close()
         return self._whole and self._commands > 0 and 2 * self._answering > self._commands
 
@@ -102,5 +100,5 @@ class _Samples:
 
 
 def snapped(frame: LogFrame, period_ns: int) -> int:
-    """Return the time of a frame to a whole number of periods, in ns."""
+    """Return the time of a frame in ns, rounded to a whole number of periods."""
     return round(frame.time_ns / period_ns) * period_ns

@@ -71,7 +71,7 @@ def test_a_log_that_ends_within_a_line_counts_up_to_there(
     told = capsys.readouterr().out.splitlines()
     assert told[0].startswith(f"{cut}: the log of a lockstep bench, 300 frames, 96 position frames")
     assert told[1].startswith(f"{cut}: cut at 0.096000 s: ")
-    assert told[1].endswith("; what was read counts")
+    assert told[1].endswith("; the frames before it are replayed")
     assert told[2] == "CURRENT_COMMAND: 96 recorded, 96 computed, 96 equal to the bit"
 
 
@@ -82,7 +82,7 @@ def test_a_damaged_line_ends_the_log(bench: tuple[Path, Path], tmp_path: Path, c
     damaged.write_bytes(b"".join(lines[:300]) + b"(nonsense\n" + b"".join(lines[301:]))
     assert replay(damaged, config) == 0
     told = capsys.readouterr().out
-    assert f"{damaged}: cut at 0.096000 s: what follows frame 300 cannot be read (ValueError: " in told
+    assert f"{damaged}: cut at 0.096000 s: the part after frame 300 cannot be read (ValueError: " in told
 
 
 @pytest.mark.parametrize("suffix", [".blf", ".log.gz"])
@@ -94,7 +94,7 @@ def test_a_binary_log_that_is_cut_counts_up_to_there(suffix: str, tmp_path: Path
     assert replay(whole, config) == 0
     told = capsys.readouterr().out.splitlines()
     assert ": cut at " in told[1]
-    assert "what was read counts" in told[1]
+    assert "the frames before it are replayed" in told[1]
     recorded = int(told[2].split()[1])
     assert 300 < recorded < 2900
 
@@ -118,12 +118,15 @@ def test_what_is_no_log_is_told_in_one_line(bench: tuple[Path, Path], tmp_path: 
     files = {
         "picture.png": (b"\x89PNG\r\n", "cannot be read: No read support for unknown log format"),
         "empty.log": (b"", "holds no frame"),
-        "words.log": (b"these are\nno frames\n", "holds no frame: what follows frame 0 cannot be read"),
+        "words.log": (b"these are\nno frames\n", "holds no frame: the part after frame 0 cannot be read"),
         "bytes.log": (bytes(range(128, 256)), "holds no frame"),
         "words.asc": (b"these are\nno frames\n", "holds no frame"),
-        "words.blf": (b"these are\nno frames\n", "cannot be read: it is no BLF file"),
-        "words.db": (b"these are\nno frames\n", "holds no frame: what follows frame 0 cannot be read (DatabaseError"),
-        "words.log.gz": (b"these are\nno frames\n", "holds no frame: what follows frame 0 cannot be read (BadGzipFile"),
+        "words.blf": (b"these are\nno frames\n", "cannot be read: it is not a BLF file"),
+        "words.db": (b"these are\nno frames\n", "holds no frame: the part after frame 0 cannot be read (DatabaseError"),
+        "words.log.gz": (
+            b"these are\nno frames\n",
+            "holds no frame: the part after frame 0 cannot be read (BadGzip",
+        ),
         "header.csv": (b"timestamp,arbitration_id,extended,remote,error,dlc,data\n", "holds no frame"),
         "other.log": (b"(0.0) can0 123#00 R\n", "holds 1 frames, and no position frame among them"),
     }
@@ -151,7 +154,7 @@ def test_a_log_without_commands_has_nothing_to_compare(
     lines = log.read_text(encoding="ascii").splitlines(keepends=True)
     silent.write_text("".join(line for line in lines if " 100#" not in line and " 140#" not in line), encoding="ascii")
     assert replay(silent, config) == 74
-    assert "no command among them to compare with" in capsys.readouterr().err
+    assert "no command to compare with" in capsys.readouterr().err
     assert replay(silent, config, "--law", "paper") == 0
     assert "commands: 0 in both, 0 recorded only, 150 computed only" in capsys.readouterr().out
 
@@ -266,7 +269,7 @@ def test_a_command_before_any_reading_is_a_late_start_though_its_counter_is_0(
     path = tmp_path / "late.log"
     path.write_text("".join(lines[:first] + lines[first + 1 :]), encoding="ascii")
     assert replay(path, config) == ExitCode.IO
-    assert "stands before the first position frame" in capsys.readouterr().err
+    assert "comes before the first position frame" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("stamp", ["nan", "inf", "-inf", "1e300", "-1e300"])
@@ -275,5 +278,5 @@ def test_a_log_is_read_up_to_a_time_stamp_that_is_no_time(stamp: str, tmp_path: 
     path.write_text(f"(1.0) vcan0 110#00 R\n(1.5) vcan0 110#00 R\n({stamp}) vcan0 110#00 R\n(2.0) vcan0 110#00 R\n")
     log = read_log(path)
     assert [frame.time_ns for frame in log.frames()] == [0, 500_000_000]
-    assert log.cut.startswith("what follows frame 2 cannot be read (ValueError: ")
+    assert log.cut.startswith("the part after frame 2 cannot be read (ValueError: ")
     assert log.cut.endswith(" s is no time stamp)")

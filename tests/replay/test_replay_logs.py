@@ -17,8 +17,9 @@ import pytest
 import replay_helpers as runs
 
 from positioner.config.reader import load_config
-from positioner.replay.compare import Comparison, Difference, in_words
+from positioner.replay.compare import Comparison, Difference
 from positioner.replay.prepare import PreparedLog, prepare
+from positioner.replay.report import describe
 from positioner.replay.run import ReplayedCycle, replay_cycles
 from positioner.replay.survey import LogKind
 from positioner.wire.messages import CanFrame, Cause, CurrentCommand, Mode, PositionerStatus
@@ -118,7 +119,7 @@ def test_the_positioner_does_what_it_did(name: str, replay: Replayed) -> None:
     told = (
         f"{len(apart)} cycles of {name}.log.gz differ ({allowed:g} may, in the current alone, by {FARTHEST_MA} mA)",
         f"{first.name} at {first.time_ns / 1e9:.6f} s{how_far}:",
-        *in_words(replay.codec, first),
+        *describe(replay.codec, first),
         "If this is meant: make accept-logs, and say in the commit why.",
     )
     pytest.fail("\n".join(told), pytrace=False)

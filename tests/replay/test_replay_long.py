@@ -16,13 +16,14 @@ from hypothesis import strategies as st
 
 from positioner.cycle.events import LawFellBack
 from positioner.replay.cycles import cycles_of
-from positioner.replay.envelope import MOST_STRETCHES, Envelope
+from positioner.replay.envelope import MOST_PARTS, Envelope
 from positioner.replay.log import LogError, LogFrame, read_log
 from positioner.replay.other import OtherLaw, Row
 from positioner.replay.output import OutputFolder
-from positioner.replay.recorded import MOST_FRAMES, NOTE_ID, FrameClassifier, RecordedCycle
+from positioner.replay.recorded import MOST_FRAMES, FrameClassifier, RecordedCycle
 from positioner.replay.run import ReplayedCycle
 from positioner.replay.survey import LogKind, Survey
+from positioner.runtime.record import NOTE_ID
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import CanFrame, CurrentCommand, Mode, Setpoint, StemPosition
 
@@ -194,12 +195,12 @@ def test_a_long_curve_keeps_its_peaks_in_a_bounded_number_of_points(samples: int
 def test_every_row_of_a_long_trace_is_written(tmp_path: Path) -> None:
     row = Row(0.0, 0.08, 0.081, 12.0, None, Mode.ACTIVE, Mode.HOLD, "", "a, b")
     with OutputFolder(tmp_path) as output:
-        for number in range(MOST_STRETCHES + 1000):
+        for number in range(MOST_PARTS + 1000):
             output.add(replace(row, time_s=number * 1e-3))
     output.draw("long")
     lines = (tmp_path / "trace.csv").read_text(encoding="utf-8").splitlines()
-    assert lines[-1] == f"{(MOST_STRETCHES + 999) * 1e-3:.6f},0.08000000,0.08100000,12.00000000,,2,3,,a; b"
-    assert len(lines) == MOST_STRETCHES + 1001
+    assert lines[-1] == f"{(MOST_PARTS + 999) * 1e-3:.6f},0.08000000,0.08100000,12.00000000,,2,3,,a; b"
+    assert len(lines) == MOST_PARTS + 1001
     assert (tmp_path / "replay.png").read_bytes().startswith(b"\x89PNG")
 
 

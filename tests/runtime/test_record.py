@@ -92,10 +92,6 @@ def test_what_the_shell_tells_the_cycle_is_noted_before_its_frames(tmp_path: Pat
     assert Note.of(Note(3, 0x123456789ABCDE).data) == Note(3, 0x123456789ABCDE)
 
 
-def test_the_two_names_of_a_note_are_one() -> None:
-    assert recorded.NOTE_ID == NOTE_ID
-
-
 def test_what_comes_in_after_something_was_sent_is_the_next_turn(tmp_path: Path) -> None:
     # a daemon in lockstep may take two turns at one instant: only a position frame makes time pass
     codec = make_codec()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import socket
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from positioner.errors import AlreadyRunningError, StateError
 from positioner.store import as_owner, commands, control, lock, messages
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from positioner.store.content import StoredTable
+
+T = TypeVar("T")
 
 _LOCK_TIMEOUT_S = 5.0
 """How long to wait for a daemon that is starting or ending, or for another command."""
@@ -29,10 +31,7 @@ def dump(directory: Path) -> StoredTable:
     Raises:
         StateError: there is none, or it cannot be read.
     """
-    answer = _ask(directory, messages.DumpRequest())
-    if isinstance(answer, messages.Dumped):
-        return answer.stored
-    raise _error(directory, answer)
+    return _ask(directory, messages.DumpRequest(), messages.Dumped).stored
 
 
 def reset(directory: Path) -> str | None:
@@ -41,7 +40,7 @@ def reset(directory: Path) -> str | None:
     Raises:
         StateError: nothing was changed; the message says why.
     """
-    return _backup(directory, messages.ResetRequest())
+    return _ask(directory, messages.ResetRequest(), messages.Done).backup
 
 
 def replace(directory: Path, stored: StoredTable, *, force: bool) -> str | None:
@@ -52,26 +51,21 @@ def replace(directory: Path, stored: StoredTable, *, force: bool) -> str | None:
     Raises:
         StateError: nothing was changed; the message says why.
     """
-    return _backup(directory, messages.ImportRequest(stored, force))
+    return _ask(directory, messages.ImportRequest(stored, force), messages.Done).backup
 
 
-def _backup(directory: Path, request: messages.Request) -> str | None:
-    answer = _ask(directory, request)
-    if isinstance(answer, messages.Done):
-        return answer.backup
-    raise _error(directory, answer)
-
-
-def _error(directory: Path, answer: messages.Message) -> StateError:
-    match answer:
+def _ask(directory: Path, request: messages.Request, expected: type[T]) -> T:
+    match answer := _answer(directory, request):
         case messages.Refused(reason):
-            return StateError(reason)
+            raise StateError(reason)
         case messages.Rejected(name, fault, detail):
-            return TableRejectedError(directory / name, Fault(fault), detail)
-    return StateError(f"{directory}: unexpected answer: {answer}")
+            raise TableRejectedError(directory / name, Fault(fault), detail)
+        case expected():
+            return answer
+    raise StateError(f"{directory}: unexpected answer: {answer}")
 
 
-def _ask(directory: Path, request: messages.Request) -> messages.Message:
+def _answer(directory: Path, request: messages.Request) -> messages.Message:
     deadline_s = time.monotonic() + _LOCK_TIMEOUT_S
     while True:
         try:
@@ -81,7 +75,7 @@ def _ask(directory: Path, request: messages.Request) -> messages.Message:
             try:
                 return _of_writer(directory, request)
             except (FileNotFoundError, ConnectionError, PermissionError) as error:
-                if isinstance(request, messages.DumpRequest):  # who may only read has no way to the table writer
+                if isinstance(request, messages.DumpRequest):  # who may only read cannot connect to the table writer
                     return _of_files(directory, request)
                 if isinstance(error, PermissionError):
                     message = f"{directory / control.NAME}: {error.strerror}; become the daemon's user or its group's"

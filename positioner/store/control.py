@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import socket
 from contextlib import suppress
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 from positioner.store.channel import Channel
 
@@ -37,11 +37,7 @@ class ControlSocket:
         except OSError as error:
             self.notices = (f"no {NAME}: {error.strerror}; `table reset` and `table import` need the daemon stopped",)
 
-    def __enter__(self) -> Self:
-        """Return the socket itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
         """Close all connections and remove the socket."""
         for client in self._clients:
             client.close()

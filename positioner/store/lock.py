@@ -40,11 +40,11 @@ def acquire(directory: Path, timeout_s: float, report: Callable[[str], object] =
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             if time.monotonic() >= deadline_s:
-                message = _occupied(directory, descriptor)
+                message = _occupied(directory)
                 os.close(descriptor)
                 raise AlreadyRunningError(message) from error
             if not waiting:
-                report(f"waiting {timeout_s:g} s at most: {_occupied(directory, descriptor)}")
+                report(f"waiting {timeout_s:g} s at most: {_occupied(directory)}")
             waiting = True
             time.sleep(_RETRY_S)
         except OSError as error:
@@ -71,37 +71,25 @@ def held(directory: Path, timeout_s: float) -> Iterator[None]:
 
 
 def holder(directory: Path) -> int | None:
-    """Return the process that holds the directory's lock, the daemon of its valve; None where none does.
+    """Return the process that took the directory's lock, the daemon of its valve; None where none did.
 
-    It is None, too, where the directory cannot be opened or the system does not name it.
+    It is None, too, where the directory cannot be examined or the system does not name the process.
     """
     try:
-        descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+        status = directory.stat()
+        lines = Path("/proc/locks").read_text(encoding="ascii").splitlines()
     except OSError:
         return None
-    try:
-        return _holder(descriptor)
-    finally:
-        os.close(descriptor)
+    inode = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}:{status.st_ino}"
+    # number, kind, mode, type, process, device:inode, start, end
+    fields = (line.split() for line in lines)
+    return next((int(one[4]) for one in fields if len(one) > 5 and one[1] == "FLOCK" and one[5] == inode), None)  # noqa: PLR2004, the columns above
 
 
-def _occupied(directory: Path, descriptor: int) -> str:
-    pid = _holder(descriptor)
+def _occupied(directory: Path) -> str:
+    pid = holder(directory)
     if pid is None:
         return f"{directory}: in use by another process; stop it, or choose another state directory"
     if not Path(f"/proc/{pid}").exists():
         return f"{directory}: process {pid} has ended, but its table is still being written; try again shortly"
     return f"{directory}: in use by process {pid}; stop it, or choose another state directory"
-
-
-def _holder(descriptor: int) -> int | None:
-    """Return the process that took the flock, as /proc/locks names it, or None."""
-    status = os.fstat(descriptor)
-    inode = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}:{status.st_ino}"
-    try:
-        lines = Path("/proc/locks").read_text(encoding="ascii").splitlines()
-    except OSError:
-        return None
-    # number, kind, mode, type, process, device:inode, start, end
-    fields = (line.split() for line in lines)
-    return next((int(one[4]) for one in fields if len(one) > 5 and one[1] == "FLOCK" and one[5] == inode), None)  # noqa: PLR2004, the columns above

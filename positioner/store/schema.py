@@ -58,12 +58,12 @@ def transaction(connection: sqlite3.Connection) -> Iterator[None]:
 
 def version_of(connection: sqlite3.Connection) -> int:
     """Return how many migrations the file has taken."""
-    return int(_pragma(connection, "user_version"))
+    return int(connection.execute("PRAGMA user_version").fetchone()[0])
 
 
 def is_ours(connection: sqlite3.Connection) -> bool:
     """Return whether this program made the file."""
-    return bool(_pragma(connection, "application_id") == APPLICATION_ID)
+    return bool(connection.execute("PRAGMA application_id").fetchone()[0] == APPLICATION_ID)
 
 
 def migrate(connection: sqlite3.Connection) -> None:
@@ -80,13 +80,13 @@ def stored_in(connection: sqlite3.Connection, source: str) -> StoredTable:
         ConfigurationError: a value lies outside what a table may hold: a right digest is no proof of sense.
         ValueError: the rows are no table at all.
     """
-    ((valve_id, cell_width_m, generation, sequence),) = connection.execute("SELECT * FROM meta")
+    (meta,) = connection.execute("SELECT * FROM meta")
     rows = connection.execute("SELECT * FROM cells LIMIT ?", (MOST_CELLS + 1,))
     cells = [
         dict(zip(_COLUMNS, (*start, json.loads(samples), count, newest, document.utc_text(seconds)), strict=True))
         for *start, samples, count, newest, seconds in rows
     ]
-    head = {"valve": valve_id, "cell_width_m": cell_width_m, "generation": generation, "sequence": sequence}
+    head = dict(zip(("valve", "cell_width_m", "generation", "sequence"), meta, strict=True))
     return document.from_plain({"format": document.FORMAT, "schema": 1, **head, "cells": cells}, source)
 
 
@@ -144,7 +144,3 @@ def _cell_rows(stored: StoredTable) -> dict[CellKey, _Row]:
         )
         for key, cell in stored.table
     }
-
-
-def _pragma(connection: sqlite3.Connection, name: str) -> Any:
-    return connection.execute(f"PRAGMA {name}").fetchone()[0]

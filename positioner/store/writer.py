@@ -13,6 +13,7 @@ import select
 import socket
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -183,7 +184,7 @@ def run(channel: Channel, lock: int) -> None:
     except (PositionerError, OSError) as error:
         channel.send(messages.Closed(str(error)))
     else:
-        with ControlSocket(lock) as control:
+        with closing(ControlSocket(lock)) as control:
             channel.send(messages.Opened(stored, (*tables.take_notices(), *control.notices)))
             problem = _RESTARTED if first.restarted else None
             serve(channel, TableWriter(channel, tables, stored, time.monotonic(), problem), control)

@@ -215,7 +215,7 @@ def test_the_truth_is_merged_by_time_and_the_log_starts_at_zero(tmp_path: Path) 
 
 def test_a_record_of_a_dry_run_is_refused(capsys: Output) -> None:
     assert main(["run", "--config", "absent.toml", "--dry-run", "--record", "bus.log"]) == 2
-    assert "--record tells what was sent, and --dry-run sends nothing" in capsys.readouterr().err
+    assert "--record stores the frames that are sent, and --dry-run sends none" in capsys.readouterr().err
 
 
 @pytest.mark.bus

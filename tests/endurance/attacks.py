@@ -34,14 +34,14 @@ if TYPE_CHECKING:
 
 TRUE = "true"
 HOSTILITY = (0.85, 0.2)
-"""Part of the frames that the adversary lays hands on, in turn: in the lulls disputes end, so that they can begin."""
+"""Shares of the frames that are attacked, by turns: in the quiet parts a dispute ends, so that another can begin."""
 LULL_FRAMES = 400
 HISTORY = 600
-"""Frames that the adversary remembers: more than two turns of a counter."""
+"""Frames that the adversary remembers: more than two wraps of a counter."""
 
 
 class Adversary:
-    """Frames as a receiver hears them, each with the name of what was done to it."""
+    """The frames that a receiver gets, each with the name of the attack on it."""
 
     def __init__(self, seed: int) -> None:
         self.chance = random.Random(seed)  # noqa: S311 - attacks that can be repeated, no secret
@@ -56,13 +56,13 @@ class Adversary:
         made = 0
         while made < number:
             true = self.true_frame()
-            heard = [(TRUE, true)]
+            received = [(TRUE, true)]
             if self.chance.random() < HOSTILITY[made // LULL_FRAMES % len(HOSTILITY)]:
                 attack = self.chance.choice(list(ATTACKS))
-                heard = [(attack, frame) for frame in ATTACKS[attack](self, true)]
+                received = [(attack, frame) for frame in ATTACKS[attack](self, true)]
             self.history.append(true)
-            yield from heard[: number - made]
-            made += len(heard)
+            yield from received[: number - made]
+            made += len(received)
 
     def true_message(self) -> Message:
         chance = self.chance
@@ -163,7 +163,7 @@ def flagged(it: Adversary, true: CanFrame) -> list[CanFrame]:
 
 
 def badly_made(it: Adversary, true: CanFrame) -> list[CanFrame]:
-    """Return a true CRC around whatever a broken sender may say."""
+    """Return a frame with a true CRC and the content that a broken sender may give it."""
     identifier = it.chance.choice(list(KINDS))
     payload = bytearray(true.data[:3] + it.chance.randbytes(5))
     p05.e2e_p05_protect(payload, KINDS[identifier].data_id, increment_counter=False)
@@ -188,6 +188,6 @@ ATTACKS: Mapping[str, Callable[[Adversary, CanFrame], list[CanFrame]]] = {
     "badly made": badly_made,
 }
 DAMAGING = frozenset({"damaged", "burst", "truncated", "lengthened", "masqueraded", "other valve", "random", "flagged"})
-"""What must not pass, but by accident of the CRC."""
-UNHEARD = frozenset({"lost", "restarted"})
-"""What shows in the frames that follow."""
+"""Attacks that only an accident of the CRC lets through."""
+UNRECEIVED = frozenset({"lost", "restarted"})
+"""Attacks that show in later frames only."""

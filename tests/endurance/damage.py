@@ -1,4 +1,4 @@
-"""Damages the table file in every byte and at every length, and looks whether that is detected, mended or harmless."""
+"""Damages the table file in every byte and at every length: each damage is detected, mended or harmless."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Sensors that freeze, dither and come double, actuators that die, turn round and stick: each is told in time.
+"""Sensors that freeze, dither and come double, actuators that die, turn round and stick: each is reported in time.
 
 Start it as `python -m endurance.faults [--moves N]`; `make fault-test` does. Each law has a healthy run of many moves,
-and before every move each fault begins in a copy of it, at a random instant. It is told when the status is not 'good':
-within 2 s of the first move after the error exceeds 5 % of span. Then come every law and every plant with sensors of
-five kinds, without any fault: what is told there must be true.
+and before every move each fault begins in a copy of it, at a random instant. The status must
+report it within 2 s of the first move after which the error exceeds 5 % of span. Then every law runs on every plant
+with sensors of five kinds, without any fault: whatever the status reports there must be true.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from endurance.faulty_loop import Fault
 
-TOLD_WITHIN_S = 2.0
+REPORTED_WITHIN_S = 2.0
 LIMIT_OF_SPAN = 0.05
 SENSORS: Mapping[str, dict[str, Any]] = {
     "noisy": {},
@@ -57,7 +57,7 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One fault before one move of one law: what told it, and how long after the move with a large error."""
+    """One fault before one move of one law: which cause reported it, and how long after the error became large."""
 
     law: str
     sensor: str
@@ -70,7 +70,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Calm:
-    """A run without a fault: what was told truly (the error was large, and for long), and what was not."""
+    """A run without a fault: the true reports (the error was large for long) and the false ones."""
 
     name: str
     true: tuple[str, ...]
@@ -78,7 +78,7 @@ class Calm:
 
 
 def scenario(law: str, plant: str, sensor: str, seed: int) -> Scenario:
-    """The loop of a law on a plant with another sensor; it believes what it was told of the plant's own."""
+    """The loop of a law on a plant with another sensor; it believes the constants of the plant that was not varied."""
     return Scenario(
         name="fault-test",
         title="faults",
@@ -92,7 +92,7 @@ def scenario(law: str, plant: str, sensor: str, seed: int) -> Scenario:
 
 
 def next_setpoint_m(chance: random.Random, here_m: float) -> float:
-    """A setpoint that every law can reach and leave again on every plant, 10 to 14 mm away."""
+    """Return a setpoint 10 to 14 mm away that every law can reach, and move away from, on every plant."""
     far_m = chance.uniform(0.010, 0.014)
     up = here_m + far_m < 0.088 and (here_m - far_m < 0.073 or chance.random() < 0.5)
     return here_m + far_m if up else here_m - far_m
@@ -123,7 +123,7 @@ def _trial(series: Series, loop: Loop, fault: Fault, here_m: float, there_m: flo
     limit_m = LIMIT_OF_SPAN * loop.plant.valve.span_m
     large: int | None = None
     cause, after_s = None, float("inf")
-    for sample in range(round(2.0 * TOLD_WITHIN_S / PERIOD_S)):
+    for sample in range(round(2.0 * REPORTED_WITHIN_S / PERIOD_S)):
         if large is None and abs(there_m - loop.true_m) > limit_m:
             large = sample
         if loop.trouble is not None:
@@ -134,7 +134,7 @@ def _trial(series: Series, loop: Loop, fault: Fault, here_m: float, there_m: flo
 
 
 def calm(work: tuple[str, str, str]) -> Calm:
-    """Return what is told of a law on a plant with a sensor, without any fault, during three moves of 1.9 s."""
+    """Return what the status reports of a law on a plant with a sensor, without any fault, in three moves of 1.9 s."""
     law, plant, sensor = work
     chance = random.Random(f"{law} {plant} {sensor}")  # noqa: S311 - moves to repeat, no secret
     loop, here_m, large = Loop.of(scenario(law, plant, sensor, 1)), 0.08, 0
@@ -149,34 +149,34 @@ def calm(work: tuple[str, str, str]) -> Calm:
             error_m = abs(loop.true_m - here_m)
             large = large + 1 if error_m > limit_m else 0
             if loop.trouble is not None and loop.trouble is not before:
-                told = f"{loop.trouble.name} at {loop.sample * PERIOD_S:.2f} s, {error_m * 1e3:.1f} mm off"
+                line = f"{loop.trouble.name} at {loop.sample * PERIOD_S:.2f} s, {error_m * 1e3:.1f} mm off"
                 is_true = loop.trouble is Cause.DEVIATION and large * PERIOD_S > loop.setup.guard.deviation_s - 0.3
-                (true if is_true else false).append(told)
+                (true if is_true else false).append(line)
             before = loop.trouble
     return Calm(f"{law} on {plant}, {sensor}", tuple(true), tuple(false))
 
 
 def late(found: list[Trial]) -> list[Trial]:
-    """Return the trials of faults that were not told in time."""
-    return [trial for trial in found if trial.after_s > TOLD_WITHIN_S]
+    """Return the trials whose fault was not reported in time."""
+    return [trial for trial in found if trial.after_s > REPORTED_WITHIN_S]
 
 
 def report(found: list[Trial], calms: list[Calm]) -> Iterator[str]:
-    """Yield the findings, a line for each fault, each that was late, and each thing that was told without a fault."""
+    """Yield the findings: a line for each fault, for each late report, and for each report without a fault."""
     by_fault: defaultdict[str, list[Trial]] = defaultdict(list)
     for trial in found:
         by_fault[f"{trial.sensor}: {trial.fault}"].append(trial)
     for name, its in sorted(by_fault.items()):
-        told = [trial for trial in its if trial.cause is not None]
-        causes = Counter(str(trial.cause and trial.cause.name) for trial in told)
-        last_s = max((trial.after_s for trial in told), default=0.0)
+        reported = [trial for trial in its if trial.cause is not None]
+        causes = Counter(str(trial.cause and trial.cause.name) for trial in reported)
+        last_s = max((trial.after_s for trial in reported), default=0.0)
         of = ", ".join(f"{cause} {count}" for cause, count in causes.most_common())
-        yield f"{name}: {len(told)} of {len(its)} told, the last after {last_s:.2f} s ({of})"
+        yield f"{name}: {len(reported)} of {len(its)} reported, the last after {last_s:.2f} s ({of})"
     for trial in late(found):
         yield f"SILENT OR LATE: {trial}"
     for run in calms:
-        yield from (f"told truly: {run.name}: {told}" for told in run.true)
-        yield from (f"FALSE ALARM: {run.name}: {told}" for told in run.false)
+        yield from (f"true report: {run.name}: {line}" for line in run.true)
+        yield from (f"FALSE ALARM: {run.name}: {line}" for line in run.false)
 
 
 def main() -> int:
@@ -212,7 +212,7 @@ def main() -> int:
     alarms = sum(len(run.false) for run in calms)
     lines = [
         *report(found, calms),
-        f"{len(found)} faults, {len(late(found))} silent or told after {TOLD_WITHIN_S:g} s",
+        f"{len(found)} faults, {len(late(found))} silent or reported after {REPORTED_WITHIN_S:g} s",
         f"{len(calms)} runs without a fault, {alarms} false alarms; {(time.monotonic() - began_s) / 60.0:.1f} min",
     ]
     sys.stdout.write("\n".join([*lines, ""]))

@@ -39,7 +39,7 @@ _NS = 1_000_000_000
 
 @dataclass(slots=True)
 class Loop:
-    """Positioner, emulated valve and host, a period at a time; a copy goes on for itself."""
+    """Positioner, emulated valve and host, a period at a time; a copy runs on independently."""
 
     setup: Setup
     plant: PlantSettings
@@ -61,7 +61,7 @@ class Loop:
         return cls(setup, plant, CycleState(), initial_device(plant, scenario.seed), scenario.seed)
 
     def fork(self) -> Loop:
-        """The same loop, to go on with otherwise."""
+        """Return a copy, which may continue in another way."""
         other = copy.copy(self)
         other.chance, other.kept = random.Random(self.seed * 1_000_003 + self.sample), {}  # noqa: S311 - no secret
         return other
@@ -89,7 +89,7 @@ class Loop:
 
     @property
     def trouble(self) -> Cause | None:
-        """What the last status says is the matter; None while all is well."""
+        """The cause in the last status; None while the status is good."""
         if self.said is None or self.said.health is Health.GOOD:
             return None
         return self.said.cause if self.said.mode is not Mode.INIT else Cause.NONE
@@ -97,7 +97,7 @@ class Loop:
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """What is between the nodes; by default nothing."""
+    """A fault between the nodes; by default there is none."""
 
     name: str
     sensor: Callable[[Loop, Iterable[CanFrame]], Iterable[CanFrame]] = lambda _loop, frames: frames
@@ -154,7 +154,7 @@ def _doubled(ahead: int | None, lost: float) -> Callable[[Loop, Iterable[CanFram
 
 
 def _commands(change: Callable[[Loop, float], float]) -> Callable[[Loop, Iterable[CanFrame]], Iterable[CanFrame]]:
-    """The current that acts is another one than the command's."""
+    """Another current acts than the commanded one."""
 
     def actuator(loop: Loop, frames: Iterable[CanFrame]) -> Iterable[CanFrame]:
         codec = loop.setup.codec

@@ -1,4 +1,4 @@
-"""The kinds of file that the project reads: true ones to begin with, words of their format, and who reads them."""
+"""The kinds of file that the project reads: valid examples, words of their format, and their readers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A million hostile frames for the positioner and for the emulated valve: none is taken that should not be.
+"""A million hostile frames for the positioner and for the emulated valve: none is accepted that should not be.
 
 Start it as `python -m endurance.fuzz`; `make fuzz` does.
 """
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from endurance.attacks import ATTACKS, DAMAGING, TRUE, UNHEARD, Adversary
+from endurance.attacks import ATTACKS, DAMAGING, TRUE, UNRECEIVED, Adversary
 from endurance.oracle import KINDS, Ledger, disarms, verdict_of
 from plant_emulator.device import initial_device, take
 from plant_emulator.presets import plant_settings
@@ -43,7 +43,7 @@ IGNORED = "unknown identifier"
 
 
 class DisagreementError(AssertionError):
-    """A receiver and the oracle are not of one opinion."""
+    """A receiver and the oracle disagree."""
 
 
 @dataclass
@@ -77,8 +77,8 @@ class Positioner:
         self.link, self.ledger, self.counters = LinkState(), Ledger(), Counters()
         self.lost = 0
 
-    def hear(self, frame: CanFrame) -> str:
-        """Let the positioner and the oracle judge; return their verdict.
+    def receive(self, frame: CanFrame) -> str:
+        """Give the frame to the positioner and to the oracle; return their verdict.
 
         Raises:
             DisagreementError: they differ, in verdict or in value.
@@ -100,7 +100,7 @@ class Positioner:
             verdict_of(frame) == "good" and not believed and frame.arbitration_id == SETPOINT and disarms(frame.data)
         )
         if received.guard_input.stray_disarm is not stray:
-            raise DisagreementError("a DISARM out of sequence was not obeyed, or none was heard as one")
+            raise DisagreementError("a DISARM out of sequence was not obeyed, or another frame was taken for one")
         self.link, self.counters = received.link, counters
         self.lost += sum(event.count for event in received.events if isinstance(event, FramesLost))
         if self.lost != self.ledger.lost:
@@ -144,8 +144,8 @@ class Valve:
         self.codec, self.ledger = make_codec(), Ledger()
         self.state: DeviceState = initial_device(plant_settings("paper"), 1)
 
-    def hear(self, frame: CanFrame) -> None:
-        """Let the valve and the oracle judge.
+    def receive(self, frame: CanFrame) -> None:
+        """Give the frame to the valve and to the oracle.
 
         Raises:
             DisagreementError: the valve obeys what it should not, or does not obey what it should.
@@ -161,7 +161,7 @@ class Valve:
             if obeyed[:2] != (frame.data[5], frame.data[2]) or after.signal_failed is not failed:
                 raise DisagreementError("the valve did not obey a good command")
             if not failed and (after.current_ma is None or abs(after.current_ma - current_ma) > 1e-6):
-                raise DisagreementError(f"the valve heard {after.current_ma!r} mA, the oracle {current_ma!r} mA")
+                raise DisagreementError(f"the valve received {after.current_ma!r} mA, the oracle {current_ma!r} mA")
         elif obeyed != (before.answered, before.command_counter, before.current_ma, before.signal_failed):
             raise DisagreementError(f"the valve obeyed a frame that is not to be taken: '{verdict}'")
         if after.setpoints - before.setpoints != (verdict == "good" and frame.arbitration_id == SETPOINT):
@@ -178,8 +178,8 @@ def fuzz(frames: int, seed: int, *, progress: bool = False) -> Findings:
     stream = tqdm(adversary.frames(frames), total=frames, unit=" frames", disable=not progress)
     for number, (attack, frame) in enumerate(stream):
         try:
-            verdict = positioner.hear(frame)
-            valve.hear(frame)
+            verdict = positioner.receive(frame)
+            valve.receive(frame)
         except DisagreementError as error:
             raise DisagreementError(f"seed {seed}, frame {number} ({attack}, {frame}): {error}") from None
         found.frames += 1
@@ -202,7 +202,7 @@ def main() -> int:
     except DisagreementError as error:
         sys.stderr.write(f"fuzz: {error}\n")
         return 1
-    missing = [name for name in ATTACKS if name not in UNHEARD and not found.attacks[name]]
+    missing = [name for name in ATTACKS if name not in UNRECEIVED and not found.attacks[name]]
     took = f"{time.monotonic() - began_s:.0f} s, seed {options.seed}"
     sys.stdout.write("\n".join([*found.lines(), took, ""]))
     if missing:

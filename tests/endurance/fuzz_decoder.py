@@ -31,8 +31,8 @@ FLAGS = {"is_error": 1, "is_remote": 2, "is_extended": 4}
 MEND_CRC = 8
 
 
-def judge(data: bytes) -> None:
-    """Let decoder and oracle judge the frame in `data`: its identifier, its flags, its bytes.
+def check(data: bytes) -> None:
+    """Give the frame in `data` to decoder and oracle: its identifier, its flags, its bytes.
 
     Raises:
         AssertionError: they differ.
@@ -54,7 +54,7 @@ def judge(data: bytes) -> None:
 
 def main() -> None:
     """Fuzz until the runs of the command line are done; libFuzzer ends the process itself."""
-    atheris.Setup([*sys.argv, "-seed=1", "-max_len=20", "-print_final_stats=1"], judge)
+    atheris.Setup([*sys.argv, "-seed=1", "-max_len=20", "-print_final_stats=1"], check)
     atheris.Fuzz()
 
 

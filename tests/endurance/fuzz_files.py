@@ -1,4 +1,4 @@
-"""Damaged and hostile files for everything that reads one: one clear line or a good reading, soon, and nothing else.
+"""Damaged and hostile files for every reader: each is read, or refused with one clear line, and quickly.
 
     PYTHONPATH=tests python -m endurance.fuzz_files [--share 0.01] [--seed 1] [--keep DIR]
 
@@ -139,7 +139,7 @@ def try_one(kind: FileKind, seed: int, folder: Path) -> tuple[bytes, bool, str, 
 
 
 def run_part(name: str, seeds: range, keep: str) -> Findings:
-    """Return what the inputs with these seeds lead to."""
+    """Return the findings of the inputs with these seeds."""
     kind, found = KINDS[name], Findings()
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "state"
@@ -162,7 +162,7 @@ def run_part(name: str, seeds: range, keep: str) -> Findings:
 
 
 def fuzz(share: float, seed: int, keep: str = "", jobs: int | None = None) -> Findings:
-    """Return what `share` of the full number of inputs leads to; 1 is the whole."""
+    """Return the findings of `share` of the full number of inputs; 1 means all of them."""
     found = Findings()
     parts = [
         (kind.name, range(start, min(start + _CHUNK, end)))
@@ -188,7 +188,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--keep", default="", metavar="DIR", help="where inputs that lead to a violation are kept")
     arguments = parser.parse_args()
-    for library in ("can", "cantools"):  # as for our commands: their complaints would be gigabytes here
+    for library in ("can", "cantools"):  # as in our commands: their log lines would be gigabytes here
         logging.getLogger(library).setLevel(logging.CRITICAL)
     if arguments.keep:
         Path(arguments.keep).mkdir(parents=True, exist_ok=True)

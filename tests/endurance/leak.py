@@ -1,11 +1,11 @@
-"""A daemon whose bus goes away and comes back, over and over, under a clock of its own: does anything pile up?
+"""A daemon whose bus goes away and comes back, again and again, on a virtual clock: does anything accumulate?
 
     PYTHONPATH=tests python -m endurance.leak [--short]
 
 Rounds of cycles and of tries to open the bus alternate; each try goes through python-can to an interface that this
-machine lacks. After each round the memory is read. What counts is its slope (Theil and Sen's, which one jump of the
-allocator does not bend), extrapolated to 30 days of the time that has passed for the daemon; in the short form, too
-short for that, it is how many blocks Python has allocated in all. The garbage collector is off, as in service, and
+machine lacks. After each round the memory is read. The result is its slope (Theil and Sen's, which one jump of the
+allocator does not change), extrapolated to 30 days of the daemon's own time. The short form is too short for a slope:
+its result is the number of blocks that Python has allocated. The garbage collector is off, as in service, and
 finds nothing at the end. Exit status: 0 below the limits, 1 above one of them.
 """
 
@@ -110,7 +110,7 @@ class Record:
 
     @property
     def descriptors(self) -> int:
-        """How many more are open at the end."""
+        """How many more descriptors are open at the end."""
         return round(self._descriptors[-1] - self._descriptors[0])
 
     def lines(self) -> list[str]:
@@ -125,12 +125,12 @@ class Record:
 
     @property
     def is_good(self) -> bool:
-        """Whether nothing piles up."""
+        """Whether nothing accumulates."""
         return max(self.resident, self.blocks) < MOST_GROWTH and self.descriptors == self.garbage == 0
 
 
 def play(folder: Path, rounds: int, retries: int, cycles: int, law: str = "nmpc") -> Record:
-    """Return what so many rounds show, which share the retries and the cycles among them."""
+    """Return the record of so many rounds, over which the retries and the cycles are spread evenly."""
     record = Record(rounds)
     with VirtualShell(folder, control={"law": law}, world=Outage) as shell:
         world = shell.world
@@ -155,7 +155,7 @@ def play(folder: Path, rounds: int, retries: int, cycles: int, law: str = "nmpc"
 
 
 def _round(shell: VirtualShell, world: Outage, retries: int, cycles: int) -> None:
-    """Control for so many cycles, and then lose the bus for so many tries."""
+    """Let the daemon control for some cycles, and then take the bus away for some tries."""
     shell.cycle_for(1.0)  # until it has tried again
     shell.arm()
     if shell.mode() is not Mode.ACTIVE:

@@ -1,7 +1,7 @@
 """How much memory a replay takes: `make long-replay` prints it for two logs, one many times as long as the other.
 
-Each is what somebody else on the bus would have logged: readings, a setpoint for each tenth, and commands that echo
-them; the replay looks ahead in it, finds that every command differs, and leaves trace and picture.
+Each is the log that another node on the bus would have written: readings, a setpoint for each tenth, and commands
+that echo them. The replay looks ahead in it, finds that every command differs, and writes trace and picture.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Taken:
     undrawn_mib: float
     peak_mib: float
     cpu_s: float
-    told: str
+    text: str
 
 
 def lines() -> Iterator[str]:

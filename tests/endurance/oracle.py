@@ -1,8 +1,8 @@
-"""Which frames a receiver must take: a second opinion that shares no line with the positioner.
+"""Which frames a receiver must accept: an independent check that shares no code with the positioner.
 
-The CRC is that of the package autosar-e2e; the fields are cut out of the bytes by hand; the counters are kept by the
-words of DESIGN.md. A frame that was damaged or made up at random and still fits is *valid by accident*: the wire
-cannot tell it from a true one, and the oracle says that it is to be taken.
+The CRC is that of the package autosar-e2e; the fields are cut out of the bytes by hand; the counters follow the
+text of DESIGN.md. A frame that was damaged or made up at random and still fits is *valid by accident*: the wire
+cannot tell it from a true one, and the oracle says that it must be accepted.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Kind:
 
 
 _RETIRED = frozenset({8, 9, 11})
-"""Causes that were never said, and are no more."""
+"""Causes that no status ever gave; they have been removed."""
 
 KINDS = {
     0x100: Kind(
@@ -100,8 +100,8 @@ class Book:
     verdicts: list[bool] = field(default_factory=list)
     disputed: bool = False
 
-    def judge(self, in_order: bool) -> None:
-        """Enter one verdict of the window: 4 wrong ones of 64 begin a dispute, 16 right ones in a row end it."""
+    def add(self, in_order: bool) -> None:
+        """Add one verdict to the window: 4 wrong ones of 64 begin a dispute, 16 right ones in a row end it."""
         self.verdicts = [*self.verdicts, in_order][-64:]
         if self.disputed and all(self.verdicts[-16:]):
             self.verdicts, self.disputed = [], False
@@ -110,21 +110,21 @@ class Book:
 
 @dataclass
 class Ledger:
-    """Counters as DESIGN.md puts it: a step of up to 11 is a loss; a larger one needs the frame that follows it.
+    """Counters as DESIGN.md describes them: a step of up to 11 is a loss; a larger one needs the frame that follows it.
 
-    What was missing and comes up to three counts late was overtaken: it is refused, and nothing else follows from it.
+    A missing frame that comes up to three counts late was overtaken: it is refused, without another consequence.
     """
 
     books: dict[int, Book] = field(default_factory=dict)
     lost: int = 0
 
     def enter(self, identifier: int, data: bytes) -> str:
-        """Return 'good', 'repeated counter' or 'counter out of order' and keep the books."""
+        """Return 'good', 'repeated counter' or 'counter out of order' and update the counters."""
         book, counter = self.books.setdefault(identifier, Book()), data[2]
         waiting, book.waiting = book.waiting, None
         if book.last == counter:
             if data != book.bytes_:
-                book.judge(in_order=False)
+                book.add(in_order=False)
             return "repeated counter"
         distance = 1 if book.last is None else (counter - book.last) % 256
         if distance <= 11 or (waiting is not None and counter == (waiting + 1) % 256 and counter not in book.gaps):
@@ -133,13 +133,13 @@ class Ledger:
             book.gaps = {each for each in kept | skipped if (counter - each) % 256 <= 3}
             self.lost += distance - 1 if distance <= 11 else 0
             book.last, book.bytes_ = counter, data
-            book.judge(in_order=True)
+            book.add(in_order=True)
             return "good"
         if counter in book.gaps:
             book.gaps.remove(counter)
             return "counter out of order"
         book.waiting = counter
-        book.judge(in_order=False)
+        book.add(in_order=False)
         return "counter out of order"
 
     def believes(self, identifier: int) -> bool:

@@ -1,4 +1,4 @@
-"""How long the disk itself takes meanwhile: a process that does again and again what a commit needs of it."""
+"""How long the disk itself takes: a process that repeats the disk operations of a commit."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class DiskProbe:
 
     @property
     def latest_s(self) -> float:
-        """The longest time by which the probe itself woke up too late: what the processor was short of."""
+        """The longest time by which the probe itself woke up too late: this is the delay by a busy processor."""
         return float(self._late.value)
 
     def _run(self, folder: Path) -> None:

@@ -8,7 +8,7 @@ from statistics import fmean, linear_regression
 
 _KIB = 1024
 _WARM_UP = 0.4
-"""Share of a life that may still grow: caches fill, cells of the table fill."""
+"""Share of a process's life in which its memory may grow: caches and the cells of the table fill."""
 _FEWEST = 10
 
 
@@ -22,8 +22,8 @@ class Pulse:
     memory_bytes: list[int] = field(default_factory=list)
     descriptors: list[int] = field(default_factory=list)
 
-    def feel(self, now_s: float) -> None:
-        """Look at the process; one that is gone is left alone."""
+    def measure(self, now_s: float) -> None:
+        """Measure the process; one that has ended changes nothing."""
         try:
             text = Path(f"/proc/{self.process}/smaps_rollup").read_text("ascii")
             descriptors = sum(1 for _ in Path(f"/proc/{self.process}/fd").iterdir())
@@ -31,7 +31,7 @@ class Pulse:
             return
         resident = next((line.split() for line in text.splitlines() if line.startswith("Rss:")), None)
         if resident is None:
-            return  # it ends just now
+            return  # it is ending
         self.times_s.append(now_s)
         self.memory_bytes.append(int(resident[1]) * _KIB)
         self.descriptors.append(descriptors)

@@ -1,10 +1,10 @@
-"""Takes every reaction of SAFETY.md's table away, one at a time, and sees the named test fail.
+"""Removes every reaction of SAFETY.md's table, one at a time, and checks that the named test fails.
 
     PYTHONPATH=.:tests python -m endurance.reactions [--only F2] [--jobs N]
 
 First all named tests pass on the tree as it is. Then, for each removal, a copy of the tree without the reaction runs
-its test. A removal is noticed when a test fails by what it asserts: an error in a fixture, a name that is not there any
-more or a hang prove nothing. Exit status: 0 all are noticed, 1 some are not, 2 the table itself is wrong.
+its test. A removal is noticed when a test fails by what it asserts: an error in a fixture, a missing name
+or a timeout proves nothing. Exit status: 0 all are noticed, 1 some are not, 2 the table itself is wrong.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _BROKEN = ("NameError", "UnboundLocalError", "SyntaxError", "ImportError", "Modu
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What came of a run of pytest: `noticed` when a test failed by what it asserts; `why` in a few words."""
+    """The outcome of a run of pytest: `noticed` when a test failed by what it asserts; `why` in a few words."""
 
     noticed: bool
     passed: bool
@@ -74,16 +74,16 @@ def run_tests(tree: Path, tests: list[str]) -> Verdict:
         last = (done.stdout.strip() or done.stderr.strip() or "nothing was said").splitlines()[-1]
         why = "passes" if passed else f"pytest ends with {done.returncode}: {last}"
         return Verdict(noticed=False, passed=passed, why=why, elapsed_s=elapsed_s)
-    noticed, why = judge(report.read_text(encoding="utf-8"))
+    noticed, why = assess(report.read_text(encoding="utf-8"))
     return Verdict(noticed=noticed, passed=False, why=why, elapsed_s=elapsed_s)
 
 
-def judge(report: str) -> tuple[bool, str]:
-    """Return whether a JUnit report tells of a test that failed by what it asserts, and of what in a few words."""
+def assess(report: str) -> tuple[bool, str]:
+    """Return whether a test of a JUnit report failed by what it asserts, and why in a few words."""
     cases = list(ET.fromstring(report).iter("testcase"))  # noqa: S314 - pytest wrote it
-    errors = [_told(case, "error") for case in cases if case.find("error") is not None]
-    failures = [_told(case, "failure") for case in cases if case.find("failure") is not None]
-    broken = [told for told in failures if told.message.startswith(_BROKEN)]
+    errors = [_report(case, "error") for case in cases if case.find("error") is not None]
+    failures = [_report(case, "failure") for case in cases if case.find("failure") is not None]
+    broken = [each for each in failures if each.message.startswith(_BROKEN)]
     if errors:
         return False, f"error, not a failure: {errors[0]}"
     if broken:
@@ -92,8 +92,8 @@ def judge(report: str) -> tuple[bool, str]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Told:
-    """What a report tells of one test."""
+class _Report:
+    """One test of a JUnit report."""
 
     test: str
     message: str
@@ -102,9 +102,9 @@ class _Told:
         return f"{self.test}: {_first_line(self.message)}" if self.test else _first_line(self.message)
 
 
-def _told(case: ET.Element, kind: str) -> _Told:
+def _report(case: ET.Element, kind: str) -> _Report:
     found = case.find(kind)
-    return _Told(case.get("name", ""), "" if found is None else found.get("message", ""))
+    return _Report(case.get("name", ""), "" if found is None else found.get("message", ""))
 
 
 def check(whole: Path, removal: Removal) -> Verdict:
@@ -136,7 +136,7 @@ def main(arguments: list[str] | None = None) -> int:
         sys.stderr.write(f"reactions.toml: no removal for the row {options.only}\n")
         return 2
     with tempfile.TemporaryDirectory(prefix="reaction-") as name:
-        whole = Path(name)  # so that nobody who edits meanwhile decides what is tested
+        whole = Path(name)  # so that no edit meanwhile changes what is tested
         copy_tree(ROOT, whole)
         sys.stderr.write("the named tests on the tree as it is ...\n")
         verdict = run_tests(whole, sorted({removal.test for removal in removals}))

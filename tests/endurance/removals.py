@@ -1,4 +1,4 @@
-"""What takes each reaction of SAFETY.md away: `reactions.toml`, read and checked."""
+"""The removal of each reaction of SAFETY.md: `reactions.toml`, read and checked."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _KEYS = {"row", "file", "text", "becomes", "test"}
 
 @dataclass(frozen=True, slots=True)
 class Removal:
-    """A reaction taken away: in `file`, `text` (which stands there once) becomes `becomes`, and `test` must fail.
+    """A removed reaction: in `file`, `text` (which stands there once) becomes `becomes`, and `test` must fail.
 
     row: the row of SAFETY.md's table. test: a pytest node id.
     """

@@ -1,11 +1,11 @@
-"""Faults times restarts: no start arms what nobody has asked for, and none leaves a unit that needs a person.
+"""Every fault with every kind of restart: no start arms without a request, and no unit stays down.
 
     PYTHONPATH=tests python -m endurance.restarts [--short]
 
 One daemon after another on one bus and one state directory, under a clock of their own: each meets a fault, ends in one
 of four ways while the host asks for something, and its last commands wait in the transmit queue of the interface. The
-next one must be silent until a request to arm follows another request, and must then control; what it ends with before
-must be a status that its unit tries again. Exit status: 0 nothing else happened, 1 something did.
+next one must be silent until a request to arm follows another request, and must then control; if it ends before,
+its unit must restart it after that exit status. Exit status: 0 nothing else happened, 1 something did.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ FAULTS = ("none", "feedback lost", "setpoint lost", "bus away", "another control
 ENDS = ("kill", "watchdog", "crash", "stop")
 REQUESTS = (HostRequest.ARM, HostRequest.NONE, HostRequest.DISARM)
 QUEUES = ((0, 0.0), (128, 0.0), (1000, 0.0), (128, 3.0))
-"""Commands in the transmit queue, and after how long they begin to leave: a controller may have been off the bus."""
+"""Commands in the transmit queue, and after how long they are sent: a controller may have been off the bus."""
 ROUNDS = 3
 WATCHED_S = 5.0
 """How long the next daemon is watched before anybody asks it to arm."""
 ARMED_S = 3.0
 """Within this time it must control once it is asked; for one second after somebody else's command it refuses."""
 KEPT_DOWN = frozenset({ExitCode.UNAVAILABLE, ExitCode.CONFIG})
-"""The statuses that `positioner@.service` does not try again."""
+"""The exit statuses after which `positioner@.service` is not restarted."""
 _FRAME_NS = 1_000_000
 _NS = 1_000_000_000
 
@@ -73,7 +73,7 @@ class SharedBus(Outage):
     left_ns: list[int] = field(default_factory=list)
 
     def pass_time(self, duration_ns: int) -> None:
-        """Let the commands that are left arrive between those of plant and host."""
+        """Let the remaining commands arrive between the frames of plant and host."""
         end_ns = self.now_ns + duration_ns
         while self.left_ns and self.left_ns[0] <= end_ns:
             super().pass_time(max(self.left_ns.pop(0) - self.now_ns, 0))
@@ -81,7 +81,7 @@ class SharedBus(Outage):
         super().pass_time(max(end_ns - self.now_ns, 0))
 
     def open(self, address: BusAddress, wanted: Iterable[tuple[int, bool]]) -> Any:
-        """Open the bus: a new socket has heard nothing yet."""
+        """Open the bus: a new socket has received nothing yet."""
         self.queue.clear()
         return super().open(address, wanted)
 
@@ -171,7 +171,7 @@ class Matrix:
             self._shell.daemon._close()
             return
         writer = self._shell.daemon.session.table_writer
-        if how == "watchdog":  # it hung until the service manager lost its patience
+        if how == "watchdog":  # it hung until the service manager's watchdog ended it
             self._world.pass_time(2 * _NS)
         writer._child.channel.close()
         os.close(writer._lock)
@@ -206,7 +206,7 @@ def cases() -> Iterator[Case]:
 
 
 def play(folder: Path, chosen: list[Case], seed: int) -> tuple[dict[Case, str], Counter[str]]:
-    """Return what went wrong, and how often a start had to be tried again for what."""
+    """Return what went wrong, and how often a start had to be repeated, by reason."""
     wrong: dict[Case, str] = {}
     propagate, logger.propagate = logger.propagate, False
     try:
@@ -232,8 +232,8 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = every[:: len(every) // 21] if options.short else every * ROUNDS
     with tempfile.TemporaryDirectory(prefix="restarts-") as folder:
         wrong, tried_again = play(Path(folder), chosen, options.seed)
-    told = ", ".join(f"{count} × {name}" for name, count in tried_again.items()) or "none"
-    sys.stdout.write(f"{len(chosen)} restarts, {len(wrong)} wrong; starts that were tried again: {told}\n")
+    repeated = ", ".join(f"{count} × {name}" for name, count in tried_again.items()) or "none"
+    sys.stdout.write(f"{len(chosen)} restarts, {len(wrong)} wrong; starts that were tried again: {repeated}\n")
     for case, problem in wrong.items():
         sys.stdout.write(f"wrong: {case}: {problem}\n")
     return int(bool(wrong))

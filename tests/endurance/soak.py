@@ -40,7 +40,7 @@ _PATIENCE_S = 120.0
 
 
 class Soak:
-    """One daemon, one emulator, one host, and what was seen of them."""
+    """One daemon, one emulator, one host, and their measurements."""
 
     def __init__(self, folder: Path, seconds: float, seed: int) -> None:
         self._folder = folder
@@ -126,7 +126,7 @@ class Soak:
             self.pulses += self._alive
 
     def _play(self, done: Callable[[], bool], timeout_s: float) -> bool:
-        """Be the host until it is done or time is up, and look at the processes meanwhile."""
+        """Play the host until `done` holds or the time is up, and measure the processes meanwhile."""
         end_s = time.monotonic() + timeout_s
         while not done():
             now_s = time.monotonic()
@@ -142,7 +142,7 @@ class Soak:
         self._bar.update(round(now_s - self._started_s) - self._bar.n)
         self._daemon.drain()
         for pulse in self._alive if self._watching else ():
-            pulse.feel(now_s)
+            pulse.measure(now_s)
 
     def _children(self) -> list[int]:
         process = self._daemon.process.pid
@@ -170,7 +170,7 @@ class Soak:
 
 
 def _ready(child: BenchProcess, field: str) -> BenchProcess:
-    """Return the child once it has said that it is ready, with more patience than a bench has."""
+    """Return the child once it has reported that it is ready; it gets more time than in a bench."""
     deadline_s = time.monotonic() + _PATIENCE_S
     while True:
         try:

@@ -1,4 +1,4 @@
-"""The host of a soak: asks for setpoints, arms the positioner whenever it is not armed, measures what it hears."""
+"""The host of a soak: asks for setpoints, arms the positioner whenever it is not armed, measures what it receives."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ _SETPOINT_EVERY_S = 0.05
 _DWELL_S = 1.5
 _LOW_M, _HIGH_M = 0.068, 0.092
 _SILENCE_S = 0.5
-"""Without a command for so long the mode that was heard last is no longer known."""
+"""Without a command for so long the last mode received is no longer current."""
 _NEVER_TRUE = frozenset(
     {Cause.FEEDBACK_FROZEN, Cause.FEEDBACK_DISPUTED, Cause.SETPOINT_DISPUTED, Cause.SETPOINT_UNREACHABLE}
 )
-"""What no status of this soak may say: there is one sensor, which is noisy, and one host, who asks for nothing odd."""
+"""Causes that no status of this soak may report: there is one noisy sensor, and one host with ordinary setpoints."""
 _LARGE_M = 0.04 * 0.127
 _LASTS_S = 1.0
-"""A deviation is true where the stem has been so far away for so long, by the emulator's own word."""
+"""A deviation is true where the stem has been so far away for so long, according to the emulator."""
 _NS = 1_000_000_000
 
 
 class SoakHost:
     """Plays the setpoints; `periods_s` and `latencies_s` are those of the commands, `modes` counts how often which.
 
-    false_alarms: statuses that said what was not so, by cause.
+    false_alarms: untrue statuses, by cause.
     """
 
     def __init__(self, address: BusAddress, seed: int) -> None:
@@ -76,7 +76,7 @@ class SoakHost:
         return self._mode is Mode.FAILSAFE
 
     def turn(self, timeout_s: float) -> None:
-        """Send what is due, and listen for up to `timeout_s`."""
+        """Send what is due, and receive for up to `timeout_s`."""
         now_s = time.monotonic()
         if now_s >= self._setpoint_due_s:
             self._setpoint_due_s = now_s + _SETPOINT_EVERY_S
@@ -89,7 +89,7 @@ class SoakHost:
             if isinstance(message, StemPosition) and counter is not None:
                 self._positions[counter] = frame.received_ns
             elif isinstance(message, CurrentCommand):
-                self._hear(message, frame.received_ns)
+                self._add(message, frame.received_ns)
             elif isinstance(message, PositionerStatus):
                 self._enter(message.mode)
                 self.unsaved += not message.table_saved
@@ -102,7 +102,7 @@ class SoakHost:
             self._mode = None
 
     def forget(self) -> None:
-        """Throw away what came while nobody listened, and what was known of the mode."""
+        """Drop the frames that wait, and the last mode."""
         while self._bus.receive(0.0):
             pass
         self._positions.clear()
@@ -122,7 +122,7 @@ class SoakHost:
         self._bus.send(self._codec.encode(Setpoint(self._setpoint_m, request), self._sent % COUNTER_MODULUS))
         self._sent += 1
 
-    def _hear(self, command: CurrentCommand, received_ns: int) -> None:
+    def _add(self, command: CurrentCommand, received_ns: int) -> None:
         if self._command_ns is not None:
             self.periods_s.append((received_ns - self._command_ns) / _NS)
         self._command_ns = received_ns

@@ -1,4 +1,4 @@
-"""What a soak showed, in lines, and whether it failed."""
+"""The findings of a soak, in lines, and whether it failed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def report(
     host: SoakHost, pulses: Sequence[Pulse], violations: Sequence[str], learned: int, growth_limit: float
 ) -> tuple[list[str], bool]:
-    """Return the lines and whether it failed; timing is told, never judged."""
+    """Return the lines and whether it failed; timing is reported, never a failure."""
     found = [*violations]
     lines = [
         _timing("period of the commands", host.periods_s),
@@ -48,7 +48,7 @@ def report(
 
 def _timing(name: str, values_s: array[float]) -> str:
     if not values_s:
-        return f"{name}: none heard"
+        return f"{name}: none received"
     ordered = sorted(values_s)
     median, high, most = (1e3 * ordered[min(int(q * len(ordered)), len(ordered) - 1)] for q in (0.5, 0.99, 1.0))
     return f"{name}: median {median:.2f} ms, 99 % {high:.2f} ms, max {most:.2f} ms, of {len(ordered)}"

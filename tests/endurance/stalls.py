@@ -1,12 +1,12 @@
-"""Stops the positioner at random instants, for 1 ms to a minute, and judges what it says when it goes on.
+"""Stops the positioner at random instants, for 1 ms to a minute, and checks what it sends when it continues.
 
     python -m endurance.stalls        10,000 stalls of 1 ms to 60 s on a virtual clock, 200 of 1 ms to 4 s by SIGSTOP
     python -m endurance.stalls --virtual 100 --real 4 --seed 3
 
 On the virtual clock the daemon is driven through its ports, and a stall may strike at any instant but between the last
 look at the clock and the system call that sends. By SIGSTOP and SIGCONT it is a process, on an embedded bus; there each
-frame's instant is the kernel's stamp at a third socket. Exit status 0: no command left that was computed from a reading
-older than the limit of HOLD, and each stall beyond the limit of FAILSAFE was latched and logged; 1 otherwise.
+frame's instant is the kernel's stamp at a third socket. Exit status 0: no command answered a reading older than the
+limit of HOLD, and each stall beyond the limit of FAILSAFE was latched and logged; 1 otherwise.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _MOST_SHOWN = 20
 
 @dataclass
 class Stalls:
-    """What came of the stalls of one kind."""
+    """The outcomes of the stalls of one kind."""
 
     name: str
     hold_s: float
@@ -52,7 +52,7 @@ class Stalls:
     violations: list[str] = field(default_factory=list)
 
     def add(self, stall_s: float, ages_s: Sequence[float], *, too_long: bool, latched: bool, logged: bool) -> None:
-        """Take a stall with the ages of the readings that commands answered while and after it."""
+        """Add a stall, with the ages of the readings that commands answered during and after it."""
         self.stalls += 1
         self.commands += len(ages_s)
         self.oldest_s = max(self.oldest_s, *ages_s, 0.0)
@@ -70,7 +70,7 @@ class Stalls:
 
     def lines(self) -> Iterable[str]:
         """Yield the report."""
-        yield f"{self.name}: {self.stalls} stalls, {self.commands} commands while and after them"
+        yield f"{self.name}: {self.stalls} stalls, {self.commands} commands during and after them"
         yield f"  beyond the limit of FAILSAFE: {self.long}, latched and logged: {self.latched}"
         told = f"{self.oldest_s * 1e3:.2f} ms, where {self.hold_s * 1e3:g} ms are allowed"
         yield f"  oldest reading that a command answered: {told}"
@@ -90,7 +90,7 @@ def on_a_virtual_clock(folder: Path, count: int, chance: random.Random) -> Stall
         for _ in tqdm(range(count), desc="virtual", unit=" stalls", leave=False, disable=None):
             if shell.mode() is not Mode.ACTIVE:
                 shell.arm()
-            shell.cycle_for(1.0)  # a line of each kind leaves once a second
+            shell.cycle_for(1.0)  # the log writes a line of each kind once a second
             shell.lines.clear()
             world.said.clear()
             stall_s = log_uniform(chance, _LONGEST_S)

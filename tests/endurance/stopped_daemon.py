@@ -1,6 +1,6 @@
 """A daemon as a process, on an embedded bus, that is stopped and continued while a plant and a host talk to it.
 
-A third socket hears all of them: the kernel stamps every frame there at the instant at which it is sent.
+A third socket receives all frames: the kernel stamps each of them there when it is sent.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from positioner.wire.messages import CanFrame
 
 _QUIET_S = 1.2
-"""Longer than the log keeps a line of the same kind back."""
+"""Longer than the log holds back a line of the same kind."""
 _AFTER_S = 0.5
 _NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """One stop: for how long at least, the ages of what commands answered, and what the daemon made of it."""
+    """One stop: for how long at least, the ages of the readings that commands answered, and how the daemon reacted."""
 
     stall_s: float
     ages_s: tuple[float, ...]
@@ -71,7 +71,7 @@ class StoppedDaemon:
             active_s = None if self._mode is not Mode.ACTIVE else active_s or time.monotonic()
 
     def stop_for(self, stall_s: float, chance: random.Random) -> Stop:
-        """Stop it for `stall_s` at a random instant of a period, and look at what comes of it."""
+        """Stop it for `stall_s` at a random instant of a period, and return how the daemon reacted."""
         pid, lines = self._service.child.process.pid, len(self._service.lines)
         self._ages_s.clear()
         self._period(chance.uniform(0.0, PERIOD_S))
@@ -95,7 +95,7 @@ class StoppedDaemon:
         )
 
     def _period(self, duration_s: float = PERIOD_S) -> None:
-        """Let up to a period pass, and say what is due at its end."""
+        """Let up to a period pass, and send what is due at its end."""
         end_s = time.monotonic() + duration_s
         while (left_s := min(end_s, self._due_s) - time.monotonic()) > 0.0:
             for frame in self._observer.receive(left_s):
@@ -127,7 +127,7 @@ class StoppedDaemon:
 
 
 def _state_of(pid: int) -> str:
-    """Return the state of a process as /proc tells it."""
+    """Return the state of a process from /proc."""
     try:
         with open(f"/proc/{pid}/stat", encoding="ascii") as file:  # noqa: PTH123 - the quickest way to it
             return file.read().rpartition(") ")[2][:1]

@@ -1,4 +1,4 @@
-"""One daemon in a process of its own, of which strace lets one system call fail or wait; and what becomes of it.
+"""One daemon in a process of its own, of which strace lets one system call fail or wait; and the outcome.
 
 The plant and the host of the run send the next reading as soon as the last one is answered, so that a thousand cycles
 take seconds and a slow machine only makes them slower.
@@ -36,9 +36,9 @@ _WAITS_US = 2_000_000
 _SILENCE_S = 1.5
 """Nobody is silent for so long without a FAILSAFE: 50 periods are a second; a busy machine may add half of one."""
 WAIT = "wait"
-"""The fault that is no error: the call takes 2 s."""
+"""The fault without an error: the call takes 2 s."""
 DOCUMENTED = frozenset({ExitCode.SOFTWARE, ExitCode.SYSTEM, ExitCode.IO, ExitCode.TEMPORARY})
-"""The statuses that a fault which passes may end with: the service manager starts the daemon again."""
+"""The exit statuses allowed after a passing fault: the service manager starts the daemon again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class Strike:
     fault: str
 
     def options(self) -> list[str]:
-        """Return what tells strace."""
+        """Return the options of strace."""
         how = f"delay_enter={_WAITS_US}" if self.fault == WAIT else f"error={self.fault}"
         return [f"--trace={self.call}", f"--inject={self.call}:{how}:when={self.occasion}"]
 
@@ -60,7 +60,7 @@ class Strike:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What became of a run: `fault` says in a few words what must not be, and is empty where nothing was wrong."""
+    """How a run ended: `fault` says in a few words what was wrong, and is empty where nothing was."""
 
     what: str
     fault: str = ""
@@ -68,7 +68,7 @@ class Outcome:
 
 
 class Run:
-    """A daemon under strace; `options` tell strace what to trace and what to strike."""
+    """A daemon under strace; `options` say which calls strace traces and which one it strikes."""
 
     def __init__(self, folder: Path, strace: list[str], options: list[str]) -> None:
         folder.mkdir(parents=True)
@@ -92,7 +92,7 @@ class Run:
         self._failed_safe = False
 
     def play(self, cycles: int) -> Outcome:
-        """Return what becomes of a start, an arming, so many cycles and a stop."""
+        """Start, arm, run so many cycles and stop; return the outcome."""
         try:
             outcome = self._play(cycles)
         finally:
@@ -141,7 +141,7 @@ class Run:
         code = self._process.poll()
         if code is None:
             return Outcome("hung", f"neither READY nor an end within {_PATIENCE_S:g} s: {self._last_line()}")
-        # a library written in Rust has words of its own, which nobody can keep it from saying first
+        # a library written in Rust may print lines of its own before
         is_told = self._last_line().startswith("positioner: ") and "Traceback" not in self._told()
         if code not in DOCUMENTED or not is_told:
             return Outcome("ended", f"status {code}, {len(self._told().splitlines())} lines: {self._last_line()}")
@@ -175,11 +175,11 @@ class Run:
         try:
             code = self._process.wait(_STOP_S)
         except subprocess.TimeoutExpired:
-            return Outcome(what, f"SIGTERM is not heard: {self._last_line()}")
+            return Outcome(what, f"SIGTERM has no effect: {self._last_line()}")
         if code not in {ExitCode.OK, *DOCUMENTED} or "Traceback" in self._told():
             return Outcome(what, f"stops with {code}: {self._last_line()}")
         if self._failed_safe and "-> FAILSAFE (" not in self._told():
-            return Outcome(what, "a FAILSAFE on the bus that the log does not tell")
+            return Outcome(what, "a FAILSAFE on the bus that is not in the log")
         return Outcome(what)
 
     def _told(self) -> str:

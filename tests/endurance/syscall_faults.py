@@ -1,10 +1,10 @@
-"""Lets every kind of system call of a daemon fail or wait, one occasion a run, and judges what becomes of the daemon.
+"""Lets every kind of system call of a daemon fail or wait, one occasion a run, and checks how the daemon reacts.
 
     PYTHONPATH=tests:tests/kernel python -m endurance.syscall_faults [--short] [--only CALL] [--jobs N]
 
 For each call that a start and a thousand cycles make after the first line of our own code: its first 5 occasions and 20
-at random. A daemon may be silent for 3 periods, or fail safe and tell, or, before it is ready, end with one line and a
-documented status. Exit status: 0 nothing else happened, 1 something did, 2 there is no strace.
+at random. A daemon may be silent for 3 periods, or fail safe and log it, or, before it is ready, end with one line
+and a documented status. Exit status: 0 nothing else happened, 1 something did, 2 there is no strace.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ CYCLES = 1000
 FIRST, AT_RANDOM = 5, 20
 ERRORS = ("ENOMEM", "EIO", "ENOSPC", "EMFILE")
 _MEMORY = frozenset({"mmap", "mprotect", "munmap", "mbind", "mremap", "madvise"})
-"""Calls that can fail for want of memory only."""
+"""Calls that can fail only because memory is short."""
 _SURE = frozenset(
     {"brk", "futex", "getrandom", "uname", "getpid", "gettid", "geteuid", "getuid", "getgid", "getegid", "getppid"}
     | {"sched_getaffinity", "sched_getscheduler", "rt_sigaction", "rt_sigprocmask", "wait4", "kill", "clock_nanosleep"}
     | {"getsockname", "lseek", "umask", "alarm", "prlimit64"}
 )
-"""Calls that fail for no want of anything (man 2 ...; brk returns the old break): these can only take their time."""
+"""Calls that fail for no shortage (man 2 ...; brk returns the old break): they can only be slow."""
 _ENDS = frozenset({"exit", "exit_group", "rt_sigreturn", "execve"})
 """Calls that cannot fail, or that are made once, before us."""
 _CALL = re.compile(r"^(\w+)\(")
@@ -64,7 +64,7 @@ def occasions(trace: str) -> dict[str, range]:
         if (call := _CALL.match(line)) and call[1] not in _ENDS:
             counted[call[1]] += 1
             loading = loading or "positioner/__pycache__/start." in line or "positioner/start.py" in line
-            if loading and call[1] == "close":  # it has been read, and runs now
+            if loading and call[1] == "close":  # the interpreter has read it, and runs it now
                 counted = after
     return {call: range(before[call] + 1, before[call] + count + 1) for call, count in sorted(after.items())}
 
@@ -87,7 +87,7 @@ def count(folder: Path, strace: list[str], cycles: int) -> dict[str, range]:
     """Return the occasions of an undisturbed run.
 
     Raises:
-        RuntimeError: it does not go as it should.
+        RuntimeError: the undisturbed run fails.
     """
     outcome = Run(folder, strace, ["--trace=all", "--string-limit=256"]).play(cycles)
     if outcome.fault or outcome.what != "went on":
@@ -118,10 +118,10 @@ def main(arguments: list[str] | None = None) -> int:
         sys.stdout.write(f"{len(found)} system calls: {', '.join(f'{call} {len(n)}' for call, n in found.items())}\n")
         outcomes = _strike(folder, strace, strikes, cycles, options.jobs)
     faults = {strike: outcome for strike, outcome in outcomes.items() if outcome.fault}
-    tally = Counter(outcome.what for outcome in outcomes.values() if outcome.struck)
+    counts = Counter(outcome.what for outcome in outcomes.values() if outcome.struck)
     missed = sum(not outcome.struck for outcome in outcomes.values())
-    told = ", ".join(f"{what} {count}" for what, count in sorted(tally.items()))
-    sys.stdout.write(f"{len(outcomes)} runs, {missed} not struck, {len(faults)} wrong; {told}\n")
+    summary = ", ".join(f"{what} {count}" for what, count in sorted(counts.items()))
+    sys.stdout.write(f"{len(outcomes)} runs, {missed} not struck, {len(faults)} wrong; {summary}\n")
     for strike, outcome in faults.items():
         sys.stdout.write(f"wrong: {strike}: {outcome.what}: {outcome.fault}\n")
     return int(bool(faults))

@@ -14,7 +14,7 @@ from positioner.wire.messages import Cause
 
 
 @pytest.mark.parametrize(("law", "sensor"), [("nmpc", "noisy"), ("pi", "noise-free"), ("two-move-retry", "noisy")])
-def test_every_fault_is_told_within_two_seconds(law: str, sensor: str) -> None:
+def test_every_fault_is_reported_within_two_seconds(law: str, sensor: str) -> None:
     found = trials(Series(law, sensor, 1, 3))
     assert [trial.fault for trial in found] == [fault.name for fault in FAULTS]
     assert late(found) == [], "\n".join(report(found, []))
@@ -37,7 +37,7 @@ def test_without_the_deviation_they_would_be_silent_and_found(monkeypatch: pytes
     ("law", "plant", "sensor"),
     [("nmpc", "stochastic", "held"), ("pi", "friction+20", "quantised"), ("knocker", "spring-20", "noise-free")],
 )
-def test_without_a_fault_nothing_is_told(law: str, plant: str, sensor: str) -> None:
+def test_without_a_fault_nothing_is_reported(law: str, plant: str, sensor: str) -> None:
     run = calm((law, plant, sensor))
     assert (run.true, run.false) == ((), ())
 
@@ -46,7 +46,7 @@ def test_a_law_that_lands_elsewhere_deviates_truly() -> None:
     run = calm(("two-move", "spring-20", "noisy"))
     assert run.false == ()
     assert run.true
-    assert all(told.startswith("DEVIATION") for told in run.true)
+    assert all(line.startswith("DEVIATION") for line in run.true)
     lines = [*report([], [run, replace(run, true=(), false=("LAW_LATE at 1 s",))])]
-    assert lines[0].startswith("told truly: two-move on spring-20, noisy: DEVIATION")
+    assert lines[0].startswith("true report: two-move on spring-20, noisy: DEVIATION")
     assert lines[-1] == "FALSE ALARM: two-move on spring-20, noisy: LAW_LATE at 1 s"

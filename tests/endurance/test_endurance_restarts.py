@@ -1,4 +1,4 @@
-"""`make restart-test` in its short form, and that it would see what it is to see."""
+"""`make restart-test` in its short form, and that it sees what it looks for."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HELD = restarts.Case("feedback lost", "kill", HostRequest.ARM, (0, 0.0))
 QUEUED = restarts.Case("none", "kill", HostRequest.NONE, (128, 0.0))
 
 
-def test_no_restart_arms_what_nobody_has_asked_for_or_needs_a_person(tmp_path: Path) -> None:
+def test_no_restart_arms_without_a_request_and_no_unit_stays_down(tmp_path: Path) -> None:
     every = list(restarts.cases())
     assert len(every) * restarts.ROUNDS >= 1000
     wrong, _ = restarts.play(tmp_path, every[:: len(every) // 21], seed=7)

@@ -32,7 +32,7 @@ def pulse(memory_bytes: list[int], descriptors: list[int]) -> Pulse:
     return Pulse("daemon", 0, [float(number) for number in range(len(memory_bytes))], memory_bytes, descriptors)
 
 
-def test_memory_that_grows_after_the_warm_up_is_told_as_a_share_of_its_mean() -> None:
+def test_memory_that_grows_after_the_warm_up_is_given_as_a_share_of_its_mean() -> None:
     steady = [1000] * 40 + [2000] * 60
     assert pulse(steady, [8] * 100).growth == 0.0
     growing = [1000] * 40 + [2000 + 10 * number for number in range(60)]
@@ -48,9 +48,9 @@ def test_a_descriptor_counts_as_leaked_when_it_stays_and_not_when_a_commit_opens
 
 def test_a_pulse_of_this_process_sees_its_memory_and_a_file_that_it_opens() -> None:
     own = Pulse("test", os.getpid())
-    own.feel(0.0)
+    own.measure(0.0)
     descriptor = os.open(os.devnull, os.O_RDONLY)
-    own.feel(1.0)
+    own.measure(1.0)
     os.close(descriptor)
     assert own.descriptors[1] == own.descriptors[0] + 1
     assert 10_000_000 < own.memory_bytes[0] < 10_000_000_000
@@ -60,6 +60,6 @@ def test_a_process_that_is_gone_leaves_its_pulse_as_it_was() -> None:
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
     one = Pulse("gone", gone.pid)
-    one.feel(0.0)
+    one.measure(0.0)
     assert one.times_s == []
     assert not one.is_long

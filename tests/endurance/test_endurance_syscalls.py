@@ -1,4 +1,4 @@
-"""`make syscall-test` in its short form, and that it would see what it is to see."""
+"""`make syscall-test` in its short form, and that it sees what it looks for."""
 
 from __future__ import annotations
 

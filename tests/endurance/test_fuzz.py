@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from endurance.attacks import ATTACKS, DAMAGING, TRUE, UNHEARD
+from endurance.attacks import ATTACKS, DAMAGING, TRUE, UNRECEIVED
 from endurance.fuzz import DisagreementError, fuzz
 from endurance.oracle import KINDS, Ledger
 from positioner.wire import e2e
@@ -24,17 +24,17 @@ WORDS = {
 }
 
 
-def test_thousands_of_hostile_frames_and_none_is_taken_that_should_not_be() -> None:
+def test_thousands_of_hostile_frames_and_none_is_accepted_that_should_not_be() -> None:
     found = fuzz(QUICK, seed=7)
     assert found.frames == QUICK
-    heard = set(ATTACKS) - UNHEARD
-    assert set(found.attacks) == heard | {TRUE}
-    assert min(found.attacks[attack] for attack in heard) > QUICK / 40
+    received = set(ATTACKS) - UNRECEIVED
+    assert set(found.attacks) == received | {TRUE}
+    assert min(found.attacks[attack] for attack in received) > QUICK / 40
     # a CRC of 16 bits lets one in 65536 through; so few frames, hardly one
     assert found.accidents <= 3
     assert sum(found.verdicts.values()) == QUICK
     assert found.verdicts["good"] > QUICK / 10
-    assert heard >= DAMAGING
+    assert received >= DAMAGING
 
 
 def test_the_same_seed_gives_the_same_run_and_another_does_not() -> None:
@@ -51,9 +51,9 @@ def disagreement() -> str:
 
 def test_a_receiver_that_checks_no_crc_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(e2e, "is_intact", lambda _data, _data_id: True)
-    told = disagreement()
-    assert told.startswith("seed 7, frame ")
-    assert "the oracle 'wrong CRC'" in told
+    message = disagreement()
+    assert message.startswith("seed 7, frame ")
+    assert "the oracle 'wrong CRC'" in message
 
 
 @pytest.mark.parametrize("verdict", [Sequence.REPEATED, Sequence.OUT_OF_ORDER])
@@ -61,8 +61,8 @@ def test_a_receiver_that_takes_old_frames_is_found(monkeypatch: pytest.MonkeyPat
     honest = CounterCheck.check
 
     def lenient(self: CounterCheck, counter: int) -> tuple[CounterCheck, Sequence, int]:
-        check, judged, lost = honest(self, counter)
-        return check, Sequence.FRESH if judged is verdict else judged, lost
+        check, verdict_now, lost = honest(self, counter)
+        return check, Sequence.FRESH if verdict_now is verdict else verdict_now, lost
 
     monkeypatch.setattr(CounterCheck, "check", lenient)
     assert f"the oracle '{WORDS[verdict]}'" in disagreement()
@@ -70,9 +70,9 @@ def test_a_receiver_that_takes_old_frames_is_found(monkeypatch: pytest.MonkeyPat
 
 def test_a_receiver_that_refuses_good_frames_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(e2e, "MAX_LOST_FRAMES", 9)
-    told = disagreement()
-    judged = "the positioner says 'counter out of order', the oracle 'good'"
-    assert judged in told or "the valve did not obey a good command" in told
+    message = disagreement()
+    refused = "the positioner says 'counter out of order', the oracle 'good'"
+    assert refused in message or "the valve did not obey a good command" in message
 
 
 def test_the_oracle_knows_every_frame_of_the_dbc() -> None:
@@ -86,7 +86,7 @@ def test_the_oracle_knows_every_frame_of_the_dbc() -> None:
 
 
 @given(st.lists(st.integers(0, 255), max_size=60))
-def test_any_counters_whatsoever_are_judged_alike_by_two_who_know_nothing_of_each_other(counters: list[int]) -> None:
+def test_the_oracle_and_the_receiver_agree_on_any_sequence_of_counters(counters: list[int]) -> None:
     ledger, check = Ledger(), CounterCheck()
     for counter in counters:
         expected = ledger.enter(0, bytes([0, 0, counter]))
@@ -94,7 +94,7 @@ def test_any_counters_whatsoever_are_judged_alike_by_two_who_know_nothing_of_eac
         assert WORDS[verdict] == expected
 
 
-def test_every_pair_of_steps_is_judged_alike() -> None:
+def test_the_oracle_and_the_receiver_agree_on_every_pair_of_steps() -> None:
     """All that a second frame can be after all that a first can: losses, wraps, restarts, replays."""
     for first, second in itertools.product(range(256), range(256)):
         ledger, check = Ledger(), CounterCheck()

@@ -20,7 +20,7 @@ JSON = KINDS["json"]
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_hundreds_of_damaged_files_end_in_one_clear_line_or_a_reading(name: str, tmp_path: Path) -> None:
+def test_hundreds_of_damaged_files_are_read_or_refused_with_one_clear_line(name: str, tmp_path: Path) -> None:
     found = fuzz_files.run_part(name, range(100), str(tmp_path))
     # memory is not this process's to tell: it holds the rest of the suite as well
     assert [line for line in found.violations if not line.endswith("MiB")] == []
@@ -54,16 +54,16 @@ def strays(number: int, data: bytes, folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("reader", "told"),
+    ("reader", "violation"),
     [(fails, "ValueError: 'nobody caught it'"), (babbles, "5000 characters"), (strays, "touched ['elsewhere']")],
 )
 def test_what_it_looks_for_is_found_and_kept(
-    reader: object, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    reader: object, violation: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     broken: FileKind = replace(JSON, read=reader)  # type: ignore[arg-type]
     monkeypatch.setitem(KINDS, "json", broken)
     found = fuzz_files.run_part("json", range(1), str(tmp_path))
-    assert told in found.violations[0]
+    assert violation in found.violations[0]
     assert (tmp_path / "json-0").is_file()
 
 

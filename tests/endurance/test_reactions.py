@@ -45,7 +45,7 @@ def test_a_named_test_exists(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("removal", "source", "told"),
+    ("removal", "source", "message"),
     [
         (example(), "y = 1\n", "stands 0 times in a.py, not once"),
         (example(), "x = 1\nx = 1\n", "stands 2 times in a.py, not once"),
@@ -54,9 +54,9 @@ def test_a_named_test_exists(name: str) -> None:
     ],
 )
 def test_a_removal_that_removes_nothing_or_breaks_everything_is_refused(
-    removal: Removal, source: str, told: str
+    removal: Removal, source: str, message: str
 ) -> None:
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         removal.apply(source)
 
 
@@ -78,18 +78,18 @@ def test_a_removal_changes_its_text_and_nothing_else() -> None:
     ],
 )
 def test_only_a_failure_by_what_a_test_asserts_counts(body: str, expected: tuple[bool, str]) -> None:
-    assert reactions.judge(f"<testsuites><testsuite>{body}</testsuite></testsuites>") == expected
+    assert reactions.assess(f"<testsuites><testsuite>{body}</testsuite></testsuites>") == expected
 
 
 @pytest.mark.parametrize(
-    ("line", "told"),
+    ("line", "message"),
     [
         ("| B1 | cause | detection | reaction | `test_a.py::test_b` |", "6 columns are wanted"),
         ("| B1 | cause | | reaction | soon | `test_a.py::test_b` |", "6 columns are wanted"),
         ("| B1 | cause | detection | reaction | soon | test_b |", "names no"),
     ],
 )
-def test_a_row_that_says_too_little_is_refused(line: str, told: str) -> None:
+def test_a_row_that_says_too_little_is_refused(line: str, message: str) -> None:
     table = "\n".join((f"| {' | '.join(safety_page.COLUMNS)} |", "|---|---|---|---|---|---|", line))
-    with pytest.raises(ValueError, match=f"SAFETY.md, line 3: .*{told}"):
+    with pytest.raises(ValueError, match=f"SAFETY.md, line 3: .*{message}"):
         safety_page.read_rows(table)

@@ -41,7 +41,7 @@ STRETCHES = 64
 
 def test_a_log_of_four_times_the_frames_takes_no_more_memory(tmp_path: Path) -> None:
     short, long = (long_replay.replay(frames, tmp_path) for frames in (10_000, 40_000))
-    assert "a log of the bus, 40000 frames, 19048 position frames" in long.told
+    assert "a log of the bus, 40000 frames, 19048 position frames" in long.text
     assert long.undrawn_mib - short.undrawn_mib < MOST_GROWTH_MIB, (short, long)
     assert long.peak_mib < MOST_MIB
     with (tmp_path / "out" / "trace.csv").open(encoding="utf-8", newline="") as file:

@@ -1,1 +1,1 @@
-"""`positioner doctor`: what of the machine, the bus and the state directory stands in a positioner's way. Shell."""
+"""`positioner doctor`: problems of machine, bus, state and feedback, with the commands that fix them. Shell."""

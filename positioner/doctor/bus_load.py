@@ -1,4 +1,4 @@
-"""How much of a classic CAN bus one valve's frames take, from its DBC, its period and the bitrate. Pure."""
+"""The load of a classic CAN bus by the frames of one valve, from its DBC, its period and the bitrate. Pure."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ _FASTEST = 1_000_000
 _SUBJECT = "bus load"
 
 _EVERY_SAMPLE: tuple[type[Message], ...] = (StemPosition, CurrentCommand)
-_AT_THEIR_OWN: dict[type[Message], float] = {Setpoint: 0.01, ActuatorState: 0.01, PositionerStatus: 0.1}
-"""Periods in s where the DBC gives no cycle time."""
+_CYCLIC: dict[type[Message], float] = {Setpoint: 0.01, ActuatorState: 0.01, PositionerStatus: 0.1}
+"""The other cyclic messages, with the period in s where the DBC gives no cycle time."""
 
 
 @dataclass(frozen=True, slots=True)
 class BusLoad:
-    """Load of a bus, as a fraction of its bitrate with every frame at its longest.
+    """Load of a bus, as a fraction of its bitrate, with the longest form of every frame.
 
-    of_samples: by the frames of every sample; of_others: by those with a cycle time of their own.
-    shortest_period_s: the sample period at which the load is `REFUSE_ABOVE`; None where the others alone exceed it.
+    of_samples: by the frames of every sample; of_others: by the messages with a cycle time of their own.
+    shortest_period_s: the sample period at which the load is `REFUSE_ABOVE`; None where `of_others` alone exceeds it.
     """
 
     of_samples: float
@@ -37,12 +37,12 @@ class BusLoad:
 
     @property
     def total(self) -> float:
-        """All of it."""
+        """The whole load."""
         return self.of_samples + self.of_others
 
 
 def frame_bits(data_bytes: int, *, is_extended: bool) -> int:
-    """Return the most bits that a classic data frame takes, with its stuff bits and the pause behind it.
+    """Return the largest number of bits of a classic data frame, with its stuff bits and the gap after it.
 
     Source: Davis, Burns, Bril and Lukkien, "Controller Area Network (CAN) schedulability analysis", 2007, eq. 1:
     g + 8 s + 13 + ⌊(g + 8 s − 1)/4⌋ with g = 34 bits exposed to stuffing (standard) or 54 (extended).
@@ -52,11 +52,11 @@ def frame_bits(data_bytes: int, *, is_extended: bool) -> int:
 
 
 def bus_load(codec: Codec, sample_period_s: float, bitrate: int) -> BusLoad:
-    """Return the load of the frames of one valve; the emulator's truth is not among them."""
+    """Return the load by the frames of one valve, without the emulator's PLANT_TRUTH."""
     of_sample_s = sum(_bits(codec.by_kind[kind]) for kind in _EVERY_SAMPLE) / bitrate
     of_others = sum(
         _bits(codec.by_kind[kind]) / bitrate / _cycle_s(codec.by_kind[kind], otherwise_s)
-        for kind, otherwise_s in _AT_THEIR_OWN.items()
+        for kind, otherwise_s in _CYCLIC.items()
     )
     left = REFUSE_ABOVE - of_others
     return BusLoad(of_sample_s / sample_period_s, of_others, of_sample_s / left if left > 0.0 else None)
@@ -65,10 +65,12 @@ def bus_load(codec: Codec, sample_period_s: float, bitrate: int) -> BusLoad:
 def findings(
     codec: Codec, sample_period_s: float, name: str, bitrate: int | None, source: str = "FILE"
 ) -> tuple[Finding, ...]:
-    """Return what the load means; `bitrate` is None on a bus that has none, `source` the configuration's path."""
+    """Return the finding on the load; `bitrate` is None on a virtual bus, `source` the configuration's path."""
     if bitrate is None:
         load = bus_load(codec, sample_period_s, _FASTEST)
-        text = f"{name} has no bitrate and never throttles; at 1 Mbit/s this valve would load {100 * load.total:.0f} %"
+        text = (
+            f"{name} has no bitrate, so no limit; at 1 Mbit/s the load of this valve would be {100 * load.total:.0f} %"
+        )
         return (Finding(Level.OK, _SUBJECT, text),)
     load = bus_load(codec, sample_period_s, bitrate)
     text = f"{100 * load.total:.0f} % of {bitrate / 1000:g} kbit/s at most, with {1.0 / sample_period_s:g} samples/s"
@@ -80,21 +82,21 @@ def findings(
     slower = f"sudoedit {source}  # [control] sample_period_s, and the sensor's period with it"
     fix = _faster(name) if bitrate < _FASTEST else slower
     if load.total <= REFUSE_ABOVE:
-        text += f", above {100 * WARN_ABOVE:.0f} %: others on this bus wait for this valve"
+        text += f", above {100 * WARN_ABOVE:.0f} %: other nodes on this bus have to wait for this valve"
         return (Finding(Level.WARN, _SUBJECT, text, fix),)
     text += f"; the shortest period that fits is {shortest_s:g} s: {1.0 / shortest_s:.0f} samples/s"
     return (Finding(Level.FAIL, _SUBJECT, text, slower),)
 
 
 def in_words(codec: Codec, sample_period_s: float, bitrate: int = _FASTEST) -> str:
-    """Return the load at `bitrate`, and the shortest sample period with which it is one that a bus can carry."""
+    """Return the load at `bitrate` in words, with the shortest sample period that the bus can carry."""
     load = bus_load(codec, sample_period_s, bitrate)
-    told = f"{100 * load.total:.0f} % of {bitrate / 1e6:g} Mbit/s at most"
+    text = f"{100 * load.total:.0f} % of {bitrate / 1e6:g} Mbit/s at most"
     if load.shortest_period_s is None:
-        return f"{told}: too slow for any sample period"
+        return f"{text}: too slow for any sample period"
     shortest_ms = rounded_up(load.shortest_period_s) * 1e3
     fits = f"{100 * REFUSE_ABOVE:.0f} % at {shortest_ms:.2f} ms, the shortest period that fits"
-    return f"{told}; {fits}" if load.total <= REFUSE_ABOVE else f"{told}: more than it carries; {fits}"
+    return f"{text}; {fits}" if load.total <= REFUSE_ABOVE else f"{text}: more than the bus carries; {fits}"
 
 
 def rounded_up(period_s: float) -> float:

@@ -1,4 +1,4 @@
-"""The whole examination: the machine, and with a configuration the bus, the state and the feedback. Shell."""
+"""The examination: the machine, and with a configuration also bus, state, daemon and feedback of its valve. Shell."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Examination:
-    """An examination; `findings` yields as it goes, and `exit_code` is right when it has ended."""
+    """An examination; `exit_code` is valid after the last of the `findings`."""
 
     config: Path | None
     state: Path | None = None
@@ -33,13 +33,13 @@ class Examination:
 
     @property
     def exit_code(self) -> ExitCode:
-        """78 where the configuration is wrong, 1 where anything else failed, else 0."""
+        """78 where the configuration is wrong, 1 where any other finding is FAIL, else 0."""
         if self._misconfigured:
             return ExitCode.CONFIG
         return ExitCode.FAILURE if worst(self.found) is Level.FAIL else ExitCode.OK
 
     def findings(self) -> Iterator[Finding]:
-        """Yield every finding as soon as it is there."""
+        """Yield each finding as soon as it is known."""
         for finding in self._examine():
             self.found.append(finding)
             yield finding
@@ -87,18 +87,15 @@ def _interfaces(links: tuple[Link, ...]) -> Iterator[Finding]:
     names = [link.name for link in links if link.is_can]
     for name in names:
         for finding in link_findings.findings(name, links):
-            # no configuration says that this one is needed
+            # no configuration needs this interface, as far as is known
             yield replace(finding, level=min(finding.level, Level.WARN))
     if not names:
-        vcan = "sudo modprobe vcan; sudo ip link add dev vcan0 type vcan && sudo ip link set vcan0 up"
-        yield Finding(Level.WARN, "interface", "this machine has no CAN interface", f"{vcan}  # a virtual one, to try")
+        fix = f"{link_findings.add_vcan('vcan0')}  # a virtual one, for tests"
+        yield Finding(Level.WARN, "interface", "this machine has no CAN interface", fix)
 
 
 def _frames(configuration: Configuration) -> str:
-    source = configuration.wire.dbc or "the positioner's own"
-    return f"{source}, position frames under {_identifier(configuration)}"
-
-
-def _identifier(configuration: Configuration) -> str:
     identifier, extended = configuration.make_codec().identifier(StemPosition)
-    return f"{identifier:08X} (extended)" if extended else f"{identifier:03X}"
+    shown = f"{identifier:08X} (extended)" if extended else f"{identifier:03X}"
+    source = configuration.wire.dbc or "the positioner's own"
+    return f"{source}, position frames have the identifier {shown}"

@@ -1,4 +1,4 @@
-"""What `ip -details -statistics -json link show` says of CAN interfaces, as typed values. Pure."""
+"""The network interfaces in the answer of `ip -details -statistics -json link show`, as typed values. Pure."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 class Link:
     """One network interface.
 
-    kind: what the kernel calls the driver's family: `can` for a controller, `vcan`, `vxcan`; empty for others.
-    state: the controller's own, such as ERROR-ACTIVE; empty where there is no controller.
+    kind: the kernel's name of the driver's family: `can` for a controller, `vcan`, `vxcan`; empty for others.
+    state: the state of the controller, such as ERROR-ACTIVE; empty where there is none.
     bitrate: in bit/s; None where there is no bit timing: virtual buses, and controllers never configured.
-    restart_ms: ms from bus-off to the next attempt, 0 where nobody restarts it, None where there is no controller.
+    restart_ms: ms from bus-off to the automatic restart, 0 for none, None where there is no controller.
     error_counters: the controller's transmit and receive error counters, None where it has none.
     totals: events since the driver was loaded, by their names in the kernel, such as bus_off.
     """
@@ -38,19 +38,19 @@ class Link:
 
     @property
     def is_controller(self) -> bool:
-        """Whether a real controller is behind it, with a bitrate and error counters."""
+        """Whether it has a real controller, with a bitrate and error counters."""
         return self.kind == "can"
 
 
 class UnreadableAnswerError(ValueError):
-    """An answer of `ip` that is no JSON, or not the JSON that it documents."""
+    """The answer of `ip` is no JSON, or not the documented JSON."""
 
 
 def parse_links(text: str) -> tuple[Link, ...]:
-    """Return every interface in the answer of `ip`, which is a JSON array, in its order.
+    """Return the interfaces in the answer of `ip`, a JSON array, in their order.
 
     Raises:
-        UnreadableAnswerError: the answer is something else.
+        UnreadableAnswerError: the answer is no such array.
     """
     try:
         # `ip -json` leaves an empty object in place of an interface that its filter hides
@@ -71,7 +71,7 @@ def _link(entry: dict[str, Any]) -> Link:
         is_up="UP" in entry.get("flags", ()),
         queue_frames=int(entry.get("txqlen", 0)),
         state=str(data.get("state", "")),
-        # some controllers have a fixed bitrate and tell it beside the timing that they have not
+        # controllers with a fixed bitrate report it here, and no bit timing
         bitrate=_whole(timing.get("bitrate", data.get("bittiming_bitrate"))),
         sample_point=_number(timing.get("sample_point")),  # a string since iproute2 5.16, a number before
         restart_ms=_whole(data.get("restart_ms")),

@@ -1,4 +1,4 @@
-"""What is good and bad about a CAN interface for a control loop. Pure."""
+"""Findings on a CAN interface: is it fit for a control loop? Pure."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ if TYPE_CHECKING:
     from positioner.doctor.link import Link
 
 LEAST_QUEUE_FRAMES = 128
-"""A shorter transmit queue, such as the kernel's 10 frames, is full after some ms of a busy bus."""
+"""A shorter transmit queue, such as the kernel's default of 10 frames, is full after a few ms of a busy bus."""
 RESTART_MS = 100
 USUAL_BITRATE = 1_000_000
 _SUBJECT = "interface"
 
 
 def findings(name: str, links: tuple[Link, ...]) -> tuple[Finding, ...]:
-    """Return what `links`, all interfaces of this machine, say of the interface `name`."""
+    """Return the findings on the interface `name` of this machine, which has the interfaces `links`."""
     link = next((link for link in links if link.name == name), None)
     if link is None:
         others = ", ".join(link.name for link in links if link.is_can)
         text = f"{name} does not exist; " + (f"this machine has {others}" if others else "this machine has no CAN bus")
-        return (Finding(Level.FAIL, _SUBJECT, text, _made(name)),)
+        return (Finding(Level.FAIL, _SUBJECT, text, _added(name)),)
     if not link.is_can:
         fix = "ip -brief link show type can; ip -brief link show type vcan"
-        return (Finding(Level.FAIL, _SUBJECT, f"{name} is no CAN interface: name one that is in [bus] channel", fix),)
+        return (Finding(Level.FAIL, _SUBJECT, f"{name} is no CAN interface: set [bus] channel to one that is", fix),)
     return tuple(_findings(link))
 
 
@@ -39,10 +39,15 @@ def bring_up(link: Link) -> str:
     return f"sudo ip link set {link.name} up type can bitrate {bitrate} restart-ms {RESTART_MS}"
 
 
-def _made(name: str) -> str:
+def add_vcan(name: str) -> str:
+    """Return the command that adds the virtual interface `name` and brings it up."""
+    return f"sudo modprobe vcan; sudo ip link add dev {name} type vcan && sudo ip link set {name} up"
+
+
+def _added(name: str) -> str:
     if name.startswith("vcan"):
-        return f"sudo modprobe vcan; sudo ip link add dev {name} type vcan && sudo ip link set {name} up"
-    return "sudo dmesg | grep -i can  # after plugging the adapter in: does its driver find it?"
+        return add_vcan(name)
+    return "sudo dmesg | grep -i can  # after plugging in the adapter: does its driver find it?"
 
 
 def _findings(link: Link) -> Iterator[Finding]:
@@ -63,7 +68,7 @@ def _presence(link: Link) -> Finding:
     if not link.is_controller:
         return Finding(Level.OK, _SUBJECT, f"{link.name} is up ({link.kind or 'virtual'}: no bitrate, no controller)")
     if not link.bitrate:
-        text = f"{link.name} is up and tells no bitrate"
+        text = f"{link.name} is up and reports no bitrate"
         return Finding(Level.WARN, _SUBJECT, text, f"ip -details link show {link.name}")
     point = f", sample point {100 * link.sample_point:.1f} %" if link.sample_point is not None else ""
     return Finding(Level.OK, _SUBJECT, f"{link.name} is up at {link.bitrate / 1000:g} kbit/s{point}")
@@ -87,7 +92,7 @@ def _restart(link: Link) -> Finding:
 
 
 def _state(link: Link) -> Finding:
-    text = f"{link.name} is {link.state or 'silent about its state'}"
+    text = f"{link.name} is {link.state or 'in an unknown state'}"
     if link.error_counters:
         text += f", error counters: transmit {link.error_counters[0]}, receive {link.error_counters[1]}"
     if link.state == "ERROR-ACTIVE":
@@ -102,9 +107,9 @@ def _state(link: Link) -> Finding:
 def _modes(link: Link) -> Iterator[Finding]:
     down = f"sudo ip link set {link.name} down"
     for mode, why in (
-        ("LISTEN-ONLY", "no command would ever leave"),
+        ("LISTEN-ONLY", "no command would be sent"),
         ("ONE-SHOT", "a frame that loses arbitration is not sent again"),
-        ("LOOPBACK", "its own frames come back as if another node had sent them"),
+        ("LOOPBACK", "its own frames come back like those of another node"),
     ):
         if mode in link.control_modes:
             off = f"{down} && sudo ip link set {link.name} up type can {mode.lower()} off"
@@ -123,5 +128,5 @@ def _history(link: Link) -> Iterator[Finding]:
     if not seen:
         yield Finding(Level.OK, "bus history", f"no error on {link.name} since its driver was loaded")
         return
-    fix = f"ip -details -statistics link show {link.name}  # do they still grow?"
+    fix = f"ip -details -statistics link show {link.name}  # do the counters still grow?"
     yield Finding(Level.WARN, "bus history", f"{seen} on {link.name} since its driver was loaded", fix)

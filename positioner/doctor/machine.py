@@ -1,4 +1,4 @@
-"""What a positioner needs of any machine: fine timers, SQLite, and the tool that tells about interfaces. Shell."""
+"""Findings on the machine: its clock, SQLite, and the tool that lists network interfaces. Shell."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from positioner.doctor.finding import Finding, Level
 
 _COARSE_TIMER_S = 1e-4
 _OLDEST_SQLITE = (3, 12, 0)
-"""The first with `PRAGMA synchronous = EXTRA`, on which the stiction table relies in a power cut."""
+"""The first with `PRAGMA synchronous = EXTRA`, which protects the stiction table in a power cut."""
 _IP = ("ip", "-details", "-statistics", "-json", "link", "show")
 _IP_WAIT_S = 5.0
 
 
 def timer() -> Finding:
-    """Return how finely the monotonic clock counts."""
+    """Return the finding on the resolution of the monotonic clock."""
     resolution_s = time.clock_getres(time.CLOCK_MONOTONIC)
     if resolution_s > _COARSE_TIMER_S:
-        text = f"the monotonic clock counts in {resolution_s * 1e3:g} ms: too coarse for a control loop"
+        text = f"the monotonic clock has steps of {resolution_s * 1e3:g} ms: too coarse for a control loop"
         return Finding(
             Level.FAIL,
             "timer",
             text,
             "grep -E HIGH_RES_TIMERS /boot/config-$(uname -r); cat /proc/cmdline  # =y is needed, and no highres=off",
         )
-    return Finding(Level.OK, "timer", f"the monotonic clock counts in {resolution_s * 1e9:g} ns")
+    return Finding(Level.OK, "timer", f"the monotonic clock has steps of {resolution_s * 1e9:g} ns")
 
 
 def sqlite() -> Finding:
-    """Return the version of SQLite; its WAL bug before 3.51.3 does not matter, since no WAL is used."""
+    """Return the finding on the version of SQLite; its WAL bug before 3.51.3 does not matter: no WAL is used."""
     if sqlite3.sqlite_version_info < _OLDEST_SQLITE:
         wanted = ".".join(map(str, _OLDEST_SQLITE))
         text = f"{sqlite3.sqlite_version} is older than {wanted}: the stiction table could be lost in a power cut"
@@ -42,10 +42,10 @@ def sqlite() -> Finding:
 
 
 def links() -> tuple[tuple[link.Link, ...] | None, tuple[Finding, ...]]:
-    """Return all network interfaces as `ip` tells them; None, and a finding, where it does not."""
+    """Return all network interfaces, and the findings on `ip`; None where it gives no usable answer."""
     program = shutil.which("ip", path=f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin")
     if program is None:
-        text = "the command `ip` is not installed: nothing is known of the interface"
+        text = "the command `ip` is not installed: nothing is known about the interface"
         return None, (Finding(Level.WARN, "interface", text, "sudo apt install iproute2"),)
     try:
         done = subprocess.run(  # noqa: S603 - a system tool with arguments of our own

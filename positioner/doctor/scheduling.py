@@ -1,4 +1,4 @@
-"""Which scheduling policy is really in force, of this command and of the valve's running daemon. Shell."""
+"""The scheduling policy of this command, and of the valve's running daemon. Shell."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _NAMES = {
 }
 _REAL_TIME = {os.SCHED_FIFO, os.SCHED_RR}
 SLOW_ENOUGH_S = 0.01
-"""With this sample period or a longer one, time-sharing is no reason to worry."""
+"""From this sample period on, time-sharing is good enough."""
 
 
 def of_this_command() -> Finding:
-    """Return the policy under which this command, and what is started as it is, runs."""
-    return Finding(Level.OK, "scheduling", f"this command: {_told(0)}")
+    """Return the policy of this command; a daemon that is started like it has the same."""
+    return Finding(Level.OK, "scheduling", f"this command: {_described(0)}")
 
 
 def of_daemon(pid: int | None, sample_period_s: float, unit: str | None) -> Finding:
@@ -29,24 +29,21 @@ def of_daemon(pid: int | None, sample_period_s: float, unit: str | None) -> Find
         start = f"sudo systemctl start {unit}" if unit else ""
         return Finding(Level.OK, "daemon", "none runs for this valve", start)
     try:
-        policy, told = os.sched_getscheduler(pid) & ~os.SCHED_RESET_ON_FORK, _told(pid)
+        policy, description = os.sched_getscheduler(pid) & ~os.SCHED_RESET_ON_FORK, _described(pid)
     except ProcessLookupError:
-        return Finding(Level.WARN, "daemon", f"process {pid} has just ended", "positioner doctor again")
-    text = f"process {pid}: {told}"
+        return Finding(Level.WARN, "daemon", f"process {pid} has just ended", "positioner doctor  # once more")
+    text = f"process {pid}: {description}"
     if policy in _REAL_TIME:
         return Finding(Level.OK, "daemon", text)
     if sample_period_s >= SLOW_ENOUGH_S:
         return Finding(Level.OK, "daemon", f"{text}, fit for a period of {sample_period_s * 1e3:g} ms")
     text += f": a busy machine delays it beyond its period of {sample_period_s * 1e3:g} ms"
-    return Finding(Level.WARN, "daemon", text, f"sudo chrt --fifo --pid 50 {pid}{_lasting(unit)}")
+    lasting = f"  # until its next start; for good: sudo systemctl edit {unit}, with the lines of realtime.conf"
+    return Finding(Level.WARN, "daemon", text, f"sudo chrt --fifo --pid 50 {pid}{lasting if unit else ''}")
 
 
-def _lasting(unit: str | None) -> str:
-    return f"; to last: sudo systemctl edit {unit}, with the lines of realtime.conf" if unit else ""
-
-
-def _told(pid: int) -> str:
-    """Return policy, priority and processors in words.
+def _described(pid: int) -> str:
+    """Return policy, priority and processors of a process.
 
     Raises:
         ProcessLookupError: the process has ended.

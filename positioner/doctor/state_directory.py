@@ -1,4 +1,4 @@
-"""The state directory: there, writable, with room, and its stiction table readable. Shell."""
+"""Findings on the state directory: does it exist, is it writable, has it room, is its table readable? Shell."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ _SUBJECT = "state"
 
 
 def findings(configuration: Configuration, place: Location) -> Iterator[Finding]:
-    """Yield what is found about the directory and the table in it."""
+    """Yield the findings on the directory and on the table in it."""
     try:
         yield from _findings(configuration, place)
     except PermissionError:
-        text = f"{place.state} cannot be looked into by this user"
+        text = f"{place.state} is not accessible for this user"
         yield Finding(
-            Level.WARN, _SUBJECT, text, f"sudo ls -l {shlex.quote(str(place.state))}  # or the doctor with sudo"
+            Level.WARN, _SUBJECT, text, f"sudo ls -l {shlex.quote(str(place.state))}  # or run the doctor with sudo"
         )
 
 
@@ -47,21 +47,21 @@ def _absent(place: Location) -> Finding:
     directory = place.state
     nearest = next(above for above in directory.parents if above.exists())
     if place.unit:
-        return Finding(Level.OK, _SUBJECT, f"{directory} is not there yet: the first start of {place.unit} makes it")
+        return Finding(Level.OK, _SUBJECT, f"{directory} does not exist yet: the first start of {place.unit} makes it")
     if nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK):
-        return Finding(Level.OK, _SUBJECT, f"{directory} is not there yet: the first start makes it")
-    text = f"{directory} is not there, and cannot be made in {nearest} by this user"
-    return Finding(Level.FAIL, _SUBJECT, text, _made(directory))
+        return Finding(Level.OK, _SUBJECT, f"{directory} does not exist yet: the first start makes it")
+    text = f"{directory} does not exist, and this user cannot make it in {nearest}"
+    return Finding(Level.FAIL, _SUBJECT, text, _make(directory))
 
 
 def _room(place: Location, held_by: int | None) -> Iterator[Finding]:
     directory = place.state
     if place.unit is None and held_by is None and not os.access(directory, os.W_OK | os.X_OK):
-        yield Finding(Level.FAIL, _SUBJECT, f"{directory} is not writable for this user", _made(directory))
+        yield Finding(Level.FAIL, _SUBJECT, f"{directory} is not writable for this user", _make(directory))
         return
     free = shutil.disk_usage(directory).free
     text = f"{directory}: {free / (1 << 20):.0f} MiB free"
-    show = f"df -h {shlex.quote(str(directory))}  # and make room"
+    show = f"df -h {shlex.quote(str(directory))}  # then free some space"
     if free < ROOM_NEEDED_BYTES:
         yield Finding(Level.FAIL, _SUBJECT, f"{text}: the table cannot be saved", show)
     elif free < ROOM_WANTED_BYTES:
@@ -79,7 +79,7 @@ def _table(configuration: Configuration, place: Location) -> Finding:
         stored = access.dump(directory)
     except TableRejectedError as rejected:
         if rejected.fault is Fault.MISSING:
-            return Finding(Level.OK, "table", "none yet: nothing is learned")
+            return Finding(Level.OK, "table", "none yet: nothing has been learned")
         return Finding(Level.FAIL, "table", str(rejected), f"{dump}  # the next start sets the file aside")
     except StateError as error:
         return Finding(Level.FAIL, "table", str(error), dump)
@@ -88,17 +88,17 @@ def _table(configuration: Configuration, place: Location) -> Finding:
 
 def _assessed(configuration: Configuration, stored: StoredTable, dump: str) -> Finding:
     samples = sum(cell.count for _, cell in stored.table)
-    told = f"valve {stored.valve_id}: {samples} samples in {len(stored.table)} cells"
+    text = f"valve {stored.valve_id}: {samples} samples in {len(stored.table)} cells"
     expected, width_m = configuration.valve.id, configuration.control.table_cell_m
     if stored.valve_id != expected:
-        told += f", and this is {expected}: the next start sets it aside"
-        return Finding(Level.WARN, "table", told, dump)
+        text += f", but this valve is {expected}: the next start sets the table aside"
+        return Finding(Level.WARN, "table", text, dump)
     if stored.table.cell_width_m != width_m:
         found_mm, wanted_mm = stored.table.cell_width_m * 1e3, width_m * 1e3
-        told += f" of {found_mm:g} mm, and the configuration says {wanted_mm:g} mm: the next start sets it aside"
-        return Finding(Level.WARN, "table", told, dump)
-    return Finding(Level.OK, "table", told)
+        text += f" of {found_mm:g} mm, but the configuration says {wanted_mm:g} mm: the next start sets the table aside"
+        return Finding(Level.WARN, "table", text, dump)
+    return Finding(Level.OK, "table", text)
 
 
-def _made(directory: os.PathLike[str]) -> str:
+def _make(directory: os.PathLike[str]) -> str:
     return f"sudo install -d -m 750 -o $(id -un) {shlex.quote(str(directory))}"

@@ -189,7 +189,7 @@ def test_a_valve_that_reports_is_heard_and_so_is_another_controller(
     assert found["foreign"]["level"] == "WARN"
     assert "is not a CAN interface" in found["interface"]["text"]
     assert found["daemon"]["text"] == "none runs for this valve"
-    assert found["DBC"]["text"] == "the positioner's own, position frames under 110"
+    assert found["DBC"]["text"] == "the positioner's own, position frames have the identifier 110"
     assert "bus load" not in found
 
 

@@ -106,7 +106,7 @@ def test_a_warning_below_1_mbit_per_s_names_the_faster_bus_and_at_it_the_period(
 def test_a_virtual_bus_has_no_load_and_says_so() -> None:
     (finding,) = findings(OURS, 0.001, "vcan0", None)
     assert finding.level is Level.OK
-    assert finding.text == "vcan0 has no bitrate and never throttles; at 1 Mbit/s this valve would load 30 %"
+    assert finding.text == "vcan0 has no bitrate, so no limit; at 1 Mbit/s the load of this valve would be 30 %"
 
 
 @pytest.mark.parametrize(("period_s", "up_s"), [(0.0013730401, 0.001374), (0.001373, 0.001373), (0.1 + 0.2, 0.3)])

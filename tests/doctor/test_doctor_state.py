@@ -33,7 +33,7 @@ def test_the_policy_of_a_process_is_read_from_the_kernel() -> None:
         child.communicate(b"\n")
     assert (finding.level, slow.level) == (Level.WARN, Level.OK)
     assert finding.text.startswith(f"process {child.pid}: SCHED_BATCH on processor ")
-    assert finding.fix.startswith(f"sudo chrt --fifo --pid 50 {child.pid}; to last: ")
+    assert finding.fix.startswith(f"sudo chrt --fifo --pid 50 {child.pid}  # until its next start; for good: ")
     assert scheduling.of_daemon(child.pid, 0.001, None).text == f"process {child.pid} has just ended"
 
 
@@ -84,7 +84,7 @@ def state_found(folder: Path, directory: Path, unit: str | None = None) -> dict[
 
 def test_a_state_directory_that_is_not_there_yet_is_no_fault_where_it_can_be_made(tmp_path: Path) -> None:
     told = state_found(tmp_path, tmp_path / "a" / "b")["state"]
-    assert (told.level, told.text) == (Level.OK, f"{tmp_path}/a/b is not there yet: the first start makes it")
+    assert (told.level, told.text) == (Level.OK, f"{tmp_path}/a/b does not exist yet: the first start makes it")
     (tmp_path / "file").write_text("")
     told = state_found(tmp_path, tmp_path / "file" / "state")["state"]
     assert (told.level, told.fix) == (
@@ -96,7 +96,7 @@ def test_a_state_directory_that_is_not_there_yet_is_no_fault_where_it_can_be_mad
 
 
 def test_the_table_is_counted_like_its_dump(tmp_path: Path) -> None:
-    assert state_found(tmp_path, tmp_path)["table"].text == "none yet: nothing is learned"
+    assert state_found(tmp_path, tmp_path)["table"].text == "none yet: nothing has been learned"
     access.replace(tmp_path, taught(series(200)), force=False)
     told = state_found(tmp_path, tmp_path)["table"]
     assert (told.level, told.text) == (Level.OK, "valve FV-101: 200 samples in 30 cells")
@@ -109,7 +109,7 @@ def test_a_table_of_another_valve_or_of_other_cells_is_told(tmp_path: Path) -> N
         access.replace(directory, stored, force=True)
         told = state_found(tmp_path, directory)["table"]
         assert told.level is Level.WARN
-        assert ("this is FV-101" if number == 0 else "10 mm, and the configuration says 5 mm") in told.text
+        assert ("this valve is FV-101" if number == 0 else "10 mm, but the configuration says 5 mm") in told.text
 
 
 def test_a_damaged_table_fails(tmp_path: Path) -> None:
@@ -146,5 +146,5 @@ def test_a_directory_that_only_root_may_look_into_is_told(tmp_path: Path, monkey
 
     monkeypatch.setattr(Path, "is_dir", refused)
     (told,) = state_directory.findings(configuration, Location(tmp_path, "positioner@fv101"))
-    assert (told.level, told.text) == (Level.WARN, f"{tmp_path} cannot be looked into by this user")
+    assert (told.level, told.text) == (Level.WARN, f"{tmp_path} is not accessible for this user")
     assert told.fix.startswith(f"sudo ls -l {tmp_path}")

@@ -83,7 +83,7 @@ class Others:
 
     @property
     def acting(self) -> int | None:
-        """The counter of the newest command heard, which acts on a valve that obeys; None before the first."""
+        """The counter of the newest command received, which acts on a valve that obeys; None before the first."""
         frames = (frame for frame in reversed(self.received) if not frame.is_error and not frame.is_remote)
         decoded = (self.codec.decode(frame) for frame in frames)
         return next((counter for message, counter in decoded if isinstance(message, CurrentCommand)), None)
@@ -102,10 +102,10 @@ class Others:
 
 
 class Loop:
-    """A daemon in this process, turned by the test under a clock of the test."""
+    """A daemon in this process, run by the test, cycle by cycle, under a clock of the test."""
 
     is_real = False
-    """The machine's time is not the test's: no frame is old, and no turn is late."""
+    """The machine's time is not the test's: no frame is old, and no cycle is late."""
 
     def __init__(
         self, folder: Path, options: RunOptions | None = None, bus: BusAddress | None = None, **tables: dict[str, Any]
@@ -126,12 +126,12 @@ class Loop:
         self.daemon._cycle()
 
     def now_ns(self, frames: tuple[CanFrame, ...]) -> int:
-        """The daemon's clock: it stands still but for `turn`."""
+        """The daemon's clock: it stands still but for `cycle`."""
         del frames
         return self.elapsed_ns
 
     def cycle(self, *frames: CanFrame, after_s: float = PERIOD_S) -> list[Message]:
-        """Send `frames`, let `after_s` pass and the daemon turn once; return what it said."""
+        """Send `frames`, let `after_s` pass and run one cycle; return the messages it sent."""
         for frame in frames:
             assert self.others.port.send(frame)
         self.elapsed_ns += round(after_s * _NS)

@@ -144,9 +144,9 @@ class World:
         while self._next_ns <= end_ns:
             self.now_ns = self._next_ns
             if not self.plant_silent:
-                self._hear(StemPosition(HERE_M + 1e-7 * (self.sample % 7), self.acting), self.sample)
+                self._deliver(StemPosition(HERE_M + 1e-7 * (self.sample % 7), self.acting), self.sample)
             if self.sample % _SETPOINT_EVERY == 0:
-                self._hear(Setpoint(HERE_M, self.request), self.setpoints)
+                self._deliver(Setpoint(HERE_M, self.request), self.setpoints)
                 self.setpoints += 1
             self.sample += 1
         self.now_ns = end_ns
@@ -155,24 +155,24 @@ class World:
     def _next_ns(self) -> int:
         return _BOOT_NS + (self.sample + 1) * self.period_ns
 
-    def _hear(self, message: Message, counter: int) -> None:
+    def _deliver(self, message: Message, counter: int) -> None:
         frame = self.codec.encode(message, counter)
         wall_ns = self.now_ns + _WALL_NS - _BOOT_NS + self.wall_step_ns
         if len(self.queue) < _QUEUE_FRAMES:
-            heard = can.Message(
+            received = can.Message(
                 timestamp=wall_ns / _NS if self.stamps else 0.0,
                 arbitration_id=frame.arbitration_id,
                 data=frame.data,
                 is_extended_id=False,
             )
-            self.queue.append(Queued(heard, self.now_ns, counter, isinstance(message, StemPosition)))
+            self.queue.append(Queued(received, self.now_ns, counter, isinstance(message, StemPosition)))
 
     def _look(self) -> None:
         self.pass_time(self.struck() + _LOOK_NS)
 
 
 class VirtualShell:
-    """A daemon with the world behind its ports, turned by the test."""
+    """A daemon with the world behind its ports, run by the test, cycle by cycle."""
 
     def __init__(
         self,
@@ -211,13 +211,13 @@ class VirtualShell:
             self.daemon._cycle()
 
     def cycle_for(self, duration_s: float) -> None:
-        """Let the daemon turn until so much time has passed."""
+        """Run cycles until so much time has passed."""
         end_ns = self.world.now_ns + round(duration_s * _NS)
         while self.world.now_ns < end_ns:
             self.daemon._cycle()
 
     def arm(self) -> None:
-        """Ask something else, and then to arm, long enough for both to be heard."""
+        """Ask something else, and then to arm, long enough for both to be received."""
         for request in (HostRequest.NONE, HostRequest.ARM):
             self.world.request = request
             self.cycle_for(2 * _SETPOINT_EVERY * self.period_s)

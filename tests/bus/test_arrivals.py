@@ -82,7 +82,7 @@ def test_a_bus_that_was_opened_again_has_an_empty_queue() -> None:
         (7.0, 5000.0, 5007.0),
     ],
 )
-def test_the_gap_is_what_nobody_asked_for(away_ms: float, inside_ms: float, expected_ms: float) -> None:
+def test_the_gap_is_the_time_beyond_the_timeout(away_ms: float, inside_ms: float, expected_ms: float) -> None:
     arrivals = Arrivals()
     arrivals.begin(at(0.0), 0.01)
     arrivals.end(at(2.0))

@@ -80,22 +80,22 @@ class BusContract:
         for frame in (CanFrame(0x123, bytes(range(8))), CanFrame(0x7FF, b""), CanFrame(0x1ABCDEF0, b"\xff", True)):
             before_ns = time.monotonic_ns()
             assert one.send(frame)
-            (heard,) = self.wait_for(other, 1)
-            assert (heard.arbitration_id, heard.data, heard.is_extended) == (
+            (received,) = self.wait_for(other, 1)
+            assert (received.arbitration_id, received.data, received.is_extended) == (
                 frame.arbitration_id,
                 frame.data,
                 frame.is_extended,
             )
-            assert not heard.is_error
-            assert not heard.is_remote
-            assert before_ns <= heard.received_ns <= time.monotonic_ns()
+            assert not received.is_error
+            assert not received.is_remote
+            assert before_ns <= received.received_ns <= time.monotonic_ns()
 
     def test_a_burst_arrives_complete_and_in_order(self, pair: tuple[BusPort, BusPort]) -> None:
         one, other = pair
         sent = [CanFrame(0x100, number.to_bytes(2, "big")) for number in range(200)]
         assert all(one.send(frame) for frame in sent)
-        heard = self.wait_for(other, len(sent))
-        assert [frame.data for frame in heard] == [frame.data for frame in sent]
+        received = self.wait_for(other, len(sent))
+        assert [frame.data for frame in received] == [frame.data for frame in sent]
 
     def test_a_batch_holds_all_that_waits(self, pair: tuple[BusPort, BusPort]) -> None:
         one, other = pair
@@ -108,7 +108,7 @@ class BusContract:
         """Wait until what was sent lies in the receiver's queue; buses inside the machine need no time."""
         del receiver, sender
 
-    def test_a_node_does_not_hear_itself(self, pair: tuple[BusPort, BusPort]) -> None:
+    def test_a_node_does_not_receive_its_own_frames(self, pair: tuple[BusPort, BusPort]) -> None:
         one, other = pair
         for number in range(20):
             one.send(CanFrame(0x100, bytes([number])))
@@ -117,7 +117,7 @@ class BusContract:
         assert [frame.data[0] for frame in self.wait_for(other, 20)] == list(range(20))
         assert one.receive(QUIET_S) == ()
 
-    def test_an_identical_frame_of_somebody_else_is_heard(self, pair: tuple[BusPort, BusPort]) -> None:
+    def test_an_identical_frame_of_somebody_else_is_received(self, pair: tuple[BusPort, BusPort]) -> None:
         one, other = pair
         same = CanFrame(0x100, b"same")
         one.send(same)
@@ -146,7 +146,7 @@ class BusContract:
             port.close()
             assert not port.is_open
 
-    def test_buses_of_different_addresses_hear_nothing_of_each_other(self) -> None:
+    def test_buses_of_different_addresses_share_no_frames(self) -> None:
         one, other = self.port(self.address()), self.port(self.address())
         one.send(CanFrame(0x100, b"private"))
         assert other.receive(QUIET_S) == ()
@@ -198,7 +198,7 @@ class TestVirtualBus(BusContract):
     def address(self) -> BusAddress:
         return BusAddress(interface="virtual", channel=f"test-{os.getpid()}-{next(self.numbers)}")
 
-    def test_only_the_wanted_identifiers_are_heard(self) -> None:
+    def test_only_the_wanted_identifiers_are_received(self) -> None:
         address = self.address()
         wanted, sender = self.port(address, ((0x100, False), (0x100, True))), self.port(address)
         for frame in (CanFrame(0x101, b""), CanFrame(0x100, b"a"), CanFrame(0x100, b"b", True), CanFrame(0x500, b"")):
@@ -208,7 +208,7 @@ class TestVirtualBus(BusContract):
 
 
 class BrokenBus:
-    """A bus that fails when told to."""
+    """A bus that fails when the test says so."""
 
     def __init__(self) -> None:
         self.down = False
@@ -228,7 +228,7 @@ class BrokenBus:
         self.was_shut_down = True
 
 
-def test_a_bus_that_goes_down_is_a_state_and_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bus_that_goes_down_is_a_state_and_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
     opened: list[BrokenBus] = []
     now_s = [100.0]
 
@@ -266,7 +266,7 @@ def test_a_bus_that_goes_down_is_a_state_and_is_told_once(monkeypatch: pytest.Mo
     port.close()
 
 
-def test_a_wall_clock_that_is_set_back_keeps_nobody_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wall_clock_that_is_set_back_delays_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
     port = BusPort(own_address())
     port.open()
     start_s = time.monotonic()

@@ -34,7 +34,7 @@ HOSTILE = "[default]\ninterface = socketcan\nreceive_own_messages = True\nhop_li
 
 
 class Adapter(can.BusABC):
-    """An adapter that notes what it is opened with, or fails as it is told."""
+    """An adapter that notes what it is opened with, or fails as the test says."""
 
     seen: tuple[Any, dict[str, Any]] = (None, {})
     failure: Exception | None = None
@@ -119,7 +119,7 @@ def test_a_missing_device_may_come_and_a_missing_driver_does_not(
 @pytest.mark.parametrize(
     ("interface", "mend"), [("kvaser", "see https://"), ("slcan", "pip install 'python-can[serial]'")]
 )
-def test_who_lacks_a_driver_is_told_where_it_is(
+def test_a_missing_driver_is_reported_with_where_to_get_it(
     interface: str, mend: str, adapter: type[Adapter], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(adapter, "failure", can.CanInterfaceNotImplementedError("not installed"))
@@ -128,7 +128,7 @@ def test_who_lacks_a_driver_is_told_where_it_is(
     assert mend in str(caught.value)
 
 
-def test_a_bus_that_was_there_once_is_waited_for_whatever_it_says(
+def test_a_bus_that_was_there_once_is_waited_for_whatever_the_error(
     adapter: type[Adapter], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now_s = [100.0]
@@ -163,7 +163,7 @@ def _hostile_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("_hostile_home")
-def test_files_and_environment_of_python_can_have_no_say(tmp_path: Path, adapter: type[Adapter]) -> None:
+def test_files_and_environment_of_python_can_are_ignored(tmp_path: Path, adapter: type[Adapter]) -> None:
     open_bus(BusAddress(interface="kvaser", channel="0"), ()).shutdown()
     assert adapter.seen == (0, {})
     port = BusPort(BusAddress(interface="virtual", channel=str(tmp_path)))
@@ -175,7 +175,7 @@ def test_files_and_environment_of_python_can_have_no_say(tmp_path: Path, adapter
 
 @pytest.mark.bus
 @pytest.mark.usefixtures("_hostile_home")
-def test_the_embedded_bus_opens_whatever_the_files_of_python_can_say() -> None:
+def test_the_embedded_bus_opens_whatever_the_files_of_python_can_contain() -> None:
     port = BusPort(own_address())
     port.open()
     assert port.is_open
@@ -228,12 +228,12 @@ MISTAKES = [
 ]
 
 
-@pytest.mark.parametrize(("table", "line", "told"), MISTAKES)
-def test_a_bus_that_can_never_be_opened_is_a_mistake_of_the_configuration(table: str, line: int, told: str) -> None:
+@pytest.mark.parametrize(("table", "line", "expected"), MISTAKES)
+def test_a_bus_that_can_never_be_opened_is_a_mistake_of_the_configuration(table: str, line: int, expected: str) -> None:
     with pytest.raises(ConfigurationError) as caught:
         parse_config(f'[valve]\nid = "v"\npreset = "paper"\n[bus]\n{table}\n', "valve.toml", Path())
     assert f"valve.toml: line {line}: " in str(caught.value)
-    assert told in str(caught.value)
+    assert expected in str(caught.value)
 
 
 @pytest.mark.parametrize("command", [["check", "{valve}"], ["run", "--config", "{valve}"]])
@@ -246,7 +246,7 @@ def test_check_and_run_know_no_scketcan(command: list[str], tmp_path: Path, caps
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         ("scketcan:can0", "did you mean 'socketcan'?"),
         ("socketcan:can0,bitrate=500000", "is set on the interface itself"),
@@ -254,13 +254,13 @@ def test_check_and_run_know_no_scketcan(command: list[str], tmp_path: Path, caps
         ("kvaser:0=1", "INTERFACE:CHANNEL"),
     ],
 )
-def test_an_address_of_no_bus_is_refused(text: str, told: str) -> None:
+def test_an_address_of_no_bus_is_refused(text: str, expected: str) -> None:
     with pytest.raises(BusUnusableError) as caught:
         parse_address(text)
-    assert told in str(caught.value)
+    assert expected in str(caught.value)
 
 
-def test_an_embedded_bus_with_a_name_is_no_benchs() -> None:
+def test_an_embedded_bus_with_a_name_is_not_that_of_a_bench() -> None:
     address = parse_address("embedded:fv101")
     assert address == BusAddress(interface="embedded", channel="fv101")
     assert address.is_embedded

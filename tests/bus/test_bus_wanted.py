@@ -1,4 +1,4 @@
-"""What a port hears on a bus that gives it everything, its own frames as well: what it wants, and nothing earlier."""
+"""What a port receives on a bus that gives it everything, its own frames as well: the wanted frames, and no earlier."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def sender(address: BusAddress) -> Iterator[BusPort]:
     made.close()
 
 
-def test_only_the_wanted_identifiers_are_heard_each_with_its_length(port: BusPort, sender: BusPort) -> None:
+def test_only_the_wanted_identifiers_are_received_each_with_its_length(port: BusPort, sender: BusPort) -> None:
     frames = (
         CanFrame(0x101, b"other"),
         CanFrame(0x100, b"long", is_extended=True),

@@ -89,7 +89,7 @@ def shown_keys(tables: dict[str, Any], table: tuple[str, ...], keys: set[str]) -
             yield key
 
 
-def test_every_mistake_is_told_at_once_with_its_line() -> None:
+def test_every_mistake_is_reported_at_once_with_its_line() -> None:
     text = """[valve]
 id = "v"
 preset = "paper"
@@ -105,23 +105,23 @@ dbc = "missing.dbc"
 [buss]
 channel = "can0"
 """
-    told = problems_of(text)
-    assert [line.split(":")[1].strip() for line in told] == [f"line {n}" for n in (4, 5, 7, 8, 10, 12, 13)]
-    assert "valve.mass_kg = 1361.0: must be less than or equal to 200" in told[0]
-    assert "unknown key; did you mean 'spring_rate_n_per_m'?" in told[1]
-    assert "control.law = 'papr': is no law; did you mean 'paper'?" in told[2]
-    assert "must be greater than or equal to 0.00001" in told[3]
-    assert "must be greater than or equal to 3.8" in told[4]
-    assert "missing.dbc" in told[5]
-    assert "did you mean 'bus'?" in told[6]
+    problems = problems_of(text)
+    assert [line.split(":")[1].strip() for line in problems] == [f"line {n}" for n in (4, 5, 7, 8, 10, 12, 13)]
+    assert "valve.mass_kg = 1361.0: must be less than or equal to 200" in problems[0]
+    assert "unknown key; did you mean 'spring_rate_n_per_m'?" in problems[1]
+    assert "control.law = 'papr': is no law; did you mean 'paper'?" in problems[2]
+    assert "must be greater than or equal to 0.00001" in problems[3]
+    assert "must be greater than or equal to 3.8" in problems[4]
+    assert "missing.dbc" in problems[5]
+    assert "did you mean 'bus'?" in problems[6]
 
 
-def test_a_missing_valve_is_told() -> None:
+def test_a_missing_valve_is_reported() -> None:
     assert problems_of("") == ["valve.toml: valve: is required and missing"]
     assert "valve.toml: line 1: valve.id: is required and missing" in problems_of("[valve]\n")
 
 
-def test_what_is_no_toml_is_told_with_its_line() -> None:
+def test_what_is_no_toml_is_reported_with_its_line() -> None:
     (line,) = problems_of('[valve]\nid = "v\n')
     assert line.startswith("valve.toml: line 2: TOML:")
 
@@ -131,18 +131,18 @@ def test_a_law_that_resembles_none_gets_the_list() -> None:
     assert line == f"valve.toml: line 5: control.law = 'zzz': is no law; known: {', '.join(LAWS)}"
 
 
-def test_a_law_that_is_no_name_is_told_once() -> None:
+def test_a_law_that_is_no_name_is_reported_once() -> None:
     (line,) = problems_of('[valve]\nid = "v"\npreset = "paper"\n[control]\nlaw = 3\n')
     assert line == "valve.toml: line 5: control.law = 3: must be a valid string"
 
 
 @pytest.mark.parametrize("text", ['control = 3\nwire = 3\n[valve]\nid = "v"\npreset = "paper"\n'])
-def test_a_value_in_the_place_of_a_table_is_told_once(text: str) -> None:
-    told = problems_of(text)
-    assert [line.split(":")[1].strip() for line in told] == ["line 1", "line 2"]
+def test_a_value_in_the_place_of_a_table_is_reported_once(text: str) -> None:
+    problems = problems_of(text)
+    assert [line.split(":")[1].strip() for line in problems] == ["line 1", "line 2"]
 
 
-def test_limits_that_contradict_each_other_are_told() -> None:
+def test_limits_that_contradict_each_other_are_reported() -> None:
     (line,) = problems_of(
         '[valve]\nid = "v"\npreset = "paper"\nstatic_friction_n = 100.0\ncoulomb_friction_n = 200.0\n'
     )
@@ -150,8 +150,8 @@ def test_limits_that_contradict_each_other_are_told() -> None:
 
 
 def test_numbers_that_are_none_are_refused() -> None:
-    told = problems_of('[valve]\nid = "v"\npreset = "paper"\nmass_kg = nan\nspan_m = inf\nbench_set_n = "0"\n')
-    assert [line.split(":")[1].strip() for line in told] == ["line 4", "line 5", "line 6"]
+    problems = problems_of('[valve]\nid = "v"\npreset = "paper"\nmass_kg = nan\nspan_m = inf\nbench_set_n = "0"\n')
+    assert [line.split(":")[1].strip() for line in problems] == ["line 4", "line 5", "line 6"]
 
 
 def test_a_relative_dbc_lies_beside_the_configuration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -182,17 +182,17 @@ def test_an_absolute_dbc_stays_where_it_is(tmp_path: Path) -> None:
     assert parse_config(text, "valve.toml", Path("/elsewhere")).wire.dbc == tmp_path / "mine.dbc"
 
 
-def test_a_signal_that_the_dbc_does_not_hold_is_told_beside_other_mistakes(tmp_path: Path) -> None:
+def test_a_signal_that_the_dbc_does_not_hold_is_reported_beside_other_mistakes(tmp_path: Path) -> None:
     (tmp_path / "mine.dbc").write_text(DBC, encoding="utf-8")
     text = OWN_FRAMES.format(dbc="mine.dbc", signal="StemPositon") + "[guard]\nmax_jump_m = -1.0\n"
-    told = problems_of(text, tmp_path)
-    assert len(told) == 2
-    assert "line 8" in told[0]
-    assert "StemPositon" in told[0]
-    assert "line 10" in told[1]
+    problems = problems_of(text, tmp_path)
+    assert len(problems) == 2
+    assert "line 8" in problems[0]
+    assert "StemPositon" in problems[0]
+    assert "line 10" in problems[1]
 
 
-def test_a_configuration_that_cannot_be_read_is_told(tmp_path: Path) -> None:
+def test_a_configuration_that_cannot_be_read_is_reported(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="cannot be read"):
         load_config(tmp_path / "none.toml")
 

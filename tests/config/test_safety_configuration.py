@@ -33,7 +33,7 @@ INSIDE = "current_low_ma = 5.6\ncurrent_high_ma = 18.4\n"
 
 
 @pytest.mark.parametrize(
-    ("guard", "told"),
+    ("guard", "expected"),
     [
         ("", ["guard.current_low_ma = 4.0", "guard.current_high_ma = 20.0", "guard.failsafe_action = 4 mA"]),
         (INSIDE, ["guard.failsafe_action = 4 mA"]),
@@ -44,14 +44,14 @@ INSIDE = "current_low_ma = 5.6\ncurrent_high_ma = 18.4\n"
         (f'{INSIDE}failsafe_action = "hold"\n', []),
     ],
 )
-def test_every_current_that_the_guard_may_command_fits_the_frame_or_is_told_at_the_start(
-    guard: str, told: list[str], tmp_path: Path
+def test_every_current_that_the_guard_may_command_fits_the_frame_or_is_reported_at_the_start(
+    guard: str, expected: list[str], tmp_path: Path
 ) -> None:
     (tmp_path / "narrow.dbc").write_text(DBC, encoding="utf-8")
-    if told:
+    if expected:
         with pytest.raises(ConfigurationError) as caught:
             parse_config(VALVE + guard, "valve.toml", tmp_path)
-        assert sorted(problem.where for problem in caught.value.problems) == sorted(told)
+        assert sorted(problem.where for problem in caught.value.problems) == sorted(expected)
         assert all("does not fit the command frame" in problem.message for problem in caught.value.problems)
         return
     configuration = parse_config(VALVE + guard, "valve.toml", tmp_path)

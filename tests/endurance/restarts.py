@@ -77,7 +77,7 @@ class SharedBus(Outage):
         end_ns = self.now_ns + duration_ns
         while self.left_ns and self.left_ns[0] <= end_ns:
             super().pass_time(max(self.left_ns.pop(0) - self.now_ns, 0))
-            self._hear(CurrentCommand(9.5), len(self.left_ns))
+            self._deliver(CurrentCommand(9.5), len(self.left_ns))
         super().pass_time(max(end_ns - self.now_ns, 0))
 
     def open(self, address: BusAddress, wanted: Iterable[tuple[int, bool]]) -> Any:
@@ -85,9 +85,9 @@ class SharedBus(Outage):
         self.queue.clear()
         return super().open(address, wanted)
 
-    def _hear(self, message: Message, counter: int) -> None:
+    def _deliver(self, message: Message, counter: int) -> None:
         if not (self.host_silent and isinstance(message, Setpoint)):
-            super()._hear(message, counter)
+            super()._deliver(message, counter)
 
 
 class Matrix:

@@ -35,7 +35,7 @@ TYPOS: list[tuple[Callable[[list[str]], int], str, str]] = [
 
 
 @pytest.mark.parametrize(("program", "line", "meant"), TYPOS, ids=[line for _, line, _ in TYPOS])
-def test_a_typo_is_a_wrong_command_line_and_told_with_the_nearest_name(
+def test_a_typo_is_a_wrong_command_line_and_is_reported_with_the_nearest_name(
     program: Callable[[list[str]], int],
     line: str,
     meant: str,

@@ -72,7 +72,7 @@ def test_a_settings_file_becomes_its_dataclass(tmp_path: Path) -> None:
     )
 
 
-def test_several_mistakes_are_told_at_once_in_the_order_of_their_lines() -> None:
+def test_several_mistakes_are_reported_at_once_in_the_order_of_their_lines() -> None:
     text = """# a valve
 seed = -1
 sead = 3
@@ -128,7 +128,7 @@ def test_dotted_quoted_and_inline_keys_have_their_line(text: str, expected: list
     assert [mistake.partition(":")[0] for mistake in mistakes(text)] == expected
 
 
-def test_a_missing_table_is_told() -> None:
+def test_a_missing_table_is_reported() -> None:
     assert mistakes("seed = 1\n") == ["valve: is required and missing"]
 
 
@@ -147,7 +147,7 @@ def test_a_value_beyond_its_limits_or_of_another_kind_is_refused(value: str) -> 
 @pytest.mark.parametrize(
     ("text", "line"), [("seed = 1\nvalve = [\n", None), ("seed = 1\n[valve\n", 2), ("seed = 1\nseed : 2\n", 2)]
 )
-def test_a_text_that_is_not_toml_is_told_with_its_line(text: str, line: int | None) -> None:
+def test_a_text_that_is_not_toml_is_reported_with_its_line(text: str, line: int | None) -> None:
     with pytest.raises(ConfigurationError) as caught:
         parse(text, Settings, "valve.toml")
     (problem,) = caught.value.problems
@@ -164,7 +164,7 @@ def test_a_file_that_is_missing_or_a_directory_is_named(tmp_path: Path) -> None:
         load(tmp_path, Settings)
 
 
-def test_a_file_that_is_not_utf_8_is_told(tmp_path: Path) -> None:
+def test_a_file_that_is_not_utf_8_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "valve.toml"
     path.write_text('[valve]\nname = "Ventil µ"\n', encoding="cp1252")
     with pytest.raises(ConfigurationError, match="is not UTF-8 text"):
@@ -172,7 +172,7 @@ def test_a_file_that_is_not_utf_8_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("a = " + "[" * 5000 + "]" * 5000, "TOML: is nested too deeply"),
         ("b = 1\n" + ".".join(["a"] * 3000) + " = 1", "line 2: TOML: has a key of more than 50 parts"),
@@ -181,10 +181,10 @@ def test_a_file_that_is_not_utf_8_is_told(tmp_path: Path) -> None:
         ("a = 0x" + "f" * 5000, "TOML: cannot be used: Exceeds the limit (4300 digits)"),
     ],
 )
-def test_what_python_cannot_hold_is_one_clear_line(text: str, told: str) -> None:
+def test_what_python_cannot_hold_is_one_clear_line(text: str, message: str) -> None:
     with pytest.raises(ConfigurationError) as caught:
         toml_reader.tables(text, "x.toml")
-    assert str(caught.value).startswith(f"x.toml: {told}")
+    assert str(caught.value).startswith(f"x.toml: {message}")
     assert "\n" not in str(caught.value)
 
 

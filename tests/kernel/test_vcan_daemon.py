@@ -16,7 +16,7 @@ from test_daemon_process import (  # noqa: F401 - collected here as well
     test_a_service_is_silent_until_armed_and_saves_its_table_at_the_end,
     test_a_service_waits_for_a_bus_that_is_not_there_and_can_be_stopped_meanwhile,
     test_a_valve_that_speaks_frames_of_its_own_is_controlled,
-    test_another_controller_on_the_bus_ends_a_daemon_before_it_says_a_word,
+    test_another_controller_on_the_bus_ends_a_daemon_before_it_sends_a_frame,
 )
 from test_vcan_bus import filters
 

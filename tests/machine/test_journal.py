@@ -1,4 +1,4 @@
-"""The log's throttle: a flood is one line a second, and the last word of each kind is told."""
+"""The log's throttle: a flood is one line a second, and the last one of each kind is logged, too."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ if TYPE_CHECKING:
     import pytest
 
 
-def test_what_changed_last_within_a_second_is_told_when_the_second_is_over(caplog: pytest.LogCaptureFixture) -> None:
+def test_what_changed_last_within_a_second_is_reported_when_the_second_is_over(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     clock = [0.25]
     now = SimpleNamespace(monotonic_s=lambda: clock[0])
     throttle = Throttle(time=now)

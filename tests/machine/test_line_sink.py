@@ -1,4 +1,4 @@
-"""The log whose reader has stopped: no line ever waits, what is missing is counted and told."""
+"""The log whose reader has stopped: no line ever waits, the missing lines are counted and reported."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def filled(ends: Ends) -> tuple[LineSink, int]:
 
 @pytest.mark.usefixtures("_no_write_waits")
 @pytest.mark.parametrize("reopened", [True, False])
-def test_a_line_that_would_wait_is_dropped_and_the_gap_is_told_when_somebody_reads_again(
+def test_a_line_that_would_wait_is_dropped_and_the_gap_is_reported_when_somebody_reads_again(
     ends: Ends, monkeypatch: pytest.MonkeyPatch, *, reopened: bool
 ) -> None:
     if not reopened:
@@ -170,7 +170,7 @@ def test_a_full_disk_costs_lines_and_nothing_else(tmp_path: Path) -> None:
     assert (tmp_path / "log").read_text(encoding="ascii").splitlines()[-1] == "INFO 2999"
 
 
-def test_a_line_that_no_pipe_takes_whole_is_cut_and_the_last_word_is_waited_for() -> None:
+def test_a_line_that_no_pipe_takes_whole_is_cut_and_the_last_line_is_waited_for() -> None:
     ends = pipe()
     sink = ends.sink()
     sink.write("ä" * PIPE_BUF)
@@ -269,7 +269,7 @@ def test_a_stop_is_clean_whatever_has_become_of_the_standard_streams(
         )
         os.close(without_a_reader)
         said = b""
-        while b"STATUS" not in said:  # then its loop turns
+        while b"STATUS" not in said:  # then its loop cycles
             assert process.poll() is None
             with contextlib.suppress(TimeoutError):
                 said = notified.recv(4096)
@@ -277,7 +277,7 @@ def test_a_stop_is_clean_whatever_has_become_of_the_standard_streams(
         assert process.wait(TIMEOUT_S) == ExitCode.OK
 
 
-def test_an_output_that_cannot_be_written_is_told_with_a_status_of_its_own() -> None:
+def test_an_output_that_cannot_be_written_is_reported_with_a_status_of_its_own() -> None:
     command = [sys.executable, "-m", "positioner", "check", "--example"]
     with open("/dev/full", "w", encoding="ascii") as full:  # noqa: PTH123 - a device
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)

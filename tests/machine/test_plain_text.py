@@ -45,7 +45,7 @@ def test_every_help_is_shown_on_an_ascii_terminal(prog: str, monkeypatch: pytest
 
 
 @pytest.mark.bus
-def test_a_bench_and_a_table_are_told_in_ascii_throughout(tmp_path: Path) -> None:
+def test_a_bench_and_a_table_are_shown_in_ascii_throughout(tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_text(SHORT, encoding="utf-8")
     done = run("bench", "--scenario", "./s.toml", "--out", "out", cwd=tmp_path)
     assert done.returncode == ExitCode.OK, done.stderr
@@ -88,6 +88,6 @@ def test_whatever_the_text_an_ascii_stream_takes_it(text: str) -> None:
     assert shown.getvalue().decode("ascii") == to_ascii(text)
 
 
-def test_letters_are_written_in_other_words_and_the_rest_is_a_question_mark() -> None:
+def test_characters_are_written_in_ascii_and_the_rest_as_question_marks() -> None:
     assert to_ascii("±0.3 mm², α ≤ 5 → Γ…") == "+-0.3 mm^2, alpha <= 5 -> Gamma..."
     assert to_ascii("日本") == "??"

@@ -37,9 +37,9 @@ def _no_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(start.TRACEBACK, raising=False)
 
 
-@pytest.mark.parametrize(("error", "status", "told"), ERRORS)
+@pytest.mark.parametrize(("error", "status", "expected"), ERRORS)
 def test_a_command_that_fails_unexpectedly_ends_in_one_line(
-    error: BaseException, status: ExitCode, told: str, monkeypatch: pytest.MonkeyPatch, capsys: Output
+    error: BaseException, status: ExitCode, expected: str, monkeypatch: pytest.MonkeyPatch, capsys: Output
 ) -> None:
     def fails() -> str:
         raise error
@@ -48,7 +48,7 @@ def test_a_command_that_fails_unexpectedly_ends_in_one_line(
     assert main(["check", "--example"]) == status
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("positioner: ")
-    assert told in line
+    assert expected in line
     monkeypatch.setenv(start.TRACEBACK, "1")
     with pytest.raises(type(error)):
         main(["check", "--example"])
@@ -56,12 +56,12 @@ def test_a_command_that_fails_unexpectedly_ends_in_one_line(
 
 @pytest.mark.parametrize(("program", "name"), [(start, "positioner"), (plant_start, "plant-emulator")])
 @pytest.mark.parametrize(
-    ("error", "status", "told"), [*ERRORS, (BaseException("a panic"), ExitCode.SOFTWARE, "a panic")]
+    ("error", "status", "expected"), [*ERRORS, (BaseException("a panic"), ExitCode.SOFTWARE, "a panic")]
 )
 def test_a_program_that_cannot_be_loaded_ends_in_one_line(
     error: BaseException,
     status: ExitCode,
-    told: str,
+    expected: str,
     program: Any,
     name: str,
     monkeypatch: pytest.MonkeyPatch,
@@ -78,7 +78,7 @@ def test_a_program_that_cannot_be_loaded_ends_in_one_line(
     assert program.main() == status
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"{name}: cannot be loaded: ")
-    assert told in line
+    assert expected in line
     monkeypatch.setenv(start.TRACEBACK, "1")
     with pytest.raises(type(error)):
         program.main()
@@ -96,7 +96,7 @@ def test_a_file_that_the_system_refuses_for_now_is_no_mistake_of_the_configurati
     assert os.strerror(number) in capsys.readouterr().err
 
 
-def test_nothing_but_what_the_interpreter_has_loaded_is_needed_to_say_so() -> None:
+def test_a_load_error_is_reported_with_loaded_modules_only() -> None:
     code = "import sys; before = set(sys.modules); import NAME; print(*(set(sys.modules) - before))"
     for program in ("positioner", "plant_emulator"):
         named = code.replace("NAME", f"{program}.start")

@@ -1,4 +1,4 @@
-"""The daemon turned by hand, on a bus and under a clock of the test: arming, silence, loss of data, bad frames."""
+"""The daemon, cycle by cycle, on a bus and under a clock of the test: arming, silence, loss of data, bad frames."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def own_frame(name: str, data_id: int, **signals: float) -> CanFrame:
     return CanFrame(dbc.frame_id, e2e.protect(dbc.encode(raw, scaling=False, strict=False), data_id))
 
 
-def test_not_one_frame_leaves_before_it_is_armed(loop: Loop) -> None:
+def test_no_frame_is_sent_before_it_is_armed(loop: Loop) -> None:
     said = [message for _ in range(60) for message in loop.sample()]
     assert said == []
     assert loop.logged("mode INIT") == ["mode INIT -> READY (waiting for arm)"]
@@ -85,7 +85,7 @@ def test_a_request_to_arm_is_answered_with_a_command_and_a_status_at_once(loop: 
     assert (status.mode, status.cause, status.armed, status.health) == (Mode.ACTIVE, Cause.NONE, True, Health.GOOD)
 
 
-def test_a_request_to_disarm_ends_all_commands_and_leaves_the_status(armed: Loop) -> None:
+def test_a_request_to_disarm_ends_all_commands_and_keeps_the_status(armed: Loop) -> None:
     assert commands(armed.sample())
     assert commands(armed.request(HostRequest.DISARM)) == []
     said = [message for _ in range(10) for message in armed.sample()]
@@ -162,7 +162,7 @@ def test_without_setpoints_it_holds_the_last_one_and_then_fails_safe(armed: Loop
     assert armed.logged("HOLD") == ["mode ACTIVE -> HOLD (setpoint stale)", "mode HOLD -> FAILSAFE (setpoint stale)"]
 
 
-def test_a_setpoint_outside_the_travel_is_told_and_the_last_one_stays(armed: Loop) -> None:
+def test_a_setpoint_outside_the_travel_is_reported_and_the_last_one_stays(armed: Loop) -> None:
     armed.sample()
     (command,) = commands(armed.sample(setpoint_m=0.15))
     assert command.setpoint_counter == 1
@@ -187,9 +187,12 @@ def test_every_kind_of_bad_frame_gets_a_line_that_names_it_and_the_loop_goes_on(
             "repeated counter: StemPosition counter 0 after 0": loop.others.codec.encode(StemPosition(HERE_M), 0),
             "counter out of order: StemPosition counter 200 after 0": loop.others.codec.encode(StemPosition(0.1), 200),
         }
-        for told, frame in bad.items():
-            assert commands(loop.cycle(frame)) == [], told
-            assert [line for line in loop.lines if line.startswith(f"frame refused: {told}")], (told, loop.lines)
+        for expected, frame in bad.items():
+            assert commands(loop.cycle(frame)) == [], expected
+            assert [line for line in loop.lines if line.startswith(f"frame refused: {expected}")], (
+                expected,
+                loop.lines,
+            )
         send_raw(loop, is_remote_frame=True, arbitration_id=good.arbitration_id)
         send_raw(loop, is_error_frame=True, arbitration_id=good.arbitration_id, data=bytes(8))
         assert loop.logged("remote frame: STEM_POSITION")
@@ -210,7 +213,7 @@ def send_raw(loop: Loop, **fields: Any) -> None:
     assert commands(loop.cycle()) == []
 
 
-def test_frames_of_nobody_are_nobodys_mistake(armed: Loop) -> None:
+def test_frames_that_the_dbc_does_not_name_are_ignored(armed: Loop) -> None:
     before = list(armed.lines)
     for stranger in (CanFrame(0x7FF, b"hello"), CanFrame(0x110, bytes(8), is_extended=True), CanFrame(0x190, bytes(8))):
         armed.cycle(stranger, after_s=0.0)
@@ -237,7 +240,7 @@ def test_a_thousand_bad_frames_are_one_line_and_the_next_second_counts_them(
     assert commands(armed.sample())[0].mode is Mode.ACTIVE
 
 
-def test_lost_frames_and_implausible_readings_are_told(armed: Loop) -> None:
+def test_lost_frames_and_implausible_readings_are_reported(armed: Loop) -> None:
     for _ in range(3):
         armed.others.frame(StemPosition(HERE_M))  # made, and lost on the way
     assert commands(armed.sample())
@@ -248,7 +251,7 @@ def test_lost_frames_and_implausible_readings_are_told(armed: Loop) -> None:
     assert commands(armed.sample())[0].mode is Mode.ACTIVE
 
 
-def test_another_controller_after_arming_is_told_and_shown_and_the_loop_goes_on(armed: Loop) -> None:
+def test_another_controller_after_arming_is_reported_and_shown_and_the_loop_goes_on(armed: Loop) -> None:
     while armed.elapsed_ns <= 2.1e9:  # later than a second after the arming
         armed.sample()
     armed.cycle(armed.others.frame(CurrentCommand(9.5)), after_s=0.0)
@@ -258,7 +261,7 @@ def test_another_controller_after_arming_is_told_and_shown_and_the_loop_goes_on(
     assert len(armed.logged("another controller")) == 1
 
 
-def test_a_bus_that_is_not_there_is_told_once_and_joined_when_it_comes(
+def test_a_bus_that_is_not_there_is_reported_once_and_joined_when_it_comes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     real, tries = bus_open.open_bus, []
@@ -349,7 +352,7 @@ def test_a_dry_run_never_transmits_and_never_learns(dry_run: bool, tmp_path: Pat
     assert loop.logged("mode INIT") == ["mode INIT -> ACTIVE (none)"]
 
 
-def test_the_service_manager_hears_of_readiness_life_and_the_end(
+def test_the_service_manager_is_notified_of_readiness_life_and_the_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
@@ -358,10 +361,10 @@ def test_the_service_manager_hears_of_readiness_life_and_the_end(
         monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
         with Loop(tmp_path) as loop:
             loop.cycle()
-            heard = notifications(manager)
-            assert f"STATUS=waiting for position frames on {loop.address}" in heard
-            # the watchdog runs from the first turn on, and the time for the start never ends while turns are completed
-            assert {line for line in heard if "WATCHDOG=1" in line} == {"EXTEND_TIMEOUT_USEC=5000000\nWATCHDOG=1"}
+            received = notifications(manager)
+            assert f"STATUS=waiting for position frames on {loop.address}" in received
+            # the watchdog is fed from the first cycle on, and the time for the start never ends while cycles complete
+            assert {line for line in received if "WATCHDOG=1" in line} == {"EXTEND_TIMEOUT_USEC=5000000\nWATCHDOG=1"}
             loop.sample()
             assert "READY=1\nSTATUS=READY: waiting for arm" in notifications(manager)
             for _ in range(3):

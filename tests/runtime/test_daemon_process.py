@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.bus
 LESSONS_OF_A_TURN = 3
-"""Stick speed, landing and breakaway: no turn teaches more."""
+"""Stick speed, landing and breakaway: no cycle teaches more."""
 PATIENT = {"feedback_hold_periods": 500, "feedback_failsafe_periods": 5000, "setpoint_hold_s": 10.0,
            "setpoint_failsafe_s": 100.0}  # fmt: skip
 """Ages that a busy machine does not reach between two frames of a test."""
@@ -81,11 +81,11 @@ def test_a_held_arm_does_not_arm_a_daemon_that_starts_again(tmp_path: Path) -> N
         assert service.stop() == ExitCode.OK
 
 
-def test_another_controller_on_the_bus_ends_a_daemon_before_it_says_a_word(tmp_path: Path) -> None:
+def test_another_controller_on_the_bus_ends_a_daemon_before_it_sends_a_frame(tmp_path: Path) -> None:
     with Service(tmp_path) as service:
         assert ended(service.child, service, CurrentCommand(9.5)) == ExitCode.UNAVAILABLE
-        told = "positioner: not started: another controller commands this valve (9.500 mA): stop it, or give one"
-        assert [line[: len(told)] for line in service.lines if line.startswith("positioner:")] == [told]
+        expected = "positioner: not started: another controller commands this valve (9.500 mA): stop it, or give one"
+        assert [line[: len(expected)] for line in service.lines if line.startswith("positioner:")] == [expected]
         assert service.others.received == []
 
 
@@ -114,7 +114,7 @@ def test_a_kill_loses_nothing_that_was_learned_and_a_reset_is_taken_over(tmp_pat
             service.kill()
         learned = len(service.logged("learned"))
         service.start(*options)
-        # what was handed over is there; the lessons of the very turn in which it was killed may be told and not given
+        # what was handed over is there; lessons of the last cycle may be logged but not handed over
         assert learned - LESSONS_OF_A_TURN <= access.dump(tmp_path / "state").table.sequence <= learned
         with plant(service) as emulator:
             learn(service, emulator, learned + 4)
@@ -184,8 +184,8 @@ def test_a_valve_that_speaks_frames_of_its_own_is_controlled(tmp_path: Path) -> 
                 if len(currents) == 20:
                     service.others.say(Setpoint(0.09))  # ours still: only two messages are the user's
                 assert valve.send(CanFrame(feedback.frame_id, reading, is_extended=True))
-                heard: list[Any] = [order.decode(frame.data) for frame in valve.receive(PERIOD_S)]
-                currents += [4.0 + 0.16 * signals["LoopCurrent"] for signals in heard]
+                received: list[Any] = [order.decode(frame.data) for frame in valve.receive(PERIOD_S)]
+                currents += [4.0 + 0.16 * signals["LoopCurrent"] for signals in received]
         finally:
             valve.close()
         assert service.logged("mode INIT") == ["INFO mode INIT -> ACTIVE (none)"]

@@ -62,7 +62,7 @@ def test_a_reset_reaches_the_daemon_by_itself_and_is_not_undone(tmp_path: Path) 
         start_s = time.monotonic()
         loop.cycle_until("the stiction table was replaced: reset")
         assert time.monotonic() - start_s < 30.0
-        loop.sample()  # the cycle is told of it
+        loop.sample()  # the cycle is given it
         assert loop.daemon.session.state.table.sequence == 0
         teach(loop)
         wait_until_saved(loop)
@@ -74,7 +74,7 @@ def statuses(loop: Loop, count: int) -> list[PositionerStatus]:
     return [message for message in said if isinstance(message, PositionerStatus)]
 
 
-def test_a_full_disk_is_told_once_and_shown_and_the_loop_goes_on(tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_once_and_shown_and_the_loop_goes_on(tmp_path: Path) -> None:
     with Loop(tmp_path, guard=AUTO) as loop:
         teach(loop)
         wait_until_saved(loop)
@@ -95,7 +95,7 @@ def test_a_full_disk_is_told_once_and_shown_and_the_loop_goes_on(tmp_path: Path)
         assert (shown.table_saved, shown.health) == (True, Health.GOOD)
 
 
-def test_a_state_directory_that_becomes_a_file_is_told_once_and_ends_in_a_status(tmp_path: Path) -> None:
+def test_a_state_directory_that_becomes_a_file_is_reported_once_and_ends_in_a_status(tmp_path: Path) -> None:
     state = tmp_path / "state"
     with Loop(tmp_path, guard=AUTO) as loop:
         teach(loop)

@@ -61,16 +61,16 @@ def test_the_last_frames_of_a_daemon_that_was_killed_keep_the_next_one_from_noth
 
 
 @pytest.mark.bus
-def test_another_controller_that_goes_on_ends_it_without_a_word(loop: Loop) -> None:
+def test_another_controller_that_goes_on_ends_it_before_it_sends_a_frame(loop: Loop) -> None:
     loop.sample()
-    turns = itertools.count()
+    cycles = itertools.count()
     with pytest.raises(AnotherControllerError, match=r"not started: another controller .* \(9.500 mA\)") as caught:
-        cycle_while_another_commands(loop, turns)
+        cycle_while_another_commands(loop, cycles)
     assert caught.value.exit_code is ExitCode.UNAVAILABLE
-    assert next(turns) * PERIOD_S == pytest.approx(GOES_ON_NS / 1e9, abs=2.0 * PERIOD_S)
+    assert next(cycles) * PERIOD_S == pytest.approx(GOES_ON_NS / 1e9, abs=2.0 * PERIOD_S)
     assert loop.others.listen() == []
 
 
-def cycle_while_another_commands(loop: Loop, turns: Iterator[int]) -> None:
-    while next(turns) < 1000:
+def cycle_while_another_commands(loop: Loop, cycles: Iterator[int]) -> None:
+    while next(cycles) < 1000:
         loop.cycle(loop.others.frame(CurrentCommand(9.5)))

@@ -1,4 +1,4 @@
-"""The positioner's own record, turn by turn and at the instants that the cycle was told; what benches leave of it."""
+"""The positioner's own record, cycle by cycle and by the instants of the cycles; the logs that benches write."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def lines(path: Path) -> list[str]:
     return path.read_text(encoding="ascii").splitlines()
 
 
-def test_a_turn_is_its_frames_under_one_instant(tmp_path: Path) -> None:
+def test_a_cycle_is_its_frames_under_one_instant(tmp_path: Path) -> None:
     recorder = BusRecorder(tmp_path / "bus.log")
     inbox = (FRAME, CanFrame(0x1ABCDE, b"\x01", is_extended=True), CanFrame(0x123, b"", is_remote=True))
     recorder.cycle(CycleInput(inbox, 12_000_345_000), (CanFrame(0x100, b"\xff"),), HELD)
@@ -66,7 +66,7 @@ def test_a_turn_is_its_frames_under_one_instant(tmp_path: Path) -> None:
     assert read[4].is_error_frame
 
 
-def test_an_empty_turn_is_noted_where_it_moves_the_guard(tmp_path: Path) -> None:
+def test_an_empty_cycle_is_noted_where_it_moves_the_guard(tmp_path: Path) -> None:
     recorder = BusRecorder(tmp_path / "bus.log")
     recorder.cycle(CycleInput((), 1_000_000), (), GuardState())
     recorder.cycle(CycleInput((), 2_000_000), (), HELD)
@@ -76,13 +76,13 @@ def test_an_empty_turn_is_noted_where_it_moves_the_guard(tmp_path: Path) -> None
     assert lines(tmp_path / "bus.log") == [f"(0.002000) {empty}", f"(0.003000) {empty}"]
 
 
-def test_what_the_shell_tells_the_cycle_is_noted_before_its_frames(tmp_path: Path) -> None:
+def test_what_a_cycle_is_given_besides_frames_is_noted_before_them(tmp_path: Path) -> None:
     recorder = BusRecorder(tmp_path / "bus.log")
     table = StictionTable().record(Quantity.BREAKAWAY_CURRENT, 0.08, Direction.OPENING, 14.0)
     usual = CycleInput((FRAME,), 1_000_000)
     unsaved = replace(usual, table_saved=False)
-    for told in (usual, unsaved, unsaved, replace(unsaved, late_ns=0x1234), replace(unsaved, table=table)):
-        recorder.cycle(told, (), HELD)
+    for cycle_input in (usual, unsaved, unsaved, replace(unsaved, late_ns=0x1234), replace(unsaved, table=table)):
+        recorder.cycle(cycle_input, (), HELD)
     recorder.close()
     noted = [line.split()[2] for line in lines(tmp_path / "bus.log")]
     frame = "110#0001020304050607"
@@ -92,8 +92,8 @@ def test_what_the_shell_tells_the_cycle_is_noted_before_its_frames(tmp_path: Pat
     assert Note.of(Note(3, 0x123456789ABCDE).data) == Note(3, 0x123456789ABCDE)
 
 
-def test_what_comes_in_after_something_was_sent_is_the_next_turn(tmp_path: Path) -> None:
-    # a daemon in lockstep may take two turns at one instant: only a position frame makes time pass
+def test_what_comes_in_after_something_was_sent_belongs_to_the_next_cycle(tmp_path: Path) -> None:
+    # a daemon in lockstep may take two cycles at one instant: only a position frame makes time pass
     codec = make_codec()
     reading, command, setpoint = (
         codec.encode(message, 0) for message in (StemPosition(0.08), CurrentCommand(12.0), Setpoint(0.08))
@@ -102,16 +102,16 @@ def test_what_comes_in_after_something_was_sent_is_the_next_turn(tmp_path: Path)
     recorder.cycle(CycleInput((reading,), 1_000_000), (command,), HELD)
     recorder.cycle(CycleInput((setpoint,), 1_000_000), (), HELD)
     recorder.close()
-    heard = recorded.FrameClassifier(codec)
-    survey = Survey(heard, 1_000_000)
+    classifier = recorded.FrameClassifier(codec)
+    survey = Survey(classifier, 1_000_000)
     log = read_log(tmp_path / "bus.log", survey.add)
     assert survey.kind is LogKind.RECORD
-    turns = list(cycles_of(survey.kind, heard, log.frames(), 1_000_000))
-    assert [[frame.frame.data for frame in turn.inbox] for turn in turns] == [[reading.data], [setpoint.data]]
-    assert [[frame.frame.data for frame in turn.outbox] for turn in turns] == [[command.data], []]
+    cycles = list(cycles_of(survey.kind, classifier, log.frames(), 1_000_000))
+    assert [[frame.frame.data for frame in cycle.inbox] for cycle in cycles] == [[reading.data], [setpoint.data]]
+    assert [[frame.frame.data for frame in cycle.outbox] for cycle in cycles] == [[command.data], []]
 
 
-def test_the_daemon_notes_that_its_last_turn_was_late(
+def test_the_daemon_notes_that_its_last_cycle_was_late(
     tmp_path: Path, capsys: Output, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     log = tmp_path / "bus.log"
@@ -133,8 +133,8 @@ def test_a_full_disk_ends_the_record_and_nothing_else(monkeypatch: pytest.Monkey
     lines: list[str] = []
     monkeypatch.setattr(logger, "error", lambda form, *words: lines.append(form % words))
     recorder = BusRecorder(Path("/dev/full"))
-    for turn in range(3000):
-        recorder.cycle(CycleInput((FRAME,), turn * 1_000_000), (), HELD)
+    for cycle in range(3000):
+        recorder.cycle(CycleInput((FRAME,), cycle * 1_000_000), (), HELD)
     recorder.close()
     assert lines == ["the record ends here: No space left on device"]
 
@@ -159,34 +159,34 @@ def test_a_run_through_every_fault_is_identical(law: str, seed: int, tmp_path: P
     played = runs.scenario(law, seconds=3.0, seed=seed, auto_arm=False)
     log, config = runs.record_faults(tmp_path, played)
     assert main(["replay", str(log), "--config", str(config)]) == 0
-    told = capsys.readouterr().out
-    assert "the positioner's own record" in told
-    assert "identical" in told
+    output = capsys.readouterr().out
+    assert "the positioner's own record" in output
+    assert "identical" in output
     # without the notes, neither the store's trouble nor a late cycle could be known
     log.write_text("".join(f"{line}\n" for line in lines(log) if f"{NOTE_ID:X}#" not in line), encoding="ascii")
     assert main(["replay", str(log), "--config", str(config)]) == 1
-    told = capsys.readouterr().out
-    assert "table saved False recorded, True computed" in told or "counted LAW_LATE" in told
+    output = capsys.readouterr().out
+    assert "table saved False recorded, True computed" in output or "counted LAW_LATE" in output
 
 
 def test_a_listener_s_log_of_a_run_through_every_fault_is_identical_in_its_commands(
     tmp_path: Path, capsys: Output
 ) -> None:
     log, config = runs.record_faults(tmp_path, runs.scenario("pi", seconds=3.0, auto_arm=False))
-    heard = []
+    received = []
     for line in lines(log):
         stamp, channel, frame, direction = line.split()
         if not frame.startswith(f"{NOTE_ID:X}"):
             stamp_s = float(stamp[1:-1]) + (0.0003 if direction == "T" else 0.0)
-            heard.append((stamp_s, f"({stamp_s:.6f}) {channel} {frame}\n"))
-    log.write_text("".join(line for _, line in sorted(heard, key=lambda each: each[0])), encoding="ascii")
+            received.append((stamp_s, f"({stamp_s:.6f}) {channel} {frame}\n"))
+    log.write_text("".join(line for _, line in sorted(received, key=lambda each: each[0])), encoding="ascii")
     assert main(["replay", str(log), "--config", str(config)]) == 0
-    told = capsys.readouterr().out
-    assert "a log of the bus" in told
-    assert "POSITIONER_STATUS" not in told
+    output = capsys.readouterr().out
+    assert "a log of the bus" in output
+    assert "POSITIONER_STATUS" not in output
 
 
-def test_a_table_that_was_replaced_meanwhile_is_told(tmp_path: Path, capsys: Output) -> None:
+def test_a_table_that_was_replaced_meanwhile_is_reported(tmp_path: Path, capsys: Output) -> None:
     log, config = runs.record_faults(tmp_path, runs.scenario("pi", seconds=0.3, auto_arm=False))
     written = lines(log)
     note = f"(0.100000) vcan0 {NOTE_ID:08X}#{Note(0xFF).data.hex().upper()} T"

@@ -83,7 +83,7 @@ def test_a_flood_is_taken_in_batches_of_at_most_1024_frames_between_which_a_cycl
     assert numbers == [n for n in range(1, flood.count + 1) if identifiers[n % len(identifiers)] == WANTED]
 
 
-def test_a_frame_that_the_bus_does_not_take_is_told_once_and_the_next_one_is_sent(
+def test_a_frame_that_the_bus_does_not_take_is_reported_once_and_the_next_one_is_sent(
     wire: Callable[[Flood], tuple[BusPort, list[BusEvent]]],
 ) -> None:
     flood = Flood()
@@ -103,7 +103,7 @@ def test_a_frame_that_the_bus_does_not_take_is_told_once_and_the_next_one_is_sen
     assert events == [event, event]
 
 
-def test_frames_that_the_receive_queue_dropped_are_counted_and_told(
+def test_frames_that_the_receive_queue_dropped_are_counted_and_reported(
     wire: Callable[[Flood], tuple[BusPort, list[BusEvent]]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     port, events = wire(Flood())

@@ -1,4 +1,4 @@
-"""A stem that stays away from its setpoint, seen by the daemon on a bus: told once, and never 'good'."""
+"""A stem that stays away from its setpoint, seen by the daemon on a bus: reported once, and never 'good'."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ def trouble(status: PositionerStatus) -> tuple[Mode, Cause, Health]:
 
 
 @pytest.mark.parametrize(
-    ("setpoint_m", "cause", "told"),
+    ("setpoint_m", "cause", "expected"),
     [
         (HERE_M + 0.01, Cause.DEVIATION, "the stem is 10.0 mm below its setpoint of 90.0 mm and came no nearer"),
         (0.127, Cause.SETPOINT_UNREACHABLE, "which is out of reach: 20 mA open it to 99.9 mm"),
     ],
 )
-def test_a_stem_that_stays_away_is_told_once_and_out_of_specification(
-    tmp_path: Path, setpoint_m: float, cause: Cause, told: str
+def test_a_stem_that_stays_away_is_reported_once_and_out_of_specification(
+    tmp_path: Path, setpoint_m: float, cause: Cause, expected: str
 ) -> None:
     with Loop(tmp_path, control={"law": "pi"}, guard={"frozen_s": 0.0}) as loop:
         loop.request(HostRequest.ARM)
@@ -58,7 +58,7 @@ def test_a_stem_that_stays_away_is_told_once_and_out_of_specification(
             status = last_status(loop, 30, setpoint_m)
             assert trouble(status) == (Mode.ACTIVE, cause, Health.OUT_OF_SPECIFICATION)
         assert len(loop.logged("deviation: ")) == 1
-        assert told in loop.logged("deviation: ")[0]
+        assert expected in loop.logged("deviation: ")[0]
         assert trouble(last_status(loop, 30, setpoint_m, setpoint_m)) == (Mode.ACTIVE, Cause.NONE, Health.GOOD)
 
 

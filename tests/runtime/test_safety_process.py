@@ -1,4 +1,4 @@
-"""How the daemon ends, and what the service manager is told to do when it does not end by itself."""
+"""How the daemon ends, and what the service manager does when it does not end by itself."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def _signals_and_collection_as_before() -> Iterator[None]:
 @pytest.mark.bus
 @pytest.mark.usefixtures("_signals_and_collection_as_before")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_to_stop_ends_the_loop_after_the_turn_and_saves_the_table(
+def test_a_signal_to_stop_ends_the_loop_after_the_cycle_and_saves_the_table(
     number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with Loop(tmp_path, guard={"auto_arm": True}) as loop:
@@ -73,7 +73,7 @@ def test_a_signal_to_stop_ends_the_loop_after_the_turn_and_saves_the_table(
 
 
 @pytest.mark.bus
-def test_a_cycle_that_takes_longer_than_a_period_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cycle_that_takes_longer_than_a_period_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with Loop(tmp_path, guard={"auto_arm": True}) as loop:
         gap = SimpleNamespace(gap_ns=round(0.9 * PERIOD_S * 1e9))
         monkeypatch.setattr(Loop, "is_real", True)
@@ -100,7 +100,7 @@ def test_the_service_manager_restarts_a_daemon_that_hangs_or_crashes(service: co
     assert 0.0 < seconds(service.get("RestartSec")) <= 1.0
 
 
-def test_the_service_manager_does_not_restart_what_no_restart_mends(service: configparser.SectionProxy) -> None:
+def test_the_service_manager_does_not_restart_what_no_restart_helps(service: configparser.SectionProxy) -> None:
     statuses = {int(status) for status in service.get("RestartPreventExitStatus", "").split()}
     assert statuses == {ExitCode.CONFIG, ExitCode.UNAVAILABLE}
 

@@ -33,7 +33,9 @@ def second(loop: Loop, message: StemPosition | Setpoint, counter: int) -> CanFra
     return loop.others.codec.encode(message, counter)
 
 
-def test_a_second_sensor_under_the_identifier_of_the_first_is_told_and_neither_moves_the_valve(tmp_path: Path) -> None:
+def test_a_second_sensor_under_the_identifier_of_the_first_is_reported_and_neither_moves_the_valve(
+    tmp_path: Path,
+) -> None:
     with Loop(tmp_path, guard={"max_jump_m": 0.1}) as loop:
         loop.daemon._announcer.throttle = Throttle(0.0)  # every line
         loop.request(HostRequest.ARM)
@@ -57,7 +59,7 @@ def test_a_second_sensor_under_the_identifier_of_the_first_is_told_and_neither_m
         assert last_status(said).mode is Mode.ACTIVE
 
 
-def test_a_second_host_under_the_identifier_of_the_first_is_told_and_moves_nothing(tmp_path: Path) -> None:
+def test_a_second_host_under_the_identifier_of_the_first_is_reported_and_moves_nothing(tmp_path: Path) -> None:
     with Loop(tmp_path) as loop:
         loop.request(HostRequest.ARM)
         said: list[Message] = []

@@ -1,10 +1,10 @@
-"""Whether our commands act on the valve, by what its node says and by which command its readings name. Pure.
+"""Whether our commands act on the valve: by what its node reports, and by which command its readings name. Pure.
 
 STEM_POSITION names the command that acted. As long as it names newer ones, however late, the loop is closed. A node
-that says FAIL_POSITION obeys none; one whose echo stays where it is, or names what was never sent, obeys somebody else
-or nobody. Then nothing may be learned: it would be of a valve that was not asked. A loss of a few frames is no such
-thing, so both are told only after some cycles and some time, while lessons stop at once. A node whose frames have no
-echo is believed to obey.
+that reports FAIL_POSITION obeys no command. A node whose echo stays the same, or names a command that was never sent,
+obeys somebody else or nobody. Nothing may be learned then, because the valve did not answer our commands. The loss of a
+few frames looks the same at first: learning stops at once, the fault is reported after some cycles and some time. A
+node whose frames have no echo is believed to obey.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from positioner.wire.formats import FrameFormat
 
 _FEW_CYCLES = 3
-"""So many in a row without a newer command, and lessons stop."""
+"""After so many cycles in a row without a newer command nothing is learned."""
 _FAILED_S = 0.02
 _IGNORED_CYCLES, _IGNORED_S = 5, 0.1
 _DOUBT_S = 0.1
-"""What was pushed while commands did not act is judged by then."""
+"""For so long after the last doubt nothing is learned: the effect of each current has ended by then."""
 
 
 @dataclass(frozen=True, slots=True)
 class SentCommand:
-    """A command that left: its frame's counter (modulo 256) and its current."""
+    """A command that was sent: its frame's counter (modulo 256) and its current."""
 
     counter: int
     current_ma: float
@@ -38,15 +38,15 @@ class SentCommand:
 
 @dataclass(frozen=True, slots=True)
 class CommandEffect:
-    """What is known of it.
+    """What is known of the effect of our commands.
 
-    heard: the counter that was named last. echo, echo_ma: counter and current of the newest command that was named.
-    current_ma: what acted before the last reading, None before the first command.
-    idle_cycles, idle_s: readings in a row that named no newer command, and how long. failed: the node says that it
-        obeys none. doubt_s: how long nothing is learned yet.
+    named: the counter in the last reading. echo, echo_ma: counter and current of the newest command ever named.
+    current_ma: the current that acted before the last reading, None before the first command.
+    idle_cycles, idle_s: readings in a row that named no newer command, and for how long. failed: the node reports that
+        it obeys no command. doubt_s: for how long nothing is learned yet.
     """
 
-    heard: int | None = None
+    named: int | None = None
     echo: int | None = None
     echo_ma: float = 0.0
     current_ma: float | None = None
@@ -66,7 +66,7 @@ class CommandEffect:
 
     @property
     def teaches(self) -> bool:
-        """Whether what the valve does is an answer to our commands."""
+        """Whether the valve's motion is an answer to our commands, from which the table may learn."""
         return self.doubt_s <= 0.0
 
 
@@ -76,9 +76,9 @@ EFFECT_UNKNOWN = CommandEffect()
 def track_effect(
     before: CommandEffect, sent: Sequence[SentCommand], reading: Reading, form: FrameFormat, elapsed_s: float
 ) -> CommandEffect:
-    """Return what is known after a reading, `elapsed_s` after the last; `sent` are the newest commands, of that form.
+    """Return the effect after a reading, `elapsed_s` after the last one; `sent` are the newest commands, in `form`.
 
-    Before the first of them nothing can act, and nothing is said.
+    Before the first command nothing can act, and nothing changes.
     """
     if not sent:
         return before
@@ -86,17 +86,25 @@ def track_effect(
     newer, current_ma = (True, sent[-1].current_ma) if named is None else _named(before, sent, named, form)
     failed = not reading.obeys
     idle = failed or not newer
-    cycles, idle_s = (before.idle_cycles + 1, before.idle_s + elapsed_s) if idle else (0, 0.0)
-    doubt_s = _DOUBT_S if failed or cycles >= _FEW_CYCLES else max(before.doubt_s - elapsed_s, 0.0)
-    echo, echo_ma = (named, current_ma) if newer else (before.echo, before.echo_ma)
-    return CommandEffect(named, echo, echo_ma, current_ma, cycles, idle_s, failed, doubt_s)
+    idle_cycles = before.idle_cycles + 1 if idle else 0
+    in_doubt = failed or idle_cycles >= _FEW_CYCLES
+    return CommandEffect(
+        named=named,
+        echo=named if newer else before.echo,
+        echo_ma=current_ma if newer else before.echo_ma,
+        current_ma=current_ma,
+        idle_cycles=idle_cycles,
+        idle_s=before.idle_s + elapsed_s if idle else 0.0,
+        failed=failed,
+        doubt_s=_DOUBT_S if in_doubt else max(before.doubt_s - elapsed_s, 0.0),
+    )
 
 
 def _named(before: CommandEffect, sent: Sequence[SentCommand], echo: int, form: FrameFormat) -> tuple[bool, float]:
     """Return whether `echo` names a newer command than any before, and the current of the command that it names.
 
-    What was never sent tells nothing: the last command is then the best guess. An echo that stays the same means the
-    same command, however often the counter has gone round since.
+    The echo of a command that was never sent is no information: the last command is then the best guess. An echo that
+    stays the same means the same command, however often the counter has wrapped since.
     """
     if echo == before.echo:
         return False, before.echo_ma
@@ -104,4 +112,4 @@ def _named(before: CommandEffect, sent: Sequence[SentCommand], echo: int, form: 
     if current_ma is None:
         return False, sent[-1].current_ma
     ahead = before.echo is None or (echo - before.echo) % form.counter_modulus <= form.counter_modulus // 2
-    return ahead and echo != before.heard, current_ma
+    return ahead and echo != before.named, current_ma

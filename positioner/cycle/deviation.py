@@ -1,12 +1,12 @@
 """Whether the stem stays away from its setpoint: an error beyond a limit, without progress, for too long. Pure.
 
-Whatever is the matter (no air, a stuck stem, a reversed action, a sensor that says something else, a valve that is not
-the configured one, a law that gives up), the error is what a host can see, and it is never 'good'. NAMUR NE 107 calls a
-deviation from the set value of an actuator, found by its own diagnosis, *out of specification*; control goes on.
+The reason may be missing air, a stuck stem, a reversed action, a wrong sensor, another valve than the configured one or
+a law that gives up. In each case the host sees a lasting error, and the status must not be *good*: NAMUR NE 107 calls a
+deviation from the set value that an actuator finds by its own diagnosis *out of specification*. Control continues.
 
-A stem on its way is no deviation, however long the stroke: the time begins anew with each step of the stem towards the
-setpoint. A setpoint that the loop current cannot reach, by the believed spring and friction, is called so, and is told
-from a smaller error on.
+A stem on its way is no deviation, however long the stroke: each step of the stem towards the setpoint starts the time
+again. A setpoint that the loop current cannot reach, by the believed spring and friction, is reported as unreachable,
+and from a smaller error on.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters
 
 FILTER_S = 0.1
-"""Time constant of the mean reading: noise of 2 % of the reading, each draw held for 10 ms, becomes one of 0.3 %."""
+"""Time constant of the mean reading: it reduces a noise of 2 % of the reading, held for 10 ms each, to 0.3 %."""
 PROGRESS_OF_LIMIT = 0.2
-"""A step towards the setpoint, as a part of the limit, that begins the time anew; 1 % of span by default."""
+"""A step towards the setpoint, as a part of the limit, that starts the time again; 1 % of span by default."""
 UNREACHABLE_OF_LIMIT = 0.2
-"""From which part of the limit on the error from a setpoint out of reach is told."""
+"""The error from an unreachable setpoint is reported beyond this part of the limit."""
 RETURN_OF_LIMIT = 0.8
-"""Within which part of its limit an error that was told is forgotten."""
+"""A reported error ends within this part of its limit."""
 
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
     """What is known of the error.
 
-    position_m: the mean reading; mark_m: the farthest that it came towards the setpoint, in `direction` (+1 or -1; 0
-    while the error is small); from_m: where it was when the error grew large; waited_s: time without progress.
+    position_m: the mean reading; mark_m: its farthest value towards the setpoint, in `direction` (+1 or -1; 0 while the
+    error is small); from_m: its value when the error became large; waited_s: time without progress.
     cause: NONE, DEVIATION or SETPOINT_UNREACHABLE.
     """
 
@@ -50,7 +50,7 @@ class Deviation:
 
 @dataclass(frozen=True, slots=True)
 class Deviates:
-    """The stem stays away from its setpoint; `why` says what the readings show."""
+    """The stem stays away from its setpoint; `why` describes what the readings show."""
 
     why: str
 
@@ -78,11 +78,11 @@ def track_deviation(
     error_m = setpoint_m - mean_m
     reachable = is_reachable(settings, valve, setpoint_m, mean_m)
     if reachable and known.cause is Cause.SETPOINT_UNREACHABLE:
-        known = Deviation(known.position_m)  # another setpoint: the stem has only begun
+        known = Deviation(position_m=known.position_m)  # another setpoint: the stem has only begun
     limit_m = settings.deviation_of_span * valve.span_m
     threshold_m = limit_m * (1.0 if reachable else UNREACHABLE_OF_LIMIT)
     if abs(error_m) <= threshold_m * (1.0 if known.cause is Cause.NONE else RETURN_OF_LIMIT):
-        return Deviation(mean_m)
+        return Deviation(position_m=mean_m)
     direction = 1 if error_m > 0.0 else -1
     mark_m, from_m, waited_s = known.mark_m, known.from_m, known.waited_s + elapsed_s
     if direction != known.direction:
@@ -93,7 +93,9 @@ def track_deviation(
     cause = known.cause
     if cause is not Cause.NONE or waited_s > settings.deviation_s:
         cause = Cause.DEVIATION if reachable else Cause.SETPOINT_UNREACHABLE
-    return Deviation(mean_m, direction, mark_m, from_m, waited_s, cause)
+    return Deviation(
+        position_m=mean_m, direction=direction, mark_m=mark_m, from_m=from_m, waited_s=waited_s, cause=cause
+    )
 
 
 def is_reachable(settings: GuardSettings, valve: ValveParameters, setpoint_m: float, position_m: float) -> bool:
@@ -113,17 +115,17 @@ def reach_m(settings: GuardSettings, valve: ValveParameters) -> tuple[float, flo
 
 
 def description(settings: GuardSettings, valve: ValveParameters, known: Deviation, setpoint_m: float) -> str:
-    """Return in words what is the matter, as far as the reading shows it."""
+    """Return a description of the error, with the likely reason where the readings show one."""
     position_m = known.position_m if known.position_m is not None else setpoint_m
     off_m = position_m - setpoint_m
-    told = f"the stem is {abs(off_m) * 1e3:.1f} mm {'below' if off_m < 0.0 else 'above'} its setpoint"
-    told += f" of {setpoint_m * 1e3:.1f} mm"
+    text = f"the stem is {abs(off_m) * 1e3:.1f} mm {'below' if off_m < 0.0 else 'above'} its setpoint"
+    text += f" of {setpoint_m * 1e3:.1f} mm"
     if known.cause is Cause.SETPOINT_UNREACHABLE:
         low_m, high_m = reach_m(settings, valve)
         if off_m < 0.0:
-            return f"{told}, which is out of reach: {settings.current_high_ma:g} mA open it to {high_m * 1e3:.1f} mm"
-        return f"{told}, which is out of reach: {settings.current_low_ma:g} mA close it to {low_m * 1e3:.1f} mm"
+            return f"{text}, which is out of reach: {settings.current_high_ma:g} mA open it to {high_m * 1e3:.1f} mm"
+        return f"{text}, which is out of reach: {settings.current_low_ma:g} mA close it to {low_m * 1e3:.1f} mm"
     away_m = -known.direction * (position_m - known.from_m)
     if away_m > PROGRESS_OF_LIMIT * settings.deviation_of_span * valve.span_m:
-        return f"{told} and went {away_m * 1e3:.1f} mm the other way: is the action reversed?"
-    return f"{told} and came no nearer for {known.waited_s:.3g} s: look at air, actuator and sensor"
+        return f"{text} and went {away_m * 1e3:.1f} mm the other way: is the action reversed?"
+    return f"{text} and came no nearer for {known.waited_s:.3g} s: look at air, actuator and sensor"

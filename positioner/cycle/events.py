@@ -1,4 +1,4 @@
-"""What a cycle reports besides its frames: typed events that the shell logs, stores and draws. Pure."""
+"""What a cycle reports besides its frames: typed events, which the shell logs, stores and draws. Pure."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class SetpointRefused(CountedEvent):
 
 @dataclass(frozen=True, slots=True)
 class OrderDisputed(CountedEvent):
-    """More than one sender seems to give setpoints, or currents by hand; `what` was given, and was refused."""
+    """More than one sender seems to send setpoints, or currents by hand; `what` was sent, and was refused."""
 
     counted: Counted = field(default=Counted.DISPUTED, init=False)
     what: str
@@ -88,7 +88,7 @@ class FeedbackRefused(CountedEvent):
 
 @dataclass(frozen=True, slots=True)
 class ForeignCommand(CountedEvent):
-    """Somebody else sends our command frame."""
+    """Another controller sends our command frame."""
 
     counted: Counted = field(default=Counted.FOREIGN_COMMAND, init=False)
     current_ma: float
@@ -97,8 +97,8 @@ class ForeignCommand(CountedEvent):
     def __str__(self) -> str:
         """One line for the log."""
         failure = ", a failure signal" if signal_of(self.current_ma) is LoopSignal.FAILURE else ""
-        told = f"another controller commands this valve ({self.current_ma:.3f} mA{failure})"
-        return f"{told}: stop it, or give one another id_offset"
+        text = f"another controller commands this valve ({self.current_ma:.3f} mA{failure})"
+        return f"{text}: stop it, or give one another id_offset"
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +116,7 @@ class ModeChanged:
 
 @dataclass(frozen=True, slots=True)
 class Learned:
-    """A stop or a slip taught the table something."""
+    """The table has learned a sample from a stop or a slip."""
 
     sample: LearnedSample
     sequence: int
@@ -129,7 +129,7 @@ class Learned:
 
 @dataclass(frozen=True, slots=True)
 class LawFellBack:
-    """The law could not do what it wanted, or failed; `why` says it in words."""
+    """The law could not do what it wanted, or failed, for the reason `why`."""
 
     why: str
 
@@ -140,7 +140,7 @@ class LawFellBack:
 
 @dataclass(frozen=True, slots=True)
 class LinesDropped(CountedEvent):
-    """Lines of the log that nobody read: they would have kept the loop waiting."""
+    """Lines of the log that were dropped: nobody read them, and the loop does not wait for a reader."""
 
     counted: Counted = field(default=Counted.LINE_DROPPED, init=False)
 
@@ -158,7 +158,7 @@ class MoveBegan:
 
 @dataclass(frozen=True, slots=True)
 class Controlled:
-    """One closed cycle: the reading, the estimate, the decision and the current that the guard let through."""
+    """One closed cycle: the reading, the estimate, the decision and the current that the guard admitted."""
 
     time_s: float
     setpoint_m: float
@@ -194,6 +194,6 @@ Event = (
 
 
 def kind_of(event: Event) -> str:
-    """Return what counts as one kind of line: what is counted by its cause has one kind for each cause."""
+    """Return the kind of a line of the log; counted events have one kind for each cause."""
     kind = type(event).__name__
     return f"{kind}: {event.counted.text}" if isinstance(event, CountedEvent) else kind

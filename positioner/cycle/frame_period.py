@@ -1,7 +1,7 @@
-"""How often position frames really come, held against the configured sample period. Pure.
+"""The measured period of the position frames, compared with the configured sample period. Pure.
 
-Ages, the law's time and the bounds all count in sample periods: a period that is wrong makes them wrong, and nothing
-else would say so. The median over a window is deaf to frames that were late or read together.
+Ages, the law's time and the bounds all count in sample periods: with a wrong period they are wrong, and nothing else
+would show it. A median over a window does not react to frames that were late or read together.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ class FramePeriod:
     measured_s: float | None = None
 
     def add(self, arrived_ns: int, lost: int) -> FramePeriod:
-        """Return the frame_period after a frame that arrived at `arrived_ns`, with `lost` frames missing before it."""
+        """Return the period after a frame that arrived at `arrived_ns`, with `lost` frames missing before it."""
         if self.last_ns is None:
-            return FramePeriod(arrived_ns)
+            return FramePeriod(last_ns=arrived_ns)
         intervals_ns = (*self.intervals_ns, (arrived_ns - self.last_ns) / (lost + 1))
         if len(intervals_ns) < _WINDOW:
-            return FramePeriod(arrived_ns, intervals_ns, self.measured_s)
-        return FramePeriod(arrived_ns, (), median(intervals_ns) / _NS)
+            return FramePeriod(last_ns=arrived_ns, intervals_ns=intervals_ns, measured_s=self.measured_s)
+        return FramePeriod(last_ns=arrived_ns, measured_s=median(intervals_ns) / _NS)
 
     def is_wrong(self, period_s: float) -> bool:
         """Return whether the frames come at another period than `period_s`, by more than a fifth."""

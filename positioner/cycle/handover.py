@@ -1,8 +1,8 @@
 """From manual to automatic mode without a bump. Pure.
 
-While a person gives the current, the position is followed. Back in automatic mode the law begins with that position
-as its setpoint, and the host's setpoint does not count until it changes. The law's first current is the one that was
-there; what it would rather give is approached within `BLEND_S`, or at once where it moves the stem.
+While a person gives the current, the position is averaged. Back in automatic mode the law begins with that position as
+its setpoint, and the host's setpoint does not count until it changes. The first current is that of manual mode; it
+approaches the law's current within `BLEND_S`, or changes to it at once where the law moves the stem.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from positioner.laws.law import Decision
 
 BLEND_S = 1.0
-"""Time in which the difference to the current of manual mode fades."""
+"""Time within which the difference to the current of manual mode fades."""
 _READINGS_AVERAGED = 100
 _NS = 1_000_000_000
 
@@ -25,9 +25,9 @@ _NS = 1_000_000_000
 class Handover:
     """What control takes over from manual mode.
 
-    position_m: mean of the newest readings under one current, `readings` of them; under `current_ma`.
+    position_m: mean of the newest `readings` readings under the current `current_ma`.
     begun: whether control has taken over; passed_m: the host's setpoint at that time, which does not count.
-    offset_ma: what the current of manual mode was above the law's first one, at `offset_ns`.
+    offset_ma: the current of manual mode less the law's first current, at `offset_ns`.
     """
 
     position_m: float = 0.0
@@ -42,7 +42,7 @@ class Handover:
 def update_handover(
     handover: Handover | None, mode: Mode, measured_m: float | None, setpoint_m: float | None, last_ma: float | None
 ) -> Handover | None:
-    """Return what is to be handed over, None where nothing is.
+    """Return what control takes over, None where it takes over nothing.
 
     mode and setpoint_m are those of this cycle, `measured_m` its reading, None without one; last_ma acted before it.
     """
@@ -61,23 +61,23 @@ def start_m(handover: Handover | None, measured_m: float) -> float:
 
 
 def _track(handover: Handover | None, measured_m: float | None, last_ma: float | None) -> Handover:
-    """Return the mean with the reading in it; it begins anew with each new current."""
+    """Return the mean with one more reading; each new current starts a new mean."""
     if handover is None or handover.begun or handover.current_ma != last_ma:
         handover = Handover(current_ma=last_ma)
     if measured_m is None:
         return handover
     readings = min(handover.readings + 1, _READINGS_AVERAGED)
     mean_m = handover.position_m + (measured_m - handover.position_m) / readings
-    return Handover(mean_m, readings, last_ma)
+    return Handover(position_m=mean_m, readings=readings, current_ma=last_ma)
 
 
 def blend(handover: Handover, decision: Decision, last_ma: float, now_ns: int) -> tuple[Handover, Decision]:
-    """Return the decision with its current led over from that of manual mode, and what is remembered of it."""
-    if decision.motion is Motion.MOVE:  # a move needs the very current that the law asks for
+    """Return the decision with its current blended from that of manual mode, and the handover after it."""
+    if decision.motion is Motion.MOVE:  # a move needs exactly the current that the law asks for
         return replace(handover, offset_ma=0.0), decision
     if handover.offset_ma is None:
         handover = replace(handover, offset_ma=last_ma - decision.current_ma, offset_ns=now_ns)
-    left = 1.0 - (now_ns - handover.offset_ns) / (BLEND_S * _NS)
-    if not handover.offset_ma or left <= 0.0:
+    share = 1.0 - (now_ns - handover.offset_ns) / (BLEND_S * _NS)
+    if not handover.offset_ma or share <= 0.0:
         return handover, decision
-    return handover, replace(decision, current_ma=decision.current_ma + left * handover.offset_ma)
+    return handover, replace(decision, current_ma=decision.current_ma + share * handover.offset_ma)

@@ -1,4 +1,4 @@
-"""From frames to what they mean: the newest valid reading, the newest usable setpoint, and everything refused. Pure."""
+"""From frames to their meaning: the newest valid reading, the newest usable setpoint, and all that is refused. Pure."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from positioner.wire.messages import CanFrame
 
 
-_COUNTED = (StemPosition, Setpoint, ActuatorState, ManualCurrent)
+_SEQUENCED = (StemPosition, Setpoint, ActuatorState, ManualCurrent)
 ALL_FRESH = Freshness()
 
 
@@ -56,10 +56,10 @@ def receive(
     period_s: float = 0.0,
     fresh: Freshness = ALL_FRESH,
 ) -> Received:
-    """Return what `frames`, oldest first, amount to; the newest reading counts, no frame is lost to the checks.
+    """Return what `frames`, oldest first, amount to; the newest reading counts, and every frame is checked.
 
-    commanded_ma is the current that a law or a person gave, None in other modes; `period_s` lies between two readings.
-    A reading that is not `fresh` is told to the guard with its age, and not handed on.
+    commanded_ma is the current that a law or a person gave, None in other modes; readings come every `period_s`. The
+    guard is given the age of a reading that is not `fresh`, and no law sees it.
     """
     batch = _Batch(codec, guard, valve, link, commanded_ma, period_s, fresh)
     for frame in frames:
@@ -70,7 +70,7 @@ def receive(
             if error.counted is not None:
                 batch.events.append(FrameRefused(str(error), counted=error.counted))
         else:
-            batch.take(message, counter, lost, fresh.arrived_ns(frame))
+            batch.use(message, counter, lost, fresh.arrived_ns(frame))
     return batch.result()
 
 
@@ -136,44 +136,44 @@ class _Batch:
         return Received(link, reading, guard_input, tuple(self.events))
 
     def in_sequence(self, message: Message, counter: int | None, modulus: int, data: bytes) -> int:
-        """Take the counter over and return how many frames were lost before it.
+        """Check the counter and return how many frames were lost before it.
 
-        A DISARM is obeyed whatever the counter of its frame: one too many is safe, one too few is not.
+        A DISARM is obeyed whatever its counter: one too many is safe, one too few is not.
 
         Raises:
             FrameRejectedError: the counter is repeated or out of order.
         """
-        if counter is None or not isinstance(message, _COUNTED):
+        if counter is None or not isinstance(message, _SEQUENCED):
             return 0
         known = self.senders.get(type(message)) or Sender(CounterCheck(modulus=modulus))
-        # kept even when refused: the frame may be the first of a restarted sender
+        # kept even where the frame is refused: it may be the first of a restarted sender
         self.senders[type(message)], verdict, lost = known.receive(counter, data)
         if verdict is not Sequence.FRESH:
             disarms = isinstance(message, Setpoint) and message.request is HostRequest.DISARM
             self.stray_disarm |= disarms
             counted = Counted.REPEATED if verdict is Sequence.REPEATED else Counted.OUT_OF_ORDER
-            told = f"{type(message).__name__} counter {counter} after {known.check.last}"
-            raise FrameRejectedError(counted, f"{told}; its DISARM is obeyed" if disarms else told)
+            text = f"{type(message).__name__} counter {counter} after {known.check.last}"
+            raise FrameRejectedError(counted, f"{text}; its DISARM is obeyed" if disarms else text)
         if lost:
             self.events.append(FramesLost(type(message).__name__, count=lost))
         return lost
 
-    def take(self, message: Message, counter: int | None, lost: int, arrived_ns: int) -> None:
-        """Take a message whose frame is in order; the emulator's truth and others' status are not ours to read."""
+    def use(self, message: Message, counter: int | None, lost: int, arrived_ns: int) -> None:
+        """Use a message whose frame is in order; the emulator's truth and the status of others are not for us."""
         match message:
             case StemPosition():
-                self._take_position(message, counter, lost, arrived_ns)
+                self._use_position(message, counter, lost, arrived_ns)
             case Setpoint():
-                self._take_setpoint(message, counter, arrived_ns)
+                self._use_setpoint(message, counter, arrived_ns)
             case ManualCurrent():
-                self._take_manual(message)
+                self._use_manual(message)
             case ActuatorState():
                 self.pressure_pa = message.pressure_pa
             case CurrentCommand():
                 self.foreign_command = True
                 self.events.append(ForeignCommand(message.current_ma, counter))
 
-    def _take_position(self, message: StemPosition, counter: int | None, lost: int, arrived_ns: int) -> None:
+    def _use_position(self, message: StemPosition, counter: int | None, lost: int, arrived_ns: int) -> None:
         self.periods_unread += lost + 1
         before, self.frame_period = self.frame_period, self.frame_period.add(arrived_ns, lost)
         if self.frame_period.measured_s != before.measured_s and self.frame_period.is_wrong(self.period_s):
@@ -183,12 +183,12 @@ class _Batch:
             self.feedback_refused = self.feedback_refused if sender.window.valid else Cause.FEEDBACK_DISPUTED
             return
         elapsed_s = (lost + 1) * self.period_s
-        self.readings, doubt = check_reading(
+        self.readings, refusal = check_reading(
             self.guard, self.valve, self.readings, message, self.commanded_ma, elapsed_s, self.period_s
         )
-        if doubt:
-            self.events.append(FeedbackRefused(message.position_m, doubt.why, counted=doubt.counted))
-            frozen = doubt.counted is Counted.FEEDBACK_FROZEN
+        if refusal:
+            self.events.append(FeedbackRefused(message.position_m, refusal.why, counted=refusal.counted))
+            frozen = refusal.counted is Counted.FEEDBACK_FROZEN
             self.feedback_refused = Cause.FEEDBACK_FROZEN if frozen else Cause.FEEDBACK_IMPLAUSIBLE
             return
         self.feedback_ns = arrived_ns
@@ -197,32 +197,32 @@ class _Batch:
         reading = Reading(message.position_m, counter, message.command_counter, self.periods_unread, obeys)
         self.reading = reading if fresh else None
 
-    def _take_manual(self, message: ManualCurrent) -> None:
+    def _use_manual(self, message: ManualCurrent) -> None:
         sender = self.senders.get(ManualCurrent)
         if sender is None or sender.window.valid:
             self.manual = message
         else:
             self.events.append(OrderDisputed(f"current {message.current_ma:.3f} mA by hand", sender.window.why))
 
-    def _take_setpoint(self, message: Setpoint, counter: int | None, arrived_ns: int) -> None:
+    def _use_setpoint(self, message: Setpoint, counter: int | None, arrived_ns: int) -> None:
         if (sender := self.senders.get(Setpoint)) is not None and not sender.window.valid:
             self.stray_disarm |= message.request is HostRequest.DISARM
             self.setpoint_refused = Cause.SETPOINT_DISPUTED
-            told = f"setpoint {message.setpoint_m * 1e3:.3f} mm"
-            self.events.append(OrderDisputed(told, sender.window.why))
+            what = f"setpoint {message.setpoint_m * 1e3:.3f} mm"
+            self.events.append(OrderDisputed(what, sender.window.why))
             return
         low_m, high_m = self.valve.travel_min_m, self.valve.travel_max_m
         setpoint_m = meant(self.codec.field(Setpoint, "setpoint_m"), message.setpoint_m, low_m, high_m)
         usable = setpoint_m is not None
         # an ARM counts with a setpoint that can be used
         if usable or message.request is not HostRequest.ARM:
-            self._take_request(message.request, arrived_ns)
+            self._use_request(message.request, arrived_ns)
         if usable:
             self.setpoint_ns, self.setpoint = arrived_ns, LastSetpoint(setpoint_m, counter)
         else:
             self.events.append(SetpointRefused(message.setpoint_m, low_m, high_m))
 
-    def _take_request(self, request: HostRequest, arrived_ns: int) -> None:
+    def _use_request(self, request: HostRequest, arrived_ns: int) -> None:
         if request is not HostRequest.DISARM and arrived_ns < self.fresh.arms_since_ns:
             self.waiting_request = request
         elif [request] != self.requests[-1:]:

@@ -1,4 +1,4 @@
-"""What a cycle is told: the frames, the instant, and what its shell knows besides. Pure."""
+"""The input of a cycle: the frames, the instant, and what the shell knows besides. Pure."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class CycleInput:
-    """All that one cycle learns from outside; the record holds it, and replay reads it there.
+    """All that one cycle is given from outside; the record holds it, and replay reads it there.
 
     frames: received since the last cycle, oldest first; now_ns: the monotonic instant.
     late_ns: how long nobody looked at the bus before, 0 where that was no longer than a period.
-    lines_dropped: lines of the log that nobody took since the last cycle.
+    lines_dropped: lines of the log that were dropped since the last cycle.
     table_saved: whether what was learned is on the disk; table: another stiction table, where it was replaced.
-    unsent: the last command did not leave.
+    unsent: the last command could not be sent.
     """
 
     frames: tuple[CanFrame, ...]

@@ -1,11 +1,11 @@
 """Whether a position reading can be true: its quality, its range, its step, and whether it is frozen. Pure.
 
-A reading that cannot be true is no feedback: the guard then ages what it has, holds, and fails safe.
+A reading that cannot be true is no feedback: the guard ages the last good one, goes to HOLD, and fails safe.
 
-Frozen is what stays the same to the bit while the command says that the stem must move: by the controller's own model
-the current is beyond the stick band, by `frozen_command_ma` and for `frozen_s` in all; pushes add up as long as not a
-bit changes. A clean sensor of a stem that sticks inside its band is not frozen however long its reading stays; one that
-has shown noise is, whatever the current (see `frozen`). Against a stop, where a transmitter may saturate, none is.
+A reading is frozen when it stays the same to the bit although the stem must move: by the controller's own model the
+current is beyond the stick band, by `frozen_command_ma` and for `frozen_s` in all. Pushes add up as long as the reading
+stays the same. A clean sensor of a stem that sticks inside its band is never frozen; a sensor that has shown noise can
+be frozen under any current (see `frozen`). Against a stop, where a transmitter may saturate, none is.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
     from positioner.wire.messages import StemPosition
 
 JUMPS_BELIEVED = 3
-"""As many jumps in a row to the same place are a new truth: the stem was moved while nobody watched."""
+"""After so many jumps in a row to the same place it is believed: the stem was moved while nobody measured."""
 STOP_BAND_OF_SPAN = 0.02
-"""How near to a stop, as a part of the span, a reading may stay the same whatever the current."""
+"""Within this part of the span from a stop, a reading may stay the same under any current."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReadingHistory:
     """What is remembered of the readings.
 
-    position_m: the last plausible one; jumped_m: the last that was refused as a jump, `jumps` in a row.
-    rigid_s: for how long, all pushes together, the reading has not moved a bit while the command demanded it.
-    noise: what the sensor has shown of its noise.
+    position_m: the last plausible one; jumped_m: the last one that was refused as a jump, `jumps` of them in a row.
+    rigid_s: for how long, all pushes together, the reading stayed the same although the stem had to move.
+    noise: what noise the sensor has shown.
     """
 
     position_m: float | None = None
@@ -46,7 +46,7 @@ class ReadingHistory:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """Why a reading cannot be true: what it counts as, and in words."""
+    """Why a reading cannot be true: as what it is counted, and in words."""
 
     counted: Counted
     why: str
@@ -55,43 +55,43 @@ class Refusal:
 def check_reading(
     settings: GuardSettings,
     valve: ValveParameters,
-    watched: ReadingHistory,
+    history: ReadingHistory,
     message: StemPosition,
     commanded_ma: float | None,
     elapsed_s: float,
     period_s: float = 0.0,
 ) -> tuple[ReadingHistory, Refusal | None]:
-    """Return what to remember, and the doubt about the reading in `message` if there is one.
+    """Return what to remember, and why the reading in `message` is refused, None where it is plausible.
 
-    commanded_ma is the current that a law or a person gave, None in other modes; `elapsed_s` lies behind the reading
-    before; readings come every `period_s`.
+    commanded_ma is the current that a law or a person gave, None in other modes; the reading before came
+    `elapsed_s` earlier; readings come every `period_s`.
     """
     position, margin = message.position_m, settings.position_margin_m
     if message.quality is Quality.FAULT:
-        return watched, Refusal(Counted.FEEDBACK_FAULT, "the sensor reports a fault")
+        return history, Refusal(Counted.FEEDBACK_FAULT, "the sensor reports a fault")
     low, high = valve.travel_min_m - margin, valve.travel_max_m + margin
     if not low <= position <= high:
-        told = f"outside the travel ({low * 1e3:g} to {high * 1e3:g} mm with its margin)"
-        return watched, Refusal(Counted.FEEDBACK_RANGE, told)
-    if watched.position_m is not None and abs(position - watched.position_m) > settings.max_jump_m:
-        jumps = watched.jumps + 1 if _is_near(position, watched.jumped_m, settings.max_jump_m) else 1
+        why = f"outside the travel ({low * 1e3:g} to {high * 1e3:g} mm with its margin)"
+        return history, Refusal(Counted.FEEDBACK_RANGE, why)
+    if history.position_m is not None and abs(position - history.position_m) > settings.max_jump_m:
+        jumps = history.jumps + 1 if _is_near(position, history.jumped_m, settings.max_jump_m) else 1
         if jumps < JUMPS_BELIEVED:
-            told = f"a jump of {abs(position - watched.position_m) * 1e3:.1f} mm"
-            return replace(watched, jumps=jumps, jumped_m=position), Refusal(Counted.FEEDBACK_JUMP, told)
+            why = f"a jump of {abs(position - history.position_m) * 1e3:.1f} mm"
+            return replace(history, jumps=jumps, jumped_m=position), Refusal(Counted.FEEDBACK_JUMP, why)
     acting_ma = None if message.quality is Quality.FAIL_POSITION else commanded_ma
     at_stop = _is_at_stop(valve, position)
     beyond_ma = _beyond_stick_band_ma(valve, position, acting_ma)
-    noise = watched.noise.add(position, period_s, elapsed_s, at_rest=beyond_ma <= 0.0, judged=not at_stop)
+    noise = history.noise.add(position, period_s, elapsed_s, at_rest=beyond_ma <= 0.0, counts=not at_stop)
     pushed = beyond_ma > settings.frozen_command_ma and not at_stop
-    rigid_s = _rigid_s(settings, watched, position, acting_ma, elapsed_s * pushed)
-    watched = ReadingHistory(position, 0, None, rigid_s, noise)
+    rigid_s = _rigid_s(settings, history, position, acting_ma, elapsed_s * pushed)
+    history = ReadingHistory(position_m=position, rigid_s=rigid_s, noise=noise)
     if rigid_s > settings.frozen_s:
-        told = f"frozen: not a bit of change for {rigid_s:.3g} s under {acting_ma:.3f} mA, which must move the stem"
-        return watched, Refusal(Counted.FEEDBACK_FROZEN, told)
+        why = f"frozen: not a bit of change for {rigid_s:.3g} s under {acting_ma:.3f} mA, which must move the stem"
+        return history, Refusal(Counted.FEEDBACK_FROZEN, why)
     if settings.frozen_s > 0.0 and noise.is_silent(period_s):
-        told = f"frozen: not a bit of change for {noise.repeat_s:.3g} s, and its noise never paused so long"
-        return watched, Refusal(Counted.FEEDBACK_FROZEN, told)
-    return watched, None
+        why = f"frozen: not a bit of change for {noise.repeat_s:.3g} s, and its noise never paused so long"
+        return history, Refusal(Counted.FEEDBACK_FROZEN, why)
+    return history, None
 
 
 def _is_near(position_m: float, other_m: float | None, distance_m: float) -> bool:
@@ -99,18 +99,18 @@ def _is_near(position_m: float, other_m: float | None, distance_m: float) -> boo
 
 
 def _rigid_s(
-    settings: GuardSettings, watched: ReadingHistory, position_m: float, commanded_ma: float | None, pushed_s: float
+    settings: GuardSettings, history: ReadingHistory, position_m: float, commanded_ma: float | None, pushed_s: float
 ) -> float:
-    """Return for how long the reading has stayed the same to the bit although the command must move the stem."""
-    if settings.frozen_s == 0.0 or commanded_ma is None or position_m != watched.position_m:
+    """Return for how long the reading has stayed the same to the bit although the stem had to move."""
+    if settings.frozen_s == 0.0 or commanded_ma is None or position_m != history.position_m:
         return 0.0
-    if watched.rigid_s > settings.frozen_s:
-        return watched.rigid_s  # only a reading that moves takes the verdict back
-    return watched.rigid_s + pushed_s
+    if history.rigid_s > settings.frozen_s:
+        return history.rigid_s  # only a reading that changes ends it
+    return history.rigid_s + pushed_s
 
 
 def _is_at_stop(valve: ValveParameters, position_m: float) -> bool:
-    """Return whether a reading is so near to a stop that it may stay the same whatever the current."""
+    """Return whether a reading is so near to a stop that it may stay the same under any current."""
     band_m = STOP_BAND_OF_SPAN * valve.span_m
     return not valve.travel_min_m + band_m < position_m < valve.travel_max_m - band_m
 

@@ -1,4 +1,4 @@
-"""What a cycle reports of the time that the process took. Pure."""
+"""Events about time: a late cycle, a wrong period of the position frames, a stall. Pure."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from positioner.wire.messages import Counted
 
 @dataclass(frozen=True, slots=True)
 class LawLate(CountedEvent):
-    """The turn of the loop before took longer than a sample period; its command left late."""
+    """The cycle before took longer than a sample period; its command was sent late."""
 
     counted: Counted = field(default=Counted.LAW_LATE, init=False)
     spent_ns: int
@@ -19,7 +19,7 @@ class LawLate(CountedEvent):
     def __str__(self) -> str:
         """One line for the log."""
         return (
-            f"a turn took {self.spent_ns / 1e6:.3g} ms, longer than the period of {self.period_s * 1e3:g} ms: "
+            f"a cycle took {self.spent_ns / 1e6:.3g} ms, longer than the period of {self.period_s * 1e3:g} ms: "
             "give the positioner a processor of its own, or a longer control.sample_period_s"
         )
 
@@ -35,13 +35,13 @@ class PeriodWrong:
         """One line for the log."""
         return (
             f"position frames come every {self.measured_s * 1e3:.3g} ms, and control.sample_period_s says "
-            f"{self.period_s * 1e3:g} ms: ages and the law's time are wrong by as much; mend one of them"
+            f"{self.period_s * 1e3:g} ms: ages and the law's time are wrong by as much; correct one of them"
         )
 
 
 @dataclass(frozen=True, slots=True)
 class Stalled(CountedEvent):
-    """The process stood still, or took too long, while it was armed: longer than HOLD tolerates without feedback."""
+    """The armed process stood still, or took too long: for longer than the loop may go without feedback."""
 
     counted: Counted = field(default=Counted.STALLED, init=False)
     stall_ns: int
@@ -49,6 +49,6 @@ class Stalled(CountedEvent):
     def __str__(self) -> str:
         """One line for the log."""
         return (
-            f"stood still for {self.stall_ns / 1e6:.3g} ms: what waited meanwhile is not acted on; "
+            f"stood still for {self.stall_ns / 1e6:.3g} ms: the readings of that time are not acted on; "
             "give the positioner a processor of its own (systemd/realtime.conf), or a longer control.sample_period_s"
         )

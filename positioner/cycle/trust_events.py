@@ -1,4 +1,4 @@
-"""Events about what a law may believe: what physics excludes, pushes in vain, commands that do not act. Pure."""
+"""Events about trust in the table, in pushes and in the effect of commands. Pure."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class NotBelieved:
-    """Samples that physics excludes, `count` of them, `sample` the first: taught just now, or in a given table."""
+    """Samples that physics excludes, `count` of them, `sample` the first: just measured (`taught`), or from a table."""
 
     sample: LearnedSample
     low: float
@@ -34,7 +34,7 @@ class NotBelieved:
         if self.taught:
             return f"not learned: {what}: {possible}"
         others = f" (and {self.count - 1} more)" if self.count > 1 else ""
-        return f"the table is not believed where it says {what}: {possible}{others}; mend [valve], or reset the table"
+        return f"not used from the table: {what}: {possible}{others}; correct [valve], or reset the table"
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,15 +47,15 @@ class PushFailed(CountedEvent):
 
     def __str__(self) -> str:
         """One line for the log."""
-        told = f"{self.failed} push(es) in a row did not free the stem"
+        text = f"{self.failed} push(es) in a row did not free the stem"
         if not self.rest_s:
-            return told
-        return f"{told}: the next one comes in {self.rest_s:g} s; look for a jammed stem, or an actuator without air"
+            return text
+        return f"{text}: the next one comes in {self.rest_s:g} s; look for a jammed stem, or an actuator without air"
 
 
 @dataclass(frozen=True, slots=True)
 class ActingChanged:
-    """Commands do not act on the valve any more, for `cause`, or act again, None."""
+    """Commands do not act on the valve any more, for `cause`, or act again (None)."""
 
     cause: Cause | None
 
@@ -63,7 +63,7 @@ class ActingChanged:
         """One line for the log."""
         match self.cause:
             case None:
-                return "commands act on the valve again: the law begins anew"
+                return "commands act on the valve again: the law starts again"
             case Cause.ACTUATOR_FAILED:
                 return "the valve's node says that its actuator obeys no command: nothing is learned; look at the valve"
             case _:

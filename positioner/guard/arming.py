@@ -1,7 +1,7 @@
-"""Arming: what the host's requests, or the automatic arming, make of the guard's state. Pure.
+"""Arming, by the host's requests or automatically. Pure.
 
-A request to arm counts when it follows another request: an ARM that is held arms once, and one that was already held
-when this positioner started does not arm it, or a restart would undo the latch of FAILSAFE.
+An ARM counts when it follows another request. A held ARM therefore arms once; one that was held already when this
+positioner started does not arm it, or a restart would end a latched FAILSAFE.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def arm(settings: GuardSettings, state: GuardState, guard_input: GuardInput, hol
     arming, last = state.arming, state.last
     disarmed = HostRequest.DISARM in guard_input.requests
     if disarmed or guard_input.stray_disarm:
-        # a stray one disarms, and is no request that an ARM could follow: it may be as old as the bus can be
+        # a stray one disarms, but no ARM can follow it: it may be an old frame
         return _disarmed(state, request=HostRequest.DISARM if disarmed else arming.request)
     if arming.armed and guard_input.foreign_command and now_ns - arming.armed_or_returned_ns <= DOUBLE_ARMING_NS:
         return _disarmed(state, request=arming.request)

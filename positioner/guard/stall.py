@@ -1,8 +1,8 @@
-"""Stalls: what a gap in the loop means for what was received meanwhile. Pure.
+"""Stalls: which frames still count after the process stood still. Pure.
 
-A process that stood still has not seen what happened: readings that waited describe a stem that has moved on. The guard
-sees the gap first. Longer than `feedback_hold_periods`, the turn after it holds, whatever is in the queue; longer than
-`feedback_failsafe_periods`, it fails safe, and no request to arm that waited undoes that.
+Readings that waited during a stall describe a stem that has moved on since. After a stall longer than
+`feedback_hold_periods` the guard holds for a cycle, whatever has waited; after one longer than
+`feedback_failsafe_periods` it fails safe, and no request to arm that waited ends that.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _NS = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class Freshness:
-    """What counts as fresh at `now_ns`: readings and requests to arm that arrived at these instants or later."""
+    """Which frames count at `now_ns`: readings and requests to arm that arrived at these instants or later."""
 
     now_ns: int = 0
     readings_since_ns: float = 0.0
@@ -41,12 +41,12 @@ def failsafe_ns(settings: GuardSettings, period_s: float) -> float:
 
 
 def stall_of(settings: GuardSettings, period_s: float, gap_ns: int, *, armed: bool) -> int:
-    """Return the gap if it is a stall, in ns, else 0: while nothing is commanded, nothing old can be acted on."""
+    """Return the gap in ns if it is a stall, else 0; there is none while no command is sent."""
     return gap_ns if armed and gap_ns > hold_ns(settings, period_s) else 0
 
 
 def freshness(settings: GuardSettings, period_s: float, now_ns: int, *, armed: bool, stalled: bool) -> Freshness:
-    """Return what counts as fresh: nothing of what waited during a stall; an ARM ages only where it would rearm."""
+    """Return which frames count: none that waited during a stall; the age of an ARM matters only while armed."""
     if stalled:
         return Freshness(now_ns, now_ns + 1, now_ns + 1)
     arms_since_ns = now_ns - failsafe_ns(settings, period_s) if armed else -float("inf")

@@ -1,7 +1,7 @@
 """The codec: frames to typed messages and back, for our own DBC or a user's. Pure.
 
 Our frames are described by `dbc/positioner.dbc` alone. A user whose hardware speaks other frames names his DBC, his
-messages and his signals in `[wire]` (see `foreign`); what he does not name stays ours.
+messages and his signals in `[wire]` (see `foreign`); all others stay ours.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class Codec:
         return form.arbitration_id, form.dbc.is_extended_frame
 
     def field(self, kind: type[Message], name: str) -> FieldFormat:
-        """Return how the field `name` of `kind` stands in its signal."""
+        """Return how the field `name` of `kind` is coded in its signal."""
         return next(form for form in self.by_kind[kind].fields if form.name == name)
 
     def decode(self, frame: CanFrame) -> tuple[Message, int | None]:
@@ -138,10 +138,10 @@ def own_database() -> Database:
 
 
 def make_codec(settings: WireSettings | None = None, *, span_m: float = 0.127) -> Codec:
-    """Return the codec for `settings`; `span_m` is what 100 % of a signal in percent means.
+    """Return the codec for `settings`; 100 % of a signal in percent is `span_m`.
 
     Raises:
-        ConfigurationError: the user's DBC is missing or does not hold what the settings name; every mistake at once.
+        ConfigurationError: the user's DBC is missing or lacks what the settings name; with every mistake at once.
     """
     settings = settings or WireSettings()
     formats = {kind: _own_format(kind, settings) for kind in _OWN_NAMES}

@@ -1,9 +1,10 @@
-"""End-to-end protection of 8-byte frames: AUTOSAR E2E profile 5 (CRC-16 and counter), and what a counter may do. Pure.
+"""End-to-end protection of 8-byte frames, AUTOSAR E2E profile 5: CRC-16 and counter. Pure.
 
 Source: AUTOSAR FO R22-11 "E2E Protocol Specification", profile 5. The CRC covers bytes 2..7 and then the 16-bit data
-ID, low byte first, which is never sent: a frame of another kind does not pass. Minimum Hamming distance 4 over the
-frame; bursts of up to 15 bits are detected, and of 16 bits all but six patterns that reach from the CRC, which stands
-first, into the counter. The profile detects damage; replay and age are caught by `CounterCheck` and by the guard.
+ID, low byte first. The data ID is never sent, so that a frame of another kind does not pass. The minimum Hamming
+distance over the frame is 4. Bursts of up to 15 bits are detected; of 16 bits all but six patterns, which reach from
+the CRC, the first field, into the counter. The profile detects damage; `CounterCheck` and the guard detect replay and
+age.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ COUNTER_MODULUS = 256
 MAX_LOST_FRAMES = 10
 """Frames that may be missing between two accepted ones; a larger step must be confirmed (see `CounterCheck`)."""
 MAX_LATE_FRAMES = 3
-"""How many counts a frame may come late and still pass for a missing one that was overtaken."""
+"""A missing frame may come so many counts late: others have overtaken it."""
 
 _CRC_START = 0xFFFF
 _LATE_BITS = (1 << MAX_LATE_FRAMES) - 1
@@ -38,7 +39,7 @@ def is_intact(data: bytes, data_id: int) -> bool:
 
 
 class Sequence(Enum):
-    """Verdict on a counter."""
+    """Result of the check of a counter."""
 
     FRESH = "fresh"
     REPEATED = "repeated"
@@ -48,12 +49,12 @@ class Sequence(Enum):
 
 @dataclass(frozen=True, slots=True)
 class CounterCheck:
-    """Follows one sender's counter.
+    """Checks one sender's counter.
 
     Steps of 1 to `MAX_LOST_FRAMES` + 1 are fresh (the step less one is the number of lost frames). A step of 0 is a
-    repetition. A frame that was missing among the last `MAX_LATE_FRAMES` counts is late: the bus let others overtake
-    it. Any other step is out of order, unless the frame before was rejected for the same reason and this one follows
-    it directly: then the sender has restarted, and its new count is taken over.
+    repetition. A frame that was missing among the last `MAX_LATE_FRAMES` counts is late: others have overtaken it on
+    the bus. Any other step is out of order, unless the frame before was out of order, too, and this one follows it
+    directly: then the sender has restarted, and its new count is accepted.
 
     missing: bit k is set while the frame of count `last` - 1 - k has not come.
     """
@@ -64,7 +65,7 @@ class CounterCheck:
     missing: int = 0
 
     def check(self, counter: int) -> tuple[CounterCheck, Sequence, int]:
-        """Return the check after `counter`, the verdict, and how many frames were lost before it."""
+        """Return the check after `counter`, the result, and how many frames were lost before it."""
         if self.last is None:
             return self._at(counter), Sequence.FRESH, 0
         step = (counter - self.last) % self.modulus

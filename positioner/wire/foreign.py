@@ -1,4 +1,4 @@
-"""Frames of a user's DBC: what `[wire]` names, found and checked, with every mistake collected. Pure but for the file.
+"""Frames of a user's DBC, as named in `[wire]`: found and checked, with every mistake. Pure but for the file.
 
 A user's frame carries no protection of ours; its counter signal, if it has one, may be of any length.
 """
@@ -25,21 +25,19 @@ if TYPE_CHECKING:
 
 _CLASSIC_LENGTH = 8
 _FEWEST_COUNTS = 4
-
-
 _LARGEST_BYTES = 1 << 20
 """A larger DBC would take hundreds of MiB to read."""
 
 
 def read_messages(path: Path, problems: list[Problem]) -> tuple[DbcMessage, ...]:
-    """Return the messages of the DBC in `path` or none and one more of `problems`."""
+    """Return the messages of the DBC in `path`; none, and one more of `problems`, where it cannot be used."""
     where = f"wire.dbc = '{path}'"
     try:
         with path.open("rb") as file:
             data = file.read(_LARGEST_BYTES + 1)
         if len(data) > _LARGEST_BYTES:
-            told = f"is larger than {_LARGEST_BYTES >> 20} MiB: leave only the messages of this valve's nodes in it"
-            problems.append(Problem(where, None, told))
+            text = f"is larger than {_LARGEST_BYTES >> 20} MiB: leave only the messages of this valve's nodes in it"
+            problems.append(Problem(where, None, text))
             return ()
         database = cantools.database.load_string(_text(data), "dbc")
     except OSError as error:
@@ -99,8 +97,8 @@ def _chosen(where: str, name: str, user_messages: tuple[DbcMessage, ...], proble
     if len(found) == 1:
         return found[0]
     names = ", ".join(dict.fromkeys(message.name for message in user_messages))
-    told = f"stands {len(found)} times in the DBC: leave one" if found else f"is not in the DBC, which has: {names}"
-    problems.append(Problem(f"{where}.message = '{name}'", None, told))
+    text = f"occurs {len(found)} times in the DBC: leave one" if found else f"is not in the DBC, which has: {names}"
+    problems.append(Problem(f"{where}.message = '{name}'", None, text))
     return None
 
 
@@ -122,8 +120,8 @@ def _check_counter(where: str, chosen: MessageSettings, dbc: DbcMessage, problem
         problems.append(Problem(key, None, str(error)))
         return
     if signal.minimum or counter_modulus(signal) < _FEWEST_COUNTS:
-        told = f"has the range {signal.minimum} to {signal.maximum}, and a counter needs one from 0 to 3 at least"
-        problems.append(Problem(key, None, told))
+        text = f"has the range {signal.minimum} to {signal.maximum}, and a counter needs one from 0 to 3 at least"
+        problems.append(Problem(key, None, text))
 
 
 def _text(content: bytes) -> str:

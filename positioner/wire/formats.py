@@ -1,7 +1,7 @@
-"""How a typed message stands in a DBC: which message, which signals, which units, which protection. Pure.
+"""How a typed message is coded in a DBC: which message, which signals, which units, which protection. Pure.
 
-`FrameFormat` translates one kind of message in both directions. cantools moves the bits; the checks it leaves out on
-decoding (length, range, meaning) and the SI conversion are here, from numbers worked out once, at construction.
+`FrameFormat` translates one kind of message in both directions. cantools moves the bits. The checks that it leaves out
+on decoding (length, range, meaning) and the SI conversion are here; their numbers are computed once, at construction.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SI_PER_UNIT: Mapping[str, Mapping[str, float]] = {
 """Unit of a field (its suffix) → unit of a DBC signal → factor from the second to the first."""
 
 _MARGIN_BITS = 0.25
-"""How far beyond its range a value may lie: enough for rounding errors, too little for the next bit."""
+"""A value may be so far beyond its range: enough for rounding errors, too little for the next bit."""
 
 
 class FrameRejectedError(PositionerError):
@@ -67,7 +67,7 @@ class FieldFormat:
 
 
 def field_format(kind: type[Message], name: str, signal: Signal, span_m: float) -> FieldFormat:
-    """Return how field `name` of `kind` stands in `signal`; `span_m` is what 100 % of a position means.
+    """Return how field `name` of `kind` is coded in `signal`; 100 % of a position is `span_m`.
 
     Raises:
         UnfitSignalError: the signal's unit does not fit the field, or its scale does not fit a count or a state.
@@ -96,7 +96,8 @@ class FrameFormat:
     """One kind of message in one DBC frame.
 
     `data_id` is None where the frame carries no protection; `counter` names its counter signal, None without one.
-    `counter_modulus` is where the counter wraps: 256 in our frames, where the range of the signal ends in a user's.
+    `counter_modulus` is the number of counts before the counter wraps: 256 in our frames, by its signal's range in a
+    user's.
     """
 
     kind: type[Message]
@@ -110,7 +111,7 @@ class FrameFormat:
     """Raw value of every signal before the fields are filled in: the DBC's start value, or 0. Only ever copied."""
 
     def __post_init__(self) -> None:
-        """Work out what every frame needs."""
+        """Compute the numbers that every frame needs."""
         modulus = counter_modulus(self.dbc.get_signal_by_name(self.counter)) if self.counter else e2e.COUNTER_MODULUS
         object.__setattr__(self, "counter_modulus", modulus)
         idle_raw = {signal.name: signal.raw_initial or 0 for signal in self.dbc.signals}

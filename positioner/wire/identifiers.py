@@ -1,4 +1,4 @@
-"""Under which identifier each of our frames travels, and whom else's it must not be. Pure."""
+"""The identifiers of our frames, and that no other message has the same. Pure."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _HOW = "give ours another with wire.identifiers.{} = 0x7F0, for example, or move
 
 
 def named(identifiers: Mapping[str, int], ours: Collection[str], theirs: Collection[str]) -> Iterator[Problem]:
-    """Yield what is wrong with the names in `identifiers`: `ours` may be there, and not where the user has `theirs`."""
+    """Yield what is wrong with the names in `identifiers`: each must be `ours`, and not `theirs`, the user's."""
     for name, identifier in identifiers.items():
         where = f"wire.identifiers.{name} = 0x{identifier:X}"
         if name not in ours:
@@ -33,14 +33,14 @@ def shared(formats: Sequence[FrameFormat]) -> Iterator[Problem]:
     """Yield a problem for every two messages under one identifier: a frame holds one message."""
     for one, other in combinations(formats, 2):
         if _address(one) == _address(other):
-            told = f"{one.dbc.name} and {other.dbc.name} share the identifier {one.arbitration_id:X}"
-            yield Problem("wire.dbc", None, told)
+            text = f"{one.dbc.name} and {other.dbc.name} share the identifier {one.arbitration_id:X}"
+            yield Problem("wire.dbc", None, text)
 
 
 def taken(formats: Sequence[FrameFormat], user_messages: Sequence[DbcMessage]) -> Iterator[Problem]:
     """Yield a problem for every frame of ours under an identifier that the user's DBC gives to another message.
 
-    Ours would be read by nodes that know nothing of it, and theirs by us. PLANT_TRUTH is for benches, without a DBC.
+    Other nodes would take our frame for theirs, and we theirs for ours. PLANT_TRUTH is for benches, without a DBC.
     """
     used = {form.dbc.name for form in formats if form.data_id is None}
     theirs = {
@@ -51,8 +51,8 @@ def taken(formats: Sequence[FrameFormat], user_messages: Sequence[DbcMessage]) -
     for form in formats:
         name = theirs.get(_address(form))
         if form.data_id is not None and form.kind is not PlantTruth and name not in {None, form.dbc.name}:
-            told = f"gives the identifier {form.arbitration_id:X} of our {form.dbc.name} to {name}"
-            yield Problem("wire.dbc", None, f"{told}: {_HOW.format(form.dbc.name.lower())}")
+            text = f"gives the identifier {form.arbitration_id:X} of our {form.dbc.name} to {name}"
+            yield Problem("wire.dbc", None, f"{text}: {_HOW.format(form.dbc.name.lower())}")
 
 
 def _address(form: FrameFormat) -> tuple[int, bool]:

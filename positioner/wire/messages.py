@@ -1,8 +1,8 @@
-"""What crosses the bus, as typed messages. Pure.
+"""The messages on the bus, as typed values. Pure.
 
-SI units here (the loop current in mA is the one exception); the DBC scales to mm, kPa and mA on the wire. A counter
-echo is the 8-bit counter of the frame that the sender last accepted from the other side, or None where a foreign
-DBC has no signal for it.
+They are in SI units, but for the loop current in mA; the DBC scales them to mm, kPa and mA in the frame. A counter echo
+is the 8-bit counter of the frame that the sender last accepted from the other side, None where a foreign DBC has no
+signal for it.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Mode(IntEnum):
 
 
 class Motion(IntEnum):
-    """What the control law is doing with the stem."""
+    """What the control law does with the stem."""
 
     NONE = 0
     REST = 1  # HOLD in the DBC: the mode of that name is another thing
@@ -45,10 +45,10 @@ class Motion(IntEnum):
 
 
 class Quality(IntEnum):
-    """What the plant's node says of its position reading, the worst that holds.
+    """Quality of a position reading, by the plant's node; where several hold, the highest.
 
-    FAIL_POSITION: the reading is valid, but no command acts on the valve: the node has heard none since its start, or
-    none for too long, or the last one is a failure signal. The command counter then names no command that acts.
+    FAIL_POSITION: the reading is valid, but no command acts on the valve: the node has received none since its start,
+    or none for too long, or the last one is a failure signal. The command counter then names no acting command.
     """
 
     VALID = 0
@@ -58,7 +58,7 @@ class Quality(IntEnum):
 
 
 class HostRequest(IntEnum):
-    """What the host asks for beside the setpoint."""
+    """What the host asks for besides the setpoint."""
 
     NONE = 0
     ARM = 1
@@ -83,7 +83,7 @@ class Health(IntEnum):
 
 
 class Cause(IntEnum):
-    """Why the positioner is in its mode, or what ails it."""
+    """Why the positioner is in its mode, or what is wrong."""
 
     NONE = 0
     WAITING_FOR_FEEDBACK = 1
@@ -200,7 +200,7 @@ class PositionerStatus:
 
 @dataclass(frozen=True, slots=True)
 class PositionerCount:
-    """POSITIONER_COUNT, positioner → host, behind a status: how often one thing went wrong, one thing at a time."""
+    """POSITIONER_COUNT, positioner → host, after a status: the count of one cause; the causes take turns."""
 
     counted: Counted
     count: int

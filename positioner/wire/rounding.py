@@ -1,7 +1,7 @@
-"""What rounding to the steps of a signal may do to a value, and how it stays inside its limits in spite of it. Pure.
+"""Rounding a value to the steps of its signal, within its limits. Pure.
 
-The step nearest to a value may lie beyond a limit that the value itself keeps. What is sent is therefore rounded to the
-inside of its limits; what is received may lie half a step outside them, and be meant for the limit itself.
+The step nearest to a value may be beyond a limit that the value itself keeps. A value that is sent is therefore rounded
+to a step within its limits. A received value may be half a step beyond a limit, and then means the limit.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from positioner.wire.formats import FieldFormat
 
 _NOISE = 1e-6
-"""Of a step: what arithmetic may add to a value that lies exactly on one, or exactly between two."""
+"""Part of a step that arithmetic errors may add to a value exactly on a step, or exactly between two."""
 _FLOATS = {16: ("<e", 2.0**-10), 32: ("<f", 2.0**-23), 64: ("<d", 2.0**-52)}
 """Format of struct and relative step of a floating-point signal, by its length in bits."""
 
 
 def meant(form: FieldFormat, value: float, low: float, high: float) -> float | None:
-    """Return what a received `value` means within `low` and `high`: a limit, where rounding alone put it outside.
+    """Return the meaning of a received `value` within `low` and `high`: the limit where only rounding put it outside.
 
-    None means that it lies outside by more than rounding does.
+    None where it is outside by more than rounding.
     """
     if low <= value <= high:
         return value
@@ -31,9 +31,9 @@ def meant(form: FieldFormat, value: float, low: float, high: float) -> float | N
 
 
 def inside(form: FieldFormat, value: float, low: float, high: float) -> float:
-    """Return `value`, or the nearest one that the signal carries within `low` and `high` where its own would not be.
+    """Return `value`, or the nearest step within `low` and `high` where the step nearest to `value` is outside.
 
-    Where the signal carries none between them it is `value` again: `fits` tells that at the start.
+    Where the signal has no step between them it is `value` again; `fits` finds that out at the start.
     """
     if form.float_bits:
         return _float_inside(form, value, low, high)
@@ -45,7 +45,7 @@ def inside(form: FieldFormat, value: float, low: float, high: float) -> float:
 
 
 def fits(form: FieldFormat, low: float, high: float) -> bool:
-    """Return whether the signal carries any value from `low` to `high`."""
+    """Return whether the signal has any step from `low` to `high`."""
     if form.float_bits:
         return max(low, form.lowest) <= min(high, form.highest)
     first, last = _raw_limits(form, low, high)

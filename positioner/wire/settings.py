@@ -11,7 +11,7 @@ from annotated_types import Interval, MultipleOf
 from positioner.inputs.table import SettingsTable
 
 ID_OFFSETS = range(0, 0x500, 0x80)
-"""What may be added to our identifiers, 0x100 to 0x17F: no frame of one valve then passes for one of another."""
+"""Allowed offsets of our identifiers, 0x100 to 0x17F: no frame of one valve is then taken for one of another."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +28,7 @@ class WireSettings(SettingsTable):
     """The `[wire]` table: everything ours by default.
 
     `id_offset` is added to the identifiers and data IDs of our frames, so that several valves share one bus; one of
-    `ID_OFFSETS`. `identifiers` names those of our frames that are to travel under another identifier.
+    `ID_OFFSETS`. `identifiers` gives single frames of ours another identifier.
     """
 
     id_offset: Annotated[int, Interval(ge=ID_OFFSETS[0], le=ID_OFFSETS[-1]), MultipleOf(ID_OFFSETS.step)] = 0

@@ -1,4 +1,4 @@
-"""What a signal of a DBC can carry: whole numbers or fractions, from where to where. Pure."""
+"""What a signal of a DBC can carry: whole numbers or fractions, and their range. Pure."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LARGEST_FLOAT = {16: 65504.0, 32: 3.4028234e38, 64: sys.float_info.max}
 
 
 class UnfitSignalError(PositionerError):
-    """A signal that cannot carry a field; the text says why."""
+    """A signal that cannot carry a field, with the reason."""
 
 
 def counter_modulus(signal: Signal) -> int:

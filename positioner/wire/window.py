@@ -1,11 +1,11 @@
-"""Whether one sender speaks under an identifier: the window of AUTOSAR's E2E state machine over its counters. Pure.
+"""Whether there is one sender under an identifier: the window of AUTOSAR's E2E state machine over its counters. Pure.
 
-Two honest senders under one identifier both have a valid CRC; only their counters, which interleave, give them away.
-A single error is a restart, a long loss or a replay; a rate of errors is a second sender, and then neither is believed.
+The frames of two senders under one identifier all have a valid CRC; only their counters, which interleave, differ. A
+single error is a restart, a long loss or a replay; repeated errors are a second sender, and then neither is believed.
 
 Source: AUTOSAR FO R22-11 "E2E Protocol Specification", E2E state machine. The states INIT and VALID are one here, since
-nothing is commanded before a host arms; NoNewData is no state but the age that the guard keeps of what it accepted.
-A frame that was overtaken (late) or came twice, the same to the bit, contradicts nothing and is no error.
+no command is sent before a host arms. NoNewData is not a state here: the guard keeps the age of accepted data instead.
+A frame that was overtaken (late) or came twice, the same to the bit, is no error.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Two senders of one rate make an error of every second frame: they are disputed a
 CLEAN_FRAMES = 16
 """WindowSizeStateInvalid, all of it without an error: so many frames in sequence end a dispute."""
 SETTLED_FRAMES = 2
-"""As many frames in sequence after an error belong to one sender as far as one can see."""
+"""After an error so many frames in sequence are believed to be of one sender."""
 
 _WINDOW_BITS = (1 << WINDOW_FRAMES) - 1
 _CLEAN_BITS = (1 << CLEAN_FRAMES) - 1
@@ -32,19 +32,19 @@ _SETTLED_BITS = (1 << SETTLED_FRAMES) - 1
 
 @dataclass(frozen=True, slots=True)
 class SequenceWindow:
-    """The verdicts on a sender's last frames: bit 0 of `errors` is the newest, set for one out of sequence."""
+    """A sender's last frames: bit 0 of `errors` is the newest, set for a frame out of sequence."""
 
     errors: int = 0
     valid: bool = True
 
     @property
     def settled(self) -> bool:
-        """Whether the window is valid and the newest frames were in sequence: a reading in it may be believed."""
+        """Whether the window is valid and the newest frames were in sequence: their readings may be believed."""
         return self.valid and not self.errors & _SETTLED_BITS
 
     @property
     def why(self) -> str:
-        """Return in words why its frames are not believed."""
+        """Why its frames are not believed, in words."""
         if self.valid:
             return "its sender is in doubt: a frame came out of sequence just before"
         of = f"{self.errors.bit_count()} of the last {WINDOW_FRAMES} frames came out of sequence"
@@ -62,14 +62,14 @@ class SequenceWindow:
 
 @dataclass(frozen=True, slots=True)
 class Sender:
-    """What is remembered of the sender of one kind of frame: its counter, its window, its last bytes."""
+    """The sender of one kind of frame: its counter, its window, its last bytes."""
 
     check: CounterCheck = field(default_factory=CounterCheck)
     window: SequenceWindow = field(default_factory=SequenceWindow)
     data: bytes = b""
 
     def receive(self, counter: int, data: bytes) -> tuple[Sender, Sequence, int]:
-        """Return the sender after its frame of `counter`, the verdict, and how many frames were lost before it."""
+        """Return the sender after a frame, the result of its check, and how many frames were lost before it."""
         check, verdict, lost = self.check.check(counter)
         if verdict is Sequence.FRESH:
             return Sender(check, self.window.after(error=False), data), verdict, lost

@@ -213,7 +213,7 @@ def test_a_cycle_that_the_shell_calls_late_is_counted_told_once_and_changes_no_c
         frames, others = exchange.sample(late_ns=1_500_000 if sample == 50 else 0), punctual.sample()
         assert frames[0] == others[0]
     (event,) = exchange.told(LawLate)
-    assert str(event).startswith("a turn took 1.5 ms, longer than the period of 1 ms: give the positioner")
+    assert str(event).startswith("a cycle took 1.5 ms, longer than the period of 1 ms: give the positioner")
     assert exchange.state.counters.by_cause == {Counted.LAW_LATE: 1}
     for _ in range(20):
         exchange.sample(late_ns=1_500_000)

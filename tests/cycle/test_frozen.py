@@ -47,12 +47,12 @@ class Sensor:
     """Readings one after another, each a period after the one before."""
 
     def __init__(self, period_s: float = PERIOD_S, tuning: GuardSettings = SETTINGS) -> None:
-        self.period_s, self.tuning, self.watched = period_s, tuning, ReadingHistory()
+        self.period_s, self.tuning, self.history = period_s, tuning, ReadingHistory()
 
     def says(self, position_m: float, commanded_ma: float | None = RESTING_MA) -> Counted | None:
         message, period_s = StemPosition(position_m), self.period_s
-        self.watched, doubt = check_reading(
-            self.tuning, VALVE, self.watched, message, commanded_ma, period_s, period_s=period_s
+        self.history, doubt = check_reading(
+            self.tuning, VALVE, self.history, message, commanded_ma, period_s, period_s=period_s
         )
         return doubt.counted if doubt else None
 
@@ -63,7 +63,7 @@ class Sensor:
 
     def freezes_after(self, commanded_ma: float | None = RESTING_MA, most: int = 20_000) -> int | None:
         """How many readings of the same value it takes; None if more than `most`."""
-        here_m = self.watched.position_m or 0.0
+        here_m = self.history.position_m or 0.0
         return next((count for count in range(1, most) if self.says(here_m, commanded_ma)), None)
 
 
@@ -81,7 +81,7 @@ def test_a_sensor_that_was_noisy_and_repeats_itself_for_half_a_second_is_frozen_
 
 def test_short_pushes_do_not_begin_the_time_anew() -> None:
     sensor = Sensor().hears(shown())
-    here_m = sensor.watched.position_m or 0.0
+    here_m = sensor.history.position_m or 0.0
     said = [sensor.says(here_m, 20.0 if count % 50 == 0 else RESTING_MA) for count in range(1, 600)]
     assert said.index(Counted.FEEDBACK_FROZEN) + 1 == HALF_A_SECOND
 
@@ -89,7 +89,7 @@ def test_short_pushes_do_not_begin_the_time_anew() -> None:
 def test_the_first_change_ends_it() -> None:
     sensor = Sensor().hears(shown())
     assert sensor.freezes_after() == HALF_A_SECOND
-    here_m = sensor.watched.position_m or 0.0
+    here_m = sensor.history.position_m or 0.0
     assert sensor.says(here_m) is Counted.FEEDBACK_FROZEN
     assert sensor.says(here_m + WIRE_M) is None
     assert sensor.freezes_after() == HALF_A_SECOND
@@ -103,7 +103,7 @@ def test_a_hundred_readings_are_the_least_at_long_periods() -> None:
 def test_a_sensor_that_holds_its_draws_is_frozen_after_ten_of_its_longest_repeats(held: int) -> None:
     sensor = Sensor().hears(itertools.islice(noisy(1, 1.6e-3, held=held), 400 * held))
     longest_s = (held - 1) * PERIOD_S
-    assert sensor.watched.noise.longest_s == pytest.approx(longest_s)
+    assert sensor.history.noise.longest_s == pytest.approx(longest_s)
     limit = max(500, round(LONGEST_REPEATS * longest_s / PERIOD_S))
     # part of the last draw's repeats is behind it
     assert limit - held <= (sensor.freezes_after() or 0) <= limit + 2
@@ -118,7 +118,7 @@ def test_noise_alone_is_never_frozen(seed: int, held: int) -> None:
 def test_a_pause_that_is_no_repeat_by_chance_teaches_nothing() -> None:
     sensor = Sensor().hears(shown())
     for _ in range(20):
-        sensor.hears([sensor.watched.position_m or 0.0] * 400)
+        sensor.hears([sensor.history.position_m or 0.0] * 400)
         sensor.hears(itertools.islice(noisy(2, 1.6e-3), 100))
     assert sensor.freezes_after() == HALF_A_SECOND
 
@@ -144,7 +144,7 @@ def test_a_clean_sensor_is_never_frozen_in_the_stick_band(step_m: float) -> None
     sensor = Sensor()
     readings = [stepped(position_m, step_m) for position_m in itertools.islice(moves(chance), 60_000)]
     sensor.hears(readings, None)
-    assert not sensor.watched.noise.is_noisy
+    assert not sensor.history.noise.is_noisy
 
 
 @given(sigma_of_step=st.floats(0.02, 8.0), seed=st.integers(0, 99), held=st.sampled_from([1, 10]))
@@ -194,8 +194,8 @@ def test_fewer_than_a_hundred_changes_are_no_noise() -> None:
 def test_what_was_shown_is_counted() -> None:
     noise = Noise()
     for position_m in (1.0, 2.0, 1.0, 1.0, 3.0, 4.0):
-        noise = noise.add(position_m, 1.0, 0.5, at_rest=True, judged=True)
+        noise = noise.add(position_m, 1.0, 0.5, at_rest=True, counts=True)
     assert (noise.shown, noise.count, noise.sum_m, noise.smallest_m) == (3, 4, 5.0, 1.0)
     assert (noise.repeat_s, noise.longest_s) == (0.0, 0.5)
-    noise = noise.add(1.0, 1.0, 0.5, at_rest=False, judged=True)
+    noise = noise.add(1.0, 1.0, 0.5, at_rest=False, counts=True)
     assert (noise.shown, noise.count, noise.sum_m) == (3, 4, 5.0)

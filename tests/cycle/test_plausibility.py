@@ -26,11 +26,11 @@ class Sensor:
 
     def __init__(self, settings: GuardSettings = SETTINGS, valve: ValveParameters = VALVE) -> None:
         self.settings, self.valve = settings, valve
-        self.watched = ReadingHistory()
+        self.history = ReadingHistory()
 
     def says(self, position_m: float, commanded_ma: float | None = None, elapsed_s: float = PERIOD_S) -> Counted | None:
         message = StemPosition(position_m)
-        self.watched, doubt = check_reading(self.settings, self.valve, self.watched, message, commanded_ma, elapsed_s)
+        self.history, doubt = check_reading(self.settings, self.valve, self.history, message, commanded_ma, elapsed_s)
         return doubt.counted if doubt else None
 
 
@@ -39,18 +39,18 @@ def test_a_reading_is_valid_and_never_frozen_while_no_command_acts_on_the_valve(
     for _ in range(20):
         frozen.says(HERE_M, EDGE_MA + 1.0)
     assert frozen.says(HERE_M, EDGE_MA + 1.0) is Counted.FEEDBACK_FROZEN
-    watched = ReadingHistory()
+    history = ReadingHistory()
     for _ in range(20):
         message = StemPosition(HERE_M, 0, Quality.FAIL_POSITION)
-        watched, doubt = check_reading(SETTINGS, VALVE, watched, message, EDGE_MA + 1.0, PERIOD_S)
+        history, doubt = check_reading(SETTINGS, VALVE, history, message, EDGE_MA + 1.0, PERIOD_S)
         assert doubt is None
 
 
 def test_a_reading_that_calls_itself_a_fault_is_none_and_a_suspect_one_is_one() -> None:
-    watched = ReadingHistory(0.05, 1, 0.09, 0.5)
-    after, doubt = check_reading(SETTINGS, VALVE, watched, StemPosition(HERE_M, 0, Quality.FAULT), None, PERIOD_S)
+    history = ReadingHistory(0.05, 1, 0.09, 0.5)
+    after, doubt = check_reading(SETTINGS, VALVE, history, StemPosition(HERE_M, 0, Quality.FAULT), None, PERIOD_S)
     assert doubt == Refusal(Counted.FEEDBACK_FAULT, "the sensor reports a fault")
-    assert after == watched
+    assert after == history
     after, doubt = check_reading(
         SETTINGS, VALVE, ReadingHistory(), StemPosition(HERE_M, 0, Quality.SUSPECT), None, PERIOD_S
     )
@@ -87,7 +87,7 @@ def test_three_jumps_to_one_place_are_a_new_truth() -> None:
     sensor = Sensor()
     said = [sensor.says(position_m) for position_m in (0.05, 0.09, 0.095, 0.09)]
     assert said == [None, Counted.FEEDBACK_JUMP, Counted.FEEDBACK_JUMP, None]
-    assert (sensor.watched.position_m, sensor.watched.jumps, sensor.watched.jumped_m) == (0.09, 0, None)
+    assert (sensor.history.position_m, sensor.history.jumps, sensor.history.jumped_m) == (0.09, 0, None)
 
 
 def test_jumps_to_and_fro_are_never_believed() -> None:
@@ -95,7 +95,7 @@ def test_jumps_to_and_fro_are_never_believed() -> None:
     sensor.says(0.05)
     places = [0.09, 0.11, 0.13] * 10
     assert {sensor.says(position_m) for position_m in places} == {Counted.FEEDBACK_JUMP}
-    assert sensor.watched.position_m == 0.05
+    assert sensor.history.position_m == 0.05
 
 
 def test_a_jump_that_is_not_repeated_is_forgotten() -> None:
@@ -162,12 +162,12 @@ def test_the_smallest_motion_proves_life_and_a_pause_between_two_pushes_does_not
     for _ in range(8):
         assert sensor.says(HERE_M, 20.0) is None
     assert sensor.says(HERE_M + 1e-8, 20.0) is None
-    assert sensor.watched.rigid_s == 0.0
+    assert sensor.history.rigid_s == 0.0
     for _ in range(8):
         assert sensor.says(HERE_M + 1e-8, 20.0) is None
     for _ in range(50):
         assert sensor.says(HERE_M + 1e-8, BALANCE_MA) is None
-    assert sensor.watched.rigid_s == 1.0
+    assert sensor.history.rigid_s == 1.0
     assert sensor.says(HERE_M + 1e-8, 20.0) is Counted.FEEDBACK_FROZEN
 
 
@@ -175,12 +175,12 @@ def test_frozen_stays_frozen_until_the_reading_moves_or_control_ends() -> None:
     for position_m, commanded_ma in ((HERE_M + 1e-8, 20.0), (HERE_M, None)):
         sensor = Sensor()
         assert samples_until_frozen(sensor, 20.0) == 9
-        frozen_s = sensor.watched.rigid_s
+        frozen_s = sensor.history.rigid_s
         assert sensor.says(HERE_M, BALANCE_MA) is Counted.FEEDBACK_FROZEN
         assert sensor.says(HERE_M, 20.0) is Counted.FEEDBACK_FROZEN
-        assert sensor.watched.rigid_s == frozen_s
+        assert sensor.history.rigid_s == frozen_s
         assert sensor.says(position_m, commanded_ma) is None
-        assert sensor.watched.rigid_s == 0.0
+        assert sensor.history.rigid_s == 0.0
 
 
 def test_without_a_command_nothing_is_frozen() -> None:
@@ -205,7 +205,7 @@ def test_zero_seconds_mean_never() -> None:
 def test_a_stem_at_a_stop_may_rest_under_any_current(position_m: float, commanded_ma: float, frozen: bool) -> None:
     sensor = Sensor()
     assert (samples_until_frozen(sensor, commanded_ma, position_m) is not None) is frozen
-    assert (sensor.watched.rigid_s == 0.0) is not frozen
+    assert (sensor.history.rigid_s == 0.0) is not frozen
 
 
 def test_the_stop_band_is_a_fiftieth_of_the_span_from_where_the_stops_are() -> None:

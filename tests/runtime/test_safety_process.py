@@ -84,7 +84,7 @@ def test_a_cycle_that_takes_longer_than_a_period_is_reported(tmp_path: Path, mon
         gap.gap_ns = round(1.1 * PERIOD_S * 1e9)
         loop.sample()
         (line,) = loop.logged("longer than the period")
-        assert line.startswith("a turn took 22 ms, longer than the period of 20 ms")
+        assert line.startswith("a cycle took 22 ms, longer than the period of 20 ms")
 
 
 def seconds(span: str | None) -> float:

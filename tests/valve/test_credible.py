@@ -126,7 +126,7 @@ def test_a_law_with_an_absurd_table_does_as_with_none_and_says_so_once(law: str,
     assert given.position_m == fresh.position_m
     (event,) = (event for event in given.events_of(NotBelieved) if not event.taught)
     assert event.count == 4 * len(table)
-    assert str(event).startswith("the table is not believed where it says ")
+    assert str(event).startswith("not used from the table: ")
     assert not any(not event.taught for event in fresh.events_of(NotBelieved))
     # one more that comes while it runs, as an import does
     given.state = replace(given.state, table=table)

@@ -371,7 +371,7 @@ COUNTER_KEY = "wire.current_command.counter = 'Alive'"
 def test_a_message_that_stands_twice_in_the_dbc_is_refused(dbc: Path) -> None:
     twice = changed(dbc, "BO_ 515 Wide: 16 VALVE", "BO_ 515 Target: 8 VALVE")
     assert problems(replace(ALL, dbc=twice)) == [
-        "wire.setpoint.message = 'Target': stands 2 times in the DBC: leave one"
+        "wire.setpoint.message = 'Target': occurs 2 times in the DBC: leave one"
     ]
 
 

@@ -29,7 +29,7 @@ OF_TIME = {"period", "gaps", "cadence", "silence", "grace"}
 OF_FRAMES = {"received", "format", "crc", "values", "spare", "counter"}
 
 
-def report(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict[str, Any]]:
+def reported(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict[str, Any]]:
     status = main(["conformance", *arguments, "--json"])
     return status, json.loads(capsys.readouterr().out)
 
@@ -58,16 +58,16 @@ def await_setpoint(bus: BusAddress, child: BenchProcess) -> None:
 def test_the_emulator_conforms_on_a_bus(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bus = own_address()
     with emulator(tmp_path, bus, "--id-offset", "128"):
-        status, told = report(
+        status, report = reported(
             capsys, "plant", "--bus", str(bus), "--period", "0.02", "--deadman", "0.3", "--id-offset", "128",
             "--currents", "8:9", "--travel=-10:150",
         )  # fmt: skip
-    found = verdicts(told)
+    found = verdicts(report)
     assert {found[name] for name in OF_FRAMES | {"travel"}} == {"pass"}
-    assert "not seen" not in {found[name] for name in found if name not in OF_TIME}, told
+    assert "not seen" not in {found[name] for name in found if name not in OF_TIME}, report
     if found["gaps"] == "pass":  # an emulator that gets no processor reacts late, too
-        assert {name for name, verdict in found.items() if verdict == "fail"} <= OF_TIME, told
-    assert (status == ExitCode.OK) is told["conforms"]
+        assert {name for name, verdict in found.items() if verdict == "fail"} <= OF_TIME, report
+    assert (status == ExitCode.OK) is report["conforms"]
 
 
 def test_our_own_host_conforms_on_a_bus(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -76,15 +76,15 @@ def test_our_own_host_conforms_on_a_bus(tmp_path: Path, capsys: pytest.CaptureFi
     arguments = ["host", "--config", str(config), "set", "80"]
     with emulator(tmp_path, bus), BenchProcess("positioner", arguments, tmp_path / "host.log") as child:
         await_setpoint(bus, child)
-        status, told = report(capsys, "host", "--bus", str(bus), "--listen", "3", "--travel", "0:139.7")
+        status, report = reported(capsys, "host", "--bus", str(bus), "--listen", "3", "--travel", "0:139.7")
         child.check()
-    found = verdicts(told)
-    assert {name for name, verdict in found.items() if verdict == "fail"} <= OF_TIME, told
+    found = verdicts(report)
+    assert {name for name, verdict in found.items() if verdict == "fail"} <= OF_TIME, report
     assert {found[name] for name in OF_FRAMES | {"travel"}} == {"pass"}
-    assert (status == ExitCode.OK) is told["conforms"]
+    assert (status == ExitCode.OK) is report["conforms"]
 
 
-def test_a_node_that_is_not_there_fails_with_one_line_that_says_what_to_look_at(
+def test_a_missing_node_fails_with_one_line_and_a_fix(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     for node, message in (("plant", "STEM_POSITION"), ("host", "SETPOINT")):
@@ -119,7 +119,7 @@ def command_until(bus: BusAddress, stop: threading.Event) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (["--currents", "8"], "'8' is not LOW:HIGH within 3.8 and 20.5 mA"),
         (["--currents", "9:8"], "'9:8' is not LOW:HIGH"),
@@ -130,14 +130,14 @@ def command_until(bus: BusAddress, stop: threading.Event) -> None:
     ],
 )
 def test_a_wrong_argument_is_a_wrong_command_line(
-    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["conformance", "plant", "--bus", "virtual:0", *arguments])
     assert ended.value.code == ExitCode.USAGE
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
-def test_a_wrong_id_offset_is_told_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_wrong_id_offset_is_refused_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["conformance", "host", "--bus", "virtual:0", "--id-offset", "100"]) == ExitCode.CONFIG
     assert "id_offset = 100: must be a multiple of 128" in capsys.readouterr().err

@@ -48,9 +48,9 @@ def test_the_page_lists_every_message_with_its_identifier_and_data_id() -> None:
         if message.dbc
     }
     assert said == real
-    told = re.search(r"a multiple of (\d+) up to (\d+)", PAGE)
-    assert told
-    assert (int(told[1]), int(told[2])) == (ID_OFFSETS.step, ID_OFFSETS[-1])
+    found = re.search(r"a multiple of (\d+) up to (\d+)", PAGE)
+    assert found
+    assert (int(found[1]), int(found[2])) == (ID_OFFSETS.step, ID_OFFSETS[-1])
 
 
 def test_the_pages_crc_is_ours() -> None:
@@ -71,8 +71,8 @@ def test_each_test_vector_is_what_the_code_sends_and_takes(row: list[str]) -> No
     name, id_offset, counter, signals, identifier, data = row
     codec = make_codec(WireSettings(id_offset=int(id_offset)))
     frame = CanFrame(int(identifier, 16), bytes.fromhex(data))
-    message, heard = codec.decode(frame)
-    assert heard == int(counter)
+    message, received = codec.decode(frame)
+    assert received == int(counter)
     assert codec.encode(message, int(counter)) == frame
     form = codec.by_kind[type(message)]
     assert form.dbc.name == name
@@ -128,9 +128,9 @@ def test_the_counters_of_the_page_are_taken_and_refused_as_it_says(row: list[str
 
 
 def test_two_senders_are_disputed_after_as_many_frames_as_the_page_says() -> None:
-    told = re.search(r"More than (\w+) frames out of sequence among (\d+) .* until (\d+) come", PAGE, re.DOTALL)
-    assert told
-    assert (told[1], int(told[2]), int(told[3])) == ({3: "three"}[MAX_ERRORS], WINDOW_FRAMES, CLEAN_FRAMES)
+    found = re.search(r"More than (\w+) frames out of sequence among (\d+) .* until (\d+) come", PAGE, re.DOTALL)
+    assert found
+    assert (found[1], int(found[2]), int(found[3])) == ({3: "three"}[MAX_ERRORS], WINDOW_FRAMES, CLEAN_FRAMES)
 
 
 @pytest.mark.parametrize("row", table("requests, in order"), ids=lambda row: row[0])

@@ -56,9 +56,9 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
 def examined(capsys: Output, *arguments: str) -> tuple[int, dict[str, dict[str, str]], dict[str, Any]]:
     """Return the status, the findings by subject (the worse of two) and the whole of `doctor --json`."""
     status = main(["doctor", "--json", *arguments])
-    told = json.loads(capsys.readouterr().out)
-    ranked = sorted(told["findings"], key=lambda finding: Level[finding["level"]])
-    return status, {finding["subject"]: finding for finding in ranked}, told
+    report = json.loads(capsys.readouterr().out)
+    ranked = sorted(report["findings"], key=lambda finding: Level[finding["level"]])
+    return status, {finding["subject"]: finding for finding in ranked}, report
 
 
 def by_subject(findings: Iterable[Finding]) -> dict[str, Finding]:
@@ -71,13 +71,13 @@ def configured(folder: Path, **tables: dict[str, Any]) -> Path:
 
 def test_without_a_configuration_the_machine_alone_is_examined(answer: list[str], capsys: Output) -> None:
     answer[0] = VCAN0
-    status, found, told = examined(capsys)
-    assert (status, told["exit_status"], told["level"]) == (0, 0, "OK")
+    status, found, report = examined(capsys)
+    assert (status, report["exit_status"], report["level"]) == (0, 0, "OK")
     assert list(found) == ["timer", "SQLite", "scheduling", "interface"]
     assert found["interface"]["text"] == "vcan0 is up (vcan: no bitrate, no controller)"
 
 
-def test_an_interface_that_nobody_needs_is_only_looked_at(answer: list[str], capsys: Output) -> None:
+def test_an_interface_that_no_configuration_needs_never_fails(answer: list[str], capsys: Output) -> None:
     status, found, _ = examined(capsys)
     assert status == ExitCode.OK
     assert (found["interface"]["level"], found["interface"]["text"]) == ("WARN", "vx1 is down")
@@ -87,14 +87,16 @@ def test_an_interface_that_nobody_needs_is_only_looked_at(answer: list[str], cap
     assert found["interface"]["text"] == "this machine has no CAN interface"
 
 
-def test_a_machine_without_ip_says_what_to_install(monkeypatch: pytest.MonkeyPatch, capsys: Output) -> None:
+def test_a_machine_without_ip_gets_the_command_that_installs_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: Output
+) -> None:
     monkeypatch.setattr("positioner.doctor.machine.shutil.which", lambda _name, **_: None)
     status, found, _ = examined(capsys)
     assert (status, found["interface"]["level"], found["interface"]["mend"]) == (0, "WARN", "sudo apt install iproute2")
 
 
 @pytest.mark.parametrize("said", ["state UNKNOWN", "{", "[3]"])
-def test_an_ip_that_speaks_no_json_is_told(said: str, answer: list[str], capsys: Output) -> None:
+def test_an_ip_without_json_is_reported(said: str, answer: list[str], capsys: Output) -> None:
     answer[0] = said
     status, found, _ = examined(capsys)
     assert (status, found["interface"]["level"]) == (0, "WARN")
@@ -117,15 +119,15 @@ def test_a_coarse_timer_and_an_old_sqlite_fail(monkeypatch: pytest.MonkeyPatch) 
     assert machine.sqlite().level is Level.FAIL
 
 
-def test_a_wrong_configuration_is_told_line_by_line_with_its_own_status(
+def test_a_wrong_configuration_is_reported_line_by_line_with_its_own_status(
     answer: list[str], tmp_path: Path, capsys: Output
 ) -> None:
     answer[0] = VCAN0
     path = tmp_path / "valve.toml"
     path.write_text(f"{VALVE}mass_kg = 1361\ntravel_maks_m = 0.1\n", encoding="utf-8")
-    status, found, told = examined(capsys, "--config", str(path))
-    wrong = [finding for finding in told["findings"] if finding["subject"] == "configuration"]
-    assert (status, told["exit_status"], [finding["text"][:6] for finding in wrong]) == (78, 78, ["line 4", "line 5"])
+    status, found, report = examined(capsys, "--config", str(path))
+    wrong = [finding for finding in report["findings"] if finding["subject"] == "configuration"]
+    assert (status, report["exit_status"], [finding["text"][:6] for finding in wrong]) == (78, 78, ["line 4", "line 5"])
     assert {finding["mend"] for finding in wrong} == {f"positioner check {path}"}
     assert "feedback" not in found
     assert examined(capsys, "--config", str(tmp_path / "absent.toml"))[0] == ExitCode.CONFIG
@@ -146,7 +148,7 @@ def test_a_controller_that_is_too_slow_for_the_period_fails_and_names_the_period
 
 
 @pytest.mark.usefixtures("answer")
-def test_lines_name_level_and_subject_and_the_mend_stands_below(capsys: Output) -> None:
+def test_each_line_has_level_and_subject_and_the_fix_is_below(capsys: Output) -> None:
     main(["doctor"])
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("OK    timer          the monotonic clock")
@@ -177,7 +179,7 @@ def reporting(address: BusAddress) -> Iterator[None]:
 
 @pytest.mark.bus
 @pytest.mark.usefixtures("answer")
-def test_a_valve_that_reports_is_heard_and_so_is_another_controller(
+def test_position_frames_and_another_controller_are_found(
     tmp_path: Path, capsys: Output, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(feedback, "LISTENING_S", 30.0)  # it ends when enough frames came
@@ -201,7 +203,7 @@ def test_a_silent_bus_fails(tmp_path: Path, capsys: Output) -> None:
     assert found["feedback"]["text"] == "no valid position frame in 0.05 s; the bus is silent"
 
 
-def test_a_bus_that_cannot_be_opened_fails_with_the_command_that_mends_it(
+def test_a_bus_that_cannot_be_opened_fails_with_the_command_that_fixes_it(
     answer: list[str], tmp_path: Path, capsys: Output
 ) -> None:
     answer[0] = "[]"

@@ -44,7 +44,7 @@ def test_a_slow_sensor_is_no_fault_where_it_is_configured_so() -> None:
 
 
 @pytest.mark.parametrize(
-    ("frames", "told"),
+    ("frames", "text"),
     [
         ([], "the bus is silent"),
         ([CanFrame(0x7FF, b""), CanFrame(0x123, b"1"), CanFrame(0x123, b"2")],
@@ -55,8 +55,8 @@ def test_a_slow_sensor_is_no_fault_where_it_is_configured_so() -> None:
         ([CODEC.encode(StemPosition(0.08, 0, Quality.FAULT), 0)], "the sensor reports a fault in 1 frames"),
     ],
 )  # fmt: skip
-def test_what_came_instead_of_feedback_is_told(frames: list[CanFrame], told: str) -> None:
+def test_frames_that_came_instead_of_feedback_are_reported(frames: list[CanFrame], text: str) -> None:
     finding = feedback.assessed(traffic(*frames), CAN0, 0.001)
     assert finding.level is Level.FAIL
-    assert finding.text.startswith(f"no valid position frame in 1 s; {told}")
+    assert finding.text.startswith(f"no valid position frame in 1 s; {text}")
     assert finding.fix.startswith("candump -tz can0")

@@ -66,7 +66,7 @@ def test_an_answer_that_is_something_else_is_refused(answer: str) -> None:
         parse_links(answer)
 
 
-def test_a_well_set_up_controller_has_nothing_to_mend() -> None:
+def test_a_well_set_up_controller_needs_no_fix() -> None:
     listed = findings("can1", parse_links(PEAK_USB))
     assert worst(listed) is Level.OK
     assert [finding.fix for finding in listed] == [""] * 5
@@ -74,11 +74,11 @@ def test_a_well_set_up_controller_has_nothing_to_mend() -> None:
     assert listed[3].text == "can1 is ERROR-ACTIVE, error counters: transmit 0, receive 1"
 
 
-def test_a_short_queue_and_no_restart_are_told_with_the_commands_that_mend_them() -> None:
-    told = found(MCP251X)
-    assert {subject for subject, finding in told.items() if finding.level is Level.WARN} == {"queue", "restart"}
-    assert told["queue"].fix == "sudo ip link set can0 txqueuelen 128"
-    assert told["restart"].fix == (
+def test_a_short_queue_and_no_restart_are_warnings_with_their_fixes() -> None:
+    by_subject = found(MCP251X)
+    assert {subject for subject, finding in by_subject.items() if finding.level is Level.WARN} == {"queue", "restart"}
+    assert by_subject["queue"].fix == "sudo ip link set can0 txqueuelen 128"
+    assert by_subject["restart"].fix == (
         "sudo ip link set can0 down && sudo ip link set can0 up type can bitrate 500000 restart-ms 100"
         "  # where the driver can (slcan cannot)"
     )
@@ -90,10 +90,10 @@ def test_the_queue_is_long_enough_at_128_frames(length: int, level: Level) -> No
 
 
 def test_an_interface_that_is_down_is_brought_up_at_its_own_bitrate() -> None:
-    told = found(down(MCP251X))
-    assert (told["interface"].level, told["interface"].text) == (Level.FAIL, "can0 is down")
-    assert told["interface"].fix == "sudo ip link set can0 up type can bitrate 500000 restart-ms 100"
-    assert "controller" not in told  # a stopped controller is the same fact again
+    by_subject = found(down(MCP251X))
+    assert (by_subject["interface"].level, by_subject["interface"].text) == (Level.FAIL, "can0 is down")
+    assert by_subject["interface"].fix == "sudo ip link set can0 up type can bitrate 500000 restart-ms 100"
+    assert "controller" not in by_subject  # a stopped controller is the same fact again
 
 
 def test_a_virtual_bus_that_is_down_is_only_brought_up() -> None:
@@ -111,7 +111,7 @@ def test_a_controller_never_configured_gets_a_bitrate() -> None:
     [("ERROR-ACTIVE", Level.OK), ("ERROR-WARNING", Level.WARN), ("ERROR-PASSIVE", Level.WARN), ("BUS-OFF", Level.FAIL),
      ("STOPPED", Level.FAIL), ("SLEEPING", Level.FAIL)],
 )  # fmt: skip
-def test_the_state_of_the_controller_is_judged(state: str, level: Level) -> None:
+def test_the_state_of_the_controller_sets_the_level(state: str, level: Level) -> None:
     finding = found(changed(PEAK_USB, state=state, berr_counter={"tx": 136, "rx": 7}), "can1")["controller"]
     assert (finding.level, bool(finding.fix)) == (level, level is not Level.OK)
     assert finding.text.startswith(f"can1 is {state}, error counters: transmit 136, receive 7")

@@ -33,7 +33,7 @@ BO_ 2566844926 IP_COMMAND: 2 HOST
 
 
 @pytest.mark.parametrize("data_bytes", range(9))
-def test_a_frame_is_at_its_longest_what_the_literature_says(data_bytes: int) -> None:
+def test_the_longest_form_of_a_frame_is_that_of_the_literature(data_bytes: int) -> None:
     assert frame_bits(data_bytes, is_extended=False) == 55 + 10 * data_bytes
     assert frame_bits(data_bytes, is_extended=True) == 80 + 10 * data_bytes
 
@@ -82,7 +82,9 @@ def test_short_extended_frames_of_a_users_dbc_are_counted_as_they_are(tmp_path: 
         (10_000, 0.1, Level.FAIL),  # the slow ones alone: 284 %
     ],
 )
-def test_above_60_percent_is_told_and_above_90_refused(bitrate: int, period_s: float, level: Level) -> None:
+def test_a_load_above_60_percent_is_a_warning_and_above_90_a_failure(
+    bitrate: int, period_s: float, level: Level
+) -> None:
     (finding,) = findings(OURS, period_s, "can0", bitrate)
     assert (finding.level, bool(finding.fix)) == (level, level is not Level.OK)
     assert f"{100 * (2 * LONGEST / period_s + OTHERS) / bitrate:.0f} % of" in finding.text
@@ -103,7 +105,7 @@ def test_a_warning_below_1_mbit_per_s_names_the_faster_bus_and_at_it_the_period(
     assert fast.fix.startswith("sudoedit valve.toml")
 
 
-def test_a_virtual_bus_has_no_load_and_says_so() -> None:
+def test_a_virtual_bus_has_no_load() -> None:
     (finding,) = findings(OURS, 0.001, "vcan0", None)
     assert finding.level is Level.OK
     assert finding.text == "vcan0 has no bitrate, so no limit; at 1 Mbit/s the load of this valve would be 30 %"

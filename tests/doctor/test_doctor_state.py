@@ -41,9 +41,7 @@ FIFO = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
 
 
 def test_a_real_time_policy_is_fine_at_any_period(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        "positioner.doctor.scheduling.os.sched_getscheduler", lambda _pid: os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-    )
+    monkeypatch.setattr("positioner.doctor.scheduling.os.sched_getscheduler", lambda _pid: FIFO)
     monkeypatch.setattr("positioner.doctor.scheduling.os.sched_getparam", lambda _pid: os.sched_param(50))
     finding = scheduling.of_daemon(os.getpid(), 0.0001, None)
     assert (finding.level, "SCHED_FIFO priority 50 on processor" in finding.text) == (Level.OK, True)
@@ -82,12 +80,12 @@ def state_found(folder: Path, directory: Path, unit: str | None = None) -> dict[
     return {finding.subject: finding for finding in state_directory.findings(configuration, Location(directory, unit))}
 
 
-def test_a_state_directory_that_is_not_there_yet_is_no_fault_where_it_can_be_made(tmp_path: Path) -> None:
-    told = state_found(tmp_path, tmp_path / "a" / "b")["state"]
-    assert (told.level, told.text) == (Level.OK, f"{tmp_path}/a/b does not exist yet: the first start makes it")
+def test_a_missing_state_directory_is_no_fault_where_it_can_be_made(tmp_path: Path) -> None:
+    finding = state_found(tmp_path, tmp_path / "a" / "b")["state"]
+    assert (finding.level, finding.text) == (Level.OK, f"{tmp_path}/a/b does not exist yet: the first start makes it")
     (tmp_path / "file").write_text("")
-    told = state_found(tmp_path, tmp_path / "file" / "state")["state"]
-    assert (told.level, told.fix) == (
+    finding = state_found(tmp_path, tmp_path / "file" / "state")["state"]
+    assert (finding.level, finding.fix) == (
         Level.FAIL,
         f"sudo install -d -m 750 -o $(id -un) {tmp_path}/file/state",
     )
@@ -98,53 +96,57 @@ def test_a_state_directory_that_is_not_there_yet_is_no_fault_where_it_can_be_mad
 def test_the_table_is_counted_like_its_dump(tmp_path: Path) -> None:
     assert state_found(tmp_path, tmp_path)["table"].text == "none yet: nothing has been learned"
     access.replace(tmp_path, taught(series(200)), force=False)
-    told = state_found(tmp_path, tmp_path)["table"]
-    assert (told.level, told.text) == (Level.OK, "valve FV-101: 200 samples in 30 cells")
+    finding = state_found(tmp_path, tmp_path)["table"]
+    assert (finding.level, finding.text) == (Level.OK, "valve FV-101: 200 samples in 30 cells")
 
 
-def test_a_table_of_another_valve_or_of_other_cells_is_told(tmp_path: Path) -> None:
+def test_a_table_of_another_valve_or_of_other_cells_is_a_warning(tmp_path: Path) -> None:
     for number, stored in enumerate((taught(series(3), "FV-202"), taught(series(3), width_m=0.01))):
         directory = tmp_path / str(number)
         directory.mkdir()
         access.replace(directory, stored, force=True)
-        told = state_found(tmp_path, directory)["table"]
-        assert told.level is Level.WARN
-        assert ("this valve is FV-101" if number == 0 else "10 mm, but the configuration says 5 mm") in told.text
+        finding = state_found(tmp_path, directory)["table"]
+        assert finding.level is Level.WARN
+        assert ("this valve is FV-101" if number == 0 else "10 mm, but the configuration says 5 mm") in finding.text
 
 
 def test_a_damaged_table_fails(tmp_path: Path) -> None:
     (tmp_path / TABLE).write_bytes(b"not a table" * 100)
-    told = state_found(tmp_path, tmp_path)["table"]
-    assert (told.level, "is not an SQLite database" in told.text) == (Level.FAIL, True)
+    finding = state_found(tmp_path, tmp_path)["table"]
+    assert (finding.level, "is not an SQLite database" in finding.text) == (Level.FAIL, True)
 
 
 @pytest.mark.parametrize(
     ("free_mib", "level"), [(0.5, Level.FAIL), (1.5, Level.WARN), (99.0, Level.WARN), (101.0, Level.OK)]
 )
-def test_a_full_disk_is_told(free_mib: float, level: Level, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_free_space_sets_the_level(
+    free_mib: float, level: Level, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     usage = SimpleNamespace(free=round(free_mib * 2**20))
     monkeypatch.setattr("positioner.doctor.state_directory.shutil.disk_usage", lambda _path: usage)
     assert state_found(tmp_path, tmp_path)["state"].level is level
 
 
-def test_a_directory_that_cannot_be_written_or_read_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_directory_that_cannot_be_written_or_read_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("positioner.doctor.state_directory.os.access", lambda _path, _mode: False)
-    told = state_found(tmp_path, tmp_path)
-    assert (told["state"].level, "is not writable" in told["state"].text) == (Level.FAIL, True)
-    assert (told["table"].level, told["table"].fix[:28]) == (Level.WARN, "sudo positioner table dump -")
+    found = state_found(tmp_path, tmp_path)
+    assert (found["state"].level, "is not writable" in found["state"].text) == (Level.FAIL, True)
+    assert (found["table"].level, found["table"].fix[:28]) == (Level.WARN, "sudo positioner table dump -")
 
 
-def test_the_worst_of_nothing_is_fine() -> None:
+def test_the_worst_level_of_no_findings_is_ok() -> None:
     assert worst(()) is Level.OK
 
 
-def test_a_directory_that_only_root_may_look_into_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_directory_that_only_root_may_read_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     configuration = load_config(write_configuration(tmp_path, own_address()))
 
     def refused(path: Path) -> bool:
         raise PermissionError(13, "Permission denied", str(path))
 
     monkeypatch.setattr(Path, "is_dir", refused)
-    (told,) = state_directory.findings(configuration, Location(tmp_path, "positioner@fv101"))
-    assert (told.level, told.text) == (Level.WARN, f"{tmp_path} is not accessible for this user")
-    assert told.fix.startswith(f"sudo ls -l {tmp_path}")
+    (finding,) = state_directory.findings(configuration, Location(tmp_path, "positioner@fv101"))
+    assert (finding.level, finding.text) == (Level.WARN, f"{tmp_path} is not accessible for this user")
+    assert finding.fix.startswith(f"sudo ls -l {tmp_path}")

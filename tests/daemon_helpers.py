@@ -95,7 +95,7 @@ class Others:
         self.say(Setpoint(setpoint_m, request))
 
     def listen(self, timeout_s: float = 0.0) -> list[Message]:
-        """Return what was said by others since the last call."""
+        """Return the messages received since the last call."""
         frames = self.port.receive(timeout_s)
         self.received += frames
         return [self.codec.decode(frame)[0] for frame in frames if not frame.is_error and not frame.is_remote]

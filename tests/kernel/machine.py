@@ -1,4 +1,4 @@
-"""A machine under systemd with the product installed as the README says, and what a test asks of it."""
+"""A machine under systemd with the product installed as the README says, and its services for a test."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Valve:
         self._numbers = itertools.count()
 
     def step(self) -> None:
-        """One period of the host: it asks, and hears what the others say."""
+        """One period of the host: send a setpoint, and receive the frames of the others."""
         self.port.send(self.codec.encode(Setpoint(self.setpoint_m, self.request), next(self._numbers)))
         end_s = time.monotonic() + PERIOD_S
         while (left_s := end_s - time.monotonic()) > 0.0:

@@ -37,9 +37,9 @@ PERIOD_S = 0.02
 HOLD_PERIODS = 25
 FAILSAFE_PERIODS = 100
 DEADMAN_S = 1.0
-"""Ages that a shared machine does not reach by itself, and that a test can still wait for."""
+"""Ages that a busy machine does not reach by itself, and for which a test can still wait."""
 NEAR_M = 0.010
-"""Near enough to tell a valve that obeys from one that does not, at a period as long as this."""
+"""Near enough to distinguish a valve that obeys from one that does not, at so long a period."""
 LOW_M, HIGH_M = 0.066, 0.088
 CLOSED_M = 1423.0 / 52538.0
 """Where the spring leaves the paper's valve without pressure: F_c/K, at which sliding friction stops it."""
@@ -52,7 +52,7 @@ M = TypeVar("M", bound=Message)
 
 @dataclass
 class Received:
-    """What the host of a rig has heard: the newest message of each kind, and how many there were."""
+    """What the host of a rig has received: the newest message of each kind, and how many there were."""
 
     newest: dict[type, Message] = field(default_factory=dict)
     counts: Counter[type] = field(default_factory=Counter)
@@ -60,7 +60,7 @@ class Received:
 
 
 class Rig:
-    """One valve on one bus. `step` is a period of the host: it asks, and hears what the others say."""
+    """One valve on one bus. `step` is a period of the host: it sends a setpoint and receives frames."""
 
     def __init__(self, folder: Path, bus: BusAddress, **tables: dict[str, Any]) -> None:
         self.folder, self.bus = folder, bus
@@ -146,7 +146,7 @@ class Rig:
         return message
 
     def after(self, count: int, kind: type[Message] = CurrentCommand) -> None:
-        """Let periods pass until `count` more messages of that kind were heard."""
+        """Let periods pass until `count` more messages of that kind were received."""
         wanted = self.received.counts[kind] + count
         self.until(lambda: self.received.counts[kind] >= wanted)
 
@@ -157,11 +157,11 @@ class Rig:
     def arm(self) -> None:
         """Ask until it is active."""
         self.received.newest.clear()
-        turns = itertools.count()
+        steps = itertools.count()
 
         def is_active() -> bool:
             # a request counts when it changes
-            self.request = HostRequest.ARM if next(turns) // 10 % 2 else HostRequest.NONE
+            self.request = HostRequest.ARM if next(steps) // 10 % 2 else HostRequest.NONE
             return self.mode() is Mode.ACTIVE
 
         self.until(is_active)

@@ -58,12 +58,12 @@ def test_lockstep_between_two_controllers_gives_the_numbers_of_no_bus_at_all(tmp
 
 def test_the_doctor_reads_what_the_controller_was_set_to(tmp_path: Path) -> None:
     path = write_configuration(tmp_path, BusAddress(channel="can1"))
-    text = command(sys.executable, "-m", "positioner", "doctor", "--json", "--config", str(path), check=False)
-    found = {finding["subject"]: finding for finding in json.loads(text[text.index("{") :])["findings"]}
-    told = " ".join(finding["text"] for finding in found.values())
+    output = command(sys.executable, "-m", "positioner", "doctor", "--json", "--config", str(path), check=False)
+    found = {finding["subject"]: finding for finding in json.loads(output[output.index("{") :])["findings"]}
+    text = " ".join(finding["text"] for finding in found.values())
     (link,) = json.loads(command("ip", "-details", "-json", "link", "show", "can1"))
     data = link["linkinfo"]["info_data"]
     assert (data["bittiming"]["bitrate"], data["restart_ms"], data["state"]) == (1_000_000, 100, "ERROR-ACTIVE")
     for word in ("up at 1000 kbit/s", "100 ms after bus-off", "can1 is ERROR-ACTIVE"):
-        assert word in told, told
+        assert word in text, text
     assert found["feedback"]["level"] == "FAIL"  # nobody speaks now, and it says so

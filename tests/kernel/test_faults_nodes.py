@@ -7,25 +7,15 @@ import time
 from typing import TYPE_CHECKING
 
 import pytest
-from links import TIMEOUT_S, Program, command, vcan
+from links import TIMEOUT_S, Program, command
 from rig import CLOSED_M, DEADMAN_S, FAILSAFE_PERIODS, HIGH_M, HOLD_PERIODS, LOW_M, PERIOD_S, Rig
 
 from positioner.wire.messages import Cause, CurrentCommand, Health, Mode, PlantTruth, PositionerStatus
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
 pytestmark = pytest.mark.kernel("faults")
-
-
-@pytest.fixture
-def rig(tmp_path: Path) -> Iterator[Rig]:
-    """A valve that is controlled, and rests near 80 mm."""
-    with vcan() as bus, Rig(tmp_path, bus) as running:
-        running.arm()
-        running.go_to(0.080)
-        yield running
 
 
 def test_a_flood_of_higher_priority_does_not_reach_the_positioner(rig: Rig, tmp_path: Path) -> None:

@@ -230,5 +230,5 @@ def test_two_valves_on_two_buses_do_not_disturb_each_other(valve: Valve) -> None
 
 @pytest.mark.parametrize("unit", ["positioner@fv101.service", "plant-emulator@fv101.service"])
 def test_a_service_is_exposed_to_no_more_than_1_3(unit: str) -> None:
-    told = command("systemd-analyze", "security", "--no-pager", "--threshold=13", unit)
-    assert "Overall exposure level" in told
+    report = command("systemd-analyze", "security", "--no-pager", "--threshold=13", unit)
+    assert "Overall exposure level" in report

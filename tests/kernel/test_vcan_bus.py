@@ -82,11 +82,13 @@ def test_a_burst_that_the_receive_queue_cannot_hold_is_counted(ports: tuple[BusP
     one._report = events.append
     for number in range(QUEUE_FRAMES * 3):
         assert other.send(CanFrame(0x100, number.to_bytes(2, "big")))
-    heard = [frame for _ in range(3) for frame in one.receive(0.1)]
+    received = [frame for _ in range(3) for frame in one.receive(0.1)]
     (overrun,) = events
     assert isinstance(overrun, Overrun)
-    assert len(heard) + overrun.count == QUEUE_FRAMES * 3
-    assert [int.from_bytes(frame.data, "big") for frame in heard] == list(range(len(heard)))  # the newest are dropped
+    assert len(received) + overrun.count == QUEUE_FRAMES * 3
+    assert [int.from_bytes(frame.data, "big") for frame in received] == list(
+        range(len(received))
+    )  # the newest are dropped
     other.send(CanFrame(0x100, b"on"))
     assert [frame.data for frame in one.receive(1.0)] == [b"on"]
 
@@ -97,9 +99,9 @@ def test_an_error_frame_of_the_controller_is_seen_as_one(ports: tuple[BusPort, B
         controller.bind((bus.channel,))
         # error class "controller problems", data[1] = receive queue overflow (linux/can/error.h)
         controller.send(struct.pack("=IB3x8s", socket.CAN_ERR_FLAG | 0x4, 8, bytes([0, 1, 0, 0, 0, 0, 0, 0])))
-    (heard,) = one.receive(1.0)
-    assert heard.is_error
-    assert (heard.arbitration_id, heard.data[1]) == (0x4, 1)
+    (received,) = one.receive(1.0)
+    assert received.is_error
+    assert (received.arbitration_id, received.data[1]) == (0x4, 1)
 
 
 def test_a_link_that_goes_down_and_comes_up_is_a_state_of_the_port(ports: tuple[BusPort, BusPort]) -> None:

@@ -45,7 +45,7 @@ def on_vcan(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 @pytest.mark.short_form
 def test_a_daemon_asks_the_kernel_for_just_the_identifiers_of_its_dbc(tmp_path: Path) -> None:
     with Service(tmp_path) as own:
-        # CURRENT_COMMAND (a foreign one), STEM_POSITION, ACTUATOR_STATE, SETPOINT, MANUAL_CURRENT; the test hears all
+        # CURRENT_COMMAND (a foreign one), STEM_POSITION, ACTUATOR_STATE, SETPOINT, MANUAL_CURRENT; the test gets all
         assert filters(own.address.channel) == {
             "all",
             *(f"{i:03x} 800007ff" for i in (0x100, 0x110, 0x111, 0x120, 0x121)),

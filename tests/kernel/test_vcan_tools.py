@@ -66,10 +66,10 @@ def test_cantools_decodes_what_candump_shows(bus: BusAddress, tmp_path: Path) ->
     log = tmp_path / "dump.txt"
     with Program(["candump", "-n", "20", bus.channel], log) as candump, emulator(bus, tmp_path):
         assert candump.wait() == 0
-    told = command(sys.executable, "-m", "cantools", "decode", str(DBC), text=log.read_text(encoding="ascii"))
-    position = re.findall(r"Position_mm: ([-\d.]+) mm", told)
-    assert "STEM_POSITION(" in told
-    assert "PLANT_TRUTH(" in told
+    decoded = command(sys.executable, "-m", "cantools", "decode", str(DBC), text=log.read_text(encoding="ascii"))
+    position = re.findall(r"Position_mm: ([-\d.]+) mm", decoded)
+    assert "STEM_POSITION(" in decoded
+    assert "PLANT_TRUTH(" in decoded
     assert position
     assert all(-20.0 < float(value) < 160.0 for value in position)
 
@@ -116,12 +116,12 @@ def test_canplayer_plays_a_recorded_bus(bus: BusAddress, tmp_path: Path) -> None
     log = tmp_path / "bus.log"
     lines = [f"({n * 0.001:.6f}) vcan0 {f.arbitration_id:03X}#{f.data.hex().upper()}" for n, f in enumerate(sent)]
     log.write_text("\n".join(lines) + "\n", encoding="ascii")
-    heard = tmp_path / "heard.log"
-    with Program(["candump", "-L", "-n", "50", bus.channel], heard) as candump:
+    received = tmp_path / "received.log"
+    with Program(["candump", "-L", "-n", "50", bus.channel], received) as candump:
         until(lambda: "all" in filters(bus.channel))
         command("canplayer", "-I", str(log), f"{bus.channel}=vcan0")
         assert candump.wait() == 0
-    assert [(f.arbitration_id, f.data) for f in frames_in(heard)] == [(f.arbitration_id, f.data) for f in sent]
+    assert [(f.arbitration_id, f.data) for f in frames_in(received)] == [(f.arbitration_id, f.data) for f in sent]
 
 
 def test_random_frames_of_cangen_are_no_reason_to_act_or_to_stop(bus: BusAddress, tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ class Dispatcher:
     """Sends the collected tests into kernels, and their reports to pytest."""
 
     def __init__(self, *, only_qemu: bool) -> None:
-        """Begin with nothing told."""
+        """Begin with an empty ledger."""
         self._only_qemu = only_qemu
         self._kinds = dict(KINDS)
         self.ledger = Ledger()
@@ -71,9 +71,9 @@ class Dispatcher:
     def _run(
         self, session: pytest.Session, items: Sequence[pytest.Item], at_once: int, *, last: bool
     ) -> list[pytest.Item]:
-        """Run `items`; return those that failed or never began, unless this was the last try: then they are told."""
+        """Run `items`; return those that failed or never began, which the last try reports instead."""
         by_id = {item.nodeid: item for item in items}
-        told: dict[str, list[pytest.TestReport]] = defaultdict(list)
+        reports: dict[str, list[pytest.TestReport]] = defaultdict(list)
         again: list[pytest.Item] = []
         if any(KINDS[_kind(item)].booted for item in items):
             wheels.fetch()
@@ -82,9 +82,9 @@ class Dispatcher:
                 report = _unskipped(
                     session.config.hook.pytest_report_from_serializable(config=session.config, data=data)
                 )
-                told[report.nodeid].append(report)
+                reports[report.nodeid].append(report)
                 if report.when == "teardown":
-                    self._tell(by_id[report.nodeid], guest, told[report.nodeid], again, last=last)
+                    self._report(by_id[report.nodeid], guest, reports[report.nodeid], again, last=last)
                 continue
             why = guest.why_it_never_began()
             if why:
@@ -92,12 +92,12 @@ class Dispatcher:
                 again += [by_id[nodeid] for nodeid in guest.group.tests]
                 continue
             for nodeid in guest.group.tests:
-                if not any(report.when == "teardown" for report in told[nodeid]):
-                    told[nodeid].append(_died(by_id[nodeid], guest))
-                    self._tell(by_id[nodeid], guest, told[nodeid], again, last=last)
+                if not any(report.when == "teardown" for report in reports[nodeid]):
+                    reports[nodeid].append(_died(by_id[nodeid], guest))
+                    self._report(by_id[nodeid], guest, reports[nodeid], again, last=last)
         return again
 
-    def _tell(
+    def _report(
         self,
         item: pytest.Item,
         guest: fleet.Guest,

@@ -1,4 +1,4 @@
-"""What is told at the end of the kernel tests: which kernel ran what, what did not run, and what needed more tries."""
+"""The summary at the end of the kernel tests: which kernel ran what, what did not run, and what needed more tries."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class Ledger:
     """The account of one session."""
 
     def __init__(self) -> None:
-        """Begin with nothing told."""
+        """Begin with nothing counted."""
         self.ran: Counter[tuple[str, str]] = Counter()
-        """How many tests were told, by (kernel, kind)."""
+        """How many tests were reported, by (kernel, kind)."""
         self.more_tries: list[str] = []
         self._not_begun: list[str] = []
         self._why_short = ""
@@ -45,7 +45,7 @@ class Ledger:
         """Return (title, lines) of what is shown at the end."""
         by_kernel: dict[str, list[str]] = defaultdict(list)
         for (kernel, kind), count in sorted(self.ran.items(), key=lambda entry: list(KINDS).index(entry[0][1])):
-            by_kernel[kernel or "a kernel that never told its version"].append(f"{count} {kind}")
+            by_kernel[kernel or "a kernel that never gave its version"].append(f"{count} {kind}")
         lines = [f"{kernel}: {', '.join(counts)}" for kernel, counts in by_kernel.items()]
         if self._why_short:
             lines.append(f"short form in QEMU (left out: {len(self._left_out)}) since {self._why_short}")

@@ -39,7 +39,7 @@ def write_begin(out: Path, kind_name: str, kind: Kind, modules: Sequence[Path], 
 
     Args:
         out: the folder.
-        kind_name: the kind's name, which the tests are told.
+        kind_name: the kind's name, which the tests get.
         kind: what the kernel is made of.
         modules: kernel modules to insert, in this order.
         tests: node IDs; with none the kernel only shows that it boots.

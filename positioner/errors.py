@@ -38,14 +38,14 @@ TEMPORARY_ERRNOS = frozenset(
 
 
 class PositionerError(Exception):
-    """Base of all errors of the project; `exit_code` is what the command ends with."""
+    """Base of all errors of the project; `exit_code` is the exit status of the command."""
 
     exit_code: ExitCode = ExitCode.FAILURE
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One mistake in a configuration: where it stands, what it is, and what to do."""
+    """One mistake in a configuration: its place, and a message that says how to correct it."""
 
     where: str
     line: int | None
@@ -77,7 +77,7 @@ class ConfigurationError(PositionerError):
 
 
 class BusError(PositionerError):
-    """The CAN bus cannot be used; the message says which and what to do."""
+    """The CAN bus cannot be used; the message names the bus and a remedy."""
 
     exit_code = ExitCode.UNAVAILABLE
 

@@ -102,7 +102,7 @@ def parse_address(text: str) -> BusAddress:
 
 
 def problems_of(address: BusAddress) -> Iterator[tuple[str, str]]:
-    """Yield each setting with which no bus can be opened: its key in `[bus]` with its value, and what is wrong."""
+    """Yield each setting with which no bus can be opened: its key in `[bus]` with its value, and the mistake."""
     interface, channel = f"interface = '{address.interface}'", f"channel = '{address.channel}'"
     if address.interface not in BACKENDS:
         close = difflib.get_close_matches(address.interface, (*BACKENDS, EMBEDDED), n=1, cutoff=0.5)

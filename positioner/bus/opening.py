@@ -1,4 +1,4 @@
-"""How a bus is opened, what to try where it cannot be, and what its socket reports. Shell."""
+"""Opening a bus: errors with advice, filters, and the counters of its socket. Shell."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def _extras() -> frozenset[str]:
 def _confine(bus: can.BusABC, group: str) -> None:
     """Let an embedded bus receive its own group only, and give it room for bursts.
 
-    Its scope (IPv6: interface-local) and its hop limit of 0 keep what it sends on this machine.
+    Its scope (IPv6: interface-local) and its hop limit of 0 keep its frames on this machine.
     """
     with socket.socket(fileno=os.dup(bus.fileno())) as sock:
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER_BYTES)

@@ -1,4 +1,4 @@
-"""The CAN port: frames in batches, oldest first, on whatever bus python-can knows. Shell.
+"""The CAN port: frames in batches, oldest first, on any bus that python-can knows. Shell.
 
 A bus that is not there yet, goes down or comes back is a state of this port, never an exception in the loop.
 """
@@ -36,7 +36,7 @@ _NS = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class Ports:
-    """Where a loop meets the world: its clocks, and what opens a bus (as `open_bus`, which None stands for).
+    """Where a loop meets the world: its clocks, and the function that opens a bus; None stands for `open_bus`.
 
     A test may put a virtual world there.
     """
@@ -213,7 +213,7 @@ class BusPort:
         self._report_once(BusDown(self.address, reason))
 
     def _report_once(self, trouble: BusEvent) -> None:
-        """Report what does not work, unless it was the last report."""
+        """Report trouble, unless it is the same as in the last report."""
         if trouble != self._trouble:
             self._trouble = trouble
             self._report(trouble)

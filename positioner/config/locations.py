@@ -25,7 +25,7 @@ def location_of(configuration: Configuration, path: Path, state: Path | None = N
     """Return the location of the valve of the configuration in `path`; `state` is a directory given by the user.
 
     The unit `positioner@NAME` reads `/etc/positioner/NAME.toml` and keeps its state in `/var/lib/positioner/NAME`,
-    unless the file says otherwise.
+    unless the file gives another directory.
     """
     absolute = path.absolute()
     is_of_unit = absolute.parent == CONFIGURATIONS and absolute.suffix == ".toml"

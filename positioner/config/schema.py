@@ -1,4 +1,4 @@
-"""The configuration of one positioner: its tables, their defaults, and what is made of them. Shell."""
+"""The configuration of one positioner: its tables, their defaults, and the objects made from them. Shell."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class StateSettings(SettingsTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Configuration(SettingsTable):
-    """Everything a positioner is told; one field a table of the file."""
+    """All settings of a positioner; each field is one table of the file."""
 
     valve: ValveParameters
     bus: BusAddress = field(default_factory=BusAddress)
@@ -59,7 +59,7 @@ class Configuration(SettingsTable):
 
     @property
     def limits(self) -> Limits:
-        """What is credible of this valve's stiction table: what its law can itself come to believe."""
+        """The values that its law can learn; other values in a stiction table of this valve are not credible."""
         own = self.control.nmpc
         return Limits(self.valve, own.adaptation.least, own.adaptation.most, own.watch.ratio_most)
 
@@ -72,7 +72,7 @@ class Configuration(SettingsTable):
         return make_codec(self.wire, span_m=self.valve.span_m)
 
     def make_setup(self) -> Setup:
-        """Return what no cycle of this valve changes, with a new instance of its law.
+        """Return the constants of every cycle of this valve, with a new instance of its law.
 
         Raises:
             ConfigurationError: as `make_codec`.

@@ -1,4 +1,4 @@
-"""Names on a command line: what is none of those that there are is answered with the nearest of them. Pure."""
+"""Names on a command line: an unknown name is answered with the nearest known one. Pure."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ if TYPE_CHECKING:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Return what to do about a `name` that is none of `known`: the nearest one, if there is one, and all of them."""
+    """Return advice for a `name` that is none of `known`: the nearest one, if there is one, and all of them."""
     names = tuple(map(str, known))
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
     return f"{f'did you mean {close[0]!r}? ' if close else ''}known: {', '.join(names)}"
 
 
 def check_name(what: str, name: str, known: tuple[str, ...], otherwise: str = "") -> None:
-    """Refuse a `name` that is none of `known`; `otherwise` says what else would be right.
+    """Refuse a `name` that is none of `known`; `otherwise` is another way to give it, for the message.
 
     Raises:
         UsageError: it is none.

@@ -49,7 +49,7 @@ def run_command(parser: argparse.ArgumentParser, arguments: list[str] | None) ->
         _open_standard_streams()
         replace_unknown_characters()
         argcomplete.autocomplete(parser)
-        for library in ("can", "cantools"):  # they raise what they log: it is reported once, by us
+        for library in ("can", "cantools"):  # they raise, too, the errors that they log: one report is enough
             logging.getLogger(library).addHandler(logging.NullHandler())
             logging.getLogger(library).propagate = False
         parsed = parser.parse_args(arguments)
@@ -85,7 +85,7 @@ def _end(parser: argparse.ArgumentParser, line: str, code: int) -> int:
 
 
 def _open_standard_streams() -> None:
-    """Open /dev/null for each standard stream that is closed: no file of ours may get its number."""
+    """Open /dev/null for each standard stream that is closed: no other file may get its number."""
     while (descriptor := os.open(os.devnull, os.O_RDWR)) <= _LAST_STANDARD:
         pass
     os.close(descriptor)

@@ -32,7 +32,7 @@ class LineSink:
     """Takes lines, and waits only where a timeout is given; `dropped` counts the lines that nobody took."""
 
     def __init__(self, descriptor: int, write: _Write, close: _Close) -> None:
-        """Write with `write`, which takes some bytes or raises OSError; `descriptor` is what can be waited for."""
+        """Write with `write`, which takes some bytes or raises OSError; `descriptor` can be waited for."""
         self._descriptor = descriptor
         self._write = write
         self.close = close

@@ -1,1 +1,1 @@
-"""The daemon: it waits for frames, runs the cycle, and sends, records and tells what came of it. Shell."""
+"""The daemon: it waits for frames, runs the cycle, sends its frames, and records and reports its events. Shell."""

@@ -48,7 +48,7 @@ class Daemon:
         self.session = Session(configuration, options, ports.time)
         codec, self._period_s = self.session.setup.codec, self.session.setup.period_s
         self._announcer = Announcer(ports.time)
-        # to a dry run the commands of whoever controls the valve are not those of another controller
+        # a dry run runs beside a controller: the commands of that controller are not foreign to it
         kinds = _RECEIVED if options.dry_run else (*_RECEIVED, CurrentCommand)
         identifiers = [codec.identifier(kind) for kind in kinds]
         self._bus = BusPort(configuration.bus, identifiers, self._announcer.bus, ports)
@@ -88,7 +88,7 @@ class Daemon:
             self._send(outbox, now_ns)
         if self._options.lockstep:
             self._lockstep.add(frames, answered=bool(outbox))
-        self._announcer.cycle(events)  # before a table is taken over that voids what they learned
+        self._announcer.cycle(events)  # before `keep` may replace the table in which they learned
         self.session.keep(cycle_input, outbox, events)
         self._other.check(events, now_ns, ever_armed=self.session.state.guard.arming.ever_armed)
         self._announcer.alive()
@@ -100,7 +100,7 @@ class Daemon:
         return max(min(self._period_s, IDLE_COMMAND_PERIOD_S), _SHORTEST_WAIT_S)
 
     def _late_ns(self) -> int:
-        """Return for how long nobody looked at the bus, where that was longer than a period; before arming 0."""
+        """Return for how long nobody read the bus, in ns; 0 where that is at most a period, and before arming."""
         gap_ns = self._bus.gap_ns
         late = self._clock.is_real and self.session.state.guard.arming.armed and gap_ns > self._period_s * _NS
         return gap_ns if late else 0

@@ -18,7 +18,7 @@ class OutputFile:
     """The file, until it is closed or the disk takes no more; without a path there is none."""
 
     def __init__(self, name: str, path: Path | None) -> None:
-        """Create `path`; `name` says in messages what the file is.
+        """Create `path`; `name` stands for it in messages.
 
         Raises:
             UsageError: it cannot be written.
@@ -47,7 +47,7 @@ class OutputFile:
             self._file = None
 
     def close(self) -> None:
-        """Write what is still buffered."""
+        """Write the text that is still buffered."""
         file, self._file = self._file, None
         try:
             if file:

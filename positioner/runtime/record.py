@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from positioner.wire.messages import CanFrame
 
 CHANNEL = "vcan0"
-"""The name in the log, whatever bus it was recorded on: canplayer plays it there by default."""
+"""The bus's name in every log: canplayer plays the log there by default."""
 NOTE_ID = 0x1FFFFFFF
 """Identifier (extended) of a note: the byte of its kind, and a number of seven bytes, low byte first."""
 NOTED_FIELDS = ("table_saved", "late_ns", "lines_dropped", "unsent")

@@ -35,7 +35,7 @@ class RunOptions:
     """How a daemon runs, besides its configuration.
 
     setpoint_every: in lockstep, samples between two setpoint frames; 0 where the host keeps no such pace.
-    dry_run: beside whoever controls the valve, it arms by itself, sends nothing and learns nothing.
+    dry_run: beside another controller; the daemon arms by itself, sends nothing and learns nothing.
     """
 
     lockstep: bool = False
@@ -46,7 +46,7 @@ class RunOptions:
 
 
 class Session:
-    """One valve. In each cycle: `input` gathers what the cycle is given, `step` computes it, `keep` stores the result.
+    """One valve. In each cycle: `input` gathers its input, `step` computes it, `keep` stores its result.
 
     unsent: the bus did not take the last command.
     """
@@ -87,7 +87,7 @@ class Session:
         self._poll_due_s = 0.0
 
     def input(self, frames: tuple[CanFrame, ...], now_ns: int, late_ns: int) -> CycleInput:
-        """Return the input of the next cycle; nobody looked at the bus for `late_ns` before."""
+        """Return the input of the next cycle; nobody read the bus for `late_ns` before."""
         cycle_input = CycleInput(
             frames,
             now_ns,
@@ -110,7 +110,7 @@ class Session:
         return deadline_ns(self.setup.guard, self.state.guard, self.setup.period_s, now_ns)
 
     def keep(self, cycle_input: CycleInput, outbox: tuple[CanFrame, ...], events: tuple[Event, ...]) -> None:
-        """Record the cycle, hand over what was learned, and take over what the table writer reports."""
+        """Record the cycle, hand its samples to the table writer, and handle the events of the table writer."""
         self._recorder.cycle(cycle_input, outbox, self.state.guard)
         self._trace.cycle(events)
         self.table_writer.record([event.sample for event in events if isinstance(event, Learned)])
@@ -139,7 +139,7 @@ class Session:
                 assert_never(event)
 
     def close(self) -> str | None:
-        """Save the table and end record and trace; return what went wrong with the table."""
+        """Save the table and end record and trace; return the error of the table, if there is one."""
         problem = self.table_writer.close(_CLOSE_TIMEOUT_S)
         self._recorder.close()
         self._trace.close()

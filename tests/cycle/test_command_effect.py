@@ -45,7 +45,7 @@ def test_an_echo_may_lag_as_long_as_it_comes_on(lag: int) -> None:
 
 
 @given(st.integers(0, 255), st.booleans())
-def test_an_echo_that_stays_is_told_after_a_tenth_of_a_second_however_often_the_counter_goes_round(
+def test_an_echo_that_stays_is_reported_after_a_tenth_of_a_second_however_often_the_counter_goes_round(
     stuck: int, starts_well: bool
 ) -> None:
     good = 300 if starts_well else 1
@@ -57,7 +57,7 @@ def test_an_echo_that_stays_is_told_after_a_tenth_of_a_second_however_often_the_
     assert not any(each.teaches for each in found[good + 3 :])
 
 
-def test_a_node_that_says_so_is_believed_sooner_and_its_first_reading_not_at_all() -> None:
+def test_a_node_that_reports_a_failure_is_believed_sooner_and_its_first_reading_not_at_all() -> None:
     # before its first command a node obeys none; then it does, and after 500 readings it fails for 50
     found = played(((k - 1, k > 0 and not 500 <= k < 550) for k in range(10_000)), 700)
     assert {each.fault for each in found[:500]} == {None}

@@ -1,4 +1,4 @@
-"""Counts by cause: what counts as what, and how they are told in turn."""
+"""Counts by cause: what counts as what, and how they are sent one after another."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_every_trouble_counts_as_what_it_is() -> None:
     }
 
 
-def test_what_is_no_trouble_leaves_the_very_same_counters() -> None:
+def test_an_event_that_is_not_counted_changes_no_counter() -> None:
     counters = Counters().add([ForeignCommand(12.0)])
     assert counters.add([]) is counters
     assert counters.add([ModeChanged(Mode.INIT, Mode.READY, Cause.NONE)]) is counters
@@ -67,22 +67,22 @@ def test_counts_go_on_from_what_they_were() -> None:
     assert before.by_cause == {Counted.FOREIGN_COMMAND: 1}
 
 
-def test_nothing_is_told_while_nothing_is_counted() -> None:
+def test_nothing_is_sent_while_nothing_is_counted() -> None:
     counters = Counters()
     assert counters.next_message() == (counters, None)
 
 
-def test_the_counts_are_told_in_turn_and_a_new_one_takes_its_place() -> None:
+def test_the_counts_are_sent_one_after_another_and_a_new_one_in_its_place() -> None:
     counters = Counters().add([ForeignCommand(12.0), FrameRefused("", counted=Counted.WRONG_CRC), LawLate(1, 0.001)])
-    told = []
+    sent = []
     for turn in range(7):
         if turn == 4:
             counters = counters.add(
                 [FrameRefused("", counted=Counted.REPEATED), FrameRefused("", counted=Counted.WRONG_CRC)]
             )
         counters, message = counters.next_message()
-        told.append(message)
-    assert told == [
+        sent.append(message)
+    assert sent == [
         PositionerCount(Counted.WRONG_CRC, 1),
         PositionerCount(Counted.FOREIGN_COMMAND, 1),
         PositionerCount(Counted.LAW_LATE, 1),
@@ -94,11 +94,11 @@ def test_the_counts_are_told_in_turn_and_a_new_one_takes_its_place() -> None:
 
 
 def test_a_count_wraps_where_its_signal_does() -> None:
-    for count, told in ((2**32 - 1, 2**32 - 1), (2**32, 0), (2**32 + 5, 5)):
-        assert Counters({Counted.LOST: count}).next_message()[1] == PositionerCount(Counted.LOST, told)
+    for count, sent in ((2**32 - 1, 2**32 - 1), (2**32, 0), (2**32 + 5, 5)):
+        assert Counters({Counted.LOST: count}).next_message()[1] == PositionerCount(Counted.LOST, sent)
 
 
-def test_lines_of_the_log_are_told_apart_by_their_cause() -> None:
+def test_lines_of_the_log_have_one_kind_for_each_cause() -> None:
     assert kind_of(FrameRefused("", counted=Counted.WRONG_CRC)) == "FrameRefused: wrong CRC"
     assert kind_of(FeedbackRefused(0.3, "", counted=Counted.FEEDBACK_JUMP)) == "FeedbackRefused: reading jumped"
     assert kind_of(ForeignCommand(12.0)) == "ForeignCommand: command of another controller"

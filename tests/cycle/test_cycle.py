@@ -1,4 +1,4 @@
-"""The straight line: frames in, frames out, told step by step; the same frames give the same frames."""
+"""The straight line: frames in, frames out, step by step; the same frames give the same frames."""
 
 from __future__ import annotations
 
@@ -99,14 +99,14 @@ class Exchange:
         self.setpoints = 0
         self.events: list[Event] = []
 
-    def step(self, *frames: CanFrame, elapsed_ns: int = MS, **told: Any) -> tuple[CanFrame, ...]:
+    def step(self, *frames: CanFrame, elapsed_ns: int = MS, **given: Any) -> tuple[CanFrame, ...]:
         self.now_ns += elapsed_ns
-        self.state, outbox, events = step(self.setup, self.state, CycleInput(frames, self.now_ns, **told))
+        self.state, outbox, events = step(self.setup, self.state, CycleInput(frames, self.now_ns, **given))
         self.events += events
         return outbox
 
     def sample(
-        self, position_m: float = 0.08, echo: int | None = None, setpoint: Setpoint | None = None, **told: Any
+        self, position_m: float = 0.08, echo: int | None = None, setpoint: Setpoint | None = None, **given: Any
     ) -> tuple[CanFrame, ...]:
         # a plant that says nothing else has obeyed the newest command
         newest = self.state.output.sent[-1].counter if self.state.output.sent else 0
@@ -115,9 +115,9 @@ class Exchange:
         if setpoint is not None:
             frames.insert(0, CODEC.encode(setpoint, self.setpoints))
             self.setpoints += 1
-        return self.step(*frames, **told)
+        return self.step(*frames, **given)
 
-    def told(self, kind: type[Event]) -> list[Event]:
+    def events_of(self, kind: type[Event]) -> list[Event]:
         return [event for event in self.events if isinstance(event, kind)]
 
 
@@ -154,14 +154,14 @@ def test_a_cycle_answers_each_reading_with_a_command_that_names_it() -> None:
         assert (command.mode, command.motion) == (Mode.ACTIVE, Motion.MOVE)
 
 
-def test_without_a_reading_nothing_leaves_while_feedback_is_young() -> None:
+def test_without_a_reading_nothing_is_sent_while_feedback_is_young() -> None:
     exchange = Exchange()
     exchange.sample()
     assert exchange.step(elapsed_ns=3 * MS) == ()
     assert exchange.step(CODEC.encode(Setpoint(0.08), 0), elapsed_ns=0) == ()
 
 
-def test_in_hold_and_failsafe_the_last_word_is_repeated_every_ten_milliseconds() -> None:
+def test_in_hold_and_failsafe_the_last_command_is_repeated_every_ten_milliseconds() -> None:
     exchange = Exchange()
     exchange.sample()
     assert commands(exchange.step(elapsed_ns=4 * MS)) == []
@@ -183,7 +183,7 @@ def test_a_command_without_a_new_reading_goes_on_naming_the_last_one() -> None:
     assert [(each.mode, each.position_counter) for each in (held, safe)] == [(Mode.HOLD, 7), (Mode.FAILSAFE, 7)]
 
 
-def test_the_status_leaves_ten_times_a_second_once_it_was_armed() -> None:
+def test_the_status_is_sent_ten_times_a_second_once_it_was_armed() -> None:
     exchange = Exchange(guard=GuardSettings())
     stamps_ms = []
     for sample in range(1000):
@@ -194,7 +194,7 @@ def test_the_status_leaves_ten_times_a_second_once_it_was_armed() -> None:
     assert stamps_ms == list(range(50, 1000, 100))
 
 
-def test_the_status_tells_mode_health_and_counts() -> None:
+def test_the_status_reports_mode_health_and_counts() -> None:
     exchange = Exchange(ScriptedLaw([RESTING, SLIDING, RESTING], fallback="no plan"))
     exchange.state = replace(exchange.state, counters=Counters(fallbacks=255))
     bad = replace(CODEC.encode(StemPosition(0.08), 0), data=bytes(8))
@@ -207,12 +207,12 @@ def test_the_status_tells_mode_health_and_counts() -> None:
     assert CODEC.decode(count) == (PositionerCount(Counted.WRONG_CRC, 1), 1)
 
 
-def test_a_cycle_that_the_shell_calls_late_is_counted_told_once_and_changes_no_current() -> None:
+def test_a_cycle_that_the_shell_calls_late_is_counted_reported_once_and_changes_no_current() -> None:
     exchange, punctual = Exchange(), Exchange()
     for sample in range(102):
         frames, others = exchange.sample(late_ns=1_500_000 if sample == 50 else 0), punctual.sample()
         assert frames[0] == others[0]
-    (event,) = exchange.told(LawLate)
+    (event,) = exchange.events_of(LawLate)
     assert str(event).startswith("a cycle took 1.5 ms, longer than the period of 1 ms: give the positioner")
     assert exchange.state.counters.by_cause == {Counted.LAW_LATE: 1}
     for _ in range(20):
@@ -225,7 +225,7 @@ def test_lines_of_the_log_that_were_dropped_are_counted_once() -> None:
     exchange.sample()
     exchange.sample(lines_dropped=7)
     exchange.sample()
-    assert exchange.told(LinesDropped) == [LinesDropped(count=7)]
+    assert exchange.events_of(LinesDropped) == [LinesDropped(count=7)]
     assert exchange.state.counters.by_cause == {Counted.LINE_DROPPED: 7}
 
 
@@ -239,7 +239,7 @@ class Pusher(ScriptedLaw):
         return memory, Decision(20.0, WIDE)
 
 
-def test_a_frozen_sensor_leads_to_hold_and_failsafe_with_its_cause_and_arming_starts_anew() -> None:
+def test_a_frozen_sensor_leads_to_hold_and_failsafe_with_its_cause_and_arming_starts_again() -> None:
     exchange = Exchange(Pusher(), GuardSettings(auto_arm=True, frozen_s=0.2505))
     modes = []
     for _ in range(270):
@@ -263,7 +263,7 @@ def test_a_stem_that_moves_under_the_same_command_is_not_frozen() -> None:
     assert exchange.state.guard.mode is Mode.ACTIVE
 
 
-def test_the_plants_echo_tells_which_current_acted() -> None:
+def test_the_plants_echo_shows_which_current_acted() -> None:
     exchange = Exchange()
     for echo in (None, 0, 0, 2, 1):
         exchange.sample(echo=echo)
@@ -290,11 +290,11 @@ def test_each_counter_names_the_newest_command_that_had_it() -> None:
         assert exchange.law.shown[-1].applied_ma == pytest.approx(10.0 + 0.001 * sample, abs=1e-9)
 
 
-def test_a_node_that_goes_on_naming_one_command_is_told_and_its_obedience_is_too() -> None:
+def test_a_node_that_goes_on_naming_one_command_is_reported_and_its_obedience_is_too() -> None:
     exchange = Exchange()
     for echo in (None, *([0] * 110), None, None):
         exchange.sample(echo=echo)
-    assert [str(event)[:40] for event in exchange.told(ActingChanged)] == [
+    assert [str(event)[:40] for event in exchange.events_of(ActingChanged)] == [
         "the valve's node takes no command of our",
         "commands act on the valve again: the law",
     ]
@@ -350,13 +350,13 @@ def test_where_control_begins_beyond_the_travel_its_end_is_the_setpoint(position
     assert exchange.law.begun_m == [position_m]
 
 
-def test_an_error_that_stays_is_told_once_shown_in_the_status_and_ends_where_control_ends() -> None:
+def test_an_error_that_stays_is_reported_once_shown_in_the_status_and_ends_where_control_ends() -> None:
     exchange = Exchange()
     said: list[CanFrame] = []
     for sample in range(2500):
         setpoint = Setpoint(0.092) if sample % 100 == 0 else None
         said += exchange.sample(0.08, (exchange.state.output.command_counter - 1) % 256, setpoint)
-    (deviates,) = exchange.told(Deviates)
+    (deviates,) = exchange.events_of(Deviates)
     assert str(deviates).startswith("deviation: the stem is 12.0 mm below its setpoint of 92.0 mm and came no nearer")
     status = [message for message, _ in map(CODEC.decode, said) if isinstance(message, PositionerStatus)][-1]
     assert (status.mode, status.cause, status.health) == (Mode.ACTIVE, Cause.DEVIATION, Health.OUT_OF_SPECIFICATION)
@@ -376,13 +376,13 @@ def test_lost_frames_count_in_the_laws_time() -> None:
     assert exchange.state.control.time_s == pytest.approx(0.004)
 
 
-def test_edges_are_learned_counted_and_told() -> None:
+def test_edges_are_learned_counted_and_reported() -> None:
     exchange = Exchange(ScriptedLaw([RESTING, SLIDING, SLIDING, RESTING]))
     for _ in range(4):
         exchange.sample()
     slip = LearnedSample(Quantity.BREAKAWAY_CURRENT, 0.08, Direction.OPENING, 10.0)
     stop = LearnedSample(Quantity.STICK_SPEED, 0.08, Direction.OPENING, 0.1)
-    assert exchange.told(Learned) == [Learned(slip, 1), Learned(stop, 2)]
+    assert exchange.events_of(Learned) == [Learned(slip, 1), Learned(stop, 2)]
     assert (exchange.state.table.sequence, exchange.state.counters.learned) == (2, 2)
     assert "learned breakaway_current_ma = 10 at 80.00 mm, opening" in str(exchange.events[-5])
 
@@ -391,22 +391,22 @@ def test_a_dry_run_learns_nothing() -> None:
     exchange = Exchange(ScriptedLaw([RESTING, SLIDING, RESTING]), learns=False)
     for _ in range(3):
         exchange.sample()
-    assert exchange.told(Learned) == []
+    assert exchange.events_of(Learned) == []
     assert exchange.state.table.sequence == 0
 
 
-def test_what_was_learned_before_a_law_failed_is_kept_where_it_was_told() -> None:
+def test_what_was_learned_before_a_law_failed_is_kept_where_it_was_reported() -> None:
     exchange = Exchange(ScriptedLaw([RESTING, SLIDING]))
     exchange.sample()
     exchange.law.fails = True
     ((command, _),) = commands(exchange.sample())
     assert command.current_ma == 10.0
-    assert len(exchange.told(Learned)) == exchange.state.table.sequence == exchange.state.counters.learned == 1
-    (fallback,) = exchange.told(LawFellBack)
+    assert len(exchange.events_of(Learned)) == exchange.state.table.sequence == exchange.state.counters.learned == 1
+    (fallback,) = exchange.events_of(LawFellBack)
     assert str(fallback) == "law fell back: scripted failed: RuntimeError: scripted"
 
 
-def test_after_a_failure_the_law_begins_anew_and_nothing_is_learned_from_the_gap() -> None:
+def test_after_a_failure_the_law_starts_again_and_nothing_is_learned_from_the_gap() -> None:
     exchange = Exchange(ScriptedLaw([SLIDING, SLIDING, RESTING]))
     exchange.sample()
     exchange.law.fails = True
@@ -414,17 +414,17 @@ def test_after_a_failure_the_law_begins_anew_and_nothing_is_learned_from_the_gap
     exchange.law.fails = False
     exchange.sample()
     assert len(exchange.law.begun_m) == 2
-    assert exchange.told(Learned) == []
+    assert exchange.events_of(Learned) == []
     assert exchange.state.guard.law.failures == 0
 
 
-def test_a_law_that_falls_back_says_why_and_still_counts_as_working() -> None:
+def test_a_law_that_falls_back_reports_why_and_still_counts_as_working() -> None:
     exchange = Exchange(ScriptedLaw(fallback="no plan"))
     for _ in range(30):
         exchange.sample()
     assert exchange.state.counters.fallbacks == 30
     assert exchange.state.guard.mode is Mode.ACTIVE
-    assert exchange.told(LawFellBack) == [LawFellBack("no plan")] * 30
+    assert exchange.events_of(LawFellBack) == [LawFellBack("no plan")] * 30
 
 
 def test_disarming_ends_control_and_forgets_the_commands() -> None:
@@ -434,7 +434,7 @@ def test_disarming_ends_control_and_forgets_the_commands() -> None:
     assert exchange.state.control.memory is not None
     assert commands(exchange.sample(setpoint=Setpoint(0.08, HostRequest.DISARM))) == []
     assert (exchange.state.control.memory, exchange.state.control.stem, exchange.state.output.sent) == (None, None, ())
-    assert [str(event) for event in exchange.told(ModeChanged)] == [
+    assert [str(event) for event in exchange.events_of(ModeChanged)] == [
         "mode INIT -> READY (waiting for arm)",
         "mode READY -> ACTIVE (none)",
         "mode ACTIVE -> READY (disarmed)",
@@ -449,7 +449,7 @@ def test_our_own_command_that_the_bus_brings_back_is_nobody_elses(rate_ma_per_s:
     for _ in range(3):
         exchange.step(doubled)
         exchange.sample()
-    assert exchange.told(ForeignCommand) == []
+    assert exchange.events_of(ForeignCommand) == []
     assert exchange.state.guard.mode is Mode.ACTIVE
     ((own, counter),) = commands([doubled])
     for other in (
@@ -460,23 +460,23 @@ def test_our_own_command_that_the_bus_brings_back_is_nobody_elses(rate_ma_per_s:
         twin.sample()
         twin.sample()
         twin.step(other)
-        assert len(twin.told(ForeignCommand)) == 1
+        assert len(twin.events_of(ForeignCommand)) == 1
         assert twin.state.guard.mode is Mode.READY
 
 
-def test_a_twin_that_says_the_same_is_found_when_it_says_something_else() -> None:
+def test_a_second_daemon_that_sends_the_same_is_found_when_it_sends_something_else() -> None:
     exchange = Exchange(guard=GuardSettings(auto_arm=True, setpoint_hold_s=0.0, setpoint_failsafe_s=0.0))
     doubled = exchange.sample()
     for turn in range(3000):
         exchange.step(*(frame for frame in doubled if frame.arbitration_id == 0x100 and turn % 2))
         doubled = exchange.sample()
-    assert exchange.told(ForeignCommand) == []
+    assert exchange.events_of(ForeignCommand) == []
     exchange.step(CODEC.encode(CurrentCommand(9.5), 77))
     assert (exchange.state.guard.mode, exchange.state.guard.cause) == (Mode.READY, Cause.FOREIGN_COMMAND)
 
 
 @pytest.mark.parametrize(("of_five", "found_after"), [(5, range(40, 60)), (4, range(200, 300)), (3, range(0))])
-def test_a_twin_that_goes_on_saying_the_same_is_found_and_a_bus_that_doubles_is_not(
+def test_a_second_daemon_that_keeps_sending_the_same_is_found_and_a_bus_that_doubles_is_not(
     of_five: int, found_after: range
 ) -> None:
     exchange = Exchange(guard=GuardSettings(auto_arm=True, setpoint_hold_s=0.0, setpoint_failsafe_s=0.0))
@@ -485,7 +485,7 @@ def test_a_twin_that_goes_on_saying_the_same_is_found_and_a_bus_that_doubles_is_
         exchange.step(*(frame for frame in doubled if frame.arbitration_id == 0x100 and turns % 5 < of_five))
         doubled, turns = exchange.sample(), turns + 1
     assert turns in (found_after or range(3000, 3001))
-    assert len(exchange.told(ForeignCommand)) == (1 if found_after else 0)
+    assert len(exchange.events_of(ForeignCommand)) == (1 if found_after else 0)
 
 
 def test_lines_that_the_log_lost_are_counted_once() -> None:
@@ -531,7 +531,7 @@ def test_a_failsafe_that_holds_before_any_command_stays_inside_the_limits() -> N
     assert (command.mode, command.current_ma) == (Mode.FAILSAFE, 4.0)
 
 
-def test_every_closed_cycle_is_told() -> None:
+def test_every_closed_cycle_is_reported() -> None:
     exchange = Exchange()
     exchange.sample(0.0795, setpoint=Setpoint(0.087))
     exchange.sample(0.0795)
@@ -548,7 +548,7 @@ def test_the_same_frames_give_the_same_frames() -> None:
     assert frames == [frame for _, _, frame in second.recording.frames]
     assert first.table == second.table
 
-    # replay: what the recorded run was told, once more into a fresh positioner with the initial table
+    # replay: the input of the recorded run, once more into a fresh positioner with the initial table
     configuration = configure(scenario)
     codec = configuration.make_codec()
     setup = Setup(codec, configuration.valve, configuration.guard, configuration.make_law(), scenario.sample_period_s)

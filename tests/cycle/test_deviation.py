@@ -1,4 +1,4 @@
-"""An error that stays is told, whatever the reason; a stem on its way, however slow, is not."""
+"""An error that stays is reported, whatever the reason; a stem on its way, however slow, is not."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Watch:
         self.known = track_deviation(self.settings, VALVE, self.known, position_m, setpoint_m, self.period_s)
         return self.known.cause
 
-    def told_after_s(self, readings: Iterable[float], setpoint_m: float) -> float | None:
-        """When the first cause was told, None if none was."""
+    def reported_after_s(self, readings: Iterable[float], setpoint_m: float) -> float | None:
+        """When the first cause was reported, None if none was."""
         for count, position_m in enumerate(readings, start=1):
             if self.sees(position_m, setpoint_m) is not Cause.NONE:
                 return count * self.period_s
@@ -49,33 +49,33 @@ def resting(seconds: float, place_m: float = HERE_M, noise: float = 0.0, held: i
 
 @pytest.mark.parametrize(("noise", "held"), [(0.0, 1), (0.02, 1), (0.02, 10)])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_a_stem_that_stays_away_is_told_within_two_seconds(sign: int, noise: float, held: int) -> None:
+def test_a_stem_that_stays_away_is_reported_within_two_seconds(sign: int, noise: float, held: int) -> None:
     watch = Watch()
-    assert watch.told_after_s(resting(2.0, noise=noise, held=held), HERE_M) is None
-    told_s = watch.told_after_s(resting(4.0, noise=noise, held=held), HERE_M + sign * 0.01)
-    assert told_s is not None
-    assert 1.5 < told_s < 1.95
+    assert watch.reported_after_s(resting(2.0, noise=noise, held=held), HERE_M) is None
+    reported_s = watch.reported_after_s(resting(4.0, noise=noise, held=held), HERE_M + sign * 0.01)
+    assert reported_s is not None
+    assert 1.5 < reported_s < 1.95
     assert watch.known.cause is Cause.DEVIATION
 
 
-@pytest.mark.parametrize(("part", "told"), [(0.99, False), (1.01, True)])
-def test_the_limit_is_a_part_of_the_span(part: float, told: bool) -> None:
+@pytest.mark.parametrize(("part", "reported"), [(0.99, False), (1.01, True)])
+def test_the_limit_is_a_part_of_the_span(part: float, reported: bool) -> None:
     watch = Watch()
-    assert (watch.told_after_s(resting(4.0), HERE_M + part * LIMIT_M) is not None) is told
+    assert (watch.reported_after_s(resting(4.0), HERE_M + part * LIMIT_M) is not None) is reported
     wide = Watch(GuardSettings(deviation_of_span=0.1))
-    assert wide.told_after_s(resting(4.0), HERE_M + 1.99 * LIMIT_M) is None
-    assert wide.told_after_s(resting(4.0), HERE_M - 2.01 * LIMIT_M) is not None
+    assert wide.reported_after_s(resting(4.0), HERE_M + 1.99 * LIMIT_M) is None
+    assert wide.reported_after_s(resting(4.0), HERE_M - 2.01 * LIMIT_M) is not None
 
 
 def test_the_time_is_a_setting_and_a_limit_of_zero_means_never() -> None:
     slow = Watch(GuardSettings(deviation_s=5.0))
-    assert slow.told_after_s(resting(9.0), THERE_M) == pytest.approx(5.0, abs=0.01)
-    assert Watch(GuardSettings(deviation_of_span=0.0)).told_after_s(resting(9.0), THERE_M) is None
+    assert slow.reported_after_s(resting(9.0), THERE_M) == pytest.approx(5.0, abs=0.01)
+    assert Watch(GuardSettings(deviation_of_span=0.0)).reported_after_s(resting(9.0), THERE_M) is None
 
 
 def test_noise_is_no_error() -> None:
     """2 % of the reading, 1.3 % of span: single readings are 5 % off now and then."""
-    assert Watch().told_after_s(resting(60.0, noise=0.02, held=10), HERE_M + 0.9 * 0.8 * LIMIT_M) is None
+    assert Watch().reported_after_s(resting(60.0, noise=0.02, held=10), HERE_M + 0.9 * 0.8 * LIMIT_M) is None
 
 
 @pytest.mark.parametrize("stroke_s", [2.0, 20.0, 40.0])
@@ -83,25 +83,25 @@ def test_a_long_stroke_is_none_as_long_as_the_stem_comes_nearer(stroke_s: float)
     low_m, high_m = 0.055, 0.095
     samples = round(stroke_s / PERIOD_S)
     readings = [low_m + (high_m - low_m) * count / samples for count in range(samples)]
-    assert Watch().told_after_s(readings, high_m) is None
-    assert Watch().told_after_s(readings[::-1], low_m) is None
+    assert Watch().reported_after_s(readings, high_m) is None
+    assert Watch().reported_after_s(readings[::-1], low_m) is None
 
 
-def test_a_stem_that_crawls_by_less_than_a_hundredth_of_the_span_in_its_time_is_told() -> None:
+def test_a_stem_that_crawls_by_less_than_a_hundredth_of_the_span_in_its_time_is_reported() -> None:
     samples = 80_000
     readings = [0.055 + 0.04 * count / samples for count in range(samples)]
-    assert Watch().told_after_s(readings, 0.095) is not None
+    assert Watch().reported_after_s(readings, 0.095) is not None
 
 
-def test_setpoints_that_come_and_go_do_not_begin_the_time_anew() -> None:
+def test_setpoints_that_come_and_go_do_not_start_the_time_again() -> None:
     """A dead actuator under a host that changes its mind every half second."""
-    watch, told = Watch(), None
+    watch, reported = Watch(), None
     for count in range(3000):
         setpoint_m = HERE_M + (0.01 if count // 500 % 2 else -0.01)
-        if watch.sees(HERE_M, setpoint_m) is not Cause.NONE and told is None:
-            told = count
-    assert told is not None
-    assert 1490 < told < 1600
+        if watch.sees(HERE_M, setpoint_m) is not Cause.NONE and reported is None:
+            reported = count
+    assert reported is not None
+    assert 1490 < reported < 1600
 
 
 def test_a_stem_that_follows_such_setpoints_is_none() -> None:
@@ -112,14 +112,14 @@ def test_a_stem_that_follows_such_setpoints_is_none() -> None:
         assert watch.sees(here_m, setpoint_m) is Cause.NONE
 
 
-def test_it_ends_well_within_the_limit_and_begins_anew() -> None:
+def test_it_ends_well_within_the_limit_and_starts_again() -> None:
     watch = Watch()
-    assert watch.told_after_s(resting(2.0), THERE_M) is not None
+    assert watch.reported_after_s(resting(2.0), THERE_M) is not None
     for error, cause in ((0.85, Cause.DEVIATION), (1.2, Cause.DEVIATION), (0.75, Cause.NONE), (0.95, Cause.NONE)):
         for position_m in resting(1.0, THERE_M - error * LIMIT_M):
             watch.sees(position_m, THERE_M)
         assert watch.known.cause is cause
-    assert watch.told_after_s(resting(2.0), THERE_M) == pytest.approx(1.5, abs=0.05)
+    assert watch.reported_after_s(resting(2.0), THERE_M) == pytest.approx(1.5, abs=0.05)
 
 
 # reach
@@ -146,18 +146,18 @@ def test_a_setpoint_is_out_of_reach_from_one_side() -> None:
     assert is_reachable(SETTINGS, VALVE, low_m - 1e-6, 0.01)
 
 
-def test_a_setpoint_out_of_reach_is_told_as_such_from_a_small_error_on() -> None:
+def test_a_setpoint_out_of_reach_is_reported_as_such_from_a_small_error_on() -> None:
     high_m = reach_m(SETTINGS, VALVE)[1]
-    for beyond_m, told in ((0.0011, False), (0.0014, True), (0.03, True)):
+    for beyond_m, reported in ((0.0011, False), (0.0014, True), (0.03, True)):
         watch = Watch()
-        assert (watch.told_after_s(resting(3.0, high_m), high_m + beyond_m) is not None) is told
-        assert watch.known.cause is (Cause.SETPOINT_UNREACHABLE if told else Cause.NONE)
+        assert (watch.reported_after_s(resting(3.0, high_m), high_m + beyond_m) is not None) is reported
+        assert watch.known.cause is (Cause.SETPOINT_UNREACHABLE if reported else Cause.NONE)
 
 
-def test_the_next_setpoint_within_reach_begins_anew() -> None:
+def test_the_next_setpoint_within_reach_starts_again() -> None:
     watch = Watch()
-    assert watch.told_after_s(resting(3.0), 0.127) is not None
-    assert watch.told_after_s(resting(3.0), THERE_M) == pytest.approx(1.5, abs=0.01)
+    assert watch.reported_after_s(resting(3.0), 0.127) is not None
+    assert watch.reported_after_s(resting(3.0), THERE_M) == pytest.approx(1.5, abs=0.01)
     assert watch.known.cause is Cause.DEVIATION
     assert watch.sees(HERE_M, 0.127) is Cause.SETPOINT_UNREACHABLE
 
@@ -166,7 +166,7 @@ def test_the_next_setpoint_within_reach_begins_anew() -> None:
 
 
 @pytest.mark.parametrize(
-    ("known", "setpoint_m", "told"),
+    ("known", "setpoint_m", "reported"),
     [
         (
             Deviation(0.075, 1, 0.075, 0.075, 1.5, Cause.DEVIATION),
@@ -193,12 +193,12 @@ def test_the_next_setpoint_within_reach_begins_anew() -> None:
         ),
     ],
 )
-def test_it_says_what_the_readings_show(known: Deviation, setpoint_m: float, told: str) -> None:
-    assert description(SETTINGS, VALVE, known, setpoint_m) == told
+def test_the_description_names_what_the_readings_show(known: Deviation, setpoint_m: float, reported: str) -> None:
+    assert description(SETTINGS, VALVE, known, setpoint_m) == reported
 
 
 def test_a_stem_that_goes_the_other_way_is_said_to_do_so() -> None:
     watch = Watch()
     readings = [HERE_M - 0.02 * min(count, 500) / 500 for count in range(4000)]
-    assert watch.told_after_s(readings, THERE_M) is not None
+    assert watch.reported_after_s(readings, THERE_M) is not None
     assert "went 20.0 mm the other way" in description(SETTINGS, VALVE, watch.known, THERE_M)

@@ -49,22 +49,22 @@ class Sensor:
     def __init__(self, period_s: float = PERIOD_S, tuning: GuardSettings = SETTINGS) -> None:
         self.period_s, self.tuning, self.history = period_s, tuning, ReadingHistory()
 
-    def says(self, position_m: float, commanded_ma: float | None = RESTING_MA) -> Counted | None:
+    def refuses(self, position_m: float, commanded_ma: float | None = RESTING_MA) -> Counted | None:
         message, period_s = StemPosition(position_m), self.period_s
         self.history, doubt = check_reading(
             self.tuning, VALVE, self.history, message, commanded_ma, period_s, period_s=period_s
         )
         return doubt.counted if doubt else None
 
-    def hears(self, readings: Iterable[float], commanded_ma: float | None = RESTING_MA) -> Sensor:
+    def receives(self, readings: Iterable[float], commanded_ma: float | None = RESTING_MA) -> Sensor:
         for position_m in readings:
-            assert self.says(position_m, commanded_ma) is None
+            assert self.refuses(position_m, commanded_ma) is None
         return self
 
     def freezes_after(self, commanded_ma: float | None = RESTING_MA, most: int = 20_000) -> int | None:
         """How many readings of the same value it takes; None if more than `most`."""
         here_m = self.history.position_m or 0.0
-        return next((count for count in range(1, most) if self.says(here_m, commanded_ma)), None)
+        return next((count for count in range(1, most) if self.refuses(here_m, commanded_ma)), None)
 
 
 def shown(sigma_m: float = 1.6e-3, **how: float) -> Iterator[float]:
@@ -75,33 +75,33 @@ def shown(sigma_m: float = 1.6e-3, **how: float) -> Iterator[float]:
 def test_a_sensor_that_was_noisy_and_repeats_itself_for_half_a_second_is_frozen_whatever_the_current(
     commanded_ma: float | None,
 ) -> None:
-    assert Sensor().hears(shown()).freezes_after(commanded_ma) == HALF_A_SECOND
-    assert Sensor().hears(shown(), None).freezes_after(commanded_ma) == HALF_A_SECOND
+    assert Sensor().receives(shown()).freezes_after(commanded_ma) == HALF_A_SECOND
+    assert Sensor().receives(shown(), None).freezes_after(commanded_ma) == HALF_A_SECOND
 
 
-def test_short_pushes_do_not_begin_the_time_anew() -> None:
-    sensor = Sensor().hears(shown())
+def test_short_pushes_do_not_start_the_time_again() -> None:
+    sensor = Sensor().receives(shown())
     here_m = sensor.history.position_m or 0.0
-    said = [sensor.says(here_m, 20.0 if count % 50 == 0 else RESTING_MA) for count in range(1, 600)]
+    said = [sensor.refuses(here_m, 20.0 if count % 50 == 0 else RESTING_MA) for count in range(1, 600)]
     assert said.index(Counted.FEEDBACK_FROZEN) + 1 == HALF_A_SECOND
 
 
 def test_the_first_change_ends_it() -> None:
-    sensor = Sensor().hears(shown())
+    sensor = Sensor().receives(shown())
     assert sensor.freezes_after() == HALF_A_SECOND
     here_m = sensor.history.position_m or 0.0
-    assert sensor.says(here_m) is Counted.FEEDBACK_FROZEN
-    assert sensor.says(here_m + WIRE_M) is None
+    assert sensor.refuses(here_m) is Counted.FEEDBACK_FROZEN
+    assert sensor.refuses(here_m + WIRE_M) is None
     assert sensor.freezes_after() == HALF_A_SECOND
 
 
 def test_a_hundred_readings_are_the_least_at_long_periods() -> None:
-    assert Sensor(0.1).hears(shown()).freezes_after() == pytest.approx(101, abs=1)
+    assert Sensor(0.1).receives(shown()).freezes_after() == pytest.approx(101, abs=1)
 
 
 @pytest.mark.parametrize("held", [10, 60, 200])
 def test_a_sensor_that_holds_its_draws_is_frozen_after_ten_of_its_longest_repeats(held: int) -> None:
-    sensor = Sensor().hears(itertools.islice(noisy(1, 1.6e-3, held=held), 400 * held))
+    sensor = Sensor().receives(itertools.islice(noisy(1, 1.6e-3, held=held), 400 * held))
     longest_s = (held - 1) * PERIOD_S
     assert sensor.history.noise.longest_s == pytest.approx(longest_s)
     limit = max(500, round(LONGEST_REPEATS * longest_s / PERIOD_S))
@@ -112,19 +112,19 @@ def test_a_sensor_that_holds_its_draws_is_frozen_after_ten_of_its_longest_repeat
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("held", [1, 10, 100])
 def test_noise_alone_is_never_frozen(seed: int, held: int) -> None:
-    Sensor().hears(itertools.islice(noisy(seed, 1.6e-3, held=held), 30_000))
+    Sensor().receives(itertools.islice(noisy(seed, 1.6e-3, held=held), 30_000))
 
 
 def test_a_pause_that_is_no_repeat_by_chance_teaches_nothing() -> None:
-    sensor = Sensor().hears(shown())
+    sensor = Sensor().receives(shown())
     for _ in range(20):
-        sensor.hears([sensor.history.position_m or 0.0] * 400)
-        sensor.hears(itertools.islice(noisy(2, 1.6e-3), 100))
+        sensor.receives([sensor.history.position_m or 0.0] * 400)
+        sensor.receives(itertools.islice(noisy(2, 1.6e-3), 100))
     assert sensor.freezes_after() == HALF_A_SECOND
 
 
 def test_a_sensor_that_was_still_at_the_start_is_known_by_its_noise() -> None:
-    sensor = Sensor().hears([HERE_M] * 10_000).hears(shown())
+    sensor = Sensor().receives([HERE_M] * 10_000).receives(shown())
     assert sensor.freezes_after() == HALF_A_SECOND
 
 
@@ -143,7 +143,7 @@ def test_a_clean_sensor_is_never_frozen_in_the_stick_band(step_m: float) -> None
     chance = random.Random(3)  # noqa: S311 - moves that can be repeated, no secret
     sensor = Sensor()
     readings = [stepped(position_m, step_m) for position_m in itertools.islice(moves(chance), 60_000)]
-    sensor.hears(readings, None)
+    sensor.receives(readings, None)
     assert not sensor.history.noise.is_noisy
 
 
@@ -155,40 +155,40 @@ def test_a_quantised_sensor_is_never_frozen_wherever_the_stem_rests(sigma_of_ste
     for rest in range(6):
         place_m = HERE_M + (0.5, 0.0, 0.3, 0.5, 0.1, 0.0)[rest] * step_m
         readings = noisy(seed + rest, sigma_of_step * step_m, held=held, step_m=step_m, place_m=place_m)
-        sensor.hears(itertools.islice(readings, 3000))
+        sensor.receives(itertools.islice(readings, 3000))
 
 
 def test_noise_of_many_steps_is_noise_though_it_is_quantised() -> None:
-    assert Sensor().hears(shown(step_m=1e-4)).freezes_after() == HALF_A_SECOND
-    assert Sensor().hears(shown(step_m=2e-4)).freezes_after(most=100_000) is None
+    assert Sensor().receives(shown(step_m=1e-4)).freezes_after() == HALF_A_SECOND
+    assert Sensor().receives(shown(step_m=2e-4)).freezes_after(most=100_000) is None
 
 
 def test_motion_to_and_fro_is_no_noise_while_the_command_moves_the_stem() -> None:
     """A loop that chatters from sample to sample, and then comes to rest."""
     sensor = Sensor()
     for count in range(5000):
-        assert sensor.says(HERE_M + 1e-3 * (-1) ** count, 20.0 if count % 2 else 4.0) is None
+        assert sensor.refuses(HERE_M + 1e-3 * (-1) ** count, 20.0 if count % 2 else 4.0) is None
     assert sensor.freezes_after() is None
 
 
 @pytest.mark.parametrize("of_span", [0.0, STOP_BAND_OF_SPAN])
 def test_against_a_stop_no_sensor_is_frozen(of_span: float) -> None:
-    sensor = Sensor().hears(shown())
+    sensor = Sensor().receives(shown())
     at_stop_m = of_span * VALVE.span_m
-    sensor.hears([0.045, 0.02])
-    sensor.hears([at_stop_m] * 5000, 4.0)
-    sensor.hears([at_stop_m + 5e-3])
+    sensor.receives([0.045, 0.02])
+    sensor.receives([at_stop_m] * 5000, 4.0)
+    sensor.receives([at_stop_m + 5e-3])
     assert sensor.freezes_after() == HALF_A_SECOND
 
 
 def test_zero_seconds_mean_never() -> None:
-    sensor = Sensor(tuning=GuardSettings(frozen_s=0.0)).hears(shown())
+    sensor = Sensor(tuning=GuardSettings(frozen_s=0.0)).receives(shown())
     assert sensor.freezes_after() is None
 
 
 def test_fewer_than_a_hundred_changes_are_no_noise() -> None:
     for readings, frozen in ((90, None), (400, HALF_A_SECOND)):
-        assert Sensor().hears(itertools.islice(noisy(1, 1.6e-3), readings)).freezes_after() == frozen
+        assert Sensor().receives(itertools.islice(noisy(1, 1.6e-3), readings)).freezes_after() == frozen
 
 
 def test_what_was_shown_is_counted() -> None:

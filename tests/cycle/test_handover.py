@@ -65,7 +65,7 @@ class ByHand(Exchange):
         self.step(CODEC.encode(StemPosition(position_m), self.counter), self.order(current_ma))
         self.counter += 1
 
-    def turn(self, *frames: CanFrame, position_m: float = 0.08) -> CurrentCommand:
+    def cycle(self, *frames: CanFrame, position_m: float = 0.08) -> CurrentCommand:
         reading = CODEC.encode(StemPosition(position_m), self.counter)
         self.counter += 1
         ((command, _),) = commands(self.step(reading, *frames))
@@ -74,38 +74,38 @@ class ByHand(Exchange):
 
 def test_the_current_is_the_one_that_was_given_and_the_last_one_until_then() -> None:
     it = ByHand()
-    assert it.turn().current_ma == 10.0
-    command = it.turn(it.order(9.5))
+    assert it.cycle().current_ma == 10.0
+    command = it.cycle(it.order(9.5))
     assert (command.mode, command.motion, command.current_ma) == (Mode.MANUAL, Motion.NONE, 9.5)
-    assert it.turn().current_ma == 9.5
-    assert it.turn(it.order(11.25)).current_ma == 11.25
+    assert it.cycle().current_ma == 9.5
+    assert it.cycle(it.order(11.25)).current_ma == 11.25
 
 
 @pytest.mark.parametrize(("wanted_ma", "given_ma"), [(0.0, 6.0), (5.999, 6.0), (18.0, 18.0), (25.0, 18.0)])
 def test_a_current_by_hand_keeps_the_limits(wanted_ma: float, given_ma: float) -> None:
     it = ByHand(guard=GuardSettings(auto_arm=True, current_low_ma=6.0, current_high_ma=18.0))
-    it.turn()
-    assert it.turn(it.order(wanted_ma)).current_ma == given_ma
+    it.cycle()
+    assert it.cycle(it.order(wanted_ma)).current_ma == given_ma
 
 
 def test_a_current_by_hand_keeps_the_rate() -> None:
     it = ByHand(guard=GuardSettings(auto_arm=True, max_rate_ma_per_s=100.0))
-    first_ma = it.turn().current_ma
+    first_ma = it.cycle().current_ma
     wanted_ma = first_ma - 2.0
-    currents = [it.turn(it.order(wanted_ma)).current_ma for _ in range(25)]
+    currents = [it.cycle(it.order(wanted_ma)).current_ma for _ in range(25)]
     assert currents[:3] == pytest.approx([first_ma - 0.1, first_ma - 0.2, first_ma - 0.3], abs=1e-9)
     assert currents[19:] == pytest.approx([wanted_ma] * 6, abs=1e-9)
 
 
-def test_without_feedback_a_new_current_by_hand_still_leaves() -> None:
+def test_without_feedback_a_new_current_by_hand_is_still_sent() -> None:
     it = ByHand()
-    it.turn(it.order(9.5))
+    it.cycle(it.order(9.5))
     it.step(elapsed_ns=100 * MS)
     (command, _), *_ = commands(it.step(it.order(8.5), elapsed_ns=10 * MS))
     assert (command.mode, command.current_ma) == (Mode.MANUAL, 8.5)
 
 
-def test_a_frozen_sensor_is_told_in_manual_mode_and_does_not_end_it() -> None:
+def test_a_frozen_sensor_is_reported_in_manual_mode_and_does_not_end_it() -> None:
     it = ByHand()
     it.sample()
     for number in range(2200):
@@ -114,27 +114,27 @@ def test_a_frozen_sensor_is_told_in_manual_mode_and_does_not_end_it() -> None:
     assert it.state.guard.mode is Mode.MANUAL
 
 
-def test_nothing_is_learned_in_manual_mode_and_the_law_begins_anew_behind_it() -> None:
+def test_nothing_is_learned_in_manual_mode_and_the_law_starts_again_behind_it() -> None:
     law = ScriptedLaw(stems=[RESTING, *[SLIDING, RESTING] * 20])
     it = ByHand(law)
-    it.turn()
-    it.turn()
-    taught = len(it.told(Learned))
+    it.cycle()
+    it.cycle()
+    taught = len(it.events_of(Learned))
     assert taught > 0
     for _ in range(10):
-        it.turn(it.order(9.5))
+        it.cycle(it.order(9.5))
         assert it.state.control.memory is None
         assert it.state.control.stem is None
-    assert len(it.told(Learned)) == taught
+    assert len(it.events_of(Learned)) == taught
     assert len(law.shown) == 2
-    it.turn(it.order(9.5, ManualRequest.AUTO))
+    it.cycle(it.order(9.5, ManualRequest.AUTO))
     assert len(law.begun_m) == 2
-    assert len(it.told(Learned)) == taught
+    assert len(it.events_of(Learned)) == taught
 
 
-def test_the_status_says_function_check_in_manual_mode() -> None:
+def test_the_status_reports_function_check_in_manual_mode() -> None:
     it = ByHand()
-    it.turn()
+    it.cycle()
     heard: list[PositionerStatus] = []
     for _ in range(150):
         frames = it.step(CODEC.encode(StemPosition(0.08), it.counter), it.order(9.5))
@@ -150,10 +150,10 @@ def test_back_in_automatic_mode_the_position_is_held_until_the_setpoint_changes(
     it.sample(setpoint=old)
     it.sample(setpoint=old)
     assert it.law.shown[-1].setpoint_m == pytest.approx(0.06)
-    it.turn(it.order(12.0), position_m=0.09)
+    it.cycle(it.order(12.0), position_m=0.09)
     for number in range(200):
-        it.turn(it.order(12.0), position_m=0.0901 if number % 2 else 0.0899)
-    it.turn(it.order(12.0, ManualRequest.AUTO), position_m=0.095)
+        it.cycle(it.order(12.0), position_m=0.0901 if number % 2 else 0.0899)
+    it.cycle(it.order(12.0, ManualRequest.AUTO), position_m=0.095)
     assert it.law.begun_m[-1] == pytest.approx(0.095)
     assert it.law.shown[-1].setpoint_m == pytest.approx(0.09, abs=1e-5)
     for _ in range(50):
@@ -190,10 +190,10 @@ def test_the_mean_is_of_up_to_a_hundred_readings_under_one_current() -> None:
 
 def test_the_laws_first_current_is_the_one_by_hand_and_the_difference_fades_within_a_second() -> None:
     it = ByHand(RestingLaw())
-    it.turn()
-    it.turn(it.order(7.0))
-    currents = [it.turn(it.order(7.0, ManualRequest.AUTO)).current_ma]
-    currents += [it.turn().current_ma for _ in range(1100)]
+    it.cycle()
+    it.cycle(it.order(7.0))
+    currents = [it.cycle(it.order(7.0, ManualRequest.AUTO)).current_ma]
+    currents += [it.cycle().current_ma for _ in range(1100)]
     wanted = [10.0 + 0.001 * number for number in range(1101)]
     assert currents[0] == 7.0
     assert currents[500] == pytest.approx(wanted[500] - 1.5, abs=2e-3)
@@ -211,8 +211,8 @@ def test_a_move_or_a_new_setpoint_gets_the_very_current_that_the_law_asks_for() 
     assert blended is still
     it = ByHand(RestingLaw())
     it.sample(setpoint=Setpoint(0.06))
-    it.turn(it.order(7.0))
-    it.turn(it.order(7.0, ManualRequest.AUTO))
+    it.cycle(it.order(7.0))
+    it.cycle(it.order(7.0, ManualRequest.AUTO))
     ((command, _),) = commands(it.sample(setpoint=Setpoint(0.07)))
     assert command.current_ma == pytest.approx(10.001)
 

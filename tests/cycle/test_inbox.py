@@ -337,7 +337,7 @@ def badly_made(payload: str) -> CanFrame:
         (badly_made("01 00127a 00 90"), Counted.UNDEFINED_VALUE),
     ],
 )
-def test_a_bad_frame_is_refused_counted_and_told(frame: CanFrame, reason: Counted) -> None:
+def test_a_bad_frame_is_refused_counted_and_reported(frame: CanFrame, reason: Counted) -> None:
     received = take(frame)
     assert received.reading is None
     assert reasons(received) == [reason]

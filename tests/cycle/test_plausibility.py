@@ -28,7 +28,9 @@ class Sensor:
         self.settings, self.valve = settings, valve
         self.history = ReadingHistory()
 
-    def says(self, position_m: float, commanded_ma: float | None = None, elapsed_s: float = PERIOD_S) -> Counted | None:
+    def refuses(
+        self, position_m: float, commanded_ma: float | None = None, elapsed_s: float = PERIOD_S
+    ) -> Counted | None:
         message = StemPosition(position_m)
         self.history, doubt = check_reading(self.settings, self.valve, self.history, message, commanded_ma, elapsed_s)
         return doubt.counted if doubt else None
@@ -37,8 +39,8 @@ class Sensor:
 def test_a_reading_is_valid_and_never_frozen_while_no_command_acts_on_the_valve() -> None:
     frozen = Sensor()
     for _ in range(20):
-        frozen.says(HERE_M, EDGE_MA + 1.0)
-    assert frozen.says(HERE_M, EDGE_MA + 1.0) is Counted.FEEDBACK_FROZEN
+        frozen.refuses(HERE_M, EDGE_MA + 1.0)
+    assert frozen.refuses(HERE_M, EDGE_MA + 1.0) is Counted.FEEDBACK_FROZEN
     history = ReadingHistory()
     for _ in range(20):
         message = StemPosition(HERE_M, 0, Quality.FAIL_POSITION)
@@ -64,48 +66,48 @@ def test_a_reading_that_calls_itself_a_fault_is_none_and_a_suspect_one_is_one() 
 def test_a_reading_lies_within_the_travel_and_its_margin(position_m: float, doubted: bool) -> None:
     valve = ValveParameters(id="binary", travel_min_m=0.0, travel_max_m=0.125)
     sensor = Sensor(GuardSettings(position_margin_m=0.0625), valve)
-    assert sensor.says(position_m) is (Counted.FEEDBACK_RANGE if doubted else None)
+    assert sensor.refuses(position_m) is (Counted.FEEDBACK_RANGE if doubted else None)
 
 
 def test_the_largest_step_is_plausible_in_both_directions() -> None:
     for end_m in (0.0625 + 0.0078125, 0.0625 - 0.0078125):
         sensor = Sensor(GuardSettings(max_jump_m=0.0078125))
-        assert sensor.says(0.0625) is None
-        assert sensor.says(end_m) is None
-        assert sensor.says(math.nextafter(0.0625, end_m - 1.0 if end_m > 0.0625 else 1.0)) is Counted.FEEDBACK_JUMP
+        assert sensor.refuses(0.0625) is None
+        assert sensor.refuses(end_m) is None
+        assert sensor.refuses(math.nextafter(0.0625, end_m - 1.0 if end_m > 0.0625 else 1.0)) is Counted.FEEDBACK_JUMP
 
 
 def test_jumps_agree_as_far_as_a_plausible_step() -> None:
     step_m = 0.0078125
     for beyond_m, believed in ((0.0, True), (1e-6, False)):
         sensor = Sensor(GuardSettings(max_jump_m=step_m))
-        said = [sensor.says(position_m) for position_m in (0.0625, 0.09375, 0.09375 + step_m + beyond_m, 0.09375)]
+        said = [sensor.refuses(position_m) for position_m in (0.0625, 0.09375, 0.09375 + step_m + beyond_m, 0.09375)]
         assert (said[3] is None) is believed
 
 
 def test_three_jumps_to_one_place_are_a_new_truth() -> None:
     sensor = Sensor()
-    said = [sensor.says(position_m) for position_m in (0.05, 0.09, 0.095, 0.09)]
+    said = [sensor.refuses(position_m) for position_m in (0.05, 0.09, 0.095, 0.09)]
     assert said == [None, Counted.FEEDBACK_JUMP, Counted.FEEDBACK_JUMP, None]
     assert (sensor.history.position_m, sensor.history.jumps, sensor.history.jumped_m) == (0.09, 0, None)
 
 
 def test_jumps_to_and_fro_are_never_believed() -> None:
     sensor = Sensor()
-    sensor.says(0.05)
+    sensor.refuses(0.05)
     places = [0.09, 0.11, 0.13] * 10
-    assert {sensor.says(position_m) for position_m in places} == {Counted.FEEDBACK_JUMP}
+    assert {sensor.refuses(position_m) for position_m in places} == {Counted.FEEDBACK_JUMP}
     assert sensor.history.position_m == 0.05
 
 
 def test_a_jump_that_is_not_repeated_is_forgotten() -> None:
     sensor = Sensor()
-    said = [sensor.says(position_m) for position_m in (0.05, 0.09, 0.09, 0.05, 0.09, 0.09)]
+    said = [sensor.refuses(position_m) for position_m in (0.05, 0.09, 0.09, 0.05, 0.09, 0.09)]
     assert said[3] is None
     assert said[4:] == [Counted.FEEDBACK_JUMP] * 2
 
 
-def test_a_jump_is_told_in_mm() -> None:
+def test_a_jump_is_reported_in_mm() -> None:
     _, doubt = check_reading(SETTINGS, VALVE, ReadingHistory(0.05), StemPosition(0.0625), None, PERIOD_S)
     assert doubt == Refusal(Counted.FEEDBACK_JUMP, "a jump of 12.5 mm")
     _, doubt = check_reading(SETTINGS, VALVE, ReadingHistory(0.125), StemPosition(0.0), None, PERIOD_S)
@@ -117,7 +119,7 @@ def test_a_jump_is_told_in_mm() -> None:
 
 def samples_until_frozen(sensor: Sensor, commanded_ma: float | None, position_m: float = HERE_M) -> int | None:
     for sample in range(100):
-        if sensor.says(position_m, commanded_ma) is Counted.FEEDBACK_FROZEN:
+        if sensor.refuses(position_m, commanded_ma) is Counted.FEEDBACK_FROZEN:
             return sample
     return None
 
@@ -152,23 +154,23 @@ def test_exactly_at_the_edge_a_stem_may_still_stick() -> None:
 
 def test_the_time_of_lost_frames_counts() -> None:
     sensor = Sensor()
-    sensor.says(HERE_M, 20.0)
-    assert sensor.says(HERE_M, 20.0, 1.0) is None
-    assert sensor.says(HERE_M, 20.0, 0.001) is Counted.FEEDBACK_FROZEN
+    sensor.refuses(HERE_M, 20.0)
+    assert sensor.refuses(HERE_M, 20.0, 1.0) is None
+    assert sensor.refuses(HERE_M, 20.0, 0.001) is Counted.FEEDBACK_FROZEN
 
 
 def test_the_smallest_motion_proves_life_and_a_pause_between_two_pushes_does_not() -> None:
     sensor = Sensor()
     for _ in range(8):
-        assert sensor.says(HERE_M, 20.0) is None
-    assert sensor.says(HERE_M + 1e-8, 20.0) is None
+        assert sensor.refuses(HERE_M, 20.0) is None
+    assert sensor.refuses(HERE_M + 1e-8, 20.0) is None
     assert sensor.history.rigid_s == 0.0
     for _ in range(8):
-        assert sensor.says(HERE_M + 1e-8, 20.0) is None
+        assert sensor.refuses(HERE_M + 1e-8, 20.0) is None
     for _ in range(50):
-        assert sensor.says(HERE_M + 1e-8, BALANCE_MA) is None
+        assert sensor.refuses(HERE_M + 1e-8, BALANCE_MA) is None
     assert sensor.history.rigid_s == 1.0
-    assert sensor.says(HERE_M + 1e-8, 20.0) is Counted.FEEDBACK_FROZEN
+    assert sensor.refuses(HERE_M + 1e-8, 20.0) is Counted.FEEDBACK_FROZEN
 
 
 def test_frozen_stays_frozen_until_the_reading_moves_or_control_ends() -> None:
@@ -176,10 +178,10 @@ def test_frozen_stays_frozen_until_the_reading_moves_or_control_ends() -> None:
         sensor = Sensor()
         assert samples_until_frozen(sensor, 20.0) == 9
         frozen_s = sensor.history.rigid_s
-        assert sensor.says(HERE_M, BALANCE_MA) is Counted.FEEDBACK_FROZEN
-        assert sensor.says(HERE_M, 20.0) is Counted.FEEDBACK_FROZEN
+        assert sensor.refuses(HERE_M, BALANCE_MA) is Counted.FEEDBACK_FROZEN
+        assert sensor.refuses(HERE_M, 20.0) is Counted.FEEDBACK_FROZEN
         assert sensor.history.rigid_s == frozen_s
-        assert sensor.says(position_m, commanded_ma) is None
+        assert sensor.refuses(position_m, commanded_ma) is None
         assert sensor.history.rigid_s == 0.0
 
 
@@ -215,7 +217,7 @@ def test_the_stop_band_is_a_fiftieth_of_the_span_from_where_the_stops_are() -> N
         assert (samples_until_frozen(Sensor(valve=valve), commanded_ma, position_m) is not None) is bool(frozen)
 
 
-def test_the_doubt_says_how_long_and_under_which_current() -> None:
+def test_the_refusal_shows_how_long_and_under_which_current() -> None:
     _, doubt = check_reading(SETTINGS, VALVE, ReadingHistory(HERE_M, rigid_s=1.0), StemPosition(HERE_M), 20.0, 0.25)
     assert doubt is not None
     assert doubt.why == "frozen: not a bit of change for 1.25 s under 20.000 mA, which must move the stem"

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 MS = 1_000_000
 
 
-def heard(intervals_ns: list[int], lost: int = 0) -> FramePeriod:
+def measured(intervals_ns: list[int], lost: int = 0) -> FramePeriod:
     frame_period, now_ns = FramePeriod().add(10**12, 0), 10**12
     for interval_ns in intervals_ns:
         now_ns += interval_ns
@@ -36,24 +36,24 @@ def heard(intervals_ns: list[int], lost: int = 0) -> FramePeriod:
 
 @given(st.lists(st.integers(0, 50 * MS), min_size=50, max_size=50))
 def test_the_measured_period_is_the_median_of_a_window(intervals_ns: list[int]) -> None:
-    assert heard(intervals_ns).measured_s == pytest.approx(statistics.median(intervals_ns) / 1e9)
-    assert heard(intervals_ns[:49]).measured_s is None
+    assert measured(intervals_ns).measured_s == pytest.approx(statistics.median(intervals_ns) / 1e9)
+    assert measured(intervals_ns[:49]).measured_s is None
 
 
 @pytest.mark.parametrize(("measured_ms", "wrong"), [(0.79, True), (0.81, False), (1.19, False), (1.21, True)])
 def test_a_fifth_is_tolerated_both_ways(measured_ms: float, wrong: bool) -> None:
-    assert heard([round(measured_ms * MS)] * 50).is_wrong(0.001) is wrong
-    assert heard([round(3 * measured_ms * MS)] * 50, lost=2).is_wrong(0.001) is wrong
+    assert measured([round(measured_ms * MS)] * 50).is_wrong(0.001) is wrong
+    assert measured([round(3 * measured_ms * MS)] * 50, lost=2).is_wrong(0.001) is wrong
 
 
 def test_frames_that_are_late_or_read_together_make_no_period_wrong() -> None:
     bursts = [4 * MS, 0, 0, 0] * 12 + [MS, MS]
-    assert not heard([MS] * 30 + [9 * MS] * 5 + [0] * 15).is_wrong(0.001)
-    assert heard(bursts).is_wrong(0.001)  # without the kernel's stamps, four at a time cannot be told from none
+    assert not measured([MS] * 30 + [9 * MS] * 5 + [0] * 15).is_wrong(0.001)
+    assert measured(bursts).is_wrong(0.001)  # without the kernel's stamps, four at a time cannot be told from none
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
-def test_a_wrong_sample_period_is_told_with_the_measured_one(factor: float, tmp_path: Path) -> None:
+def test_a_wrong_sample_period_is_reported_with_the_measured_one(factor: float, tmp_path: Path) -> None:
     with VirtualShell(tmp_path) as shell:
         shell.world.period_ns = round(factor * shell.world.period_ns)
         shell.cycle_for(2.0)
@@ -78,7 +78,7 @@ def test_lockstep_with_a_plant_that_does_not_wait_ends_in_one_line(tmp_path: Pat
 
 
 @pytest.mark.parametrize("period_s", [0.001, 0.007, 0.2])
-def test_in_hold_the_last_word_comes_every_ten_milliseconds_whatever_the_period(
+def test_in_hold_the_last_command_comes_every_ten_milliseconds_whatever_the_period(
     period_s: float, tmp_path: Path
 ) -> None:
     patient = {"feedback_failsafe_periods": 10_000, "setpoint_hold_s": 0.0, "setpoint_failsafe_s": 0.0}
@@ -104,7 +104,7 @@ def test_in_hold_the_last_word_comes_every_ten_milliseconds_whatever_the_period(
         (0.2, {"actuator_deadman_s": 0.0}, "none\n"),
     ],
 )
-def test_check_says_when_the_sample_period_is_too_long_for_the_deadman(
+def test_check_reports_when_the_sample_period_is_too_long_for_the_deadman(
     period_s: float, guard: dict[str, float], expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bus = BusAddress(interface="virtual", channel="none")

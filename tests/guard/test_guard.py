@@ -88,7 +88,7 @@ def active_at(now_ns: int, tuning: GuardSettings = SETTINGS) -> GuardState:
     return watch(ready_at(now_ns, tuning), ARM, now_ns, tuning)
 
 
-def told(state: GuardState) -> tuple[Mode, Cause]:
+def mode_and_cause(state: GuardState) -> tuple[Mode, Cause]:
     return state.mode, state.cause
 
 
@@ -97,28 +97,28 @@ def told(state: GuardState) -> tuple[Mode, Cause]:
 
 def test_it_boots_silent_and_waits_for_feedback() -> None:
     state = watch(GuardState(), GuardInput(setpoint_age_ns=0), SECOND)
-    assert told(state) == (Mode.INIT, Cause.WAITING_FOR_FEEDBACK)
+    assert mode_and_cause(state) == (Mode.INIT, Cause.WAITING_FOR_FEEDBACK)
     assert not state.transmits
     assert not state.controls
 
 
 def test_feedback_makes_it_ready_and_nothing_more() -> None:
     state = ready_at(SECOND)
-    assert told(state) == (Mode.READY, Cause.WAITING_FOR_ARM)
+    assert mode_and_cause(state) == (Mode.READY, Cause.WAITING_FOR_ARM)
     assert not state.transmits
 
 
 def test_arming_makes_it_active() -> None:
     state = active_at(SECOND)
-    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(state) == (Mode.ACTIVE, Cause.NONE)
     assert state.transmits
     assert state.controls
 
 
 def test_feedback_that_ends_before_arming_leads_back_to_the_beginning() -> None:
     state = ready_at(SECOND)
-    assert told(watch(state, NOTHING, SECOND + 10 * MS)) == (Mode.READY, Cause.WAITING_FOR_ARM)
-    assert told(watch(state, NOTHING, SECOND + 10 * MS + 1)) == (Mode.INIT, Cause.WAITING_FOR_FEEDBACK)
+    assert mode_and_cause(watch(state, NOTHING, SECOND + 10 * MS)) == (Mode.READY, Cause.WAITING_FOR_ARM)
+    assert mode_and_cause(watch(state, NOTHING, SECOND + 10 * MS + 1)) == (Mode.INIT, Cause.WAITING_FOR_FEEDBACK)
 
 
 @pytest.mark.parametrize(
@@ -131,10 +131,10 @@ def test_feedback_that_ends_before_arming_leads_back_to_the_beginning() -> None:
     ],
 )
 def test_feedback_ages_in_sample_periods(age_ns: int, expected: tuple[Mode, Cause]) -> None:
-    assert told(watch(active_at(SECOND), GuardInput(setpoint_age_ns=0), SECOND + age_ns)) == expected
+    assert mode_and_cause(watch(active_at(SECOND), GuardInput(setpoint_age_ns=0), SECOND + age_ns)) == expected
     # the same number of longer periods
     state = supervise(SETTINGS, active_at(SECOND), GuardInput(setpoint_age_ns=0), 0.1, SECOND + 100 * age_ns)
-    assert told(state) == expected
+    assert mode_and_cause(state) == expected
 
 
 @pytest.mark.parametrize(
@@ -147,14 +147,14 @@ def test_feedback_ages_in_sample_periods(age_ns: int, expected: tuple[Mode, Caus
     ],
 )
 def test_the_setpoint_ages_in_seconds(age_ns: int, expected: tuple[Mode, Cause]) -> None:
-    assert told(watch(active_at(SECOND), GuardInput(feedback_age_ns=0), SECOND + age_ns)) == expected
+    assert mode_and_cause(watch(active_at(SECOND), GuardInput(feedback_age_ns=0), SECOND + age_ns)) == expected
 
 
 def test_a_hold_ends_when_what_was_missing_comes_back() -> None:
     held = watch(active_at(SECOND), NOTHING, SECOND + 5 * MS)
     assert held.mode is Mode.HOLD
     assert held.controls  # towards the setpoint it has
-    assert told(watch(held, EVERYTHING, SECOND + 6 * MS)) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(watch(held, EVERYTHING, SECOND + 6 * MS)) == (Mode.ACTIVE, Cause.NONE)
 
 
 def test_zero_means_that_a_setpoint_never_ages() -> None:
@@ -171,14 +171,14 @@ def test_a_law_that_keeps_failing_fails_safe() -> None:
     almost = replace(active_at(SECOND), law=LawRecord(failures=9))
     assert watch(almost, EVERYTHING, SECOND + MS).mode is Mode.ACTIVE
     enough = replace(almost, law=LawRecord(failures=10))
-    assert told(watch(enough, EVERYTHING, SECOND + MS)) == (Mode.FAILSAFE, Cause.LAW_FAILED)
+    assert mode_and_cause(watch(enough, EVERYTHING, SECOND + MS)) == (Mode.FAILSAFE, Cause.LAW_FAILED)
 
 
 def test_failsafe_is_latched_with_its_cause() -> None:
     state = watch(active_at(SECOND), NOTHING, SECOND + 11 * MS)
     for later in range(12, 2000, 7):
         state = watch(state, EVERYTHING, SECOND + later * MS)
-        assert told(state) == (Mode.FAILSAFE, Cause.FEEDBACK_STALE)
+        assert mode_and_cause(state) == (Mode.FAILSAFE, Cause.FEEDBACK_STALE)
     assert state.transmits
     assert not state.controls
 
@@ -186,33 +186,33 @@ def test_failsafe_is_latched_with_its_cause() -> None:
 def test_what_is_missing_longest_is_not_what_counts_but_what_is_worst() -> None:
     late = SECOND + 11 * SECOND
     state = watch(active_at(SECOND), NOTHING, late)
-    assert told(state) == (Mode.FAILSAFE, Cause.FEEDBACK_STALE)
+    assert mode_and_cause(state) == (Mode.FAILSAFE, Cause.FEEDBACK_STALE)
     state = watch(active_at(SECOND), GuardInput(feedback_age_ns=0), SECOND + 600 * MS)
-    assert told(watch(state, NOTHING, SECOND + 604 * MS)) == (Mode.HOLD, Cause.FEEDBACK_STALE)
+    assert mode_and_cause(watch(state, NOTHING, SECOND + 604 * MS)) == (Mode.HOLD, Cause.FEEDBACK_STALE)
 
 
 @pytest.mark.parametrize("cause", [Cause.FEEDBACK_IMPLAUSIBLE, Cause.FEEDBACK_FROZEN])
 def test_readings_that_come_and_are_refused_give_the_cause_its_name(cause: Cause) -> None:
     doubted = GuardInput(setpoint_age_ns=0, feedback_refused=cause)
     state = watch(active_at(SECOND), doubted, SECOND + 3 * MS)
-    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(state) == (Mode.ACTIVE, Cause.NONE)
     state = watch(state, doubted, SECOND + 4 * MS)
-    assert told(state) == (Mode.HOLD, cause)
-    assert told(watch(state, NOTHING, SECOND + 11 * MS)) == (Mode.FAILSAFE, cause)
+    assert mode_and_cause(state) == (Mode.HOLD, cause)
+    assert mode_and_cause(watch(state, NOTHING, SECOND + 11 * MS)) == (Mode.FAILSAFE, cause)
     good = watch(state, GuardInput(feedback_age_ns=0, setpoint_age_ns=0, feedback_refused=cause), SECOND + 5 * MS)
-    assert told(good) == (Mode.ACTIVE, Cause.NONE)
-    assert told(watch(good, NOTHING, SECOND + 9 * MS)) == (Mode.HOLD, Cause.FEEDBACK_STALE)
+    assert mode_and_cause(good) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(watch(good, NOTHING, SECOND + 9 * MS)) == (Mode.HOLD, Cause.FEEDBACK_STALE)
 
 
-def test_cycles_that_are_late_again_and_again_are_told_and_one_in_time_ends_it() -> None:
+def test_cycles_that_are_late_again_and_again_are_reported_and_one_in_time_ends_it() -> None:
     late = Conditions(late=True)
     state = active_at(SECOND)
     for cycle_number in range(1, 13):
         state = watch(state, EVERYTHING, SECOND + cycle_number * MS, conditions=late)
         expected = Cause.LAW_LATE if cycle_number >= 10 else Cause.NONE
-        assert told(state) == (Mode.ACTIVE, expected)
+        assert mode_and_cause(state) == (Mode.ACTIVE, expected)
         assert state.health(table_saved=True) is (Health.OUT_OF_SPECIFICATION if expected else Health.GOOD)
-    assert told(watch(state, EVERYTHING, SECOND + 13 * MS)) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(watch(state, EVERYTHING, SECOND + 13 * MS)) == (Mode.ACTIVE, Cause.NONE)
 
 
 # arming
@@ -220,13 +220,13 @@ def test_cycles_that_are_late_again_and_again_are_told_and_one_in_time_ends_it()
 
 def test_a_request_counts_when_it_changes() -> None:
     state = watch(active_at(SECOND), DISARM, SECOND + MS)
-    assert told(state) == (Mode.READY, Cause.DISARMED)
+    assert mode_and_cause(state) == (Mode.READY, Cause.DISARMED)
     assert not state.arming.armed
     state = watch(state, DISARM, SECOND + 2 * MS)
     state = watch(state, ARM, SECOND + 3 * MS)
-    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(state) == (Mode.ACTIVE, Cause.NONE)
     state = watch(state, ARM, SECOND + 4 * MS)
-    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(state) == (Mode.ACTIVE, Cause.NONE)
 
 
 def test_a_request_that_is_held_does_not_rearm_after_a_failsafe() -> None:
@@ -236,15 +236,15 @@ def test_a_request_that_is_held_does_not_rearm_after_a_failsafe() -> None:
     state = watch(state, RELEASED, SECOND + 13 * MS)
     assert state.mode is Mode.FAILSAFE
     state = watch(state, ARM, SECOND + 14 * MS)
-    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(state) == (Mode.ACTIVE, Cause.NONE)
 
 
 def test_arming_forgets_the_failures_of_the_law() -> None:
     failed = watch(replace(active_at(SECOND), law=LawRecord(failures=10)), EVERYTHING, SECOND + MS)
-    assert told(failed) == (Mode.FAILSAFE, Cause.LAW_FAILED)
+    assert mode_and_cause(failed) == (Mode.FAILSAFE, Cause.LAW_FAILED)
     released = watch(failed, GuardInput(feedback_age_ns=0, requests=(HostRequest.NONE,)), SECOND + 2 * MS)
     again = watch(released, ARM, SECOND + 3 * MS)
-    assert told(again) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(again) == (Mode.ACTIVE, Cause.NONE)
     assert again.law.failures == 0
 
 
@@ -252,12 +252,12 @@ def test_an_arm_that_was_held_at_the_start_does_not_arm_until_something_else_was
     state = GuardState()
     for sample in range(50):
         state = watch(state, ARM, SECOND + sample * MS)
-        assert told(state) == (Mode.READY, Cause.WAITING_FOR_ARM)
+        assert mode_and_cause(state) == (Mode.READY, Cause.WAITING_FOR_ARM)
         assert not state.arming.ever_armed
     for released in (HostRequest.NONE, HostRequest.DISARM):
         other = watch(state, GuardInput(feedback_age_ns=0, setpoint_age_ns=0, requests=(released,)), SECOND + 50 * MS)
         assert not other.arming.armed
-        assert told(watch(other, ARM, SECOND + 51 * MS)) == (Mode.ACTIVE, Cause.NONE)
+        assert mode_and_cause(watch(other, ARM, SECOND + 51 * MS)) == (Mode.ACTIVE, Cause.NONE)
 
 
 @given(
@@ -295,13 +295,13 @@ def test_another_controller_s_command_right_after_the_arming_disarms(since_ms: i
     for passed_ms in range(1, since_ms):
         state = watch(state, alive, SECOND + passed_ms * MS)
     state = watch(state, replace(alive, foreign_command=True), SECOND + since_ms * MS)
-    assert told(state) == (Mode.READY, Cause.FOREIGN_COMMAND)
+    assert mode_and_cause(state) == (Mode.READY, Cause.FOREIGN_COMMAND)
     assert not state.transmits
     for passed_ms in range(1, 3000):  # the held ARM does not arm again, however long ago the other one was heard
         state = watch(state, alive, SECOND + (since_ms + passed_ms) * MS)
         assert not state.arming.armed
     state = watch(watch(state, RELEASED, 5 * SECOND), ARM, 5 * SECOND + MS)
-    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(state) == (Mode.ACTIVE, Cause.NONE)
 
 
 def test_the_automatic_arming_waits_while_the_host_wants_it_disarmed() -> None:
@@ -325,37 +325,37 @@ def test_arming_needs_fresh_feedback() -> None:
     assert not watch(GuardState(), GuardInput(), SECOND, GuardSettings(auto_arm=True)).arming.armed
 
 
-def test_an_arm_before_the_feedback_is_heard_when_it_is_repeated() -> None:
+def test_an_arm_before_the_feedback_counts_when_it_is_repeated() -> None:
     early = watch(
         GuardState(arming=Arming(request=HostRequest.NONE)),
         GuardInput(setpoint_age_ns=0, requests=(HostRequest.ARM,)),
         0,
     )
-    assert told(early) == (Mode.INIT, Cause.WAITING_FOR_FEEDBACK)
+    assert mode_and_cause(early) == (Mode.INIT, Cause.WAITING_FOR_FEEDBACK)
     ready = watch(early, GuardInput(feedback_age_ns=0), MS)
-    assert told(ready) == (Mode.READY, Cause.WAITING_FOR_ARM)
-    assert told(watch(ready, ARM, 2 * MS)) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(ready) == (Mode.READY, Cause.WAITING_FOR_ARM)
+    assert mode_and_cause(watch(ready, ARM, 2 * MS)) == (Mode.ACTIVE, Cause.NONE)
 
 
 def test_a_foreign_command_forbids_arming_again_after_a_disarm() -> None:
     disarmed = watch(active_at(0), DISARM, MS)
     foreign = watch(disarmed, GuardInput(feedback_age_ns=0, setpoint_age_ns=0, foreign_command=True), 2 * MS)
-    assert told(watch(foreign, ARM, 3 * MS)) == (Mode.READY, Cause.FOREIGN_COMMAND)
+    assert mode_and_cause(watch(foreign, ARM, 3 * MS)) == (Mode.READY, Cause.FOREIGN_COMMAND)
 
 
-def test_arming_starts_the_age_of_the_setpoint_anew() -> None:
+def test_arming_starts_the_age_of_the_setpoint_again() -> None:
     quiet = GuardInput(feedback_age_ns=0)
     state = watch(ready_at(SECOND), quiet, SECOND + 60 * SECOND)
     state = watch(state, GuardInput(feedback_age_ns=0, requests=(HostRequest.ARM,)), 61 * SECOND + MS)
-    assert told(state) == (Mode.ACTIVE, Cause.NONE)
-    assert told(watch(state, quiet, 61 * SECOND + 502 * MS)) == (Mode.HOLD, Cause.SETPOINT_STALE)
+    assert mode_and_cause(state) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(watch(state, quiet, 61 * SECOND + 502 * MS)) == (Mode.HOLD, Cause.SETPOINT_STALE)
 
 
 def test_asking_again_while_armed_does_not_refresh_the_setpoint() -> None:
     held = watch(active_at(SECOND), GuardInput(feedback_age_ns=0, requests=(HostRequest.NONE,)), SECOND + 600 * MS)
     assert held.mode is Mode.HOLD
     again = watch(held, GuardInput(feedback_age_ns=0, requests=(HostRequest.ARM,)), SECOND + 601 * MS)
-    assert told(again) == (Mode.HOLD, Cause.SETPOINT_STALE)
+    assert mode_and_cause(again) == (Mode.HOLD, Cause.SETPOINT_STALE)
 
 
 def test_disarming_works_in_every_mode_and_silences() -> None:
@@ -375,38 +375,44 @@ def test_a_stray_disarm_disarms_in_every_mode_and_is_no_request_that_an_arm_coul
     failed = watch(active_at(SECOND), NOTHING, SECOND + 11 * MS)
     for state in (active_at(SECOND), held, failed):
         off = watch(state, stray, SECOND + 12 * MS)
-        assert told(off) == (Mode.READY, Cause.DISARMED)
+        assert mode_and_cause(off) == (Mode.READY, Cause.DISARMED)
         assert off.arming.request is state.arming.request
         again = watch(off, ARM, SECOND + 13 * MS)
-        assert told(again) == (Mode.READY, Cause.DISARMED)
+        assert mode_and_cause(again) == (Mode.READY, Cause.DISARMED)
         again = watch(watch(again, RELEASED, SECOND + 14 * MS), ARM, SECOND + 15 * MS)
-        assert told(again) == (Mode.ACTIVE, Cause.NONE)
+        assert mode_and_cause(again) == (Mode.ACTIVE, Cause.NONE)
 
 
 def test_disputed_setpoints_age_and_are_called_so_until_one_is_taken() -> None:
     disputed = GuardInput(feedback_age_ns=0, setpoint_refused=Cause.SETPOINT_DISPUTED)
     state = watch(active_at(SECOND), disputed, SECOND + 499 * MS)
-    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(state) == (Mode.ACTIVE, Cause.NONE)
     state = watch(state, disputed, SECOND + 501 * MS)
-    assert told(state) == (Mode.HOLD, Cause.SETPOINT_DISPUTED)
-    assert told(watch(state, GuardInput(feedback_age_ns=0), SECOND + 502 * MS)) == (Mode.HOLD, Cause.SETPOINT_DISPUTED)
-    assert told(watch(state, disputed, 12 * SECOND)) == (Mode.FAILSAFE, Cause.SETPOINT_DISPUTED)
+    assert mode_and_cause(state) == (Mode.HOLD, Cause.SETPOINT_DISPUTED)
+    assert mode_and_cause(watch(state, GuardInput(feedback_age_ns=0), SECOND + 502 * MS)) == (
+        Mode.HOLD,
+        Cause.SETPOINT_DISPUTED,
+    )
+    assert mode_and_cause(watch(state, disputed, 12 * SECOND)) == (Mode.FAILSAFE, Cause.SETPOINT_DISPUTED)
     taken = watch(state, EVERYTHING, SECOND + 502 * MS)
-    assert told(taken) == (Mode.ACTIVE, Cause.NONE)
-    assert told(watch(taken, GuardInput(feedback_age_ns=0), 2 * SECOND + 3 * MS)) == (Mode.HOLD, Cause.SETPOINT_STALE)
+    assert mode_and_cause(taken) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(watch(taken, GuardInput(feedback_age_ns=0), 2 * SECOND + 3 * MS)) == (
+        Mode.HOLD,
+        Cause.SETPOINT_STALE,
+    )
 
 
-def test_a_disarmed_positioner_says_so() -> None:
+def test_a_disarmed_positioner_reports_it() -> None:
     state = watch(active_at(SECOND), DISARM, SECOND + MS)
-    assert told(watch(state, EVERYTHING, SECOND + 2 * MS)) == (Mode.READY, Cause.DISARMED)
-    assert told(watch(state, NOTHING, SECOND + 20 * MS)) == (Mode.INIT, Cause.WAITING_FOR_FEEDBACK)
+    assert mode_and_cause(watch(state, EVERYTHING, SECOND + 2 * MS)) == (Mode.READY, Cause.DISARMED)
+    assert mode_and_cause(watch(state, NOTHING, SECOND + 20 * MS)) == (Mode.INIT, Cause.WAITING_FOR_FEEDBACK)
 
 
 def test_auto_arm_arms_once_at_the_first_feedback() -> None:
     tuning = GuardSettings(auto_arm=True)
     assert not watch(GuardState(), GuardInput(setpoint_age_ns=0), SECOND, tuning).arming.armed
     state = watch(GuardState(), GuardInput(feedback_age_ns=0), SECOND, tuning)
-    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(state) == (Mode.ACTIVE, Cause.NONE)
     failed = watch(state, NOTHING, SECOND + 11 * MS, tuning)
     assert watch(failed, EVERYTHING, SECOND + 12 * MS, tuning).mode is Mode.FAILSAFE
     off = watch(state, DISARM, SECOND + MS, tuning)
@@ -422,18 +428,18 @@ FOREIGN = GuardInput(feedback_age_ns=0, setpoint_age_ns=0, foreign_command=True)
 def test_a_foreign_command_forbids_the_first_arming_for_a_second() -> None:
     tuning = GuardSettings(auto_arm=True)
     state = watch(GuardState(), FOREIGN, SECOND, tuning)
-    assert told(state) == (Mode.READY, Cause.FOREIGN_COMMAND)
+    assert mode_and_cause(state) == (Mode.READY, Cause.FOREIGN_COMMAND)
     assert watch(state, EVERYTHING, 2 * SECOND, tuning).mode is Mode.READY
     assert watch(state, EVERYTHING, 2 * SECOND + 1, tuning).mode is Mode.ACTIVE
 
 
-def test_a_foreign_command_while_armed_is_told_and_does_not_stop_control() -> None:
+def test_a_foreign_command_while_armed_is_reported_and_does_not_stop_control() -> None:
     state = watch(long_armed(), FOREIGN, SECOND + MS)
-    assert told(state) == (Mode.ACTIVE, Cause.FOREIGN_COMMAND)
+    assert mode_and_cause(state) == (Mode.ACTIVE, Cause.FOREIGN_COMMAND)
     assert state.health(table_saved=True) is Health.FAILURE
     state = watch(state, EVERYTHING, 2 * SECOND + MS)
     assert state.cause is Cause.FOREIGN_COMMAND
-    assert told(watch(state, EVERYTHING, 2 * SECOND + MS + 1)) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(watch(state, EVERYTHING, 2 * SECOND + MS + 1)) == (Mode.ACTIVE, Cause.NONE)
 
 
 # manual mode
@@ -451,9 +457,9 @@ AUTO = GuardInput(feedback_age_ns=0, setpoint_age_ns=0, manual=ManualCurrent(9.5
 
 
 def test_manual_mode_begins_and_ends_with_a_frame_and_only_while_armed() -> None:
-    assert told(watch(ready_at(SECOND), by_hand(), SECOND)) == (Mode.READY, Cause.WAITING_FOR_ARM)
+    assert mode_and_cause(watch(ready_at(SECOND), by_hand(), SECOND)) == (Mode.READY, Cause.WAITING_FOR_ARM)
     state = watch(active_at(SECOND), by_hand(), SECOND)
-    assert told(state) == (Mode.MANUAL, Cause.MANUAL)
+    assert mode_and_cause(state) == (Mode.MANUAL, Cause.MANUAL)
     assert (state.manual_ma, state.transmits, state.controls) == (9.5, True, False)
     assert admit(SETTINGS, state, state.manual_ma, 9.0, PERIOD_S) == 9.5
     state = watch(state, by_hand(11.0), SECOND + MS)
@@ -461,13 +467,13 @@ def test_manual_mode_begins_and_ends_with_a_frame_and_only_while_armed() -> None
     state = watch(state, EVERYTHING, SECOND + 2 * MS)
     assert (state.mode, state.manual_ma) == (Mode.MANUAL, 11.0)
     state = watch(state, AUTO, SECOND + 3 * MS)
-    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(state) == (Mode.ACTIVE, Cause.NONE)
     assert state.manual_ma is None
 
 
 def test_disarming_ends_manual_mode() -> None:
     state = watch(watch(active_at(SECOND), by_hand(), SECOND), DISARM, SECOND + MS)
-    assert told(state) == (Mode.READY, Cause.DISARMED)
+    assert mode_and_cause(state) == (Mode.READY, Cause.DISARMED)
     assert (state.manual_ma, state.transmits) == (None, False)
 
 
@@ -485,7 +491,7 @@ def test_in_manual_mode_only_the_manual_frame_is_the_hosts_sign_of_life(
 ) -> None:
     state = watch(active_at(SECOND), by_hand(), SECOND)
     state = watch(state, EVERYTHING, SECOND + age_ns)
-    assert told(state) == expected
+    assert mode_and_cause(state) == expected
     if state.mode is Mode.MANUAL:
         assert state.manual_ma == 9.5
 
@@ -494,23 +500,26 @@ def test_zero_means_that_a_manual_current_never_ages() -> None:
     tuning = replace(SETTINGS, setpoint_hold_s=0.0, setpoint_failsafe_s=0.0)
     state = watch(active_at(SECOND, tuning), by_hand(), SECOND, tuning)
     state = watch(state, EVERYTHING, 10**6 * SECOND, tuning)
-    assert told(state) == (Mode.MANUAL, Cause.MANUAL)
+    assert mode_and_cause(state) == (Mode.MANUAL, Cause.MANUAL)
 
 
-def test_lost_feedback_is_told_and_does_not_end_manual_mode() -> None:
+def test_lost_feedback_is_reported_and_does_not_end_manual_mode() -> None:
     state = watch(active_at(SECOND), by_hand(), SECOND)
     state = watch(state, by_hand(feedback=False), SECOND + 10 * MS)
-    assert told(state) == (Mode.MANUAL, Cause.MANUAL)
+    assert mode_and_cause(state) == (Mode.MANUAL, Cause.MANUAL)
     state = watch(state, by_hand(8.0, feedback=False), SECOND + 10 * MS + 1)
-    assert told(state) == (Mode.MANUAL, Cause.FEEDBACK_STALE)
+    assert mode_and_cause(state) == (Mode.MANUAL, Cause.FEEDBACK_STALE)
     assert state.manual_ma == 8.0
-    assert told(watch(state, GuardInput(manual=AUTO.manual), 2 * SECOND)) == (Mode.FAILSAFE, Cause.FEEDBACK_STALE)
-    assert told(watch(state, by_hand(), 2 * SECOND)) == (Mode.MANUAL, Cause.MANUAL)
+    assert mode_and_cause(watch(state, GuardInput(manual=AUTO.manual), 2 * SECOND)) == (
+        Mode.FAILSAFE,
+        Cause.FEEDBACK_STALE,
+    )
+    assert mode_and_cause(watch(state, by_hand(), 2 * SECOND)) == (Mode.MANUAL, Cause.MANUAL)
 
 
 def test_a_valve_whose_sensor_died_is_armed_again_while_the_host_asks_for_manual_mode() -> None:
     dead = watch(active_at(SECOND), NOTHING, 2 * SECOND)
-    assert told(dead) == (Mode.FAILSAFE, Cause.FEEDBACK_STALE)
+    assert mode_and_cause(dead) == (Mode.FAILSAFE, Cause.FEEDBACK_STALE)
     arm = GuardInput(setpoint_age_ns=0, requests=(HostRequest.ARM,))
     none = GuardInput(setpoint_age_ns=0, requests=(HostRequest.NONE,))
     dead = watch(dead, none, 2 * SECOND + MS)
@@ -518,7 +527,7 @@ def test_a_valve_whose_sensor_died_is_armed_again_while_the_host_asks_for_manual
     asked = watch(dead, by_hand(feedback=False), 2 * SECOND + 2 * MS)
     assert asked.mode is Mode.FAILSAFE
     state = watch(asked, arm, 2 * SECOND + 502 * MS)
-    assert told(state) == (Mode.MANUAL, Cause.FEEDBACK_STALE)
+    assert mode_and_cause(state) == (Mode.MANUAL, Cause.FEEDBACK_STALE)
     assert watch(asked, arm, 2 * SECOND + 502 * MS + 1).mode is Mode.FAILSAFE
     never = watch(GuardState(arming=Arming(request=HostRequest.NONE)), by_hand(feedback=False), SECOND)
     assert not watch(never, replace(arm, manual=ManualCurrent(9.5)), SECOND).arming.armed
@@ -526,9 +535,9 @@ def test_a_valve_whose_sensor_died_is_armed_again_while_the_host_asks_for_manual
 
 def test_who_arms_long_after_the_last_manual_frame_begins_in_automatic_mode() -> None:
     state = watch(watch(active_at(SECOND), by_hand(), SECOND), EVERYTHING, 20 * SECOND)
-    assert told(state) == (Mode.FAILSAFE, Cause.SETPOINT_STALE)
+    assert mode_and_cause(state) == (Mode.FAILSAFE, Cause.SETPOINT_STALE)
     state = watch(watch(state, RELEASED, 20 * SECOND), ARM, 20 * SECOND)
-    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(state) == (Mode.ACTIVE, Cause.NONE)
 
 
 def test_back_in_automatic_mode_the_host_has_its_time_to_send_a_setpoint() -> None:
@@ -537,15 +546,15 @@ def test_back_in_automatic_mode_the_host_has_its_time_to_send_a_setpoint() -> No
         state = watch(state, by_hand(setpoint=False), second * SECOND)
     auto = GuardInput(feedback_age_ns=0, manual=ManualCurrent(0.0, ManualRequest.AUTO))
     state = watch(state, auto, 19 * SECOND + 400 * MS)
-    assert told(state) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(state) == (Mode.ACTIVE, Cause.NONE)
     state = watch(state, auto, 19 * SECOND + 500 * MS + 1)
-    assert told(state) == (Mode.HOLD, Cause.SETPOINT_STALE)
+    assert mode_and_cause(state) == (Mode.HOLD, Cause.SETPOINT_STALE)
 
 
-def test_another_controller_in_manual_mode_is_a_failure_that_is_told() -> None:
+def test_another_controller_in_manual_mode_is_a_failure_that_is_reported() -> None:
     state = watch(long_armed(), by_hand(), SECOND)
     state = watch(state, replace(by_hand(), foreign_command=True), SECOND + MS)
-    assert told(state) == (Mode.MANUAL, Cause.FOREIGN_COMMAND)
+    assert mode_and_cause(state) == (Mode.MANUAL, Cause.FOREIGN_COMMAND)
     assert state.health(table_saved=True) is Health.FAILURE
 
 
@@ -556,14 +565,14 @@ def test_another_controller_in_manual_mode_is_a_failure_that_is_told() -> None:
 def test_an_error_that_stays_is_out_of_specification_and_control_goes_on(cause: Cause) -> None:
     deviates = Conditions(deviation=cause)
     state = watch(active_at(SECOND), EVERYTHING, SECOND + MS, conditions=deviates)
-    assert told(state) == (Mode.ACTIVE, cause)
+    assert mode_and_cause(state) == (Mode.ACTIVE, cause)
     assert state.controls
     assert state.health(table_saved=True) is Health.OUT_OF_SPECIFICATION
     # what is worse comes first
     assert watch(state, FOREIGN, SECOND + 2 * MS, conditions=deviates).cause is Cause.FOREIGN_COMMAND
     held = watch(state, NOTHING, SECOND + 5 * MS, conditions=deviates)
-    assert told(held) == (Mode.HOLD, Cause.FEEDBACK_STALE)
-    assert told(watch(state, EVERYTHING, SECOND + 2 * MS)) == (Mode.ACTIVE, Cause.NONE)
+    assert mode_and_cause(held) == (Mode.HOLD, Cause.FEEDBACK_STALE)
+    assert mode_and_cause(watch(state, EVERYTHING, SECOND + 2 * MS)) == (Mode.ACTIVE, Cause.NONE)
 
 
 # health
@@ -599,7 +608,7 @@ def test_feedback_is_stale_after_what_hold_tolerates() -> None:
 
 
 @pytest.mark.parametrize("mode", [Mode.INIT, Mode.READY])
-def test_nothing_leaves_before_arming(mode: Mode) -> None:
+def test_nothing_is_sent_before_arming(mode: Mode) -> None:
     assert admit(SETTINGS, GuardState(mode), 12.0, 12.0, PERIOD_S) is None
 
 
@@ -666,7 +675,7 @@ def test_a_failsafe_that_holds_stays_inside_the_limits() -> None:
     st.sampled_from([0.0, 10.0]),
     st.sampled_from(list(FailsafeAction)),
 )
-def test_what_leaves_is_inside_the_limits_whatever_happens(
+def test_every_command_is_within_the_limits_whatever_happens(
     mode: Mode, wanted_ma: float | None, last_ma: float, elapsed_s: float, rate: float, action: FailsafeAction
 ) -> None:
     tuning = GuardSettings(
@@ -715,7 +724,7 @@ def test_limits_that_make_no_sense_are_refused(values: dict[str, Any], message: 
         ),
     ],
 )
-def test_what_makes_no_sense_is_told_in_one_line(values: dict[str, Any], line: str) -> None:
+def test_what_makes_no_sense_is_reported_in_one_line(values: dict[str, Any], line: str) -> None:
     with pytest.raises(ValueError, match="must") as caught:
         GuardSettings(**values)
     assert str(caught.value) == line
@@ -781,7 +790,7 @@ class AnythingOnTheBus(RuleBasedStateMachine):
         self.usable_ns: int | None = None
         self.failures = 0
 
-    def turn(self, *frames: CanFrame, good: bool = False, late_ns: int = 0) -> None:
+    def cycle(self, *frames: CanFrame, good: bool = False, late_ns: int = 0) -> None:
         """Let a cycle pass and check what left."""
         self.state, outbox, _ = step(self.setup, self.state, CycleInput(frames, self.now_ns, late_ns))
         guard = self.state.guard
@@ -826,7 +835,7 @@ class AnythingOnTheBus(RuleBasedStateMachine):
         frames = [CODEC.encode(StemPosition(position_m, echo, quality), self.next_counter(StemPosition, lost + 1))]
         if request is not None:
             frames.append(CODEC.encode(Setpoint(setpoint_m, request), self.next_counter(Setpoint)))
-        self.turn(*frames, good=quality is not Quality.FAULT)
+        self.cycle(*frames, good=quality is not Quality.FAULT)
 
     @rule(
         data=st.binary(max_size=8),
@@ -834,23 +843,23 @@ class AnythingOnTheBus(RuleBasedStateMachine):
         kind=st.integers(0, 3),
     )
     def garbage(self, data: bytes, identifier: int, kind: int) -> None:
-        self.turn(CanFrame(identifier, data, is_error=kind == 1, is_remote=kind == 2, is_extended=kind == 3))
+        self.cycle(CanFrame(identifier, data, is_error=kind == 1, is_remote=kind == 2, is_extended=kind == 3))
 
     @rule(current_ma=st.floats(0.0, 25.0))
     def foreign_command(self, current_ma: float) -> None:
-        self.turn(CODEC.encode(CurrentCommand(current_ma), self.next_counter(CurrentCommand)))
+        self.cycle(CODEC.encode(CurrentCommand(current_ma), self.next_counter(CurrentCommand)))
 
     @rule(current_ma=st.floats(0.0, 25.0), request=st.sampled_from(ManualRequest))
     def by_hand(self, current_ma: float, request: ManualRequest) -> None:
         learned, samples = self.state.counters.learned, self.state.table.sequence
-        self.turn(CODEC.encode(ManualCurrent(current_ma, request), self.next_counter(ManualCurrent)))
+        self.cycle(CODEC.encode(ManualCurrent(current_ma, request), self.next_counter(ManualCurrent)))
         assert (self.state.counters.learned, self.state.table.sequence) == (learned, samples)
 
     @rule(repeat=st.integers(1, 30), elapsed_ns=st.integers(MS // 10, 5 * MS))
     def silence(self, repeat: int, elapsed_ns: int) -> None:
         for _ in range(repeat):
             self.now_ns += elapsed_ns
-            self.turn()
+            self.cycle()
 
     @rule(
         answer=st.one_of(
@@ -868,7 +877,7 @@ class AnythingOnTheBus(RuleBasedStateMachine):
         here_m = self.state.link.feedback.readings.position_m or 0.08
         for request in (HostRequest.NONE, *[HostRequest.ARM] * repeat):
             self.now_ns += MS
-            self.turn(
+            self.cycle(
                 CODEC.encode(StemPosition(here_m), self.next_counter(StemPosition)),
                 CODEC.encode(Setpoint(setpoint_m, request), self.next_counter(Setpoint)),
                 good=True,
@@ -882,7 +891,7 @@ class AnythingOnTheBus(RuleBasedStateMachine):
         for _ in range(repeat):
             self.now_ns += MS
             frame = CODEC.encode(StemPosition(0.08), self.next_counter(StemPosition))
-            self.turn(frame, CODEC.encode(Setpoint(0.1), self.next_counter(Setpoint)), good=True)
+            self.cycle(frame, CODEC.encode(Setpoint(0.1), self.next_counter(Setpoint)), good=True)
             pushes = self.state.guard.mode is Mode.ACTIVE and self.state.link.feedback.readings.position_m == 0.08
             pushed_ns = (pushed_ns or self.now_ns) if pushes and (self.state.output.last_ma or 0.0) > 19.5 else None
             assert pushed_ns is None or self.now_ns - pushed_ns <= (30 + 1 + 4) * MS
@@ -898,13 +907,13 @@ class AnythingOnTheBus(RuleBasedStateMachine):
         old = CODEC.encode(StemPosition(0.01), self.counters[StemPosition] - step)
         word = int.from_bytes(CODEC.encode(CurrentCommand(current_ma), 0).data, "big") ^ 1 << flipped
         before = self.state.counters.refused_frames
-        self.turn(CanFrame(0x100, word.to_bytes(8, "big")))
+        self.cycle(CanFrame(0x100, word.to_bytes(8, "big")))
         assert self.state.counters.refused_frames == before + 1
-        self.turn(old, good=True)
+        self.cycle(old, good=True)
 
     @rule(spent_ns=st.integers(1, SECOND))
     def late_cycle(self, spent_ns: int) -> None:
-        self.turn(late_ns=spent_ns)
+        self.cycle(late_ns=spent_ns)
 
     @invariant()
     def what_is_refused_is_counted_by_its_cause(self) -> None:
@@ -965,5 +974,5 @@ def test_a_law_without_a_usable_answer_keeps_the_last_current_and_then_fails_saf
         (command,) = [m for m, _ in map(CODEC.decode, outbox) if isinstance(m, CurrentCommand)]
         commands.append((command.current_ma, command.mode))
     assert commands == [(13.0, Mode.ACTIVE)] * 5 + [(4.0, Mode.FAILSAFE)] * 3
-    assert told(state.guard) == (Mode.FAILSAFE, Cause.LAW_FAILED)
+    assert mode_and_cause(state.guard) == (Mode.FAILSAFE, Cause.LAW_FAILED)
     assert state.counters.fallbacks == 3

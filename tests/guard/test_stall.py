@@ -66,11 +66,11 @@ def oldest_answer_ms(shell: VirtualShell) -> float:
 
 
 PLACES = range(12)
-"""Where in a turn a stall may strike: before each look at the clock, and while waiting."""
+"""Where in a cycle a stall may strike: before each look at the clock, and while waiting."""
 
 
 @pytest.mark.parametrize("stall_ms", [FAILSAFE_MS + 1, 400, 6_600, 60_000])
-def test_a_stall_beyond_the_failsafe_limit_is_latched_and_told_wherever_it_strikes(
+def test_a_stall_beyond_the_failsafe_limit_is_latched_and_reported_wherever_it_strikes(
     stall_ms: float, shell: VirtualShell
 ) -> None:
     for place in PLACES:
@@ -91,7 +91,7 @@ def test_a_stall_beyond_the_failsafe_limit_is_latched_and_told_wherever_it_strik
 
 
 @pytest.mark.parametrize("stall_ms", [HOLD_MS + 1, 60, 89])
-def test_a_stall_beyond_the_hold_limit_holds_for_a_turn_and_is_told(stall_ms: float, shell: VirtualShell) -> None:
+def test_a_stall_beyond_the_hold_limit_holds_for_a_cycle_and_is_reported(stall_ms: float, shell: VirtualShell) -> None:
     for place in PLACES:
         shell.cycle_for(1.0)
         shell.lines.clear()
@@ -106,7 +106,7 @@ def test_a_stall_beyond_the_hold_limit_holds_for_a_turn_and_is_told(stall_ms: fl
     assert oldest_answer_ms(shell) <= HOLD_MS
 
 
-def test_after_a_stall_the_last_word_comes_before_any_new_one(shell: VirtualShell) -> None:
+def test_after_a_stall_the_last_command_comes_before_any_new_one(shell: VirtualShell) -> None:
     before = len(shell.world.said)
     shell.world.struck = once(0, 60.0)
     shell.cycle()
@@ -128,7 +128,7 @@ def test_readings_that_waited_in_a_long_queue_are_not_acted_on(tmp_path: Path) -
         assert oldest_answer_ms(shell) <= HOLD_MS
 
 
-def test_a_short_stall_is_a_late_turn_and_no_more(shell: VirtualShell) -> None:
+def test_a_short_stall_is_a_late_cycle_and_no_more(shell: VirtualShell) -> None:
     shell.world.struck = once(5, 15.0)
     shell.cycle_for(0.5)
     assert shell.logged("longer than the period of 10 ms")
@@ -136,7 +136,7 @@ def test_a_short_stall_is_a_late_turn_and_no_more(shell: VirtualShell) -> None:
     assert shell.mode() is Mode.ACTIVE
 
 
-def test_without_a_stall_nothing_is_told_and_every_reading_is_answered_at_once(shell: VirtualShell) -> None:
+def test_without_a_stall_nothing_is_reported_and_every_reading_is_answered_at_once(shell: VirtualShell) -> None:
     shell.cycle_for(2.0)
     assert shell.lines == []
     assert oldest_answer_ms(shell) < 1.0

@@ -40,7 +40,7 @@ BORDERS = [
 
 
 @pytest.mark.parametrize(("current_ma", "expected"), BORDERS)
-def test_ne_43_tells_values_from_failures(current_ma: float, expected: LoopSignal) -> None:
+def test_ne_43_separates_values_from_failures(current_ma: float, expected: LoopSignal) -> None:
     assert signal_of(current_ma) is expected
 
 
@@ -59,7 +59,7 @@ def test_a_failsafe_current_may_be_a_value_or_a_failure_signal(current_ma: float
 
 
 @pytest.mark.parametrize("current_ma", [3.601, 3.799, 20.501, 20.999, -0.001, 22.001])
-def test_a_failsafe_current_that_says_neither_is_refused(current_ma: float) -> None:
+def test_a_failsafe_current_that_is_neither_is_refused(current_ma: float) -> None:
     with pytest.raises(ConfigurationError, match="failsafe_current_ma"):
         build({"failsafe_current_ma": current_ma}, GuardSettings, "guard")
 
@@ -82,7 +82,7 @@ def test_control_itself_stays_within_the_values(key: str, current_ma: float) -> 
         (22.0, 21.0, 22.0),
     ],
 )
-def test_what_says_the_same_as_a_current_reaches_from_border_to_border(
+def test_the_range_of_one_meaning_reaches_from_border_to_border(
     current_ma: float, low_ma: float, high_ma: float
 ) -> None:
     assert same_signal(current_ma) == (low_ma, high_ma)

@@ -269,7 +269,7 @@ def test_a_frame_of_wrong_length_or_of_one_byte_value_only_is_refused(message: M
         assert reason_for(replace(frame, data=byte * 8)) is Counted.WRONG_CRC
 
 
-def test_error_remote_and_unknown_frames_are_told_apart() -> None:
+def test_error_remote_and_unknown_frames_are_distinguished() -> None:
     frame = CODEC.encode(Setpoint(0.08), 0)
     assert reason_for(replace(frame, is_error=True)) is Counted.ERROR_FRAME
     assert reason_for(replace(frame, is_remote=True, data=b"")) is Counted.REMOTE_FRAME

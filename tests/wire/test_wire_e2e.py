@@ -83,7 +83,7 @@ def test_any_first_counter_is_fresh(start: int) -> None:
     assert verdicts([start]) == [(FRESH, 0)]
 
 
-def test_a_repeated_counter_is_told_and_does_not_disturb_the_count() -> None:
+def test_a_repeated_counter_is_reported_and_does_not_disturb_the_count() -> None:
     assert verdicts([7, 7, 7, 8]) == [(FRESH, 0), (REPEATED, 0), (REPEATED, 0), (FRESH, 0)]
 
 

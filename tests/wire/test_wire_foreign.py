@@ -164,7 +164,7 @@ def test_the_wire_table_of_a_settings_file_is_read() -> None:
     assert settings.stem_position == ALL.stem_position
 
 
-def test_a_message_without_a_dbc_is_told() -> None:
+def test_a_message_without_a_dbc_is_reported() -> None:
     assert problems(WireSettings(setpoint=ALL.setpoint)) == [
         "wire.dbc: is missing: name the DBC file that holds your messages"
     ]
@@ -182,14 +182,14 @@ OUTSIDE_ITS_FRAME = b'VERSION ""\nBU_: X\nBO_ 1 A: 1 X\n SG_ S : 0|16@1+ (1,0) [
 
 
 @pytest.mark.parametrize("content", [b"mass_kg = 1361\n", b"\x81\x8d\x00", OUTSIDE_ITS_FRAME])
-def test_a_file_that_is_no_dbc_is_told(tmp_path: Path, content: bytes) -> None:
+def test_a_file_that_is_no_dbc_is_reported(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "other.dbc"
     path.write_bytes(content)
     (problem,) = problems(WireSettings(dbc=path, setpoint=ALL.setpoint))
     assert problem.startswith(f"wire.dbc = '{path}': is no DBC: ")
 
 
-def test_a_dbc_without_messages_is_told(tmp_path: Path) -> None:
+def test_a_dbc_without_messages_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "empty.dbc"
     path.write_text('VERSION ""\n', encoding="cp1252")
     assert problems(WireSettings(dbc=path, setpoint=ALL.setpoint)) == [f"wire.dbc = '{path}': holds no message"]
@@ -248,11 +248,11 @@ def _with_sorted_names(problem: str) -> str:
         ),
     ],
 )
-def test_a_frame_that_cannot_carry_the_message_is_told(dbc: Path, settings: WireSettings, expected: str) -> None:
+def test_a_frame_that_cannot_carry_the_message_is_reported(dbc: Path, settings: WireSettings, expected: str) -> None:
     assert problems(replace(settings, dbc=dbc)) == [expected]
 
 
-def test_two_messages_in_one_frame_of_the_user_are_told(dbc: Path) -> None:
+def test_two_messages_in_one_frame_of_the_user_are_reported(dbc: Path) -> None:
     tail = MessageSettings(message="Tail", signals={"setpoint_m": "Target"})
     also = MessageSettings(message="Tail", signals={"position_m": "Target"})
     assert problems(WireSettings(dbc=dbc, setpoint=tail, stem_position=also)) == [

@@ -163,7 +163,7 @@ def test_a_coarse_command_signal_keeps_the_guards_limits(guard: GuardSettings, s
 
 
 @pytest.mark.parametrize(("failsafe_ma", "sent_ma"), [(21.0, 21.2), (3.5, 3.6), (3.3, 3.2), (4.3, 4.4), (3.8, 4.0)])
-def test_a_failsafe_current_says_the_same_after_rounding(failsafe_ma: float, sent_ma: float, tmp_path: Path) -> None:
+def test_a_failsafe_current_means_the_same_after_rounding(failsafe_ma: float, sent_ma: float, tmp_path: Path) -> None:
     guard = GuardSettings(
         auto_arm=True, failsafe_action=FailsafeAction.CURRENT, failsafe_current_ma=failsafe_ma, current_low_ma=5.0
     )

@@ -123,7 +123,7 @@ def test_a_frame_of_the_same_count_and_other_bytes_is_a_second_senders() -> None
     assert not heard(frames)[0].window.valid
 
 
-def test_the_reason_is_told_in_words() -> None:
+def test_the_reason_is_reported_in_words() -> None:
     assert window_after([True]).why == "its sender is in doubt: a frame came out of sequence just before"
     assert window_after([True] * 5).why == (
         "disputed: 5 of the last 64 frames came out of sequence; a second sender under its identifier? stop one of them"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import random
@@ -64,7 +65,8 @@ class DaemonSlot:
         try:
             self._play_to_the_end(daemon)
             kind = self._chance.choice((ALONE, TOGETHER))
-            (os.kill if kind == ALONE else os.killpg)(daemon.pid, signal.SIGKILL)
+            with contextlib.suppress(ProcessLookupError):  # it has ended by itself, which its status shows below
+                (os.kill if kind == ALONE else os.killpg)(daemon.pid, signal.SIGKILL)
             killed_ns = time.monotonic_ns()
         finally:
             daemon.kill()

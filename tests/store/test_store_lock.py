@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from positioner.store import lock
 
 _HOLDER = """
 import sys
+import threading
 from pathlib import Path
 from positioner.store import lock
 with lock.held(Path(sys.argv[1]), 0.0):
@@ -40,8 +42,9 @@ def test_the_lock_waits_for_a_holder_that_ends(tmp_path: Path) -> None:
     assert holder.stdout.readline() == "held\n"
     with pytest.raises(AlreadyRunningError, match=f"in use by process {holder.pid};"):
         lock.acquire(tmp_path, 0.0)
-    end = holder.stdin.close  # it ends when it is waited for, no sooner
-    os.close(lock.acquire(tmp_path, 10.0, lambda _: end()))
+    end = threading.Timer(0.2, holder.stdin.close)  # it ends while it is waited for, no sooner
+    os.close(lock.acquire(tmp_path, 60.0, lambda _: end.start()))
+    end.join()
     holder.stdout.close()
     assert holder.wait() == 0
 

@@ -37,9 +37,8 @@ def large(cells: int) -> StoredTable:
     return taught(samples[:cells], VALVE)
 
 
-def test_a_table_writer_that_hangs_is_reported_and_then_replaced_and_loses_nothing(
-    tmp_path: Path, writer: TableWriterClient
-) -> None:
+def test_a_table_writer_that_hangs_is_reported_and_then_replaced_and_loses_nothing(tmp_path: Path) -> None:
+    writer, _, _ = opened(tmp_path)
     wait_for(writer, lambda: writer.saved)
     pid = writer._child.process.pid
     os.kill(pid, signal.SIGSTOP)
@@ -56,6 +55,7 @@ def test_a_table_writer_that_hangs_is_reported_and_then_replaced_and_loses_nothi
     events = wait_for(writer, lambda: writer.saved)
     assert writer._child.process.pid != pid
     assert SavingWorks() in events
+    assert writer.close(10.0) is None
     assert database.read(tmp_path / TABLE).table == taught(series(30)).table
 
 

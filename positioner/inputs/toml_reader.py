@@ -41,15 +41,6 @@ _BETWEEN = re.compile(r"[,=\[\]{}]")
 _LINE_IN_TOML_ERROR = re.compile(r"\(at line (\d+)")
 
 
-def load(path: Path, kind: type[T]) -> T:
-    """Return the settings in the TOML file `path` as a `kind`.
-
-    Raises:
-        ConfigurationError: the file cannot be read, is not TOML, or any value in it is unknown or out of its limits.
-    """
-    return parse(read_text(path), kind, str(path))
-
-
 def read_text(path: Path) -> str:
     """Return the text of a settings file.
 
@@ -80,7 +71,7 @@ def parse(text: str, kind: type[T], source: str) -> T:
     """Return the settings in `text` as a `kind`; `source` names the text in the messages.
 
     Raises:
-        ConfigurationError: as `load`.
+        ConfigurationError: the text is not TOML, or any value in it is unknown or out of its limits.
     """
     return build(tables(text, source), kind, source, text)
 

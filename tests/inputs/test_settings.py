@@ -12,7 +12,7 @@ from annotated_types import Interval
 from positioner.errors import ConfigurationError, ExitCode
 from positioner.guard.settings import GuardSettings
 from positioner.inputs import toml_reader
-from positioner.inputs.toml_reader import load, parse
+from positioner.inputs.toml_reader import parse, read_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +63,7 @@ def test_a_settings_file_becomes_its_dataclass(tmp_path: Path) -> None:
         """,
         encoding="utf-8",
     )
-    assert load(path, Settings) == Settings(
+    assert parse(read_text(path), Settings, str(path)) == Settings(
         valve=Valve(mass_kg=1.361, name="Ventil µ", friction=Friction(coulomb_n=1.0)),
         spare=Valve(mass_kg=2.0),
         seed=7,
@@ -158,17 +158,17 @@ def test_a_text_that_is_not_toml_is_reported_with_its_line(text: str, line: int 
 def test_a_file_that_is_missing_or_a_directory_is_named(tmp_path: Path) -> None:
     gone = tmp_path / "gone.toml"
     with pytest.raises(ConfigurationError) as caught:
-        load(gone, Settings)
+        read_text(gone)
     assert str(caught.value) == f"{gone}: file: cannot be read: No such file or directory"
     with pytest.raises(ConfigurationError, match="cannot be read: Is a directory"):
-        load(tmp_path, Settings)
+        read_text(tmp_path)
 
 
 def test_a_file_that_is_not_utf_8_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "valve.toml"
     path.write_text('[valve]\nname = "Ventil µ"\n', encoding="cp1252")
     with pytest.raises(ConfigurationError, match="is not UTF-8 text"):
-        load(path, Settings)
+        read_text(path)
 
 
 @pytest.mark.parametrize(
@@ -206,4 +206,4 @@ def test_a_value_that_is_very_long_is_cut() -> None:
 
 def test_a_file_that_never_ends_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="is larger than 1024 KiB: no settings file is"):
-        toml_reader.read_text(Path("/dev/zero"))
+        read_text(Path("/dev/zero"))

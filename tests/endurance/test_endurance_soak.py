@@ -14,6 +14,7 @@ from endurance.pulse import Pulse
 _SECONDS = 30
 
 
+@pytest.mark.slow
 @pytest.mark.bus
 def test_half_a_minute_with_restarts_and_an_outage_leak_nothing_and_lose_nothing() -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}

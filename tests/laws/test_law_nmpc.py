@@ -308,6 +308,7 @@ def landings_m(run: InProcessRun, dwells: range, dwell_s: float) -> list[float]:
     return [abs(float(record.true_position_m[k] - record.setpoint_m[k])) for k in samples]
 
 
+@pytest.mark.slow
 def test_the_first_moves_after_a_restart_are_about_as_good_as_the_last_before_it() -> None:
     first, last, after = [], [], []
     for preset in ("spring-20", "friction+20"):

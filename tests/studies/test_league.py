@@ -216,6 +216,7 @@ assert not [names for names in loaded if names[0] in _UNUSED_ROOMS]
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_the_short_league_shows_our_law_ahead_within_its_bands(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -48,8 +48,8 @@ def reasons(time_s: NDArray[np.float64], moves: Sequence[BreakawaySource | None]
 def draw_reasons(panel: Axes, why: Reasons, below: int) -> None:
     """Draw the marks at the top of `panel`, and their names under the `below` names that it already has."""
     kinds = (
-        (why.by_table_s, "Γ of the table", "v", "#0072B2"),
-        (why.by_model_s, "Γ of the model", "v", "#E69F00"),
+        (why.by_table_s, "Γ from table", "v", "#0072B2"),
+        (why.by_model_s, "Γ from model", "v", "#E69F00"),
         (why.fell_back_s, "fallback", "x", "#D55E00"),
     )
     names = []

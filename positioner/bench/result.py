@@ -39,18 +39,6 @@ class TableSummary:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Versions:
-    """Versions of the software of the run."""
-
-    positioner: str
-    python: str
-    numpy: str
-    osqp: str
-    cantools: str
-    python_can: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class RunInfo:
     """All that may differ between two runs of the same scenario and seed."""
 
@@ -62,7 +50,7 @@ class RunInfo:
     """ISO 8601, UTC."""
     wall_s: float
     machine: str
-    versions: Versions
+    versions: dict[str, str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,16 +83,10 @@ def summary_of(table: StictionTable) -> TableSummary:
     )
 
 
-def installed_versions() -> Versions:
+def installed_versions() -> dict[str, str]:
     """Return the versions of the project, of Python and of the packages that compute or carry the run."""
-    return Versions(
-        positioner=positioner.__version__,
-        python=platform.python_version(),
-        numpy=version("numpy"),
-        osqp=version("osqp"),
-        cantools=version("cantools"),
-        python_can=version("python-can"),
-    )
+    packages = {name.replace("-", "_"): version(name) for name in ("numpy", "osqp", "cantools", "python-can")}
+    return {"positioner": positioner.__version__, "python": platform.python_version(), **packages}
 
 
 def to_json(result: Result) -> str:

@@ -55,9 +55,7 @@ def trend_data(result: Result, recording: Recording, trace: Path) -> TrendData:
         velocity_estimate_m_per_s=columns["velocity_m_per_s"],
         velocity_lower_m_per_s=_active(columns["speed_low_m_per_s"], -widest),
         velocity_upper_m_per_s=_active(columns["speed_high_m_per_s"], widest),
-        stick_speed_learned_at_s=learned[Quantity.STICK_SPEED],
-        breakaway_current_learned_at_s=learned[Quantity.BREAKAWAY_CURRENT],
-        landing_bias_learned_at_s=learned[Quantity.LANDING_BIAS],
+        learned_s=learned,
         why=reasons(cycle_s, [source_in(row["reason"]) for row in rows], [row["fallback"] for row in rows]),
     )
 

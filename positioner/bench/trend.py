@@ -19,10 +19,11 @@ from positioner.bench.curves import MOST_POINTS, envelope
 from positioner.bench.modes import ACTIVE_AT_LEAST, active_fraction, in_words, mode_lines, name_of
 from positioner.bench.panels import fit, line, name
 from positioner.bench.reasons import Reasons, draw_reasons
+from positioner.valve.stiction import Quantity
 from positioner.wire.messages import Mode
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from matplotlib.axes import Axes
@@ -72,10 +73,8 @@ class TrendData:
     velocity_estimate_m_per_s: NDArray[np.float64] | None
     velocity_lower_m_per_s: NDArray[np.float64] | None
     velocity_upper_m_per_s: NDArray[np.float64] | None
-    stick_speed_learned_at_s: NDArray[np.float64]
-    """Instants at which the table learned a stick speed, shape (any,); the next two likewise."""
-    breakaway_current_learned_at_s: NDArray[np.float64]
-    landing_bias_learned_at_s: NDArray[np.float64]
+    learned_s: Mapping[Quantity, NDArray[np.float64]]
+    """Instants at which the table learned a value of each quantity, shape (any,)."""
     why: Reasons = field(default_factory=Reasons)
 
 
@@ -209,20 +208,18 @@ def _draw_with_bounds(
 
 def _draw_table(panel: Axes, data: TrendData) -> None:
     kinds = (
-        (data.breakaway_current_learned_at_s, "breakaways", _SLIP),
-        (data.stick_speed_learned_at_s, "stick speeds", _STICK),
-        (data.landing_bias_learned_at_s, "landings", _LANDING),
+        (data.learned_s[Quantity.BREAKAWAY_CURRENT], "breakaways", _SLIP),
+        (data.learned_s[Quantity.STICK_SPEED], "stick speeds", _STICK),
+        (data.learned_s[Quantity.LANDING_BIAS], "landings", _LANDING),
     )
     # stacked, because equal counts would hide each other: the top edge is the total number of learned samples
-    when_s = np.unique(
-        np.concatenate(([0.0, data.scenario.duration_s], *(learned_at_s for learned_at_s, _, _ in kinds)))
-    )
+    when_s = np.unique(np.concatenate(([0.0, data.scenario.duration_s], *data.learned_s.values())))
     below = np.zeros(len(when_s))
-    for learned_at_s, _, colour in kinds:
-        above = below + np.searchsorted(np.sort(learned_at_s), when_s, side="right")
+    for learned_s, _, colour in kinds:
+        above = below + np.searchsorted(np.sort(learned_s), when_s, side="right")
         panel.fill_between(when_s, below, above, step="post", color=colour, alpha=0.65, linewidth=0.0)
         below = above
-    names = [(f"{len(learned_at_s)} {label}", colour) for learned_at_s, label, colour in reversed(kinds)]
+    names = [(f"{len(learned_s)} {label}", colour) for learned_s, label, colour in reversed(kinds)]
     panel.set_ylim(0.0, 1.1 * max(below[-1], 1.0))
     panel.yaxis.set_major_locator(MaxNLocator(4, integer=True))
     panel.set_ylabel("learned samples", fontsize=13)

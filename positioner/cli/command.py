@@ -39,9 +39,7 @@ def add_command(
 
 def add_config(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
     """Add `--config`."""
-    parser.add_argument(
-        "--config", type=Path, required=required, metavar="FILE", help="configuration of the valve (TOML)"
-    )
+    parser.add_argument("--config", type=Path, required=required, metavar="FILE", help="configuration of the valve")
 
 
 def add_state(parser: argparse.ArgumentParser, text: str = "state directory instead of the configuration's") -> None:
@@ -49,13 +47,7 @@ def add_state(parser: argparse.ArgumentParser, text: str = "state directory inst
     parser.add_argument("--state", type=Path, metavar="DIR", help=text)
 
 
-def add_out(parser: argparse.ArgumentParser, folder: str) -> None:
-    """Add `--out` with a default."""
-    parser.add_argument(
-        "--out", type=Path, default=Path(folder), metavar="DIR", help="output directory (default: %(default)s)"
-    )
-
-
-def add_workers(parser: argparse.ArgumentParser) -> None:
-    """Add `--workers`."""
+def add_study(parser: argparse.ArgumentParser, folder: Path) -> None:
+    """Add `--workers`, and `--out` with the default `folder`."""
     parser.add_argument("--workers", type=int, metavar="N", help="number of processes (default: one for each core)")
+    parser.add_argument("--out", type=Path, default=folder, metavar="DIR", help="output directory (%(default)s)")

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from positioner.cli.command import add_command, add_out, add_workers
+from positioner.cli.command import add_command, add_study
 from positioner.errors import ExitCode, UsageError
 from positioner.inputs.nearest import names_in
 from positioner.laws.registry import LAWS
@@ -40,8 +41,7 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--period", type=float, metavar="S", help="sample period (default: 0.001 s)")
     short = "other defaults: three laws, two plants, one seed, four dwells of 1 s"
     parser.add_argument("--short", action="store_true", help=short)
-    add_workers(parser)
-    add_out(parser, "league")
+    add_study(parser, Path("league"))
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from positioner.cli.command import add_command, add_out, add_workers
+from positioner.cli.command import add_command, add_study
 from positioner.errors import ExitCode, writing
 
 if TYPE_CHECKING:
     import argparse
-    from pathlib import Path
 
     from positioner.cli.command import Commands
 
@@ -44,8 +44,7 @@ def add_parser(commands: Commands) -> None:
         help="interpretation of the paper's noise (default: %(default)s)",
     )
     parser.add_argument("--short", action="store_true", help="dwells of 15 ms: they show the moves, and no rest")
-    add_workers(parser)
-    add_out(parser, "reproduce")
+    add_study(parser, Path("reproduce"))
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:

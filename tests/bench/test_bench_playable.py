@@ -35,7 +35,7 @@ def refused(scenario: Scenario) -> list[str]:
 
 
 @pytest.mark.parametrize("name", preset_names())
-def test_a_controller_that_is_told_nothing_believes_in_the_valve_that_the_plant_is_a_variant_of(name: str) -> None:
+def test_without_parameters_the_controller_has_those_of_the_valve_that_the_plant_is_a_variant_of(name: str) -> None:
     own = "graphite" if name == "graphite" else "paper"
     found = configure(replace(SCENARIO, plant={"preset": name}))
     assert found.valve == ValveParameters(id="bench", **PRESETS[own])
@@ -44,7 +44,7 @@ def test_a_controller_that_is_told_nothing_believes_in_the_valve_that_the_plant_
     assert found.estimator.noise_of_span == sensor.noise_of_span
 
 
-def test_what_the_scenario_says_of_the_valve_and_the_sensor_counts_more() -> None:
+def test_the_parameters_of_valve_and_sensor_in_the_scenario_have_priority() -> None:
     found = configure(replace(GRAPHITE, valve={"mass_kg": 2.0}, estimator={"noise_of_span": 0.01}))
     assert (found.valve.mass_kg, found.valve.span_m, found.estimator.noise_of_span) == (2.0, 0.025, 0.01)
 
@@ -89,15 +89,15 @@ def test_setpoints_in_metres_are_refused_with_the_ones_that_were_meant() -> None
 
 @pytest.mark.parametrize("setpoint_mm", [0.0, 57.8, 94.6, 130.0, 500.0])
 def test_setpoints_outside_the_travel_or_beyond_what_the_loop_reaches_are_refused(setpoint_mm: float) -> None:
-    (told,) = refused(replace(SCENARIO, setpoints_mm=(setpoint_mm, 80.0)))
-    assert told == f"setpoint {setpoint_mm:g} mm: 4 to 20 mA restart paper both ways from 57.9 to 94.5 mm only"
+    (message,) = refused(replace(SCENARIO, setpoints_mm=(setpoint_mm, 80.0)))
+    assert message == f"setpoint {setpoint_mm:g} mm: 4 to 20 mA restart paper both ways from 57.9 to 94.5 mm only"
 
 
 def test_the_currents_are_those_that_the_guard_may_command() -> None:
     low_mm, _ = restartable_mm(plant_settings(), 8.0, 20.0)
     narrow = replace(SCENARIO, guard={"current_low_ma": 8.0}, setpoints_mm=(low_mm - 0.1, low_mm + 0.1))
-    (told,) = refused(narrow)
-    assert "8 to 20 mA restart paper both ways from " in told
+    (message,) = refused(narrow)
+    assert "8 to 20 mA restart paper both ways from " in message
 
 
 def test_a_plant_that_no_current_frees_both_ways_is_refused() -> None:

@@ -133,7 +133,7 @@ def test_the_table_is_aligned_and_fits_a_hundred_columns() -> None:
     assert len(points) == 1
 
 
-def test_the_table_tells_settled_from_never_and_cycling_from_not() -> None:
+def test_the_table_shows_which_dwells_settle_and_which_cycle() -> None:
     text = to_text(result())
     one, two = (line.split() for line in text.splitlines() if re.match(r"\s+[12]\s+\d", line))
     assert one == ["1", "73.0", "0.08", "0.21", "6.3", "never", "0.00", "2", "yes", "14.50", "0.50", "20.2"]

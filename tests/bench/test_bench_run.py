@@ -1,4 +1,4 @@
-"""A bench from end to end: emulator and daemon as processes on one bus, and everything that it leaves."""
+"""A bench from end to end: emulator and daemon as processes on one bus, and all its files."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def frames_of(log: Path) -> list[tuple[float, CanFrame]]:
         return [(m.timestamp, CanFrame(m.arbitration_id, bytes(m.data), m.is_extended_id)) for m in reader]
 
 
-def test_a_run_leaves_everything_it_promises(first: Played) -> None:
+def test_a_run_writes_all_its_files(first: Played) -> None:
     assert {name for name in LEFT if (first.files / name).stat().st_size > 0} == set(LEFT)
     values = json.loads((first.files / "result.json").read_text(encoding="utf-8"))
     assert values["scenario"]["name"] == "short"
@@ -195,18 +195,11 @@ def test_a_fresh_run_starts_empty_and_keeps_the_former_table(first: Played, seco
     assert backup.name in line
 
 
-def test_the_processes_compute_what_the_same_loop_computes_without_them(first: Played, tmp_path: Path) -> None:
+def test_the_processes_compute_the_same_as_the_loop_without_them(first: Played, tmp_path: Path) -> None:
     run = run_in_process(first.scenario)
     run.recording.write_log(tmp_path / "bus.log")
     assert (tmp_path / "bus.log").read_bytes() == (first.files / "bus.log").read_bytes()
-    recording = run.recording
-    trace = metrics.Trace(
-        time_s=recording.time_s,
-        position_m=recording.true_position_m,
-        setpoint_m=recording.setpoint_m,
-        current_ma=recording.current_ma,
-    )
-    dwells = metrics.dwell_metrics(trace, first.scenario.dwell_edges_s, first.result.span_mm * 1e-3)
+    dwells = metrics.dwell_metrics(run.recording.trace, first.scenario.dwell_edges_s, first.result.span_mm * 1e-3)
     assert dwells == first.result.dwells
     assert access.dump(first.files / "state").table == run.table
 
@@ -253,7 +246,7 @@ def test_a_run_in_real_time_closes_the_loop(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("victim", ["positioner", "plant-emulator"])
-def test_a_process_that_dies_in_mid_run_is_told_in_one_line(
+def test_a_process_that_dies_during_the_run_is_one_line(
     victim: str, scenario: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     children: list[BenchProcess] = []
@@ -298,7 +291,7 @@ def test_two_benches_at_once_do_not_disturb_each_other(first: Played, at_once: A
         assert (files / "bus.log").read_bytes() == (first.files / "bus.log").read_bytes()
 
 
-def test_the_command_says_where_it_ran_what_came_out_and_where_it_lies(at_once: AtOnce) -> None:
+def test_the_command_prints_its_bus_its_figures_and_its_folder(at_once: AtOnce) -> None:
     assert re.match(r"bus (udp_multicast|socketcan):\S+: (embedded, never leaves|a virtual CAN)", at_once.error)
     assert at_once.out.startswith("short: two setpoints, a fifth of a second each\nlaw paper, seed 7, period 1 ms")
     assert at_once.out.endswith("\nbeside: result.json, trend.png, bus.log; the learned table is in beside/state\n")
@@ -330,7 +323,7 @@ def test_a_bench_that_is_stopped_takes_its_processes_along(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("arguments", "status", "told"),
+    ("arguments", "status", "expected"),
     [
         (["--scenario", "paper-vale"], ExitCode.USAGE, "scenario 'paper-vale' is unknown; did you mean 'paper-valve'?"),
         (["--scenario", "absent.toml"], ExitCode.CONFIG, "absent.toml: file: cannot be read: No such file"),
@@ -341,17 +334,17 @@ def test_a_bench_that_is_stopped_takes_its_processes_along(tmp_path: Path) -> No
     ],
 )
 def test_what_cannot_be_played_ends_in_one_line_and_a_status(
-    arguments: list[str], status: ExitCode, told: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    arguments: list[str], status: ExitCode, expected: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     try:
         code = main(["bench", "--out", str(tmp_path / "out"), *arguments])
     except SystemExit as wrong:  # argparse's own way
         code = int(str(wrong.code))
     assert code == status
-    assert told in capsys.readouterr().err.splitlines()[-1]
+    assert expected in capsys.readouterr().err.splitlines()[-1]
 
 
-def test_a_law_that_is_none_is_told_with_the_laws_there_are(tmp_path: Path) -> None:
+def test_an_unknown_law_is_answered_with_the_nearest_one(tmp_path: Path) -> None:
     scenario = load_scenario(str(written(tmp_path, SHORT + 'law = "papper"\n')))
     with pytest.raises(ConfigurationError, match=r"control.law = 'papper': is no law; did you mean 'paper'\?"):
         run_bench(scenario, BenchOptions(bus=own_address(), lockstep=True, out=tmp_path, state=None), str)

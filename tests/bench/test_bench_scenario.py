@@ -96,7 +96,7 @@ def test_a_scenario_at_a_tenth_of_a_millisecond_stays_cheap(name: str) -> None:
     assert 2_000 <= scenario.samples_per_dwell * len(scenario.visited_mm) <= 10_000
 
 
-def test_what_is_left_out_has_its_default() -> None:
+def test_a_missing_key_has_its_default() -> None:
     scenario = parse_scenario(SHORT, "short.toml")
     assert (scenario.law, scenario.visits, scenario.sample_period_s, scenario.setpoint_period_s) == (
         "paper",
@@ -159,7 +159,7 @@ def test_an_unknown_name_is_answered_with_the_nearest_and_all_known_ones() -> No
         (("dwell_s = 0.3", "dwell_s = 0.3\nseed = -1"), "line 6: seed = -1"),
     ],
 )
-def test_a_mistake_is_named_with_its_line_and_what_is_right(change: tuple[str, str], message: str) -> None:
+def test_a_mistake_is_named_with_its_line_and_the_right_values(change: tuple[str, str], message: str) -> None:
     with pytest.raises(ConfigurationError) as caught:
         parse_scenario(SHORT.replace(*change), "short.toml")
     assert message in str(caught.value)

@@ -18,6 +18,7 @@ from positioner.bench.reasons import Reasons, reasons
 from positioner.bench.scenario import parse_scenario
 from positioner.bench.trend import TrendData, draw_trend, headline, title
 from positioner.laws.move_reason import BreakawaySource
+from positioner.valve.stiction import Quantity
 from positioner.wire.messages import Cause, Mode
 
 if TYPE_CHECKING:
@@ -53,9 +54,11 @@ def example() -> TrendData:
         velocity_estimate_m_per_s=velocity_m_per_s + 0.02,
         velocity_lower_m_per_s=np.full(2000, -0.01),
         velocity_upper_m_per_s=np.full(2000, 0.1),
-        stick_speed_learned_at_s=np.array([0.2, 1.2]),
-        breakaway_current_learned_at_s=np.array([0.01, 1.01]),
-        landing_bias_learned_at_s=np.array([1.3]),
+        learned_s={
+            Quantity.STICK_SPEED: np.array([0.2, 1.2]),
+            Quantity.BREAKAWAY_CURRENT: np.array([0.01, 1.01]),
+            Quantity.LANDING_BIAS: np.array([1.3]),
+        },
     )
 
 
@@ -145,15 +148,15 @@ def test_a_mode_other_than_active_shades_every_panel_while_it_lasts(
         assert in_s.max() == pytest.approx(0.9, abs=0.01)
 
 
-def test_a_run_that_was_out_of_control_says_so_above_its_figures_and_where_with_its_cause(
+def test_a_run_out_of_control_has_that_above_its_figures_and_the_cause_at_its_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     written: list[str] = []
 
     def noted(write: Any, place: int) -> Any:
-        def do(*told: Any, **how: Any) -> Any:
-            written.append(told[place])
-            return write(*told, **how)
+        def do(*arguments: Any, **how: Any) -> Any:
+            written.append(arguments[place])
+            return write(*arguments, **how)
 
         return do
 
@@ -183,13 +186,7 @@ def test_the_marks_stand_in_the_panel_of_the_current(tmp_path: Path, plain: NDAr
 
 
 def test_a_run_that_learned_nothing_is_drawn(tmp_path: Path, plain: NDArray[np.float32]) -> None:
-    none = np.array([])
-    data = replace(
-        example(),
-        stick_speed_learned_at_s=none,
-        breakaway_current_learned_at_s=none,
-        landing_bias_learned_at_s=none,
-    )
+    data = replace(example(), learned_s={quantity: np.array([]) for quantity in Quantity})
     empty = picture(tmp_path / "a.png", data)[PANELS["table"], 130:1380]
     filled = plain[PANELS["table"], 130:1380]
     assert np.mean(empty < 0.95) < 0.02 < np.mean(filled < 0.95)

@@ -64,17 +64,17 @@ class Walk:
                 child.terminate()
             child.wait(TIMEOUT_S)
 
-    def said(self, name: str) -> str:
+    def output_of(self, name: str) -> str:
         return (self.folder / name).read_text(encoding="utf-8")
 
     def until_said(self, name: str, words: str) -> None:
         deadline_s = time.monotonic() + TIMEOUT_S
-        while words not in self.said(name):
+        while words not in self.output_of(name):
             assert time.monotonic() < deadline_s, {path.name: path.read_text() for path in self.folder.iterdir()}
             time.sleep(0.05)
 
     def done(self, line: str) -> tuple[int, str]:
-        """Run a command to its end; return its status and what it said."""
+        """Run a command to its end; return its status and its output."""
         done = subprocess.run(
             self.command(line), capture_output=True, text=True, timeout=TIMEOUT_S, check=False, env=os.environ
         )
@@ -103,21 +103,21 @@ def test_a_reader_of_the_quick_start_moves_a_valve_and_ends_it(walk: Walk) -> No
         walk.until_said("3", "ACTIVE: controls the valve")
         assert child.poll() is None
 
-        code, said = walk.done(status)
+        code, output = walk.done(status)
         assert code == 0
-        assert re.search(r"^armed     yes$", said, re.MULTILINE)
-        assert re.search(r"^setpoint  78\.74 mm", said, re.MULTILINE)
-        assert re.search(r"^current   \d+\.\d{3} mA$", said, re.MULTILINE)
+        assert re.search(r"^armed     yes$", output, re.MULTILINE)
+        assert re.search(r"^setpoint  78\.74 mm", output, re.MULTILINE)
+        assert re.search(r"^current   \d+\.\d{3} mA$", output, re.MULTILINE)
 
         child.send_signal(signal.SIGKILL)
         walk.until_said("2", "HOLD (setpoint stale)")
-        code, said = walk.done(disarm)
+        code, output = walk.done(disarm)
         assert code == 0
-        assert said.splitlines()[-1] == "disarmed: the positioner commands nothing"
+        assert output.splitlines()[-1] == "disarmed: the positioner commands nothing"
         walk.until_said("2", "READY (disarmed)")
-        code, said = walk.done(status)
+        code, output = walk.done(status)
         assert code == 0
-        assert re.match(r"mode      READY: disarmed \(NE 107: function check\)\narmed     no\n", said)
+        assert re.match(r"mode      READY: disarmed \(NE 107: function check\)\narmed     no\n", output)
 
 
 def test_a_person_at_a_terminal_types_verbs_and_sees_mistakes_reported(walk: Walk) -> None:
@@ -142,10 +142,10 @@ def test_a_person_at_a_terminal_types_verbs_and_sees_mistakes_reported(walk: Wal
         os.write(write, b"auto\nset 80\nstatus")
         os.close(write)
         assert child.wait(TIMEOUT_S) == 0
-    said = walk.said("3")
-    assert "setpoint 80.00 mm" in said
-    assert said.count("counters ") == 2
-    assert said.splitlines()[-1].startswith("no more setpoints are sent: the positioner holds within 0.5 s")
+    output = walk.output_of("3")
+    assert "setpoint 80.00 mm" in output
+    assert output.count("counters ") == 2
+    assert output.splitlines()[-1].startswith("no more setpoints are sent: the positioner holds within 0.5 s")
 
 
 def test_a_terminal_is_prompted_and_a_signal_ends_the_host(walk: Walk) -> None:
@@ -163,16 +163,16 @@ def test_a_terminal_is_prompted_and_a_signal_ends_the_host(walk: Walk) -> None:
 
 def test_a_verb_of_the_command_line_that_cannot_be_done_ends_the_host(walk: Walk) -> None:
     host = BLOCKS[2].strip()
-    code, said = walk.done(host)
-    assert (code, said.count("\n")) == (1, 1)
-    assert said.startswith("positioner: arm: no position frames come: is this the right bus")
-    code, said = walk.done(host.replace("62%", "99%"))
-    assert (code, said.count("\n")) == (2, 1)
-    assert "out of reach" in said
+    code, output = walk.done(host)
+    assert (code, output.count("\n")) == (1, 1)
+    assert output.startswith("positioner: arm: no position frames come: is this the right bus")
+    code, output = walk.done(host.replace("62%", "99%"))
+    assert (code, output.count("\n")) == (2, 1)
+    assert "out of reach" in output
     line = shlex.join(walk.command(host.partition(" arm")[0])) + " <&-"
     closed = subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
     assert (closed.returncode, closed.stderr.count("\n")) == (2, 1)
     assert closed.stderr.startswith("positioner: there is no standard input")
-    code, said = walk.done(host.partition(" arm")[0] + " status")
-    assert (code, said.count("\n")) == (1, 1)
-    assert said.startswith("positioner: status: nothing comes, neither position frames nor a status")
+    code, output = walk.done(host.partition(" arm")[0] + " status")
+    assert (code, output.count("\n")) == (1, 1)
+    assert output.startswith("positioner: status: nothing comes, neither position frames nor a status")

@@ -60,11 +60,11 @@ def on_the_bus(log: Path, *, delay_s: float = 0.00042) -> None:
 def test_the_log_of_a_bench_in_lockstep_is_identical(law: str, tmp_path: Path, capsys: Output) -> None:
     log, config = runs.leave_bench(tmp_path, runs.scenario(law))
     assert main(["replay", str(log), "--config", str(config)]) == 0
-    told = capsys.readouterr().out.splitlines()
-    assert told[0] == f"{log}: the log of a lockstep bench, 933 frames, 300 position frames"
-    assert told[1] == "CURRENT_COMMAND: 300 recorded, 300 computed, 300 equal to the bit"
-    assert told[2] == "POSITIONER_STATUS: 3 recorded, 3 computed, 3 equal to the bit"
-    assert told[3] == "identical"
+    output = capsys.readouterr().out.splitlines()
+    assert output[0] == f"{log}: the log of a lockstep bench, 933 frames, 300 position frames"
+    assert output[1] == "CURRENT_COMMAND: 300 recorded, 300 computed, 300 equal to the bit"
+    assert output[2] == "POSITIONER_STATUS: 3 recorded, 3 computed, 3 equal to the bit"
+    assert output[3] == "identical"
 
 
 def test_a_period_of_no_whole_microseconds_is_as_exact(tmp_path: Path, capsys: Output) -> None:
@@ -81,7 +81,7 @@ def test_a_period_of_no_whole_microseconds_is_as_exact(tmp_path: Path, capsys: O
     assert "CURRENT_COMMAND: 900 recorded, 900 computed, 900 equal" in capsys.readouterr().out
 
 
-def test_one_altered_command_is_named_with_what_it_means(tmp_path: Path, capsys: Output) -> None:
+def test_an_altered_command_is_reported_with_its_meaning(tmp_path: Path, capsys: Output) -> None:
     log, config = runs.leave_bench(tmp_path, runs.scenario())
     number = numbers_of(log, "100")[150]
 
@@ -91,25 +91,25 @@ def test_one_altered_command_is_named_with_what_it_means(tmp_path: Path, capsys:
 
     altered(log, number, heavier)
     assert main(["replay", str(log), "--config", str(config)]) == 1
-    told = capsys.readouterr().out.splitlines()
-    assert told[1] == "CURRENT_COMMAND: 300 recorded, 300 computed, 299 equal to the bit, 1 differ"
-    assert told[3] == f"first difference: CURRENT_COMMAND at 0.150000 s, frame {number}, id 100"
-    assert told[4].startswith("  recorded  ")
-    assert told[5].startswith("  computed  ")
-    words = told[6].split()
+    output = capsys.readouterr().out.splitlines()
+    assert output[1] == "CURRENT_COMMAND: 300 recorded, 300 computed, 299 equal to the bit, 1 differ"
+    assert output[3] == f"first difference: CURRENT_COMMAND at 0.150000 s, frame {number}, id 100"
+    assert output[4].startswith("  recorded  ")
+    assert output[5].startswith("  computed  ")
+    words = output[6].split()
     assert words[0] == "current"
     assert words[2:] == ["mA", "recorded,", words[4], "mA", "computed"]
     assert round(abs(float(words[1]) - float(words[4])), 3) == 0.016
-    assert len(told) == 7
+    assert len(output) == 7
 
 
-def test_a_damaged_command_in_the_log_is_told_as_one(tmp_path: Path, capsys: Output) -> None:
+def test_a_damaged_command_in_the_log_is_reported_as_damaged(tmp_path: Path, capsys: Output) -> None:
     log, config = runs.leave_bench(tmp_path, runs.scenario())
     altered(log, numbers_of(log, "100")[20], lambda data: data[:4] + bytes((data[4] ^ 1,)) + data[5:])
     assert main(["replay", str(log), "--config", str(config)]) == 1
-    told = capsys.readouterr().out
-    assert "299 equal to the bit, 1 differ" in told
-    assert "the recorded frame is not valid: wrong CRC: CURRENT_COMMAND data" in told
+    output = capsys.readouterr().out
+    assert "299 equal to the bit, 1 differ" in output
+    assert "the recorded frame is not valid: wrong CRC: CURRENT_COMMAND data" in output
 
 
 def test_an_altered_reading_makes_the_command_that_answers_it_the_first_to_differ(
@@ -122,10 +122,10 @@ def test_an_altered_reading_makes_the_command_that_answers_it_the_first_to_diffe
 
     altered(log, numbers_of(log, "110")[190], higher)
     assert main(["replay", str(log), "--config", str(config)]) == 1
-    told = capsys.readouterr().out
-    assert f"first difference: CURRENT_COMMAND at 0.190000 s, frame {numbers_of(log, '100')[190]}, id 100" in told
-    assert "mA recorded" in told
-    counts = next(line for line in told.splitlines() if line.startswith("CURRENT_COMMAND")).split()
+    output = capsys.readouterr().out
+    assert f"first difference: CURRENT_COMMAND at 0.190000 s, frame {numbers_of(log, '100')[190]}, id 100" in output
+    assert "mA recorded" in output
+    counts = next(line for line in output.splitlines() if line.startswith("CURRENT_COMMAND")).split()
     assert counts[1:5] == ["300", "recorded,", "300", "computed,"]
     assert 190 <= int(counts[5]) < 300
 
@@ -136,9 +136,9 @@ def test_a_command_that_is_missing_from_the_log_is_told(tmp_path: Path, capsys: 
     del lines[numbers_of(log, "100")[30] - 1]
     log.write_text("\n".join(lines) + "\n", encoding="ascii")
     assert main(["replay", str(log), "--config", str(config)]) == 1
-    told = capsys.readouterr().out
-    assert "CURRENT_COMMAND: 299 recorded, 300 computed, 299 equal to the bit, 1 differ" in told
-    assert "first difference: CURRENT_COMMAND at 0.030000 s, id 100\n  recorded  nothing\n  computed  " in told
+    output = capsys.readouterr().out
+    assert "CURRENT_COMMAND: 299 recorded, 300 computed, 299 equal to the bit, 1 differ" in output
+    assert "first difference: CURRENT_COMMAND at 0.030000 s, id 100\n  recorded  nothing\n  computed  " in output
 
 
 def test_another_configuration_differs(tmp_path: Path, capsys: Output) -> None:
@@ -154,11 +154,11 @@ def test_a_listener_s_log_is_replayed_by_the_echoes(delay_s: float, tmp_path: Pa
     log, config = runs.leave_bench(tmp_path, runs.scenario())
     on_the_bus(log, delay_s=delay_s)
     assert main(["replay", str(log), "--config", str(config)]) == 0
-    told = capsys.readouterr().out
-    assert "a log of the bus" in told
-    assert "CURRENT_COMMAND: 300 recorded, 300 computed, 300 equal to the bit\n" in told
-    assert "POSITIONER_STATUS" not in told
-    assert "not compared" in told
+    output = capsys.readouterr().out
+    assert "a log of the bus" in output
+    assert "CURRENT_COMMAND: 300 recorded, 300 computed, 300 equal to the bit\n" in output
+    assert "POSITIONER_STATUS" not in output
+    assert "not compared" in output
 
 
 def test_readings_that_one_command_answers_were_one_batch(tmp_path: Path, capsys: Output) -> None:
@@ -193,5 +193,5 @@ def test_commands_of_another_count_are_another_controller_s(tmp_path: Path) -> N
     assert sum(classifier.is_command(frame) for cycle in prepared.cycles() for frame in cycle.inbox) == len(places) == 5
 
 
-def test_what_a_replay_takes_in_is_what_the_daemon_listens_to() -> None:
+def test_a_replay_receives_the_messages_that_the_daemon_receives() -> None:
     assert set(INPUTS) == {*daemon._RECEIVED, CurrentCommand}

@@ -68,11 +68,11 @@ def test_a_log_that_ends_within_a_line_counts_up_to_there(
     cut = tmp_path / "cut.log"
     cut.write_bytes(b"".join(lines[:300]) + lines[300][:end])
     assert replay(cut, config) == 0
-    told = capsys.readouterr().out.splitlines()
-    assert told[0].startswith(f"{cut}: the log of a lockstep bench, 300 frames, 96 position frames")
-    assert told[1].startswith(f"{cut}: cut at 0.096000 s: ")
-    assert told[1].endswith("; the frames before it are replayed")
-    assert told[2] == "CURRENT_COMMAND: 96 recorded, 96 computed, 96 equal to the bit"
+    output = capsys.readouterr().out.splitlines()
+    assert output[0].startswith(f"{cut}: the log of a lockstep bench, 300 frames, 96 position frames")
+    assert output[1].startswith(f"{cut}: cut at 0.096000 s: ")
+    assert output[1].endswith("; the frames before it are replayed")
+    assert output[2] == "CURRENT_COMMAND: 96 recorded, 96 computed, 96 equal to the bit"
 
 
 def test_a_damaged_line_ends_the_log(bench: tuple[Path, Path], tmp_path: Path, capsys: Output) -> None:
@@ -81,8 +81,8 @@ def test_a_damaged_line_ends_the_log(bench: tuple[Path, Path], tmp_path: Path, c
     damaged = tmp_path / "damaged.log"
     damaged.write_bytes(b"".join(lines[:300]) + b"(nonsense\n" + b"".join(lines[301:]))
     assert replay(damaged, config) == 0
-    told = capsys.readouterr().out
-    assert f"{damaged}: cut at 0.096000 s: the part after frame 300 cannot be read (ValueError: " in told
+    output = capsys.readouterr().out
+    assert f"{damaged}: cut at 0.096000 s: the part after frame 300 cannot be read (ValueError: " in output
 
 
 @pytest.mark.parametrize("suffix", [".blf", ".log.gz"])
@@ -92,10 +92,10 @@ def test_a_binary_log_that_is_cut_counts_up_to_there(suffix: str, tmp_path: Path
     data = whole.read_bytes()
     whole.write_bytes(data[: len(data) * 3 // 4])
     assert replay(whole, config) == 0
-    told = capsys.readouterr().out.splitlines()
-    assert ": cut at " in told[1]
-    assert "the frames before it are replayed" in told[1]
-    recorded = int(told[2].split()[1])
+    output = capsys.readouterr().out.splitlines()
+    assert ": cut at " in output[1]
+    assert "the frames before it are replayed" in output[1]
+    recorded = int(output[2].split()[1])
     assert 300 < recorded < 2900
 
 
@@ -113,7 +113,7 @@ def test_an_object_of_a_binary_log_that_is_smaller_than_its_header_ends_the_log(
     assert read_log(damaged).cut == "frame 10 is the last of 20"
 
 
-def test_what_is_no_log_is_told_in_one_line(bench: tuple[Path, Path], tmp_path: Path, capsys: Output) -> None:
+def test_a_file_that_is_no_log_is_one_line(bench: tuple[Path, Path], tmp_path: Path, capsys: Output) -> None:
     log, config = bench
     files = {
         "picture.png": (b"\x89PNG\r\n", "cannot be read: No read support for unknown log format"),
@@ -130,13 +130,13 @@ def test_what_is_no_log_is_told_in_one_line(bench: tuple[Path, Path], tmp_path: 
         "header.csv": (b"timestamp,arbitration_id,extended,remote,error,dlc,data\n", "holds no frame"),
         "other.log": (b"(0.0) can0 123#00 R\n", "holds 1 frames, and no position frame among them"),
     }
-    for name, (content, told) in files.items():
+    for name, (content, expected) in files.items():
         path = tmp_path / name
         path.write_bytes(content)
         assert replay(path, config) == 74, name
-        said = capsys.readouterr().err
-        assert said.count("\n") == 1, said
-        assert f"{path}: {told}" in said, said
+        output = capsys.readouterr().err
+        assert output.count("\n") == 1, output
+        assert f"{path}: {expected}" in output, output
     assert replay(tmp_path / "absent.log", config) == 74
     assert (
         capsys.readouterr().err == f"positioner: {tmp_path / 'absent.log'}: cannot be read: No such file or directory\n"
@@ -166,14 +166,14 @@ def test_a_wrong_configuration_ends_with_78(bench: tuple[Path, Path], tmp_path: 
     assert replay(log, wrong) == 78
     assert "control.lew: unknown key; did you mean 'law'?" in capsys.readouterr().err
     assert replay(log, tmp_path / "absent.toml") == 78
-    for change, told in (
+    for change, expected in (
         ("guard.auto_arm", "--set: guard.auto_arm: is no KEY=VALUE; write it like control.table_from_s=2"),
         ("guard.current_low_ma=2", "with --set: guard.current_low_ma = 2"),
         ("guard.courage=2", "with --set: guard.courage: unknown key"),
     ):
         capsys.readouterr()
         assert replay(log, config, "--set", change) == 78
-        assert told in capsys.readouterr().err
+        assert expected in capsys.readouterr().err
 
 
 def taught(valve_id: str = "bench", cell_width_m: float = 0.005) -> StoredTable:
@@ -205,16 +205,16 @@ def test_a_table_that_does_not_fit_is_refused(bench: tuple[Path, Path], tmp_path
     state = tmp_path / "state"
     state.mkdir()
     assert replay(log, config, "--state", str(state)) == 74
-    for stored, told in (
+    for stored, expected in (
         (taught("FV-7"), "the table belongs to 'FV-7'"),
         (taught(cell_width_m=0.01), "the table has cells of 0.01 m, the configuration 0.005 m"),
     ):
-        state = tmp_path / told[-4:].strip("'")
+        state = tmp_path / expected[-4:].strip("'")
         state.mkdir()
         access.replace(state, stored, force=True)
         capsys.readouterr()
         assert replay(log, config, "--state", str(state)) == 74
-        assert told in capsys.readouterr().err
+        assert expected in capsys.readouterr().err
 
 
 def test_frames_keep_their_order_and_their_time(bench: tuple[Path, Path]) -> None:
@@ -252,9 +252,9 @@ def test_a_log_that_starts_late_is_refused_and_not_called_different(
     assert replay(path, config) == ExitCode.IO
     captured = capsys.readouterr()
     assert captured.out == ""
-    (told,) = captured.err.splitlines()
-    assert told.startswith(f"positioner: {path}: starts late: frame ")
-    assert f"has the counter {sample}, and a positioner begins with 0" in told
+    (line,) = captured.err.splitlines()
+    assert line.startswith(f"positioner: {path}: starts late: frame ")
+    assert f"has the counter {sample}, and a positioner begins with 0" in line
     # what another law would have commanded can still be asked
     assert replay(path, config, "--law", "pi-deadband") == ExitCode.OK
     assert "starts late" in capsys.readouterr().out

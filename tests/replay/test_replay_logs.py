@@ -116,13 +116,13 @@ def test_the_positioner_does_what_it_did(name: str, replay: Replayed) -> None:
         return
     gap_ma, first = next(((gap, each) for gap, each in apart if gap > FARTHEST_MA), apart[0])
     how_far = f" by {gap_ma:.3f} mA" if gap_ma < float("inf") else ""
-    told = (
+    report = (
         f"{len(apart)} cycles of {name}.log.gz differ ({allowed:g} may, in the current alone, by {FARTHEST_MA} mA)",
         f"{first.name} at {first.time_ns / 1e9:.6f} s{how_far}:",
         *describe(replay.codec, first),
         "If this is meant: make accept-logs, and say in the commit why.",
     )
-    pytest.fail("\n".join(told), pytrace=False)
+    pytest.fail("\n".join(report), pytrace=False)
 
 
 def test_a_stored_log_holds_every_command_of_three_seconds(name: str, replay: Replayed) -> None:

@@ -74,7 +74,7 @@ def test_the_cycles_follow_the_frames_at_a_bounded_distance(kind: LogKind) -> No
         taken += len(cycle.inbox) + len(cycle.outbox)
         assert source.given - taken <= MOST_FRAMES + 2
     assert source.given == 2 * MOST_FRAMES
-    assert taken in {source.given, source.given // 2}  # what nobody sent and no positioner hears is in no cycle
+    assert taken in {source.given, source.given // 2}  # what nobody sent and no positioner receives is in no cycle
 
 
 @pytest.mark.parametrize("kind", [LogKind.RECORD, LogKind.LOCKSTEP])
@@ -142,7 +142,7 @@ def survey_of(frames: Iterable[LogFrame]) -> Survey:
     return survey
 
 
-def test_a_first_pass_tells_the_kind_of_log() -> None:
+def test_a_first_pass_finds_the_kind_of_log() -> None:
     source = Source()
     lockstep = [frame for number in range(20) for frame in source.sample(number)]
     assert survey_of(lockstep).kind is LogKind.LOCKSTEP
@@ -209,10 +209,10 @@ def test_fallbacks_of_ever_new_reasons_are_counted_and_not_all_remembered() -> N
     other = OtherLaw(CODEC)
     for number in range(5000):
         other.add(ReplayedCycle(RecordedCycle(number, ()), (), (LawFellBack(f"gap of {number} mm"),), Mode.ACTIVE))
-    told = other.in_words().splitlines()
-    assert "fallbacks: 5000" in told
+    lines = other.in_words().splitlines()
+    assert "fallbacks: 5000" in lines
     assert len(other.fallbacks) <= 1001
-    assert "  4000 × for other reasons" in told
+    assert "  4000 × for other reasons" in lines
 
 
 def test_lines_of_the_long_log_are_a_listener_s() -> None:

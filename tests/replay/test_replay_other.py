@@ -28,8 +28,8 @@ def ask(bench: tuple[Path, Path], *more: str) -> int:
 
 def test_the_same_law_would_have_done_the_same(bench: tuple[Path, Path], capsys: Output) -> None:
     assert ask(bench, "--law", "pi") == 0
-    told = capsys.readouterr().out.splitlines()
-    assert told[1:] == [
+    output = capsys.readouterr().out.splitlines()
+    assert output[1:] == [
         "commands: 300 in both, 0 recorded only, 0 computed only",
         "no difference: every current is as recorded",
         "modes: ACTIVE 0.299 s",
@@ -45,37 +45,37 @@ def test_a_law_that_believes_in_its_current_would_have_done_the_same_too(tmp_pat
 
 def test_another_law_is_summed_up_and_drawn(bench: tuple[Path, Path], tmp_path: Path, capsys: Output) -> None:
     assert ask(bench, "--law", "paper", "--out", str(tmp_path / "out")) == 0
-    told = capsys.readouterr().out.splitlines()
-    assert told[1] == "commands: 300 in both, 0 recorded only, 0 computed only"
+    output = capsys.readouterr().out.splitlines()
+    assert output[1] == "commands: 300 in both, 0 recorded only, 0 computed only"
     with (tmp_path / "out" / "trace.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 300
     apart = [abs(float(row["recorded_ma"]) - float(row["computed_ma"])) for row in rows]
     mean_ma, largest_ma = sum(apart) / len(apart), max(apart)
     assert 0.05 < mean_ma < largest_ma < 16.0
-    assert told[2].startswith(f"difference of current: mean {mean_ma:.3f} mA, largest {largest_ma:.3f} mA at ")
+    assert output[2].startswith(f"difference of current: mean {mean_ma:.3f} mA, largest {largest_ma:.3f} mA at ")
     first, gap_ma = next((row, gap_ma) for row, gap_ma in zip(rows, apart, strict=True) if gap_ma > 0.0005)
-    assert told[3] == (
+    assert output[3] == (
         f"first difference: {gap_ma:.3f} mA at {float(first['time_s']):.3f} s "
         f"({float(first['recorded_ma']):.3f} mA recorded, {float(first['computed_ma']):.3f} mA computed)"
     )
     picture = (tmp_path / "out" / "replay.png").read_bytes()
     assert picture.startswith(b"\x89PNG\r\n")
     assert len(picture) > 20_000
-    assert told[-1] == f"{tmp_path / 'out'}: trace.csv, replay.png"
+    assert output[-1] == f"{tmp_path / 'out'}: trace.csv, replay.png"
 
 
 def test_other_settings_are_asked_the_same_way(bench: tuple[Path, Path], capsys: Output) -> None:
     assert ask(bench, "--set", "guard.current_high_ma=15") == 0
-    told = capsys.readouterr().out
-    assert "(20.000 mA recorded, 15.000 mA computed)" in told
+    output = capsys.readouterr().out
+    assert "(20.000 mA recorded, 15.000 mA computed)" in output
 
 
-def test_a_law_that_falls_back_is_told_with_its_reasons(bench: tuple[Path, Path], capsys: Output) -> None:
+def test_a_law_that_falls_back_is_reported_with_its_reasons(bench: tuple[Path, Path], capsys: Output) -> None:
     assert ask(bench, "--law", "nmpc", "--set", "guard.current_high_ma=12") == 0
-    told = capsys.readouterr().out.splitlines()
-    total = next(int(line.split()[1]) for line in told if line.startswith("fallbacks: "))
-    reasons = [line for line in told if line.startswith("  ")]
+    output = capsys.readouterr().out.splitlines()
+    total = next(int(line.split()[1]) for line in output if line.startswith("fallbacks: "))
+    reasons = [line for line in output if line.startswith("  ")]
     assert 1 <= total <= 300
     assert 1 <= len(reasons) <= 5
     assert any("more than the loop can give: full push" in reason for reason in reasons)

@@ -137,7 +137,7 @@ def _page(seeds: tuple[int, ...]) -> str:
                                   optimal_settle_1pct_s=0.005, optimal_rest_s=0.006))  # fmt: skip
 
 
-def test_standings_count_what_did_not_settle_and_what_cycled() -> None:
+def test_standings_count_dwells_that_did_not_settle_and_that_cycled() -> None:
     table = standings({_bout("pi"): (_dwell(0.2), _dwell(0.6, None, cycle=True), _dwell(0.1))})
     (row,) = table
     assert row.mean_error_pct == pytest.approx(0.3)
@@ -187,7 +187,7 @@ def test_the_report_is_written_and_says_the_same_in_all_three_forms(tmp_path: Pa
     assert "Simulation only: at 0.1 ms the frames take 273 % of 1 Mbit/s" in to_markdown(fast)
 
 
-def test_an_interrupted_league_plays_only_what_is_missing_and_nothing_twice(tmp_path: Path) -> None:
+def test_an_interrupted_league_plays_only_the_missing_bouts(tmp_path: Path) -> None:
     settings = LeagueSettings(laws=("paper",), plants=("paper",), seeds=(1,), setpoints_mm=(75.0,), dwell_s=0.05)
     played = play_league(settings, tmp_path, workers=1)
     (path,) = tmp_path.iterdir()
@@ -238,7 +238,7 @@ def test_the_short_league_shows_our_law_ahead_within_its_bands(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "expected"),
     [
         (["--laws", "nmcp"], "law 'nmcp' is unknown"),
         (["--plants", "mars"], "plant 'mars' is unknown"),
@@ -255,10 +255,10 @@ def test_the_short_league_shows_our_law_ahead_within_its_bands(
     ],
 )
 def test_mistakes_of_the_command_line_get_one_clear_line(
-    arguments: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["league", *arguments, "--out", str(tmp_path)]) != 0
-    assert told in capsys.readouterr().err
+    assert expected in capsys.readouterr().err
 
 
 def test_an_output_directory_that_cannot_be_made_is_one_line(
@@ -271,15 +271,15 @@ def test_an_output_directory_that_cannot_be_made_is_one_line(
 
 
 def test_a_seed_or_a_law_that_is_named_twice_plays_once(tmp_path: Path) -> None:
-    told = ["--laws", "pi,pi", "--plants", "paper", "--seeds", "1,1", "--setpoints", "75", "--dwell", "0.05"]
-    assert main(["league", *told, "--out", str(tmp_path), "--workers", "1"]) == 0
+    arguments = ["--laws", "pi,pi", "--plants", "paper", "--seeds", "1,1", "--setpoints", "75", "--dwell", "0.05"]
+    assert main(["league", *arguments, "--out", str(tmp_path), "--workers", "1"]) == 0
     (row,) = json.loads((tmp_path / "league.json").read_text())["standings"]
     assert row["dwells"] == 1
 
 
-def test_the_short_league_is_what_was_asked_for_where_something_was(tmp_path: Path) -> None:
-    told = ["--laws", "two-move", "--seeds", "7", "--dwell", "0.05", "--period", "0.0005"]
-    assert main(["league", "--short", *told, "--out", str(tmp_path), "--workers", "1"]) == 0
+def test_arguments_replace_the_settings_of_the_short_league(tmp_path: Path) -> None:
+    arguments = ["--laws", "two-move", "--seeds", "7", "--dwell", "0.05", "--period", "0.0005"]
+    assert main(["league", "--short", *arguments, "--out", str(tmp_path), "--workers", "1"]) == 0
     settings = json.loads((tmp_path / "league.json").read_text())["settings"]
     assert (settings["laws"], settings["seeds"], settings["period_s"]) == (["two-move"], [7], 0.0005)
     assert (settings["plants"], settings["dwell_s"]) == (["paper", "friction+20"], 0.05)
@@ -292,7 +292,7 @@ def test_every_plant_is_another_one_and_a_preset_of_the_emulator() -> None:
     assert set(PLANTS) <= set(preset_names())
 
 
-def test_friction_is_less_by_what_its_name_says() -> None:
+def test_friction_is_less_by_the_percentage_in_the_name() -> None:
     less = plant_settings("friction-10").valve
     for key in ("static_friction_n", "coulomb_friction_n", "viscous_friction_n_s_per_m"):
         assert getattr(less, key) == pytest.approx(0.9 * getattr(_NOMINAL.valve, key))
@@ -300,6 +300,6 @@ def test_friction_is_less_by_what_its_name_says() -> None:
 
 def test_a_league_without_the_nominal_plant_compares_on_the_first_and_names_it(tmp_path: Path) -> None:
     assert (reference_plant(PLANTS), reference_plant(("graphite", "spring-10"))) == (NOMINAL, "graphite")
-    told = ["--laws", "pi", "--plants", "spring-10", "--seeds", "1", "--setpoints", "80,73", "--dwell", "0.05"]
-    assert main(["league", *told, "--out", str(tmp_path), "--workers", "1"]) == 0
+    arguments = ["--laws", "pi", "--plants", "spring-10", "--seeds", "1", "--setpoints", "80,73", "--dwell", "0.05"]
+    assert main(["league", *arguments, "--out", str(tmp_path), "--workers", "1"]) == 0
     assert "| law | spring-10, % |" in (tmp_path / "league.md").read_text(encoding="utf-8")

@@ -98,7 +98,7 @@ def test_alpha_and_beta_in_centimetres_stop_the_valve_short_of_its_setpoint(free
     assert np.nanmax(played.curves.speed_high_m_per_s) < np.nanmax(free[3].curves.speed_high_m_per_s)
 
 
-def test_a_pool_of_processes_returns_what_this_process_plays(free: dict[int, PlayedRun]) -> None:
+def test_a_pool_of_processes_returns_the_same_as_this_process(free: dict[int, PlayedRun]) -> None:
     (played,) = reproduce((Run(2, FREE, short=True),), workers=1)
     assert (played.before, played.after) == (free[2].before, free[2].after)
     np.testing.assert_array_equal(played.curves.position_m, free[2].curves.position_m)

@@ -1,4 +1,4 @@
-"""Tuning: the fast loop tells the truth, the search is repeatable and finds something, and its files are readable."""
+"""Tuning: figures of the fast loop, a repeatable search that finds something, and readable files."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_without_frames_the_figures_are_the_same_to_the_bit(law: str, values: tuple[float, ...]) -> None:
-    told = control_table(law, values)
-    scenario = replace(load_scenario("paper-valve"), law=law, visits=1, dwell_s=0.2, seed=5, control=told)
+    control = control_table(law, values)
+    scenario = replace(load_scenario("paper-valve"), law=law, visits=1, dwell_s=0.2, seed=5, control=control)
     recording = run_in_process(scenario).recording
     trace = metrics.Trace(
         time_s=recording.time_s,
@@ -108,7 +108,7 @@ def test_a_candidate_is_dropped_just_when_it_cannot_win() -> None:
     assert cost_of(scenario, cost) == math.inf
 
 
-def test_the_cost_is_what_its_equation_says() -> None:
+def test_the_cost_follows_its_equation() -> None:
     dwell = metrics.DwellMetrics(
         setpoint_mm=80.0,
         mean_abs_error_pct=0.5,
@@ -126,7 +126,7 @@ def test_the_cost_is_what_its_equation_says() -> None:
     assert dwell_cost(dwell) == pytest.approx(2.0 + 0.5 + 0.04 + 0.12)
 
 
-def test_candidates_are_judged_where_every_plant_can_be_restarted() -> None:
+def test_candidates_are_played_where_every_plant_can_be_restarted() -> None:
     check_setpoints(tuning.SETPOINTS_MM, PLANTS)
     scenario = scenario_of("pi", MIDDLE["pi"], 1)
     assert scenario.sample_period_s == 1e-3
@@ -154,12 +154,12 @@ def test_a_pulse_that_would_outlast_its_period_takes_half_of_it() -> None:
 
 
 @pytest.mark.parametrize("law", SEARCHES)
-def test_what_is_packaged_is_what_a_law_has_by_default(law: str) -> None:
+def test_the_packaged_parameters_are_the_defaults_of_a_law(law: str) -> None:
     name = table_name(law)
     packaged = resources.files("positioner.laws.tuned").joinpath(f"{name}.toml").read_text(encoding="utf-8")
-    told, _ = how(packaged)
-    assert told[:2] == [law, "--budget"]
-    assert int(told[-1]) not in tuning.LEAGUE_SEEDS
+    command, _ = how(packaged)
+    assert command[:2] == [law, "--budget"]
+    assert int(command[-1]) not in tuning.LEAGUE_SEEDS
     found = parse_config(packaged, "test", Path())
     assert found.control == replace(ControlSettings(), law=law)
     assert found.make_law().name == law
@@ -171,12 +171,12 @@ def how(text: str) -> tuple[list[str], float]:
     return command.removeprefix("# positioner tune ").split(), float(cost.removeprefix("# cost "))
 
 
-def test_the_packaged_parameters_cost_what_their_file_says() -> None:
+def test_the_packaged_parameters_have_the_cost_in_their_file() -> None:
     packaged = resources.files("positioner.laws.tuned").joinpath("two_move.toml").read_text(encoding="utf-8")
     file = tomllib.loads(packaged)
     values = tuple(file["control"]["two_move"][each.key] for each in SEARCHES["two-move"].ranges)
-    told, cost = how(packaged)
-    assert cost_of(scenario_of("two-move", values, int(told[-1]))) == pytest.approx(cost, rel=0.02)
+    command, cost = how(packaged)
+    assert cost_of(scenario_of("two-move", values, int(command[-1]))) == pytest.approx(cost, rel=0.02)
 
 
 def test_a_result_is_a_configuration_that_check_accepts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -191,7 +191,7 @@ def test_a_result_is_a_configuration_that_check_accepts(tmp_path: Path, capsys: 
 
 
 @pytest.mark.usefixtures("short")
-def test_the_command_writes_what_the_search_finds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_writes_the_result_of_the_search(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "two_move.toml"
     assert main(["tune", "two-move", "--budget", "2", "--seed", "2", "--out", str(out)]) == ExitCode.OK
     assert out.read_text(encoding="utf-8") == to_toml(tune("two-move", 2, 2))
@@ -200,7 +200,7 @@ def test_the_command_writes_what_the_search_finds(tmp_path: Path, capsys: pytest
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "expected"),
     [
         (["--seed", "102"], "nor 101 to 103"),
         (["--seed", "-1"], "must not be negative"),
@@ -208,10 +208,10 @@ def test_the_command_writes_what_the_search_finds(tmp_path: Path, capsys: pytest
     ],
 )
 def test_what_cannot_be_searched_is_refused(
-    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], expected: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["tune", "pi", *arguments]) == ExitCode.USAGE
-    assert told in capsys.readouterr().err
+    assert expected in capsys.readouterr().err
 
 
 @pytest.mark.usefixtures("short")

@@ -42,7 +42,7 @@ class Limits:
     ) -> tuple[float, float]:
         """Return the smallest and the largest credible value of a quantity, in its unit, within `reach_m` of a place.
 
-        Nothing is credible beyond the travel and 5 % of the span: the smallest is then the larger.
+        Beyond the travel and 5 % of the span no value is credible: the smallest is then larger than the largest.
         """
         margin_m = _PLACE_OF_SPAN * self.valve.span_m + reach_m
         if not self.valve.travel_min_m - margin_m <= position_m <= self.valve.travel_max_m + margin_m:

@@ -146,10 +146,10 @@ def _modes(half: float, omega2: float, stiffness: float, t: float) -> tuple[floa
     else:
         omega, decay = math.sqrt(max(omega2, 0.0)), math.exp(-half * t)
         even, odd = decay * math.cos(omega * t), decay * (math.sin(omega * t) / omega if omega else t)
-    turn = omega2 * t * t
-    if abs(turn) < _SERIES:
+    phase2 = omega2 * t * t  # (ωt)²
+    if abs(phase2) < _SERIES:
         # the difference below would cancel
-        return even, odd, -math.exp(-half * t) * t**3 * (1.0 / 6.0 - turn / 60.0 + turn * turn / 1680.0)
+        return even, odd, -math.exp(-half * t) * t**3 * (1.0 / 6.0 - phase2 / 60.0 + phase2 * phase2 / 1680.0)
     return even, odd, (t * even - odd) / (2.0 * omega2)
 
 

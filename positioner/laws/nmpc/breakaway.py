@@ -69,7 +69,7 @@ def breakaway(
 
 
 _LEAST_OF_MODEL = 0.9
-"""Part of the model's F_s that a push has at least, whatever the table says."""
+"""The least push as a part of the model's F_s, for a table whose values are too low."""
 
 
 def breakaway_lesson(

@@ -49,7 +49,7 @@ class AdaptationSettings(SettingsTable):
 class Sliding:
     """The estimate while the stem slides.
 
-    x in m, v in m/s, the load, and their covariance (STATES, STATES), which nothing writes to. `direction` is that of
+    x in m, v in m/s, the load, and their covariance (STATES, STATES), which is read-only. `direction` is that of
     the move (±1), `stopped` whether friction has ended it.
     """
 

@@ -1,7 +1,7 @@
 """What the law `nmpc` makes of a reading of the resting stem. Pure.
 
-The reading may decide whether the last push freed the stem, show a move that nobody asked for, or teach where the last
-move ended.
+The reading may decide whether the last push freed the stem, show that the stem has moved by itself, or show where the
+last move ended.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Position and speed of the stem from noisy positions: a Kalman filter with stick logic, or nothing at all. Pure.
+"""Position and speed of the stem from noisy positions: a Kalman filter with stick logic, or raw. Pure.
 
 While the stem slides, the model is the closed form of `valve.motion`, in which friction can stop the stem inside a
 sample. While the stem sticks, the speed and its variance are zero, and the filter is a plain average. The stick ends

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
 from plant_emulator.oscillator import Oscillator
@@ -53,11 +53,12 @@ def constants_of(settings: PlantSettings) -> Constants:
     valve = settings.valve
     sticks = valve.static_friction_n > 0.0
     band = valve.stick_velocity_m_per_s if sticks else 0.0
+    oscillator = partial(Oscillator, mass_kg=valve.mass_kg, spring_n_per_m=valve.spring_rate_n_per_m)
     curved = valve.static_friction_n > valve.coulomb_friction_n
     return Constants(
         settings=settings,
-        sliding=Oscillator(valve.mass_kg, valve.viscous_friction_n_s_per_m, valve.spring_rate_n_per_m),
-        breaking=Oscillator(valve.mass_kg, 0.0, valve.spring_rate_n_per_m),
+        sliding=oscillator(damping_n_s_per_m=valve.viscous_friction_n_s_per_m),
+        breaking=oscillator(damping_n_s_per_m=0.0),
         band_m_per_s=band,
         flat_m_per_s=max(band, _FLAT * valve.stribeck_velocity_m_per_s) if curved else band,
         flat_again_m_per_s=max(band, _FLAT_AGAIN * valve.stribeck_velocity_m_per_s),

@@ -168,9 +168,8 @@ class Glide:
 
     def jerk_bound(self, t: float, velocity_m_per_s: float, acceleration_m_per_s2: float, left_s: float) -> float:
         """Return an upper bound of the size of the jerk in m/s³, from `t` until `left_s` later."""
-        oscillator = self.oscillator
         swing = self._swing(t, velocity_m_per_s, acceleration_m_per_s2, left_s)
-        return (abs(self.force.slope(t)) + swing * oscillator.wildness) / oscillator.mass
+        return (abs(self.force.slope(t)) + swing * self.oscillator.wildness) / self.oscillator.mass
 
     def snap_bound(self, t: float, velocity_m_per_s: float, acceleration_m_per_s2: float, left_s: float) -> float:
         """Return an upper bound of the size of the jerk's derivative in m/s⁴, from `t` until `left_s` later."""

@@ -31,7 +31,7 @@ class _Point(NamedTuple):
     error: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StribeckSlide:
     """Motion in the direction `sign` against `load_n` (preload and s·F_c) and the Stribeck part of friction."""
 

@@ -108,16 +108,14 @@ def assessed(traffic: BusTraffic, address: BusAddress, period_s: float) -> Findi
         instead = _instead(traffic)
         return Finding(Level.FAIL, _SUBJECT, f"no valid position frame in {LISTENING_S:g} s; {instead}", _look(address))
     assert traffic.last_position_m is not None  # noqa: S101 - set with the first instant
-    text = f"stem at {traffic.last_position_m * 1e3:.2f} mm"
-    rate = traffic.rate_per_s
+    rate, wanted = traffic.rate_per_s, 1.0 / period_s
     if rate is None:
-        text += f", {len(traffic.positions_ns)} frames in {LISTENING_S:g} s"
+        frames = f"{len(traffic.positions_ns)} frames in {LISTENING_S:g} s"
+        is_right = wanted * LISTENING_S < _FEWEST_FOR_A_RATE
     else:
-        text += f", {rate:.4g} frames/s"
-    wanted = 1.0 / period_s
-    if rate is not None and abs(rate / wanted - 1.0) <= _RATE_TOLERANCE:
-        return Finding(Level.OK, _SUBJECT, text)
-    if rate is None and wanted * LISTENING_S < _FEWEST_FOR_A_RATE:
+        frames, is_right = f"{rate:.4g} frames/s", abs(rate / wanted - 1.0) <= _RATE_TOLERANCE
+    text = f"stem at {traffic.last_position_m * 1e3:.2f} mm, {frames}"
+    if is_right:
         return Finding(Level.OK, _SUBJECT, text)
     text += f", but the configuration says {wanted:g} (control.sample_period_s)"
     return Finding(Level.WARN, _SUBJECT, text, _look(address))

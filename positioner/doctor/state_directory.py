@@ -46,10 +46,9 @@ def _findings(configuration: Configuration, place: Location) -> Iterator[Finding
 def _absent(place: Location) -> Finding:
     directory = place.state
     nearest = next(above for above in directory.parents if above.exists())
-    if place.unit:
-        return Finding(Level.OK, _SUBJECT, f"{directory} does not exist yet: the first start of {place.unit} makes it")
-    if nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK):
-        return Finding(Level.OK, _SUBJECT, f"{directory} does not exist yet: the first start makes it")
+    if place.unit or (nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)):
+        start = f"the first start of {place.unit}" if place.unit else "the first start"
+        return Finding(Level.OK, _SUBJECT, f"{directory} does not exist yet: {start} makes it")
     text = f"{directory} does not exist, and this user cannot make it in {nearest}"
     return Finding(Level.FAIL, _SUBJECT, text, _make(directory))
 

@@ -87,7 +87,7 @@ class HostSession:
         """
         view = self.view
         if verb.word not in _PASSIVE and verb.word is not Word.DISARM:
-            self._refuse_what_cannot_work(verb, now_ns)
+            self._check_possible(verb, now_ns)
             self.is_sending = True
         self._was_controlled = view.is_controlled(now_ns)
         unarmed = "" if self._was_controlled else "; it acts as soon as the positioner is armed: `arm`"
@@ -131,7 +131,7 @@ class HostSession:
                 raise HostError(f"{verb.word}: {self._why_not(now_ns)}")
         return self._frames(now_ns)
 
-    def _refuse_what_cannot_work(self, verb: Verb, now_ns: int) -> None:
+    def _check_possible(self, verb: Verb, now_ns: int) -> None:
         view = self.view
         if not self.is_sending and view.is_received(Setpoint, now_ns):
             raise HostError(f"{verb.word}: another host sends setpoints to this valve: stop it first")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from positioner.cycle.handover import Handover, start_m, update_handover
-from positioner.host.words import CONTROLLED, in_mm, state_in_words
+from positioner.host.words import in_mm, state_in_words
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import (
     CurrentCommand,
@@ -27,6 +27,8 @@ RECEIVED: tuple[type[Message], ...] = (StemPosition, CurrentCommand, PositionerS
 """The messages that a host receives; a setpoint that it receives is another host's."""
 SILENT_S = 0.5
 """A sender without a frame for so long counts as silent."""
+_CONTROLLED = frozenset({Mode.ACTIVE, Mode.HOLD, Mode.MANUAL})
+"""The modes of a positioner that is armed and has not failed safe."""
 _NS = 1_000_000_000
 
 
@@ -94,7 +96,7 @@ class ValveView:
 
     def is_controlled(self, now_ns: int) -> bool:
         """Return whether the positioner is armed and has not failed safe."""
-        return self.mode(now_ns) in CONTROLLED
+        return self.mode(now_ns) in _CONTROLLED
 
     @property
     def position_m(self) -> float | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from positioner.wire.messages import Cause, Mode
+from positioner.wire.messages import Cause
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -44,7 +44,3 @@ def state_in_words(status: PositionerStatus) -> str:
 def in_mm(position_m: float, span_m: float) -> str:
     """Return a position in mm and in percent of the span."""
     return f"{position_m * 1e3:.2f} mm ({100.0 * position_m / span_m:.2f} %)"
-
-
-CONTROLLED = frozenset({Mode.ACTIVE, Mode.HOLD, Mode.MANUAL})
-"""The modes of a positioner that was armed and has not failed safe."""

@@ -17,7 +17,10 @@ RATE = 100.0
 def free(sign: int = 1) -> StribeckSlide:
     """Return a kilogramme that a dying force first slows and a constant one then speeds up."""
     force = PushingForce(sign * 1.0, -sign * 3.0, RATE)
-    return StribeckSlide(force, sign, 1.0, 1e-9, 0.0, 0.0, 0.0, 0.1)
+    return StribeckSlide(
+        force=force, sign=sign, mass_kg=1.0, spring_n_per_m=1e-9, viscous_n_s_per_m=0.0, load_n=0.0, drop_n=0.0,
+        stribeck_velocity_m_per_s=0.1,
+    )  # fmt: skip
 
 
 def speed(start: float, t: float) -> float:

@@ -192,7 +192,7 @@ class BusPort:
         return True
 
     def _is_wanted(self, frame: CanFrame) -> bool:
-        return not self._wanted or frame.is_error or (frame.arbitration_id, frame.is_extended) in self._wanted
+        return not self._wanted or frame.is_error or frame.identifier in self._wanted
 
     def _try_open(self) -> bool:
         if self._time.monotonic_s() < self._next_try_s:

@@ -50,7 +50,7 @@ def run_test(
         with suppress(KeyboardInterrupt):
             while test.goes_on(time.monotonic_ns()):
                 for frame in port.receive(_WAIT_S):
-                    if alone and (frame.arbitration_id, frame.is_extended) == command:
+                    if alone and frame.identifier == command:
                         raise BusError(f"another controller commands the plant on {address}: stop it first")
                     answer = test.receive(frame, time.monotonic_ns())
                     if answer is not None:

@@ -52,7 +52,7 @@ class ValveView:
         newest: dict[tuple[int, bool], CanFrame] = {}
         often = {self._codec.identifier(kind) for kind in (StemPosition, CurrentCommand)}
         for frame in frames:
-            identifier = (frame.arbitration_id, frame.is_extended)
+            identifier = frame.identifier
             if identifier in often:
                 newest[identifier] = frame
             else:

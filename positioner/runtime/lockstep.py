@@ -37,7 +37,7 @@ class LockstepClock:
     def now_ns(self, frames: tuple[CanFrame, ...]) -> int:
         """Return the virtual instant after `frames`."""
         for frame in frames:
-            if _identifier(frame) == self._position:
+            if frame.identifier == self._position:
                 self._advance(frame)
         return self._now_ns
 
@@ -76,9 +76,8 @@ class LockstepGate:
         if not self._every:
             return frames
         for frame in frames:
-            identifier = _identifier(frame)
-            self._samples += identifier == self._position
-            (self._setpoints if identifier == self._setpoint else self._waiting).append(frame)
+            self._samples += frame.identifier == self._position
+            (self._setpoints if frame.identifier == self._setpoint else self._waiting).append(frame)
         due = -(-self._samples // self._every)
         if self._given + len(self._setpoints) < due:
             return ()
@@ -101,14 +100,10 @@ class LockstepCheck:
         Raises:
             UsageError: the plant does not wait.
         """
-        self._unanswered += sum(_identifier(frame) == self._position for frame in frames)
+        self._unanswered += sum(frame.identifier == self._position for frame in frames)
         if self._unanswered > _MOST_UNANSWERED:
             raise UsageError(
                 f"{self._unanswered} position frames came without an answer: this plant does not wait, and --clock "
                 "lockstep is for one that does; leave it out"
             )
         self._unanswered = 0 if answered else self._unanswered
-
-
-def _identifier(frame: CanFrame) -> tuple[int, bool]:
-    return frame.arbitration_id, frame.is_extended

@@ -105,7 +105,7 @@ class Codec:
         """
         if frame.is_error:
             raise FrameRejectedError(Counted.ERROR_FRAME, f"id {frame.arbitration_id:X}")
-        form = self.by_id.get((frame.arbitration_id, frame.is_extended))
+        form = self.by_id.get(frame.identifier)
         if form is None:
             raise FrameRejectedError(None, f"id {frame.arbitration_id:X}")
         if frame.is_remote:

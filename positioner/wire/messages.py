@@ -23,6 +23,11 @@ class CanFrame:
     is_remote: bool = False
     received_ns: int = 0
 
+    @property
+    def identifier(self) -> tuple[int, bool]:
+        """The identifier, and whether it is extended."""
+        return self.arbitration_id, self.is_extended
+
 
 class Mode(IntEnum):
     """Modes of the positioner's guard."""

@@ -76,7 +76,7 @@ class Bench:
             if self.positioner_is_on:
                 self.state, outbox, _ = step(self.setup, self.state, CycleInput(tuple(bus), self.now_ns))
             own = {self.codec.identifier(Setpoint), self.codec.identifier(ManualCurrent)} if self.host_is_on else set()
-            received = [frame for frame in bus if (frame.arbitration_id, frame.is_extended) not in own]
+            received = [frame for frame in bus if frame.identifier not in own]
             self.session.receive([*received, *outbox], self.now_ns)
             self.currents += [
                 message.current_ma

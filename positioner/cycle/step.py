@@ -56,13 +56,15 @@ def step(
     received, returned = _receive(setup, state, cycle_input, stall_ns)
     reading, events = received.reading, [*received.events, *_shell_events(setup, cycle_input, stall_ns)]
     # supervise
-    state = _supervise(setup, replace(state, returned=returned), cycle_input, received, stall_ns, events)
+    state = _supervise(setup, state, cycle_input, received, returned, stall_ns, events)
     # estimate, detect, learn, decide
     decision: Decision | None = None
     if state.guard.controls and reading is not None:
         state, decision = control(setup, state, reading, now_ns, events)
     # admit, encode
-    state = replace(state, counters=state.counters.add(events))
+    counters = state.counters.add(events)
+    if counters is not state.counters:
+        state = replace(state, counters=counters)
     outbox: list[CanFrame] = []
     stale = stall_ns > 0 or is_feedback_stale(setup.guard, state.guard, setup.period_s, now_ns)
     if reading is not None or (stale and now_ns - state.output.command_ns >= _IDLE_COMMAND_PERIOD_NS):
@@ -102,6 +104,7 @@ def _supervise(
     state: CycleState,
     cycle_input: CycleInput,
     received: Received,
+    returned: ReturnedCommands,
     stall_ns: int,
     events: list[Event],
 ) -> CycleState:
@@ -126,6 +129,7 @@ def _supervise(
         table=state.table if cycle_input.table is None else cycle_input.table,
         table_saved=cycle_input.table_saved,
         link=link,
+        returned=returned,
         effect=effect,
         deviation=deviation,
         guard=guard,

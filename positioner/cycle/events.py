@@ -57,7 +57,7 @@ class SetpointRefused(CountedEvent):
         travel = f"{self.travel_min_m * 1e3:g} to {self.travel_max_m * 1e3:g} mm"
         return (
             f"setpoint {self.setpoint_m * 1e3:.3f} mm refused: outside the travel of {travel}; "
-            "the last one stays (mend the host, or valve.travel_* in the configuration)"
+            "the last one stays (correct the host, or valve.travel_* in the configuration)"
         )
 
 

@@ -56,7 +56,7 @@ def receive(
     period_s: float = 0.0,
     fresh: Freshness = ALL_FRESH,
 ) -> Received:
-    """Return what `frames`, oldest first, amount to; the newest reading counts, and every frame is checked.
+    """Return the result of `frames`, oldest first; every frame is checked, and the newest reading counts.
 
     commanded_ma is the current that a law or a person gave, None in other modes; readings come every `period_s`. The
     guard is given the age of a reading that is not `fresh`, and no law sees it.
@@ -113,7 +113,7 @@ class _Batch:
         self.events: list[Event] = []
 
     def result(self) -> Received:
-        """Return what the batch amounts to."""
+        """Return the result of the batch."""
         reading, now_ns = self.reading, self.fresh.now_ns
         feedback = FeedbackState(
             readings=self.readings,

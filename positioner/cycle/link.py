@@ -1,4 +1,4 @@
-"""What a batch of frames amounts to, and what is remembered of the other nodes until the next one. Pure."""
+"""The result of a batch of frames, and what is remembered of the other nodes until the next one. Pure."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """What a batch of frames amounts to."""
+    """The result of a batch of frames."""
 
     link: LinkState
     reading: Reading | None

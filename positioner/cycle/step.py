@@ -78,7 +78,7 @@ def step(
 def _receive(
     setup: Setup, state: CycleState, cycle_input: CycleInput, stall_ns: int
 ) -> tuple[Received, ReturnedCommands]:
-    """Return what the frames amount to, our own commands taken out, and those of them that came back."""
+    """Return the result of the frames, without our own commands, and how many of these came back."""
     before = state.guard
     commanded_ma = state.output.last_ma if before.controls or before.mode is Mode.MANUAL else None
     armed, stalled = before.arming.armed, stall_ns > 0

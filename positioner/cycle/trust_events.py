@@ -65,7 +65,9 @@ class ActingChanged:
             case None:
                 return "commands act on the valve again: the law starts again"
             case Cause.ACTUATOR_FAILED:
-                return "the valve's node says that its actuator obeys no command: nothing is learned; look at the valve"
+                return (
+                    "the valve's node reports that its actuator obeys no command: nothing is learned; look at the valve"
+                )
             case _:
                 why = "its readings name no newer one as acting"
                 return f"the valve's node takes no command of ours ({why}): nothing is learned; look at the node"

@@ -1,1 +1,1 @@
-"""The guard: modes, arming, stalls, manual mode, and the last word on the current. Pure."""
+"""The guard: modes, arming, stalls, manual mode, and the final limit of the current. Pure."""

@@ -1,4 +1,4 @@
-"""The guard: modes, stale data, and the last word on the current. Pure.
+"""The guard: modes, stale data, and the final limit of the current. Pure.
 
     INIT -> READY -> ACTIVE <-> HOLD -> FAILSAFE (latched until it is armed again)
                      ACTIVE, HOLD <-> MANUAL

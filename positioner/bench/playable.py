@@ -69,10 +69,10 @@ def check_playable(scenario: Scenario, configuration: Configuration) -> PlantSet
 
 def _contradictions(scenario: Scenario, plant: PlantSettings, configuration: Configuration) -> Iterator[Problem]:
     own = root_preset(plant.preset or DEFAULT_PRESET)
-    believed = scenario.valve.get("preset", own)
-    if believed != own:
+    configured = scenario.valve.get("preset", own)
+    if configured != own:
         text = f"the plant is {own!r}; leave it out, and [valve] follows the plant"
-        yield Problem(f"valve.preset = {believed!r}", None, text)
+        yield Problem(f"valve.preset = {configured!r}", None, text)
         return
     for key in _GEOMETRY:
         theirs, ours = getattr(plant.valve, key), getattr(configuration.valve, key)

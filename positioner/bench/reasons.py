@@ -1,4 +1,4 @@
-"""Why a law did what it did, as marks in a picture: moves by where Γ came from, and fallbacks. Pure drawing."""
+"""Marks of the law's decisions in a picture: moves, by the source of Γ, and fallbacks. Pure drawing."""
 
 from __future__ import annotations
 

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 _SECONDS = number(0.0001, 3600.0, "a time from 0.0001 to 3600 s")
 _EPILOG = """\
-It prints one line for each rule: pass, FAIL or not seen (the node had no occasion to break it). Below a FAIL stand the
-first frame that breaks the rule, and the fix.
+It prints one line for each rule: pass, FAIL or not seen (the node had no occasion to break it). Below a FAIL it
+prints the first frame that breaks the rule, and the fix.
 
 examples:
   positioner conformance plant --bus socketcan:can0

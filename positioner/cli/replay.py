@@ -78,7 +78,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         )
     sys.stdout.write(f"{headline(prepared)}\n")
     codec = configuration.make_codec()
-    comparison, other = Comparison(codec, prepared.kind.knows_instants), OtherLaw(codec)
+    comparison, other = Comparison(codec, prepared.kind.has_instants), OtherLaw(codec)
     replayed_cycles = replay_cycles(configuration, prepared.cycles(), prepared.table, follows=bool(changes))
     with _output(arguments.out) as output:
         for replayed in tqdm(

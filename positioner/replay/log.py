@@ -24,7 +24,7 @@ _BLF_HEADER_BYTES = 144
 _BLF_OBJECT, _BLF_OBJECT_BYTES = b"LOBJ", 16
 """The first bytes of every object, and the length of its header, whose bytes 8 to 11 are the object's size."""
 _LATEST_S = 1e11
-"""A later time stamp is none: the clock of no logger is past the year 5000."""
+"""A later time stamp is invalid: it would be after the year 5000."""
 
 
 class LogError(PositionerError):
@@ -101,7 +101,7 @@ class _Pass:
                 try:
                     message = next(messages, None)
                     _check_stamp(message)
-                except Exception as error:  # noqa: BLE001 - whatever a damaged file makes python-can raise
+                except Exception as error:  # noqa: BLE001 - a damaged file makes python-can raise any of them
                     self.cut = (
                         f"the part after frame {read} cannot be read ({type(error).__name__}: {shortened(str(error))})"
                     )
@@ -139,7 +139,7 @@ def _opened(path: Path) -> can.io.generic.MessageReader:
 
 
 def _check_head(path: Path, head: bytes) -> None:
-    """Refuse a file named .blf that is none: python-can would not close it."""
+    """Refuse a file whose name ends in .blf but whose content is not BLF: python-can would not close it."""
     if path.suffix.lower() == ".blf" and not (head.startswith(b"LOGG") and len(head) == _BLF_HEADER_BYTES):
         raise LogError(f"{path}: cannot be read: it is not a BLF file")
 

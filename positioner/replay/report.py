@@ -33,7 +33,7 @@ def summary(prepared: PreparedLog, comparison: Comparison) -> str:
     for name, counts in comparison.counters.items():
         text = f"{counts.recorded} recorded, {counts.computed} computed, {counts.equal} equal to the bit"
         lines.append(f"{name}: {text}{f', {counts.differing} differ' if counts.differing else ''}")
-    if not prepared.kind.knows_instants:
+    if not prepared.kind.has_instants:
         lines.append(
             "this log does not have the exact instants of the cycles: frames that are sent at fixed times, such as the "
             "status, are not compared"

@@ -21,7 +21,7 @@ class LogKind(Enum):
     BUS = "a log of the bus"
 
     @property
-    def knows_instants(self) -> bool:
+    def has_instants(self) -> bool:
         """Whether the log has the exact instants of the cycles."""
         return self is not LogKind.BUS
 

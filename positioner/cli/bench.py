@@ -16,7 +16,7 @@ from positioner.cli.command import add_command, add_state
 from positioner.errors import BenchError, ExitCode
 from positioner.laws.registry import LAWS
 from positioner.studies.conditions import ALL_PLANTS
-from positioner.studies.interpretations import Noise, Units, interpreted_as
+from positioner.studies.interpretations import NoiseKind, Units, interpreted_as
 
 if TYPE_CHECKING:
     from positioner.cli.command import Commands
@@ -64,7 +64,7 @@ def add_parser(commands: Commands) -> None:
     )
     parser.add_argument("--seed", type=_seed, metavar="N", help="seed instead of the scenario's")
     parser.add_argument(
-        "--reading", choices=tuple(Noise), metavar="A|B|noise-free", help="interpretation of the paper's noise"
+        "--reading", choices=tuple(NoiseKind), metavar="A|B|noise-free", help="interpretation of the paper's noise"
     )
     parser.add_argument("--units", choices=tuple(Units), metavar="SI|cm", help="units of the paper's α and β")
     parser.add_argument(
@@ -109,7 +109,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     )
     scenario = interpreted_as(
         scenario,
-        Noise(arguments.reading) if arguments.reading else None,
+        NoiseKind(arguments.reading) if arguments.reading else None,
         Units(arguments.units) if arguments.units else None,
     )
     out = arguments.out or Path(f"bench-{scenario.name}")

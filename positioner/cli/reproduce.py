@@ -49,14 +49,14 @@ def add_parser(commands: Commands) -> None:
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
     # matplotlib and the plant are needed here only
-    from positioner.studies.interpretations import Noise, interpretations  # noqa: PLC0415
+    from positioner.studies.interpretations import NoiseKind, interpretations  # noqa: PLC0415
     from positioner.studies.published_results import assess  # noqa: PLC0415
     from positioner.studies.reproduce import SIMULATIONS, all_runs, reproduce  # noqa: PLC0415
     from positioner.studies.reproduce_pictures import FIGURE_OF, draw_figure, draw_page  # noqa: PLC0415
     from positioner.studies.reproduce_report import to_json, to_markdown  # noqa: PLC0415
 
-    both = (Noise.FILTERED, Noise.RAW)
-    noises = both if arguments.reading == "both" else (Noise(arguments.reading),)
+    both = (NoiseKind.FILTERED, NoiseKind.RAW)
+    noises = both if arguments.reading == "both" else (NoiseKind(arguments.reading),)
     out: Path = arguments.out
     with writing(out):
         out.mkdir(parents=True, exist_ok=True)

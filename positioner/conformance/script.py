@@ -53,7 +53,7 @@ REFUSED = (Phase.REPEAT, Phase.DAMAGE, Phase.OLD, Phase.SHORT)
 
 
 @dataclass(frozen=True, slots=True)
-class SentCommand:
+class GoodCommand:
     """A good command: the instant at which it was sent, and its counter."""
 
     instant_ns: int
@@ -81,7 +81,7 @@ class Script:
         self._since_ns: int | None = None
         self.steady_ns = 0
         """Since when the phase goes on without a long gap between our own commands."""
-        self.sent: deque[SentCommand] = deque(maxlen=_COMMANDS_REMEMBERED)
+        self.sent: deque[GoodCommand] = deque(maxlen=_COMMANDS_REMEMBERED)
         self._counter = 0
         self._bad_counter = 0
 
@@ -123,7 +123,7 @@ class Script:
         if self.sent and now_ns - self.sent[-1].instant_ns > self.steady_gap_s * _NS:
             self.steady_ns = now_ns
         self._counter += 1
-        self.sent.append(SentCommand(now_ns, self._counter % 256))
+        self.sent.append(GoodCommand(now_ns, self._counter % 256))
         return self._command(position_counter, self._counter)
 
     def _bad(self, position_counter: int) -> CanFrame:

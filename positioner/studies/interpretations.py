@@ -2,9 +2,9 @@
 
 | noise | sensor | position and speed |
 |---|---|---|
-| A | 2 % of the interpretation, white: one draw a sample | Kalman filter (D11) |
-| B | 2 % of the interpretation, each draw held for 10 ms | the interpretation, and its difference quotient |
-| noise-free | no noise: the control run of A and B | the interpretation, and its difference quotient |
+| A | 2 % of the reading, white: one draw a sample | Kalman filter (D11) |
+| B | 2 % of the reading, each draw held for 10 ms | the reading, and its difference quotient |
+| noise-free | no noise: the control run of A and B | the reading, and its difference quotient |
 
 | units | α of eq. 22 | β of eq. 22 |
 |---|---|---|
@@ -31,7 +31,7 @@ NOISE_HOLD_S = 0.01
 """How long interpretation B holds a draw of the noise."""
 
 
-class Noise(StrEnum):
+class NoiseKind(StrEnum):
     """What "a random signal with a mean power of 2 %" is, and how the controller estimates position and speed."""
 
     FILTERED = "A"
@@ -50,7 +50,7 @@ class Units(StrEnum):
 class Interpretation:
     """One interpretation of the paper; interpretations sort as the columns of a table."""
 
-    noise: Noise
+    noise: NoiseKind
     units: Units
 
     def __str__(self) -> str:
@@ -58,21 +58,21 @@ class Interpretation:
         return f"{self.noise}, {self.units}"
 
 
-def interpretations(noises: tuple[Noise, ...]) -> tuple[Interpretation, ...]:
+def interpretations(noises: tuple[NoiseKind, ...]) -> tuple[Interpretation, ...]:
     """Return every interpretation with one of `noises`, and the noise-free control runs."""
-    return tuple(Interpretation(noise, units) for noise in (*noises, Noise.FREE) for units in Units)
+    return tuple(Interpretation(noise, units) for noise in (*noises, NoiseKind.FREE) for units in Units)
 
 
-def interpreted_as(scenario: Scenario, noise: Noise | None, units: Units | None) -> Scenario:
+def interpreted_as(scenario: Scenario, noise: NoiseKind | None, units: Units | None) -> Scenario:
     """Return `scenario` with sensor and estimator of `noise`, and the bounds of `units`; None leaves them."""
     plant, control, estimator = scenario.plant, scenario.control, scenario.estimator
     match noise:
-        case Noise.FILTERED:
+        case NoiseKind.FILTERED:
             estimator = {**estimator, "method": str(EstimationMethod.KALMAN)}
-        case Noise.RAW:
+        case NoiseKind.RAW:
             estimator = {**estimator, "method": str(EstimationMethod.RAW)}
             plant = _with(plant, "sensor", {"noise_hold_s": NOISE_HOLD_S})
-        case Noise.FREE:
+        case NoiseKind.FREE:
             estimator = {**estimator, "method": str(EstimationMethod.RAW)}
             plant = _with(plant, "sensor", {"noise_of_reading": 0.0})
     if units is not None:

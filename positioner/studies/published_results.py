@@ -65,7 +65,7 @@ class _PublishedResult:
 
 
 def assess(played_runs: Sequence[PlayedRun]) -> tuple[Assessment, ...]:
-    """Return the assessment of every published result in every interpretation that was by_run."""
+    """Return the assessment of every published result in every interpretation that was played."""
     by_run = {(played.run.simulation, played.run.interpretation): played for played in played_runs}
     found = []
     for published in _PUBLISHED_RESULTS:
@@ -87,7 +87,7 @@ def summary(assessments: Iterable[Assessment]) -> tuple[str, bool | None]:
 
 
 def _interpretation_of(simulation: int, interpretation: Interpretation) -> Interpretation:
-    """Return the interpretation in which `simulation` was by_run: without a table both units give the same run."""
+    """Return the interpretation in which `simulation` was played: without a table both units give the same run."""
     return interpretation if simulation in WITH_TABLE else Interpretation(interpretation.noise, Units.SI)
 
 

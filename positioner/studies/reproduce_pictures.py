@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from positioner.studies.interpretations import Interpretation, Noise, Units
+from positioner.studies.interpretations import Interpretation, NoiseKind, Units
 from positioner.studies.published_results import summary
 from positioner.studies.reproduce import SIMULATIONS, WITH_TABLE
 
@@ -38,9 +38,9 @@ TITLES = {
 }
 
 NOISES = {
-    Noise.FILTERED: "white noise, Kalman filter",
-    Noise.RAW: "noise held 10 ms, raw differences",
-    Noise.FREE: "no noise",
+    NoiseKind.FILTERED: "white noise, Kalman filter",
+    NoiseKind.RAW: "noise held 10 ms, raw differences",
+    NoiseKind.FREE: "no noise",
 }
 
 UNITS = {Units.SI: "α 5 m/s, β 150 1/m", Units.CENTIMETRES: "α 5 cm/s, β 150 1/cm"}
@@ -63,7 +63,7 @@ _NAMES = (
 def interpretation_title(interpretation: Interpretation, *, table: bool = True) -> str:
     """Return the interpretation in words; without a `table` α and β have no effect."""
     noise = NOISES[interpretation.noise]
-    label = noise if interpretation.noise is Noise.FREE else f"{interpretation.noise}: {noise}"
+    label = noise if interpretation.noise is NoiseKind.FREE else f"{interpretation.noise}: {noise}"
     return f"{label}, {UNITS[interpretation.units]}" if table else label
 
 

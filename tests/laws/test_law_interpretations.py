@@ -20,7 +20,7 @@ from positioner.inputs.toml_reader import build
 from positioner.laws.estimator_settings import EstimationMethod, EstimatorSettings
 from positioner.laws.paper.bounds import approach_speed_limit_m_per_s
 from positioner.laws.paper.estimator import estimate, first_estimate
-from positioner.studies.interpretations import Interpretation, Noise, Units, interpretations, interpreted_as
+from positioner.studies.interpretations import Interpretation, NoiseKind, Units, interpretations, interpreted_as
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.stiction import Quantity
 
@@ -34,7 +34,7 @@ PERIOD_S = 1e-4
 BAND_M = VALVE.stick_velocity_m_per_s * PERIOD_S
 """Motion in one sample at the border of Karnopp's zero-speed band."""
 
-SI = {noise: Interpretation(noise, Units.SI) for noise in Noise}
+SI = {noise: Interpretation(noise, Units.SI) for noise in NoiseKind}
 
 
 def resting(position_m: float = 0.08) -> FilteredStem:
@@ -95,13 +95,13 @@ def short(simulation: int, interpretation: Interpretation, dwell_s: float = 0.02
 
 
 @pytest.fixture(scope="module")
-def played() -> dict[Noise, InProcessRun]:
+def played() -> dict[NoiseKind, InProcessRun]:
     """Simulation 2 in every interpretation of the noise, 20 ms a setpoint."""
-    return {noise: run_in_process(short(2, SI[noise])) for noise in Noise}
+    return {noise: run_in_process(short(2, SI[noise])) for noise in NoiseKind}
 
 
-def test_the_filtered_noise_is_white_and_two_percent(played: dict[Noise, InProcessRun]) -> None:
-    recording = played[Noise.FILTERED].recording
+def test_the_filtered_noise_is_white_and_two_percent(played: dict[NoiseKind, InProcessRun]) -> None:
+    recording = played[NoiseKind.FILTERED].recording
     noise = recording.measured_m / recording.true_position_m - 1.0
     assert len(noise) == 600
     # four standard errors of a standard deviation and of a correlation from 600 draws
@@ -109,8 +109,8 @@ def test_the_filtered_noise_is_white_and_two_percent(played: dict[Noise, InProce
     assert abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) < 4.0 / np.sqrt(600.0)
 
 
-def test_the_raw_noise_is_drawn_every_ten_milliseconds(played: dict[Noise, InProcessRun]) -> None:
-    recording = played[Noise.RAW].recording
+def test_the_raw_noise_is_drawn_every_ten_milliseconds(played: dict[NoiseKind, InProcessRun]) -> None:
+    recording = played[NoiseKind.RAW].recording
     noise = (recording.measured_m / recording.true_position_m - 1.0).reshape(6, 100)
     # the frames carry 10 nm
     assert np.ptp(noise, axis=1).max() < 2e-8 / 0.01
@@ -118,8 +118,8 @@ def test_the_raw_noise_is_drawn_every_ten_milliseconds(played: dict[Noise, InPro
     assert np.abs(noise).max() < 0.08
 
 
-def test_without_noise_a_raw_speed_is_the_true_mean_speed(played: dict[Noise, InProcessRun]) -> None:
-    run = played[Noise.FREE]
+def test_without_noise_a_raw_speed_is_the_true_mean_speed(played: dict[NoiseKind, InProcessRun]) -> None:
+    run = played[NoiseKind.FREE]
     guess = np.array([cycle.stem.velocity_m_per_s for cycle in run.cycles])
     truth = np.diff(run.recording.true_position_m, prepend=run.recording.true_position_m[0]) / PERIOD_S
     assert np.abs(truth).max() > 0.5
@@ -128,9 +128,9 @@ def test_without_noise_a_raw_speed_is_the_true_mean_speed(played: dict[Noise, In
 
 
 def test_without_noise_every_breakaway_that_is_learned_raw_overcomes_static_friction(
-    played: dict[Noise, InProcessRun],
+    played: dict[NoiseKind, InProcessRun],
 ) -> None:
-    events = (event for event in played[Noise.FREE].events if isinstance(event, Learned))
+    events = (event for event in played[NoiseKind.FREE].events if isinstance(event, Learned))
     samples = [event.sample for event in events if event.sample.quantity is Quantity.BREAKAWAY_CURRENT]
     assert len(samples) >= 2
     for sample in samples:
@@ -142,7 +142,7 @@ def test_alpha_and_beta_are_read_in_si_or_in_centimetres() -> None:
     # the paper's example, 0.97 cm away and 0.04 cm/s learned: eq. 27 gives 5.04 cm/s
     limits = {}
     for units in Units:
-        configuration = configure(short(3, Interpretation(Noise.FILTERED, units)))
+        configuration = configure(short(3, Interpretation(NoiseKind.FILTERED, units)))
         limits[units] = approach_speed_limit_m_per_s(configuration.control.bounds, 0.0097, 0.0004)
     assert limits[Units.CENTIMETRES] == pytest.approx(0.0504, rel=1e-9)
     assert limits[Units.SI] == pytest.approx(5.0 * (1.0 - np.exp(-1.455)) + 0.0004)
@@ -151,13 +151,13 @@ def test_alpha_and_beta_are_read_in_si_or_in_centimetres() -> None:
 @pytest.mark.parametrize(
     ("noise", "method", "fraction", "hold_s"),
     [
-        (Noise.FILTERED, EstimationMethod.KALMAN, 0.02, 0.0),
-        (Noise.RAW, EstimationMethod.RAW, 0.02, 0.01),
-        (Noise.FREE, EstimationMethod.RAW, 0.0, 0.0),
+        (NoiseKind.FILTERED, EstimationMethod.KALMAN, 0.02, 0.0),
+        (NoiseKind.RAW, EstimationMethod.RAW, 0.02, 0.01),
+        (NoiseKind.FREE, EstimationMethod.RAW, 0.0, 0.0),
     ],
 )
 def test_an_interpretation_sets_sensor_and_estimator_and_leaves_the_valve_alone(
-    noise: Noise, method: EstimationMethod, fraction: float, hold_s: float
+    noise: NoiseKind, method: EstimationMethod, fraction: float, hold_s: float
 ) -> None:
     scenario = short(4, SI[noise])
     plant = plant_settings(overrides=scenario.plant)
@@ -169,13 +169,13 @@ def test_an_interpretation_sets_sensor_and_estimator_and_leaves_the_valve_alone(
 
 def test_the_packaged_scenario_is_interpretation_a_in_si() -> None:
     scenario = load_scenario("paper-3")
-    read = interpreted_as(scenario, Noise.FILTERED, Units.SI)
+    read = interpreted_as(scenario, NoiseKind.FILTERED, Units.SI)
     assert configure(read) == configure(scenario)
     assert plant_settings(overrides=read.plant) == plant_settings(overrides=scenario.plant)
 
 
 def test_every_choice_of_noise_comes_with_its_control_run_in_both_units() -> None:
-    assert [str(each) for each in interpretations((Noise.RAW,))] == [
+    assert [str(each) for each in interpretations((NoiseKind.RAW,))] == [
         "B, SI",
         "B, cm",
         "noise-free, SI",

@@ -16,7 +16,7 @@ from positioner.bench.playable import restartable_mm
 from positioner.bench.scenario import MOST_SAMPLES_PER_SETPOINT, load_scenario
 from positioner.cli.main import main
 from positioner.studies import reproduce as reproduction
-from positioner.studies.interpretations import Interpretation, Noise, Units, interpretations
+from positioner.studies.interpretations import Interpretation, NoiseKind, Units, interpretations
 from positioner.studies.published_results import Assessment, assess, summary
 from positioner.studies.reproduce import (
     SIMULATIONS,
@@ -37,9 +37,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-A, FREE = Interpretation(Noise.FILTERED, Units.SI), Interpretation(Noise.FREE, Units.SI)
-FREE_CM = Interpretation(Noise.FREE, Units.CENTIMETRES)
-ALL = interpretations((Noise.FILTERED, Noise.RAW))
+A, FREE = Interpretation(NoiseKind.FILTERED, Units.SI), Interpretation(NoiseKind.FREE, Units.SI)
+FREE_CM = Interpretation(NoiseKind.FREE, Units.CENTIMETRES)
+ALL = interpretations((NoiseKind.FILTERED, NoiseKind.RAW))
 CALM = Half(
     dwells=3,
     error_pct=0.6,
@@ -296,7 +296,7 @@ def test_the_command_writes_the_page_the_figures_and_the_report(
     ((runs, workers),) = asked
     assert workers == 3
     assert all(run.short for run in runs)
-    assert {run.interpretation.noise for run in runs} == {Noise.RAW, Noise.FREE}
+    assert {run.interpretation.noise for run in runs} == {NoiseKind.RAW, NoiseKind.FREE}
     pictures = {"reproduce.png", *(f"figure-{number}.png" for number in FIGURE_OF.values())}
     assert {path.name for path in out.iterdir()} == pictures | {"reproduce.md", "reproduce.json"}
     assert sorted(FIGURE_OF.values()) == [4, 5, 6, 7, 8]

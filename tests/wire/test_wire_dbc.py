@@ -163,7 +163,6 @@ def test_every_value_table_is_its_enumeration() -> None:
         if signal.choices
     }
     names = {key: {member.value: member.name for member in kind} for key, kind in expected.items()}
-    names["CURRENT_COMMAND", "Motion"][Motion.REST] = "HOLD"  # the DBC keeps the name that its users know
     assert tables == names
 
 

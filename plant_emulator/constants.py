@@ -22,16 +22,17 @@ _FLAT_AGAIN = 6.0
 
 
 def located_n(slope_n_per_s: float) -> float:
-    """Return how far in N from a limit a force that changes at `slope_n_per_s` may be located, with the slope's sign.
+    """Return the allowed distance in N between a limit and a force that is located there, with the sign of the slope.
 
-    It is twice the change within the time tolerance of `roots`: a motion that begins beyond it lasts longer than that.
+    `slope_n_per_s` is the rate of change of the force. The distance is twice the change within the time tolerance of
+    `roots`, so that a motion that begins beyond it lasts longer than this tolerance.
     """
     return 2.0 * TIME_TOLERANCE_S * slope_n_per_s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Constants:
-    """What follows from the settings alone."""
+    """Values that follow from the settings alone."""
 
     settings: PlantSettings
     sliding: Oscillator

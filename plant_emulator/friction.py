@@ -18,7 +18,7 @@ CELL_WIDTH_M = 0.00025
 """Friction is constant inside a cell, so that the motion there keeps its closed form."""
 
 _WAVELENGTHS_M = (0.011, 0.0037)
-"""Of the two waves of the friction field; their ratio is such that no two strokes are alike."""
+"""Of the two waves of the friction field; with their ratio no two strokes are alike."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ def after_crossing(settings: PlantSettings, packing: Packing, direction: int) ->
 
 
 def after_stop(settings: PlantSettings, packing: Packing, stops: int) -> Packing:
-    """Return the friction after stop number `stops`: its random half is drawn anew."""
+    """Return the friction after stop number `stops`, with a new random half."""
     if settings.stochastic.friction_fraction == 0.0:
         return packing
     return _packed(settings, replace(packing, draw=uniform(packing.seed, Stream.FRICTION, stops + 1)))

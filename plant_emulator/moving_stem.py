@@ -1,9 +1,8 @@
 """The stem from event to event: at rest, breaking away, creeping, sliding; Karnopp's eq. 3 without a time step. Pure.
 
 Inside the zero-speed band (|v| < DV) a stem that static friction can hold comes to rest. A stem that static friction
-cannot hold moves against F_s, until it leaves the band or the pull falls to what friction holds. At the edge of the
-band, viscous friction may make a pull that starts the stem too small to keep it sliding: the stem then creeps at
-exactly DV.
+cannot hold moves against F_s, until it leaves the band or the pull falls to F_s. At the edge of the band viscous
+friction is added. A pull that starts the stem can then be too small to keep it sliding: the stem creeps at exactly DV.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 
 
 _SETTLED_M_PER_S = 1e-10
-"""At this speed a frictionless stem in balance is at rest: its remaining way is smaller than rounding errors."""
+"""At this speed a frictionless stem in balance is at rest: its remaining distance is smaller than rounding errors."""
 
 
 @dataclass(slots=True)
@@ -79,7 +78,7 @@ class MovingStem:
         valve, position_m = self.constants.settings.valve, self.stem.position_m
         balance_n = valve.bench_set_n + valve.spring_rate_n_per_m * position_m
         hold_n = max(self.packing.static_n, FORCE_MARGIN_N) + FORCE_MARGIN_N
-        # where the last stop was located, a pull that falls back is at the limit and not above it
+        # a pull that falls to the limit may be located a little above it, and must not start the stem again
         tolerance_n = located_n(force.slope(0.0))
         up_n, down_n = balance_n + hold_n + max(0.0, -tolerance_n), balance_n - hold_n - max(0.0, tolerance_n)
         up_s = force.time_above(up_n) if position_m < valve.travel_max_m else math.inf

@@ -125,7 +125,7 @@ class Oscillator:
 
 
 class Glide:
-    """The motion under constant friction, from position_m and velocity_m_per_s on."""
+    """The motion under constant friction, from a start position and velocity."""
 
     __slots__ = ("force", "load", "offset", "oscillator", "rest", "velocity")
 
@@ -149,9 +149,9 @@ class Glide:
         if self.force.deviation_n:
             rate = self.force.rate_per_s
             gain = self.force.deviation_n / oscillator.mass
-            answer = oscillator.exponential_response(t, rate, g0, g1)
-            position += gain * answer
-            velocity += gain * (g1 - rate * answer)
+            response = oscillator.exponential_response(t, rate, g0, g1)
+            position += gain * response
+            velocity += gain * (g1 - rate * response)
         return position, velocity
 
     def acceleration(self, t: float, position_m: float, velocity_m_per_s: float) -> float:

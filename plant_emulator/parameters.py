@@ -97,7 +97,7 @@ class SensorSettings(SettingsTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StochasticSettings(SettingsTable):
-    """Friction that varies: one half of the variation follows the position, the other is drawn anew at every stop."""
+    """Friction that varies: one half of the variation follows the position, the other is random at every stop."""
 
     friction_fraction: Annotated[float, Interval(ge=0.0, le=0.9)] = 0.0
     """Largest deviation of F_s and F_c, as a fraction of each."""
@@ -114,6 +114,6 @@ class PlantSettings(SettingsTable):
     stochastic: StochasticSettings = field(default_factory=StochasticSettings)
     fail_position: FailPosition = FailPosition.CLOSE
     fail_current_ma: Annotated[float, Interval(ge=0.0, le=25.0)] = 4.0
-    """Current that `fail_position = "current"` falls back to."""
+    """The current of `fail_position = "current"`."""
     deadman_s: Annotated[float, Interval(ge=0.001, le=60.0)] = 0.1
     """How old the last command may be before the valve goes to its `fail_position`."""

@@ -9,16 +9,16 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 TIME_TOLERANCE_S = 1e-13
-"""So near to an event counts as the event: at 1 m/s, a thousandth of an atom."""
+"""An instant this near to an event counts as the event: at 1 m/s, a thousandth of an atom."""
 
 _BISECTIONS = 200
 _MARCHES = 500
 
 
 def clear_time(gap: float, slope: float, bend: float) -> float:
-    """Return for how many seconds a quantity `gap` above zero that changes at `slope` is sure to stay above zero.
+    """Return the time in s for which a quantity is sure to stay above zero: it is `gap` now, and changes at `slope`.
 
-    `bend` bounds the size of its second derivative: the time is the positive zero of gap + slope·t - bend·t²/2.
+    `bend` bounds the size of its second derivative. The time is the positive zero of gap + slope·t - bend·t²/2.
     """
     if bend <= 0.0:
         return math.inf if slope >= 0.0 else max(gap, 0.0) / -slope
@@ -30,8 +30,9 @@ def clear_time(gap: float, slope: float, bend: float) -> float:
 def first_event(clear: Callable[[float], float], horizon_s: float) -> tuple[float, bool]:
     """Return the time of the first event before `horizon_s` and True, or the time that was reached and False.
 
-    `clear(t)` returns for how long after t there is no event for sure. No event is missed, however brief, and near an
-    event the search converges as fast as Newton's method. Where two events nearly touch it may stop before both.
+    `clear(t)` returns the time in s after t in which there is no event for sure. No event is missed, however brief.
+    Near an event the search converges as fast as Newton's method. Where two events nearly touch it may stop before
+    both.
     """
     time = 0.0
     for _ in range(_MARCHES):

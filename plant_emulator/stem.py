@@ -31,7 +31,7 @@ class Stem:
 
     @property
     def is_at_rest(self) -> bool:
-        """True where static friction or a travel stop holds it, or it is in balance without friction."""
+        """Whether static friction or a travel stop holds the stem, or a frictionless stem is in balance."""
         return self.direction == 0
 
 
@@ -47,7 +47,7 @@ def sliding_n(valve: ValveSettings, packing: Packing, speed_m_per_s: float) -> f
 
 
 def friction_n(constants: Constants, stem: Stem, packing: Packing, push_n: float) -> float:
-    """Return the friction on the stem in N, positive against opening motion; at rest what it holds, at most F_s."""
+    """Return the friction on the stem in N, positive against opening motion; at rest it is the pull, at most F_s."""
     valve, band = constants.settings.valve, constants.band_m_per_s
     pull, speed = pull_n(valve, stem, push_n), abs(stem.velocity_m_per_s)
     static_n = packing.static_n

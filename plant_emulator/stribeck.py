@@ -1,7 +1,7 @@
 """Sliding so slowly that Stribeck's curve matters: Dormand-Prince 5(4), with events located. Pure.
 
 Below about five V_s the motion has no closed form, and it is fast: the friction falls by (F_s - F_c)/V_s per unit of
-speed, and time constants are microseconds. The allowed error per step is far below the resolution of any sensor.
+speed, and the time constants are microseconds. The allowed error per step is far below the resolution of any sensor.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class StribeckSlide:
                 h *= max(0.2, 0.9 * trial.error**-0.2)
                 continue
             if self.sign * point.v <= low and self.sign * trial.v < low and self.sign * point.a > 0.0:
-                # the speed starts at the bound and comes back to it within the step: the event is the return
+                # the speed starts at the bound, rises, and falls below it within the step: only the fall is an event
                 h *= 0.5
                 continue
             event = self._event(t, point, h, trial, low, border_m)

@@ -67,6 +67,6 @@ def measure(settings: PlantSettings, state: PlantState) -> tuple[PlantState, flo
 
 
 def friction_n(settings: PlantSettings, state: PlantState) -> float:
-    """Return the friction on the stem in N, positive against opening motion; at rest what it holds, at most F_s."""
+    """Return the friction on the stem in N, positive against opening motion; at rest it is the pull, at most F_s."""
     push_n = state.actuator.pressure_pa * settings.valve.diaphragm_area_m2
     return friction_on_stem_n(constants_of(settings), state.stem, state.packing, push_n)

@@ -59,8 +59,8 @@ def from_file(path: Path) -> Waveform:
     """Return the waveform in the columns time_s and current_ma of a CSV file; each row holds until the next.
 
     Raises:
-        ConfigurationError: the file cannot be read, a column is missing, or a row is not numbers, out of range or out
-            of order; the first bad row is named.
+        ConfigurationError: the file cannot be read, a column is missing, or a row holds no numbers, or is out of
+            range or out of order; the message names the first bad row.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:

@@ -45,7 +45,7 @@ class FrameChecks:
     """Checks the frames of one node; mutable."""
 
     def __init__(self, codec: Codec, kinds: Iterable[type[Message]], results: Results, id_offset: int) -> None:
-        """Begin; `kinds` are the messages that the node sends."""
+        """Prepare the checks; `kinds` are the messages that the node sends."""
         self._codec = codec
         self._forms = {codec.by_kind[kind].arbitration_id: codec.by_kind[kind] for kind in kinds}
         self._results = results

@@ -48,7 +48,7 @@ HOST_RULES = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostLimits:
-    """What the positioner allows: the age of a setpoint in s, and the travel in m, None where it is not known."""
+    """The positioner's limits: the age of a setpoint in s, and the travel in m (None where it is not known)."""
 
     hold_s: float = 0.5
     travel_m: tuple[float, float] | None = None
@@ -78,7 +78,7 @@ class HostTest:
         return now_ns - self._begin_ns < self._listen_ns
 
     def receive(self, frame: CanFrame, now_ns: int) -> None:
-        """Check `frame`; nothing is sent after it."""
+        """Check `frame`; there is nothing to send."""
         del now_ns
         received = self._frames.receive(frame)
         if received is None:

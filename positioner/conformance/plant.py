@@ -1,4 +1,4 @@
-"""The rules of a plant, checked on its frames and on what the script sent to it. Pure."""
+"""The rules of a plant, checked on its frames and its reaction to the script's commands. Pure."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ PLANT_RULES = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlantLimits:
-    """What is known of the plant: period in s, deadman in s, travel in m, None where it is not known."""
+    """The plant's period in s, its deadman in s, and its travel in m (None where it is not known)."""
 
     period_s: float
     deadman_s: float
@@ -90,7 +90,7 @@ class PlantLimits:
 
     @property
     def settle_s(self) -> float:
-        """How long an answer may take, in s: some periods, and what a computer without real time needs."""
+        """The time in s that an answer may take: some periods, at least the delay of a computer without real time."""
         return max(_PERIODS_TO_SETTLE * self.period_s, _LEAST_SETTLE_S)
 
 
@@ -137,7 +137,7 @@ class PlantTest:
         return self._results.all()
 
     def _check_obedience(self, reading: StemPosition, frame: CanFrame) -> None:
-        """Check what `reading` says of the commands, once the plant has had time to react to the phase."""
+        """Check counter and quality of `reading` against the commands, once the plant has had time to react."""
         script, limits, results = self._script, self._limits, self._results
         now_ns = frame.received_ns
         steady_s = (now_ns - script.steady_ns) / _NS
@@ -158,7 +158,7 @@ class PlantTest:
             case phase if phase in REFUSED:
                 self._check_refusal(phase.value, reading, frame, silent_s)
             case _ if steady_s <= limits.settle_s or silent_s > script.steady_gap_s:
-                pass  # too early, or our own commands had a gap
+                pass  # too early, or the test's own commands had a gap
             case Phase.FAIL:
                 results.note("failure-signal", None if failed else Violation(f"{quality} on a failure signal", frame))
             case phase:

@@ -17,7 +17,7 @@ _NS = 1e9
 
 
 def lines(results: Sequence[RuleResult], start_ns: int) -> Iterator[str]:
-    """Yield one line for each rule, below a broken one its first violation and the fix, and at the end the sums."""
+    """Yield one line for each rule, its first violation and the fix below a broken one, and the sums at the end."""
     width = max(len(result.rule.name) for result in results)
     for result in results:
         yield f"{_MARKS[result.verdict]:8}  {result.rule.name:{width}}  {result.rule.demands}"
@@ -30,7 +30,7 @@ def lines(results: Sequence[RuleResult], start_ns: int) -> Iterator[str]:
 
 
 def as_json(node: str, results: Sequence[RuleResult], start_ns: int) -> str:
-    """Return the same as one JSON object."""
+    """Return the results as one JSON object."""
     report = {
         "node": node,
         "conforms": conforms(results),

@@ -1,4 +1,4 @@
-"""The rules of a node, and the result for each: passed, failed (first by which frame), or not seen. Pure."""
+"""The rules of a node, and the result for each: passed, failed (with the first violation), or not seen. Pure."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """What was found, in which frame (None where it did not come), and a better fix than the rule's, where known."""
+    """What was found, the frame (None where it did not come), and a better fix than the rule's, where known."""
 
     found: str
     frame: CanFrame | None = None

@@ -1,4 +1,4 @@
-"""What is sent to a plant under test: good commands, bad ones, and silence, in turn. Pure.
+"""The commands to a plant under test: good ones, bad ones, and silence, in turn. Pure.
 
 The phases follow one another by time. Good commands come before each bad phase, so that the plant is seen to stop
 obeying, and after it, so that the plant is seen to obey again.
@@ -22,11 +22,11 @@ _COMMANDS_REMEMBERED = 256
 _BACK = 50
 _AHEAD = 100
 _MOST_STEADY_GAP = 0.3
-"""Of the deadman: after a longer gap between our own commands the plant may rightly be in its fail position."""
+"""Of the deadman: after a longer gap between the test's own commands the plant may rightly be in its fail position."""
 
 
 class Phase(StrEnum):
-    """What is sent during a phase; the values of the bad ones are the names of the rules that they check."""
+    """The kind of commands in a phase; the value of a bad phase is the name of the rule that it checks."""
 
     LISTEN = "listen"
     """Nothing."""
@@ -80,19 +80,19 @@ class Script:
         self._index = 0
         self._since_ns: int | None = None
         self.steady_ns = 0
-        """Since when the phase goes on without a long gap between our own commands."""
+        """The instant since which the phase goes on without a long gap between the test's own commands."""
         self.sent: deque[GoodCommand] = deque(maxlen=_COMMANDS_REMEMBERED)
         self._counter = 0
         self._bad_counter = 0
 
     @property
     def phase(self) -> Phase:
-        """The phase that goes on."""
+        """The present phase."""
         return self._phases[self._index][0]
 
     @property
     def is_first_command(self) -> bool:
-        """Whether no phase but listening went before."""
+        """Whether there was no phase with commands before this one."""
         return self._index <= 1
 
     @property

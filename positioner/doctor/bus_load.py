@@ -37,7 +37,7 @@ class BusLoad:
 
     @property
     def total(self) -> float:
-        """The whole load."""
+        """The load by all frames."""
         return self.of_samples + self.of_others
 
 

@@ -38,12 +38,12 @@ class Link:
 
     @property
     def is_controller(self) -> bool:
-        """Whether it has a real controller, with a bitrate and error counters."""
+        """Whether the interface has a real controller, with a bitrate and error counters."""
         return self.kind == "can"
 
 
 class UnreadableAnswerError(ValueError):
-    """The answer of `ip` is no JSON, or not the documented JSON."""
+    """The answer of `ip` is not JSON, or not the documented JSON."""
 
 
 def parse_links(text: str) -> tuple[Link, ...]:
@@ -72,9 +72,9 @@ def _link(entry: dict[str, Any]) -> Link:
         queue_frames=int(entry.get("txqlen", 0)),
         state=str(data.get("state", "")),
         # controllers with a fixed bitrate report it here, and no bit timing
-        bitrate=_whole(timing.get("bitrate", data.get("bittiming_bitrate"))),
+        bitrate=_integer(timing.get("bitrate", data.get("bittiming_bitrate"))),
         sample_point=_number(timing.get("sample_point")),  # a string since iproute2 5.16, a number before
-        restart_ms=_whole(data.get("restart_ms")),
+        restart_ms=_integer(data.get("restart_ms")),
         error_counters=(int(counters["tx"]), int(counters["rx"])) if counters else None,
         control_modes=frozenset(data.get("ctrlmode", ())),
         totals={str(name): int(count) for name, count in information.get("info_xstats", {}).items()},
@@ -82,7 +82,7 @@ def _link(entry: dict[str, Any]) -> Link:
     )
 
 
-def _whole(value: Any) -> int | None:
+def _integer(value: Any) -> int | None:
     return None if value is None else int(value)
 
 

@@ -13,7 +13,7 @@ from positioner.doctor.finding import Finding, Level
 
 _COARSE_TIMER_S = 1e-4
 _OLDEST_SQLITE = (3, 12, 0)
-"""The first with `PRAGMA synchronous = EXTRA`, which protects the stiction table in a power cut."""
+"""The first version with `PRAGMA synchronous = EXTRA`, which protects the stiction table in a power cut."""
 _IP = ("ip", "-details", "-statistics", "-json", "link", "show")
 _IP_WAIT_S = 5.0
 

@@ -19,7 +19,7 @@ SLOW_ENOUGH_S = 0.01
 
 
 def of_this_command() -> Finding:
-    """Return the policy of this command; a daemon that is started like it has the same."""
+    """Return the policy of this command; a daemon that is started in the same way has the same policy."""
     return Finding(Level.OK, "scheduling", f"this command: {_described(0)}")
 
 

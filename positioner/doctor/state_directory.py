@@ -1,4 +1,4 @@
-"""Findings on the state directory: does it exist, is it writable, has it room, is its table readable? Shell."""
+"""Findings on the state directory: is it there, is it writable, is there free space, is its table readable? Shell."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ class StateError(PositionerError):
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Within this context an OSError is a StateError that names the file, or `path` where the system names none."""
+    """Turn an OSError of the `with` block into a StateError with the file's name, or `path` where it has none."""
     try:
         yield
     except OSError as error:

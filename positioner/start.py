@@ -1,5 +1,5 @@
 # PYTHON_ARGCOMPLETE_OK
-"""The start of a program: it loads the other modules, and says in one line where that does not succeed. Shell.
+"""The start of a program: it loads the other modules; where that fails, it gives the reason in one line. Shell.
 
 It imports only modules that the interpreter has loaded already: a machine that is short of memory or descriptors
 gives a line and an exit status, never a traceback.
@@ -34,7 +34,7 @@ def load(program: str, module: str) -> int:
 
 
 def unexpected(error: BaseException) -> tuple[str, int]:
-    """Return one line about an unexpected error, and the exit status: that of the system, or of a defect in here."""
+    """Return one line about an unexpected error, and the exit status: of a refusal by the system, or of a defect."""
     text = " ".join(str(error).split())[:300] or "without a text"
     if isinstance(error, OSError | MemoryError | ImportError):
         return f"the system refuses: {type(error).__name__}: {text}", _SYSTEM

@@ -18,7 +18,7 @@ _NS = 1_000_000_000
 _NS_PER_US = 1000
 _LEEWAY_NS = 1_000_000
 _SLEW = 1000
-"""The two clocks may drift apart by one part in this (adjtimex slews by half of it), and be read 1 ms apart."""
+"""The two clocks may drift apart by one part in this (adjtimex slews by half of it), and be read `_LEEWAY_NS` apart."""
 
 _LATEST_S = 1e10
 """In 2286: no true stamp is later."""
@@ -60,7 +60,7 @@ class Arrivals:
         self._empty = now
 
     def arrived_ns(self, stamp_s: float, now: Instant) -> int:
-        """Return the monotonic instant, in ns and whole microseconds, at which a frame arrived that is read `now`."""
+        """Return the monotonic instant, in ns and whole microseconds, at which the frame that is read `now` arrived."""
         empty = self._empty or now
         longest_ns = max(now.monotonic_ns - empty.monotonic_ns, 0)
         leeway_ns = _LEEWAY_NS + longest_ns // _SLEW

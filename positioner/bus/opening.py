@@ -67,11 +67,10 @@ def opening_error(address: BusAddress, error: Exception) -> BusError:
     A device that is away may come; a missing driver or a wrong option needs a person.
     """
     text = " ".join(str(error).split()) or type(error).__name__
-    if any(
-        os.strerror(number) in text for number in TEMPORARY_ERRNOS
-    ):  # also where an interface could not be imported for it
+    # such an error may also have kept an interface from being imported
+    if any(os.strerror(number) in text for number in TEMPORARY_ERRNOS):
         return BusError(f"bus {address} cannot be opened: {text}; the system refuses")
-    # for a missing library ctypes, and python-can's pcan, raise an OSError without a number
+    # where a library is missing, ctypes and python-can's pcan raise an OSError without a number
     if isinstance(error, _NO_DRIVER) or (type(error) is OSError and error.errno is None):
         return BusUnusableError(f"bus {address} cannot be used on this machine: {text}; {_driver(address)}")
     if isinstance(error, ValueError | TypeError):

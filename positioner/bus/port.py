@@ -36,9 +36,9 @@ _NS = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class Ports:
-    """Where a loop meets the world: its clocks, and the function that opens a bus; None stands for `open_bus`.
+    """What a loop uses of the machine: its clocks, and the function that opens a bus; None stands for `open_bus`.
 
-    A test may put a virtual world there.
+    Tests put virtual ones in their place.
     """
 
     time: TimePort = field(default_factory=MachineTime)
@@ -77,7 +77,7 @@ class BusPort:
 
     @property
     def gap_ns(self) -> int:
-        """How long nobody received before the last receive ended, less its timeout; see `Arrivals`."""
+        """For how long the loop did not receive, in ns: see `Arrivals`."""
         return self._arrivals.gap_ns
 
     def open(self) -> None:
@@ -133,7 +133,7 @@ class BusPort:
             self._lose(f"{error}; {advice(self.address)}")
 
     def send(self, frame: CanFrame, deadline_ns: float | None = None) -> bool:
-        """Send `frame`; False when the bus did not take it, or when the monotonic `deadline_ns` has passed."""
+        """Send `frame`; return False if the bus did not take it, or if the monotonic `deadline_ns` had passed."""
         if self._bus is None:
             return False
         message = can.Message(

@@ -25,7 +25,7 @@ def load_config(path: Path, changes: Mapping[str, Any] | None = None) -> Configu
     """Return the configuration in `path`, with `changes` laid over it; relative paths lie beside it.
 
     Raises:
-        ConfigurationError: with every mistake in the file, of its values, its DBC and its names alike.
+        ConfigurationError: with every mistake in the file: in its values, its DBC and its names.
     """
     text = toml_reader.read_text(path)
     if not changes:
@@ -76,7 +76,7 @@ def _anchor(tables: dict[str, Any], base: Path) -> None:
 
 
 def _name_channel(tables: dict[str, Any]) -> None:
-    """Read a channel that is written as a number as its name."""
+    """Turn a channel that is written as a number into a name."""
     bus = tables.get("bus")
     if isinstance(bus, dict) and type(bus.get("channel")) is int:
         bus["channel"] = str(bus["channel"])

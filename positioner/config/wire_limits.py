@@ -35,7 +35,7 @@ def wire_problems(tables: dict[str, Any], text: str) -> list[Problem]:
 
 
 def range_problems(found: Configuration, text: str) -> list[Problem]:
-    """Return the currents within the limits, and the counters, that a command frame of the DBC cannot carry."""
+    """Return the currents in [guard] that the command frame of the DBC cannot carry, or not with every counter."""
     codec, guard = found.make_codec(), found.guard
     failsafe = "failsafe_current_ma" if guard.failsafe_action is FailsafeAction.CURRENT else "failsafe_action"
     currents_ma = {

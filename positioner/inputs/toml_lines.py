@@ -15,7 +15,7 @@ _EQUATION = re.compile(rf"\s*{_KEYS}\s*=")
 
 
 def problem_at(text: str, where: str, message: str) -> Problem:
-    """Return the mistake at `where`, a key with dots and perhaps ` = ` its value, with its line in the TOML `text`."""
+    """Return the mistake at `where`, a dotted key (and ` = ` its value, if given), with its line in the TOML `text`."""
     key, _, _ = where.partition(" = ")
     return Problem(where, line_of(text, tuple(key.split("."))), message)
 

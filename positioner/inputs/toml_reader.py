@@ -71,7 +71,7 @@ def parse(text: str, kind: type[T], source: str) -> T:
     """Return the settings in `text` as a `kind`; `source` names the text in the messages.
 
     Raises:
-        ConfigurationError: the text is not TOML, or any value in it is unknown or out of its limits.
+        ConfigurationError: the text is not TOML, or a key is unknown, or a value is out of its limits.
     """
     return build(tables(text, source), kind, source, text)
 
@@ -99,7 +99,7 @@ def tables(text: str, source: str) -> dict[str, Any]:
 
 
 def _dotted(text: str) -> int | None:
-    """Return the first line with a key of too many parts: tomllib takes a time that grows with their square."""
+    """Return the number of the first line with a key of too many parts: tomllib's time grows with their square."""
     lines = enumerate(text.splitlines(), start=1)
     long = ((number, line) for number, line in lines if line.count(".") > _MOST_DOTS and not line.startswith("#"))
     return next((n for n, line in long if any(key.count(".") > _MOST_DOTS for key in _BETWEEN.split(line))), None)
@@ -127,7 +127,7 @@ def build(values: dict[str, Any], kind: type[T], source: str, text: str = "") ->
     """Return `values` as a `kind`; lines are looked up in `text`.
 
     Raises:
-        ConfigurationError: any value is unknown or out of its limits; every mistake is in `problems`.
+        ConfigurationError: a key is unknown, or a value is out of its limits; every mistake is in `problems`.
     """
     try:
         # JSON in between: its strict mode takes tables as dataclasses and still refuses "1.361" as a number

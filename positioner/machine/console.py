@@ -30,7 +30,7 @@ _LAST_STANDARD = 2
 
 
 class Parser(argparse.ArgumentParser):
-    """Answers a name that it does not know with the nearest one that it does; so do the parsers of sub-commands."""
+    """Answers an unknown name with the nearest known one; so do the parsers of sub-commands."""
 
     def _check_value(self, action: argparse.Action, value: object) -> None:
         """Refuse a `value` that is none of the action's choices.
@@ -44,7 +44,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def run_command(parser: argparse.ArgumentParser, arguments: list[str] | None) -> int:
-    """Return the exit status of the command that `parser` finds in `arguments` and that its `run` default names."""
+    """Run the function that `parser` sets as `run` for the command in `arguments`; return the exit status."""
     try:
         _open_standard_streams()
         replace_unknown_characters()

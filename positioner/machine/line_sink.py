@@ -1,8 +1,8 @@
 """Lines to a stream that nobody may read any more: a line that would have to wait is dropped and counted. Shell.
 
 A pipe, a socket (journald's) or a terminal takes nothing more once it is full, and a plain write then waits until it is
-read. Whether it waits belongs to the open file, which other processes share, so it is not changed here: a socket is
-asked not to wait for this one message, any other file is opened a second time for this process alone. Regular files
+read. Whether it waits is a property of the open file, which other processes share, so it is not changed here: a socket
+is asked not to wait for this one message, any other file is opened a second time for this process alone. Regular files
 never wait.
 """
 
@@ -92,7 +92,7 @@ class LineSink:
 
 
 def _writer_of(descriptor: int) -> tuple[_Write, _Close]:
-    """Return a function that writes at once or raises OSError (BlockingIOError where it would wait), and its close."""
+    """Return the function that writes at once or raises OSError (BlockingIOError if it would wait), and the `close`."""
     kind = os.fstat(descriptor).st_mode
     if stat.S_ISREG(kind):
         return partial(os.write, descriptor), _keep_open

@@ -16,7 +16,8 @@ _CURRENT, _FUTURE, _ON_FAULT = 1, 2, 4
 def lock_memory(mlockall: Callable[[int], int] | None = None) -> bool:
     """Return whether every page that is touched from now on stays in RAM.
 
-    Only without a limit (RLIMIT_MEMLOCK, `LimitMEMLOCK=infinity` in the unit): with one a later allocation would fail.
+    It is locked only where there is no limit (RLIMIT_MEMLOCK; `LimitMEMLOCK=infinity` in the unit): with a limit a
+    later allocation would fail.
     """
     if resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] != resource.RLIM_INFINITY:
         return False

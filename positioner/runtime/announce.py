@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     from positioner.machine.time import TimePort
 
 _NEXT_CYCLE_S = 5.0
-"""Before the first feedback: a cycle that takes longer hangs."""
+"""Before the first feedback, a cycle that takes longer counts as hanging."""
 _WATCHDOG_EVERY_S = 0.1
 _SERIOUS = frozenset({Cause.FOREIGN_COMMAND, Cause.PERIOD_WRONG})
 
 
 class Announcer:
-    """Reports events; `ready` once a first valid position frame has been seen."""
+    """Reports events; `ready` once a first valid position frame has been received."""
 
     def __init__(self, time: TimePort) -> None:
         """Find the service manager, if there is one."""
@@ -50,7 +50,7 @@ class Announcer:
     def alive(self) -> None:
         """Report to the service manager that a cycle is complete, also while the first feedback is waited for.
 
-        The log gets the lines that were held back for their second.
+        Lines that were held back for their second are logged.
         """
         if self._time.monotonic_s() < self._watchdog_due_s:
             return

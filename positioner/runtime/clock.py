@@ -13,7 +13,7 @@ _NS_PER_US = 1000
 
 
 class Clock(Protocol):
-    """Gives the instant of a cycle; `is_real` where frames arrive, and cycles take time, by the same clock."""
+    """Gives the instant of a cycle; `is_real` if frames arrive by this clock and cycles take time on it."""
 
     is_real: bool
 

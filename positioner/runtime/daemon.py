@@ -66,7 +66,7 @@ class Daemon:
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._stop)
         gc.freeze()
-        gc.disable()  # the cycle makes no reference cycles, and a collection would be a late command
+        gc.disable()  # the cycle makes no reference cycles, and a collection would make a command late
         try:
             while not self._stopping:
                 self._cycle()
@@ -88,13 +88,13 @@ class Daemon:
             self._send(outbox, now_ns)
         if self._options.lockstep:
             self._lockstep.add(frames, answered=bool(outbox))
-        self._announcer.cycle(events)  # before `keep` may replace the table in which they learned
+        self._announcer.cycle(events)  # before `keep` may log that the table was replaced
         self.session.keep(cycle_input, outbox, events)
         self._other.check(events, now_ns, ever_armed=self.session.state.guard.arming.ever_armed)
         self._announcer.alive()
 
     def _wait_s(self) -> float:
-        """Return how long to wait for a frame: for as long as nothing is due."""
+        """Return the time in s to wait for a frame: nothing is due before it is over."""
         if not self.session.state.guard.arming.armed:
             return _IDLE_WAIT_S
         return max(min(self._period_s, IDLE_COMMAND_PERIOD_S), _SHORTEST_WAIT_S)

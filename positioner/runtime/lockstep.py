@@ -87,7 +87,7 @@ class LockstepGate:
 
 
 class LockstepCheck:
-    """Checks that the plant waits: one that does not is a real one, and its frames would be the clock."""
+    """Checks that the plant waits for commands: a plant that does not is real, and its frames must not be the clock."""
 
     def __init__(self, codec: Codec) -> None:
         """Begin before the first frame."""

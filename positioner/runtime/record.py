@@ -1,8 +1,8 @@
-"""The flight recorder: every frame that a positioner took and sent, cycle by cycle, as a candump log. Shell.
+"""The flight recorder: every frame that a positioner received and sent, cycle by cycle, as a candump log. Shell.
 
 All frames of a cycle carry its instant, the very number in its `CycleInput`: those received as R, then those sent as T.
-`positioner replay` can then do exactly what the positioner did. The other fields of the `CycleInput` stand before the
-cycle's frames in notes: frames that no bus carried, under an identifier of their own.
+`positioner replay` can then do exactly what the positioner did. Notes before the cycle's frames hold the other fields
+of the `CycleInput`. A note is a frame that no bus carried; all notes have one identifier of their own.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ NOTE_ID = 0x1FFFFFFF
 NOTED_FIELDS = ("table_saved", "late_ns", "lines_dropped", "unsent")
 """Fields of a `CycleInput` that notes hold; the kind of such a note is the index here."""
 KIND_AGE, KIND_CYCLE, KIND_TABLE = 0xFD, 0xFE, 0xFF
-"""For how many µs the frames after the note had waited; a cycle without frames that moved the guard; another table."""
+"""Other kinds of notes: for how many µs the frames after the note had waited; a cycle without frames in which the
+guard's state changed; a cycle that was given another table."""
 _ERROR_FRAME_ID = 0x20000080
 _NS_PER_US = 1000
 

@@ -29,7 +29,7 @@ def dump(directory: Path) -> StoredTable:
     """Return the table in the state directory, which need only be readable.
 
     Raises:
-        StateError: there is none, or it cannot be read.
+        StateError: there is no table, or it cannot be read.
     """
     return _ask(directory, messages.DumpRequest(), messages.Dumped).stored
 
@@ -44,7 +44,7 @@ def reset(directory: Path) -> str | None:
 
 
 def replace(directory: Path, stored: StoredTable, *, force: bool) -> str | None:
-    """Put `stored` in the table's place; return the path of the former one's backup, or None where it was empty.
+    """Replace the table by `stored`; return the path of the former table's backup, or None where that was empty.
 
     With `force` another valve's table is taken too.
 
@@ -75,7 +75,7 @@ def _answer(directory: Path, request: messages.Request) -> messages.Message:
             try:
                 return _of_writer(directory, request)
             except (FileNotFoundError, ConnectionError, PermissionError) as error:
-                if isinstance(request, messages.DumpRequest):  # who may only read cannot connect to the table writer
+                if isinstance(request, messages.DumpRequest):  # a user who may only read cannot connect
                     return _of_files(directory, request)
                 if isinstance(error, PermissionError):
                     message = f"{directory / control.NAME}: {error.strerror}; become the daemon's user or its group's"

@@ -29,7 +29,7 @@ def ask(directory: Path, request: messages.Request) -> messages.Message:
     """Return the answer to `request` that the owner of the directory gets.
 
     Raises:
-        StateError: there is none; nothing was changed.
+        StateError: no answer came; nothing was changed.
     """
     descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
     try:

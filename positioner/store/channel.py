@@ -1,4 +1,4 @@
-"""Messages over a stream socket, without waiting: it keeps unsent lines, and lines that are not yet complete."""
+"""Messages over a stream socket, without waiting: a channel keeps lines that are not yet sent or not yet complete."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 _CHUNK = 65536
 _LONGEST_LINE = 64 * 2**20
-"""Bytes; no table is nearly as large, so a longer line is a broken peer."""
+"""Bytes; no table is nearly as large, so a longer line comes from a broken peer."""
 
 
 class Channel:
     """One end of a connection that carries messages.
 
-    A message is written and read line by line, so that a large table needs little time in each call that limits them.
+    A message is written and read line by line: a call that limits the number of lines is short, even for a large table.
     """
 
     def __init__(self, connection: socket.socket) -> None:
@@ -55,7 +55,7 @@ class Channel:
         self._to_write.append(messages.lines(message))
 
     def flush(self, most_lines: int | None = None) -> None:
-        """Send what can be sent now, in at most so many lines."""
+        """Send what can be sent now, at most `most_lines` lines; None sets no limit."""
         lines = 0
         try:
             while True:
@@ -76,7 +76,7 @@ class Channel:
             self._to_write.clear()
 
     def receive(self, most_lines: int | None = None) -> list[messages.Message]:
-        """Return the messages that have come, in at most so many lines; `Unreadable` for a line that is none."""
+        """Return the messages that have come in at most `most_lines` lines; `Unreadable` for a line that is none."""
         self._read()
         found = []
         for _ in range(len(self._to_read) if most_lines is None else min(most_lines, len(self._to_read))):

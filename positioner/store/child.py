@@ -1,4 +1,4 @@
-"""The table writer's process, as its parent holds it."""
+"""The table writer's process: its parent starts it, receives its first answer, and may kill it."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def opened(child: Child) -> messages.Opened:
     """Return the table writer's first answer.
 
     Raises:
-        StateError: there is none, or it is a refusal.
+        StateError: no answer came, or the answer is a refusal.
     """
     reason = "the table writer does not start"
     for message in child.channel.received_until(time.monotonic() + _START_S):

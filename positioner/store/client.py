@@ -128,7 +128,7 @@ class TableWriterClient:
     def close(self, timeout_s: float) -> str | None:
         """Save everything and end the table writer; return why that failed, or None.
 
-        Within `timeout_s`; a table writer that needs longer goes on without the daemon, and so does its lock.
+        It takes at most `timeout_s`. A table writer that needs longer goes on without the daemon, and keeps the lock.
         """
         deadline_s = time.monotonic() + timeout_s
         try:
@@ -138,7 +138,7 @@ class TableWriterClient:
             if self._behind:
                 self._child.channel.send(messages.Adopt(self._stored))
             self._child.channel.send(messages.Close())
-            problem = self._farewell(deadline_s)
+            problem = self._receive_closed(deadline_s)
         except OSError as error:
             problem = f"the stiction table is not saved: its table writer cannot be started: {error}"
         self._child.channel.close()
@@ -149,7 +149,7 @@ class TableWriterClient:
             return problem or f"the table writer (process {self._child.process.pid}) does not end"
         return problem
 
-    def _farewell(self, deadline_s: float) -> str | None:
+    def _receive_closed(self, deadline_s: float) -> str | None:
         for message in self._child.channel.received_until(deadline_s):
             if isinstance(message, messages.Closed):
                 return message.problem
@@ -183,7 +183,7 @@ class TableWriterClient:
                     self._stored, self._behind = stored, False
                     yield Replaced(stored, "reset or import, just before the table writer ended")
             case messages.Unreadable():
-                self._child.process.kill()  # no table writer of ours; the next one gets the whole table
+                self._child.process.kill()  # it is not this program's; the next one gets the whole table
 
     def _watch(self, now_s: float, *, silent: bool) -> Iterator[WriterEvent]:
         """Report that the table writer has not saved its samples, and end it when it has been silent for long."""

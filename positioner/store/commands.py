@@ -1,4 +1,4 @@
-"""What `table dump`, `table reset` and `table import` do: in a running table writer, or on the files alone."""
+"""The work of `table dump`, `table reset` and `table import`: in a running table writer, or on the files alone."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ class Replacement:
 
 
 def replaced(tables: TableDirectory, stored: StoredTable, request: messages.Message) -> Replacement:
-    """Return what a reset or an import made of `stored`, once it is backed up and on the disk.
+    """Return the replacement of `stored` by a reset or an import, once it is on the disk.
+
+    Before that `stored` is backed up, unless it is empty.
 
     Raises:
         StateError: it was refused or could not be saved; nothing was changed.
@@ -49,7 +51,7 @@ def replaced(tables: TableDirectory, stored: StoredTable, request: messages.Mess
 
 
 def on_files(directory: Path, request: messages.Message) -> messages.Answer:
-    """Return the answer that the files give, while no daemon runs; a table writer may write them while one dumps.
+    """Return the answer to `request` from the files, while no daemon runs; only a dump may run beside a table writer.
 
     Raises:
         StateError: nothing was changed; the message says why.
@@ -92,7 +94,7 @@ def _readable(directory: Path) -> StoredTable:
 
 
 def _owner(directory: Path, request: messages.Message) -> StoredTable:
-    """Return the table that says whose directory this is: the one in it, or else the one to import."""
+    """Return the table that names the directory's valve: the one in it, or else an empty one for the import."""
     try:
         return _readable(directory)
     except TableRejectedError as rejected:

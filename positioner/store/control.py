@@ -20,12 +20,12 @@ _MOST_CLIENTS = 64
 
 
 def address(directory: int) -> str:
-    """Return the socket's address under a directory's descriptor: a path of its own may exceed 107 bytes."""
+    """Return the socket's address under a directory's descriptor: its full path may exceed 107 bytes."""
     return f"/proc/self/fd/{directory}/{NAME}"
 
 
 class ControlSocket:
-    """The listening socket and its connections; `notices` says so where it cannot be made."""
+    """The listening socket and its connections; `notices` has a line where the socket cannot be made."""
 
     def __init__(self, directory: int) -> None:
         self._directory = directory
@@ -71,12 +71,12 @@ class ControlSocket:
         if len(self._clients) < _MOST_CLIENTS:
             self._clients.add(Channel(connection))
         else:
-            connection.close()  # so many are an attack; the daemon's samples come first
+            connection.close()  # so many clients are an attack; the daemon's samples come first
 
 
 def _listen(directory: int) -> socket.socket:
     with suppress(FileNotFoundError):
-        os.unlink(NAME, dir_fd=directory)  # left by a table writer that was killed: the lock says there is no other
+        os.unlink(NAME, dir_fd=directory)  # left by a table writer that was killed: with the lock held no other runs
     listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     mask = os.umask(0o117)
     try:

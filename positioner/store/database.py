@@ -49,7 +49,7 @@ def connect(path: Path) -> sqlite3.Connection:
     """Return a connection for writing; a transaction that a crash left unfinished is rolled back.
 
     Raises:
-        TableRejectedError: the file is none that SQLite may be let near.
+        TableRejectedError: SQLite must not open the file.
     """
     file_check.check(path)
     return _connect(path)

@@ -5,7 +5,7 @@
       {"quantity": "breakaway_current_ma", "index": 14, "direction": "opening", "samples": [8.91, 8.87],
        "count": 2, "sequence": 12, "recorded": "2026-05-09T07:35:25Z"}]}
 
-The centre of a cell is `index * cell_width_m`; `samples` has the newest last; `count` is how many the cell ever saw.
+The centre of a cell is `index * cell_width_m`; `samples` has the newest last; `count` is how many the cell ever took.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ T = TypeVar("T")
 
 FORMAT = "positioner-stiction-table"
 _LARGEST = 2**52
-"""A valve that learns a thousand times a second from now on gets there in 140,000 years; all of it is exact in JSON."""
+"""A valve that learns a thousand samples a second reaches it in 140,000 years; JSON is exact up to it."""
 _LATEST_S = 253_402_300_799  # the last second of the year 9999, where ISO dates end
 _MOST_PROBLEMS = 20
 _LONGEST_SHOWN = 40

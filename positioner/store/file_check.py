@@ -21,7 +21,7 @@ _ROLLBACK_JOURNAL = b"\x01\x01"
 _LARGEST_BYTES = 64 * 2**20
 """No table is nearly as large."""
 _JOURNAL_MAGIC = bytes.fromhex("d9d505f920a163d7")
-"""The last bytes of a journal that names a super-journal (SQLite file format, section 3); it begins with them, too."""
+"""The first bytes of every journal, and the last ones of a journal that names a super-journal (SQLite file format)."""
 
 
 class Fault(StrEnum):
@@ -45,7 +45,7 @@ class TableRejectedError(StateError):
 
 
 def check(path: Path) -> None:
-    """Return when SQLite may open `path`: a plain file of its format, with no journal but one of this program's kind.
+    """Check that SQLite may open `path`: a plain file of its format, with no journal or one of this program's kind.
 
     Raises:
         TableRejectedError: the file is missing or must not be opened.

@@ -17,13 +17,13 @@ def command(module: str, *arguments: str) -> list[str]:
 
 
 def environment() -> dict[str, str]:
-    """Return the environment in which the package is found; empty entries would mean the current directory."""
+    """Return the environment in which the package is found; an empty entry would mean the current directory."""
     given = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     return {**os.environ, "PYTHONPATH": os.pathsep.join([_PACKAGES, *filter(None, given)])}
 
 
 def beyond_standard(descriptor: int) -> int:
-    """Return the descriptor, or where it has the number of a closed standard stream a copy beyond them.
+    """Return the descriptor, or a copy above 2 in its place where it has the number of a closed standard stream.
 
     A child process gets new streams in place of descriptors 0 to 2, and would lose a descriptor that it inherits there.
     """

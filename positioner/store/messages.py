@@ -92,7 +92,7 @@ class Replaced(SettingsTable):
 
 @dataclass(frozen=True, slots=True)
 class SavingFailed(SettingsTable):
-    """Table writer → daemon, once: the table cannot be saved; why, and what to do."""
+    """Table writer → daemon, after each failed attempt: why the table cannot be saved, and what to do."""
 
     reason: str
 
@@ -159,7 +159,7 @@ class Rejected(SettingsTable):
 
 @dataclass(frozen=True, slots=True)
 class Unreadable(SettingsTable):
-    """In place of a line that is no message: why. It is never sent."""
+    """Stands for a received line that is no message, and says why; it is never sent."""
 
     reason: str
 
@@ -220,7 +220,7 @@ def decode(data: bytes) -> Message:
     """Return the one message in the lines of `data`.
 
     Raises:
-        StateError: they are none.
+        StateError: they are not one message.
     """
     decoder = Decoder()
     found = [message for line in data.split(b"\n") if line and (message := decoder.feed(line)) is not None]

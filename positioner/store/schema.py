@@ -77,7 +77,7 @@ def stored_in(connection: sqlite3.Connection, source: str) -> StoredTable:
     """Return the table in a file of the current schema; `source` names it in the messages.
 
     Raises:
-        ConfigurationError: a value lies outside what a table may hold: a right digest is no proof of sense.
+        ConfigurationError: a value is outside its limits; a correct digest does not exclude that.
         ValueError: the rows are no table at all.
     """
     (meta,) = connection.execute("SELECT * FROM meta")

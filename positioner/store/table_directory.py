@@ -30,8 +30,8 @@ _NO_PERMISSION = {errno.EACCES, errno.EPERM, errno.EROFS}
 class TableDirectory:
     """The tables of one valve in its directory; its user holds the directory's lock.
 
-    A method that writes raises one of `WRITING_FAILED` when it cannot; the table on the disk is then whole still,
-    and the same call may be tried again.
+    A method that cannot write raises one of `WRITING_FAILED`; the table on the disk is then still complete, and the
+    same call may be tried again.
     """
 
     def __init__(self, directory: Path, valve_id: str, cell_width_m: float) -> None:
@@ -84,7 +84,7 @@ class TableDirectory:
             self._copied = stored
 
     def back_up(self, stored: StoredTable, occasion: str) -> Path:
-        """Return the new file in the directory of backups that holds the table."""
+        """Return the path of a new backup of the table, made before a reset or an import (`occasion`)."""
         place = self._directory / BACKUPS
         place.mkdir(exist_ok=True)
         path = _unused(place, f"before-{occasion}", ".json")
@@ -101,7 +101,7 @@ class TableDirectory:
         return notices
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the table's file."""
         if self._connection:
             self._connection.close()
             self._connection = None

@@ -57,7 +57,7 @@ class TableWriter:
         return None if self._commit_at_s is None else max(0.0, self._commit_at_s - now_s)
 
     def handle(self, message: messages.Message, now_s: float) -> None:
-        """Take samples from the daemon into memory; those of another generation are void."""
+        """Take samples from the daemon into memory; samples of another generation are dropped."""
         before = self.stored
         if isinstance(message, messages.Learn) and message.generation == self.stored.generation:
             seconds = int(time.time())
@@ -127,9 +127,8 @@ class TableWriter:
 
     def _fail(self, error: Exception, now_s: float) -> None:
         self.problem = f"the stiction table cannot be saved: {remedy(error)}"
-        self._send(
-            messages.SavingFailed(self.problem)
-        )  # each time: a table writer that reports a failure does not hang
+        # after each failure: the daemon ends a table writer that is silent for long
+        self._send(messages.SavingFailed(self.problem))
         self._commit_at_s = now_s + self._retry_s
         self._retry_s = min(2.0 * self._retry_s, _RETRY_LONGEST_S)
 
@@ -146,7 +145,7 @@ class TableWriter:
 
 
 def serve(channel: Channel, writer: TableWriter, control: ControlSocket) -> None:
-    """Handle messages and requests as they come, until the daemon closes or is gone."""
+    """Handle messages and requests as they come, until the daemon sends `Close` or is gone."""
     ready: list[socket.socket | Channel] = []
     while True:
         for message in channel.receive():
@@ -171,7 +170,7 @@ def run(channel: Channel, lock: int) -> None:
     """Open the table that the daemon asks for, and serve it.
 
     Raises:
-        StateError: the daemon's first message is missing or wrong.
+        StateError: the daemon's first message is not `Open`.
     """
     first = next(channel.received_until(math.inf), None)
     if first is None:

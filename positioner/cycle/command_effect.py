@@ -1,4 +1,4 @@
-"""Whether our commands act on the valve: by what its node reports, and by which command its readings name. Pure.
+"""Whether our commands act on the valve: by the quality of its readings, and by the command that they name. Pure.
 
 STEM_POSITION names the command that acted. As long as it names newer ones, however late, the loop is closed. A node
 that reports FAIL_POSITION obeys no command. A node whose echo stays the same, or names a command that was never sent,
@@ -42,8 +42,8 @@ class CommandEffect:
 
     named: the counter in the last reading. echo, echo_ma: counter and current of the newest command ever named.
     current_ma: the current that acted before the last reading, None before the first command.
-    idle_cycles, idle_s: readings in a row that named no newer command, and for how long. failed: the node reports that
-        it obeys no command. doubt_s: for how long nothing is learned yet.
+    idle_cycles, idle_s: number and time of the readings in a row that named no newer command, or that came from a node
+        that obeys none. failed: the node reports that it obeys no command. doubt_s: time until the table learns again.
     """
 
     named: int | None = None

@@ -32,7 +32,7 @@ def control(
             table = learn(setup, state, table, estimate.lessons, events)
         memory, decision = setup.law.decide(memory, estimate.stem, observation, table)
         _check(decision)
-    except Exception as error:  # noqa: BLE001 - whatever a law does, the valve gets a command that somebody chose
+    except Exception as error:  # noqa: BLE001 - a law may raise anything, and the valve still needs a command
         events.append(LawFellBack(f"{setup.law.name} failed: {type(error).__name__}: {error}"))
         stopped = replace(before, memory=None, stem=None)
         guard = state.guard.after_law(answered=False)
@@ -66,7 +66,7 @@ def _begun(setup: Setup, state: CycleState, reading: Reading) -> ControlState:
 
 
 def _observation(setup: Setup, state: CycleState, before: ControlState, reading: Reading) -> Observation:
-    """Return what the law is given; before the first command, the current that balances the spring has acted."""
+    """Return the input of the law; before the first command, `applied_ma` is the current that balances the spring."""
     asked_m = state.link.setpoint.position_m if state.handover is None else None
     applied_ma = state.effect.current_ma
     return Observation(

@@ -1,4 +1,4 @@
-"""What makes an event count: the member of `Counted` that it names. Pure."""
+"""The base class of the events that are counted, each under a member of `Counted`. Pure."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CountedEvent:
-    """An event that is counted: as what, and how often it occurred."""
+    """An event that is counted: under which cause, and how often it occurred."""
 
     counted: Counted
     count: int = 1

@@ -1,4 +1,4 @@
-"""Everything that is counted since the start: what the status and the frames behind it report. Pure."""
+"""All counts since the start, which POSITIONER_STATUS and POSITIONER_COUNT report. Pure."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ _MODULUS = 1 << 32
 class Counters:
     """Counts since the start.
 
-    by_cause: sent one after another behind the status, `sent` is the cause sent last. The status itself has the three
-    totals: frames refused, fallbacks of the law (its failures among them), samples learned.
+    by_cause: the count of each cause; one of them is sent after each status, `sent` is the cause sent last. The status
+        itself has the three totals: frames refused, fallbacks of the law (its failures among them), samples learned.
     """
 
     by_cause: Mapping[Counted, int] = field(default_factory=dict)

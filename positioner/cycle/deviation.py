@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters
 
 FILTER_S = 0.1
-"""Time constant of the mean reading: it reduces a noise of 2 % of the reading, held for 10 ms each, to 0.3 %."""
+"""Time constant of the mean reading: it reduces a noise of 2 %, of which each value lasts for 10 ms, to 0.45 %."""
 PROGRESS_OF_LIMIT = 0.2
 """A step towards the setpoint, as a part of the limit, that starts the time again; 1 % of span by default."""
 UNREACHABLE_OF_LIMIT = 0.2
@@ -35,8 +35,9 @@ RETURN_OF_LIMIT = 0.8
 class Deviation:
     """What is known of the error.
 
-    position_m: the mean reading; mark_m: its farthest value towards the setpoint, in `direction` (+1 or -1; 0 while the
-    error is small); from_m: its value when the error became large; waited_s: time without progress.
+    position_m: the mean reading. direction: of the setpoint from there, +1 or -1; 0 while the error is small.
+    mark_m: the mean from which progress in `direction` is measured. from_m: the mean when the error became large, or at
+        the last progress. waited_s: time without progress.
     cause: NONE, DEVIATION or SETPOINT_UNREACHABLE.
     """
 
@@ -70,7 +71,7 @@ def track_deviation(
     setpoint_m: float,
     elapsed_s: float,
 ) -> Deviation:
-    """Return what is known after the reading `measured_m`, `elapsed_s` behind the one before, towards `setpoint_m`."""
+    """Return the deviation from `setpoint_m` after the reading `measured_m`, which came `elapsed_s` after the last."""
     if settings.deviation_of_span == 0.0:
         return NO_DEVIATION
     weight = 1.0 - math.exp(-elapsed_s / FILTER_S)
@@ -78,7 +79,7 @@ def track_deviation(
     error_m = setpoint_m - mean_m
     reachable = is_reachable(settings, valve, setpoint_m, mean_m)
     if reachable and known.cause is Cause.SETPOINT_UNREACHABLE:
-        known = Deviation(position_m=known.position_m)  # another setpoint: the stem has only begun
+        known = Deviation(position_m=known.position_m)  # another setpoint: the time starts again
     limit_m = settings.deviation_of_span * valve.span_m
     threshold_m = limit_m * (1.0 if reachable else UNREACHABLE_OF_LIMIT)
     if abs(error_m) <= threshold_m * (1.0 if known.cause is Cause.NONE else RETURN_OF_LIMIT):

@@ -63,7 +63,7 @@ class SetpointRefused(CountedEvent):
 
 @dataclass(frozen=True, slots=True)
 class OrderDisputed(CountedEvent):
-    """More than one sender seems to send setpoints, or currents by hand; `what` was sent, and was refused."""
+    """More than one sender seems to send setpoints, or currents by hand; `what` describes the refused one."""
 
     counted: Counted = field(default=Counted.DISPUTED, init=False)
     what: str

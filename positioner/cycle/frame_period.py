@@ -16,7 +16,7 @@ _NS = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class FramePeriod:
-    """When the last position frame came, the intervals of this window in ns, and the median of the last one in s."""
+    """When the last position frame came, the intervals of this window in ns, and the median of the last window in s."""
 
     last_ns: int | None = None
     intervals_ns: tuple[float, ...] = ()

@@ -1,4 +1,4 @@
-"""Whether a noisy sensor has frozen: what noise it has shown, and for how long its reading repeats. Pure.
+"""Whether a noisy sensor has frozen: the noise that it has shown, and for how long its reading repeats. Pure.
 
 A sensor whose noise is far above its resolution hardly ever repeats a reading, whether the stem moves or not. Where it
 repeats one for far longer than ever before, it has frozen, under any current and during any push.
@@ -35,7 +35,7 @@ _LEARNED_OF_LIMIT = 1.0 / 3.0
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """What a sensor has shown of its noise since the start.
+    """The noise that a sensor has shown since the start.
 
     position_m: the last reading; change_m: its last change that was not 0.
     shown: twice the changes back at rest, less the changes onwards; from `CHANGES_SHOWN` on it stays as it is.

@@ -26,7 +26,7 @@ class Handover:
     """What control takes over from manual mode.
 
     position_m: mean of the newest `readings` readings under the current `current_ma`.
-    begun: whether control has taken over; passed_m: the host's setpoint at that time, which does not count.
+    begun: whether control has taken over; passed_m: the host's setpoint at that time, ignored until it changes.
     offset_ma: the current of manual mode less the law's first current, at `offset_ns`.
     """
 
@@ -72,7 +72,7 @@ def _track(handover: Handover | None, measured_m: float | None, last_ma: float |
 
 
 def blend(handover: Handover, decision: Decision, last_ma: float, now_ns: int) -> tuple[Handover, Decision]:
-    """Return the decision with its current blended from that of manual mode, and the handover after it."""
+    """Return the handover after this cycle, and the decision with its current blended from that of manual mode."""
     if decision.motion is Motion.MOVE:  # a move needs exactly the current that the law asks for
         return replace(handover, offset_ma=0.0), decision
     if handover.offset_ma is None:

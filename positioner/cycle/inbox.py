@@ -58,8 +58,8 @@ def receive(
 ) -> Received:
     """Return the result of `frames`, oldest first; every frame is checked, and the newest reading counts.
 
-    commanded_ma is the current that a law or a person gave, None in other modes; readings come every `period_s`. The
-    guard is given the age of a reading that is not `fresh`, and no law sees it.
+    commanded_ma is the current that a law or a person gave, None in other modes; readings come every `period_s`. A
+    reading that is older than `fresh` allows is not given to the law; the guard only receives its age.
     """
     batch = _Batch(codec, guard, valve, link, commanded_ma, period_s, fresh)
     for frame in frames:
@@ -75,7 +75,7 @@ def receive(
 
 
 class _Batch:
-    """A batch of frames: what its frames change of the link's state, collected until `result`."""
+    """A batch of frames: the changes that they make to the link's state, collected until `result`."""
 
     def __init__(
         self,
@@ -159,7 +159,7 @@ class _Batch:
         return lost
 
     def use(self, message: Message, counter: int | None, lost: int, arrived_ns: int) -> None:
-        """Use a message whose frame is in order; the emulator's truth and the status of others are not for us."""
+        """Use a message whose frame is in order; the emulator's truth and the status of others are ignored."""
         match message:
             case StemPosition():
                 self._use_position(message, counter, lost, arrived_ns)

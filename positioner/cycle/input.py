@@ -1,4 +1,4 @@
-"""The input of a cycle: the frames, the instant, and what the shell knows besides. Pure."""
+"""The input of a cycle: the frames, the instant, and what else the shell reports. Pure."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ class CycleInput:
     """All that one cycle is given from outside; the record holds it, and replay reads it there.
 
     frames: received since the last cycle, oldest first; now_ns: the monotonic instant.
-    late_ns: how long nobody looked at the bus before, 0 where that was no longer than a period.
+    late_ns: for how long the bus was not read before, 0 where that was no longer than a period.
     lines_dropped: lines of the log that were dropped since the last cycle.
-    table_saved: whether what was learned is on the disk; table: another stiction table, where it was replaced.
+    table_saved: whether all learned samples are on the disk; table: another stiction table in place of the present one.
     unsent: the last command could not be sent.
     """
 

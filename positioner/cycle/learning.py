@@ -1,4 +1,4 @@
-"""What a cycle learns, and what it believes of a table from outside: nothing that physics excludes. Pure."""
+"""What a cycle learns, and what it uses of a table from outside: nothing that physics excludes. Pure."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def credible(setup: Setup, state: CycleState, events: list[Event]) -> StictionTable:
-    """Return the credible part of the table; one that comes from outside is checked, and reported, once."""
+    """Return the credible part of the table; a table from outside is checked, and what is excluded is reported."""
     if state.table is state.credible_table:
         return state.table
     table, excluded = credible_part(_limits(setup), state.table)
@@ -27,7 +27,7 @@ def credible(setup: Setup, state: CycleState, events: list[Event]) -> StictionTa
 def learn(
     setup: Setup, state: CycleState, table: StictionTable, lessons: tuple[LearnedSample, ...], events: list[Event]
 ) -> StictionTable:
-    """Return the table with the law's `lessons`; without them where other commands than ours may have acted."""
+    """Return the table with the law's `lessons`; without them where commands that are not ours may have acted."""
     if not setup.learns or not state.effect.teaches or state.guard.last.foreign_ns is not None:
         return table
     for sample in lessons:

@@ -40,7 +40,7 @@ def send(
 def _command(
     setup: Setup, state: CycleState, decision: Decision | None, reading: Reading | None, now_ns: int
 ) -> tuple[OutputState, list[CanFrame]]:
-    """Return what was sent, and the command frame, if the guard lets one be sent."""
+    """Return the output after this cycle, and the command frame, if the guard lets one be sent."""
     output, guard = state.output, state.guard
     here_m = reading.position_m if reading else state.control.setpoint_m
     last_ma, elapsed_s = _last(setup, output, here_m, now_ns)
@@ -73,8 +73,8 @@ def _limits_ma(setup: Setup, mode: Mode) -> tuple[float, float]:
 def _last(setup: Setup, output: OutputState, here_m: float, now_ns: int) -> tuple[float, float]:
     """Return the current in mA that the next one follows, and for how long it has acted in s.
 
-    After a pause a limited rate continues from the last command before it. Otherwise control begins at the current that
-    balances the spring.
+    After a pause, where the rate is limited, this is the last command before the pause. Otherwise control begins at the
+    current that balances the spring.
     """
     elapsed_s = (now_ns - output.command_ns) / _NS
     if output.last_ma is not None:

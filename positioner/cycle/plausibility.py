@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from positioner.wire.messages import StemPosition
 
 JUMPS_BELIEVED = 3
-"""After so many jumps in a row to the same place it is believed: the stem was moved while nobody measured."""
+"""After so many jumps in a row to the same place, the place is believed: the stem moved while no reading came."""
 STOP_BAND_OF_SPAN = 0.02
 """Within this part of the span from a stop, a reading may stay the same under any current."""
 
@@ -46,7 +46,7 @@ class ReadingHistory:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """Why a reading cannot be true: as what it is counted, and in words."""
+    """Why a reading cannot be true: the cause under which it is counted, and the reason in words."""
 
     counted: Counted
     why: str

@@ -1,8 +1,8 @@
 """A second daemon on this bus, with a state directory of its own, armed by the same ARM. Pure.
 
-Two daemons with the same knowledge send the same frames at first. A bus that doubles frames brings our own commands
-back, so a command like one of ours is no foreign one. But a bus doubles only some of them, and a second daemon sends
-one for each of ours.
+Two daemons of the same configuration send the same frames at first. A bus that doubles frames brings our own commands
+back, so a command like one of ours does not count as foreign. But a bus doubles only some frames, and a second daemon
+sends one for each of ours.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ every second frame."""
 
 @dataclass(frozen=True, slots=True)
 class ReturnedCommands:
-    """Commands like ours that came back. excess: beyond what a bus doubles; sent: how many of ours were sent then."""
+    """Commands like ours that came back. excess: how many more than a bus doubles; sent: how many we had sent then."""
 
     excess: float = 0.0
     sent: int = 0
@@ -43,9 +43,9 @@ NO_RETURNED_COMMANDS = ReturnedCommands()
 def without_own_commands(
     codec: Codec, received: Received, output: OutputState, before: ReturnedCommands
 ) -> tuple[Received, ReturnedCommands]:
-    """Return what was received, without the commands like ours, and how many of these came back.
+    """Return what was received without the commands like ours, and the record of these.
 
-    They stay where as many come back as only a second daemon sends.
+    They are kept where so many come back that only a second daemon can have sent them.
     """
     fading = _DOUBLED_SHARE * (output.command_counter - before.sent)
     excess = max(before.excess - fading, 0.0) if output.sent else 0.0
@@ -64,7 +64,7 @@ def without_own_commands(
 
 
 def _is_like_ours(event: ForeignCommand, sent: Sequence[SentCommand], step_ma: float) -> bool:
-    """Return whether the command is like one that we sent; its signal resolves the current to `step_ma`."""
+    """Return whether the command is like one that we sent; `step_ma` is the resolution of its signal in mA."""
     return any(
         each.counter == event.counter and math.isclose(each.current_ma, event.current_ma, abs_tol=step_ma)
         for each in sent

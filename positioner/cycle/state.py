@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 class Setup:
     """What never changes while a positioner runs. `learns` is off where commands never reach the valve (dry run).
 
-    limits: what is credible of a table, None for that of the valve within the usual range of spring and friction.
+    limits: the range of credible samples; None for the default range of spring and friction around those of `valve`.
     """
 
     codec: Codec
@@ -55,7 +55,7 @@ class ControlState:
 
 @dataclass(frozen=True, slots=True)
 class OutputState:
-    """What was sent: the newest commands without a pause, counters of the frames, and when the last ones were sent.
+    """What was sent: the commands since the last pause, counters of the frames, and when the last ones were sent.
 
     paused_ma: the current of the last command before a pause, None where there was none.
     """
@@ -77,7 +77,7 @@ class OutputState:
 class CycleState:
     """Everything a positioner carries on.
 
-    credible_table: `table` after its check; another `table` comes from outside, and is checked before it is used.
+    credible_table: the last table that was checked; another `table` comes from outside, and is checked before its use.
     answered: the law answered in the last cycle.
     """
 

@@ -78,7 +78,7 @@ def step(
 def _receive(
     setup: Setup, state: CycleState, cycle_input: CycleInput, stall_ns: int
 ) -> tuple[Received, ReturnedCommands]:
-    """Return the result of the frames, without our own commands, and how many of these came back."""
+    """Return the result of the frames without the commands like ours, and the record of these."""
     before = state.guard
     commanded_ma = state.output.last_ma if before.controls or before.mode is Mode.MANUAL else None
     armed, stalled = before.arming.armed, stall_ns > 0
@@ -90,7 +90,7 @@ def _receive(
 
 
 def _shell_events(setup: Setup, cycle_input: CycleInput, stall_ns: int) -> list[Event]:
-    """Return what the shell reports of itself."""
+    """Return the events of what the shell reports: a late cycle or a stall, and dropped lines of the log."""
     events: list[Event] = []
     if cycle_input.late_ns:
         events.append(Stalled(stall_ns) if stall_ns else LawLate(cycle_input.late_ns, setup.period_s))
@@ -142,7 +142,7 @@ def _supervise(
 
 
 def _effect(setup: Setup, state: CycleState, reading: Reading | None) -> CommandEffect:
-    """Return whether our commands act; nothing is known while none are sent."""
+    """Return the effect of our commands; it is unknown while none are sent."""
     effect = state.effect if state.guard.controls or state.guard.mode is Mode.MANUAL else EFFECT_UNKNOWN
     if reading is None:
         return effect
@@ -151,7 +151,7 @@ def _effect(setup: Setup, state: CycleState, reading: Reading | None) -> Command
 
 
 def _deviation(setup: Setup, state: CycleState, reading: Reading | None, events: list[Event]) -> Deviation:
-    """Return what is known of the error from the law's last setpoint; add an event where it begins to count."""
+    """Return the deviation from the law's last setpoint; add an event where it is first reported."""
     if not state.guard.controls:
         return NO_DEVIATION
     if reading is None or state.control.memory is None:
@@ -164,7 +164,7 @@ def _deviation(setup: Setup, state: CycleState, reading: Reading | None, events:
 
 
 def _changes(before: GuardState, after: GuardState) -> list[Event]:
-    """Return the events of a guard that went from one state to another."""
+    """Return the events of the guard between two states: a new effect of commands, a new mode or cause."""
     events: list[Event] = []
     if after.controls and after.conditions.no_effect is not before.conditions.no_effect:
         events.append(ActingChanged(after.conditions.no_effect))
@@ -175,7 +175,7 @@ def _changes(before: GuardState, after: GuardState) -> list[Event]:
 
 def _controlled(state: CycleState, decision: Decision, reading: Reading) -> Controlled:
     stem, last_ma = state.control.stem, state.output.last_ma
-    assert stem is not None  # noqa: S101 - a decision is made of an estimate
+    assert stem is not None  # noqa: S101 - a decision follows an estimate
     return Controlled(
         time_s=state.control.time_s,
         setpoint_m=state.control.setpoint_m,

@@ -34,7 +34,7 @@ class PeriodWrong:
     def __str__(self) -> str:
         """One line for the log."""
         return (
-            f"position frames come every {self.measured_s * 1e3:.3g} ms, and control.sample_period_s says "
+            f"position frames come every {self.measured_s * 1e3:.3g} ms, and control.sample_period_s is "
             f"{self.period_s * 1e3:g} ms: ages and the law's time are wrong by as much; correct one of them"
         )
 

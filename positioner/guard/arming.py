@@ -14,7 +14,7 @@ from positioner.guard.state import Arming, GuardState
 from positioner.wire.messages import HostRequest, Mode
 
 DOUBLE_ARMING_NS = 1_000_000_000
-"""A foreign command so soon after the arming, or after one like ours, is of a second daemon; both fall silent."""
+"""A foreign command so soon after the arming, or after a command like ours, is a second daemon's; both disarm."""
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -28,7 +28,7 @@ def arm(settings: GuardSettings, state: GuardState, guard_input: GuardInput, hol
     arming, last = state.arming, state.last
     disarmed = HostRequest.DISARM in guard_input.requests
     if disarmed or guard_input.stray_disarm:
-        # a stray one disarms, but no ARM can follow it: it may be an old frame
+        # a DISARM out of sequence may be an old frame: it disarms, but a held ARM does not count as new after it
         return _disarmed(state, request=HostRequest.DISARM if disarmed else arming.request)
     if arming.armed and guard_input.foreign_command and now_ns - arming.armed_or_returned_ns <= DOUBLE_ARMING_NS:
         return _disarmed(state, request=arming.request)
@@ -45,7 +45,7 @@ def arm(settings: GuardSettings, state: GuardState, guard_input: GuardInput, hol
     if arming.armed and state.mode is not Mode.FAILSAFE:
         return state
     return GuardState(
-        mode=Mode.HOLD,  # pragma: no mutate - anything but FAILSAFE: the table decides
+        mode=Mode.HOLD,  # pragma: no mutate - anything but FAILSAFE: the transition table decides
         cause=state.cause,
         arming=Arming(armed=True, ever_armed=True, request=request, armed_or_returned_ns=now_ns),
         last=replace(last, setpoint_ns=now_ns),  # the host has `setpoint_hold_s` from now on to send a setpoint
@@ -59,7 +59,7 @@ def _disarmed(state: GuardState, *, request: HostRequest | None) -> GuardState:
     return replace(
         state,
         arming=replace(state.arming, armed=False, request=request),
-        mode=Mode.READY,  # pragma: no mutate - anything but FAILSAFE: the table decides
+        mode=Mode.READY,  # pragma: no mutate - anything but FAILSAFE: the transition table decides
     )
 
 

@@ -1,8 +1,8 @@
 """Manual mode: the host gives the current instead of the law, within the guard's limits. Pure.
 
 The host sends MANUAL_CURRENT as long as manual mode lasts; a frame with the request AUTO ends it. An actuator without a
-sensor can still be moved by hand, so manual mode needs no feedback. Whoever arms begins in manual mode if the host asks
-for it at that time, else in automatic mode.
+sensor can still be moved by hand, so manual mode needs no feedback. Arming begins in manual mode if the host asks for
+it at that time, else in automatic mode.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _NS = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class Manual:
-    """The current that the host asks for by hand, and when it last did; both None in automatic mode."""
+    """The current that the host asks for by hand, and when it last asked; both None in automatic mode."""
 
     current_ma: float | None = None
     received_ns: int | None = None
@@ -31,7 +31,7 @@ AUTOMATIC = Manual()
 
 
 def update_manual(manual: Manual, asked: ManualCurrent | None, now_ns: int) -> Manual:
-    """Return what the host asks for by hand after the newest MANUAL_CURRENT, `asked`; None where none came."""
+    """Return the manual request after the newest MANUAL_CURRENT, `asked`, which is None where none came."""
     if asked is None:
         return manual
     return Manual(asked.current_ma, now_ns) if asked.request is ManualRequest.MANUAL else AUTOMATIC

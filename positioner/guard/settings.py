@@ -30,11 +30,12 @@ class GuardSettings(SettingsTable):
     max_rate_ma_per_s: 0 leaves the rate free.
     feedback_hold_periods, feedback_failsafe_periods: sample periods without valid feedback until HOLD and FAILSAFE.
     setpoint_hold_s, setpoint_failsafe_s: time without a valid setpoint until HOLD and FAILSAFE; 0 means never.
-    law_failsafe_cycles: cycles in a row without a usable answer of the law until FAILSAFE, or late until a warning.
+    law_failsafe_cycles: cycles in a row without a usable answer of the law until FAILSAFE; also, late cycles in a row
+        until a warning.
     failsafe_action, failsafe_current_ma: what FAILSAFE commands; the current counts with action "current" only, and
         may be a failure signal (NE 43: 3.6 mA and below, 21 mA and above), to which an actuator reacts by itself.
     actuator_deadman_s: after so long without a command the actuator goes to its fail position by itself; `positioner
-        check` holds the sample period against it. 0: it does not.
+        check` compares the sample period with it. 0: the actuator never does so.
     position_margin_m: how far beyond the travel a reading is still plausible; noise reaches beyond a hard stop.
     max_jump_m: largest plausible step between two readings.
     frozen_s, frozen_command_ma: a reading that stays the same to the bit for so long (0: no check), while the command

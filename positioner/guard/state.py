@@ -16,8 +16,8 @@ class GuardInput:
 
     feedback_age_ns: how long ago the newest plausible reading arrived, None where none did; feedback_refused: why a
         reading was not plausible. setpoint_age_ns, setpoint_refused: the same of a usable setpoint.
-    requests: of the host, in their order, repetitions left out; waiting_request: the last that waited for too long to
-        arm; stray_disarm: a DISARM came in a frame out of sequence; manual: the newest MANUAL_CURRENT.
+    requests: of the host, in their order, repetitions left out; waiting_request: the last one that was too old
+        to arm; stray_disarm: a DISARM came in a frame out of sequence; manual: the newest MANUAL_CURRENT.
     foreign_command: another controller's command; own_command_returned: a command like one of ours.
     """
 
@@ -35,7 +35,7 @@ class GuardInput:
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """What is wrong besides missing data; the defaults say that nothing is.
+    """What is wrong besides missing data; by default, nothing.
 
     stall_ns: how long the process stood still just before, 0 for no stall; late: the cycle before took longer than a
         period; answered: the law had answered in it.
@@ -58,7 +58,7 @@ NOTHING_WRONG = Conditions()
 class Arming:
     """Whether the positioner is armed, and what decides it.
 
-    request: the host's request in force, None since the start: an ARM does not count yet.
+    request: the host's request in force; None before the first one, when an ARM does not count yet.
     armed_or_returned_ns: the last arming, or when a command like one of ours last came back.
     """
 

@@ -3,7 +3,7 @@
     INIT -> READY -> ACTIVE <-> HOLD -> FAILSAFE (latched until it is armed again)
                      ACTIVE, HOLD <-> MANUAL
 
-Of the law the guard sees only the current that it asks for: whichever law it is, what is sent lies within the limits.
+The guard sees nothing of the law but the current that it asks for. It limits the current of every law alike.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def supervise(
     now_ns: int,
     conditions: Conditions = NOTHING_WRONG,
 ) -> GuardState:
-    """Return the guard's state at `now_ns`, after what the frames brought and the cycle found."""
+    """Return the guard's state at `now_ns`, from the frames' `guard_input` and the cycle's `conditions`."""
     manual = update_manual(state.manual, guard_input.manual, now_ns)
     returned = guard_input.own_command_returned
     state = GuardState(
@@ -121,7 +121,7 @@ def _mode(settings: GuardSettings, state: GuardState, period_s: float, now_ns: i
 
 
 def deadline_ns(settings: GuardSettings, state: GuardState, period_s: float, now_ns: int) -> float | None:
-    """Return the instant until which a command from fresh feedback may be sent; None without such feedback."""
+    """Return the instant in ns until which a command from fresh feedback may be sent; None without such feedback."""
     if state.last.feedback_ns is None or is_feedback_stale(settings, state, period_s, now_ns):
         return None
     return state.last.feedback_ns + hold_ns(settings, period_s)
@@ -137,8 +137,9 @@ def admit(
 ) -> float | None:
     """Return the current to be sent in mA, None for silence.
 
-    wanted_ma is the law's answer, None without one; last_ma was commanded `elapsed_s` before. The result lies within
-    the limits and, where there is one, within the rate, whatever the law answers.
+    wanted_ma is the current that the law or a person asks for, None without one; last_ma was commanded `elapsed_s`
+    before. Whatever is asked for, the result lies within the limits and, where one is set, within the rate. In FAILSAFE
+    it is the current of `failsafe_action`, at once.
     """
     if not state.transmits:
         return None

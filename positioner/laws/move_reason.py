@@ -18,7 +18,7 @@ class BreakawaySource(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Breakaway:
-    """Γ in mA, and the number of samples of the stiction table that it was computed from; 0 without the table."""
+    """Γ in mA, and the number of samples of the stiction table from which it was computed; 0 without the table."""
 
     current_ma: float
     samples: int = 0

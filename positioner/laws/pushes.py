@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 
 MOST_FAILED = 20
-"""Pushes that may fail in a row without a rest: 1.03 to the power of it is 1.8."""
+"""After so many failed pushes in a row the law rests; by then `nmpc` has raised F_s/F_c by 1.03^20 = 1.8."""
 _FIRST_REST_S = 1.0
 _LONGEST_REST_S = 60.0
 _ELSEWHERE_OF_SPAN = 0.01
@@ -48,7 +48,7 @@ class Pushes:
         return Pushes(anchor_m=setpoint_m)
 
     def after_push(self, *, moved: bool, time_s: float, rest_m: float, sigma_m: float) -> Pushes:
-        """Return the pushes after one more, of which the law knows at `time_s` whether it moved the stem.
+        """Return the pushes after one more; `moved`, known at `time_s`, is whether it moved the stem.
 
         The push was made from `rest_m`, known to `sigma_m`. If that is another place than that of the first failed
         push, the stem has moved in between.

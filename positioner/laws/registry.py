@@ -119,9 +119,9 @@ LAWS: Mapping[str, tuple[str, Callable[[Ingredients], Law[Any]]]] = MappingProxy
         ),
         "pi": ("PI with filtered derivative and anti-windup", _pi),
         "pi-deadband": ("PI that freezes its current while the error is small", _pi_deadband),
-        "knocker": ("PI and pulses in the direction it is going (Hägglund 2002)", _knocker),
+        "knocker": ("PI and pulses in the direction in which its output changes (Hägglund 2002)", _knocker),
         "constant-reinforcement": (
-            "PI and a constant push in the direction it is going (Ivan and Lakshminarayanan 2009)",
+            "PI and a constant push in the direction in which its output changes (Ivan and Lakshminarayanan 2009)",
             _constant_reinforcement,
         ),
         "two-move": (

@@ -36,7 +36,7 @@ class Solver(Protocol):
 def forced_response(
     A: NDArray[np.float64], B: NDArray[np.float64], prediction_steps: int, control_steps: int
 ) -> NDArray[np.float64]:
-    """Return what the inputs add to the states, (H_p, n, H_u), for A (n, n) and B (n,).
+    """Return the response of the states to the inputs, (H_p, n, H_u), for A (n, n) and B (n,).
 
     The states without inputs plus this response, times the inputs, are the states. The last of the `control_steps`
     inputs is held to the end (eq. 17).

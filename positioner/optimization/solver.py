@@ -65,7 +65,7 @@ class QpSolver:
         return np.array(result.x)
 
     def _take_matrices(self, program: QuadraticProgram) -> bool:
-        """Hand P and A to the workspace unless they are the very objects it has; False where they are not finite."""
+        """Give P and A to the workspace unless it has these very objects already; False where they are not finite."""
         if program.P is self._matrices[0] and program.A is self._matrices[1]:
             return True
         if not _are_finite(program.P, program.A):

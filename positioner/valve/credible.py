@@ -1,8 +1,8 @@
 """The credible range of each quantity in a stiction table; other values are neither learned nor used. Pure.
 
 A table outlives the run in which it was learned; it is imported, restored and edited. A single absurd value in it can
-move the stem by as much. So every sample is compared with what a valve can do whose spring and friction are between
-`least` and `most` times the configured ones, the range in which the filter of the law `nmpc` estimates them:
+move the stem by as much. So every sample must be possible for a valve whose spring and friction are between `least` and
+`most` times the configured ones. The filter of the law `nmpc` estimates them within the same range.
 
 Γ: the force that frees a stem at x lies between the spring and the least friction, and the spring and the most,
     B·Γ = k (K x + F_0) ± F with least ≤ k ≤ most and least·F_c ≤ F ≤ most·max(F_s, ratio_most·F_c) (eqs 25, 26).
@@ -49,7 +49,7 @@ class Limits:
             return math.inf, -math.inf
         match quantity:
             case Quantity.BREAKAWAY_CURRENT:
-                return self._breakatravel_ma(position_m - reach_m, position_m + reach_m, direction.sign)
+                return self._breakaway_ma(position_m - reach_m, position_m + reach_m, direction.sign)
             case Quantity.STICK_SPEED:
                 return 0.0, self._fastest_m_per_s()
             case Quantity.LANDING_BIAS:
@@ -67,7 +67,7 @@ class Limits:
         low, high = self.range_of(sample.quantity, sample.position_m, sample.direction, reach_m)
         return low <= sample.value <= high
 
-    def _breakatravel_ma(self, low_m: float, high_m: float, sign: float) -> tuple[float, float]:
+    def _breakaway_ma(self, low_m: float, high_m: float, sign: float) -> tuple[float, float]:
         valve = self.valve
         springs_n = [
             share * (valve.spring_rate_n_per_m * place_m + valve.bench_set_n)

@@ -18,7 +18,7 @@ def edge_lessons(before: StemState, after: StemState, applied_ma: float) -> tupl
     """Return what the step from `before` to `after` under `applied_ma` teaches; nothing between edges.
 
     A stop teaches the speed just before it, at the place where the stem came to rest. A slip teaches the current that
-    caused it, at the place where the stem rested. A stem that never got a speed teaches none.
+    caused it, at the place where the stem rested. A stop without a speed before it teaches nothing.
     """
     if after.stuck and not before.stuck and before.velocity_m_per_s:
         direction = direction_of(before.velocity_m_per_s)

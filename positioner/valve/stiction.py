@@ -77,7 +77,7 @@ class CellKey:
 
 @dataclass(frozen=True, slots=True)
 class LearnedSample:
-    """One lesson of a stop or a slip: the quantity, its value in its unit, the position and the direction."""
+    """One lesson from a stop or a slip: the quantity, its value in its unit, the position and the direction."""
 
     quantity: Quantity
     position_m: float

@@ -1,4 +1,4 @@
-"""Frames of a user's DBC, as named in `[wire]`: found and checked, with every mistake. Pure but for the file.
+"""Frames of a user's DBC, as named in `[wire]`: found and checked; every mistake is reported. Pure but for the file.
 
 A user's frame carries no protection of ours; its counter signal, if it has one, may be of any length.
 """
@@ -26,17 +26,17 @@ if TYPE_CHECKING:
 _CLASSIC_LENGTH = 8
 _FEWEST_COUNTS = 4
 _LARGEST_BYTES = 1 << 20
-"""A larger DBC would take hundreds of MiB to read."""
+"""A larger DBC would take hundreds of MiB of memory to read."""
 
 
 def read_messages(path: Path, problems: list[Problem]) -> tuple[DbcMessage, ...]:
-    """Return the messages of the DBC in `path`; none, and one more of `problems`, where it cannot be used."""
+    """Return the messages of the DBC in `path`; where it cannot be used, none, and one more of `problems`."""
     where = f"wire.dbc = '{path}'"
     try:
         with path.open("rb") as file:
             data = file.read(_LARGEST_BYTES + 1)
         if len(data) > _LARGEST_BYTES:
-            text = f"is larger than {_LARGEST_BYTES >> 20} MiB: leave only the messages of this valve's nodes in it"
+            text = f"is larger than {_LARGEST_BYTES >> 20} MiB: keep only the messages of this valve's nodes in it"
             problems.append(Problem(where, None, text))
             return ()
         database = cantools.database.load_string(_text(data), "dbc")
@@ -60,7 +60,7 @@ def frame_format(
     span_m: float,
     problems: list[Problem],
 ) -> FrameFormat | None:
-    """Return the format of `kind` that the user has `chosen` in the table `where`, or None and more `problems`."""
+    """Return the format of `kind` that the user has `chosen` in the table `where`; None where it adds to `problems`."""
     before = len(problems)
     dbc = _chosen(where, chosen.message, user_messages, problems)
     if dbc is None:
@@ -92,12 +92,12 @@ def frame_format(
 
 
 def _chosen(where: str, name: str, user_messages: tuple[DbcMessage, ...], problems: list[Problem]) -> DbcMessage | None:
-    """Return the one message of that name, or None and one more of `problems`."""
+    """Return the one message of that name; None where there is not exactly one, which is added to `problems`."""
     found = [message for message in user_messages if message.name == name]
     if len(found) == 1:
         return found[0]
     names = ", ".join(dict.fromkeys(message.name for message in user_messages))
-    text = f"occurs {len(found)} times in the DBC: leave one" if found else f"is not in the DBC, which has: {names}"
+    text = f"occurs {len(found)} times in the DBC: keep one" if found else f"is not in the DBC, which has: {names}"
     problems.append(Problem(f"{where}.message = '{name}'", None, text))
     return None
 

@@ -20,7 +20,7 @@ _HOW = "give ours another with wire.identifiers.{} = 0x7F0, for example, or move
 
 
 def named(identifiers: Mapping[str, int], ours: Collection[str], theirs: Collection[str]) -> Iterator[Problem]:
-    """Yield what is wrong with the names in `identifiers`: each must be `ours`, and not `theirs`, the user's."""
+    """Yield a problem for every wrong name in `identifiers`: it must be in `ours`, and not in `theirs`, the user's."""
     for name, identifier in identifiers.items():
         where = f"wire.identifiers.{name} = 0x{identifier:X}"
         if name not in ours:
@@ -40,7 +40,7 @@ def shared(formats: Sequence[FrameFormat]) -> Iterator[Problem]:
 def taken(formats: Sequence[FrameFormat], user_messages: Sequence[DbcMessage]) -> Iterator[Problem]:
     """Yield a problem for every frame of ours under an identifier that the user's DBC gives to another message.
 
-    Other nodes would take our frame for theirs, and we theirs for ours. PLANT_TRUTH is for benches, without a DBC.
+    Other nodes would take our frame for theirs, and we theirs for ours. PLANT_TRUTH is exempt: only benches send it.
     """
     used = {form.dbc.name for form in formats if form.data_id is None}
     theirs = {

@@ -44,13 +44,13 @@ class Motion(IntEnum):
     """What the control law does with the stem."""
 
     NONE = 0
-    REST = 1  # HOLD in the DBC: the mode of that name is another thing
+    REST = 1  # HOLD in the DBC; not the mode HOLD
     MOVE = 2
     SETTLE = 3
 
 
 class Quality(IntEnum):
-    """Quality of a position reading, by the plant's node; where several hold, the highest.
+    """Quality of a position reading, by the plant's node; where several apply, the highest.
 
     FAIL_POSITION: the reading is valid, but no command acts on the valve: the node has received none since its start,
     or none for too long, or the last one is a failure signal. The command counter then names no acting command.
@@ -113,7 +113,7 @@ class Cause(IntEnum):
 
 
 class Counted(IntEnum):
-    """What is counted: its number in the DBC, its words in the log. A new cause is a member here and in the DBC."""
+    """The causes that are counted: number in the DBC, text in the log. A new one needs a member here and in the DBC."""
 
     WRONG_LENGTH = 1, "wrong length"
     WRONG_CRC = 2, "wrong CRC"
@@ -172,7 +172,7 @@ class Setpoint:
 
 @dataclass(frozen=True, slots=True)
 class ManualCurrent:
-    """MANUAL_CURRENT, host → positioner: the loop current that a person asks for, cyclic while manual mode lasts."""
+    """MANUAL_CURRENT, host → positioner: the loop current that a person asks for, repeated while manual mode lasts."""
 
     current_ma: float
     request: ManualRequest = ManualRequest.MANUAL

@@ -33,7 +33,7 @@ def meant(form: FieldFormat, value: float, low: float, high: float) -> float | N
 def inside(form: FieldFormat, value: float, low: float, high: float) -> float:
     """Return `value`, or the nearest step within `low` and `high` where the step nearest to `value` is outside.
 
-    Where the signal has no step between them it is `value` again; `fits` finds that out at the start.
+    Where the signal has no step between them, `value` is returned as it is; `fits` reports that case at the start.
     """
     if form.float_bits:
         return _float_inside(form, value, low, high)
@@ -71,7 +71,7 @@ def _float_inside(form: FieldFormat, value: float, low: float, high: float) -> f
 
 
 def _step(form: FieldFormat, value: float) -> float:
-    """Return the distance of two neighbouring values of the signal near `value`."""
+    """Return the distance between two neighbouring values of the signal near `value`, in the unit of the field."""
     if not form.float_bits:
         return abs(form.si_per_bit)
     return _FLOATS[form.float_bits][1] * max(abs(value - form.si_offset), abs(value))

@@ -25,7 +25,7 @@ class MessageSettings(SettingsTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WireSettings(SettingsTable):
-    """The `[wire]` table: everything ours by default.
+    """The `[wire]` table of a configuration; by default, all messages are ours.
 
     `id_offset` is added to the identifiers and data IDs of our frames, so that several valves share one bus; one of
     `ID_OFFSETS`. `identifiers` gives single frames of ours another identifier.

@@ -44,11 +44,11 @@ class SequenceWindow:
 
     @property
     def why(self) -> str:
-        """Why its frames are not believed, in words."""
+        """Why the sender's frames are not believed, in words."""
         if self.valid:
             return "its sender is in doubt: a frame came out of sequence just before"
-        of = f"{self.errors.bit_count()} of the last {WINDOW_FRAMES} frames came out of sequence"
-        return f"disputed: {of}; a second sender under its identifier? stop one of them"
+        share = f"{self.errors.bit_count()} of the last {WINDOW_FRAMES} frames came out of sequence"
+        return f"disputed: {share}; a second sender under its identifier? stop one of them"
 
     def after(self, *, error: bool) -> SequenceWindow:
         """Return the window after one more frame."""

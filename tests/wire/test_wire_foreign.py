@@ -264,7 +264,7 @@ def test_a_dbc_of_more_than_a_mebibyte_is_refused_before_it_is_parsed(tmp_path: 
     path = tmp_path / "large.dbc"
     path.write_bytes(b'CM_ "' + b"x" * (1 << 20) + b'";\n')
     assert problems(replace(ALL, dbc=path))[0].endswith(
-        "is larger than 1 MiB: leave only the messages of this valve's nodes in it"
+        "is larger than 1 MiB: keep only the messages of this valve's nodes in it"
     )
 
 
@@ -371,7 +371,7 @@ COUNTER_KEY = "wire.current_command.counter = 'Alive'"
 def test_a_message_that_stands_twice_in_the_dbc_is_refused(dbc: Path) -> None:
     twice = changed(dbc, "BO_ 515 Wide: 16 VALVE", "BO_ 515 Target: 8 VALVE")
     assert problems(replace(ALL, dbc=twice)) == [
-        "wire.setpoint.message = 'Target': occurs 2 times in the DBC: leave one"
+        "wire.setpoint.message = 'Target': occurs 2 times in the DBC: keep one"
     ]
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 class BreakawaySettings(SettingsTable):
     """The `[control.nmpc.breakaway]` table of a configuration; forces as fractions of F_s.
 
-    margin: the part of a push that exceeds F_s.
+    margin: how far a push goes beyond F_s.
     least_count, largest_age, largest_spread: a cell is not used if it has fewer samples, if its newest one is older (in
         learned samples), or if its samples spread more.
     """
@@ -49,7 +49,8 @@ def breakaway(
     """Return Γ for a stem resting at `position_m` that is to move in `direction` (±1): (K·x ± F_s)/B, or the table's.
 
     The table's Γ is the mean of the cell and one spread, so that most pushes free the stem. It is never less than the
-    newest sample, and never less than 0.9 of the model's F_s: with a wrong table the law would push in vain for ever.
+    newest sample, and never less than 0.9 of the model's F_s: otherwise, with a wrong table, the law would push in vain
+    for ever.
     """
     spare_n = direction * settings.margin * static_n
     cell = table.cell(Quantity.BREAKAWAY_CURRENT, position_m, direction_of(direction))
@@ -93,7 +94,7 @@ def load_from_table(
     K and F_s are the least-squares solution of B·Γ = K·x ± F_s over the newest Γ of each breakaway cell, together with
     the prior; old and scattered cells are left out. F_c is F_s/`ratio`. Each Γ was computed from the K and F_s of its
     time, so a newer one counts more. F_v changes in proportion to F_c, since packing that grips harder does so at every
-    speed. The table of a valve without friction says nothing: there is nothing to break away from.
+    speed. The table of a valve without friction is not used: there is nothing to break away from.
     """
     static_n = ratio * prior.friction_n
     if static_n < _SURE:

@@ -2,7 +2,7 @@
 
 While the stem slides, the filter has the states x, v, K, F_c and F_v of `valve.motion`. The motion model, with its
 stop, propagates their covariance, so that the error of a landing corrects the load. While the stem rests, the filter is
-a plain average of the position; the covariance at the beginning of the rest says how the load changes with it.
+a plain average of the position; the load changes with it, by the covariance at the beginning of the rest.
 """
 
 from __future__ import annotations

@@ -84,7 +84,7 @@ class NmpcLaw:
     def decide(
         self, memory: NmpcMemory, stem: StemState, observation: Observation, table: StictionTable
     ) -> tuple[NmpcMemory, Decision]:
-        """Return the current that holds the stem, that frees it, or that the plan begins with."""
+        """Return the memory, and the decision: to hold the stem, to free it, or to follow the plan."""
         if observation.time_s < self.table_from_s:
             table = StictionTable(table.cell_width_m)
         if memory.setpoint_m is None:

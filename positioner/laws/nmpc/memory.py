@@ -22,7 +22,7 @@ class NmpcMemory:
     """What the law carries.
 
     stem: the estimate, of a sliding stem while motion is MOVE, else of a resting one.
-    settle_s: the rest of the time in SETTLE. hold_ma: the current at rest, None to choose one.
+    settle_s: remaining time in SETTLE. hold_ma: the current at rest, None to choose one.
     plan_ma: the last plan, shifted by one, empty before a move.
     setpoint_m: the setpoint that the law pursues; aim_m: where the move is to end for it; corrections: moves made for
         it so far; pushes: those that failed. ends_s: when the move must be over, in the law's time.
@@ -42,7 +42,7 @@ class NmpcMemory:
 
 
 def report(stem: Resting | Sliding, *lessons: LearnedSample) -> Estimate:
-    """Return the estimate as the rest of the positioner knows it."""
+    """Return the estimate in the form that all laws share, with the `lessons` of this cycle."""
     if isinstance(stem, Resting):
         return Estimate(StemState(stem.x, 0.0, stuck=True, direction=stem.anchor.direction), lessons)
     return Estimate(StemState(stem.x, stem.v, stuck=False, direction=stem.direction), lessons)

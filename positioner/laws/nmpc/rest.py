@@ -1,4 +1,4 @@
-"""What the law `nmpc` makes of a reading of the resting stem. Pure.
+"""What the law `nmpc` does with a reading of the resting stem. Pure.
 
 The reading may decide whether the last push freed the stem, show that the stem has moved by itself, or show where the
 last move ended.
@@ -55,7 +55,7 @@ def update_at_rest(
         origin, moved = tried.origin, decided is not None and decided.moved
         pushes = pushes.after_push(moved=moved, time_s=observation.time_s, rest_m=origin.x, sigma_m=origin.sigma_m)
         if pushes.failed == MOST_FAILED:
-            # the load cannot be what it was believed to be
+            # the estimate of the load must be wrong: begin again with the configured one
             after = filtered.at_rest(after.x, after.variance_m2, filtered.nominal, filtered.prior_sigmas())
     memory = replace(memory, stem=after, monitor=monitor, pushes=pushes)
     if decided is None:

@@ -19,7 +19,7 @@ _PRIOR_PAIRS = 20.0
 _PAIRS_KEPT = 4000.0
 """The sums are halved at this many pairs, so that the estimate follows a sensor that ages."""
 _CONFIDENCE = 2.0
-"""σ of its own error that a batch's variance must rise above the single readings' to count."""
+"""So many σ of its own error are subtracted from the variance of batches before it is compared."""
 _PAIRS_TO_COUNT = 16.0
 """Fewer pairs of batches do not count."""
 

@@ -1,7 +1,7 @@
-"""Breakaway verification: whether the last push freed the stem, and what that says of F_s/F_c. Pure.
+"""Breakaway verification: whether the last push freed the stem, and what that means for F_s/F_c. Pure.
 
 A push that fails to free the stem must not teach that friction slowed the stem, and small moves hide in the noise. So
-the average of a stem that never moved is carried along, and the likelihoods of both are compared, reading by reading.
+there are two estimates: of a stem that moved, and of one that did not. Their likelihoods are compared at every reading.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Verification:
 
     @property
     def moved(self) -> bool:
-        """Whether the evidence says that the stem has moved."""
+        """Whether the stem has moved, by the evidence."""
         return self.evidence > 0.0
 
     def has_failed(self, stem: Resting) -> bool:
@@ -98,7 +98,7 @@ class RestMonitor:
         return replace(self, noise=self.noise.at_new_place(), drift=0.0)
 
     def finds_unexpected_move(self, settings: VerificationSettings) -> bool:
-        """Whether the innovations say that a stem has moved that should rest."""
+        """Whether the innovations show that a stem has moved that should rest."""
         weight = settings.surprise_weight
         return abs(self.drift) > settings.surprise_sigma * math.sqrt(weight / (2.0 - weight))
 
@@ -115,7 +115,7 @@ def verify(
 
     The reading took the estimate `before` to `after`. Where the stem did not move, the estimate is again the one from
     before the move, and F_s is larger. Where more readings would only bring the two estimates together, the
-    verification ends without a lesson. So does the landing, which may be none.
+    verification ends without a lesson. The landing then ends, too, since it may never have happened.
     """
     verification = monitor.verification
     if verification is None:

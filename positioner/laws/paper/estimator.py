@@ -2,8 +2,8 @@
 
 While the stem slides, the model is the closed form of `valve.motion`, in which friction can stop the stem inside a
 sample. While the stem sticks, the speed and its variance are zero, and the filter is a plain average. The stick ends
-when the model says that the current overcomes spring and friction, or when the innovations say that the stem has
-slipped although the model says that it sticks.
+when the current overcomes spring and friction in the model, or when the innovations show that the stem has slipped
+although it sticks in the model.
 
 The method "raw" takes the paper literally: each reading is the position, and its difference quotient the speed.
 """
@@ -135,7 +135,7 @@ def _correct(
         if forward < valve.stick_velocity_m_per_s and _holds(valve, position, applied_ma):
             return _stuck(position, state.direction, p_xx)
         if forward <= 0.0:
-            # friction stops the stem before its speed can change sign, though it cannot hold it here
+            # friction stops the stem before its speed can change sign, although it cannot hold the stem here
             return FilteredStem(position, 0.0, stuck=False, direction=state.direction, p_xx=p_xx, p_vv=p_vv)
     direction = math.copysign(1.0, velocity) if velocity else state.direction
     return FilteredStem(position, velocity, stuck=False, direction=direction, p_xx=p_xx, p_xv=p_xv, p_vv=p_vv)

@@ -87,7 +87,7 @@ class PaperLaw:
     def decide(
         self, memory: PaperMemory, stem: StemState, observation: Observation, table: StictionTable
     ) -> tuple[PaperMemory, Decision]:
-        """Return the first input of the plan within the movable bounds; a missing plan holds the stem (D12)."""
+        """Return the memory, and the first input of the plan within the movable bounds; without one, balance (D12)."""
         pushes = memory.pushes.for_setpoint(observation.setpoint_m, self.valve.span_m)
         if memory.released:
             pushes = pushes.after_push(

@@ -52,7 +52,7 @@ class PlannerSettings(SettingsTable):
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The optimal inputs U* (H_u,) in mA, and the passes it took."""
+    """The optimal inputs U* (H_u,) in mA, and the number of passes to them."""
 
     inputs_ma: NDArray[np.float64]
     passes: int
@@ -68,7 +68,7 @@ def plan(
     inputs_ma: NDArray[np.float64],
     period_s: float,
 ) -> Plan | None:
-    """Return the plan from the state `start` (m, m/s), or None when no programme on the way has a solution.
+    """Return the plan from the state `start` (m, m/s), or None when a programme on the way has no solution.
 
     inputs_ma (H_u,) is the first guess U(k): the last plan, shifted.
     """

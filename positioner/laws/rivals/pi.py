@@ -91,7 +91,7 @@ class PiLaw(Generic[C]):
     def decide(
         self, memory: PiMemory[C], stem: StemState, observation: Observation, table: StictionTable
     ) -> tuple[PiMemory[C], Decision]:
-        """Return the controller's output and what is added to it, within the loop's limits; the table is not used."""
+        """Return the memory, and the output plus compensation within the loop's limits; the table is not used."""
         del table
         low_ma, high_ma = self.controller.current_low_ma, self.controller.current_high_ma
         bounds = Bounds(-math.inf, math.inf, low_ma, high_ma)

@@ -5,7 +5,7 @@
 
 s is the direction of the move. Where r is closer than the slip jump (F_s - F_c) / K the first move cannot free the
 stem, so that the law first moves the stem away from r. In open loop b is 0, and the parameters must be exact. The
-retries are not in the paper: the place where the stem comes to rest corrects b, for each direction, and the law makes
+retries are not in that paper: the place where the stem comes to rest corrects b, for each direction, and the law makes
 the moves again.
 """
 
@@ -66,7 +66,7 @@ class TwoMoveRetrySettings(SettingsTable):
 
 
 class Stage(Enum):
-    """What the stem is doing."""
+    """The stages of the moves to a setpoint."""
 
     REST = "rest"
     BACK_OFF = "back off"
@@ -125,7 +125,7 @@ class TwoMoveLaw:
     def decide(
         self, memory: TwoMoveMemory, stem: StemState, observation: Observation, table: StictionTable
     ) -> tuple[TwoMoveMemory, Decision]:
-        """Return the current of the move that the stem is in; the table is not used."""
+        """Return the memory, and the current of the present stage; the table is not used."""
         del table
         setpoint_m = observation.setpoint_m
         if setpoint_m != memory.setpoint_m:
@@ -158,7 +158,7 @@ class TwoMoveLaw:
         )
 
     def _current_ma(self, memory: TwoMoveMemory) -> float:
-        """Return the current in mA that balances the spring, and in a move friction, where the stage is to end."""
+        """Return the current in mA that balances the spring at the end of the stage, and in a move friction, too."""
         friction_ma = memory.direction * self.valve.coulomb_friction_n / self.valve.force_gain_n_per_ma
         match memory.stage:
             case Stage.BACK_OFF:

@@ -27,12 +27,12 @@ _PAUSE_S = 0.002
 
 
 class Host:
-    """Plays one scenario on one bus."""
+    """Plays one scenario on one bus: sends its setpoints, and records every frame."""
 
     def __init__(
         self, scenario: Scenario, codec: Codec, bus: BusPort, recording: Recording, check: Callable[[], None]
     ) -> None:
-        """Prepare; `check` raises when a process of the bench has ended."""
+        """Prepare; `check` raises a BenchError when a process of the bench has ended."""
         self._scenario = scenario
         self._codec = codec
         self._bus = bus
@@ -55,7 +55,7 @@ class Host:
                 for sample in range(due, min(known // every * every + ahead, samples), every):
                     self._send_setpoint(sample)
                     due = sample + every
-                time.sleep(_PAUSE_S)  # to wake for each frame would take processor time from plant and daemon
+                time.sleep(_PAUSE_S)  # waking for each frame would take processor time from plant and daemon
                 if self._receive(0.0):
                     received_s = time.monotonic()
                 elif time.monotonic() - received_s > _CHECK_AFTER_S:

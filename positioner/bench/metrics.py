@@ -9,7 +9,7 @@ different setpoints can be compared. Position is the plant's true one: errors of
 | settling | from the new setpoint until the error stays in the band to the end of the dwell | IEC 60050-351 |
 | overshoot | farthest past the setpoint, away from where the dwell began | ISA-75.25.01, there in percent of the step |
 | IAE | integral of the absolute error | Åström and Hägglund, Advanced PID Control |
-| reversals | turning points of the motion, with hysteresis | ours; as before rainflow counting |
+| reversals | turning points of the motion, with hysteresis | ours; the first step of rainflow counting |
 | command variation | sum of the absolute changes of the current | Skogestad (2003), total variation |
 | limit cycle | range and reversals late in the dwell, both above a threshold | ours |
 """
@@ -43,7 +43,7 @@ LIMIT_CYCLE_RANGE_PCT = 0.2
 """Range of motion in percent of span above which the motion may be a limit cycle."""
 
 LIMIT_CYCLE_REVERSALS = 2
-"""Reversals from which it is a limit cycle: one there and one back."""
+"""Fewest reversals of a limit cycle: one there and one back."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

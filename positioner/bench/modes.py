@@ -170,5 +170,5 @@ def complaint(spans: Sequence[ModeSpan], log: str) -> str | None:
 
 
 def _percent(part: float) -> str:
-    """Return a part in percent; only all of it is 100."""
+    """Return a part, 0 to 1, in percent; only a part of 1 gives `100 %`."""
     return "100 %" if part >= 1.0 else f"{min(100.0 * part, 99.99):.4g} %"

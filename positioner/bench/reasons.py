@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _HEIGHT = 0.955
-"""Of the marks, as a part of the panel."""
+"""Height of the marks, as a part of the panel."""
 
 
 def _nothing() -> NDArray[np.float64]:
@@ -34,10 +34,12 @@ class Reasons:
 
 
 def reasons(time_s: NDArray[np.float64], moves: Sequence[BreakawaySource | None], fallbacks: Sequence[str]) -> Reasons:
-    """Return the marks of cycles at `time_s` (n,).
+    """Return the marks of the cycles at `time_s`.
 
-    moves: where Γ came from in the cycles that began a move, None in the others. fallbacks: why the law fell back,
-    empty where it did not.
+    Args:
+        time_s: instants of the cycles, shape (n,).
+        moves: for each cycle that began a move the source of Γ, None for the others.
+        fallbacks: for each cycle why the law fell back, empty where it did not.
     """
     moved = np.array([source is not None for source in moves], dtype=bool)
     by_table = np.array([source is BreakawaySource.TABLE for source in moves], dtype=bool)

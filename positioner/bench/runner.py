@@ -54,8 +54,8 @@ _RECEIVED = (StemPosition, ActuatorState, PlantTruth, CurrentCommand, Positioner
 class BenchOptions:
     """How a bench runs.
 
-    bus: None finds one. out: the output directory. state: the table's directory, None: a new one in `out`.
-    plant_bus: the emulator's own interface to the same bus, as on hardware.
+    bus: with None, the bench chooses one. out: the output directory. state: the table's directory; with None, a new one
+    in `out`. plant_bus: the emulator's own interface to the same bus, as on hardware.
     """
 
     bus: BusAddress | None
@@ -80,7 +80,7 @@ def choose_bus(address: BusAddress | None) -> tuple[BusAddress, str]:
 def run_bench(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]) -> Result:
     """Play `scenario`, and write `result.json`, `trend.png` and `bus.log` into the output directory.
 
-    `say` gets each line of progress.
+    `say` receives each line of progress.
 
     Raises:
         AlreadyRunningError: another bench writes into the output directory.
@@ -118,7 +118,7 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
     result = Result(
         scenario=scenario,
         span_mm=span_m * 1e3,
-        # the actuator's deadman, but no less than three periods
+        # silent after the actuator's deadman time, but not before three periods
         modes=mode_spans(
             recording.mode_reports, scenario.duration_s, max(plant.deadman_s, 3.0 * scenario.sample_period_s)
         ),

@@ -27,7 +27,7 @@ _MULTIPLES = (
 """The first of each pair is a whole multiple of the second: every new setpoint then coincides with a sample."""
 
 MOST_SAMPLES_PER_SETPOINT = 60
-"""In lockstep so many samples may run before the host receives; a raw CAN socket holds 278 frames, three a sample."""
+"""In lockstep the host sends setpoints for so many samples ahead: a raw CAN socket holds 278 frames, three a sample."""
 
 _MULTIPLE_TOLERANCE = 1e-9
 """Relative; decimal fractions such as 0.01 / 0.0001 are not exact in binary."""
@@ -123,10 +123,10 @@ def parse_scenario(text: str, source: str) -> Scenario:
 
 
 def check_scenario(scenario: Scenario, source: str) -> None:
-    """Check a scenario that was not read from a file as `parse_scenario` checks one.
+    """Check a scenario that was not read from a file; the checks are those of `parse_scenario`.
 
     Raises:
-        ConfigurationError: as `parse_scenario`.
+        ConfigurationError: a value is out of its limits, or the periods do not fit into each other.
     """
     toml_reader.build(asdict(scenario), Scenario, source)
     _check_periods(scenario, source)

@@ -38,8 +38,8 @@ output directory then holds: result.json (the figures), trend.png (the picture),
 canplayer), trace.csv (estimates and decisions of the law), both configurations and both logs.
 
 --reading chooses the interpretation of the paper's noise: A, white noise and a Kalman filter (D11); B, each draw of the
-noise held for 10 ms, position and speed from raw readings; or none. --units chooses the units of α and β of eq. 22: SI
-or cm (D6).
+noise held for 10 ms, position and speed from raw readings; or noise-free. --units chooses the units of α and β of
+eq. 22: SI or cm (D6).
 
 exit status: 0 done; 1 failed, or the positioner was ACTIVE for less than 99 % of the run (the figures are then not the
 law's); 78 the scenario is wrong.
@@ -80,7 +80,7 @@ def add_parser(commands: Commands) -> None:
         "--clock",
         choices=("lockstep", "realtime"),
         default="lockstep",
-        help="lockstep: as fast as possible, equal to the bit; realtime: as on hardware (default: %(default)s)",
+        help="lockstep: as fast as possible, repeatable to the bit; realtime: as on hardware (default: %(default)s)",
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="output directory (default: bench-SCENARIO)")
     add_state(parser, "start from the table in DIR, and save the table there")
@@ -98,7 +98,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     from positioner.bench.result import to_text  # noqa: PLC0415
     from positioner.bench.runner import BenchOptions, run_bench  # noqa: PLC0415
 
-    # SIGTERM ends the processes of the bench, too, as Ctrl-C does
+    # SIGTERM ends the processes of the bench, as Ctrl-C does
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     scenario = load_scenario(arguments.scenario)
     scenario = replace(

@@ -75,7 +75,7 @@ def summary(configuration: Configuration, state: Path) -> str:
 
 
 def _deadman(configuration: Configuration) -> str:
-    """Return the actuator's deadman time, with a warning where the sample period is too long for it."""
+    """Return the actuator's deadman time, with a warning if the sample period is too long for it."""
     deadman_s, periods = configuration.guard.actuator_deadman_s, configuration.guard.feedback_hold_periods
     if deadman_s == 0.0:
         return "none"
@@ -90,7 +90,7 @@ def _deadman(configuration: Configuration) -> str:
 
 
 def _range(lowest_m: float, highest_m: float, valve: ValveParameters) -> str:
-    """Return a range of positions in mm, as far as the stops let the stem go."""
+    """Return a range of positions in mm, cut off at the stops."""
     low_m, high_m = max(lowest_m, valve.travel_min_m), min(highest_m, valve.travel_max_m)
     if low_m > high_m:
         return "nowhere: no current within the limits frees the stem both ways"

@@ -101,7 +101,7 @@ def add_parser(commands: Commands) -> None:
                 type=_SECONDS,
                 default=1.0,
                 metavar="S",
-                help="listen for so long first (default: %(default)s s)",
+                help="first listen for this time (default: %(default)s s)",
             )
         else:
             node.add_argument(
@@ -112,7 +112,11 @@ def add_parser(commands: Commands) -> None:
                 help="guard.setpoint_hold_s of the positioner (default: %(default)s s)",
             )
             node.add_argument(
-                "--listen", type=_SECONDS, default=10.0, metavar="S", help="listen for so long (default: %(default)s s)"
+                "--listen",
+                type=_SECONDS,
+                default=10.0,
+                metavar="S",
+                help="listen for this time (default: %(default)s s)",
             )
 
 

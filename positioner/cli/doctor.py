@@ -22,9 +22,10 @@ examples:
   positioner doctor --config /etc/positioner/fv101.toml           a valve: bus, load, state, daemon, live feedback
   positioner doctor --config /etc/positioner/fv101.toml --json    the same for programs
 
-It changes nothing and sends nothing. Each finding is OK, WARN or FAIL, followed by the command that solves the problem.
+It changes nothing and sends nothing. Each finding is OK, WARN or FAIL; below a problem follows the
+command that solves it, where there is one.
 
-exit status: 0 no finding is FAIL, 1 one is, 78 the configuration is wrong.
+exit status: 0 no finding is FAIL, 1 a finding is FAIL, 78 the configuration is wrong.
 """
 
 

@@ -1,4 +1,4 @@
-"""`positioner host`: arm a valve, move it, take over by hand, and see how it is. Shell."""
+"""`positioner host`: arm a valve, move it, give its current by hand, show its status. Shell."""
 
 from __future__ import annotations
 

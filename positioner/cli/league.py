@@ -36,7 +36,7 @@ def add_parser(commands: Commands) -> None:
         "--plants", metavar="A,B,…", help="presets of the emulator (default: all variants of the nominal valve)"
     )
     parser.add_argument("--seeds", metavar="N,M,…", help="seeds (default: 101,102,103)")
-    parser.add_argument("--setpoints", metavar="MM,MM,…", help="setpoints in mm instead of the usual eight")
+    parser.add_argument("--setpoints", metavar="MM,MM,…", help="setpoints in mm instead of the default eight")
     parser.add_argument("--dwell", type=float, metavar="S", help="length of a dwell (default: 5 s)")
     parser.add_argument("--period", type=float, metavar="S", help="sample period (default: 0.001 s)")
     short = "other defaults: three laws, two plants, one seed, four dwells of 1 s"

@@ -43,7 +43,7 @@ def add_parser(commands: Commands) -> None:
         default="both",
         help="interpretation of the paper's noise (default: %(default)s)",
     )
-    parser.add_argument("--short", action="store_true", help="dwells of 15 ms: they show the moves, and no rest")
+    parser.add_argument("--short", action="store_true", help="dwells of 15 ms: too short for the stem to rest")
     add_study(parser, Path("reproduce"))
 
 

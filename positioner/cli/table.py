@@ -1,4 +1,4 @@
-"""`positioner table`: look at the stiction table, reset it, export it, import it, whether the daemon runs or not."""
+"""`positioner table`: print, reset, export or import the stiction table, while the daemon runs or not. Shell."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     """Add `table` and its four commands."""
     parser = subparsers.add_parser(
         "table",
-        help="look at, reset, export or import the stiction table",
-        description="The stiction table: what past sticks and slips taught, by position and direction.",
+        help="print, reset, export or import the stiction table",
+        description="The stiction table: what was learned from past sticks and slips, by position and direction.",
     )
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
 
@@ -50,7 +50,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     example = "positioner table import FV-101.json --config valve.toml"
     command = _command(commands, "import", _import, "replace the table, after a backup, by an exported one", example)
     command.add_argument("file", metavar="FILE", type=Path, help="an export or a backup")
-    command.add_argument("--force", action="store_true", help="take the table of another valve too")
+    command.add_argument("--force", action="store_true", help="accept the table of another valve")
 
 
 def _command(
@@ -64,7 +64,7 @@ def _command(
     command = commands.add_parser(name, help=purpose, description=description, epilog=f"example: {example}")
     place = command.add_mutually_exclusive_group(required=True)
     place.add_argument("--state", metavar="DIR", type=Path, help="the valve's state directory")
-    place.add_argument("--config", metavar="FILE", type=Path, help="the valve's configuration, which names it")
+    place.add_argument("--config", metavar="FILE", type=Path, help="configuration of the valve: it has the directory")
     command.set_defaults(run=run)
     return command
 
@@ -131,10 +131,10 @@ def _configuration(path: Path) -> Configuration:
 
 
 def _fitted(stored: StoredTable, configuration: Configuration, *, force: bool) -> StoredTable:
-    """Return the table as the configured valve's, which an empty state directory could not check.
+    """Return the table for the configured valve; an empty state directory could not check that they fit together.
 
     Raises:
-        StateError: it is another valve's, or its cells have another width.
+        StateError: the table is another valve's, or its cells have another width.
     """
     valve_id, width_m = configuration.valve.id, configuration.control.table_cell_m
     if stored.valve_id != valve_id and not force:

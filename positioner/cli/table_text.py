@@ -19,7 +19,7 @@ _COLUMNS = (
     (Quantity.BREAKAWAY_CURRENT, "breakaway Γ, mA", 1.0, 3),
     (Quantity.LANDING_BIAS, "landing bias, mm", _MM, 3),
 )
-_LEGEND = "Mean ± spread of the last ten; n: how many ever; age: samples learned anywhere since the newest here."
+_LEGEND = "Mean ± spread of the last ten samples; n: all samples; age: samples learned elsewhere since the newest."
 
 
 def summary(stored: StoredTable) -> str:
@@ -40,7 +40,7 @@ def table(stored: StoredTable) -> str:
 
 
 def csv_rows(stored: StoredTable) -> Iterator[tuple[str, ...]]:
-    """Yield a row of titles and one for each cell, in SI units and mA as the quantity's name says."""
+    """Yield a row of titles and one for each cell, in the unit that the quantity's name ends with."""
     yield "quantity", "position_m", "direction", "mean", "spread", "count", "age", "recorded", "samples"
     for key, cell in stored.table:
         position = f"{key.index * stored.table.cell_width_m:.6g}"

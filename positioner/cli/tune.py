@@ -20,8 +20,9 @@ examples:
   positioner tune pi                              a few minutes; the result goes to standard output
   positioner tune knocker --budget 400 --seed 2 --out knocker.toml
 
-The result is a configuration: replace its [valve] and [bus] by yours, or copy its [control.<law>] table into yours. A
-comment gives the command that found it. The packaged parameters of every law were found in the same way.
+The result is a configuration: replace its [valve] by yours and add your [bus], or copy its [control.<law>] table into
+your configuration. A comment gives the command that found it. The packaged parameters of these laws were found in the
+same way.
 """
 
 

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from positioner.replay.log import LogFrame
 
 _CONTACT_PERIODS = 10
-"""A reading that no command echoes was received in one cycle with the next, if commands came within so many periods."""
+"""A reading that no command echoes was received in the same cycle as the next reading, if commands came within so many
+periods before and after it."""
 _MOST_LOST = 10
 _READINGS_SEARCHED = 129
 _READINGS_REMEMBERED = 3
@@ -36,7 +37,7 @@ class _Entry:
     counter: int | None
     """Its counter, if it is a reading or a setpoint."""
     is_own: bool = False
-    """Whether it is this positioner's command; the counters of another controller do not follow its counters."""
+    """Whether it is this positioner's command: its counter follows those of the commands before it."""
     answered: int | None = None
     """The number of the reading that this command echoes; a repeated command echoes none."""
     is_echoed: bool = False
@@ -89,7 +90,7 @@ class _Echoes:
         self._readings: deque[_Entry] = deque(maxlen=_READINGS_SEARCHED)
 
     def add(self, frame: LogFrame) -> _Entry:
-        """Return the next frame; a later one may still show that it is echoed."""
+        """Return the entry of the next frame; a later frame may still set its `is_echoed`."""
         classifier = self._classifier
         is_position, is_setpoint = classifier.is_position(frame), classifier.is_setpoint(frame)
         entry = _Entry(
@@ -114,7 +115,7 @@ class _Echoes:
         return True
 
     def _answered(self, echo: int | None) -> int | None:
-        """Return the number of the latest reading with this counter; it and earlier ones are not searched again.
+        """Return the number of the latest reading with this counter; it and earlier readings are not searched again.
 
         Without a counter it is the latest reading.
         """

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _NS = 1_000_000_000
 _BLF_HEADER_BYTES = 144
 _BLF_OBJECT, _BLF_OBJECT_BYTES = b"LOBJ", 16
-"""The first bytes of every object, and the length of its header, whose bytes 8 to 11 are the object's size."""
+"""The first bytes of every object, and the length of its header, in which bytes 8 to 11 are the object's size."""
 _LATEST_S = 1e11
 """A later time stamp is invalid: it would be after the year 5000."""
 
@@ -72,7 +72,7 @@ class BusLog:
 
 
 def read_log(path: Path, show: Callable[[LogFrame], None] = lambda _: None) -> BusLog:
-    """Return the log in `path` after one pass, which gives each frame to `show`; of a damaged log, the part before.
+    """Return the log in `path` after one pass, which gives each frame to `show`; of a damaged log, the readable part.
 
     Raises:
         LogError: it cannot be read at all, or holds no frame.

@@ -20,7 +20,7 @@ _REASONS_SHOWN = 5
 _REASONS_KEPT = 1000
 """Some reasons contain a number: if there are more different ones, the others are counted together."""
 
-_Apart = tuple[float, float, float, float]
+_Gap = tuple[float, float, float, float]
 """Difference in mA, time in s, and recorded and computed current in mA."""
 
 
@@ -50,8 +50,8 @@ class OtherLaw:
     fallbacks: Counter[str] = field(default_factory=Counter)
     modes: Counter[Mode] = field(default_factory=Counter)
     _sum_ma: float = 0.0
-    _first: _Apart | None = None
-    _largest: _Apart | None = None
+    _first: _Gap | None = None
+    _largest: _Gap | None = None
     _last_ns: int | None = None
 
     def add(self, replayed: ReplayedCycle) -> Row | None:
@@ -68,17 +68,17 @@ class OtherLaw:
             return None
         time_s = _stamp_ns(replayed) * 1e-9
         self._compare(time_s, recorded, computed)
-        closed = next((event for event in replayed.events if isinstance(event, Controlled)), None)
+        controlled = next((event for event in replayed.events if isinstance(event, Controlled)), None)
         return Row(
             time_s,
-            closed.setpoint_m if closed else None,
-            closed.measured_m if closed else None,
+            controlled.setpoint_m if controlled else None,
+            controlled.measured_m if controlled else None,
             recorded.current_ma if recorded else None,
             computed.current_ma if computed else None,
             recorded.mode if recorded else None,
             replayed.mode,
-            closed.decision.fallback if closed else "",
-            str(closed.decision.reason or "") if closed else "",
+            controlled.decision.fallback if controlled else "",
+            str(controlled.decision.reason or "") if controlled else "",
         )
 
     def in_words(self) -> str:
@@ -107,12 +107,12 @@ class OtherLaw:
             self.computed_only += computed is not None
             return
         gap_ma = abs(computed.current_ma - recorded.current_ma)
-        apart = (gap_ma, time_s, recorded.current_ma, computed.current_ma)
+        gap = (gap_ma, time_s, recorded.current_ma, computed.current_ma)
         self.both += 1
         self._sum_ma += gap_ma
-        self._largest = max(self._largest or apart, apart)
+        self._largest = max(self._largest or gap, gap)
         if self._first is None and gap_ma > _LEAST_DIFFERENCE_MA:
-            self._first = apart
+            self._first = gap
 
 
 def _stamp_ns(replayed: ReplayedCycle) -> int:
@@ -121,6 +121,6 @@ def _stamp_ns(replayed: ReplayedCycle) -> int:
     return next((logged.time_ns for logged in (*cycle.outbox, *cycle.inbox)), cycle.time_ns)
 
 
-def _at(apart: _Apart) -> str:
-    gap_ma, time_s, recorded_ma, computed_ma = apart
+def _at(gap: _Gap) -> str:
+    gap_ma, time_s, recorded_ma, computed_ma = gap
     return f"{gap_ma:.3f} mA at {time_s:.3f} s ({recorded_ma:.3f} mA recorded, {computed_ma:.3f} mA computed)"

@@ -65,7 +65,7 @@ class OutputFolder:
         self._is_empty = False
 
     def draw(self, title: str) -> None:
-        """Write `replay.png`, if there was a row.
+        """Write `replay.png`, if there is a row.
 
         Raises:
             StateError: the folder cannot be written.

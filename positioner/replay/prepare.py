@@ -83,7 +83,10 @@ def prepare(path: Path, configuration: Configuration, state: Path | None) -> Pre
 
 
 def _late(classifier: FrameClassifier, survey: Survey, command: LogFrame) -> str:
-    """Return how the frames show that the positioner sent others before the log; its counters begin with 0."""
+    """Return how the log shows that earlier frames of the positioner are missing, empty if none are.
+
+    The counters of a positioner begin with 0.
+    """
     if survey.first_reading and command.number < survey.first_reading.number:
         return f"a command, frame {command.number}, comes before the first position frame"
     for first in (command, survey.first_other):

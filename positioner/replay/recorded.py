@@ -27,7 +27,7 @@ INPUTS = (StemPosition, ActuatorState, Setpoint, ManualCurrent, CurrentCommand)
 """Messages that a positioner receives; a command that it receives is another controller's."""
 _NOTE_BYTES = 8
 MOST_FRAMES = 4096
-"""Frames of one cycle at most (a real one: 1024, `positioner.bus.port`), and frames that are looked ahead in a log."""
+"""Most frames of one cycle (`positioner.bus.port` receives at most 1024), and of the look-ahead in a log."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class FrameClassifier:
         self._setpoint = codec.identifier(Setpoint)
 
     def concerns(self, logged: LogFrame) -> bool:
-        """Return whether the positioner receives, sends or notes such a frame."""
+        """Return whether the positioner receives or sends such a frame, or writes it as a note into its record."""
         is_note = logged.sent and _address(logged) == (NOTE_ID, True) and len(logged.frame.data) == _NOTE_BYTES
         return self.is_input(logged) or self.is_output(logged) or is_note
 

@@ -34,7 +34,7 @@ class Survey:
         self.readings = 0
         self.first_reading: LogFrame | None = None
         self.first_other: LogFrame | None = None
-        """The first frame of the positioner that is no command."""
+        """The first frame of the positioner that is not a command."""
         self._classifier = classifier
         self._sent = False
         self._samples = _Samples(classifier, period_ns)
@@ -89,7 +89,7 @@ class _Samples:
             self._echoes[self._classifier.echo(frame, "position_counter")] += 1
 
     def in_lockstep(self) -> bool:
-        """Return whether this is true for all frames and for most commands."""
+        """Return whether all frames are at whole periods, and most commands at the time of their reading."""
         self._close()
         return self._whole and self._commands > 0 and 2 * self._answering > self._commands
 

@@ -1,4 +1,4 @@
-"""The plants of the league, named as the emulator's presets, and the setpoints that are fair on them. Pure.
+"""The plants of the league, named as the emulator's presets, and the check of the setpoints. Pure.
 
 On every plant the laws have the parameters of the nominal one.
 """
@@ -27,7 +27,7 @@ PLANTS = (
     "noise-free",
 )
 ALL_PLANTS = preset_names()
-"""With those outside the league: other valves, and valves on which laws cannot be compared."""
+"""The plants of the league and all others: other valves, and valves on which laws cannot be compared."""
 
 
 def reference_plant(plants: Sequence[str]) -> str:
@@ -39,7 +39,7 @@ def check_setpoints(setpoints_mm: tuple[float, ...], plants: tuple[str, ...]) ->
     """Refuse setpoints from which some plant cannot be restarted: no law can serve them.
 
     Raises:
-        ConfigurationError: with one line for each such setpoint, which names the plant.
+        ConfigurationError: a setpoint is refused; the message has a line for each, with the name of the plant.
     """
     problems = [
         problem for plant in plants for problem in setpoint_problems(setpoints_mm, plant, plant_settings(plant))

@@ -11,7 +11,7 @@
 | SI | 5 m/s | 150 1/m (D6) |
 | cm | 5 cm/s | 150 1/cm, the units of the paper's Table 2 |
 
-Held noise results when the noise block of a simulation has a sample time of its own.
+Noise is held when the noise block of a simulation program has its own sample time.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ NOISE_HOLD_S = 0.01
 
 
 class NoiseKind(StrEnum):
-    """What "a random signal with a mean power of 2 %" is, and how the controller estimates position and speed."""
+    """An interpretation of "a random signal with a mean power of 2 %", with the estimates of position and speed."""
 
     FILTERED = "A"
     RAW = "B"
@@ -64,7 +64,7 @@ def interpretations(noises: tuple[NoiseKind, ...]) -> tuple[Interpretation, ...]
 
 
 def interpreted_as(scenario: Scenario, noise: NoiseKind | None, units: Units | None) -> Scenario:
-    """Return `scenario` with sensor and estimator of `noise`, and the bounds of `units`; None leaves them."""
+    """Return `scenario` with sensor and estimator of `noise`, and the bounds of `units`; None changes nothing."""
     plant, control, estimator = scenario.plant, scenario.control, scenario.estimator
     match noise:
         case NoiseKind.FILTERED:

@@ -40,7 +40,7 @@ _USED_MODULES = {
     "bench": frozenset(("configure", "inprocess", "metrics", "modes", "playable", "recording", "scenario")),
     "studies": frozenset(("league",)),
 }
-"""Modules that a bout runs, in rooms of which it runs only some."""
+"""Modules that a bout runs, for each room of which it runs only some."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,11 +105,11 @@ def play(bout: Bout) -> tuple[metrics.DwellMetrics, ...]:
 def play_league(
     settings: LeagueSettings, folder: Path, workers: int | None = None
 ) -> dict[Bout, tuple[metrics.DwellMetrics, ...]]:
-    """Return the figures of every bout; bouts that `folder` has of the same code are not played again.
+    """Return the figures of every bout; a bout with a result of the same code in `folder` is not played again.
 
     Raises:
-        ConfigurationError: a setpoint from which some plant cannot be restarted, or a period, dwell or seed beyond
-            its limits.
+        ConfigurationError: some plant cannot be restarted from a setpoint, or a period, dwell or seed is out of its
+            limits.
         StateError: `folder` cannot be written.
     """
     check_setpoints(settings.setpoints_mm, settings.plants)

@@ -64,7 +64,7 @@ def _played(
         after = valve.step(settings, state, push_ma if pushing else brake_ma, step_s)
         turned = sign * after.stem.velocity_m_per_s <= 0.0 and sign * (after.stem.position_m - path[0][1]) > 0.0
         if not pushing and (turned or after.stem.position_m == state.stem.position_m):
-            # the stem came to rest, or turned, within this step: its far end is where it would have been caught
+            # the stem came to rest, or turned, within this step: it is taken to rest at the farther end of the step
             return [*path, (time_s + step_s, max(after.stem.position_m, state.stem.position_m, key=lambda x: sign * x))]
         time_s, state = time_s + step_s, after
         path.append((time_s, after.stem.position_m))

@@ -35,8 +35,8 @@ def spread_out(function: Callable[[T], R], items: Sequence[T], workers: int | No
                 yield waiting[future], future.result()
         except BrokenProcessPool as error:
             raise BenchError("a worker was killed (too little memory?): try again with fewer --workers") from error
-        except BaseException:  # above all an interrupt: nobody waits for the results any more
-            for child in active_children():  # the pool finds that its workers are gone, and ends
+        except BaseException:  # usually an interrupt: nobody waits for the results any more
+            for child in active_children():  # without its workers the pool ends
                 child.terminate()
             raise
 

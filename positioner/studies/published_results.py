@@ -1,4 +1,4 @@
-"""What the paper says of its five simulations, and whether our simulations show the same. Pure.
+"""The published results of the paper's five simulations, and whether our simulations show the same. Pure.
 
 The paper shows figures and gives no numbers. Each published result here is a sentence of the paper; the threshold that
 decides whether it holds is ours.
@@ -51,10 +51,10 @@ class Assessment:
 class _PublishedResult:
     """A sentence of the paper, and the check of it.
 
-    check: returns what is seen, in words, and whether the result holds. Its arguments are the runs of this simulation
-        and of the one that it is compared with.
-    by_moves: whether the moves alone decide it. Then a dwell of milliseconds is enough; other results need the stem at
-        rest.
+    check: returns what is seen, in words, and whether the result holds. Its arguments are the run of this simulation
+        and the run of simulation `compared_with`.
+    by_moves: whether the moves alone decide the result. Then a dwell of milliseconds is enough; other results need the
+        stem at rest.
     """
 
     simulation: int
@@ -154,7 +154,7 @@ def _compared(own: PlayedRun, other: PlayedRun) -> str:
 
 _GONE = "the table ends the oscillation"
 _CALM = "with the table the current is almost constant"
-_SMALL = "the steady error is small, and not null"
+_SMALL = "the steady error is small, and not zero"
 _PUBLISHED_RESULTS = (
     _PublishedResult(1, "the stem reaches the reference", _reaches, 1),
     _PublishedResult(1, "it overshoots in the transient", _overshoots, 1, by_moves=True),

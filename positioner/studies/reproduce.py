@@ -61,9 +61,10 @@ class Run:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Half:
-    """Figures of half a run, which has three dwells. `metrics` defines those that are not defined here.
+    """Figures of half a run, which has three dwells.
 
-    Error, range, current and speed are taken over the second half of each dwell.
+    `positioner.bench.metrics` defines the figures that are not defined here. Error, range, current and speed are
+    taken over the second half of each dwell.
 
     error_pct, range_pct: mean |error| and peak-to-peak motion in percent of span, mean over the dwells.
     current_range_ma: peak-to-peak current, mean over the dwells.
@@ -117,7 +118,7 @@ def all_runs(interpretations: Sequence[Interpretation], *, short: bool) -> tuple
 
 
 def reproduce(runs: Sequence[Run], workers: int | None = None) -> tuple[PlayedRun, ...]:
-    """Play the runs, with a progress bar; return them in the order of `runs`."""
+    """Return the played runs in the order of `runs`; a progress bar shows how many are done."""
     found: dict[Run, PlayedRun] = {}
     with (
         tqdm(total=len(runs), unit=" runs", disable=None) as bar,
@@ -125,13 +126,13 @@ def reproduce(runs: Sequence[Run], workers: int | None = None) -> tuple[PlayedRu
     ):
         for run, played in results:
             found[run] = played
-            bar.set_postfix_str(f"simulation {run.simulation} read as {run.interpretation}")
+            bar.set_postfix_str(f"simulation {run.simulation}, interpretation {run.interpretation}")
             bar.update()
     return tuple(found[run] for run in runs)
 
 
 def play(run: Run) -> PlayedRun:
-    """Play one run."""
+    """Return the figures and curves of one run."""
     scenario = run.scenario
     span_m = configure(scenario).valve.span_m
     played = run_in_process(scenario)

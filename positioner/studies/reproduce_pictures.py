@@ -148,7 +148,7 @@ def _of(played: PlayedRun, assessments: Sequence[Assessment]) -> list[Assessment
 def _write_above(
     panel: Axes, line: float, text: str, colour: str, *, weight: str = "normal", right: bool = False
 ) -> None:
-    """Write `text` `line` lines above the panel, at its left or at its right."""
+    """Write `text` above the panel, `line` lines higher, at its left or at its right."""
     panel.annotate(
         text, (float(right), 1.0), xycoords="axes fraction", xytext=(0, 4 + 14 * line), textcoords="offset points",
         ha="right" if right else "left", fontsize=8.8, color=colour, fontweight=weight,
@@ -164,7 +164,7 @@ def _figures(played: PlayedRun) -> str:
 
 
 def _draw(panels: Sequence[Axes], played: PlayedRun, *, left: bool) -> None:
-    """Draw the three panels of one run; the `left` ones of a row carry the names of the quantities."""
+    """Draw the three panels of one run; with `left` they carry the names of the quantities."""
     curves = played.curves
     half_s = float(curves.time_s[-1]) / 2.0
     position, current, speed = panels
@@ -174,7 +174,7 @@ def _draw(panels: Sequence[Axes], played: PlayedRun, *, left: bool) -> None:
         (current, curves.current_low_ma, curves.current_high_ma, curves.current_ma),
         (speed, curves.speed_low_m_per_s, curves.speed_high_m_per_s, curves.velocity_m_per_s),
     ):
-        # broad and pale below the curve: a bound is visible where the curve touches it
+        # bounds are broad and pale, below the curve: a bound is visible where the curve touches it
         _step(panel, curves.time_s, high, _ORANGE, width=1.6, alpha=0.6)
         _step(panel, curves.time_s, low, _GREEN, width=1.6, alpha=0.6)
         _step(panel, curves.time_s, values, _BLUE)

@@ -118,9 +118,9 @@ def _figure_table(played_runs: Sequence[PlayedRun]) -> list[str]:
         pairs = zip(_cells(played.before), _cells(played.after), strict=True)
         rows.append((f"{simulation}: {TITLES[simulation]}", name, *(f"{before} → {after}" for before, after in pairs)))
     return [
-        "Before → after half time. Error, range and current range: over the second half of each dwell, mean of three",
-        "dwells, in percent of span; speed: root mean square over the same; reversals: above",
-        f"{VISIBLE_M * 1e3:.3f} mm, moves included.",
+        "Before → after half time. Error and range (both in percent of span) and current range: over the second half",
+        "of each dwell, mean of three dwells; speed: root mean square over the same time; reversals: those above",
+        f"{VISIBLE_M * 1e3:.3f} mm, including those of the moves.",
         "",
         *table(head, rows),
     ]

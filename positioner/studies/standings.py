@@ -29,9 +29,9 @@ _RESAMPLES = 9999
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Standing:
-    """One law on one plant, over all seeds and dwells; errors in percent of span, definitions in `metrics`.
+    """One law on one plant, over all seeds and dwells; errors in percent of span.
 
-    The limits of the mean error are None for a single seed.
+    `positioner.bench.metrics` defines the figures. The limits of the mean error are None for a single seed.
     """
 
     law: str
@@ -49,7 +49,7 @@ class Standing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawSummary:
-    """One law over all plants; `error_ratio` is the mean error on its worst plant over that of the reference law.
+    """One law over all plants; `error_ratio` is the mean error on its worst plant, divided by that of `nmpc`.
 
     Settling and `reference_error_pct` are those of the reference plant.
     """
@@ -96,7 +96,7 @@ def _standing(law: str, plant: str, runs: Sequence[Sequence[DwellMetrics]]) -> S
 
 
 def bootstrap_interval(values: Sequence[float]) -> tuple[float, float] | tuple[None, None]:
-    """Return the 95 % percentile bootstrap interval of the mean of independent `values`; None for less than two."""
+    """Return the 95 % percentile bootstrap interval of the mean of independent `values`; None for fewer than two."""
     if len(values) < 2:  # noqa: PLR2004 - one value has no spread
         return None, None
     found = bootstrap((values,), np.mean, n_resamples=_RESAMPLES, method="percentile", random_state=0)

@@ -6,9 +6,9 @@ cost of a candidate is the mean over dwells of
     J = IAE / (mm s) + mean |e| at the end / % + 0.001 · command variation / mA + 0.04 · reversals
 
 with dwells of 4 s: on shorter dwells the limit cycle of an integral against static friction does not develop. Every
-setpoint is visited twice: where an integral comes to rest is partly chance, and on few dwells the best candidate would
-be the luckiest one. A candidate is dropped as soon as its dwells cost more than all dwells of the best: this saves time
-and changes no result.
+setpoint is visited twice: the position at which an integral comes to rest is partly chance, and with few dwells the
+best candidate would be the luckiest one. A candidate is dropped as soon as its dwells cost more than all dwells of the
+best: this saves time and changes no result.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ LEAGUE_SEEDS = range(101, 104)
 """Seeds of the league; laws are never tuned on them."""
 
 _EXPLORING = 0.5
-"""Share of the budget."""
+"""Share of the budget that explores."""
 _STEP = 0.3
 """Standard deviation of a variation, in the logarithm of the value."""
 _TUNED_ON = "paper"
@@ -103,7 +103,7 @@ SEARCHES: Mapping[str, Search] = MappingProxyType(
         ),
         "constant-reinforcement": Search((*_pid("pid."), Range("reinforcement_ma", 0.3, 8.0), _OFF_BAND)),
         "two-move": Search((Range("move_s", 0.02, 0.12), Range("back_off_m", 0.007, 0.016))),
-        # on the nominal valve a move is never repeated, so the parameters of retrying cannot be tuned there
+        # on the nominal valve a move is never repeated, so the parameters of retries cannot be tuned there
         "two-move-retry": Search(
             (Range("moves.move_s", 0.02, 0.12),),
             (

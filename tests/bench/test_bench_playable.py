@@ -1,4 +1,4 @@
-"""What a bench refuses to play, and in whose valve its controller believes."""
+"""Scenarios that a bench refuses, and the valve whose parameters its controller has."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_a_span_or_a_travel_that_is_not_the_plants_is_refused_with_both_numbers(
     ]
 
 
-def test_a_plant_of_the_users_own_with_another_span_is_refused_until_the_controller_knows_it() -> None:
+def test_a_plant_of_the_users_own_with_another_span_is_refused_until_the_controller_has_the_same() -> None:
     own = replace(SCENARIO, plant={"valve": {"span_m": 0.1, "travel_max_m": 0.11}})
     assert len(refused(own)) == 2
     check_playable(known := replace(own, valve={"span_m": 0.1, "travel_max_m": 0.11}), configure(known))

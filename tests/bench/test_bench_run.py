@@ -65,7 +65,7 @@ CANDUMP = re.compile(r"\(\d+\.\d{6}\) vcan0 1[0-7]0#([0-9A-F]{2}){8}( [RT])?")
 
 @dataclass(frozen=True)
 class Played:
-    """A run: its scenario, its result, where its files were put aside, and the lines that it wrote."""
+    """A run: its scenario, its result, the copy of its files, and the lines that it wrote."""
 
     scenario: Scenario
     result: Result
@@ -88,7 +88,7 @@ def play(
     lockstep: bool = True,
     picture: bool = False,
 ) -> Played:
-    """Return the run of `scenario`; a picture takes longer than all the rest, so only who looks at it gets one."""
+    """Return the run of `scenario`; a picture takes longer than all the rest, so it is drawn only on request."""
     lines: list[str] = []
     options = BenchOptions(bus=own_address(), lockstep=lockstep, out=out, state=state)
     with pytest.MonkeyPatch.context() as patch:
@@ -116,7 +116,7 @@ def first(scenario: Scenario, folder: Path) -> Played:
 
 @dataclass(frozen=True)
 class AtOnce:
-    """The first run once more, into the same directory, and beside it the command's own."""
+    """The first run again, into the same directory, while the command plays it into another directory."""
 
     played: Played
     status: int

@@ -1,4 +1,4 @@
-"""The picture of a run: what it keeps when it thins, what it shades, and that it is written."""
+"""The picture of a run: the peaks of long curves, the shades of the modes, the labels, and the file."""
 
 from __future__ import annotations
 

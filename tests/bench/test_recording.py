@@ -1,4 +1,4 @@
-"""What a bench records: samples by their counters, losses, gaps, and a log that other tools read."""
+"""The recording of a bench: samples by their counters, losses, gaps, and a log that other tools read."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ def test_in_real_time_the_log_has_the_order_and_time_of_arrival(tmp_path: Path) 
     assert lines(tmp_path / "bus.log") == ["170", "110", "100"]
 
 
-def test_a_frame_of_nobody_is_logged_as_it_came(tmp_path: Path) -> None:
+def test_a_frame_of_an_unknown_sender_is_logged_as_it_came(tmp_path: Path) -> None:
     recording = new_recording(1)
     recording.add(CanFrame(0x7DF, b"\x02\x01"), 0.5)
     recording.add(CanFrame(0x18FF0102, b"\x03", is_extended=True), 0.6)

@@ -40,9 +40,9 @@ class Walk:
         assert text.count('channel = "fv101"') == 1
         text = text.replace('channel = "fv101"', f'channel = "{self.channel}"')
         self.config = folder / "fv101.toml"
-        patient, times = re.subn(r"(feedback_\w+_periods) = (\d+)", r"\1 = \g<2>0", text)
+        longer, times = re.subn(r"(feedback_\w+_periods) = (\d+)", r"\1 = \g<2>0", text)
         assert times == 2
-        self.config.write_text(patient, encoding="utf-8")
+        self.config.write_text(longer, encoding="utf-8")
 
     def command(self, line: str) -> list[str]:
         """Return the words of a line of the README, with this test's programs, bus and file in their places."""
@@ -67,7 +67,7 @@ class Walk:
     def output_of(self, name: str) -> str:
         return (self.folder / name).read_text(encoding="utf-8")
 
-    def until_said(self, name: str, words: str) -> None:
+    def wait_until_printed(self, name: str, words: str) -> None:
         deadline_s = time.monotonic() + TIMEOUT_S
         while words not in self.output_of(name):
             assert time.monotonic() < deadline_s, {path.name: path.read_text() for path in self.folder.iterdir()}
@@ -97,10 +97,10 @@ def test_a_reader_of_the_quick_start_moves_a_valve_and_ends_it(walk: Walk) -> No
     with ExitStack() as terminals:
         terminals.enter_context(walk.running(plant, "1"))
         terminals.enter_context(walk.running(positioner, "2"))
-        walk.until_said("2", "READY (waiting for arm)")
+        walk.wait_until_printed("2", "READY (waiting for arm)")
         child = terminals.enter_context(walk.running(host, "3"))
-        walk.until_said("3", "setpoint 78.74 mm (62.00 %)")
-        walk.until_said("3", "ACTIVE: controls the valve")
+        walk.wait_until_printed("3", "setpoint 78.74 mm (62.00 %)")
+        walk.wait_until_printed("3", "ACTIVE: controls the valve")
         assert child.poll() is None
 
         code, output = walk.done(status)
@@ -110,11 +110,11 @@ def test_a_reader_of_the_quick_start_moves_a_valve_and_ends_it(walk: Walk) -> No
         assert re.search(r"^current   \d+\.\d{3} mA$", output, re.MULTILINE)
 
         child.send_signal(signal.SIGKILL)
-        walk.until_said("2", "HOLD (setpoint stale)")
+        walk.wait_until_printed("2", "HOLD (setpoint stale)")
         code, output = walk.done(disarm)
         assert code == 0
         assert output.splitlines()[-1] == "disarmed: the positioner commands nothing"
-        walk.until_said("2", "READY (disarmed)")
+        walk.wait_until_printed("2", "READY (disarmed)")
         code, output = walk.done(status)
         assert code == 0
         assert re.match(r"mode      READY: disarmed \(NE 107: function check\)\narmed     no\n", output)
@@ -126,7 +126,7 @@ def test_a_person_at_a_terminal_types_verbs_and_sees_mistakes_reported(walk: Wal
     with ExitStack() as terminals:
         terminals.enter_context(walk.running(plant, "1"))
         terminals.enter_context(walk.running(positioner, "2"))
-        walk.until_said("2", "READY (waiting for arm)")
+        walk.wait_until_printed("2", "READY (waiting for arm)")
         child = terminals.enter_context(walk.running(host.partition(" arm")[0], "3", read))
         os.close(read)
         for typed, words in (
@@ -138,7 +138,7 @@ def test_a_person_at_a_terminal_types_verbs_and_sees_mistakes_reported(walk: Wal
             ("status", "current   9.500 mA"),
         ):
             os.write(write, f"{typed}\n".encode())
-            walk.until_said("3", words)
+            walk.wait_until_printed("3", words)
         os.write(write, b"auto\nset 80\nstatus")
         os.close(write)
         assert child.wait(TIMEOUT_S) == 0
@@ -151,10 +151,10 @@ def test_a_person_at_a_terminal_types_verbs_and_sees_mistakes_reported(walk: Wal
 def test_a_terminal_is_prompted_and_a_signal_ends_the_host(walk: Walk) -> None:
     keyboard, screen = os.openpty()
     with walk.running(BLOCKS[2].partition(" arm")[0], "3", screen) as child:
-        walk.until_said("3", "status         show mode, health")
-        walk.until_said("3", "\n> ")
+        walk.wait_until_printed("3", "status         show mode, health")
+        walk.wait_until_printed("3", "\n> ")
         os.write(keyboard, b"disarm\n")
-        walk.until_said("3", "disarmed: the positioner commands nothing")
+        walk.wait_until_printed("3", "disarmed: the positioner commands nothing")
         child.send_signal(signal.SIGTERM)
         assert child.wait(TIMEOUT_S) == 0
     os.close(keyboard)

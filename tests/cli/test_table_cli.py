@@ -1,3 +1,5 @@
+"""`positioner table`: its four commands, and their mistakes."""
+
 from __future__ import annotations
 
 import csv
@@ -132,7 +134,7 @@ def test_a_reset_reaches_a_running_daemon(tmp_path: Path) -> None:
     assert writer.close(10.0) is None
 
 
-def test_importing_a_bad_file_says_every_mistake_and_changes_nothing(
+def test_importing_a_bad_file_reports_every_mistake_and_changes_nothing(
     state: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     plain = json.loads(document.dumps(taught(series(30))))

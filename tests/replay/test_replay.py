@@ -1,4 +1,4 @@
-"""Replay: a log goes through the same cycle, and what differs is named."""
+"""Replay: the frames of a log go through the same cycle, and the first difference is reported."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def test_an_altered_reading_makes_the_command_that_answers_it_the_first_to_diffe
     assert 190 <= int(counts[5]) < 300
 
 
-def test_a_command_that_is_missing_from_the_log_is_told(tmp_path: Path, capsys: Output) -> None:
+def test_a_command_that_is_missing_from_the_log_is_reported(tmp_path: Path, capsys: Output) -> None:
     log, config = runs.leave_bench(tmp_path, runs.scenario())
     lines = log.read_text(encoding="ascii").splitlines()
     del lines[numbers_of(log, "100")[30] - 1]
@@ -150,7 +150,7 @@ def test_another_configuration_differs(tmp_path: Path, capsys: Output) -> None:
 
 @pytest.mark.parametrize("delay_s", [0.00042, 0.0018])
 def test_a_listener_s_log_is_replayed_by_the_echoes(delay_s: float, tmp_path: Path, capsys: Output) -> None:
-    # with 1.8 ms every command stands behind the next reading: only its echo says which it answers
+    # with 1.8 ms every command stands behind the next reading: only its echo shows which one it answers
     log, config = runs.leave_bench(tmp_path, runs.scenario())
     on_the_bus(log, delay_s=delay_s)
     assert main(["replay", str(log), "--config", str(config)]) == 0

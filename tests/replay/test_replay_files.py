@@ -1,4 +1,4 @@
-"""What replay reads: every format, logs that are cut, damaged or no logs at all, and tables that it never writes."""
+"""The files that replay reads: all formats, cut or damaged logs, other files; and tables, which it only reads."""
 
 from __future__ import annotations
 
@@ -243,7 +243,7 @@ def test_a_log_that_starts_late_is_refused_and_not_called_different(
     log, config = bench
     lines = log.read_text(encoding="ascii").splitlines(keepends=True)
     late = [line for line in lines if float(line[1 : line.index(")")]) >= sample * 1e-3 - 1e-9]
-    # without the plant's time it is the log of somebody else on the bus
+    # without the plant's time it is a log that another node wrote
     path = tmp_path / "late.log"
     path.write_text("".join(late), encoding="ascii")
     if not snap:
@@ -255,7 +255,7 @@ def test_a_log_that_starts_late_is_refused_and_not_called_different(
     (line,) = captured.err.splitlines()
     assert line.startswith(f"positioner: {path}: starts late: frame ")
     assert f"has the counter {sample}, and a positioner begins with 0" in line
-    # what another law would have commanded can still be asked
+    # with --law the replay still shows the commands of another law
     assert replay(path, config, "--law", "pi-deadband") == ExitCode.OK
     assert "starts late" in capsys.readouterr().out
 

@@ -53,7 +53,7 @@ RECORDED: dict[str, Callable[[Path], tuple[Path, Path]]] = {
 
 @dataclass(frozen=True)
 class Replayed:
-    """A stored log, done again."""
+    """A stored log, computed again."""
 
     codec: Codec
     prepared: PreparedLog
@@ -91,7 +91,7 @@ def currents(codec: Codec, replayed: ReplayedCycle) -> tuple[CurrentCommand | No
 
 
 def differences(replay: Replayed) -> list[tuple[float, Difference]]:
-    """Return what differs: by how many mA (infinite where not the current alone does), and what it is."""
+    """Return the differences in mA, each with its frames; infinite where more than the current differs."""
     found = []
     for replayed in replay.replayed_cycles:
         comparison = Comparison(replay.codec, exact=True)

@@ -89,7 +89,7 @@ def setpoints(source: Source, count: int) -> Iterator[LogFrame]:
     return (source.frame(source.given, CODEC.encode(Setpoint(0.08), number % 256)) for number in range(count))
 
 
-def test_of_a_host_that_speaks_alone_everything_counts_until_the_positioner_has_spoken() -> None:
+def test_of_a_host_alone_on_the_bus_every_frame_counts_until_the_first_command_of_the_positioner() -> None:
     source, many = Source(), 2 * MOST_FRAMES + 5
     before = [*setpoints(source, many), *source.sample(0, many - 1)]
     sizes = [len(cycle.inbox) for cycle in cycles_of(LogKind.BUS, CLASSIFIER, before, PERIOD_NS)]
@@ -162,7 +162,7 @@ def test_a_note_of_another_length_is_none() -> None:
     assert not CLASSIFIER.concerns(LogFrame(1, 0, replace(whole, data=b""), sent=True))
 
 
-def test_a_log_that_loses_its_end_between_two_passes_is_told(tmp_path: Path) -> None:
+def test_a_log_that_loses_its_end_between_two_passes_is_reported(tmp_path: Path) -> None:
     path, _ = runs.leave_bench(tmp_path, runs.scenario("pi", seconds=0.03))
     log = read_log(path)
     lines = path.read_bytes().splitlines(keepends=True)

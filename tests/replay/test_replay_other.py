@@ -1,4 +1,4 @@
-"""What another law, or other settings, would have done."""
+"""Replay with another law or with other settings: the commands that they would have sent."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def test_the_same_law_would_have_done_the_same(bench: tuple[Path, Path], capsys:
     ]
 
 
-def test_a_law_that_believes_in_its_current_would_have_done_the_same_too(tmp_path: Path, capsys: Output) -> None:
-    # a frame rounds the current that the law believes in: what was equal in the frame is kept as it was
+def test_a_law_that_uses_its_own_current_would_have_done_the_same_too(tmp_path: Path, capsys: Output) -> None:
+    # a frame rounds the current that the law computed: an equal frame leaves the unrounded current in the state
     assert ask(runs.leave_bench(tmp_path, runs.scenario("nmpc", seconds=0.6)), "--law", "nmpc") == 0
     assert "no difference: every current is as recorded" in capsys.readouterr().out
 
@@ -91,6 +91,6 @@ def test_the_other_law_sees_the_current_that_moved_the_valve(bench: tuple[Path, 
     assert max(steps_ma) == pytest.approx(0.1, abs=0.001)
 
 
-def test_a_folder_that_cannot_be_written_is_told(bench: tuple[Path, Path], capsys: Output) -> None:
+def test_a_folder_that_cannot_be_written_is_reported(bench: tuple[Path, Path], capsys: Output) -> None:
     assert ask(bench, "--law", "paper", "--out", "/dev/null/x") == 74
     assert capsys.readouterr().err == "positioner: /dev/null/x: cannot be written: Not a directory\n"

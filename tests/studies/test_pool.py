@@ -1,7 +1,7 @@
 """The pool of workers: results with their items, one line when a worker dies, nothing left when it is stopped.
 
-Started as a program, this file is a pool whose parent is interrupted: an interrupt is for a whole process, and must not
-strike the one that runs the tests.
+Started as a program, this file is a pool whose parent is interrupted: an interrupt reaches a whole process, and must
+not reach the process that runs the tests.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from positioner.studies.pool import spread_out
 def interrupt_the_parent(_: int) -> None:
     for _ in range(120):  # an interrupt that strikes inside a callback of the interpreter's own is lost
         os.kill(os.getppid(), signal.SIGINT)
-        Event().wait(5.0)  # work that nobody wants any more
+        Event().wait(5.0)  # work whose result is not needed any more
 
 
 def die(_: int) -> None:

@@ -219,13 +219,13 @@ def test_where_nothing_is_decided_no_result_holds_and_none_fails() -> None:
         (3, {}, {"limit_cycles": 1}, "the table ends the oscillation"),
         (3, {}, {"current_range_ma": 0.9}, "with the table the current is almost constant"),
         (3, {}, {"speed_m_per_s": 0.051}, "with the table the speed is almost constant"),
-        (3, {}, {"error_pct": 1.1}, "the steady error is small, and not null"),
-        (3, {}, {"error_pct": 0.0}, "the steady error is small, and not null"),
+        (3, {}, {"error_pct": 1.1}, "the steady error is small, and not zero"),
+        (3, {}, {"error_pct": 0.0}, "the steady error is small, and not zero"),
         (4, {"range_pct": 1.9}, {}, "at first it oscillates more than in simulation 3"),
         (4, {}, {"limit_cycles": 3}, "the table ends the oscillation"),
         (5, {"range_pct": 2.0}, {}, "at first it oscillates less than in simulation 3"),
         (4, {"limit_cycles": 0}, {}, "the table ends the oscillation"),
-        (5, {}, {"error_pct": 5.0}, "the steady error is small, and not null"),
+        (5, {}, {"error_pct": 5.0}, "the steady error is small, and not zero"),
     ],
 )
 def test_a_published_result_fails_with_the_figure_that_decides_it(

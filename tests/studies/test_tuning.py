@@ -37,7 +37,7 @@ MIDDLE = {
 
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a candidate play a fifth of a second."""
+    """Shorten the run of a candidate to a fifth of a second."""
     monkeypatch.setattr(tuning, "SETPOINTS_MM", (73.0, 80.0))
     monkeypatch.setattr(tuning, "VISITS", 1)
     monkeypatch.setattr(tuning, "DWELL_S", 0.1)
@@ -215,7 +215,7 @@ def test_what_cannot_be_searched_is_refused(
 
 
 @pytest.mark.usefixtures("short")
-def test_a_file_that_cannot_be_written_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_that_cannot_be_written_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "missing" / "pi.toml"
     assert main(["tune", "two-move", "--budget", "1", "--out", str(out)]) == ExitCode.IO
     assert "cannot be written" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""When a frame arrived, from a stamp that may be anything, and how long nobody looked."""
+"""When a frame arrived, by a stamp that may be wrong, and for how long the loop did not receive."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_a_bus_that_was_opened_again_has_an_empty_queue() -> None:
         (3.0, 10.0, 3.0),
         (3.0, 12.0, 5.0),
         (0.0, 20.0, 10.0),
-        (0.0, 20.5, 20.5),  # who was stopped while waiting may have been so from the beginning
+        (0.0, 20.5, 20.5),  # a process stopped while it waited may have been stopped from the beginning
         (7.0, 5000.0, 5007.0),
     ],
 )

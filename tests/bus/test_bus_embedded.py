@@ -32,7 +32,7 @@ QUIET_S = 0.05
 
 
 def open_descriptors() -> set[str]:
-    """Return what this process has open, without the directory that is being listed."""
+    """Return the files that this process has open, without the directory that is being listed."""
     found = set()
     for descriptor in Path("/proc/self/fd").iterdir():
         with contextlib.suppress(OSError):
@@ -208,7 +208,7 @@ class TestVirtualBus(BusContract):
 
 
 class BrokenBus:
-    """A bus that fails when the test says so."""
+    """A bus that fails when the test demands it."""
 
     def __init__(self) -> None:
         self.down = False

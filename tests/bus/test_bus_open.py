@@ -1,4 +1,4 @@
-"""Opening a bus: what reaches python-can, what does not, and which refusals are for ever."""
+"""Opening a bus: which settings reach python-can, and which refusals are for ever."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ HOSTILE = "[default]\ninterface = socketcan\nreceive_own_messages = True\nhop_li
 
 
 class Adapter(can.BusABC):
-    """An adapter that notes what it is opened with, or fails as the test says."""
+    """An adapter that notes the arguments with which it is opened, or fails as the test demands."""
 
     seen: tuple[Any, dict[str, Any]] = (None, {})
     failure: Exception | None = None
@@ -183,7 +183,7 @@ def test_the_embedded_bus_opens_whatever_the_files_of_python_can_contain() -> No
 
 
 def absent(interface: str, channel: str) -> Callable[[], None]:
-    """Return what tries once to open a bus that is not there."""
+    """Return a function that tries once to open a bus that is not there."""
     port = BusPort(BusAddress(interface=interface, channel=channel))
     port._was_open = True
 

@@ -19,7 +19,7 @@ import can
 import pytest
 from daemon_helpers import PERIOD_S, Service
 from links import TIMEOUT_S, Program, command, until, vcan
-from test_daemon_process import PATIENT
+from test_daemon_process import LONG_TIMEOUTS
 from test_vcan_bus import filters
 
 from positioner.bus.port import BusPort
@@ -95,7 +95,7 @@ def test_cantools_monitor_shows_the_running_valve(bus: BusAddress, tmp_path: Pat
 
 def test_cansend_arms_the_positioner(bus: BusAddress, tmp_path: Path) -> None:
     codec = make_codec()
-    with Service(tmp_path, bus=bus, guard=PATIENT) as service:
+    with Service(tmp_path, bus=bus, guard=LONG_TIMEOUTS) as service:
         numbers = iter(range(1000))
 
         def answers() -> bool:
@@ -125,7 +125,7 @@ def test_canplayer_plays_a_recorded_bus(bus: BusAddress, tmp_path: Path) -> None
 
 
 def test_random_frames_of_cangen_are_no_reason_to_act_or_to_stop(bus: BusAddress, tmp_path: Path) -> None:
-    with Service(tmp_path, bus=bus, guard=PATIENT) as service:
+    with Service(tmp_path, bus=bus, guard=LONG_TIMEOUTS) as service:
         said = BusPort(bus, [(CURRENT_COMMAND, False)])
         said.open()
         # the identifiers of a position and of a setpoint with random data of random length; then any identifier

@@ -71,8 +71,8 @@ def own_frame(name: str, data_id: int, **signals: float) -> CanFrame:
 
 
 def test_no_frame_is_sent_before_it_is_armed(loop: Loop) -> None:
-    said = [message for _ in range(60) for message in loop.sample()]
-    assert said == []
+    sent = [message for _ in range(60) for message in loop.sample()]
+    assert sent == []
     assert loop.logged("mode INIT") == ["mode INIT -> READY (waiting for arm)"]
 
 
@@ -88,9 +88,9 @@ def test_a_request_to_arm_is_answered_with_a_command_and_a_status_at_once(loop: 
 def test_a_request_to_disarm_ends_all_commands_and_keeps_the_status(armed: Loop) -> None:
     assert commands(armed.sample())
     assert commands(armed.request(HostRequest.DISARM)) == []
-    said = [message for _ in range(10) for message in armed.sample()]
-    assert commands(said) == []
-    assert {(status.mode, status.cause) for status in statuses(said)} == {(Mode.READY, Cause.DISARMED)}
+    sent = [message for _ in range(10) for message in armed.sample()]
+    assert commands(sent) == []
+    assert {(status.mode, status.cause) for status in statuses(sent)} == {(Mode.READY, Cause.DISARMED)}
 
 
 def test_it_arms_itself_at_the_first_reading_where_it_may(tmp_path: Path) -> None:
@@ -109,9 +109,9 @@ def test_each_command_answers_its_reading_and_names_the_setpoint_it_obeys(armed:
 
 
 def test_the_status_comes_ten_times_a_second(armed: Loop) -> None:
-    said = [message for _ in range(100) for message in armed.sample()]  # two seconds
-    assert len(commands(said)) == 100
-    assert 19 <= len(statuses(said)) <= 21
+    sent = [message for _ in range(100) for message in armed.sample()]  # two seconds
+    assert len(commands(sent)) == 100
+    assert 19 <= len(statuses(sent)) <= 21
 
 
 @pytest.mark.parametrize(("action", "current_ma"), [("4 mA", 4.0), ("20 mA", 20.0), ("hold", None), ("current", 7.25)])
@@ -122,7 +122,7 @@ def test_without_feedback_it_holds_and_then_fails_safe_as_configured(
     with Loop(tmp_path, guard=guard) as loop:
         (last,) = commands(loop.sample())
         modes = [[command.mode for command in commands(loop.cycle())] for _ in range(11)]
-        # until the third period nothing is amiss; in HOLD and FAILSAFE the last word is repeated
+        # until the third period there is no command; in HOLD and FAILSAFE there is one in each period
         assert modes == [[]] * 3 + [[Mode.HOLD]] * 7 + [[Mode.FAILSAFE]]
         (failed,) = commands(loop.cycle())
         assert failed.current_ma == (pytest.approx(current_ma) if current_ma else last.current_ma)
@@ -146,10 +146,10 @@ def test_feedback_ends_hold(armed: Loop) -> None:
 def test_failsafe_stays_until_it_is_armed_again(armed: Loop) -> None:
     for _ in range(12):
         armed.cycle()
-    said = [message for _ in range(10) for message in armed.sample()]
-    assert {command.mode for command in commands(said)} == {Mode.FAILSAFE}
-    assert {command.current_ma for command in commands(said)} == {4.0}
-    assert {(status.mode, status.cause, status.health) for status in statuses(said)} == {
+    sent = [message for _ in range(10) for message in armed.sample()]
+    assert {command.mode for command in commands(sent)} == {Mode.FAILSAFE}
+    assert {command.current_ma for command in commands(sent)} == {4.0}
+    assert {(status.mode, status.cause, status.health) for status in statuses(sent)} == {
         (Mode.FAILSAFE, Cause.FEEDBACK_STALE, Health.FAILURE)
     }
     assert commands(armed.request(HostRequest.ARM))[0].mode is Mode.ACTIVE
@@ -255,9 +255,9 @@ def test_another_controller_after_arming_is_reported_and_shown_and_the_loop_goes
     while armed.elapsed_ns <= 2.1e9:  # later than a second after the arming
         armed.sample()
     armed.cycle(armed.others.frame(CurrentCommand(9.5)), after_s=0.0)
-    said = [message for _ in range(6) for message in armed.sample()]
-    assert len(commands(said)) == 6
-    assert {(status.cause, status.health) for status in statuses(said)} == {(Cause.FOREIGN_COMMAND, Health.FAILURE)}
+    sent = [message for _ in range(6) for message in armed.sample()]
+    assert len(commands(sent)) == 6
+    assert {(status.cause, status.health) for status in statuses(sent)} == {(Cause.FOREIGN_COMMAND, Health.FAILURE)}
     assert len(armed.logged("another controller")) == 1
 
 
@@ -339,15 +339,15 @@ def test_a_bus_that_goes_and_comes_back_costs_a_failsafe_and_two_lines(
 @pytest.mark.parametrize("dry_run", [True, False])
 def test_a_dry_run_never_transmits_and_never_learns(dry_run: bool, tmp_path: Path) -> None:
     with Loop(tmp_path, RunOptions(dry_run=dry_run), guard=AUTO) as loop:
-        said: list[Message] = []
-        for number in range(120):  # rest, a slide of 30 mm, rest: a stick and a slip for whoever learns
+        sent: list[Message] = []
+        for number in range(120):  # rest, a slide of 30 mm, rest: a stick and a slip to learn from
             position_m = HERE_M + 0.001 * min(max(number - 40, 0), 30)
-            said += loop.sample(position_m, setpoint_m=0.12)
+            sent += loop.sample(position_m, setpoint_m=0.12)
         table = loop.daemon.session.state.table
         if dry_run:
-            assert (said, table.sequence) == ([], 0)
+            assert (sent, table.sequence) == ([], 0)
         else:
-            assert len(commands(said)) == 120
+            assert len(commands(sent)) == 120
             assert table.sequence >= 1
     assert loop.logged("mode INIT") == ["mode INIT -> ACTIVE (none)"]
 
@@ -369,7 +369,7 @@ def test_the_service_manager_is_notified_of_readiness_life_and_the_end(
             assert "READY=1\nSTATUS=READY: waiting for arm" in notifications(manager)
             for _ in range(3):
                 loop.cycle()
-            # a positioner that waits is no positioner that hangs: nobody is to restart it
+            # a positioner that waits does not hang: it must not be restarted
             assert "WATCHDOG=1" in notifications(manager)
         assert notifications(manager) == ["STOPPING=1"]
 

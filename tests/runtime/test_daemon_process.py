@@ -21,15 +21,15 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 pytestmark = pytest.mark.bus
-LESSONS_OF_A_TURN = 3
-"""Stick speed, landing and breakaway: no cycle teaches more."""
-PATIENT = {"feedback_hold_periods": 500, "feedback_failsafe_periods": 5000, "setpoint_hold_s": 10.0,
-           "setpoint_failsafe_s": 100.0}  # fmt: skip
+MOST_SAMPLES_PER_CYCLE = 3
+"""Samples that one cycle can learn: a stick speed, a landing and a breakaway."""
+LONG_TIMEOUTS = {"feedback_hold_periods": 500, "feedback_failsafe_periods": 5000, "setpoint_hold_s": 10.0,
+                 "setpoint_failsafe_s": 100.0}  # fmt: skip
 """Ages that a busy machine does not reach between two frames of a test."""
 
 
 def test_a_service_is_silent_until_armed_and_saves_its_table_at_the_end(tmp_path: Path) -> None:
-    with Service(tmp_path, guard=PATIENT) as service:
+    with Service(tmp_path, guard=LONG_TIMEOUTS) as service:
         service.others.report()
         service.child.wait_for("READY=1")
         for _ in range(20):
@@ -53,12 +53,12 @@ def test_a_service_is_silent_until_armed_and_saves_its_table_at_the_end(tmp_path
     assert access.dump(tmp_path / "state").valve_id == "FV-101"
 
 
-def ended(child: BenchProcess, beside: Service, *said: CurrentCommand) -> int:
-    """Return the exit status of a program that ends by itself, while the loop beside it goes on, and `said` is."""
+def ended(child: BenchProcess, beside: Service, *foreign: CurrentCommand) -> int:
+    """Return the exit status of a program that ends by itself; meanwhile the service goes on and `foreign` is sent."""
     deadline_s = time.monotonic() + TIMEOUT_S
     while (code := child.process.poll()) is None:
         assert time.monotonic() < deadline_s, child.log.read_text(encoding="utf-8")
-        beside.others.say(*said)
+        beside.others.say(*foreign)
         beside.others.ask()
         beside.others.report()
         beside.others.listen(PERIOD_S)
@@ -114,8 +114,8 @@ def test_a_kill_loses_nothing_that_was_learned_and_a_reset_is_taken_over(tmp_pat
             service.kill()
         learned = len(service.logged("learned"))
         service.start(*options)
-        # what was handed over is there; lessons of the last cycle may be logged but not handed over
-        assert learned - LESSONS_OF_A_TURN <= access.dump(tmp_path / "state").table.sequence <= learned
+        # samples that were handed over are there; those of the last cycle may be logged but not handed over
+        assert learned - MOST_SAMPLES_PER_CYCLE <= access.dump(tmp_path / "state").table.sequence <= learned
         with plant(service) as emulator:
             learn(service, emulator, learned + 4)
             assert access.reset(tmp_path / "state") is not None
@@ -139,7 +139,7 @@ def plant(service: Service) -> BenchProcess:
 
 
 def learn(service: Service, emulator: BenchProcess, wanted: int) -> None:
-    """Send the stem to and fro until the log has `wanted` lines of what was learned."""
+    """Send the stem to and fro until the log has `wanted` lines about learned samples."""
     deadline_s, number = time.monotonic() + TIMEOUT_S, 0
     while len(service.logged("learned")) < wanted:
         emulator.check()
@@ -171,7 +171,7 @@ def test_a_valve_that_speaks_frames_of_its_own_is_controlled(tmp_path: Path) -> 
     database = cantools.database.load_string(USERS_DBC, "dbc")
     feedback, order = database.get_message_by_name("VALVE_FEEDBACK"), database.get_message_by_name("IP_COMMAND")  # type: ignore[union-attr]
     assert feedback.is_extended_frame
-    guard = {**PATIENT, "auto_arm": True}
+    guard = {**LONG_TIMEOUTS, "auto_arm": True}
     with Service(tmp_path, wire=USERS_WIRE, guard=guard, control={"sample_period_s": 0.001}) as service:
         valve = BusPort(service.address, [(order.frame_id, True)])
         valve.open()

@@ -70,8 +70,8 @@ def test_a_reset_reaches_the_daemon_by_itself_and_is_not_undone(tmp_path: Path) 
 
 
 def statuses(loop: Loop, count: int) -> list[PositionerStatus]:
-    said = [message for _ in range(5 * count) for message in loop.sample()]
-    return [message for message in said if isinstance(message, PositionerStatus)]
+    sent = [message for _ in range(5 * count) for message in loop.sample()]
+    return [message for message in sent if isinstance(message, PositionerStatus)]
 
 
 def test_a_full_disk_is_reported_once_and_shown_and_the_loop_goes_on(tmp_path: Path) -> None:

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-PATIENT = {"feedback_hold_periods": 500, "feedback_failsafe_periods": 5000, "setpoint_hold_s": 0.0,
-           "setpoint_failsafe_s": 0.0}  # fmt: skip
+LONG_TIMEOUTS = {"feedback_hold_periods": 500, "feedback_failsafe_periods": 5000, "setpoint_hold_s": 0.0,
+                 "setpoint_failsafe_s": 0.0}  # fmt: skip
 """Ages that a busy machine does not reach between two frames of a test."""
 
 
@@ -23,12 +23,12 @@ PATIENT = {"feedback_hold_periods": 500, "feedback_failsafe_periods": 5000, "set
 def test_two_daemons_that_one_arm_has_armed_do_not_both_go_on(tmp_path: Path) -> None:
     """Each has a bus of its own until both send commands; then the test passes the frames of each on to the other.
 
-    On one bus a busy machine would let one daemon receive the other's command before the ARM, and refuse to be armed.
+    On one bus of a busy machine one daemon might receive the other's command before the ARM, and refuse to be armed.
     """
     folders = [tmp_path / "one", tmp_path / "other"]
     for folder in folders:
         folder.mkdir()
-    with Service(folders[0], guard=PATIENT) as one, Service(folders[1], guard=PATIENT) as other:
+    with Service(folders[0], guard=LONG_TIMEOUTS) as one, Service(folders[1], guard=LONG_TIMEOUTS) as other:
         services, deadline_s, cycles, joined = (one, other), time.monotonic() + TIMEOUT_S, 0, False
         modes: list[str] = ["", ""]
         while not joined or all(mode.rpartition("-> ")[2].startswith("ACTIVE") for mode in modes):
@@ -46,6 +46,6 @@ def test_two_daemons_that_one_arm_has_armed_do_not_both_go_on(tmp_path: Path) ->
                         its_other.others.port.send(frame)
             joined = joined or all(service.others.acting is not None for service in services)
             modes = [" ".join(service.logged("mode ")) for service in services]
-        # a daemon that received the other's commands has said so; the other may have been disarmed before it sent more
+        # a daemon that received the other's commands has logged it; the other may have been disarmed before any more
         for service, mode in zip(services, modes, strict=True):
             assert service.logged("another controller commands this valve") or mode.endswith("ACTIVE (none)"), modes

@@ -1,4 +1,4 @@
-"""What the port does with a bus that says too much, and with one that takes nothing."""
+"""The port on a bus that carries too many frames, and on one that takes none."""
 
 from __future__ import annotations
 

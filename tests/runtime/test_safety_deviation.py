@@ -31,9 +31,9 @@ def sample(loop: Loop, setpoint_m: float, position_m: float) -> list[Message]:
 
 
 def last_status(loop: Loop, samples: int, setpoint_m: float, position_m: float = HERE_M) -> PositionerStatus:
-    said = [message for _ in range(samples) for message in sample(loop, setpoint_m, position_m)]
-    assert [message for message in said if isinstance(message, CurrentCommand)]
-    return [message for message in said if isinstance(message, PositionerStatus)][-1]
+    sent = [message for _ in range(samples) for message in sample(loop, setpoint_m, position_m)]
+    assert [message for message in sent if isinstance(message, CurrentCommand)]
+    return [message for message in sent if isinstance(message, PositionerStatus)][-1]
 
 
 def trouble(status: PositionerStatus) -> tuple[Mode, Cause, Health]:

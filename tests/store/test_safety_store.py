@@ -1,4 +1,4 @@
-"""What the table writer does with a disk that takes nothing, under a clock of the test."""
+"""The table writer and a disk that takes nothing; the clock is the test's."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Disk:
     "error",
     [
         OSError(errno.ENOSPC, "No space left on device"),
-        OSError(errno.EIO, "Input/output error"),  # what fsync says of a failing disk
+        OSError(errno.EIO, "Input/output error"),  # the error of fsync on a failing disk
         sqlite3.OperationalError("disk I/O error"),
         sqlite3.OperationalError("attempt to write a readonly database"),
         StateError("the table cannot be read now"),

@@ -36,7 +36,7 @@ for _ in range(10):
 
 @pytest.fixture(params=["writer", "files"])
 def directory(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Path]:
-    """A state directory with 40 samples, in the care of a table writer or of nobody."""
+    """A state directory with 40 samples, held by a table writer or by nobody."""
     writer, _, _ = opened(tmp_path)
     writer.record(series(40))
     if request.param == "files":

@@ -85,7 +85,7 @@ def test_a_disk_that_fails_is_reported_once_and_what_was_learned_meanwhile_is_sa
     assert str(writer.problem).endswith(words)
     writer.record(series(10, 20))
     before = disk.refused
-    # it goes on trying, whether there is news or not
+    # it goes on trying, whether there are new samples or not
     events += wait_for(writer, lambda: disk.refused >= before + 3, _LONG_S)
     assert not writer.saved
     assert database.read(disk.state / TABLE).table == taught(series(10)).table
@@ -124,7 +124,7 @@ def test_a_close_on_a_disk_that_fails_says_so_and_leaves_the_former_table_whole(
 
 
 def sample_until(loop: Loop, done: Callable[[], bool]) -> None:
-    """Let samples pass until it is done."""
+    """Let samples pass until `done` returns True."""
     deadline_s = time.monotonic() + _LONG_S
     while not done():
         assert time.monotonic() < deadline_s, loop.lines

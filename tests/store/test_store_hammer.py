@@ -33,7 +33,7 @@ class User:
         self._commands = iter(commands)
         self._process: subprocess.Popen[str] | None = None
         self.started_ns = 0
-        self.said: list[str] = []
+        self.outputs: list[str] = []
 
     def is_busy(self) -> bool:
         """Return whether the last command still runs; one that failed fails the test."""
@@ -43,7 +43,7 @@ class User:
             return True
         output, _ = self._process.communicate()
         assert self._process.returncode == 0, output
-        self.said.append(output)
+        self.outputs.append(output)
         self._process = None
         return False
 
@@ -81,7 +81,7 @@ class Learner:
         self._number += 1
 
     def update(self, events: Iterable[WriterEvent], commanded_ns: int) -> None:
-        """Take over what a command given at `commanded_ns` put in the table's place."""
+        """Take over the table that a command given at `commanded_ns` put in place."""
         for event in events:
             if isinstance(event, Replaced):
                 self._replaced_ns[self._generation] = commanded_ns
@@ -101,7 +101,7 @@ class Learner:
         return len(numbers) - count
 
     def check_replaced(self, stored: StoredTable) -> None:
-        """Check that nothing but what was recorded after the command was given is missing in its backup."""
+        """Check that the backup of a command lacks only samples that were recorded after the command was given."""
         missing = self.check(stored)
         later_ns = self._recorded_ns[stored.generation][len(self._recorded[stored.generation]) - missing :]
         assert all(recorded_ns >= self._replaced_ns[stored.generation] for recorded_ns in later_ns)
@@ -126,10 +126,10 @@ def test_commands_hammering_at_a_table_writer_that_records_lose_nothing(tmp_path
     working = {changer, reader}
     deadline_s = time.monotonic() + _LONG_S
     while working:
-        assert time.monotonic() < deadline_s, (changer.said, reader.said)
+        assert time.monotonic() < deadline_s, (changer.outputs, reader.outputs)
         learner.record()
         idle = [user for user in working if not user.is_busy()]
-        learner.update(writer.poll(), changer.started_ns)  # what a finished command did is received before the next one
+        learner.update(writer.poll(), changer.started_ns)  # the effect of a finished command, before the next one
         working -= {user for user in idle if not user.go_on()}
         select.select([], [], [], 0.002)
     learner.update(wait_for(writer, lambda: writer.saved, _LONG_S), changer.started_ns)
@@ -141,7 +141,7 @@ def test_commands_hammering_at_a_table_writer_that_records_lose_nothing(tmp_path
     assert sorted(stored.generation for stored in backups) == list(range(4))
     for stored in backups:
         learner.check_replaced(stored)
-    dumps = [text for text in reader.said if text.startswith("{")]
+    dumps = [text for text in reader.outputs if text.startswith("{")]
     assert len(dumps) == 2
     for text in (*dumps, *(path.read_text(encoding="utf-8") for path in exports)):
         learner.check(document.loads(text, "a dump or an export"))

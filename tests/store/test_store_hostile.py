@@ -1,4 +1,4 @@
-"""What whoever owns a state directory may put there to harm its reader: nothing hangs, nothing else is touched."""
+"""Files by which the owner of a state directory may try to harm its reader: nothing hangs, no other file is touched."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def rejection(path: Path) -> TableRejectedError:
         (odd(valve="a\x00b"), "must be a printable text"),
     ],
 )
-def test_a_right_digest_is_no_proof_of_sense_and_the_good_copy_is_used(
+def test_impossible_values_with_a_right_digest_are_rejected_and_the_good_copy_is_used(
     tmp_path: Path, stored: StoredTable, why: str
 ) -> None:
     database.create(tmp_path / TABLE, stored)
@@ -139,7 +139,7 @@ def test_a_journal_cannot_make_a_reader_delete_a_file(tmp_path: Path) -> None:
     assert len(list(tmp_path.glob("stiction.damaged-*-journal"))) == 1
 
 
-def test_the_planted_journal_would_delete_it_in_other_hands(tmp_path: Path) -> None:
+def test_sqlite_alone_would_delete_the_file_that_the_planted_journal_names(tmp_path: Path) -> None:
     victim = tmp_path / "victim"
     victim.write_text("precious")
     path = tmp_path / TABLE

@@ -49,7 +49,7 @@ def test_the_lock_waits_for_a_holder_that_ends(tmp_path: Path) -> None:
     assert holder.wait() == 0
 
 
-def test_a_lock_that_is_held_is_no_reason_to_stay_down(tmp_path: Path) -> None:
+def test_a_lock_that_is_held_ends_a_start_with_a_status_that_is_tried_again(tmp_path: Path) -> None:
     reports: list[str] = []
     with lock.held(tmp_path, 0.0), pytest.raises(AlreadyRunningError) as caught:
         lock.acquire(tmp_path, 0.1, reports.append)

@@ -108,7 +108,7 @@ def test_a_daemon_killed_while_it_learns_loses_nothing_that_it_had_handed_over(
         select.select([], [], [], milliseconds / 1e3)
         daemon.kill()
         handed_over = int((first + daemon.stdout.read()).split()[-1])
-    with lock.held(tmp_path, 10.0):  # its table writer saves, then lets go
+    with lock.held(tmp_path, 10.0):  # its table writer saves, then releases the lock
         table = _on_disk(tmp_path)
     assert handed_over <= table.sequence <= handed_over + 1
     assert table == taught(series(table.sequence)).table
@@ -214,7 +214,7 @@ def test_a_reset_reaches_the_daemon_by_itself_and_no_earlier_sample_undoes_it(
     writer.record(series(50))
     access.reset(tmp_path)
     started_s = time.monotonic()
-    writer.record(series(5, 50))  # taught before the daemon could know
+    writer.record(series(5, 50))  # recorded before the daemon could know of the reset
     events: list[object] = []
     while not any(isinstance(event, Replaced) for event in events):
         events.extend(writer.poll())
@@ -234,7 +234,7 @@ def test_a_reset_that_a_dying_table_writer_could_not_report_is_not_undone_by_its
     access.reset(tmp_path)
     os.kill(_pid(writer), signal.SIGKILL)
     writer._child.process.wait()
-    writer._child.channel.receive()  # the news is lost
+    writer._child.channel.receive()  # the message about the reset is lost
     events = wait_for(writer, lambda: writer.problem is None and writer.saved)
     assert [len(event.stored.table) for event in events if isinstance(event, Replaced)] == [0]
     assert len(_on_disk(tmp_path)) == 0

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _DOUBLED_SHARE = 0.75
 """A bus that doubles frames doubles a smaller share of them."""
 _EXCESS = 12.0
-"""So many more than that share are a second daemon: 48 of 48, or one false alarm in 10^12 cycles on a bus that doubles
+"""So many more than that share are a second daemon: 45 of 45, or one false alarm in 10^12 cycles on a bus that doubles
 every second frame."""
 
 

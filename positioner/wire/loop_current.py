@@ -35,4 +35,5 @@ def same_signal(current_ma: float) -> tuple[float, float]:
     """Return the lowest and highest current in mA of the same meaning as `current_ma`, a value or a failure signal."""
     if signal_of(current_ma) is LoopSignal.VALUE:
         return VALUE_LOW_MA, VALUE_HIGH_MA
-    return (0.0, FAILURE_LOW_MA) if current_ma < VALUE_LOW_MA else (FAILURE_HIGH_MA, LARGEST_MA)
+    is_low = current_ma < VALUE_LOW_MA  # pragma: no mutate - a current of exactly VALUE_LOW_MA is a value
+    return (0.0, FAILURE_LOW_MA) if is_low else (FAILURE_HIGH_MA, LARGEST_MA)

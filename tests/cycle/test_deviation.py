@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from positioner.cycle.deviation import NO_DEVIATION, Deviation, description, is_reachable, reach_m, track_deviation
+from positioner.cycle.deviation import (
+    NO_DEVIATION,
+    PROGRESS_OF_LIMIT,
+    Deviation,
+    description,
+    is_reachable,
+    reach_m,
+    track_deviation,
+)
 from positioner.guard.settings import GuardSettings
 from positioner.valve.parameters import ValveParameters
 from positioner.wire.messages import Cause
@@ -19,6 +27,7 @@ SETTINGS = GuardSettings()
 VALVE = ValveParameters(id="paper")
 PERIOD_S = 0.001
 LIMIT_M = 0.05 * 0.127
+LEAST_PROGRESS_M = PROGRESS_OF_LIMIT * SETTINGS.deviation_of_span * VALVE.span_m
 HERE_M, THERE_M = 0.075, 0.085
 
 
@@ -191,10 +200,38 @@ def test_the_next_setpoint_within_reach_starts_again() -> None:
             0.02,
             "the stem is 32.5 mm above its setpoint of 20.0 mm, which is out of reach: 4 mA close it to 52.5 mm",
         ),
+        (
+            Deviation(cause=Cause.SETPOINT_UNREACHABLE),
+            0.08,
+            "the stem is 0.0 mm above its setpoint of 80.0 mm, which is out of reach: 4 mA close it to 52.5 mm",
+        ),
+        (
+            Deviation(1.25, -1, 0.25, 0.25, 1.5, Cause.DEVIATION),
+            -1.0,
+            (
+                "the stem is 2250.0 mm above its setpoint of -1000.0 mm and went 1000.0 mm the other way: "
+                "is the action reversed?"
+            ),
+        ),
+        (
+            Deviation(LEAST_PROGRESS_M, -1, 0.0, 0.0, 1.5, Cause.DEVIATION),
+            -0.02,
+            (
+                "the stem is 21.3 mm above its setpoint of -20.0 mm and came no nearer for 1.5 s: "
+                "look at air, actuator and sensor"
+            ),
+        ),
     ],
 )
 def test_the_description_names_what_the_readings_show(known: Deviation, setpoint_m: float, reported: str) -> None:
     assert description(SETTINGS, VALVE, known, setpoint_m) == reported
+
+
+def test_the_description_of_what_is_out_of_reach_names_the_limit_of_the_configuration() -> None:
+    narrow = GuardSettings(current_low_ma=17.0)
+    known = Deviation(0.1375, -1, 0.1375, 0.1375, 1.5, Cause.SETPOINT_UNREACHABLE)
+    closed_mm = f"{1e3 * reach_m(narrow, VALVE)[0]:.1f}"
+    assert description(narrow, VALVE, known, 0.1).endswith(f"out of reach: 17 mA close it to {closed_mm} mm")
 
 
 def test_a_stem_that_goes_the_other_way_is_said_to_do_so() -> None:

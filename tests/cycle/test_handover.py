@@ -201,6 +201,17 @@ def test_the_laws_first_current_is_the_one_by_hand_and_the_difference_fades_with
     assert max(np.abs(np.diff(currents))) < 0.0055
 
 
+def test_the_blend_ends_after_a_second_and_copies_nothing_from_then_on() -> None:
+    still, handover = Decision(10.0, WIDE), Handover(0.08, 5, begun=True, offset_ma=-3.0)
+    assert blend(handover, still, 7.0, 1000 * MS - 1)[1].current_ma == pytest.approx(10.0, abs=1e-8)
+    assert blend(handover, still, 7.0, 500 * MS)[1].current_ma == 8.5
+    assert blend(handover, still, 7.0, 1000 * MS)[1] is still
+
+
+def test_a_manual_current_without_a_reading_starts_an_empty_mean() -> None:
+    assert update_handover(None, Mode.MANUAL, None, None, 12.0) == Handover(current_ma=12.0)
+
+
 def test_a_move_or_a_new_setpoint_gets_the_very_current_that_the_law_asks_for() -> None:
     still, move = Decision(10.0, WIDE), Decision(12.0, WIDE, Motion.MOVE)
     handover, blended = blend(Handover(0.08, 5, begun=True), still, 7.0, 0)

@@ -18,6 +18,7 @@ from positioner.cycle.events import (
 from positioner.cycle.inbox import receive
 from positioner.cycle.link import LinkState, Reading, Received
 from positioner.guard.settings import GuardSettings
+from positioner.guard.stall import Freshness
 from positioner.guard.state import Arming, GuardInput, GuardState, LastReceived
 from positioner.guard.supervisor import supervise
 from positioner.valve.parameters import ValveParameters
@@ -189,7 +190,21 @@ def test_two_hosts_under_one_identifier_are_disputed_and_only_their_disarm_count
     disputed = received.events[0]
     assert isinstance(disputed, OrderDisputed)
     assert str(disputed).startswith("setpoint 70.000 mm refused: disputed: 8 of the last 64 frames")
-    assert take(setpoint(0.07, 10, HostRequest.DISARM), link=link).guard_input.stray_disarm
+    disarm, other = setpoint(0.07, 10, HostRequest.DISARM), setpoint(0.09, 110)
+    assert take(disarm, link=link).guard_input.stray_disarm
+    assert take(disarm, other, link=link).guard_input.stray_disarm
+    assert not take(other, link=link).guard_input.stray_disarm
+
+
+@pytest.mark.parametrize("age_ns", [-1, 0, 1])
+def test_a_request_that_waited_for_too_long_does_not_count_but_to_disarm(age_ns: int) -> None:
+    fresh = Freshness(now_ns=2000, arms_since_ns=1000.0)
+    for request in HostRequest:
+        frame = replace(setpoint(0.07, 1, request), received_ns=1000 - age_ns)
+        seen = receive(CODEC, GUARD, VALVE, LinkState(), (frame,), fresh=fresh).guard_input
+        waited = age_ns > 0 and request is not HostRequest.DISARM
+        assert seen.requests == (() if waited else (request,))
+        assert seen.waiting_request is (request if waited else None)
 
 
 def test_two_hosts_that_give_currents_by_hand_are_both_not_believed() -> None:

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import statistics
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import pytest
 from daemon_helpers import Loop, write_configuration
-from hypothesis import given
-from hypothesis import strategies as st
 from virtual_shell import VirtualShell
 
 from positioner.bus.address import BusAddress
 from positioner.cli.main import main
-from positioner.cycle.frame_period import FramePeriod
 from positioner.errors import ExitCode, UsageError
 from positioner.runtime.lockstep import LockstepClock
 from positioner.runtime.session import RunOptions
@@ -24,32 +20,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 MS = 1_000_000
-
-
-def measured(intervals_ns: list[int], lost: int = 0) -> FramePeriod:
-    frame_period, now_ns = FramePeriod().add(10**12, 0), 10**12
-    for interval_ns in intervals_ns:
-        now_ns += interval_ns
-        frame_period = frame_period.add(now_ns, lost)
-    return frame_period
-
-
-@given(st.lists(st.integers(0, 50 * MS), min_size=50, max_size=50))
-def test_the_measured_period_is_the_median_of_a_window(intervals_ns: list[int]) -> None:
-    assert measured(intervals_ns).measured_s == pytest.approx(statistics.median(intervals_ns) / 1e9)
-    assert measured(intervals_ns[:49]).measured_s is None
-
-
-@pytest.mark.parametrize(("measured_ms", "wrong"), [(0.79, True), (0.81, False), (1.19, False), (1.21, True)])
-def test_a_fifth_is_tolerated_both_ways(measured_ms: float, wrong: bool) -> None:
-    assert measured([round(measured_ms * MS)] * 50).is_wrong(0.001) is wrong
-    assert measured([round(3 * measured_ms * MS)] * 50, lost=2).is_wrong(0.001) is wrong
-
-
-def test_frames_that_are_late_or_read_together_make_no_period_wrong() -> None:
-    bursts = [4 * MS, 0, 0, 0] * 12 + [MS, MS]
-    assert not measured([MS] * 30 + [9 * MS] * 5 + [0] * 15).is_wrong(0.001)
-    assert measured(bursts).is_wrong(0.001)  # without the kernel's stamps, four at a time cannot be told from none
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])

@@ -1,4 +1,4 @@
-"""Changes the guard and its kin in every way that mutmut knows, and lets their tests find each change.
+"""Changes the safety-critical modules in every way that mutmut knows, and lets their tests find each change.
 
 Start it as `python -m endurance.mutants`; `make mutants` does. `[tool.mutmut]` in pyproject.toml names the modules and
 the tests; the changed copies are made in `mutants/`. A change that no test can find, because it changes nothing, is

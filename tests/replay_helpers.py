@@ -1,4 +1,4 @@
-"""Runs to replay, closed with the emulated valve in memory: as a bench logs them, and with faults on the wire."""
+"""Runs to replay, with the emulated valve in memory: as a bench logs them, and with faults on the wire."""
 
 from __future__ import annotations
 
@@ -59,8 +59,8 @@ def text_of(played: Scenario) -> str:
     return configuration_text(played, BusAddress(), Path("unused"))
 
 
-def leave_bench(folder: Path, played: Scenario, table: StictionTable | None = None) -> tuple[Path, Path]:
-    """Leave the log and the configuration that a lockstep bench of `played` leaves, and return their paths."""
+def write_bench_log(folder: Path, played: Scenario, table: StictionTable | None = None) -> tuple[Path, Path]:
+    """Write the log and the configuration of a lockstep bench of `played`; return their paths."""
     log, config = folder / "bus.log", folder / "valve.toml"
     run_in_process(played, table).recording.write_log(log)
     config.write_text(text_of(played), encoding="utf-8")
@@ -69,7 +69,7 @@ def leave_bench(folder: Path, played: Scenario, table: StictionTable | None = No
 
 @dataclass(frozen=True)
 class Instant:
-    """What is wrong at one sample: with the feedback, the host, and the store."""
+    """The faults of one sample: of the feedback, the host, the bus, the table writer and the scheduling."""
 
     feedback: str = ""
     host: bool = True
@@ -81,7 +81,7 @@ class Instant:
 
 
 def of_faults(sample: int) -> Instant:
-    """Return what happens at `sample` of a run that meets every fault, one after another."""
+    """Return the faults at `sample` of a run that has every fault, one after another."""
     setpoint_m = 0.087 if sample < 800 else 0.073 if sample < 1800 else 0.08
     noisy = 300 <= sample < 700
     feedback = (
@@ -105,7 +105,7 @@ def of_faults(sample: int) -> Instant:
 
 
 def record_faults(folder: Path, played: Scenario) -> tuple[Path, Path]:
-    """Leave the positioner's own record of a run through `of_faults` and its configuration; return their paths."""
+    """Write the positioner's own record of a run with these faults, and its configuration; return their paths."""
     log, config = folder / "bus.log", folder / "valve.toml"
     config.write_text(text_of(played), encoding="utf-8")
     configuration = parse_config(text_of(played), str(config), folder)
@@ -114,13 +114,13 @@ def record_faults(folder: Path, played: Scenario) -> tuple[Path, Path]:
 
 
 def without_truth(log: Path) -> None:
-    """Take from a log what no positioner reads."""
+    """Remove the truth frames from a log: no positioner reads them."""
     lines = log.read_text(encoding="ascii").splitlines(keepends=True)
     log.write_text("".join(line for line in lines if " 170#" not in line), encoding="ascii")
 
 
 class _Faulty:
-    """The loop of daemon and device, with whatever goes wrong between them."""
+    """The loop of daemon and device, with faults between them."""
 
     def __init__(self, configuration: Configuration, played: Scenario, log: Path) -> None:
         self.codec: Codec = configuration.make_codec()
@@ -139,7 +139,7 @@ class _Faulty:
             inbox = [*self._of_host(sample, now), *self._of_plant(now)]
             if now.foreign:
                 inbox.append(self.codec.encode(CurrentCommand(12.0), 7 * sample))
-            # a turn a little later than its sample, as a machine has it, and never at the same time in it
+            # a cycle begins a little later than its sample, as on a machine, and each time by another delay
             now_ns = sample * PERIOD_NS + 1000 * (100 + sample * 37 % 91)
             cycle_input = CycleInput(tuple(inbox), now_ns, now.late_ns, table_saved=now.table_saved)
             self.state, outbox, _ = step(self.setup, self.state, cycle_input)

@@ -59,7 +59,7 @@ dwell_s = 0.5
 plant = { deadman_s = 20.0 }
 guard = { feedback_hold_periods = 800, feedback_failsafe_periods = 8000, setpoint_hold_s = 0, setpoint_failsafe_s = 0 }
 """
-LEFT = ("result.json", "trend.png", "bus.log", "trace.csv", "valve.toml", "plant.toml", "positioner.log")
+FILES = ("result.json", "trend.png", "bus.log", "trace.csv", "valve.toml", "plant.toml", "positioner.log")
 CANDUMP = re.compile(r"\(\d+\.\d{6}\) vcan0 1[0-7]0#([0-9A-F]{2}){8}( [RT])?")
 
 
@@ -145,7 +145,7 @@ def frames_of(log: Path) -> list[tuple[float, CanFrame]]:
 
 
 def test_a_run_writes_all_its_files(first: Played) -> None:
-    assert {name for name in LEFT if (first.files / name).stat().st_size > 0} == set(LEFT)
+    assert {name for name in FILES if (first.files / name).stat().st_size > 0} == set(FILES)
     values = json.loads((first.files / "result.json").read_text(encoding="utf-8"))
     assert values["scenario"]["name"] == "short"
     assert len(values["dwells"]) == 2
@@ -298,7 +298,7 @@ def test_the_command_prints_its_bus_its_figures_and_its_folder(at_once: AtOnce) 
     assert max(map(len, at_once.out.splitlines())) <= 100
 
 
-def test_a_bench_that_is_stopped_takes_its_processes_along(tmp_path: Path) -> None:
+def test_a_bench_that_is_stopped_ends_its_processes(tmp_path: Path) -> None:
     address = own_address()
     port = BusPort(address)
     port.open()

@@ -148,7 +148,7 @@ def test_a_mode_other_than_active_shades_every_panel_while_it_lasts(
         assert in_s.max() == pytest.approx(0.9, abs=0.01)
 
 
-def test_a_run_out_of_control_has_that_above_its_figures_and_the_cause_at_its_time(
+def test_a_run_without_control_is_marked_above_its_figures_and_its_cause_stands_at_its_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     written: list[str] = []
@@ -192,7 +192,7 @@ def test_a_run_that_learned_nothing_is_drawn(tmp_path: Path, plain: NDArray[np.f
     assert np.mean(empty < 0.95) < 0.02 < np.mean(filled < 0.95)
 
 
-def test_a_dwell_that_never_settles_is_labelled_otherwise(tmp_path: Path, plain: NDArray[np.float32]) -> None:
+def test_a_dwell_that_never_settles_has_a_label_of_another_colour(tmp_path: Path, plain: NDArray[np.float32]) -> None:
     data = example()
     bad = replace(data, dwells=(data.dwells[0], replace(data.dwells[1], settle_1pct_s=None)))
     other = picture(tmp_path / "b.png", bad)
@@ -233,6 +233,6 @@ def test_the_headline_names_the_figures_that_matter() -> None:
         "error 0.08 % of span, worst dwell 0.21 %  ·  settling to 1 % 6.3 ms (median)"
         "  ·  limit cycles 0 of 2  ·  travel 1.04 times the shortest"
     )
-    lame = replace(total, median_settle_1pct_s=None, unsettled_1pct=2, travel_ratio=None)
-    assert "settling to 1 % never (median, 2 of 2 never)  ·  limit cycles 0 of 2" in headline(lame)
-    assert "travel" not in headline(lame)
+    unsettled = replace(total, median_settle_1pct_s=None, unsettled_1pct=2, travel_ratio=None)
+    assert "settling to 1 % never (median, 2 of 2 never)  ·  limit cycles 0 of 2" in headline(unsettled)
+    assert "travel" not in headline(unsettled)

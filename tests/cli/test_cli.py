@@ -75,9 +75,9 @@ def test_help_fits_the_terminal_and_has_an_example_that_parses(prog: str, monkey
     examples = [example.strip() for example in examples if f"{example.strip()} ".startswith(f"{prog} ")]
     examples = [example for example in examples if "[" not in example]
     assert examples, text
-    whole = positioner_main if prog.startswith("positioner") else plant_main
+    program = positioner_main if prog.startswith("positioner") else plant_main
     for example in examples:
-        whole.build_parser().parse_args(example.split()[1:])
+        program.build_parser().parse_args(example.split()[1:])
 
 
 def joined(text: str) -> list[str]:

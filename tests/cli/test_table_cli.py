@@ -55,7 +55,7 @@ def test_a_dumped_line_has_means_in_the_units_of_its_header(state: Path, capsys:
     assert line[14] == "19"
 
 
-def test_an_empty_table_says_so(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_empty_table_is_reported_as_empty(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     access.reset(state)
     main(["table", "dump", "--state", str(state)])
     assert capsys.readouterr().out == "valve FV-101: 0 samples in 0 cells of 5 mm: the table is empty\n"

@@ -58,7 +58,7 @@ def on_the_bus(log: Path, *, delay_s: float = 0.00042) -> None:
 
 @pytest.mark.parametrize("law", ["nmpc", "paper", "pi", "two-move-retry"])
 def test_the_log_of_a_bench_in_lockstep_is_identical(law: str, tmp_path: Path, capsys: Output) -> None:
-    log, config = runs.leave_bench(tmp_path, runs.scenario(law))
+    log, config = runs.write_bench_log(tmp_path, runs.scenario(law))
     assert main(["replay", str(log), "--config", str(config)]) == 0
     output = capsys.readouterr().out.splitlines()
     assert output[0] == f"{log}: the log of a lockstep bench, 933 frames, 300 position frames"
@@ -76,13 +76,13 @@ def test_a_period_of_no_whole_microseconds_is_as_exact(tmp_path: Path, capsys: O
         setpoints_mm=(73.0, 87.0),
         dwell_s=0.3,
     )
-    log, config = runs.leave_bench(tmp_path, played)
+    log, config = runs.write_bench_log(tmp_path, played)
     assert main(["replay", str(log), "--config", str(config)]) == 0
     assert "CURRENT_COMMAND: 900 recorded, 900 computed, 900 equal" in capsys.readouterr().out
 
 
 def test_an_altered_command_is_reported_with_its_meaning(tmp_path: Path, capsys: Output) -> None:
-    log, config = runs.leave_bench(tmp_path, runs.scenario())
+    log, config = runs.write_bench_log(tmp_path, runs.scenario())
     number = numbers_of(log, "100")[150]
 
     def heavier(data: bytes) -> bytes:
@@ -104,7 +104,7 @@ def test_an_altered_command_is_reported_with_its_meaning(tmp_path: Path, capsys:
 
 
 def test_a_damaged_command_in_the_log_is_reported_as_damaged(tmp_path: Path, capsys: Output) -> None:
-    log, config = runs.leave_bench(tmp_path, runs.scenario())
+    log, config = runs.write_bench_log(tmp_path, runs.scenario())
     altered(log, numbers_of(log, "100")[20], lambda data: data[:4] + bytes((data[4] ^ 1,)) + data[5:])
     assert main(["replay", str(log), "--config", str(config)]) == 1
     output = capsys.readouterr().out
@@ -115,7 +115,7 @@ def test_a_damaged_command_in_the_log_is_reported_as_damaged(tmp_path: Path, cap
 def test_an_altered_reading_makes_the_command_that_answers_it_the_first_to_differ(
     tmp_path: Path, capsys: Output
 ) -> None:
-    log, config = runs.leave_bench(tmp_path, runs.scenario("pi"))
+    log, config = runs.write_bench_log(tmp_path, runs.scenario("pi"))
 
     def higher(data: bytes) -> bytes:
         return e2e.protect(data[:4] + bytes((data[4] ^ 0x40,)) + data[5:], POSITION_DATA_ID or 0)
@@ -131,7 +131,7 @@ def test_an_altered_reading_makes_the_command_that_answers_it_the_first_to_diffe
 
 
 def test_a_command_that_is_missing_from_the_log_is_reported(tmp_path: Path, capsys: Output) -> None:
-    log, config = runs.leave_bench(tmp_path, runs.scenario())
+    log, config = runs.write_bench_log(tmp_path, runs.scenario())
     lines = log.read_text(encoding="ascii").splitlines()
     del lines[numbers_of(log, "100")[30] - 1]
     log.write_text("\n".join(lines) + "\n", encoding="ascii")
@@ -142,7 +142,7 @@ def test_a_command_that_is_missing_from_the_log_is_reported(tmp_path: Path, caps
 
 
 def test_another_configuration_differs(tmp_path: Path, capsys: Output) -> None:
-    log, config = runs.leave_bench(tmp_path, runs.scenario("pi"))
+    log, config = runs.write_bench_log(tmp_path, runs.scenario("pi"))
     config.write_text(runs.text_of(runs.scenario("knocker")), encoding="utf-8")
     assert main(["replay", str(log), "--config", str(config)]) == 1
     assert "first difference: CURRENT_COMMAND" in capsys.readouterr().out
@@ -151,7 +151,7 @@ def test_another_configuration_differs(tmp_path: Path, capsys: Output) -> None:
 @pytest.mark.parametrize("delay_s", [0.00042, 0.0018])
 def test_a_listener_s_log_is_replayed_by_the_echoes(delay_s: float, tmp_path: Path, capsys: Output) -> None:
     # with 1.8 ms every command stands behind the next reading: only its echo shows which one it answers
-    log, config = runs.leave_bench(tmp_path, runs.scenario())
+    log, config = runs.write_bench_log(tmp_path, runs.scenario())
     on_the_bus(log, delay_s=delay_s)
     assert main(["replay", str(log), "--config", str(config)]) == 0
     output = capsys.readouterr().out
@@ -162,11 +162,11 @@ def test_a_listener_s_log_is_replayed_by_the_echoes(delay_s: float, tmp_path: Pa
 
 
 def test_readings_that_one_command_answers_were_one_batch(tmp_path: Path, capsys: Output) -> None:
-    log, config = runs.leave_bench(tmp_path, runs.scenario("pi"))
+    log, config = runs.write_bench_log(tmp_path, runs.scenario("pi"))
     on_the_bus(log)
     lines = log.read_text(encoding="ascii").splitlines()
     at = next(index for index, line in enumerate(lines) if "(1700000000.100" in line and " 100#" in line)
-    del lines[at]  # as if the positioner had slept over a reading: from here on it would count otherwise
+    del lines[at]  # as if the positioner had missed a reading: its later counters would then differ
     log.write_text("\n".join(lines) + "\n", encoding="ascii")
     prepared = prepare(log, load_config(config), None)
     assert prepared.kind is LogKind.BUS
@@ -178,7 +178,7 @@ def test_readings_that_one_command_answers_were_one_batch(tmp_path: Path, capsys
 
 
 def test_commands_of_another_count_are_another_controller_s(tmp_path: Path) -> None:
-    log, config = runs.leave_bench(tmp_path, runs.scenario("pi"))
+    log, config = runs.write_bench_log(tmp_path, runs.scenario("pi"))
     on_the_bus(log)
     foreign = CODEC.encode(CurrentCommand(12.0), 77).data.hex().upper()
     lines = log.read_text(encoding="ascii").splitlines()

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    return runs.leave_bench(tmp_path_factory.mktemp("bench"), runs.scenario("pi", seconds=0.15))
+    return runs.write_bench_log(tmp_path_factory.mktemp("bench"), runs.scenario("pi", seconds=0.15))
 
 
 def replay(log: Path, config: Path, *more: str) -> int:
@@ -87,11 +87,11 @@ def test_a_damaged_line_ends_the_log(bench: tuple[Path, Path], tmp_path: Path, c
 
 @pytest.mark.parametrize("suffix", [".blf", ".log.gz"])
 def test_a_binary_log_that_is_cut_counts_up_to_there(suffix: str, tmp_path: Path, capsys: Output) -> None:
-    log, config = runs.leave_bench(tmp_path, runs.scenario("pi", seconds=3.0))
-    whole = converted(log, tmp_path / f"bus{suffix}", begin_s=0.0)
-    data = whole.read_bytes()
-    whole.write_bytes(data[: len(data) * 3 // 4])
-    assert replay(whole, config) == 0
+    log, config = runs.write_bench_log(tmp_path, runs.scenario("pi", seconds=3.0))
+    complete = converted(log, tmp_path / f"bus{suffix}", begin_s=0.0)
+    data = complete.read_bytes()
+    complete.write_bytes(data[: len(data) * 3 // 4])
+    assert replay(complete, config) == 0
     output = capsys.readouterr().out.splitlines()
     assert ": cut at " in output[1]
     assert "the frames before it are replayed" in output[1]
@@ -101,15 +101,15 @@ def test_a_binary_log_that_is_cut_counts_up_to_there(suffix: str, tmp_path: Path
 
 @pytest.mark.parametrize("size", [0, 15])
 def test_an_object_of_a_binary_log_that_is_smaller_than_its_header_ends_the_log(size: int, tmp_path: Path) -> None:
-    whole, damaged = tmp_path / "whole.blf", tmp_path / "damaged.blf"
-    with can.BLFWriter(whole, compression_level=0) as writer:
+    complete, damaged = tmp_path / "whole.blf", tmp_path / "damaged.blf"
+    with can.BLFWriter(complete, compression_level=0) as writer:
         for number in range(20):
             writer(can.Message(timestamp=1.0 + number, arbitration_id=0x110, data=bytes(8)))
-    data = bytearray(whole.read_bytes())
+    data = bytearray(complete.read_bytes())
     at = [found.start() for found in re.finditer(b"LOBJ", data)][11]  # the first is the container
     data[at + 8 : at + 12] = size.to_bytes(4, "little")
     damaged.write_bytes(data)
-    assert [read_log(path).count for path in (whole, damaged)] == [20, 10]
+    assert [read_log(path).count for path in (complete, damaged)] == [20, 10]
     assert read_log(damaged).cut == "frame 10 is the last of 20"
 
 
@@ -181,13 +181,13 @@ def taught(valve_id: str = "bench", cell_width_m: float = 0.005) -> StoredTable:
     stored = StoredTable(valve_id, StictionTable(cell_width_m=cell_width_m))
     for sample in range(40):
         where_m, value = 0.070 + 0.005 * (sample % 4), 14.5 + 0.01 * sample
-        lesson = LearnedSample(Quantity.BREAKAWAY_CURRENT, where_m, Direction.OPENING, value)
-        stored = stored.learned(lesson, 1_700_000_000)
+        learned = LearnedSample(Quantity.BREAKAWAY_CURRENT, where_m, Direction.OPENING, value)
+        stored = stored.learned(learned, 1_700_000_000)
     return stored
 
 
 def test_a_run_that_began_with_a_table_is_identical_from_that_table_only(tmp_path: Path, capsys: Output) -> None:
-    log, config = runs.leave_bench(tmp_path, runs.scenario(seconds=0.6), taught().table)
+    log, config = runs.write_bench_log(tmp_path, runs.scenario(seconds=0.6), taught().table)
     state = tmp_path / "state"
     state.mkdir()
     access.replace(state, taught(), force=True)

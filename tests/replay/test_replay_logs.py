@@ -36,7 +36,7 @@ FARTHEST_MA = 0.05
 
 def _bench(law: str) -> Callable[[Path], tuple[Path, Path]]:
     def record(folder: Path) -> tuple[Path, Path]:
-        log, config = runs.leave_bench(folder, runs.scenario(law, seconds=3.0))
+        log, config = runs.write_bench_log(folder, runs.scenario(law, seconds=3.0))
         runs.without_truth(log)
         return log, config
 

@@ -163,7 +163,7 @@ def test_a_note_of_another_length_is_none() -> None:
 
 
 def test_a_log_that_loses_its_end_between_two_passes_is_reported(tmp_path: Path) -> None:
-    path, _ = runs.leave_bench(tmp_path, runs.scenario("pi", seconds=0.03))
+    path, _ = runs.write_bench_log(tmp_path, runs.scenario("pi", seconds=0.03))
     log = read_log(path)
     lines = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join([*lines, lines[-1]]))

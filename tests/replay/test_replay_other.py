@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    return runs.leave_bench(tmp_path_factory.mktemp("bench"), runs.scenario("pi", seconds=0.3))
+    return runs.write_bench_log(tmp_path_factory.mktemp("bench"), runs.scenario("pi", seconds=0.3))
 
 
 def ask(bench: tuple[Path, Path], *more: str) -> int:
@@ -39,7 +39,7 @@ def test_the_same_law_would_have_done_the_same(bench: tuple[Path, Path], capsys:
 
 def test_a_law_that_uses_its_own_current_would_have_done_the_same_too(tmp_path: Path, capsys: Output) -> None:
     # a frame rounds the current that the law computed: an equal frame leaves the unrounded current in the state
-    assert ask(runs.leave_bench(tmp_path, runs.scenario("nmpc", seconds=0.6)), "--law", "nmpc") == 0
+    assert ask(runs.write_bench_log(tmp_path, runs.scenario("nmpc", seconds=0.6)), "--law", "nmpc") == 0
     assert "no difference: every current is as recorded" in capsys.readouterr().out
 
 

@@ -1,4 +1,4 @@
-"""The league: fair setpoints, the time-optimal limit, resumption, and the standings."""
+"""The league: setpoints that every plant can serve, the time-optimal limit, resumption, and the standings."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_the_restartable_range_is_that_of_the_force_balance(preset: str, low_mm:
     assert high == pytest.approx(high_mm, abs=0.15)
 
 
-def test_the_usual_setpoints_are_fair_on_every_plant() -> None:
+def test_every_plant_can_serve_the_default_setpoints() -> None:
     check_setpoints(SETPOINTS_MM, PLANTS)  # raises where one is not
     ranges = [restartable_mm(plant_settings(plant)) for plant in PLANTS]
     assert all(low < setpoint_mm < high for setpoint_mm in SETPOINTS_MM for low, high in ranges)
@@ -167,7 +167,7 @@ def test_a_law_that_mostly_never_settles_has_no_median() -> None:
     assert law.settle_ratio is None
 
 
-def test_the_report_is_written_and_says_the_same_in_all_three_forms(tmp_path: Path) -> None:
+def test_the_report_is_written_with_the_same_figures_in_all_three_files(tmp_path: Path) -> None:
     settings = LeagueSettings(laws=("pi",), plants=("paper",), seeds=(1,))
     table = standings({_bout("pi"): (_dwell(0.3), _dwell(0.5))})
     settle_s, rest_s = optimal_median_s(NOMINAL, (73.0, 87.0, 80.0))

@@ -22,7 +22,7 @@ from positioner.studies.pool import spread_out
 
 
 def interrupt_the_parent(_: int) -> None:
-    for _ in range(120):  # an interrupt that strikes inside a callback of the interpreter's own is lost
+    for _ in range(120):  # an interrupt that comes inside a callback of the interpreter's own is lost
         os.kill(os.getppid(), signal.SIGINT)
         Event().wait(5.0)  # work whose result is not needed any more
 

@@ -145,7 +145,7 @@ def test_the_packaged_simulations_can_be_restarted_from_every_setpoint_and_playe
     assert short.table_from_s == (None if simulation <= 2 else pytest.approx(0.045))
 
 
-def test_the_fifth_simulation_has_ten_percent_more_friction_and_no_slip_of_the_pen() -> None:
+def test_the_fifth_simulation_has_ten_percent_more_friction_and_not_the_misprint_of_the_text() -> None:
     # D2: not the 18784.7 N of the text
     valve = plant_settings(overrides=load_scenario("paper-5").plant).valve
     assert valve.static_friction_n == pytest.approx(1878.47)

@@ -46,7 +46,7 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("law", "values"),
     [
-        ("pi", (5000.0, 1000.0, 0.0, 0.0)),  # gains at which the rounding of a reading to 10 nm is felt
+        ("pi", (5000.0, 1000.0, 0.0, 0.0)),  # gains at which the rounding of a reading to 10 nm has an effect
         ("knocker", MIDDLE["knocker"]),
         ("two-move-retry", MIDDLE["two-move-retry"]),
     ],

@@ -23,15 +23,15 @@ class Host:
         self.sample = 0
 
     def cycle(self) -> list[CanFrame]:
-        """Return the frames of this sample, one each `PERIOD_S`."""
+        """Return the frames of the next sample; a sample comes every `PERIOD_S`."""
         time_s = self.sample * PERIOD_S
-        said: list[CanFrame | None] = []
+        frames: list[CanFrame | None] = []
         if self.speaks(time_s):
-            said.append(self.sends(CODEC.encode(Setpoint(self.setpoint_m, self.asks(time_s)), self.sample)))
+            frames.append(self.sends(CODEC.encode(Setpoint(self.setpoint_m, self.asks(time_s)), self.sample)))
         if self.sample % 5 == 0 and (request := self.by_hand(time_s)) is not None:
-            said.append(CODEC.encode(ManualCurrent(9.5, request), self.sample // 5))
+            frames.append(CODEC.encode(ManualCurrent(9.5, request), self.sample // 5))
         self.sample += 1
-        return [frame for frame in said if frame is not None]
+        return [frame for frame in frames if frame is not None]
 
     def speaks(self, time_s: float) -> bool:
         del time_s

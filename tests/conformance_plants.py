@@ -54,8 +54,8 @@ class Plant:
         self.state = device.advance(self.settings, self.state, self.period_s)
         self.state, frames = device.publish(CODEC, self.settings, self.state)
         self.sample += 1
-        said = (self.sends(frame) for frame in frames if frame.arbitration_id != TRUTH_ID)
-        return [frame for frame in said if frame is not None]
+        sent = (self.sends(frame) for frame in frames if frame.arbitration_id != TRUTH_ID)
+        return [frame for frame in sent if frame is not None]
 
     def sends(self, frame: CanFrame) -> CanFrame | None:
         if frame.arbitration_id != POSITION_ID:

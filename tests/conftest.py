@@ -1,4 +1,4 @@
-"""Options of the test run, what all its processes share, and the profiles of its property tests."""
+"""Options and environment of the test run, and the profiles of its property tests."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ settings.load_profile("repeatable")
 
 def pytest_configure(config: pytest.Config) -> None:
     """Accept SIGINT, and let the processes that tests start share their compiled modules."""
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # so in the background of a script, and in every child
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as it is in the background of a script, and in every child
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if os.environ.pop("PYTHONDONTWRITEBYTECODE", ""):  # it would double the time that each of them takes to start
         folder = tempfile.TemporaryDirectory(prefix="positioner-bytecode-")
@@ -34,7 +34,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the explicit way to accept a change of what the stored logs hold."""
+    """Add the option that accepts a change of the stored logs."""
     parser.addoption(
         "--accept-logs", action="store_true", help="record the stored bus logs anew instead of comparing with them"
     )

@@ -1,4 +1,4 @@
-"""Daemons to test, in this process or in one of their own, and a test that plays the other nodes on their bus."""
+"""Daemons under test, in this process or in one of their own; the test plays the other nodes on their bus."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from positioner.errors import ExitCode
 
 TIMEOUT_S = 60.0
-"""How long anything may take on a busy machine before a test gives up."""
+"""The longest time that a test waits on a busy machine."""
 PERIOD_S = 0.02
 HERE_M = 0.08
 _NS = 1_000_000_000
@@ -126,7 +126,7 @@ class Loop:
         self.daemon._cycle()
 
     def now_ns(self, frames: tuple[CanFrame, ...]) -> int:
-        """The daemon's clock: it stands still but for `cycle`."""
+        """Return the daemon's time in ns; only `cycle` advances it."""
         del frames
         return self.elapsed_ns
 
@@ -139,14 +139,14 @@ class Loop:
         return self.others.listen()
 
     def sample(self, position_m: float = HERE_M, setpoint_m: float | None = HERE_M) -> list[Message]:
-        """One period with a reading, of a valve that obeys, and a setpoint."""
+        """Run one period with a reading of a valve that obeys, and a setpoint; return the messages of the daemon."""
         frames = [self.others.frame(StemPosition(position_m, self.others.acting))]
         if setpoint_m is not None:
             frames.insert(0, self.others.frame(Setpoint(setpoint_m)))
         return self.cycle(*frames)
 
     def request(self, request: HostRequest) -> list[Message]:
-        """One period with a reading and a request; an ARM follows another request, so that it counts."""
+        """Run one period with a reading and a request; an ARM follows another request, so that it counts."""
         if request is HostRequest.ARM:
             self.request(HostRequest.NONE)
         reading = self.others.frame(StemPosition(HERE_M))
@@ -198,7 +198,7 @@ class Service:
         self.child = self.start(*arguments)
 
     def start(self, *arguments: str) -> BenchProcess:
-        """Start the daemon, anew where it has ended, and return when it listens."""
+        """Start the daemon, or start it again, and return it as soon as it receives."""
         self.child = BenchProcess("positioner.cli.main", ["run", "--config", str(self.path), *arguments], self.log)
         self.child.wait_for("waiting for position frames")
         return self.child
@@ -215,7 +215,7 @@ class Service:
         return [line for line in self.lines if word in line]
 
     def next(self, kind: type[T]) -> T:
-        """Report and ask every period until the daemon says something of that kind."""
+        """Send a reading and a setpoint every period; return the next message of that kind from the daemon."""
         deadline_s = time.monotonic() + TIMEOUT_S
         while True:
             self.others.ask()
@@ -226,13 +226,13 @@ class Service:
             assert time.monotonic() < deadline_s, (kind, self.lines)
 
     def request(self, request: HostRequest) -> list[Message]:
-        """One period with a reading and a request; return what it said."""
+        """Run one period with a reading and a request; return the messages of the daemon."""
         self.others.report()
         self.others.ask(request=request)
         return self.others.listen(PERIOD_S)
 
     def arm(self) -> None:
-        """Ask it to arm, anew every second period, until its first command has come."""
+        """Send a request to arm, again every second period, until the first command has come."""
         deadline_s = time.monotonic() + TIMEOUT_S
         while True:
             for request in (HostRequest.NONE, HostRequest.ARM):

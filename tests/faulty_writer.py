@@ -1,8 +1,8 @@
-"""The table writer on a disk that fails on demand: the file named by $WRITER_FAULT says how; if empty, the disk works.
+"""The table writer on a disk that fails on demand. The file $WRITER_FAULT names the fault; if empty, the disk works.
 
-full        what is committed or synced finds no space (ENOSPC, SQLITE_FULL)
-fsync       what is committed or synced fails (EIO, SQLITE_IOERR_FSYNC)
-no-rights   the table writer is nobody: what its directory's permissions forbid really fails
+full        a commit or a sync finds no space (ENOSPC, SQLITE_FULL)
+fsync       a commit or a sync fails (EIO, SQLITE_IOERR_FSYNC)
+no-rights   the table writer runs as the user nobody, so that the permissions of its directory apply
 
 Each statement that fails adds a byte to the file `refused` beside it.
 """
@@ -27,7 +27,7 @@ _ERRORS = {
 
 
 def _fault() -> str:
-    """Return the fault of this moment; a table writer without rights is nobody from now on, any other is itself."""
+    """Return the present fault; root becomes the user nobody for "no-rights", and root again for any other fault."""
     word = _FAULT.read_text("ascii")
     if _AM_ROOT and (wanted := _NOBODY if word == "no-rights" else 0) != os.geteuid():
         os.seteuid(wanted)

@@ -1,4 +1,4 @@
-"""Tables as released versions wrote them, one a schema: `tests/tables/v<schema>.sqlite`, and what it holds as JSON.
+"""Tables as released versions wrote them, one for each schema: `tests/tables/v<schema>.sqlite`, and the same as JSON.
 
 PYTHONPATH=tests python -m golden_table     writes the table of the present schema, before it is released
 """
@@ -24,7 +24,7 @@ def sqlite_file(version: int) -> Path:
 
 
 def content(version: int) -> StoredTable:
-    """Return what the golden table of a schema holds."""
+    """Return the content of the golden table of a schema."""
     path = FOLDER / f"v{version}.json"
     return document.loads(path.read_text(encoding="utf-8"), str(path))
 

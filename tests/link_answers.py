@@ -1,7 +1,7 @@
-"""Answers of `ip -details -statistics -json link show` to read: iproute2 6.1, one interface in each, but for `ALL`.
+"""Answers of `ip -details -statistics -json link show` from iproute2 6.1: one interface in each, all of them in `ALL`.
 
-The virtual ones are as recorded. Of the controllers the form is that of iproute2's source (ip/iplink_can.c); 5.x prints
-sample points as numbers, 6.x as strings.
+The answers for virtual interfaces are recorded. Those for controllers follow iproute2's source (ip/iplink_can.c);
+5.x prints sample points as numbers, 6.x as strings.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The loop of `bench/inprocess.py` with a hand on the wire: frames can be changed on their way."""
+"""The loop of `bench/inprocess.py`, in which a test can change the frames on their way."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def passed(frames: tuple[CanFrame, ...]) -> tuple[CanFrame, ...]:
 class Loop:
     """A positioner and an emulated valve, sample by sample.
 
-    to_plant, to_positioner: what becomes of the frames on their way; both may be exchanged at any time.
+    to_plant, to_positioner: functions that change the frames on their way; a test may replace them at any time.
     """
 
     def __init__(self, law: str = "nmpc", table: StictionTable | None = None, seed: int = 1, **scenario: Any) -> None:
@@ -54,11 +54,11 @@ class Loop:
 
     @property
     def position_m(self) -> float:
-        """Where the stem truly is."""
+        """The true position of the stem in m."""
         return self.device.plant.stem.position_m
 
     def run(self, duration_s: float, setpoint_m: float, request: HostRequest | None = None) -> list[Event]:
-        """Play `duration_s` towards a setpoint that comes every 10 ms, and return what happened."""
+        """Run for `duration_s` with a setpoint that comes every 10 ms, and return the events."""
         before = len(self.events)
         for _ in range(round(duration_s / self.period_s)):
             frames: list[CanFrame] = []

@@ -1,4 +1,4 @@
-"""The failure-modes table of SAFETY.md, read for the tests that hold it to the code."""
+"""The failure-modes table of SAFETY.md, read for the tests that compare it with the code."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ NOW_S = 1_778_312_125
 
 
 def sample(number: int) -> LearnedSample:
-    """The `number`-th of an endless series that visits 90 cells and never repeats a value."""
+    """Return the `number`-th sample of an endless series over 30 cells, in which no value is repeated."""
     quantity = tuple(Quantity)[number % 3]
     direction = tuple(Direction)[number // 3 % 2]
     _, largest = quantity.limits
@@ -71,7 +71,7 @@ def wait_for(writer: TableWriterClient, done: Callable[[], bool], timeout_s: flo
 
 
 def python(*arguments: object, **options: Any) -> subprocess.Popen[str]:
-    """Start this interpreter with all modules that this process can import; its output is to be read."""
+    """Start this interpreter with all modules that this process can import; the caller reads its output."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = [sys.executable, *map(str, arguments)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment, **options)

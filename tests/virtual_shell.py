@@ -1,8 +1,8 @@
 """A daemon in this process whose ports lead to a virtual world: clocks, a bus, and a plant and a host on it.
 
-Nothing but the ports is replaced: bus port, clocks, loop, log and table writer are the product's. Time passes where
-the loop waits, and a little at each look at the clock; a *stall* lets much of it pass at one such place, while plant
-and host go on talking and the kernel stamps and queues what they say.
+Only the ports are replaced: bus port, clocks, loop, log and table writer are the product's. Time passes where the loop
+waits, and a little at each look at the clock. A *stall* lets much of it pass at one such place, while plant and host go
+on sending, and the kernel stamps and queues their frames.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ _SETPOINT_EVERY = 10
 
 
 @dataclass
-class Said:
-    """A command or status of the daemon, and when it left; `answered_ns`: when the reading that it echoes was sent."""
+class Sent:
+    """A command or status of the daemon, and when it was sent; `answered_ns`: when the echoed reading was sent."""
 
     at_ns: int
     message: Message
@@ -59,10 +59,11 @@ class Queued:
 
 @dataclass
 class World:
-    """Virtual time, and what plant and host say in it.
+    """Virtual time, and the plant and the host in it.
 
-    struck: called at each look at the clock and each wait, for how long the process then stands still in ns; strike:
-    the instant at which it will, and for how long; compute_ns: for how long it computes before and after the law.
+    struck: called at each look at the clock and each wait; returns the stall in ns that happens there.
+    strike: the next stall: its instant and its duration in ns.
+    compute_ns: returns the computing time in ns that passes before each look at the monotonic clock.
     """
 
     period_ns: int
@@ -73,7 +74,7 @@ class World:
     stamps: bool = True
     struck: Callable[[], int] = lambda: 0
     queue: deque[Queued] = field(default_factory=deque)
-    said: list[Said] = field(default_factory=list)
+    sent: list[Sent] = field(default_factory=list)
     sample: int = 0
     setpoints: int = 0
     read_ns: dict[int, int] = field(default_factory=dict)
@@ -82,7 +83,7 @@ class World:
     strike: tuple[int, int] | None = None
     compute_ns: Callable[[], int] = lambda: 0
 
-    # what the daemon takes for the machine's clocks
+    # in the place of the machine's clocks
 
     def instant(self) -> Instant:
         self._look()
@@ -99,7 +100,7 @@ class World:
     def sleep(self, duration_s: float) -> None:
         self.pass_time(round(duration_s * _NS))
 
-    # what it takes for python-can's bus
+    # in the place of python-can's bus
 
     def recv(self, timeout: float | None) -> can.Message | None:
         end_ns = self.now_ns + round((timeout or 0.0) * _NS)
@@ -119,7 +120,7 @@ class World:
         answered = None
         if isinstance(decoded, CurrentCommand):
             self.acting, answered = counter, decoded.position_counter
-        self.said.append(Said(self.now_ns, decoded, None if answered is None else self.read_ns.get(answered)))
+        self.sent.append(Sent(self.now_ns, decoded, None if answered is None else self.read_ns.get(answered)))
 
     def shutdown(self) -> None:
         pass
@@ -131,7 +132,7 @@ class World:
     # the world
 
     def pass_time(self, duration_ns: int) -> None:
-        """Let so long pass, and the stall that strikes meanwhile, if one does."""
+        """Let `duration_ns` pass, and the stall that begins meanwhile, if there is one."""
         end_ns = self.now_ns + duration_ns
         if self.strike is not None and self.strike[0] <= end_ns:
             (at_ns, stall_ns), self.strike = self.strike, None
@@ -140,7 +141,7 @@ class World:
         self._live_until(end_ns)
 
     def _live_until(self, end_ns: int) -> None:
-        """Let plant and host live."""
+        """Let plant and host send their frames until `end_ns`."""
         while self._next_ns <= end_ns:
             self.now_ns = self._next_ns
             if not self.plant_silent:
@@ -211,13 +212,13 @@ class VirtualShell:
             self.daemon._cycle()
 
     def cycle_for(self, duration_s: float) -> None:
-        """Run cycles until so much time has passed."""
+        """Run cycles until `duration_s` has passed."""
         end_ns = self.world.now_ns + round(duration_s * _NS)
         while self.world.now_ns < end_ns:
             self.daemon._cycle()
 
     def arm(self) -> None:
-        """Ask something else, and then to arm, long enough for both to be received."""
+        """Send NONE and then ARM, each long enough to be received."""
         for request in (HostRequest.NONE, HostRequest.ARM):
             self.world.request = request
             self.cycle_for(2 * _SETPOINT_EVERY * self.period_s)

@@ -31,7 +31,7 @@ def test_a_wrong_sample_period_is_reported_with_the_measured_one(factor: float, 
         shell.arm()
         shell.cycle_for(1.0)
         assert shell.mode_and_cause() == (Mode.ACTIVE, Cause.PERIOD_WRONG)
-        status = [said.message for said in shell.world.said if isinstance(said.message, PositionerStatus)][-1]
+        status = [said.message for said in shell.world.sent if isinstance(said.message, PositionerStatus)][-1]
         assert (status.cause, status.health) == (Cause.PERIOD_WRONG, Health.OUT_OF_SPECIFICATION)
 
 
@@ -56,9 +56,9 @@ def test_in_hold_the_last_command_comes_every_ten_milliseconds_whatever_the_peri
         shell.arm()
         shell.world.plant_silent = True
         shell.cycle_for(4 * period_s)
-        before = len(shell.world.said)
+        before = len(shell.world.sent)
         shell.cycle_for(1.0)
-        held = [said for said in shell.world.said[before:] if isinstance(said.message, CurrentCommand)]
+        held = [said for said in shell.world.sent[before:] if isinstance(said.message, CurrentCommand)]
         assert {said.message.mode for said in held if isinstance(said.message, CurrentCommand)} == {Mode.HOLD}
         gaps_ms = [(other.at_ns - one.at_ns) / MS for one, other in pairwise(held)]
         assert 10.0 <= min(gaps_ms) <= max(gaps_ms) <= 20.0

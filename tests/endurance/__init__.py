@@ -1,1 +1,1 @@
-"""Long runs: what `make test` has no time for. Each starts as `python -m endurance.NAME`."""
+"""Long runs, for which `make test` has no time. Each starts as `python -m endurance.NAME`."""

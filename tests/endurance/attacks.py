@@ -190,4 +190,4 @@ ATTACKS: Mapping[str, Callable[[Adversary, CanFrame], list[CanFrame]]] = {
 DAMAGING = frozenset({"damaged", "burst", "truncated", "lengthened", "masqueraded", "other valve", "random", "flagged"})
 """Attacks that only an accident of the CRC lets through."""
 UNRECEIVED = frozenset({"lost", "restarted"})
-"""Attacks that show in later frames only."""
+"""Attacks that are visible in later frames only."""

@@ -1,4 +1,4 @@
-"""Kills learners and daemons thousands of times, damages their table in every byte, and says what that cost.
+"""Kills learners and daemons thousands of times, damages their table in every byte, and reports the losses.
 
     python -m endurance.crash                 10,000 kills of a learner, 200 of the whole daemon, every byte of a table
     python -m endurance.crash --kills 20 --daemon-kills 2 --damage-share 0.01
@@ -41,7 +41,7 @@ _PRINTED_EVERY = 100
 def main() -> int:
     """Run the command line and return its exit status."""
     options = _options()
-    tqdm.monitor_interval = 0  # learners are forked: no thread may be about
+    tqdm.monitor_interval = 0  # learners are forked: no other thread may run
     started_s = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="crash-test-", dir=options.folder) as name:
         folder = Path(name)
@@ -85,7 +85,7 @@ def _options() -> argparse.Namespace:
 
 
 def _kill(make: Callable[[Path, int], _Slot], folder: Path, kills: int, slots: int, seed: int) -> KillCounters:
-    """Return what `kills` kills left and cost, spread over slots that work at the same time."""
+    """Return the sums of `kills` kills, spread over slots that work at the same time."""
     folder.mkdir()
     counters = KillCounters()
     queue: SimpleQueue[_Report] = _FORK.SimpleQueue()
@@ -134,7 +134,7 @@ def _work(make: Callable[[Path, int], _Slot], folder: Path, kills: int, seed: in
 
 
 def _end(number: int, frame: FrameType | None) -> NoReturn:
-    """End a worker as an error does: its learner or daemon goes with it."""
+    """End a worker as an error does: its learner or daemon ends with it."""
     del number, frame
     sys.exit(1)
 

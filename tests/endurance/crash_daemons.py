@@ -58,7 +58,7 @@ class DaemonSlot:
         self._configuration.write_text(tomli_w.dumps(self._tables()), encoding="utf-8")
 
     def kill_one(self) -> Iterator[KillOutcome]:
-        """Let one daemon live for a random time and kill it; yield what that left."""
+        """Let one daemon live for a random time and kill it; yield the outcome."""
         self._sample_log.unlink(missing_ok=True)
         self._check.state.mkdir(exist_ok=True)
         daemon = self._start()
@@ -74,18 +74,18 @@ class DaemonSlot:
         if code != -signal.SIGKILL:
             yield from self._start_again()
             return
-        with lock.held(self._check.state, LONG_S):  # a table writer that lives on saves, then lets go
+        with lock.held(self._check.state, LONG_S):  # a table writer that survives saves, then releases the lock
             yield self._check.after_kill(kind, sample_log.read(self._sample_log), killed_ns)
 
     def _start_again(self) -> Iterator[KillOutcome]:
-        """Kill another one in the place of a daemon that ended by itself, which only a busy machine excuses."""
-        said = self._log.read_text(encoding="utf-8")
-        if TOO_BUSY not in said:
-            raise AssertionError(f"the daemon ended by itself: {said[-2000:]}")
+        """Kill another daemon instead of one that ended by itself, which is allowed on a busy machine only."""
+        text = self._log.read_text(encoding="utf-8")
+        if TOO_BUSY not in text:
+            raise AssertionError(f"the daemon ended by itself: {text[-2000:]}")
         yield from self.kill_one()
 
     def close(self) -> None:
-        """Give the bus back."""
+        """Close the bus."""
         self._bus.close()
 
     def _start(self) -> subprocess.Popen[bytes]:
@@ -110,7 +110,7 @@ class DaemonSlot:
         self._play(daemon, self._chance.uniform(0.0, _LEARNING_S))
 
     def _play(self, daemon: subprocess.Popen[bytes], duration_s: float) -> None:
-        """Be the valve and the host: a stem that moves, rests and trembles, whatever command it says it obeys."""
+        """Play the valve and the host: the stem moves, rests and trembles by the script, whatever the command."""
         end_s = time.monotonic() + duration_s
         while time.monotonic() < end_s and daemon.poll() is None:
             number, self._sample = self._sample, self._sample + 1

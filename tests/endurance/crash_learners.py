@@ -49,32 +49,32 @@ class LearnerSlot:
             killed_ns = time.monotonic_ns()
         finally:
             self._end()
-        with lock.held(self._state, learner.LONG_S):  # a table writer that lives on saves, then lets go
+        with lock.held(self._state, learner.LONG_S):  # a table writer that survives saves, then releases the lock
             yield self._check.after_kill(kind, sample_log.read(self._sample_log), killed_ns)
         if self._complaints.exists():
             raise AssertionError(self._complaints.read_text(encoding="utf-8"))
 
     def close(self) -> None:
-        """Nothing is held between two learners."""
+        """Do nothing: nothing is open between two learners."""
 
     def _live(self) -> Iterator[KillOutcome]:
         if self._chance.random() < _EARLY_SHARE:
             time.sleep(self._chance.uniform(0.0, _EARLY_S))
             return
-        self._wait_for_lessons()
+        self._wait_for_samples()
         if self._chance.random() < _WRITER_SHARE:
             time.sleep(self._chance.uniform(0.0, _LEARNING_S))
             yield from self._kill_writer()
         longest_s = _LONG_S if self._chance.random() < _LONG_SHARE else _LEARNING_S
         time.sleep(self._chance.uniform(0.0, longest_s))
 
-    def _wait_for_lessons(self) -> None:
+    def _wait_for_samples(self) -> None:
         deadline_s = time.monotonic() + learner.LONG_S
         while not self._sample_log.exists() and not self._complaints.exists() and time.monotonic() < deadline_s:
             time.sleep(_POLL_S)
 
     def _kill_writer(self) -> Iterator[KillOutcome]:
-        """Kill the table writer under a learner that stands still meanwhile, so that none takes its place."""
+        """Kill the table writer of a learner that is stopped meanwhile, so that it starts no other one."""
         os.kill(self._learner, signal.SIGSTOP)
         try:
             os.waitid(os.P_PID, self._learner, os.WSTOPPED | os.WEXITED | os.WNOWAIT)

@@ -51,7 +51,7 @@ class Survey:
 
 @cache
 def tables() -> tuple[StoredTable, StoredTable]:
-    """Return a realistic table, every cell of the used travel taught in both directions, and its older good copy."""
+    """Return a realistic table, with samples in every cell of the used travel, and its older good copy."""
     chance = random.Random(7)  # noqa: S311 - the same table each time
     stored = StoredTable(VALVE, StictionTable(cell_width_m=WIDTH_M))
     copied = stored
@@ -70,7 +70,7 @@ def damages(size: int) -> list[Damage]:
 
 
 def everywhere(share: float, seed: int, workers: int) -> Survey:
-    """Return what became of the given share of all damages; files in memory, since no disk is asked here."""
+    """Return what became of the given share of all damages; the files are in memory, because no disk is tested here."""
     memory = Path("/dev/shm")  # noqa: S108 - the name below is unguessable
     with tempfile.TemporaryDirectory(prefix="damage-", dir=memory if memory.is_dir() else None) as name:
         folder = Path(name)
@@ -97,7 +97,7 @@ def write_tables(folder: Path) -> bytes:
 
 
 def what_becomes_of(folder: Path, damage: Damage) -> str:
-    """Return "detected", "harmless" or in words what is wrong, after one start and one save on a damaged table."""
+    """Return "detected", "harmless" or the error in words, after one start and one save on a damaged table."""
     place, bits = damage
     name = f"byte {place} ^ {bits:#04x}" if bits else f"cut at {place}"
     state = folder / f"{place}-{bits}"
@@ -122,15 +122,15 @@ def _asides(state: Path) -> list[Path]:
 
 
 def _wrong(state: Path, damaged: bytes) -> Iterator[str]:
-    """Yield what a start and a save on the damaged table do wrong."""
+    """Yield the errors of a start and a save on the damaged table, in words."""
     stored, copied = tables()
     table_directory = TableDirectory(state, VALVE, WIDTH_M)
     found = table_directory.load()
-    said = table_directory.take_notices()
+    notices = table_directory.take_notices()
     if found not in (stored, copied):
         yield f"{state.name}: loaded as something else"
-    if (found == copied) is not any("using the last good copy" in line and TABLE in line for line in said):
-        yield f"{state.name}: {found.table.sequence} samples loaded, and said {said}"
+    if (found == copied) is not any("using the last good copy" in line and TABLE in line for line in notices):
+        yield f"{state.name}: {found.table.sequence} samples loaded, with the notices {notices}"
     more = found.learned(LearnedSample(Quantity.BREAKAWAY_CURRENT, 0.0123, Direction.OPENING, 9.9), _NOW_S)
     table_directory.save(more)
     table_directory.close()

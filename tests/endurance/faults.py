@@ -1,9 +1,9 @@
-"""Sensors that freeze, dither and come double, actuators that die, turn round and stick: each is reported in time.
+"""Frozen, dithered and doubled sensors, actuators that fail, are reversed or stick: each is reported in time.
 
-Start it as `python -m endurance.faults [--moves N]`; `make fault-test` does. Each law has a healthy run of many moves,
-and before every move each fault begins in a copy of it, at a random instant. The status must
-report it within 2 s of the first move after which the error exceeds 5 % of span. Then every law runs on every plant
-with sensors of five kinds, without any fault: whatever the status reports there must be true.
+Start it as `python -m endurance.faults [--moves N]`; `make fault-test` does. Each law has a healthy run of many moves.
+Before every move each fault begins in a copy of this run, at a random instant. The status must report it within 2 s
+after the error exceeds 5 % of span. Then every law runs on every plant with sensors of five kinds, without any fault:
+there every report of the status must be true.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class Calm:
 
 
 def scenario(law: str, plant: str, sensor: str, seed: int) -> Scenario:
-    """The loop of a law on a plant with another sensor; it believes the constants of the plant that was not varied."""
+    """Return the scenario of a law on a plant with another sensor; the law has the constants of the unvaried plant."""
     return Scenario(
         name="fault-test",
         title="faults",
@@ -99,7 +99,7 @@ def next_setpoint_m(chance: random.Random, here_m: float) -> float:
 
 
 def trials(series: Series) -> list[Trial]:
-    """Return what became of every fault before every move of the series."""
+    """Return the trial of every fault before every move of the series."""
     chance = random.Random(f"{series.law} {series.sensor} {series.seed}")  # noqa: S311 - moves to repeat, no secret
     loop, here_m = Loop.of(scenario(series.law, "paper", series.sensor, series.seed)), 0.08
     found: list[Trial] = []
@@ -134,7 +134,7 @@ def _trial(series: Series, loop: Loop, fault: Fault, here_m: float, there_m: flo
 
 
 def calm(work: tuple[str, str, str]) -> Calm:
-    """Return what the status reports of a law on a plant with a sensor, without any fault, in three moves of 1.9 s."""
+    """Return the status reports of a law on a plant with a sensor, without any fault, in three moves of 1.9 s."""
     law, plant, sensor = work
     chance = random.Random(f"{law} {plant} {sensor}")  # noqa: S311 - moves to repeat, no secret
     loop, here_m, large = Loop.of(scenario(law, plant, sensor, 1)), 0.08, 0

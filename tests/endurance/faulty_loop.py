@@ -1,4 +1,4 @@
-"""The closed loop in memory with one fault in it: between the sensor and the positioner, or between it and the stem."""
+"""The closed loop in memory with one fault in it: before the positioner, or between the positioner and the stem."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ class Loop:
     sample: int = 0
     chance: random.Random = field(default_factory=random.Random)
     kept: dict[str, float] = field(default_factory=dict)
-    said: PositionerStatus | None = None
+    status: PositionerStatus | None = None
 
     @classmethod
     def of(cls, scenario: Scenario) -> Loop:
-        """The loop that a bench of `scenario` closes."""
+        """Return the loop of a bench of `scenario`."""
         configuration, plant = configure(scenario), plant_settings(overrides=scenario.plant)
         setup = Setup(
             configuration.make_codec(), configuration.valve, configuration.guard, configuration.make_law(), PERIOD_S
@@ -71,7 +71,7 @@ class Loop:
         return self.device.plant.stem.position_m
 
     def cycle(self, setpoint_m: float, fault: Fault) -> None:
-        """One period: the host's setpoint when it is due, the reading, the cycle, the valve."""
+        """Run one period: the host's setpoint when it is due, the reading, the cycle, the valve."""
         codec, inbox = self.setup.codec, []
         if self.sample % SAMPLES_PER_SETPOINT == 0:
             inbox.append(codec.encode(Setpoint(setpoint_m), self.sample // SAMPLES_PER_SETPOINT))
@@ -83,16 +83,16 @@ class Loop:
         )
         for frame in outbox:
             message, _ = codec.decode(frame)
-            self.said = message if isinstance(message, PositionerStatus) else self.said
+            self.status = message if isinstance(message, PositionerStatus) else self.status
         self.device = take(codec, self.device, tuple(fault.actuator(self, outbox)))
         self.device = advance(fault.valve(self), self.device, PERIOD_S)
 
     @property
     def trouble(self) -> Cause | None:
         """The cause in the last status; None while the status is good."""
-        if self.said is None or self.said.health is Health.GOOD:
+        if self.status is None or self.status.health is Health.GOOD:
             return None
-        return self.said.cause if self.said.mode is not Mode.INIT else Cause.NONE
+        return self.status.cause if self.status.mode is not Mode.INIT else Cause.NONE
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +108,7 @@ class Fault:
 def _readings(
     loop: Loop, frames: Iterable[CanFrame], change: Callable[[float], float | None]
 ) -> Iterable[tuple[CanFrame, StemPosition | None, int]]:
-    """Each frame, a reading changed (None: it is lost), with the reading and its counter where it is one."""
+    """Yield each frame with its reading and counter; `change` changes a reading, or loses it with None."""
     codec = loop.setup.codec
     for frame in frames:
         message, counter = codec.decode(frame)
@@ -154,7 +154,7 @@ def _doubled(ahead: int | None, lost: float) -> Callable[[Loop, Iterable[CanFram
 
 
 def _commands(change: Callable[[Loop, float], float]) -> Callable[[Loop, Iterable[CanFrame]], Iterable[CanFrame]]:
-    """Another current acts than the commanded one."""
+    """Return a fault of the actuator: the current that acts is `change` of the commanded one."""
 
     def actuator(loop: Loop, frames: Iterable[CanFrame]) -> Iterable[CanFrame]:
         codec = loop.setup.codec

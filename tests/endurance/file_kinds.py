@@ -35,13 +35,13 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[2]
 _NUMBERS = (b"0", b"-1", b"1e999", b"-1e308", b"nan", b"inf", b"9" * 40, b"9" * 5000, b"0x7f", b"1.5", b"\xff", b"\x00")
 _AS_OWNER_EVERY = 500
-_HEARD = FrameClassifier(make_codec(WireSettings()))
+_CLASSIFIER = FrameClassifier(make_codec(WireSettings()))
 _PERIOD_NS = 1_000_000
 
 
 @dataclass(frozen=True)
 class FileKind:
-    """A kind: how many inputs are the full number, true files, words, and the reader of an input.
+    """A kind of file: the full number of inputs, true files, words of the format, and the reader of an input.
 
     The reader gets the number of the true file, the input, and a folder that it may write in.
     """
@@ -117,9 +117,9 @@ def _logs() -> tuple[bytes, ...]:
 def _read_log(number: int, data: bytes, folder: Path) -> None:
     path = folder / f"input{_LOG_SUFFIXES[number]}"
     path.write_bytes(data)
-    survey = Survey(_HEARD, _PERIOD_NS)
+    survey = Survey(_CLASSIFIER, _PERIOD_NS)
     log = read_log(path, survey.add)
-    for _ in cycles_of(survey.kind, _HEARD, log.frames(), _PERIOD_NS):
+    for _ in cycles_of(survey.kind, _CLASSIFIER, log.frames(), _PERIOD_NS):
         pass
 
 

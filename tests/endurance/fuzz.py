@@ -108,11 +108,11 @@ class Positioner:
         return "disputed" if expected == "good" and not believed else expected
 
     def _compare_values(self, frame: CanFrame, received: Received, *, taken: bool, disputed: bool) -> None:
-        """Raise unless the frame had the effect that its bytes and the oracle's verdict give it."""
+        """Raise an error unless the frame had the effect that follows from its bytes and the oracle's verdict."""
         given, link = received.guard_input, received.link
-        said = [event for event in received.events if isinstance(event, FeedbackRefused | OrderDisputed)]
-        if disputed and (len(said) != 1 or "sequence" not in said[0].why):
-            raise DisagreementError("a frame of a disputed sender was refused without a word")
+        disputes = [event for event in received.events if isinstance(event, FeedbackRefused | OrderDisputed)]
+        if disputed and (len(disputes) != 1 or "sequence" not in disputes[0].why):
+            raise DisagreementError("a frame of a disputed sender was refused without an event")
         doubts = [event for event in received.events if isinstance(event, FeedbackRefused | SetpointRefused)]
         foreign = [event for event in received.events if isinstance(event, ForeignCommand)]
         orders = given.setpoint_age_ns is not None or given.requests or given.manual

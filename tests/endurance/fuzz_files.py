@@ -51,7 +51,7 @@ class Findings:
     peak_mib: float = 0.0
 
     def add(self, other: Findings) -> None:
-        """Take the findings of a part of the run in."""
+        """Add the findings of a part of the run."""
         self.inputs += other.inputs
         self.taken += other.taken
         self.violations += other.violations
@@ -70,7 +70,7 @@ class Findings:
 
 
 def changed(true: bytes, other: bytes, words: tuple[bytes, ...], chance: Random) -> bytes:
-    """Return a file that was true once: bits, spans and words of it changed, lost, doubled or put elsewhere."""
+    """Return a changed copy of the file `true`: bits, spans and words are changed, removed, doubled or inserted."""
     data = bytearray(true)
     for _ in range(chance.choice((1, 1, 2, 3, 8))):
         at = chance.randrange(len(data) + 1)
@@ -98,7 +98,7 @@ def changed(true: bytes, other: bytes, words: tuple[bytes, ...], chance: Random)
 
 
 class EndlessError(BaseException):
-    """Reading does not end; no reader's own `except Exception` takes it."""
+    """Reading does not end; no reader's own `except Exception` catches it."""
 
 
 def _give_up(number: int, frame: FrameType | None) -> None:
@@ -107,8 +107,8 @@ def _give_up(number: int, frame: FrameType | None) -> None:
 
 
 def try_one(kind: FileKind, seed: int, folder: Path) -> tuple[bytes, bool, str, float]:
-    """Return one input, whether it was taken, what was wrong with its treatment if anything was, and its time in s."""
-    chance = Random(f"{kind.name} {seed}")  # noqa: S311, a test needs the same numbers again
+    """Return one input, whether it was accepted, the error in words (or empty), and the processor time in s."""
+    chance = Random(f"{kind.name} {seed}")  # noqa: S311 - a test needs the same numbers again
     number = chance.randrange(len(kind.true))
     data = changed(kind.true[number], chance.choice(kind.true), kind.words, chance)
     taken, wrong = False, ""
@@ -128,7 +128,7 @@ def try_one(kind: FileKind, seed: int, folder: Path) -> tuple[bytes, bool, str, 
         wrong = "out of memory"
     except EndlessError:
         wrong = f"not read after {_ENDLESS_S:.0f} s"
-    except Exception as error:  # noqa: BLE001, this is what is looked for
+    except Exception as error:  # noqa: BLE001 - the fuzz looks for these
         wrong = f"{type(error).__name__}: {str(error)[:200]!r}"
     finally:
         signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)

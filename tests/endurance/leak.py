@@ -70,7 +70,7 @@ class Outage(World):
 
 
 class Record:
-    """What a run has shown, read after each round; its own memory does not grow. `garbage` was found at the end."""
+    """The measurements of a run, one after each round; its own memory does not grow. `garbage` was found at the end."""
 
     def __init__(self, rounds: int) -> None:
         self._times_s, self._resident, self._blocks, self._descriptors = (array("d", [0.0] * rounds) for _ in range(4))
@@ -79,7 +79,7 @@ class Record:
         self.failed_safe = 0
 
     def read(self, number: int, time_s: float) -> None:
-        """Read the memory after the round of that number, at that time of the daemon."""
+        """Measure the memory after round `number`, at `time_s` of the daemon's clock."""
         self._times_s[number] = time_s
         self._resident[number] = int(_MEMORY.read_text(encoding="ascii").split()[1]) * _PAGE_BYTES
         self._blocks[number] = sys.getallocatedblocks()
@@ -114,7 +114,7 @@ class Record:
         return round(self._descriptors[-1] - self._descriptors[0])
 
     def lines(self) -> list[str]:
-        """Return what is to be printed."""
+        """Return the report."""
         hours = (self._times_s[-1] - self._times_s[0]) / 3600.0
         return [
             f"{hours:.1f} hours of the daemon's time, in which it failed safe and was armed {self.failed_safe} times",
@@ -130,7 +130,7 @@ class Record:
 
 
 def play(folder: Path, rounds: int, retries: int, cycles: int, law: str = "nmpc") -> Record:
-    """Return the record of so many rounds, over which the retries and the cycles are spread evenly."""
+    """Return the record of `rounds` rounds, over which the retries and the cycles are spread evenly."""
     record = Record(rounds)
     with VirtualShell(folder, control={"law": law}, world=Outage) as shell:
         world = shell.world
@@ -166,7 +166,7 @@ def _round(shell: VirtualShell, world: Outage, retries: int, cycles: int) -> Non
     while world.tries < end:
         shell.cycle()
     world.away = False
-    world.said.clear()
+    world.sent.clear()
     world.queue.clear()
     shell.lines.clear()
 

@@ -26,7 +26,7 @@ WIDTH_M = 0.005
 _TRAVEL_M = 0.127
 _LONGEST_PAUSE_S = 0.004
 LONG_S = 600.0
-"""How long anything may take on a busy machine; nothing waits for it in vain."""
+"""The timeout of every wait on a busy machine; normally no wait reaches it."""
 TOO_BUSY = "the table writer does not start"
 """The store's message when a table writer was not ready in time; any other failure to open the table is a finding."""
 
@@ -39,7 +39,7 @@ def start(state: Path, sample_log: Path, complaints: Path, seed: int) -> int:
             signal.signal(signal.SIGTERM, signal.SIG_DFL)
             os.setpgid(0, 0)
             _learn(state, sample_log, random.Random(seed))  # noqa: S311 - no secret
-        except BaseException:  # noqa: BLE001 - whatever it is, it belongs into the report and not up this copied stack
+        except BaseException:  # noqa: BLE001 - any error belongs in the report, and not in the callers of this copied stack
             complaints.write_text(traceback.format_exc(), encoding="utf-8")
         finally:
             os._exit(1)
@@ -49,7 +49,7 @@ def start(state: Path, sample_log: Path, complaints: Path, seed: int) -> int:
 
 
 def _learn(state: Path, sample_log: Path, chance: random.Random) -> NoReturn:
-    """Do as the daemon does in its cycles: record, and poll."""
+    """Record samples and poll, as the daemon does in its cycles."""
     writer, table, notices = _opened(state)
     if notices:
         raise AssertionError("; ".join(notices))
@@ -57,7 +57,7 @@ def _learn(state: Path, sample_log: Path, chance: random.Random) -> NoReturn:
     sequence = table.sequence
     while True:
         sequence += 1
-        sample = _lesson(chance)
+        sample = _sample(chance)
         written.write(sequence, sample)
         writer.record([sample])
         writer.poll()
@@ -65,7 +65,7 @@ def _learn(state: Path, sample_log: Path, chance: random.Random) -> NoReturn:
 
 
 def _opened(state: Path) -> tuple[TableWriterClient, StictionTable, tuple[str, ...]]:
-    """Open the table as a service is started: again, where the machine was too busy to start a table writer in time."""
+    """Open the table; try again where the machine was too busy to start a table writer in time."""
     while True:
         try:
             return TableWriterClient.open(state, VALVE, WIDTH_M, timeout_s=LONG_S)
@@ -74,14 +74,14 @@ def _opened(state: Path) -> tuple[TableWriterClient, StictionTable, tuple[str, .
                 raise
 
 
-def _lesson(chance: random.Random) -> LearnedSample:
+def _sample(chance: random.Random) -> LearnedSample:
     """Return a sample from any place of the travel, in all its digits."""
     quantity, direction = chance.choice(tuple(Quantity)), chance.choice(tuple(Direction))
     return LearnedSample(quantity, chance.uniform(0.0, _TRAVEL_M), direction, chance.uniform(*quantity.limits))
 
 
 def children_of(process: int) -> list[int]:
-    """Return the process IDs of its children: a learner's only one is its table writer."""
+    """Return the process IDs of the children of `process`: the only child of a learner is its table writer."""
     return [int(word) for word in Path(f"/proc/{process}/task/{process}/children").read_text("ascii").split()]
 
 

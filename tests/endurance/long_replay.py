@@ -1,7 +1,7 @@
 """How much memory a replay takes: `make long-replay` prints it for two logs, one many times as long as the other.
 
-Each is the log that another node on the bus would have written: readings, a setpoint for each tenth, and commands
-that echo them. The replay looks ahead in it, finds that every command differs, and writes trace and picture.
+Each is the log that another node on the bus would have written: readings, a setpoint for each tenth reading, and
+commands that echo them. The replay looks ahead in it, finds that every command differs, and writes trace and picture.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ from positioner.cli.main import main
 from positioner.replay.output import OutputFolder
 
 def peak_mib():
-    # of this programme alone: ru_maxrss would begin with what the process that started it held
+    # of this program alone: ru_maxrss would begin with the memory of the process that started it
     with open("/proc/self/status", encoding="ascii") as status:
         return next(int(line.split()[1]) for line in status if line.startswith("VmHWM:")) / 1024.0
 
-def noted(leaving, title):
+def noted(folder, title):
     undrawn_mib.append(peak_mib())
-    draw(leaving, title)
+    draw(folder, title)
 
 undrawn_mib, draw, OutputFolder.draw = [], OutputFolder.draw, noted
 status = main(sys.argv[1:])
@@ -66,9 +66,9 @@ _DAY_FRAMES = 190_000_000
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """What the replay of a log took: its peaks of memory in MiB, without and with the picture, and processor time in s.
+    """The cost of a replay: its peaks of memory in MiB, without and with the picture, and its processor time in s.
 
-    The picture is drawn in the end, of so many points at most, and would hide what was needed before.
+    The picture is drawn at the end, from a limited number of points; its memory would hide the peak before it.
     """
 
     frames: int
@@ -79,7 +79,7 @@ class Taken:
 
 
 def lines() -> Iterator[str]:
-    """Yield the frames of an endless log at 1 kHz, in candump's words."""
+    """Yield the frames of an endless log at 1 kHz, in candump's format."""
     codec = make_codec()
     sample = 0
     while True:
@@ -96,7 +96,7 @@ def lines() -> Iterator[str]:
 
 
 def replay(frames: int, folder: Path) -> Taken:
-    """Return what the replay of a log of so many frames takes, in a process of its own."""
+    """Return the cost of the replay of a log of `frames` frames, in a process of its own."""
     log, config = folder / f"{frames}.log", folder / "valve.toml"
     config.write_text(_CONFIGURATION, encoding="utf-8")
     with log.open("w", encoding="ascii") as file:

@@ -21,14 +21,14 @@ STATISTICS = Path("mutants/mutmut-cicd-stats.json")
 def main() -> int:
     """Run it from the command line; return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: one a processor)")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: one for each core)")
     options = parser.parse_args()
     began_s = time.monotonic()
     mutmut = [sys.executable, "-m", "mutmut"]
     done = subprocess.run([*mutmut, "run", "--max-children", str(options.jobs)], check=False)
     subprocess.run([*mutmut, "export-cicd-stats"], check=False, stdout=subprocess.DEVNULL)
     if done.returncode or not STATISTICS.is_file():
-        sys.stderr.write("mutants: mutmut could not run; its last lines say why\n")
+        sys.stderr.write("mutants: mutmut could not run; the reason is in its last lines\n")
         return 1
     counts = json.loads(STATISTICS.read_text(encoding="utf-8"))
     found = counts["killed"] + counts["timeout"]
@@ -37,7 +37,7 @@ def main() -> int:
     sys.stdout.write(f"{counts['total']} changes, {found} found by a test, {escaped} escaped, in {took}\n")
     if escaped:
         subprocess.run([*mutmut, "results"], check=False)
-        sys.stderr.write("mutants: look at one with `mutmut show NAME`; write the test that it escapes\n")
+        sys.stderr.write("mutants: look at one with `mutmut show NAME`; write the test that finds it\n")
     return 1 if escaped else 0
 
 

@@ -2,7 +2,7 @@
 
 The CRC is that of the package autosar-e2e; the fields are cut out of the bytes by hand; the counters follow the
 text of DESIGN.md. A frame that was damaged or made up at random and still fits is *valid by accident*: the wire
-cannot tell it from a true one, and the oracle says that it must be accepted.
+cannot distinguish it from a true one, and for the oracle it must be accepted.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ KINDS = {
 
 
 def verdict_of(frame: CanFrame) -> str:
-    """Return 'good', or the words for why `frame` must not be taken, whatever its counter."""
+    """Return 'good', or the reason in words why `frame` must not be accepted, whatever its counter."""
     kind = None if frame.is_extended else KINDS.get(frame.arbitration_id)
     reasons = (
         (frame.is_error, "error frame"),
@@ -91,7 +91,7 @@ def _content_of(kind: Kind, data: bytes) -> str:
 
 @dataclass
 class Book:
-    """What is known of one sender: the last count, the one waiting for its successor, what may still come late."""
+    """The counters of one sender: the last one, one that waits for its successor, and those that may come late."""
 
     last: int | None = None
     waiting: int | None = None
@@ -143,7 +143,7 @@ class Ledger:
         return "counter out of order"
 
     def believes(self, identifier: int) -> bool:
-        """Return whether one sender alone seems to speak; a reading waits for two frames in order after a wrong one."""
+        """Return whether there seems to be one sender only; a reading after a wrong frame waits for two in order."""
         book = self.books.get(identifier)
         if book is None or identifier not in {0x110, 0x120, 0x121}:
             return True

@@ -51,6 +51,6 @@ class Pulse:
 
     @property
     def leaked(self) -> int:
-        """How many more descriptors are open at least in the last third than in the second; a commit's come and go."""
+        """The least number of descriptors in the last third less that in the second; those of a commit come and go."""
         third = len(self.descriptors) // 3
         return min(self.descriptors[2 * third :]) - min(self.descriptors[third : 2 * third])

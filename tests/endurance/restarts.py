@@ -39,12 +39,12 @@ FAULTS = ("none", "feedback lost", "setpoint lost", "bus away", "another control
 ENDS = ("kill", "watchdog", "crash", "stop")
 REQUESTS = (HostRequest.ARM, HostRequest.NONE, HostRequest.DISARM)
 QUEUES = ((0, 0.0), (128, 0.0), (1000, 0.0), (128, 3.0))
-"""Commands in the transmit queue, and after how long they are sent: a controller may have been off the bus."""
+"""Commands in the transmit queue, and after how many s they are sent: a controller may have been off the bus."""
 ROUNDS = 3
 WATCHED_S = 5.0
 """How long the next daemon is watched before anybody asks it to arm."""
 ARMED_S = 3.0
-"""Within this time it must control once it is asked; for one second after somebody else's command it refuses."""
+"""Within this time after a request it must control; it refuses for one second after another controller's command."""
 KEPT_DOWN = frozenset({ExitCode.UNAVAILABLE, ExitCode.CONFIG})
 """The exit statuses after which `positioner@.service` is not restarted."""
 _FRAME_NS = 1_000_000
@@ -91,7 +91,7 @@ class SharedBus(Outage):
 
 
 class Matrix:
-    """The daemons that follow one another; `starts` counts those that had to be tried again."""
+    """The daemons that follow one another; `tried_again` counts repeated starts, by reason."""
 
     def __init__(self, shell: VirtualShell, chance: random.Random) -> None:
         self._shell = shell
@@ -108,7 +108,7 @@ class Matrix:
             return f"cannot be armed: {shell.mode_and_cause()}"
         shell.cycle_for(self._chance.uniform(0.05, 0.5))
         world.request = case.request if case.request is not HostRequest.DISARM else HostRequest.ARM
-        self._befall(case.fault)
+        self._begin_fault(case.fault)
         world.request = case.request
         shell.cycle_for(self._chance.uniform(0.0, 0.3))
         self._end(case.end)
@@ -117,19 +117,19 @@ class Matrix:
         world.left_ns = [first_ns + number * _FRAME_NS for number in range(frames)]
         if problem := self._start_again():
             return problem
-        before = len(world.said)
-        if problem := self._turn_for(WATCHED_S / 2.0):
+        before = len(world.sent)
+        if problem := self._cycle_for(WATCHED_S / 2.0):
             return problem
-        self._heal()
-        if problem := self._turn_for(WATCHED_S / 2.0):
+        self._end_fault()
+        if problem := self._cycle_for(WATCHED_S / 2.0):
             return problem
-        commands = [said for said in world.said[before:] if isinstance(said.message, CurrentCommand)]
-        world.said.clear()
+        commands = [sent for sent in world.sent[before:] if isinstance(sent.message, CurrentCommand)]
+        world.sent.clear()
         shell.lines.clear()
         return f"{len(commands)} commands that nobody has asked for" if commands else ""
 
     def close(self) -> None:
-        """Wait for the table writers of those that were killed."""
+        """Wait for the table writers of the killed daemons."""
         for orphan in self._orphans:
             orphan.wait()
 
@@ -143,7 +143,7 @@ class Matrix:
             self._world.request = HostRequest.ARM if self._world.sample // 30 % 2 else HostRequest.NONE
         return self._shell.mode() is Mode.ACTIVE
 
-    def _befall(self, fault: str) -> None:
+    def _begin_fault(self, fault: str) -> None:
         world, shell = self._world, self._shell
         match fault:
             case "feedback lost":
@@ -162,7 +162,7 @@ class Matrix:
         shell.cycle_for(self._chance.uniform(0.05, 1.0))
         world.struck = lambda: 0
 
-    def _heal(self) -> None:
+    def _end_fault(self) -> None:
         self._world.plant_silent = self._world.host_silent = self._world.away = False
 
     def _end(self, how: str) -> None:
@@ -189,7 +189,7 @@ class Matrix:
             else:
                 return ""
 
-    def _turn_for(self, duration_s: float) -> str:
+    def _cycle_for(self, duration_s: float) -> str:
         try:
             self._shell.cycle_for(duration_s)
         except PositionerError as error:
@@ -215,7 +215,7 @@ def play(folder: Path, chosen: list[Case], seed: int) -> tuple[dict[Case, str], 
             for case in tqdm(chosen, unit="restart", disable=None):
                 if problem := matrix.play(case):
                     wrong[case] = problem
-                    matrix._heal()
+                    matrix._end_fault()
         matrix.close()
     finally:
         logger.propagate = propagate

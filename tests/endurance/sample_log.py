@@ -1,4 +1,4 @@
-"""The sample log of whoever learns: what, in all its digits, and when, in a file that a kill cannot shorten."""
+"""The sample log of a learner: each sample in all its digits, with its instant, in a file that survives a kill."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One lesson: the monotonic instant just before it was handed over, and what the table counts after it."""
+    """One sample, the monotonic instant just before the store receives it, and its number in the table."""
 
     written_ns: int
     sequence: int
@@ -24,19 +24,19 @@ class Entry:
 
 
 class SampleLogWriter:
-    """Appends one line a lesson with one system call: what was written survives the writer."""
+    """Appends one line for each sample with one system call: a written line survives a kill."""
 
     def __init__(self, path: Path) -> None:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o640)
 
     def write(self, sequence: int, sample: LearnedSample) -> None:
-        """Note that the sample is about to be handed over as the table's number `sequence`."""
-        lesson = [sample.quantity, sample.position_m, sample.direction, sample.value]
-        os.write(self._descriptor, json.dumps([time.monotonic_ns(), sequence, *lesson]).encode() + b"\n")
+        """Write the sample that the store receives next, as number `sequence` of the table."""
+        fields = [sample.quantity, sample.position_m, sample.direction, sample.value]
+        os.write(self._descriptor, json.dumps([time.monotonic_ns(), sequence, *fields]).encode() + b"\n")
 
 
 def read(path: Path) -> list[Entry]:
-    """Return the entries, oldest first; a last one that a kill cut short was not handed over either."""
+    """Return the entries, oldest first; a last line that a kill cut short is left out: the store did not receive it."""
     text = path.read_text("ascii") if path.exists() else ""
     return [_entry(line) for line in text.splitlines(keepends=True) if line.endswith("\n")]
 

@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 
 _VALVE, _WIDTH_M, _PERIOD_S = "FV-401", 0.005, 0.01
 _QUIET = (0.3, 0.2, 0.2, 0.3)
-"""Shares of the time before a restart, an outage, another restart and the end, whatever those take themselves."""
+"""Shares of the time before a restart, an outage, another restart and the end, without the time of these events."""
 _OUTAGE_SHARE, _LONGEST_OUTAGE_S = 0.05, 20.0
 _LOOK_EVERY_S = 0.5
-_PATIENCE_S = 120.0
+_TIMEOUT_S = 120.0
 
 
 class Soak:
@@ -59,13 +59,13 @@ class Soak:
         self._daemon = self._start_daemon()
 
     def run(self) -> None:
-        """Play it all: two restarts, an outage between them, and quiet control around."""
+        """Run the whole soak: two restarts, an outage between them, and quiet control before and after each."""
         self._until_controlled("the start")
         self._stay(_QUIET[0])
         self._restart()
         self._stay(_QUIET[1])
         self._emulator.stop()
-        if not self._play(lambda: self.host.has_failed_safe, _PATIENCE_S):
+        if not self._play(lambda: self.host.has_failed_safe, _TIMEOUT_S):
             self.violations.append("the positioner did not fail safe without feedback")
         self._play(lambda: False, min(_OUTAGE_SHARE * self._seconds, _LONGEST_OUTAGE_S))
         self._emulator = self._start_emulator()
@@ -76,10 +76,10 @@ class Soak:
         self._stay(_QUIET[3])
         self._until_controlled("everything")
         self._stop_daemon()
-        self._judge_table()
+        self._check_table()
 
     def close(self) -> None:
-        """End the processes and give the bus back."""
+        """End the processes and close the bus."""
         self._daemon.stop()
         self._emulator.stop()
         self.host.close()
@@ -87,7 +87,7 @@ class Soak:
 
     @property
     def learned(self) -> int:
-        """How many lessons the sample log holds."""
+        """The number of samples in the sample log."""
         return len(sample_log.read(self._folder / "sample_log"))
 
     def _restart(self) -> None:
@@ -100,26 +100,26 @@ class Soak:
         self._watching = False
         process = self._daemon.process
         process.terminate()
-        if not self._play(lambda: process.poll() is not None, _PATIENCE_S):
+        if not self._play(lambda: process.poll() is not None, _TIMEOUT_S):
             self.violations.append("the daemon did not stop")
         code = self._daemon.stop()
         if code:
             self.violations.append(f"the daemon ended with status {code}")
 
-    def _judge_table(self) -> None:
+    def _check_table(self) -> None:
         entries = sample_log.read(self._folder / "sample_log")
         found = access.dump(self._folder / "state").table
         if not entries or found != taught(StictionTable(cell_width_m=_WIDTH_M), entries):
             self.violations.append(
-                f"{len(entries)} lessons in the sample log, {found.sequence} in the table, or others"
+                f"{len(entries)} samples in the sample log, {found.sequence} in the table, or others"
             )
 
     def _stay(self, share: float) -> None:
         self._play(lambda: False, share * self._seconds)
 
     def _until_controlled(self, what: str) -> None:
-        if not self._play(lambda: self.host.is_controlled, _PATIENCE_S):
-            self.violations.append(f"not under control within {_PATIENCE_S:g} s after {what}")
+        if not self._play(lambda: self.host.is_controlled, _TIMEOUT_S):
+            self.violations.append(f"not under control within {_TIMEOUT_S:g} s after {what}")
         if not self._watching:
             self._watching = True
             self._alive = [Pulse("daemon", self._daemon.process.pid), *map(_writer, self._children())]
@@ -132,7 +132,7 @@ class Soak:
             now_s = time.monotonic()
             if now_s >= end_s:
                 return False
-            self.host.turn(min(_PERIOD_S, end_s - now_s))
+            self.host.step(min(_PERIOD_S, end_s - now_s))
             if now_s >= self._looked_s + _LOOK_EVERY_S:
                 self._looked_s = now_s
                 self._look(now_s)
@@ -171,7 +171,7 @@ class Soak:
 
 def _ready(child: BenchProcess, field: str) -> BenchProcess:
     """Return the child once it has reported that it is ready; it gets more time than in a bench."""
-    deadline_s = time.monotonic() + _PATIENCE_S
+    deadline_s = time.monotonic() + _TIMEOUT_S
     while True:
         try:
             child.wait_for(field)

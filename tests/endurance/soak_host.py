@@ -1,4 +1,4 @@
-"""The host of a soak: asks for setpoints, arms the positioner whenever it is not armed, measures what it receives."""
+"""The host of a soak: asks for setpoints, arms the positioner whenever it is not armed, measures the frames."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _NS = 1_000_000_000
 
 
 class SoakHost:
-    """Plays the setpoints; `periods_s` and `latencies_s` are those of the commands, `modes` counts how often which.
+    """Plays the setpoints; `periods_s` and `latencies_s` are those of the commands, `modes` counts the entries by mode.
 
     false_alarms: untrue statuses, by cause.
     """
@@ -72,10 +72,10 @@ class SoakHost:
 
     @property
     def has_failed_safe(self) -> bool:
-        """Whether the positioner stands in its fail-safe right now."""
+        """Whether the positioner is in FAILSAFE right now."""
         return self._mode is Mode.FAILSAFE
 
-    def turn(self, timeout_s: float) -> None:
+    def step(self, timeout_s: float) -> None:
         """Send what is due, and receive for up to `timeout_s`."""
         now_s = time.monotonic()
         if now_s >= self._setpoint_due_s:
@@ -110,7 +110,7 @@ class SoakHost:
         self._mode = None
 
     def close(self) -> None:
-        """Give the bus back."""
+        """Close the bus."""
         self._bus.close()
 
     def _ask(self, now_s: float) -> None:

@@ -24,8 +24,8 @@ def report(
         _timing("latency, position frame to command", host.latencies_s),
         f"modes entered: {', '.join(f'{mode.name} {count}×' for mode, count in sorted(host.modes.items()))}",
         f"failed safe {host.modes.get(Mode.FAILSAFE, 0)}×, and was armed again each time",
-        f"statuses that said that the table is not saved: {host.unsaved}",
-        f"lessons: {learned}",
+        f"statuses with a table that is not saved: {host.unsaved}",
+        f"learned samples: {learned}",
         "process   looks  hours MiB at the end  growth % descriptors leaked",
     ]
     for pulse in pulses:
@@ -40,7 +40,7 @@ def report(
             found.append(f"{pulse.name} grew by {100 * growth:.2f} %, the limit is {100 * growth_limit:g} %")
         if pulse.leaked > 0:
             found.append(f"{pulse.name} has {pulse.leaked} more descriptors open than before")
-    found += [f"{count} statuses said {cause.name}, falsely" for cause, count in (+host.false_alarms).items()]
+    found += [f"{count} statuses with the false cause {cause.name}" for cause, count in (+host.false_alarms).items()]
     lines += [f"violation: {violation}" for violation in found]
     lines.append(f"violations: {len(found)}")
     return lines, bool(found)

@@ -3,7 +3,7 @@
     python -m endurance.stalls        10,000 stalls of 1 ms to 60 s on a virtual clock, 200 of 1 ms to 4 s by SIGSTOP
     python -m endurance.stalls --virtual 100 --real 4 --seed 3
 
-On the virtual clock the daemon is driven through its ports, and a stall may strike at any instant but between the last
+On the virtual clock the daemon is driven through its ports, and a stall may begin at any instant but between the last
 look at the clock and the system call that sends. By SIGSTOP and SIGCONT it is a process, on an embedded bus; there each
 frame's instant is the kernel's stamp at a third socket. Exit status 0: no command answered a reading older than the
 limit of HOLD, and each stall beyond the limit of FAILSAFE was latched and logged; 1 otherwise.
@@ -72,12 +72,12 @@ class Stalls:
         """Yield the report."""
         yield f"{self.name}: {self.stalls} stalls, {self.commands} commands during and after them"
         yield f"  beyond the limit of FAILSAFE: {self.long}, latched and logged: {self.latched}"
-        told = f"{self.oldest_s * 1e3:.2f} ms, where {self.hold_s * 1e3:g} ms are allowed"
-        yield f"  oldest reading that a command answered: {told}"
+        oldest = f"{self.oldest_s * 1e3:.2f} ms, where {self.hold_s * 1e3:g} ms are allowed"
+        yield f"  oldest reading that a command answered: {oldest}"
 
 
 def log_uniform(chance: random.Random, longest_s: float) -> float:
-    """Return a duration in s."""
+    """Return a random duration in s, from 1 ms to `longest_s`, with an even distribution of its logarithm."""
     return math.exp(chance.uniform(math.log(_SHORTEST_S), math.log(longest_s)))
 
 
@@ -92,16 +92,16 @@ def on_a_virtual_clock(folder: Path, count: int, chance: random.Random) -> Stall
                 shell.arm()
             shell.cycle_for(1.0)  # the log writes a line of each kind once a second
             shell.lines.clear()
-            world.said.clear()
+            world.sent.clear()
             stall_s = log_uniform(chance, _LONGEST_S)
             world.strike = (world.now_ns + chance.randrange(round(0.1 * _NS)), round(stall_s * _NS))
             shell.cycle_for(0.1 + stall_s + 0.3)
             ages_s = [
-                (said.at_ns - said.answered_ns) / _NS
-                for said in world.said
-                if isinstance(said.message, CurrentCommand)
-                and said.message.mode is Mode.ACTIVE
-                and said.answered_ns is not None
+                (sent.at_ns - sent.answered_ns) / _NS
+                for sent in world.sent
+                if isinstance(sent.message, CurrentCommand)
+                and sent.message.mode is Mode.ACTIVE
+                and sent.answered_ns is not None
             ]
             latched = shell.mode() is Mode.FAILSAFE
             logged = bool(shell.logged("-> FAILSAFE")) and bool(shell.logged("stood still for"))

@@ -1,4 +1,4 @@
-"""A daemon as a process, on an embedded bus, that is stopped and continued while a plant and a host talk to it.
+"""A daemon as a process, on an embedded bus, that is stopped and continued while a plant and a host send frames to it.
 
 A third socket receives all frames: the kernel stamps each of them there when it is sent.
 """
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from positioner.wire.messages import CanFrame
 
 _QUIET_S = 1.2
-"""Longer than the log holds back a line of the same kind."""
+"""Longer than the time in which the log writes only one line of a kind."""
 _AFTER_S = 0.5
 _NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """One stop: for how long at least, the ages of the readings that commands answered, and how the daemon reacted."""
+    """One stop: its least duration, the ages of the readings that commands answered, and the daemon's reaction."""
 
     stall_s: float
     ages_s: tuple[float, ...]
@@ -60,14 +60,14 @@ class StoppedDaemon:
         self._ages_s: list[float] = []
 
     def make_ready(self) -> None:
-        """Let it be ACTIVE for a while, armed anew if need be."""
-        deadline_s, active_s, turns = time.monotonic() + TIMEOUT_S, None, 0
+        """Let it be ACTIVE for a while; arm it again if necessary."""
+        deadline_s, active_s, periods = time.monotonic() + TIMEOUT_S, None, 0
         while active_s is None or time.monotonic() - active_s < _QUIET_S:
             assert time.monotonic() < deadline_s, self._service.lines[-20:]
             if self._mode is not Mode.ACTIVE:
-                self._request = (HostRequest.NONE, HostRequest.ARM)[turns // 10 % 2]
+                self._request = (HostRequest.NONE, HostRequest.ARM)[periods // 10 % 2]
             self._period()
-            turns += 1
+            periods += 1
             active_s = None if self._mode is not Mode.ACTIVE else active_s or time.monotonic()
 
     def stop_for(self, stall_s: float, chance: random.Random) -> Stop:
@@ -99,12 +99,12 @@ class StoppedDaemon:
         end_s = time.monotonic() + duration_s
         while (left_s := min(end_s, self._due_s) - time.monotonic()) > 0.0:
             for frame in self._observer.receive(left_s):
-                self._hear(frame)
+                self._receive(frame)
         if time.monotonic() >= self._due_s:
             self._due_s = max(self._due_s + PERIOD_S, time.monotonic())
             self._service.others.say(Setpoint(HERE_M, self._request), StemPosition(HERE_M, self._acting))
 
-    def _hear(self, frame: CanFrame) -> None:
+    def _receive(self, frame: CanFrame) -> None:
         message, counter = self._service.others.codec.decode(frame)
         match message:
             case StemPosition() if counter is not None:

@@ -30,11 +30,11 @@ _MOST_UNANSWERED = 3
 """Periods of silence that are allowed without a FAILSAFE."""
 _ANSWER_S = 1.0
 """How long a busy machine may take for one answer; a reading without one after that is unanswered."""
-_PATIENCE_S = 60.0
+_TIMEOUT_S = 60.0
 _STOP_S = 20.0
 _WAITS_US = 2_000_000
 _SILENCE_S = 1.5
-"""Nobody is silent for so long without a FAILSAFE: 50 periods are a second; a busy machine may add half of one."""
+"""After a longer silence there must be a FAILSAFE: 50 periods are 1 s, and a busy machine may add 0.5 s."""
 WAIT = "wait"
 """The fault without an error: the call takes 2 s."""
 DOCUMENTED = frozenset({ExitCode.SOFTWARE, ExitCode.SYSTEM, ExitCode.IO, ExitCode.TEMPORARY})
@@ -60,7 +60,7 @@ class Strike:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a run ended: `fault` says in a few words what was wrong, and is empty where nothing was."""
+    """How a run ended; `fault` is what was wrong in a few words, empty where nothing was."""
 
     what: str
     fault: str = ""
@@ -68,7 +68,7 @@ class Outcome:
 
 
 class Run:
-    """A daemon under strace; `options` say which calls strace traces and which one it strikes."""
+    """A daemon under strace; `options` choose the calls that strace traces, and the one that it strikes."""
 
     def __init__(self, folder: Path, strace: list[str], options: list[str]) -> None:
         folder.mkdir(parents=True)
@@ -83,7 +83,7 @@ class Run:
         environment = {key: value for key, value in os.environ.items() if key != TRACEBACK}
         with (folder / "stderr").open("wb") as error:
             self._process = subprocess.Popen(
-                # -D: the daemon itself is our child, and strace watches from aside
+                # -D: the daemon itself is our child, and strace runs beside it
                 [*strace, "-D", "-qq", f"--output={folder / 'strace'}", *options,
                  sys.executable, "-m", "positioner", "run", "--config", str(path)],
                 stdin=subprocess.DEVNULL, stdout=error, stderr=error,
@@ -108,7 +108,7 @@ class Run:
             return self._before_ready()
         answered = unanswered = 0
         longest_s, answered_s = 0.0, time.monotonic()
-        deadline_s = answered_s + _PATIENCE_S
+        deadline_s = answered_s + _TIMEOUT_S
         while answered < cycles:
             if self._is_answered(arm=answered == 0):
                 before_s, answered_s = answered_s, time.monotonic()
@@ -127,7 +127,7 @@ class Run:
         return self._stopped("went on")
 
     def _await_ready(self) -> bool:
-        deadline_s = time.monotonic() + _PATIENCE_S
+        deadline_s = time.monotonic() + _TIMEOUT_S
         while time.monotonic() < deadline_s and self._process.poll() is None:
             with contextlib.suppress(BlockingIOError):
                 while True:
@@ -135,21 +135,21 @@ class Run:
                         return True
             self._others.say(Setpoint(HERE_M), StemPosition(HERE_M))
             time.sleep(PERIOD_S)
-        return "READY" in self._told()
+        return "READY" in self._log_text()
 
     def _before_ready(self) -> Outcome:
         code = self._process.poll()
         if code is None:
-            return Outcome("hung", f"neither READY nor an end within {_PATIENCE_S:g} s: {self._last_line()}")
+            return Outcome("hung", f"neither READY nor an end within {_TIMEOUT_S:g} s: {self._last_line()}")
         # a library written in Rust may print lines of its own before
-        is_told = self._last_line().startswith("positioner: ") and "Traceback" not in self._told()
-        if code not in DOCUMENTED or not is_told:
-            return Outcome("ended", f"status {code}, {len(self._told().splitlines())} lines: {self._last_line()}")
+        is_one_line = self._last_line().startswith("positioner: ") and "Traceback" not in self._log_text()
+        if code not in DOCUMENTED or not is_one_line:
+            return Outcome("ended", f"status {code}, {len(self._log_text().splitlines())} lines: {self._last_line()}")
         return Outcome("ended before READY")
 
     def _is_answered(self, *, arm: bool) -> bool:
         """Send a reading, and return whether it was answered with a command."""
-        while self._others.listen():  # what is late is no answer
+        while self._others.listen():  # a late command is no answer
             pass
         if arm:
             self._others.say(Setpoint(HERE_M, HostRequest.NONE), Setpoint(HERE_M, HostRequest.ARM))
@@ -176,14 +176,14 @@ class Run:
             code = self._process.wait(_STOP_S)
         except subprocess.TimeoutExpired:
             return Outcome(what, f"SIGTERM has no effect: {self._last_line()}")
-        if code not in {ExitCode.OK, *DOCUMENTED} or "Traceback" in self._told():
+        if code not in {ExitCode.OK, *DOCUMENTED} or "Traceback" in self._log_text():
             return Outcome(what, f"stops with {code}: {self._last_line()}")
-        if self._failed_safe and "-> FAILSAFE (" not in self._told():
+        if self._failed_safe and "-> FAILSAFE (" not in self._log_text():
             return Outcome(what, "a FAILSAFE on the bus that is not in the log")
         return Outcome(what)
 
-    def _told(self) -> str:
+    def _log_text(self) -> str:
         return (self._folder / "stderr").read_text(encoding="utf-8", errors="replace")
 
     def _last_line(self) -> str:
-        return (self._told().splitlines() or ["nothing was said"])[-1]
+        return (self._log_text().splitlines() or ["no output"])[-1]

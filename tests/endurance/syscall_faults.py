@@ -35,15 +35,15 @@ _SURE = frozenset(
     | {"sched_getaffinity", "sched_getscheduler", "rt_sigaction", "rt_sigprocmask", "wait4", "kill", "clock_nanosleep"}
     | {"getsockname", "lseek", "umask", "alarm", "prlimit64"}
 )
-"""Calls that fail for no shortage (man 2 ...; brk returns the old break): they can only be slow."""
+"""Calls that no shortage lets fail (man 2 ...; brk returns the old break): they can only be slow."""
 _ENDS = frozenset({"exit", "exit_group", "rt_sigreturn", "execve"})
-"""Calls that cannot fail, or that are made once, before us."""
+"""Calls that cannot fail, or that are made once, before our own code."""
 _CALL = re.compile(r"^(\w+)\(")
 _CACHE = Path(__file__).resolve().parents[2] / "build" / "strace"
 
 
 def find_strace() -> list[str]:
-    """Return the command that is strace: this machine's, or one from its package, unpacked beside the tests' kernels.
+    """Return the command for strace: this machine's, or one from its package, unpacked beside the tests' kernels.
 
     Raises:
         CannotFetchError: there is none.
@@ -79,7 +79,7 @@ def planned(found: dict[str, range], chance: random.Random, *, short: bool) -> l
         chosen = [*first, *sorted(chance.sample(rest, min(AT_RANDOM, len(rest))))]
         if short:
             chosen = chosen[-1:] if call not in _SURE else []
-        strikes += [Strike(call, each, faults[(number + turn) % len(faults)]) for turn, each in enumerate(chosen)]
+        strikes += [Strike(call, each, faults[(number + index) % len(faults)]) for index, each in enumerate(chosen)]
     return strikes
 
 

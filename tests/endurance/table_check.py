@@ -1,4 +1,4 @@
-"""What a kill left: the table as the daemon's own code loads it, beside what the sample log says must be in it."""
+"""The table after a kill, as the daemon's own code loads it, compared with the sample log."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _NS = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class KillOutcome:
-    """One kill of one kind: what was saved since the last one, what was lost, and what should not be.
+    """One kill of one kind: the samples saved since the last kill, the lost ones, and the violations.
 
-    `torn` where the kill fell into a transaction.
+    torn: the kill came during a transaction.
     """
 
     kind: str
@@ -45,7 +45,7 @@ class KillCounters:
     violations: list[str] = field(default_factory=list)
 
     def add(self, outcome: KillOutcome) -> None:
-        """Count one more."""
+        """Add one kill."""
         self.kills[outcome.kind] = self.kills.get(outcome.kind, 0) + 1
         self.torn += outcome.torn
         self.saved += outcome.saved
@@ -55,24 +55,24 @@ class KillCounters:
 
     @property
     def oldest_s(self) -> float:
-        """The age of the oldest sample that any kill cost."""
+        """The age in s of the oldest sample that was lost by any kill."""
         return max(self.oldest.values(), default=0.0)
 
 
 @dataclass(slots=True)
 class TableCheck:
-    """Knows what one state directory must hold: what it held when last looked at, and then the sample log's samples."""
+    """Checks one state directory: it must hold the table of the last check, and then samples of the sample log."""
 
     state: Path
     valve_id: str
     table: StictionTable
 
     def after_kill(self, kind: str, entries: Sequence[Entry], killed_ns: int) -> KillOutcome:
-        """Return what a kill at `killed_ns` left and cost; nobody may be writing the table meanwhile."""
+        """Return the outcome of a kill at `killed_ns`; nobody may write the table meanwhile."""
         torn = any((self.state / f"{TABLE}{suffix}").exists() for suffix in SIDECARS)
         table_directory = TableDirectory(self.state, self.valve_id, self.table.cell_width_m)
         found = table_directory.load().table
-        violations = [f"the load said: {notice}" for notice in table_directory.take_notices()]
+        violations = [f"the load reported: {notice}" for notice in table_directory.take_notices()]
         violations += [f"{path.name} was set aside" for path in self.state.glob("stiction.*-*.sqlite*")]
         saved = [entry for entry in entries if self.table.sequence < entry.sequence <= found.sequence]
         lost = [entry for entry in entries if entry.sequence > found.sequence]

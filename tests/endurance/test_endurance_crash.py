@@ -1,4 +1,4 @@
-"""The short form of `make crash-test`: the same programs, fewer kills, and patience with a busy machine."""
+"""The short form of `make crash-test`: the same programs, fewer kills, and longer limits for a busy machine."""
 
 from __future__ import annotations
 

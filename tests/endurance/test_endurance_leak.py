@@ -1,4 +1,4 @@
-"""`make leak-test` in its short form, and that it would see a leak."""
+"""The short form of `make leak-test`, and proof that it would find a leak."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`make restart-test` in its short form, and that it sees what it looks for."""
+"""The short form of `make restart-test`, and proof that it would find what it looks for."""
 
 from __future__ import annotations
 

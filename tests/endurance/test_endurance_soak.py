@@ -1,4 +1,4 @@
-"""The short form of `make soak`, half a minute instead of an hour, and what its figures rest on."""
+"""The short form of `make soak`, half a minute instead of an hour, and its measurements."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _SECONDS = 30
 @pytest.mark.bus
 def test_half_a_minute_with_restarts_and_an_outage_leak_nothing_and_lose_nothing() -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    # an hour tells 1 % of growth from a cache that fills; half a minute, in three lives, tells 3 %
+    # an hour is enough to distinguish 1 % of growth from a cache that fills; half a minute, with three daemons, 3 %
     command = [sys.executable, "-m", "endurance.soak", "--seconds", str(_SECONDS), "--growth", "0.03"]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert len(re.findall(r"^(daemon|writer) ", done.stdout, re.MULTILINE)) == 6, done.stdout
-    lessons = re.search(r"^lessons: (\d+)$", done.stdout, re.MULTILINE)
-    assert lessons, done.stdout
-    assert int(lessons[1]) >= 1, done.stdout
+    learned = re.search(r"^learned samples: (\d+)$", done.stdout, re.MULTILINE)
+    assert learned, done.stdout
+    assert int(learned[1]) >= 1, done.stdout
     assert done.stdout.endswith("violations: 0\n"), done.stdout
 
 

@@ -1,4 +1,4 @@
-"""`make syscall-test` in its short form, and that it sees what it looks for."""
+"""The short form of `make syscall-test`, and what it counts and plans."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ def test_the_oracle_and_the_receiver_agree_on_any_sequence_of_counters(counters:
 
 
 def test_the_oracle_and_the_receiver_agree_on_every_pair_of_steps() -> None:
-    """All that a second frame can be after all that a first can: losses, wraps, restarts, replays."""
+    """Every pair of counter steps: losses, wraps, restarts, replays."""
     for first, second in itertools.product(range(256), range(256)):
         ledger, check = Ledger(), CounterCheck()
         for counter in (250, (250 + first) % 256, (250 + first + second) % 256):

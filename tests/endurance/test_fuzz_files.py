@@ -1,4 +1,4 @@
-"""The quick part of the fuzz of files, and proof that it would find what it looks for; `make fuzz-files` is all."""
+"""The quick part of `make fuzz-files`, and proof that it would find what it looks for."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ JSON = KINDS["json"]
 @pytest.mark.parametrize("name", KINDS)
 def test_hundreds_of_damaged_files_are_read_or_refused_with_one_clear_line(name: str, tmp_path: Path) -> None:
     found = fuzz_files.run_part(name, range(100), str(tmp_path))
-    # memory is not this process's to tell: it holds the rest of the suite as well
+    # the memory of this process proves nothing: it holds the rest of the suite as well
     assert [line for line in found.violations if not line.endswith("MiB")] == []
     assert 0 < found.taken[name] <= found.inputs[name] == 100
 

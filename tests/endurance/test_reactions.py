@@ -1,6 +1,6 @@
 """SAFETY.md's table against the code: every row has reactions to take away, and every test it names exists.
 
-`make reactions` takes them away and sees the tests fail; here is what can be said without running anything.
+`make reactions` takes them away and checks that the tests fail; this file checks what needs no such run.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""`positioner` with a sample log of its lessons.
+"""`positioner` with a log of the samples that it learns.
 
 python -m endurance.watched_daemon SAMPLE_LOG run --config valve.toml
 """
@@ -16,14 +16,14 @@ from positioner.machine.journal import logger
 
 
 class Watch(logging.Filter):
-    """Writes each lesson down as the daemon logs it, which is before it hands it over; keeps it out of the log."""
+    """Writes each learned sample to the sample log, before the store receives it; keeps it out of the daemon's log."""
 
     def __init__(self, path: Path) -> None:
         super().__init__()
         self._sample_log = SampleLogWriter(path)
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Return whether the record belongs into the log, too."""
+        """Return whether the record belongs in the daemon's log, too."""
         event = record.args[0] if isinstance(record.args, tuple) and record.args else None
         if isinstance(event, Learned):
             self._sample_log.write(event.sequence, event.sample)

@@ -54,7 +54,7 @@ def once_what(strike: Callable[[], int]) -> Callable[[], int]:
 def oldest_answer_ms(shell: VirtualShell) -> float:
     """How old the oldest reading was when a command that was computed from it left; in HOLD nothing new may be said."""
     ages, last_ma = [], 0.0
-    for said in shell.world.said:
+    for said in shell.world.sent:
         if not isinstance(said.message, CurrentCommand):
             continue
         if said.message.mode is Mode.HOLD:
@@ -85,7 +85,7 @@ def test_a_stall_beyond_the_failsafe_limit_is_latched_and_reported_wherever_it_s
         assert cause in {Cause.STALLED, Cause.FEEDBACK_STALE}
         assert len(shell.logged("-> FAILSAFE")) == 1
         assert shell.logged("stood still for")
-        commands = [said.message for said in shell.world.said if isinstance(said.message, CurrentCommand)]
+        commands = [said.message for said in shell.world.sent if isinstance(said.message, CurrentCommand)]
         assert (commands[-1].mode, commands[-1].current_ma) == (Mode.FAILSAFE, 4.0)
     assert oldest_answer_ms(shell) <= HOLD_MS
 
@@ -95,22 +95,22 @@ def test_a_stall_beyond_the_hold_limit_holds_for_a_cycle_and_is_reported(stall_m
     for place in PLACES:
         shell.cycle_for(1.0)
         shell.lines.clear()
-        before = len(shell.world.said)
+        before = len(shell.world.sent)
         shell.world.struck = once(place, stall_ms)
         shell.cycle_for(stall_ms / 1e3 + 0.5)
         assert shell.mode() is Mode.ACTIVE
         assert len(shell.logged("stood still for")) == 1
-        said = [said.message for said in shell.world.said[before:]]
+        said = [said.message for said in shell.world.sent[before:]]
         assert Mode.HOLD in {message.mode for message in said if isinstance(message, CurrentCommand)}
         assert shell.daemon.session.state.counters.by_cause[Counted.STALLED] == place + 1
     assert oldest_answer_ms(shell) <= HOLD_MS
 
 
 def test_after_a_stall_the_last_command_comes_before_any_new_one(shell: VirtualShell) -> None:
-    before = len(shell.world.said)
+    before = len(shell.world.sent)
     shell.world.struck = once(0, 60.0)
     shell.cycle()
-    modes = [said.message.mode for said in shell.world.said[before:] if isinstance(said.message, CurrentCommand)]
+    modes = [said.message.mode for said in shell.world.sent[before:] if isinstance(said.message, CurrentCommand)]
     assert modes[0] is Mode.HOLD
     assert shell.daemon.session.state.link.feedback.periods_unread > 0  # the law will know how much time has passed
 
@@ -212,7 +212,7 @@ def test_a_law_that_is_always_too_late_to_be_used_fails_safe(
     monkeypatch.setattr(law, "decide", slow)
     shell.cycle_for(3.0)
     assert shell.mode_and_cause() == (Mode.FAILSAFE, Cause.LAW_LATE)
-    said = [said for said in shell.world.said if isinstance(said.message, CurrentCommand)]
+    said = [said for said in shell.world.sent if isinstance(said.message, CurrentCommand)]
     # the last word is repeated in between: the actuator hears that somebody is there
     assert max((other.at_ns - one.at_ns) / MS for one, other in pairwise(said)) < FAILSAFE_MS
     assert oldest_answer_ms(shell) <= HOLD_MS
@@ -237,7 +237,7 @@ def test_a_record_with_stalls_replays_to_the_bit(tmp_path: Path, capsys: pytest.
                 shell.arm()
                 shell.world.struck = once(place, stall_ms)
                 shell.cycle_for(0.05 + stall_ms / 1e3)
-        causes = {said.message.cause for said in shell.world.said if isinstance(said.message, PositionerStatus)}
+        causes = {said.message.cause for said in shell.world.sent if isinstance(said.message, PositionerStatus)}
         assert Cause.STALLED in causes
     assert main(["replay", str(log), "--config", str(tmp_path / "valve.toml")]) == 0
     assert "identical" in capsys.readouterr().out

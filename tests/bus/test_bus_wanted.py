@@ -1,4 +1,4 @@
-"""What a port receives on a bus that gives it everything, its own frames as well: the wanted frames, and no earlier."""
+"""A bus delivers every frame to a port, its own ones as well: the port returns the wanted ones, and waits for them."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_what_is_not_wanted_does_not_cut_a_batch_in_two(port: BusPort, sender: B
 
 
 @pytest.mark.parametrize("identifier", [0x100, 0x170])
-def test_neither_its_own_frames_nor_those_of_nobody_end_the_waiting(
+def test_neither_its_own_frames_nor_unwanted_ones_end_the_waiting(
     identifier: int, port: BusPort, sender: BusPort
 ) -> None:
     assert (port if identifier == 0x100 else sender).send(CanFrame(identifier, b"nothing"))
@@ -72,7 +72,7 @@ def test_neither_its_own_frames_nor_those_of_nobody_end_the_waiting(
     assert 0.9 * WAIT_S <= time.monotonic() - start_s < WAIT_S + 30.0
 
 
-def test_a_frame_ends_the_waiting_behind_its_own_ones(port: BusPort, sender: BusPort) -> None:
+def test_a_wanted_frame_behind_its_own_one_ends_the_waiting(port: BusPort, sender: BusPort) -> None:
     port.send(CanFrame(0x100, b"own"))
     sender.send(CanFrame(0x100, b"other"))
     start_s = time.monotonic()

@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.bus
 AUTO = {"auto_arm": True}
-SLACK = {"feedback_hold_periods": 999, "feedback_failsafe_periods": 9999}
-"""Ages that no test reaches by the frames it leaves out."""
+LONG_TIMEOUTS = {"feedback_hold_periods": 999, "feedback_failsafe_periods": 9999}
+"""Timeouts that no test reaches by frames that it does not send."""
 
 
 @pytest.fixture
@@ -172,7 +172,7 @@ def test_a_setpoint_outside_the_travel_is_reported_and_the_last_one_stays(armed:
 
 
 def test_every_kind_of_bad_frame_gets_a_line_that_names_it_and_the_loop_goes_on(tmp_path: Path) -> None:
-    with Loop(tmp_path, guard={**AUTO, **SLACK}) as loop:
+    with Loop(tmp_path, guard={**AUTO, **LONG_TIMEOUTS}) as loop:
         loop.sample()
         position = loop.others.codec.by_kind[StemPosition]
         assert position.data_id is not None
@@ -268,7 +268,7 @@ def test_a_bus_that_is_not_there_is_reported_once_and_joined_when_it_comes(
 
     def opened(address: BusAddress, filters: Any) -> can.BusABC:
         tries.append(address)
-        if len(tries) in range(2, 6):  # the first is the other nodes'
+        if len(tries) in range(2, 6):  # the first try is that of the other nodes
             raise OSError(19, "No such device")
         return real(address, filters)
 

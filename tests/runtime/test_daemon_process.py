@@ -25,7 +25,7 @@ MOST_SAMPLES_PER_CYCLE = 3
 """Samples that one cycle can learn: a stick speed, a landing and a breakaway."""
 LONG_TIMEOUTS = {"feedback_hold_periods": 500, "feedback_failsafe_periods": 5000, "setpoint_hold_s": 10.0,
                  "setpoint_failsafe_s": 100.0}  # fmt: skip
-"""Ages that a busy machine does not reach between two frames of a test."""
+"""Timeouts that a busy machine does not reach between two frames of a test."""
 
 
 def test_a_service_is_silent_until_armed_and_saves_its_table_at_the_end(tmp_path: Path) -> None:

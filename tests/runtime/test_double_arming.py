@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 LONG_TIMEOUTS = {"feedback_hold_periods": 500, "feedback_failsafe_periods": 5000, "setpoint_hold_s": 0.0,
                  "setpoint_failsafe_s": 0.0}  # fmt: skip
-"""Ages that a busy machine does not reach between two frames of a test."""
+"""Timeouts that a busy machine does not reach between two frames of a test."""
 
 
 @pytest.mark.bus

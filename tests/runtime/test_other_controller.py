@@ -46,7 +46,7 @@ def test_who_goes_on_for_two_seconds_is_another_controller(period_ms: int) -> No
 
 
 @pytest.mark.bus
-def test_the_last_frames_of_a_daemon_that_was_killed_keep_the_next_one_from_nothing(loop: Loop) -> None:
+def test_the_last_frames_of_a_daemon_that_was_killed_do_not_end_the_next_one(loop: Loop) -> None:
     loop.sample()
     for _ in range(6):
         loop.cycle(*(loop.others.frame(CurrentCommand(9.5)) for _ in range(128)), after_s=0.02)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Let the short form be chosen where user-mode Linux would run."""
+    """Add the option that chooses the short form, even where user-mode Linux can run."""
     parser.addoption(
         "--kernel",
         choices=["auto", "qemu"],
@@ -26,7 +26,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Outside, send the tests into kernels; inside, run them as any test."""
+    """On the host, send the tests into kernels; inside a kernel, run them as any test."""
     if kind_inside() is None:
         config.pluginmanager.register(Dispatcher(only_qemu=config.getoption("--kernel") == "qemu"), "kernel-dispatcher")
 

@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from types import TracebackType
 
 TIMEOUT_S = 60.0 * time_factor()
-"""How long anything may take in a kernel that shares a busy machine."""
+"""The longest time that a test waits in a kernel that shares a busy machine."""
 _NUMBERS = itertools.count(10)
 
 
 def command(*words: str, check: bool = True, text: str | None = None) -> str:
-    """Return what a command prints; where it fails its own words are the failure."""
+    """Return the output of a command; where it fails, its output is in the message of the failed test."""
     done = subprocess.run(words, check=False, capture_output=True, text=True, input=text, timeout=TIMEOUT_S * 10)
     assert not check or done.returncode == 0, f"{' '.join(words)}: {done.returncode}\n{done.stdout}{done.stderr}"
     return done.stdout + done.stderr
@@ -46,7 +46,7 @@ def vcan(name: str = "") -> Iterator[BusAddress]:
 
 
 def until(holds: Callable[[], object], what: object = "it", timeout_s: float = TIMEOUT_S) -> None:
-    """Wait until `holds`, or fail with `what`, called where it can be."""
+    """Wait until `holds`, or fail with the message `what`, or with its result where it is a function."""
     deadline_s = time.monotonic() + timeout_s
     while not holds():
         assert time.monotonic() < deadline_s, what() if callable(what) else what

@@ -80,7 +80,7 @@ class Valve:
         self._numbers = itertools.count()
 
     def step(self) -> None:
-        """One period of the host: send a setpoint, and receive the frames of the others."""
+        """Run one period of the host: send a setpoint, and receive the frames of the others."""
         self.port.send(self.codec.encode(Setpoint(self.setpoint_m, self.request), next(self._numbers)))
         end_s = time.monotonic() + PERIOD_S
         while (left_s := end_s - time.monotonic()) > 0.0:
@@ -109,7 +109,7 @@ class Valve:
         return isinstance(truth, PlantTruth) and abs(truth.position_m - position_m) < within_m
 
     def go_to(self, position_m: float) -> None:
-        """Ask for a place until the stem is there."""
+        """Send the setpoint `position_m` until the stem is there."""
         self.setpoint_m = position_m
         self.newest.pop(PlantTruth, None)
         self.until(lambda: self.is_at(position_m))
@@ -132,7 +132,7 @@ class Valve:
         systemctl("stop", self.unit, self.plant)
 
     def story(self) -> str:
-        """Return what is known, for a test that fails."""
+        """Return state and journal of both services, for the message of a failed test."""
         status = command("systemctl", "--no-pager", "status", self.unit, self.plant, check=False)
         return f"{status}\n{journal(self.unit)[-3000:]}\n{journal(self.plant)[-1500:]}"
 

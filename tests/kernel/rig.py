@@ -37,7 +37,7 @@ PERIOD_S = 0.02
 HOLD_PERIODS = 25
 FAILSAFE_PERIODS = 100
 DEADMAN_S = 1.0
-"""Ages that a busy machine does not reach by itself, and for which a test can still wait."""
+"""Limits that a busy machine does not reach by itself, and for which a test can still wait."""
 NEAR_M = 0.010
 """Near enough to distinguish a valve that obeys from one that does not, at so long a period."""
 LOW_M, HIGH_M = 0.066, 0.088
@@ -52,7 +52,7 @@ M = TypeVar("M", bound=Message)
 
 @dataclass
 class Received:
-    """What the host of a rig has received: the newest message of each kind, and how many there were."""
+    """The messages that the host of a rig has received: the newest of each kind, and their numbers."""
 
     newest: dict[type, Message] = field(default_factory=dict)
     counts: Counter[type] = field(default_factory=Counter)
@@ -90,7 +90,7 @@ class Rig:
         self.daemon = self.start_daemon()
 
     def start_daemon(self) -> BenchProcess:
-        """Start the positioner, anew where it has ended."""
+        """Start the positioner, or start it again."""
         self.daemon = BenchProcess(
             "positioner.cli.main", ["run", "--config", str(self.path)], self.folder / "daemon.log"
         )
@@ -99,14 +99,14 @@ class Rig:
 
     @property
     def lines(self) -> list[str]:
-        """What the positioner has logged."""
+        """The lines of the positioner's log."""
         return (self.folder / "daemon.log").read_text(encoding="utf-8").splitlines()
 
     def logged(self, word: str) -> list[str]:
         return [line for line in self.lines if word in line]
 
     def step(self, *, asks: bool = True) -> None:
-        """One period of the host."""
+        """Run one period of the host; with `asks` it sends a setpoint."""
         if asks:
             frame = self.codec.encode(Setpoint(self.setpoint_m, self.request), next(self._numbers))
             self.port.send(frame)
@@ -155,7 +155,7 @@ class Rig:
         return status.mode if status else None
 
     def arm(self) -> None:
-        """Ask until it is active."""
+        """Send requests to arm until the positioner is ACTIVE."""
         self.received.newest.clear()
         steps = itertools.count()
 
@@ -167,12 +167,12 @@ class Rig:
         self.until(is_active)
 
     def is_at(self, position_m: float, within_m: float = NEAR_M) -> bool:
-        """Return whether the stem truly is there."""
+        """Return whether the true position of the stem is there."""
         truth = self.newest(PlantTruth)
         return truth is not None and abs(truth.position_m - position_m) < within_m
 
     def go_to(self, position_m: float, within_m: float = NEAR_M) -> None:
-        """Ask for a place and wait until the stem rests there; a positioner that failed safe is armed again."""
+        """Send the setpoint `position_m` until the stem rests there; arm a positioner that failed safe again."""
         self.setpoint_m = position_m
         rests = itertools.count()
 
@@ -193,7 +193,7 @@ class Rig:
         child.process.send_signal(signal.SIGCONT)
 
     def story(self) -> str:
-        """Return what is known, for a test that fails."""
+        """Return the last messages and log lines, for the message of a failed test."""
         seen = {kind.__name__: str(message) for kind, message in self.received.newest.items()}
         plant = (self.folder / "plant.log").read_text(encoding="utf-8").splitlines()
         return "\n".join([str(seen), str(self.received.counts), *self.lines[-15:], *plant[-3:]])

@@ -35,7 +35,7 @@ class SerialAdapter:
         self._bus.bind((wire,))
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._carry, daemon=True)
-        self.said: list[bytes] = []
+        self.other_lines: list[bytes] = []
 
     def __enter__(self) -> Self:
         self._thread.start()
@@ -64,7 +64,7 @@ class SerialAdapter:
                     if line[:1] == b"t":
                         self._bus.send(_frame(line))
                     else:
-                        self.said.append(line)
+                        self.other_lines.append(line)
 
 
 def _line(frame: bytes) -> bytes:

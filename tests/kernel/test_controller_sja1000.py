@@ -66,4 +66,4 @@ def test_the_doctor_reads_what_the_controller_was_set_to(tmp_path: Path) -> None
     assert (data["bittiming"]["bitrate"], data["restart_ms"], data["state"]) == (1_000_000, 100, "ERROR-ACTIVE")
     for word in ("up at 1000 kbit/s", "100 ms after bus-off", "can1 is ERROR-ACTIVE"):
         assert word in text, text
-    assert found["feedback"]["level"] == "FAIL"  # nobody speaks now, and it says so
+    assert found["feedback"]["level"] == "FAIL"  # no node sends now, and the doctor reports it

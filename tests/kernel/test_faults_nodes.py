@@ -40,12 +40,12 @@ def test_a_second_controller_is_an_alarm_for_as_long_as_it_speaks(rig: Rig) -> N
         rig.port.send(rig.codec.encode(CurrentCommand(12.5), next(numbers)))
         return rig.newest(PositionerStatus)
 
-    rig.until(lambda: (said := status_while_it_speaks()) is not None and said.cause is Cause.FOREIGN_COMMAND)
+    rig.until(lambda: (status := status_while_it_speaks()) is not None and status.cause is Cause.FOREIGN_COMMAND)
     status = rig.newest(PositionerStatus)
     assert status is not None
     assert (status.mode, status.health) == (Mode.ACTIVE, Health.FAILURE)
     assert any("12.500 mA" in line for line in rig.lines)
-    rig.until(lambda: (said := rig.newest(PositionerStatus)) is not None and said.cause is Cause.NONE)
+    rig.until(lambda: (status := rig.newest(PositionerStatus)) is not None and status.cause is Cause.NONE)
     assert rig.next(PositionerStatus).health is Health.GOOD
 
 
@@ -75,7 +75,7 @@ def test_a_valve_that_is_silent_is_held_then_failed_safe_until_it_is_armed_again
     silent_s = time.monotonic()
     rig.pause(rig.plant)
     rig.received.newest.clear()
-    rig.until(lambda: (said := rig.newest(CurrentCommand)) is not None and said.mode is Mode.HOLD)
+    rig.until(lambda: (newest := rig.newest(CurrentCommand)) is not None and newest.mode is Mode.HOLD)
     # the last reading may be some periods old when the emulator is stopped: this kernel is slow
     assert HOLD_PERIODS / 2 <= (time.monotonic() - silent_s) / PERIOD_S < FAILSAFE_PERIODS
     held = rig.newest(CurrentCommand)

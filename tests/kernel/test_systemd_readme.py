@@ -1,4 +1,4 @@
-"""The README's "A real positioner in five steps", walked literally: its commands, in its order, on a new machine."""
+"""The README's "A real positioner in five steps", with its own commands, in its order, on a new machine."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.kernel("systemd")
 WIRE = "vcan9"
 EDIT = f"""#!/bin/sh
-# what a user types into the editor: the period of his sensor, and ages that a busy machine does not reach
+# what a user types into the editor: the period of the sensor, and limits that a busy machine does not reach
 exec sed -i -e 's/^sample_period_s = .*/sample_period_s = {PERIOD_S}/' \\
     -e 's/^feedback_hold_periods = .*/feedback_hold_periods = 50/' \\
     -e 's/^feedback_failsafe_periods = .*/feedback_failsafe_periods = 500/' \\
@@ -88,12 +88,12 @@ def test_the_five_steps_lead_to_a_valve_under_control(tmp_path: Path) -> None:
     assert "bitrate 1000000" in shown
     assert "qlen 128" in shown
 
-    said = walk(describe, tmp_path)
-    assert "fv101.toml" in said
+    output = walk(describe, tmp_path)
+    assert "fv101.toml" in output
 
-    said = walk(examine, tmp_path)
-    assert "FAIL" not in said
-    assert "can0 is up at 1000 kbit/s" in said
+    output = walk(examine, tmp_path)
+    assert "FAIL" not in output
+    assert "can0 is up at 1000 kbit/s" in output
 
     walk(run, tmp_path)
     assert show("positioner@fv101", "ActiveState") == "active"

@@ -1,4 +1,4 @@
-"""The services under a booted systemd: started, killed, hung, bereft of their bus, misconfigured, stopped."""
+"""The services under a booted systemd: started, killed, hung, without their bus, misconfigured, stopped."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def installed() -> None:
     command("make", "-C", str(PROJECT), "install")
     systemctl("start", "vcan0.service")
     configure("fv101", "vcan0")
-    until(lambda: show("sys-subsystem-net-devices-vcan0.device", "ActiveState") == "active", "udev tells of vcan0")
+    until(lambda: show("sys-subsystem-net-devices-vcan0.device", "ActiveState") == "active", "udev reports vcan0")
 
 
 @pytest.fixture
@@ -111,7 +111,7 @@ def test_a_positioner_that_hangs_is_killed_by_the_watchdog_and_comes_back(valve:
 
 @contextmanager
 def start_within(valve: Valve, limit_s: float) -> Iterator[None]:
-    """Let the positioner, which is stopped first, start within a shorter time than its unit says."""
+    """Stop the positioner, and shorten the time that its unit allows for a start."""
     valve.stop()
     drop_in = Path(f"/run/systemd/system/{valve.unit}.d/start.conf")
     drop_in.parent.mkdir(parents=True, exist_ok=True)
@@ -147,7 +147,7 @@ def test_a_positioner_waits_for_its_first_feedback_without_end_and_is_killed_if_
     until(lambda: valve.is_active, valve.story)
 
 
-def test_a_positioner_that_hangs_before_its_first_turn_is_killed_and_comes_back(valve: Valve) -> None:
+def test_a_positioner_that_hangs_before_its_first_cycle_is_killed_and_comes_back(valve: Valve) -> None:
     with start_within(valve, 5.0):
         late = journal(valve.unit).count("start operation timed out")
         systemctl("start", "--no-block", valve.plant, valve.unit)

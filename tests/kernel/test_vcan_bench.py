@@ -42,7 +42,7 @@ guard = { feedback_hold_periods = 800, feedback_failsafe_periods = 8000, setpoin
 
 
 def bench(folder: Path, text: str, bus: str, *more: str) -> dict[str, object]:
-    """Return the result of `positioner bench`, whose run itself is left out: it differs each time."""
+    """Return the result of `positioner bench` without its table `run`, which differs each time."""
     scenario = folder / "scenario.toml"
     scenario.write_text(text, encoding="utf-8")
     out = folder / bus.replace(":", "-")
@@ -73,10 +73,10 @@ def test_a_vcan_that_is_up_is_found_and_used(tmp_path: Path) -> None:
     scenario.write_text(LOCKSTEP.replace("87.0, 80.0", "87.0"), encoding="utf-8")
     with vcan() as address:
         words = ["bench", "--scenario", str(scenario), "--out", str(tmp_path / "out")]
-        said = command(sys.executable, "-m", "positioner", *words)
+        output = command(sys.executable, "-m", "positioner", *words)
     name = address.channel if kind_inside() else "vcan"  # a host may have one of its own
-    assert f"bus socketcan:{name}" in said
-    assert "a virtual CAN interface of this machine" in said
+    assert f"bus socketcan:{name}" in output
+    assert "a virtual CAN interface of this machine" in output
 
 
 def test_thirty_seconds_in_real_time_at_100_hz_close_the_loop(tmp_path: Path) -> None:

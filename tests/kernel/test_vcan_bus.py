@@ -112,9 +112,9 @@ def test_a_link_that_goes_down_and_comes_up_is_a_state_of_the_port(ports: tuple[
     assert not one.send(CanFrame(0x100, b"lost"))
     command("ip", "link", "set", name, "up")
 
-    def is_heard() -> bool:
+    def is_received() -> bool:
         other.receive(0.0)
         other.send(CanFrame(0x100, b"back"))
         return any(frame.data == b"back" for frame in one.receive(0.05))
 
-    until(is_heard)
+    until(is_received)

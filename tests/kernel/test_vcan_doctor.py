@@ -19,7 +19,7 @@ pytestmark = pytest.mark.kernel("vcan")
 
 
 def examined(path: Path) -> dict[str, tuple[str, str, str]]:
-    """Return level, text and mending command by subject."""
+    """Return level, text and the command that fixes it, by subject."""
     text = command(sys.executable, "-m", "positioner", "doctor", "--json", "--config", str(path), check=False)
     found = json.loads(text[text.index("{") :])["findings"]
     return {finding["subject"]: (finding["level"], finding["text"], finding["mend"]) for finding in found}

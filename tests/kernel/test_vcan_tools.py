@@ -126,16 +126,16 @@ def test_canplayer_plays_a_recorded_bus(bus: BusAddress, tmp_path: Path) -> None
 
 def test_random_frames_of_cangen_are_no_reason_to_act_or_to_stop(bus: BusAddress, tmp_path: Path) -> None:
     with Service(tmp_path, bus=bus, guard=LONG_TIMEOUTS) as service:
-        said = BusPort(bus, [(CURRENT_COMMAND, False)])
-        said.open()
+        commands = BusPort(bus, [(CURRENT_COMMAND, False)])
+        commands.open()
         # the identifiers of a position and of a setpoint with random data of random length; then any identifier
         for identifier in ("110", "120", "r"):
             command("cangen", bus.channel, "-g", "1", "-n", "300", "-I", identifier, "-L", "r", "-D", "r")
         until(lambda: service.logged("wrong"), lambda: service.lines)
         service.others.port.receive(0.0)
-        said.receive(0.0)
-        assert said.receive(0.3) == ()
-        said.close()
+        commands.receive(0.0)
+        assert commands.receive(0.3) == ()
+        commands.close()
         while service.others.port.receive(0.0):
             pass
         service.arm()

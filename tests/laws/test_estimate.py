@@ -1,4 +1,4 @@
-"""The estimator: an average while the stem sticks, a filter while it slides, and two ways out of a stick."""
+"""The estimator: an average while the stem sticks, a filter while it slides, and the two ends of a stick."""
 
 from __future__ import annotations
 
@@ -136,9 +136,9 @@ def test_friction_stops_a_stem_before_its_speed_changes_sign(
     assert not (after.stuck and after.velocity_m_per_s)
     # it rests where static friction holds it, and nowhere else: where the model stopped it, or where the reading did
     modelled = _predict(EstimatorSettings(), VALVE, state, applied_ma, period_s)
-    judged_m = modelled.position_m if modelled.stuck else after.position_m
+    resting_m = modelled.position_m if modelled.stuck else after.position_m
     if after.stuck:
-        assert abs(VALVE.net_force_n(judged_m, applied_ma)) <= VALVE.static_friction_n
+        assert abs(VALVE.net_force_n(resting_m, applied_ma)) <= VALVE.static_friction_n
 
 
 @settings(max_examples=300)
@@ -189,7 +189,7 @@ def follow(noise: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray,
 
 
 def test_without_noise_the_estimate_follows_the_emulated_valve() -> None:
-    # the emulator knows Karnopp's band and the Stribeck term, the model does not: that is what the bands allow
+    # the emulator has Karnopp's band and the Stribeck term, the model does not: the tolerances allow for this
     error_x, error_v, stuck, found = follow(0.0, 1)
     assert 1e-8 < np.abs(error_x).max() < 1e-6
     assert 1e-5 < np.abs(error_v).max() < 2e-3

@@ -274,7 +274,7 @@ def test_the_loop_learns_spring_and_friction_and_the_table_keeps_them(
 
 
 def test_the_first_move_after_a_restart_is_better_than_the_first_ever() -> None:
-    # 63 mm with a spring that is 20 % softer than the model's: the landing of a law that remembers, and of one not
+    # 63 mm with a spring that is 20 % softer than the model's: the landing with that memory, and without it
     table = played("spring-20").table
     new: list[float] = []
     old: list[float] = []

@@ -68,7 +68,7 @@ def test_a_landing_beside_the_prediction_corrects_the_load_that_moved_it_there(e
     assert math.copysign(1.0, rest.load.friction_n - NOMINAL.friction_n) == -math.copysign(1.0, error_m)
     again = FILTER.model.step(0.06, 0.0, 18.0, rest.load, 1.0, 4e-3)
     again = FILTER.model.step(again.x, again.v, 9.0, rest.load, 1.0, 1.0)
-    # the corrected load predicts the landing: within a tenth of the error, what linearisation leaves
+    # the corrected load predicts the landing to a tenth of the error; the rest is the error of linearisation
     assert again.x == pytest.approx(landed().x + error_m, abs=abs(error_m) / 10.0)
 
 
@@ -85,7 +85,7 @@ def test_the_covariance_through_a_stop_is_that_of_many_stems() -> None:
         end = FILTER.model.step(0.06, 0.0, 18.0, load, 1.0, 4e-3)
         ends.append(FILTER.model.step(end.x, end.v, 9.0, load, 1.0, 1.0).x)
     known = state.covariance[0, 0]
-    # what the filter adds on the way: force noise until the stop
+    # the filter adds force noise until the stop
     noise = (SETTINGS.force_noise_n / VALVE.mass_kg * 4e-3) ** 2 * (0.6 / 115.0) ** 2
     assert float(np.var(ends)) == pytest.approx(known, rel=0.06, abs=2.0 * noise)
 

@@ -33,7 +33,7 @@ def test_white_noise_is_known_to_a_tenth_after_two_thousand_readings(sigma: floa
 
 
 def test_twice_the_configured_noise_is_noticed_within_a_hundred_readings() -> None:
-    # half the true noise is the severe fault: be above half of the truth soon
+    # half the true noise would be the severe error: the estimate must be above it soon
     assert after(white(100, 2.0)).ratio > 2.0
 
 

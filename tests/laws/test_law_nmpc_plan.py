@@ -64,7 +64,7 @@ def test_inside_the_limits_and_at_every_step_of_the_prediction_still_able_to_sto
     braked = predict(SETTINGS, MODEL, move, [move.release_ma, *(move.weakest_ma,) * 3], period_s)
     for stop, least in zip(trajectory.stops, braked.stops, strict=True):
         past_m, least_m = (move.direction * (each - move.target_m) for each in (stop, least))
-        # the soft margin is what the tolerance of solver and passes is worth
+        # the margin allows for the tolerance of the solver and of its passes
         assert past_m <= max(least_m, 0.0) + SOFT_MARGIN_M
 
 

@@ -1,4 +1,4 @@
-"""Pushes that fail: how many, how seldom, and who hears of it, whatever the table says."""
+"""Pushes that fail: how many, how seldom, and where they are reported, whatever the table holds."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_a_stem_that_is_free_again_is_found_at_the_next_push() -> None:
 
 
 def test_a_breakaway_of_the_papers_law_fails_twenty_times_at_most() -> None:
-    # by what its estimator says; the plan goes on, which is what the paper's controller is
+    # by its own estimate; the plan goes on, as in the paper's controller
     law, table, released = Loop("paper").setup.law, gamma_table(1.0), 0
     memory, stem = law.begin(0.08), StemState(0.08, 0.0, stuck=True, direction=1.0)
     rests = []

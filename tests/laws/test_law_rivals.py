@@ -40,7 +40,7 @@ LOW_MA, HIGH_MA = 4.0, 20.0
 
 @dataclass(frozen=True)
 class Cycle:
-    """What one cycle of a law showed."""
+    """The result of one cycle of a law."""
 
     current_ma: float
     motion: Motion
@@ -180,7 +180,7 @@ def knocker(off_band_m: float = 0.0, ki: float = 10.0) -> PiLaw[Any]:
 
 
 def pulses(readings: list[tuple[float, float]], off_band_m: float = 0.0) -> list[float]:
-    """Return what the knocker adds to the controller that it sits on, in mA."""
+    """Return the current in mA that the knocker adds to the output of its controller."""
     with_pulses = play(knocker(off_band_m), readings)
     without = play(pi_law(gains(ki=10.0)), readings)
     return [a.current_ma - b.current_ma for a, b in zip(with_pulses, without, strict=True)]

@@ -44,7 +44,7 @@ def test_the_reason_of_every_recorded_failure_to_boot_is_one_line(name: str) -> 
     assert boot.why_it_ended(recorded(name).read_text(encoding="utf-8")) == REASONS[name]
 
 
-def test_without_a_known_reason_the_last_line_of_the_console_is_told() -> None:
+def test_without_a_known_reason_the_last_line_of_the_console_is_given() -> None:
     assert boot.why_it_ended("booting\nenv: no such file\n\n") == "it ended with 'env: no such file'"
     assert boot.why_it_ended("") == "it said nothing"
 

@@ -141,7 +141,7 @@ def test_the_positioner_is_ready_watched_and_restarted_but_not_after_a_wrong_con
     assert service["WatchdogSignal"] == ["SIGKILL"]
 
 
-def test_what_comes_before_the_first_turn_of_the_loop_has_an_end() -> None:
+def test_what_comes_before_the_first_cycle_of_the_loop_has_an_end() -> None:
     # longer than the daemon waits for its table writer; each turn before the first feedback extends it
     assert 2 * _START_S <= float(only(read(SYSTEMD / "positioner@.service"), "Service", "TimeoutStartSec")) <= 120.0
 

@@ -149,7 +149,7 @@ def test_a_push_that_acts_late_teaches_no_landing_that_never_was(late: int) -> N
     assert all(abs(bias_m) < 2e-3 for bias_m in biases_m), biases_m
 
 
-def test_what_physics_excludes_is_not_learned_and_told() -> None:
+def test_what_physics_excludes_is_not_learned_but_reported() -> None:
     # the first push of the paper's law is the whole loop: 20 mA at 10 mm frees the stem, and is no breakaway current
     loop = Loop("paper")
     loop.run(0.1, 0.08)

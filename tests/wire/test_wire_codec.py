@@ -88,7 +88,7 @@ MESSAGES = [golden[0] for golden in GOLDEN]
 
 
 def bitwise_crc(data: bytes) -> int:
-    """CRC-16 0x1021, start 0xFFFF, one bit at a time, as the standard writes it down."""
+    """CRC-16 0x1021, start 0xFFFF, one bit at a time, as the standard describes it."""
     register = 0xFFFF
     for byte in data:
         register ^= byte << 8

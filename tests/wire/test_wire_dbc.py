@@ -33,7 +33,7 @@ DBC = Path(__file__).parents[2] / "dbc" / "positioner.dbc"
 
 
 def _read() -> Database:
-    # not strict: whether signals overlap is for the tests here to say
+    # not strict: the tests here check whether signals overlap
     database = cantools.database.load_string(DBC.read_text(encoding="utf-8"), "dbc", strict=False)
     assert isinstance(database, Database)
     return database

@@ -57,7 +57,7 @@ def codec(dbc: Path) -> Codec:
 
 
 def near(message: Any, counter: int | None) -> Any:
-    """What `decode` gives for a message, but for rounding in its one fractional field."""
+    """Return the result of `decode` for a message, but for rounding in its one fractional field."""
     name = fields(message)[0].name
     return replace(message, **{name: pytest.approx(getattr(message, name))}), counter
 
@@ -222,7 +222,7 @@ def test_every_mistake_in_the_wire_table_has_its_line_at_once(dbc: Path) -> None
 
 
 def _with_sorted_names(problem: str) -> str:
-    """The problem with the names it lists in a fixed order: cantools sorts messages and signals its own way."""
+    """Return the problem with its list of names sorted: cantools sorts messages and signals its own way."""
     head, separator, names = problem.partition("which has: ")
     return head + separator + ", ".join(sorted(names.split(", ")))
 
@@ -268,7 +268,7 @@ def test_a_dbc_of_more_than_a_mebibyte_is_refused_before_it_is_parsed(tmp_path: 
     )
 
 
-# what a DBC gives to others, counters that end before their bits do, and signals that carry no number
+# identifiers of other messages, counters that end before their bits do, and signals that carry no number
 
 CLASHES = """BO_ 256 Lamp: 2 PLC
  SG_ On : 0|1@1+ (1,0) [0|1] "" VALVE
@@ -323,10 +323,10 @@ def test_our_own_messages_inside_the_users_dbc_are_no_clash(tmp_path: Path) -> N
 
 def test_a_named_identifier_must_be_free_and_of_a_frame_of_ours(dbc: Path) -> None:
     chosen = {"positioner_statsu": 0x345, "setpoint": 0x346, "positioner_count": 0x110, "stem_position": 0x110}
-    told = problems(WireSettings(dbc=dbc, setpoint=ALL.setpoint, identifiers=chosen))
-    assert told[0].startswith("wire.identifiers.positioner_statsu = 0x345: is no frame of ours")
-    assert "positioner_status" in told[0]
-    assert told[1:] == [
+    lines = problems(WireSettings(dbc=dbc, setpoint=ALL.setpoint, identifiers=chosen))
+    assert lines[0].startswith("wire.identifiers.positioner_statsu = 0x345: is no frame of ours")
+    assert "positioner_status" in lines[0]
+    assert lines[1:] == [
         "wire.identifiers.setpoint = 0x346: wire.setpoint names a message of your own, whose identifier the DBC gives",
         "wire.dbc: STEM_POSITION and POSITIONER_COUNT share the identifier 110",
     ]
@@ -376,7 +376,7 @@ def test_a_message_that_stands_twice_in_the_dbc_is_refused(dbc: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "key", "told"),
+    ("old", "new", "key", "message"),
     [
         (
             TRAVEL,
@@ -410,8 +410,8 @@ def test_a_message_that_stands_twice_in_the_dbc_is_refused(dbc: Path) -> None:
         ),
         (ALIVE, ALIVE.replace("(1,", "(0,"), COUNTER_KEY, NO_COUNTER),
         *(
-            (TRAVEL, TRAVEL.replace(old, new), POSITION_KEY, f"has the {name} {told}, {NO_NUMBER}")
-            for old, new, name, told in (
+            (TRAVEL, TRAVEL.replace(old, new), POSITION_KEY, f"has the {name} {message}, {NO_NUMBER}")
+            for old, new, name, message in (
                 ("(0.01", f"(1{'0' * 400}", "scale", "1" + "0" * 400),
                 ("-10)", "1e999)", "offset", "inf"),
                 ("[-10", f"[-1{'0' * 400}", "minimum", "-1" + "0" * 400),
@@ -421,10 +421,10 @@ def test_a_message_that_stands_twice_in_the_dbc_is_refused(dbc: Path) -> None:
     ],
 )
 def test_a_signal_that_carries_no_number_is_one_line_at_the_check_and_at_the_start(
-    dbc: Path, old: str, new: str, key: str, told: str, capsys: pytest.CaptureFixture[str]
+    dbc: Path, old: str, new: str, key: str, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = changed(dbc, old, new)
-    assert problems(replace(ALL, dbc=path)) == [f"{key}: {told}"]
+    assert problems(replace(ALL, dbc=path)) == [f"{key}: {message}"]
     config = dbc.with_name("valve.toml")
     named = ("stem_position", "actuator_state", "setpoint", "current_command")
     wire: dict[str, Any] = {"dbc": "changed.dbc"}
@@ -434,7 +434,7 @@ def test_a_signal_that_carries_no_number_is_one_line_at_the_check_and_at_the_sta
     for command in (["check", str(config)], ["run", "--config", str(config), "--state", str(dbc.parent)]):
         assert main(command) == ExitCode.CONFIG
         (line,) = capsys.readouterr().err.splitlines()
-        assert told in line
+        assert message in line
 
 
 def test_whatever_numbers_a_dbc_gives_a_signal_end_in_a_codec_or_in_a_line(dbc: Path) -> None:

@@ -59,7 +59,7 @@ def codec_of(folder: Path, unit: str, scale: str, *, position: bool) -> Codec:
 
 
 def carried(form: FieldFormat, value: float) -> float:
-    """Return what becomes of `value` on its way through the signal."""
+    """Return `value` after it was rounded to the steps of the signal."""
     return round((value - form.si_offset) / form.si_per_bit) * form.si_per_bit + form.si_offset
 
 
@@ -194,5 +194,5 @@ failsafe_action = "20 mA"
     with pytest.raises(ConfigurationError) as caught:
         load_config(path)
     (problem,) = caught.value.problems
-    told = "the command signal of the DBC has steps of 5 mA, and none from 11 to 14 mA"
-    assert str(problem) == f"line 7: guard.current_high_ma = 14.0: {told}"
+    message = "the command signal of the DBC has steps of 5 mA, and none from 11 to 14 mA"
+    assert str(problem) == f"line 7: guard.current_high_ma = 14.0: {message}"

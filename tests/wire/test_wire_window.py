@@ -1,4 +1,4 @@
-"""Whether one sender speaks: the window over a sender's counters, with one sender, a bad bus, and two senders."""
+"""The window over the counters of one identifier: with one sender, on a bad bus, and with two senders."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def window_after(errors: Iterable[bool]) -> SequenceWindow:
     return window
 
 
-def heard(frames: Iterable[tuple[int, bytes]], modulus: int = 256) -> tuple[Sender, list[bytes]]:
-    """The sender after frames of these counters and bytes, and the bytes that a reading would be taken from."""
+def receive_all(frames: Iterable[tuple[int, bytes]], modulus: int = 256) -> tuple[Sender, list[bytes]]:
+    """Return the sender after frames of these counters and bytes, and the bytes that a reading would be taken from."""
     sender, taken = Sender(CounterCheck(modulus=modulus)), []
     for counter, data in frames:
         sender, verdict, _ = sender.receive(counter % modulus, data)
@@ -33,7 +33,7 @@ def heard(frames: Iterable[tuple[int, bytes]], modulus: int = 256) -> tuple[Send
 
 def test_a_sender_that_counts_on_is_always_believed() -> None:
     frames = [(count, b"%d" % count) for count in range(1000)]
-    sender, taken = heard(frames)
+    sender, taken = receive_all(frames)
     assert (sender.window, len(taken)) == (SequenceWindow(), 1000)
 
 
@@ -64,7 +64,7 @@ def test_after_one_error_a_reading_waits_for_the_second_frame_in_sequence() -> N
 @pytest.mark.parametrize("modulus", [256, 16])
 def test_a_sender_that_restarts_every_now_and_then_is_believed_again(modulus: int) -> None:
     frames = [(count - 5 * (count // 100), b"%d" % count) for count in range(1000)]
-    sender, taken = heard(frames, modulus)
+    sender, taken = receive_all(frames, modulus)
     assert sender.window.valid
     assert len(taken) == 1000 - 2 * 9  # at each restart one is refused, and the second one waits
 
@@ -73,17 +73,17 @@ def test_frames_that_came_twice_and_frames_that_were_overtaken_are_no_errors() -
     frames = [(count, b"%d" % count) for count in range(501)]
     doubled = [frame for frame in frames for _ in range(2)]
     swapped = [frames[0], *(frames[1 + (index ^ 1)] for index in range(500))]
-    for heard_frames, expected in ((doubled, 501), (swapped, 251)):
-        sender, taken = heard(heard_frames)
+    for received_frames, expected in ((doubled, 501), (swapped, 251)):
+        sender, taken = receive_all(received_frames)
         assert sender.window == SequenceWindow()
         assert len(taken) == expected
 
 
 def test_a_bus_that_delays_every_second_frame_is_no_dispute() -> None:
-    """As netem with `delay 15ms reorder 50%` does it to frames 10 ms apart."""
+    """The bus is like netem with `delay 15ms reorder 50%`, for frames 10 ms apart."""
     chance = random.Random(3)  # noqa: S311 - a bus that can be repeated, no secret
     sent = [(10.0 * count + 15.0 * (chance.random() < 0.5), count) for count in range(2000)]
-    sender, taken = heard((count, b"%d" % count) for _, count in sorted(sent))
+    sender, taken = receive_all((count, b"%d" % count) for _, count in sorted(sent))
     assert sender.window == SequenceWindow()
     assert len(taken) > 1000
 
@@ -92,7 +92,7 @@ def test_a_bus_that_delays_every_second_frame_is_no_dispute() -> None:
 def test_of_two_senders_that_alternate_neither_is_believed_for_long(ahead: int) -> None:
     """A second one that is just ahead is believed while its steps can be losses: four times at most."""
     frames = [(count + ahead * which, b"AB"[which : which + 1]) for count in range(500) for which in range(2)]
-    sender, taken = heard(frames)
+    sender, taken = receive_all(frames)
     assert not sender.window.valid
     assert taken.count(b"A") <= 1
     assert taken.count(b"B") <= 4
@@ -103,7 +103,7 @@ def test_of_two_senders_neither_is_believed_when_the_first_loses_frames(seed: in
     chance = random.Random(seed)  # noqa: S311 - a bus that can be repeated, no secret
     ahead = chance.randrange(256)
     sent = [(count + ahead * which, b"AB"[which : which + 1]) for count in range(2000) for which in range(2)]
-    sender, taken = heard(frame for frame in sent if frame[1] == b"B" or chance.random() < 0.99)
+    sender, taken = receive_all(frame for frame in sent if frame[1] == b"B" or chance.random() < 0.99)
     assert not sender.window.valid
     assert taken.count(b"B") <= 4
 
@@ -115,12 +115,12 @@ def test_a_slower_second_sender_is_seen_down_to_a_fifteenth_of_the_rate(every: i
         frames.append((count, b"A"))
         if count % every == 0:
             frames.append((100 + count // every, b"B"))
-    assert not heard(frames)[0].window.valid
+    assert not receive_all(frames)[0].window.valid
 
 
 def test_a_frame_of_the_same_count_and_other_bytes_is_a_second_senders() -> None:
     frames = [(count, data) for count in range(10) for data in (b"A", b"B")]
-    assert not heard(frames)[0].window.valid
+    assert not receive_all(frames)[0].window.valid
 
 
 def test_the_reason_is_reported_in_words() -> None:

@@ -1,4 +1,4 @@
-"""Why a kernel ended before its first test, in one line: read from what its console said."""
+"""Why a kernel ended before its first test, in one line: read from its console output."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _CAUSES = (
         "this machine has too little memory left for the kernel",
     ),
 )
-"""What a console says before the end, and what it means."""
+"""Patterns of a console's last lines, and their meaning."""
 
 
 def panicked(console: str) -> bool:
@@ -26,10 +26,10 @@ def why_it_ended(console: str) -> str:
     """Return in one line why the kernel with this console output ended."""
     lines = [stripped for line in console.splitlines() if (stripped := _PREFIX.sub("", line.strip()))]
     for pattern, meaning in _CAUSES:
-        said = next((line for line in lines if re.search(pattern, line, re.IGNORECASE)), None)
-        if said is not None:
-            return f"{meaning}: {said!r}"
-    panic = next((found[0] for line in lines if (found := _PANIC.search(line))), None)
+        found = next((line for line in lines if re.search(pattern, line, re.IGNORECASE)), None)
+        if found is not None:
+            return f"{meaning}: {found!r}"
+    panic = next((match[0] for line in lines if (match := _PANIC.search(line))), None)
     if panic is not None:
         return panic
     return f"it ended with {lines[-1]!r}" if lines else "it said nothing"

@@ -1,4 +1,4 @@
-"""systemd as process 1, with a target of our own: what the tests need, and the tests."""
+"""systemd as process 1, with a target of our own: the units that the tests need, and the tests."""
 
 BOOT = """mkdir -p /run/systemd/system
 cat > /run/systemd/system/kernel-tests.service <<END

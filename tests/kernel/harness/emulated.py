@@ -48,7 +48,7 @@ exec /bin/busybox switch_root /memory/new /bin/sh {begin}
 
 
 def command(kind_name: str, kind: Kind, out: Path, tests: Sequence[str]) -> list[str]:
-    """Write what the machine runs into `out`, and return the command that starts it."""
+    """Write the scripts and the initramfs of the machine into `out`, and return the command that starts it."""
     root, packages = unpacked(CACHE, EMULATED), unpacked(CACHE, USER_MODE)
     needed = [_module(root, name) for name in (*CAN_MODULES, *_CONTROLLER_MODULES)]
     begin = script.write_begin(out, kind_name, kind, needed, tests)

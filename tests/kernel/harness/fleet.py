@@ -90,7 +90,7 @@ class Guest:
 
     @property
     def engine(self) -> str:
-        """The name of what the kernel runs on."""
+        """The name of the emulator or the architecture that the kernel runs on."""
         return "QEMU" if self.group.kind.emulated else "user-mode Linux"
 
     def why_it_never_began(self) -> str:
@@ -107,12 +107,12 @@ class Guest:
             self._process.wait()
 
     def last_words(self) -> str:
-        """Return the end of what its tests and its console said."""
-        said = [self._overdue]
+        """Return the last lines of its tests and of its console."""
+        words = [self._overdue]
         for name in ("pytest.log", "console.log"):
             lines = self._text(name).splitlines()[-_LAST_LINES:]
-            said += [f"--- end of {self.out / name}", *lines]
-        return "\n".join(said)
+            words += [f"--- end of {self.out / name}", *lines]
+        return "\n".join(words)
 
     def _text(self, name: str) -> str:
         path = self.out / name

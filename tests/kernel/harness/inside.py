@@ -21,7 +21,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Hand a report over at once: a kernel that dies later takes nothing back."""
+    """Hand a report over at once: a kernel that ends later cannot lose it."""
     data = _CONFIG[0].hook.pytest_report_to_serializable(config=_CONFIG[0], report=report)
     with Path(os.environ[RESULTS]).open("a", encoding="utf-8") as lines:
         lines.write(json.dumps(data, default=str) + "\n")

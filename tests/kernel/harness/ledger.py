@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Ledger:
-    """The account of one session."""
+    """The summary of one session."""
 
     def __init__(self) -> None:
         """Begin with nothing counted."""
@@ -36,13 +36,13 @@ class Ledger:
         (self._not_begun if last else self.more_tries).append(line)
 
     def why_incomplete(self) -> str:
-        """Return what did not run though it should have, a line each, empty where all did."""
+        """Return the kernels and tests that did not run although they should have, a line each; empty for none."""
         if self._not_begun or self.ran or not self._left_out:
             return "\n".join(self._not_begun)
         return f"no test ran: none of these is in the short form for QEMU ({self._why_short})"
 
     def sections(self) -> list[tuple[str, list[str]]]:
-        """Return (title, lines) of what is shown at the end."""
+        """Return title and lines of each section that is shown at the end."""
         by_kernel: dict[str, list[str]] = defaultdict(list)
         for (kernel, kind), count in sorted(self.ran.items(), key=lambda entry: list(KINDS).index(entry[0][1])):
             by_kernel[kernel or "a kernel that never gave its version"].append(f"{count} {kind}")

@@ -43,7 +43,7 @@ def unpacked(cache: Path, names: Sequence[str]) -> Path:
         (root / "usr" / name).mkdir()
         (root / name).symlink_to(f"usr/{name}")
     _apt(folder, "update")
-    # the newest version of everything, without asking which are installed in another one
+    # the newest version of everything; installed packages of another version do not count
     _apt(folder, "install", "--download-only", "--yes", "--no-install-recommends", *names)
     for archive in sorted((folder / "archives").glob("*.deb")):
         _unpack(archive, root)

@@ -1,4 +1,4 @@
-"""Which kernel a test needs, and what each kernel is made of."""
+"""The kinds of kernel for the tests, and the properties of each kind."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 /* Takes the place of libc's ptrace in user-mode Linux (LD_PRELOAD), which before Linux 6.13 writes floating-point
  * registers of a fixed size. The host accepts the size of all its registers only, and AMX makes them larger: EFAULT.
- * Here a shorter state is laid over the beginning of the whole, which is read first, and all of it is written back.
- * No header and no library is needed to compile it: what it calls is in the program that loads it. */
+ * Here the whole state is read first, a shorter state replaces its beginning, and the whole state is written back.
+ * No header and no library is needed to compile it: the functions that it calls are in the program that loads it. */
 
 struct part {
     void *base;

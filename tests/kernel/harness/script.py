@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from harness.plan import Kind
 
 _HOME = "/run/tests"
-"""A folder of the kernel's own: what the host has in its temporary folder may be somebody else's."""
+"""A folder of the kernel's own: files in the host's temporary folder may belong to another user."""
 _UNREADABLE = ("/etc/.pwd.lock", "/etc/shadow", "/etc/gshadow", "/etc/shadow-", "/etc/gshadow-")
 _PRIVATE = ("/root", "/var/lib/private", "/var/cache/private", "/var/log/private", "/var/cache/ldconfig")
 _BEGIN = """#!/bin/sh
@@ -35,12 +35,12 @@ ip link set lo up
 
 
 def write_begin(out: Path, kind_name: str, kind: Kind, modules: Sequence[Path], tests: Sequence[str]) -> Path:
-    """Write what process 1 runs, and the tests, into `out`, which the kernel sees at the same path.
+    """Write the scripts of process 1 and of the tests into `out`, which the kernel sees at the same path.
 
     Args:
         out: the folder.
         kind_name: the kind's name, which the tests get.
-        kind: what the kernel is made of.
+        kind: the properties of the kernel.
         modules: kernel modules to insert, in this order.
         tests: node IDs; with none the kernel only shows that it boots.
 
@@ -93,7 +93,7 @@ def _write_inside(out: Path, kind_name: str, kind: Kind, tests: Sequence[str]) -
 
 
 def _replaced() -> str:
-    """Return the commands that replace what only the host's root may read, where the kernel runs as somebody else."""
+    """Return the commands that replace files that only the host's root may read, where the kernel is not root's."""
     if os.getuid() == 0:
         return ""
     files = [f"rm -f {path}; : > {path}" for path in _UNREADABLE]

@@ -61,8 +61,8 @@ def command(kind_name: str, kind: Kind, out: Path, tests: Sequence[str]) -> list
     )
     init.chmod(0o755)
     start = [str(root / "usr/bin/linux.uml"), f"mem={_MEMORY_MIB}M", "rootfstype=hostfs", "rootflags=/", "rw"]
-    said = ["con=null", "con0=fd:0,fd:1", "quiet", "systemd.show_status=false"]
-    return ["env", *_environment(), *start, f"init={init}", *said]
+    quiet = ["con=null", "con0=fd:0,fd:1", "quiet", "systemd.show_status=false"]
+    return ["env", *_environment(), *start, f"init={init}", *quiet]
 
 
 def _environment() -> list[str]:

@@ -1,4 +1,4 @@
-"""While its commands do not act, every law learns nothing; it begins anew when they act again."""
+"""While the commands of a law do not act, it learns nothing; when they act again, it starts again."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 
 class IgnoringNode:
-    """A node that takes no command from now on, and says so, or only goes on naming the last one that it took."""
+    """A node that ignores every command from now on, and reports FAIL_POSITION, or only an old counter."""
 
-    def __init__(self, loop: Loop, *, says_so: bool) -> None:
-        self.loop, self.says_so, self.echo = loop, says_so, loop.device.command_counter
+    def __init__(self, loop: Loop, *, reports_it: bool) -> None:
+        self.loop, self.reports_it, self.echo = loop, reports_it, loop.device.command_counter
 
     def to_plant(self, frames: tuple[CanFrame, ...]) -> tuple[CanFrame, ...]:
         del frames
@@ -35,11 +35,11 @@ class IgnoringNode:
         message, counter = self.loop.codec.decode(frame)
         if not isinstance(message, StemPosition):
             return frame
-        quality = Quality.FAIL_POSITION if self.says_so else Quality.VALID
+        quality = Quality.FAIL_POSITION if self.reports_it else Quality.VALID
         return self.loop.codec.encode(StemPosition(message.position_m, self.echo, quality), counter or 0)
 
 
-class Usurper:
+class OtherController:
     """Another controller whose commands act in the place of ours, 10 mA each."""
 
     def __init__(self, loop: Loop) -> None:
@@ -55,7 +55,7 @@ class Usurper:
 
 
 class Counting:
-    """A law that counts how often it begins."""
+    """A law that counts its starts."""
 
     def __init__(self, law: Law[Any]) -> None:
         self.law, self.name, self.begun = law, law.name, 0
@@ -67,15 +67,15 @@ class Counting:
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("kind", ["failed", "ignored", "usurped"])
+@pytest.mark.parametrize("kind", ["failed", "ignored", "replaced"])
 def test_a_law_learns_nothing_while_its_commands_do_not_act_and_begins_anew_after(law: str, kind: str) -> None:
     loop = Loop(law)
     counting = Counting(loop.setup.law)
     loop.setup = replace(loop.setup, law=counting)
     # a foreign command within a second of the arming is another matter: one ARM has armed two
-    loop.run(1.1 if kind == "usurped" else 0.3, 0.08)
-    fault = Usurper(loop) if kind == "usurped" else IgnoringNode(loop, says_so=kind == "failed")
-    cause = {"failed": Cause.ACTUATOR_FAILED, "ignored": Cause.COMMAND_IGNORED, "usurped": Cause.FOREIGN_COMMAND}[kind]
+    loop.run(1.1 if kind == "replaced" else 0.3, 0.08)
+    fault = OtherController(loop) if kind == "replaced" else IgnoringNode(loop, reports_it=kind == "failed")
+    cause = {"failed": Cause.ACTUATOR_FAILED, "ignored": Cause.COMMAND_IGNORED, "replaced": Cause.FOREIGN_COMMAND}[kind]
     loop.to_plant, loop.to_positioner = fault.to_plant, fault.to_positioner
     loop.run(0.005, 0.08)
     table = loop.state.table
@@ -84,7 +84,7 @@ def test_a_law_learns_nothing_while_its_commands_do_not_act_and_begins_anew_afte
     assert not any(isinstance(event, Learned) for event in events)
     guard = loop.state.guard
     assert (guard.mode, guard.cause, guard.health(table_saved=True)) == (Mode.ACTIVE, cause, Health.FAILURE)
-    events = loop.events_of(ForeignCommand if kind == "usurped" else ActingChanged)
+    events = loop.events_of(ForeignCommand if kind == "replaced" else ActingChanged)
     assert events
     assert counting.begun == 1
     loop.to_plant = loop.to_positioner = passed
@@ -92,10 +92,10 @@ def test_a_law_learns_nothing_while_its_commands_do_not_act_and_begins_anew_afte
     assert loop.state.guard.cause is Cause.NONE
     assert counting.begun == 2
     assert any(isinstance(event, ModeChanged) and event.cause is Cause.NONE for event in events)
-    if kind != "usurped":
+    if kind != "replaced":
         causes = [event.cause for event in loop.events_of(ActingChanged)]
         assert (causes[0], causes[-1]) == (cause, None)
     if law == "nmpc":
-        # what was believed of the load while nothing acted is forgotten
+        # the estimate of the load from the time without effect is deleted
         assert loop.state.control.memory.monitor.ratio < 1.2 * 1.03**3
         assert loop.position_m == pytest.approx(0.08, abs=1e-3)

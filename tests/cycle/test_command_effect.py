@@ -1,4 +1,4 @@
-"""Whether commands act: what a node says of itself, and which command its readings name."""
+"""Whether commands act: by the quality that a node reports, and by the command that its readings name."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ FORM = CODEC.by_kind[CurrentCommand]
 PERIOD_S = 0.001
 
 
-def played(echoes: Iterator[tuple[int, bool]], readings: int) -> list[CommandEffect]:
-    """What is known after each reading; the k-th one follows command k - 1, names that many, and says if it obeys."""
+def effects_after(echoes: Iterator[tuple[int, bool]], readings: int) -> list[CommandEffect]:
+    """Return the effect after each reading; the k-th one follows command k - 1 and has the k-th of `echoes`."""
     acting, found = EFFECT_UNKNOWN, []
     commands = tuple(SentCommand(k % 256, 10.0 + 0.001 * k) for k in range(readings))
     for number in range(readings):
@@ -35,8 +35,8 @@ def played(echoes: Iterator[tuple[int, bool]], readings: int) -> list[CommandEff
 
 
 @given(st.integers(1, 100))
-def test_an_echo_may_lag_as_long_as_it_comes_on(lag: int) -> None:
-    found = played(((max(k - lag, 0), True) for k in range(10_000)), 1000)
+def test_an_echo_may_lag_as_long_as_it_advances(lag: int) -> None:
+    found = effects_after(((max(k - lag, 0), True) for k in range(10_000)), 1000)
     assert [each.fault for each in found[lag + 1 :]] == [None] * (999 - lag)
     assert all(each.teaches for each in found[lag + 110 :])
     assert [each.current_ma for each in found[lag + 1 :]] == [
@@ -45,11 +45,11 @@ def test_an_echo_may_lag_as_long_as_it_comes_on(lag: int) -> None:
 
 
 @given(st.integers(0, 255), st.booleans())
-def test_an_echo_that_stays_is_reported_after_a_tenth_of_a_second_however_often_the_counter_goes_round(
+def test_an_echo_that_stays_is_reported_after_a_tenth_of_a_second_however_often_the_counter_wraps(
     stuck: int, starts_well: bool
 ) -> None:
     good = 300 if starts_well else 1
-    found = played(((k - 1 if k < good else stuck, True) for k in range(10_000)), good + 1000)
+    found = effects_after(((k - 1 if k < good else stuck, True) for k in range(10_000)), good + 1000)
     faults = [each.fault for each in found]
     first = faults.index(Cause.COMMAND_IGNORED)
     assert good + 98 <= first <= good + 102
@@ -59,7 +59,7 @@ def test_an_echo_that_stays_is_reported_after_a_tenth_of_a_second_however_often_
 
 def test_a_node_that_reports_a_failure_is_believed_sooner_and_its_first_reading_not_at_all() -> None:
     # before its first command a node obeys none; then it does, and after 500 readings it fails for 50
-    found = played(((k - 1, k > 0 and not 500 <= k < 550) for k in range(10_000)), 700)
+    found = effects_after(((k - 1, k > 0 and not 500 <= k < 550) for k in range(10_000)), 700)
     assert {each.fault for each in found[:500]} == {None}
     assert all(each.teaches for each in found[:500])
     assert not any(each.teaches for each in found[500:648])
@@ -69,9 +69,9 @@ def test_a_node_that_reports_a_failure_is_believed_sooner_and_its_first_reading_
 
 
 def test_what_was_never_sent_and_an_older_command_are_no_sign_of_obedience() -> None:
-    found = played(((200 if k % 2 else 0, True) for k in range(10_000)), 150)
+    found = effects_after(((200 if k % 2 else 0, True) for k in range(10_000)), 150)
     assert found[-1].fault is Cause.COMMAND_IGNORED
-    backwards = played(((149 - k, True) for k in range(10_000)), 190)
+    backwards = effects_after(((149 - k, True) for k in range(10_000)), 190)
     assert backwards[-1].fault is Cause.COMMAND_IGNORED
 
 

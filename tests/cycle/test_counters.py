@@ -1,4 +1,4 @@
-"""Counts by cause: what counts as what, and how they are sent one after another."""
+"""Counts by cause: the cause under which each event counts, and how the counts are sent one after another."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_a_refused_frame_counts_by_its_cause_and_in_the_total_of_the_status() ->
         assert (counters.by_cause, counters.refused_frames) == ({counted: 2}, 7)
 
 
-def test_every_trouble_counts_as_what_it_is() -> None:
+def test_every_event_counts_under_its_cause() -> None:
     events = (
         FramesLost("StemPosition", count=4),
         FramesLost("Setpoint", count=3),
@@ -75,8 +75,8 @@ def test_nothing_is_sent_while_nothing_is_counted() -> None:
 def test_the_counts_are_sent_one_after_another_and_a_new_one_in_its_place() -> None:
     counters = Counters().add([ForeignCommand(12.0), FrameRefused("", counted=Counted.WRONG_CRC), LawLate(1, 0.001)])
     sent = []
-    for turn in range(7):
-        if turn == 4:
+    for cycle in range(7):
+        if cycle == 4:
             counters = counters.add(
                 [FrameRefused("", counted=Counted.REPEATED), FrameRefused("", counted=Counted.WRONG_CRC)]
             )

@@ -55,7 +55,7 @@ SLIDING = StemState(0.08, 0.1, stuck=False, direction=1.0)
 
 
 class ScriptedLaw:
-    """Sees what the script says, answers 10 mA and a thousandth more each time, and keeps what it was shown."""
+    """Estimates the stems of a script, answers 10 mA and a thousandth more each time, and keeps its observations."""
 
     name = "scripted"
 
@@ -86,7 +86,7 @@ class ScriptedLaw:
 
 
 class Exchange:
-    """A positioner and a scripted other side: one position frame each millisecond."""
+    """A positioner, and scripted frames for it: one position frame each millisecond."""
 
     def __init__(
         self, law: ScriptedLaw | None = None, guard: GuardSettings | None = None, *, learns: bool = True
@@ -108,7 +108,7 @@ class Exchange:
     def sample(
         self, position_m: float = 0.08, echo: int | None = None, setpoint: Setpoint | None = None, **given: Any
     ) -> tuple[CanFrame, ...]:
-        # a plant that says nothing else has obeyed the newest command
+        # without an `echo`, the plant has obeyed the newest command
         newest = self.state.output.sent[-1].counter if self.state.output.sent else 0
         frames = [CODEC.encode(StemPosition(position_m, newest if echo is None else echo), self.counter)]
         self.counter += 1
@@ -207,7 +207,7 @@ def test_the_status_reports_mode_health_and_counts() -> None:
     assert CODEC.decode(count) == (PositionerCount(Counted.WRONG_CRC, 1), 1)
 
 
-def test_a_cycle_that_the_shell_calls_late_is_counted_reported_once_and_changes_no_current() -> None:
+def test_a_late_cycle_is_counted_reported_once_and_changes_no_current() -> None:
     exchange, punctual = Exchange(), Exchange()
     for sample in range(102):
         frames, others = exchange.sample(late_ns=1_500_000 if sample == 50 else 0), punctual.sample()
@@ -230,7 +230,7 @@ def test_lines_of_the_log_that_were_dropped_are_counted_once() -> None:
 
 
 class Pusher(ScriptedLaw):
-    """Asks for 20 mA whatever it sees."""
+    """Asks for 20 mA at every reading."""
 
     def decide(
         self, memory: int, stem: StemState, observation: Observation, table: StictionTable
@@ -290,7 +290,7 @@ def test_each_counter_names_the_newest_command_that_had_it() -> None:
         assert exchange.law.shown[-1].applied_ma == pytest.approx(10.0 + 0.001 * sample, abs=1e-9)
 
 
-def test_a_node_that_goes_on_naming_one_command_is_reported_and_its_obedience_is_too() -> None:
+def test_a_node_that_names_the_same_command_for_too_long_is_reported_and_so_is_its_end() -> None:
     exchange = Exchange()
     for echo in (None, *([0] * 110), None, None):
         exchange.sample(echo=echo)
@@ -343,7 +343,7 @@ def test_in_hold_the_law_goes_on_with_the_setpoint_it_has() -> None:
 
 
 @pytest.mark.parametrize(("position_m", "held_m"), [(-0.01, 0.0), (0.15, 0.1397)])
-def test_where_control_begins_beyond_the_travel_its_end_is_the_setpoint(position_m: float, held_m: float) -> None:
+def test_where_control_begins_beyond_the_travel_a_stop_is_the_setpoint(position_m: float, held_m: float) -> None:
     exchange = Exchange()
     exchange.sample(position_m)
     assert exchange.law.shown[0].setpoint_m == held_m
@@ -352,13 +352,13 @@ def test_where_control_begins_beyond_the_travel_its_end_is_the_setpoint(position
 
 def test_an_error_that_stays_is_reported_once_shown_in_the_status_and_ends_where_control_ends() -> None:
     exchange = Exchange()
-    said: list[CanFrame] = []
+    sent: list[CanFrame] = []
     for sample in range(2500):
         setpoint = Setpoint(0.092) if sample % 100 == 0 else None
-        said += exchange.sample(0.08, (exchange.state.output.command_counter - 1) % 256, setpoint)
+        sent += exchange.sample(0.08, (exchange.state.output.command_counter - 1) % 256, setpoint)
     (deviates,) = exchange.events_of(Deviates)
     assert str(deviates).startswith("deviation: the stem is 12.0 mm below its setpoint of 92.0 mm and came no nearer")
-    status = [message for message, _ in map(CODEC.decode, said) if isinstance(message, PositionerStatus)][-1]
+    status = [message for message, _ in map(CODEC.decode, sent) if isinstance(message, PositionerStatus)][-1]
     assert (status.mode, status.cause, status.health) == (Mode.ACTIVE, Cause.DEVIATION, Health.OUT_OF_SPECIFICATION)
     exchange.step(elapsed_ns=11 * MS)
     exchange.sample()
@@ -442,7 +442,7 @@ def test_disarming_ends_control_and_forgets_the_commands() -> None:
 
 
 @pytest.mark.parametrize("rate_ma_per_s", [0.0, 0.3])
-def test_our_own_command_that_the_bus_brings_back_is_nobody_elses(rate_ma_per_s: float) -> None:
+def test_our_own_command_that_the_bus_brings_back_is_not_foreign(rate_ma_per_s: float) -> None:
     exchange = Exchange(guard=GuardSettings(auto_arm=True, max_rate_ma_per_s=rate_ma_per_s))  # steps of less than a bit
     exchange.sample()
     (doubled,) = (frame for frame in exchange.sample() if frame.arbitration_id == 0x100)
@@ -456,19 +456,19 @@ def test_our_own_command_that_the_bus_brings_back_is_nobody_elses(rate_ma_per_s:
         CODEC.encode(own, (counter or 0) + 100),
         CODEC.encode(replace(own, current_ma=own.current_ma + 3e-3), 1),
     ):
-        twin = Exchange()
-        twin.sample()
-        twin.sample()
-        twin.step(other)
-        assert len(twin.events_of(ForeignCommand)) == 1
-        assert twin.state.guard.mode is Mode.READY
+        fresh = Exchange()
+        fresh.sample()
+        fresh.sample()
+        fresh.step(other)
+        assert len(fresh.events_of(ForeignCommand)) == 1
+        assert fresh.state.guard.mode is Mode.READY
 
 
 def test_a_second_daemon_that_sends_the_same_is_found_when_it_sends_something_else() -> None:
     exchange = Exchange(guard=GuardSettings(auto_arm=True, setpoint_hold_s=0.0, setpoint_failsafe_s=0.0))
     doubled = exchange.sample()
-    for turn in range(3000):
-        exchange.step(*(frame for frame in doubled if frame.arbitration_id == 0x100 and turn % 2))
+    for cycle in range(3000):
+        exchange.step(*(frame for frame in doubled if frame.arbitration_id == 0x100 and cycle % 2))
         doubled = exchange.sample()
     assert exchange.events_of(ForeignCommand) == []
     exchange.step(CODEC.encode(CurrentCommand(9.5), 77))
@@ -480,11 +480,11 @@ def test_a_second_daemon_that_keeps_sending_the_same_is_found_and_a_bus_that_dou
     of_five: int, found_after: range
 ) -> None:
     exchange = Exchange(guard=GuardSettings(auto_arm=True, setpoint_hold_s=0.0, setpoint_failsafe_s=0.0))
-    doubled, turns = exchange.sample(), 0
-    while exchange.state.guard.arming.armed and turns < 3000:
-        exchange.step(*(frame for frame in doubled if frame.arbitration_id == 0x100 and turns % 5 < of_five))
-        doubled, turns = exchange.sample(), turns + 1
-    assert turns in (found_after or range(3000, 3001))
+    doubled, cycles = exchange.sample(), 0
+    while exchange.state.guard.arming.armed and cycles < 3000:
+        exchange.step(*(frame for frame in doubled if frame.arbitration_id == 0x100 and cycles % 5 < of_five))
+        doubled, cycles = exchange.sample(), cycles + 1
+    assert cycles in (found_after or range(3000, 3001))
     assert len(exchange.events_of(ForeignCommand)) == (1 if found_after else 0)
 
 

@@ -42,7 +42,7 @@ class Watch:
         return self.known.cause
 
     def reported_after_s(self, readings: Iterable[float], setpoint_m: float) -> float | None:
-        """When the first cause was reported, None if none was."""
+        """Return when the first cause was reported in s, None if none was."""
         for count, position_m in enumerate(readings, start=1):
             if self.sees(position_m, setpoint_m) is not Cause.NONE:
                 return count * self.period_s
@@ -88,7 +88,7 @@ def test_noise_is_no_error() -> None:
 
 
 @pytest.mark.parametrize("stroke_s", [2.0, 20.0, 40.0])
-def test_a_long_stroke_is_none_as_long_as_the_stem_comes_nearer(stroke_s: float) -> None:
+def test_a_long_stroke_is_no_deviation_as_long_as_the_stem_comes_nearer(stroke_s: float) -> None:
     low_m, high_m = 0.055, 0.095
     samples = round(stroke_s / PERIOD_S)
     readings = [low_m + (high_m - low_m) * count / samples for count in range(samples)]
@@ -103,7 +103,7 @@ def test_a_stem_that_crawls_by_less_than_a_hundredth_of_the_span_in_its_time_is_
 
 
 def test_setpoints_that_come_and_go_do_not_start_the_time_again() -> None:
-    """A dead actuator under a host that changes its mind every half second."""
+    """A dead actuator under a host that sends another setpoint every half second."""
     watch, reported = Watch(), None
     for count in range(3000):
         setpoint_m = HERE_M + (0.01 if count // 500 % 2 else -0.01)
@@ -113,7 +113,7 @@ def test_setpoints_that_come_and_go_do_not_start_the_time_again() -> None:
     assert 1490 < reported < 1600
 
 
-def test_a_stem_that_follows_such_setpoints_is_none() -> None:
+def test_a_stem_that_follows_such_setpoints_is_no_deviation() -> None:
     watch, here_m = Watch(), HERE_M
     for count in range(20_000):
         setpoint_m = HERE_M + (0.02 if count // 1000 % 2 else -0.02)
@@ -121,7 +121,7 @@ def test_a_stem_that_follows_such_setpoints_is_none() -> None:
         assert watch.sees(here_m, setpoint_m) is Cause.NONE
 
 
-def test_it_ends_well_within_the_limit_and_starts_again() -> None:
+def test_a_deviation_ends_well_within_the_limit_and_starts_again() -> None:
     watch = Watch()
     assert watch.reported_after_s(resting(2.0), THERE_M) is not None
     for error, cause in ((0.85, Cause.DEVIATION), (1.2, Cause.DEVIATION), (0.75, Cause.NONE), (0.95, Cause.NONE)):
@@ -234,7 +234,7 @@ def test_the_description_of_what_is_out_of_reach_names_the_limit_of_the_configur
     assert description(narrow, VALVE, known, 0.1).endswith(f"out of reach: 17 mA close it to {closed_mm} mm")
 
 
-def test_a_stem_that_goes_the_other_way_is_said_to_do_so() -> None:
+def test_a_stem_that_goes_the_other_way_is_described_so() -> None:
     watch = Watch()
     readings = [HERE_M - 0.02 * min(count, 500) / 500 for count in range(4000)]
     assert watch.reported_after_s(readings, THERE_M) is not None

@@ -36,7 +36,7 @@ def stepped(value_m: float, step_m: float = WIRE_M) -> float:
 def noisy(
     seed: int, sigma_m: float, *, held: int = 1, step_m: float = WIRE_M, place_m: float = HERE_M
 ) -> Iterator[float]:
-    """Readings of a resting stem: white noise, each draw held for so many readings, in steps."""
+    """Yield readings of a resting stem: white noise in steps of `step_m`, each draw repeated for `held` readings."""
     chance = random.Random(seed)  # noqa: S311 - noise that can be repeated, no secret
     while True:
         draw_m = stepped(place_m + chance.gauss(0.0, sigma_m), step_m)
@@ -62,7 +62,7 @@ class Sensor:
         return self
 
     def freezes_after(self, commanded_ma: float | None = RESTING_MA, most: int = 20_000) -> int | None:
-        """How many readings of the same value it takes; None if more than `most`."""
+        """Return how many readings of the same value it takes; None if `most` do not suffice."""
         here_m = self.history.position_m or 0.0
         return next((count for count in range(1, most) if self.refuses(here_m, commanded_ma)), None)
 
@@ -82,8 +82,8 @@ def test_a_sensor_that_was_noisy_and_repeats_itself_for_half_a_second_is_frozen_
 def test_short_pushes_do_not_start_the_time_again() -> None:
     sensor = Sensor().receives(shown())
     here_m = sensor.history.position_m or 0.0
-    said = [sensor.refuses(here_m, 20.0 if count % 50 == 0 else RESTING_MA) for count in range(1, 600)]
-    assert said.index(Counted.FEEDBACK_FROZEN) + 1 == HALF_A_SECOND
+    refusals = [sensor.refuses(here_m, 20.0 if count % 50 == 0 else RESTING_MA) for count in range(1, 600)]
+    assert refusals.index(Counted.FEEDBACK_FROZEN) + 1 == HALF_A_SECOND
 
 
 def test_the_first_change_ends_it() -> None:
@@ -129,7 +129,7 @@ def test_a_sensor_that_was_still_at_the_start_is_known_by_its_noise() -> None:
 
 
 def moves(chance: random.Random) -> Iterator[float]:
-    """A stem that rests, slides and rests, for ever, without noise."""
+    """Yield the positions of a stem that rests, slides and rests, for ever, without noise."""
     here_m = HERE_M
     while True:
         yield from itertools.repeat(here_m, chance.randrange(10, 3000))

@@ -114,7 +114,7 @@ def test_a_frozen_sensor_is_reported_in_manual_mode_and_does_not_end_it() -> Non
     assert it.state.guard.mode is Mode.MANUAL
 
 
-def test_nothing_is_learned_in_manual_mode_and_the_law_starts_again_behind_it() -> None:
+def test_nothing_is_learned_in_manual_mode_and_the_law_starts_again_after_it() -> None:
     law = ScriptedLaw(stems=[RESTING, *[SLIDING, RESTING] * 20])
     it = ByHand(law)
     it.cycle()
@@ -135,13 +135,14 @@ def test_nothing_is_learned_in_manual_mode_and_the_law_starts_again_behind_it() 
 def test_the_status_reports_function_check_in_manual_mode() -> None:
     it = ByHand()
     it.cycle()
-    heard: list[PositionerStatus] = []
+    statuses: list[PositionerStatus] = []
     for _ in range(150):
         frames = it.step(CODEC.encode(StemPosition(0.08), it.counter), it.order(9.5))
         it.counter += 1
         decoded = [CODEC.decode(frame)[0] for frame in frames]
-        heard += [message for message in decoded if isinstance(message, PositionerStatus)]
-    assert (heard[-1].mode, heard[-1].health, heard[-1].armed) == (Mode.MANUAL, Health.FUNCTION_CHECK, True)
+        statuses += [message for message in decoded if isinstance(message, PositionerStatus)]
+    last = statuses[-1]
+    assert (last.mode, last.health, last.armed) == (Mode.MANUAL, Health.FUNCTION_CHECK, True)
 
 
 def test_back_in_automatic_mode_the_position_is_held_until_the_setpoint_changes() -> None:
@@ -244,7 +245,7 @@ class Loop:
         self.setpoints = self.manuals = 0
 
     def run(self, periods: int, setpoint_m: float | None = None, manual: ManualCurrent | None = None) -> list[float]:
-        """Return the currents of that many periods, with these frames in each tenth of them."""
+        """Return the currents of so many periods; the frames of the host are sent in every tenth of them."""
         currents: list[float] = []
         for number in range(periods):
             self.device, frames = publish(self.codec, self.plant, self.device)
@@ -255,9 +256,9 @@ class Loop:
                 self.manuals += 1
                 frames = (*frames, self.codec.encode(manual, self.manuals))
             self.now_ns += MS
-            told = CycleInput(tuple(frames), self.now_ns)
-            self.state, outbox, _ = step(self.setup, self.state, told)
-            self.recorder.cycle(told, outbox, self.state.guard)
+            cycle_input = CycleInput(tuple(frames), self.now_ns)
+            self.state, outbox, _ = step(self.setup, self.state, cycle_input)
+            self.recorder.cycle(cycle_input, outbox, self.state.guard)
             currents += [command.current_ma for command, _ in commands(outbox)]
             self.device = advance(self.plant, take(self.codec, self.device, tuple(outbox)), 0.001)
         return currents

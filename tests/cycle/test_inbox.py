@@ -1,4 +1,4 @@
-"""From frames to what they mean: what is taken, what is refused, and why."""
+"""From frames to their meaning: what is accepted, what is refused, and why."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_a_reading_comes_with_its_counters() -> None:
     assert received.events == ()
 
 
-def test_nothing_received_is_nothing_seen() -> None:
+def test_without_frames_nothing_changes() -> None:
     received = take()
     assert received.reading is None
     assert received.guard_input == GuardInput()
@@ -207,7 +207,7 @@ def test_a_request_that_waited_for_too_long_does_not_count_but_to_disarm(age_ns:
         assert seen.waiting_request is (request if waited else None)
 
 
-def test_two_hosts_that_give_currents_by_hand_are_both_not_believed() -> None:
+def test_two_hosts_that_give_currents_by_hand_are_both_refused() -> None:
     link = take(CODEC.encode(ManualCurrent(9.5), 0)).link
     for counter in range(1, 10):
         frames = CODEC.encode(ManualCurrent(9.5), counter), CODEC.encode(ManualCurrent(14.0), counter + 100)
@@ -276,7 +276,7 @@ def test_the_newest_setpoint_of_a_batch_counts_and_its_requests_keep_their_order
     assert received.guard_input.requests == (arm, none, arm, none)
 
 
-def test_a_request_to_disarm_is_not_unsaid_by_a_later_frame_of_the_batch() -> None:
+def test_a_request_to_disarm_is_not_cancelled_by_a_later_frame_of_the_batch() -> None:
     for later in (HostRequest.NONE, HostRequest.ARM):
         received = take(setpoint(0.07, 1, HostRequest.DISARM), setpoint(0.07, 2, later))
         armed = GuardState(
@@ -305,7 +305,7 @@ def test_noise_may_reach_beyond_a_hard_stop_by_the_margin(position_m: float) -> 
     assert take(position(position_m, 1)).reading is not None
 
 
-def test_a_reading_that_the_sensor_calls_a_fault_is_refused_and_a_suspect_one_taken() -> None:
+def test_a_reading_of_quality_fault_is_refused_and_a_suspect_one_accepted() -> None:
     faulty = take(position(0.08, 1, quality=Quality.FAULT))
     assert faulty.reading is None
     assert [str(event) for event in faulty.events] == ["position 80.000 mm refused: the sensor reports a fault"]
@@ -335,7 +335,7 @@ def damaged(frame: CanFrame) -> CanFrame:
 
 
 def badly_made(payload: str) -> CanFrame:
-    """Return a STEM_POSITION frame of the bytes behind its CRC, properly protected: a mistake of the sender's own."""
+    """Return a STEM_POSITION frame with `payload` after a valid CRC: the mistake is the sender's."""
     frame = position(0.08, 1)
     return replace(frame, data=protect(frame.data[:2] + bytes.fromhex(payload), 7952))
 
@@ -367,7 +367,7 @@ def test_a_bad_frame_costs_no_other_frame_of_its_batch() -> None:
     assert len(reasons(received)) == 2
 
 
-def test_other_nodes_traffic_is_nobodys_mistake() -> None:
+def test_the_traffic_of_other_nodes_is_no_error() -> None:
     received = take(CanFrame(0x7DF, b"\x02\x01\x0c"), replace(position(0.08, 1), is_extended=True))
     assert received.events == ()
     assert received.link == LinkState()
@@ -382,7 +382,7 @@ def test_the_truth_of_the_emulator_and_another_status_are_not_read() -> None:
     assert received.link == LinkState()
 
 
-def test_a_command_of_somebody_else_is_seen_whatever_its_counter() -> None:
+def test_a_command_of_another_controller_is_found_whatever_its_counter() -> None:
     frame = CODEC.encode(CurrentCommand(12.5), 9)
     for _ in range(2):
         received = take(frame)

@@ -48,7 +48,7 @@ def test_a_reading_is_valid_and_never_frozen_while_no_command_acts_on_the_valve(
         assert doubt is None
 
 
-def test_a_reading_that_calls_itself_a_fault_is_none_and_a_suspect_one_is_one() -> None:
+def test_a_reading_of_quality_fault_is_implausible_and_a_suspect_one_is_plausible() -> None:
     history = ReadingHistory(0.05, 1, 0.09, 0.5)
     after, doubt = check_reading(SETTINGS, VALVE, history, StemPosition(HERE_M, 0, Quality.FAULT), None, PERIOD_S)
     assert doubt == Refusal(Counted.FEEDBACK_FAULT, "the sensor reports a fault")
@@ -81,14 +81,14 @@ def test_jumps_agree_as_far_as_a_plausible_step() -> None:
     step_m = 0.0078125
     for beyond_m, believed in ((0.0, True), (1e-6, False)):
         sensor = Sensor(GuardSettings(max_jump_m=step_m))
-        said = [sensor.refuses(position_m) for position_m in (0.0625, 0.09375, 0.09375 + step_m + beyond_m, 0.09375)]
-        assert (said[3] is None) is believed
+        refused = [sensor.refuses(position_m) for position_m in (0.0625, 0.09375, 0.09375 + step_m + beyond_m, 0.09375)]
+        assert (refused[3] is None) is believed
 
 
-def test_three_jumps_to_one_place_are_a_new_truth() -> None:
+def test_three_jumps_to_one_place_are_believed() -> None:
     sensor = Sensor()
-    said = [sensor.refuses(position_m) for position_m in (0.05, 0.09, 0.095, 0.09)]
-    assert said == [None, Counted.FEEDBACK_JUMP, Counted.FEEDBACK_JUMP, None]
+    refused = [sensor.refuses(position_m) for position_m in (0.05, 0.09, 0.095, 0.09)]
+    assert refused == [None, Counted.FEEDBACK_JUMP, Counted.FEEDBACK_JUMP, None]
     assert (sensor.history.position_m, sensor.history.jumps, sensor.history.jumped_m) == (0.09, 0, None)
 
 
@@ -102,9 +102,9 @@ def test_jumps_to_and_fro_are_never_believed() -> None:
 
 def test_a_jump_that_is_not_repeated_is_forgotten() -> None:
     sensor = Sensor()
-    said = [sensor.refuses(position_m) for position_m in (0.05, 0.09, 0.09, 0.05, 0.09, 0.09)]
-    assert said[3] is None
-    assert said[4:] == [Counted.FEEDBACK_JUMP] * 2
+    refused = [sensor.refuses(position_m) for position_m in (0.05, 0.09, 0.09, 0.05, 0.09, 0.09)]
+    assert refused[3] is None
+    assert refused[4:] == [Counted.FEEDBACK_JUMP] * 2
 
 
 def test_a_jump_is_reported_in_mm() -> None:
@@ -139,7 +139,7 @@ def test_a_stem_that_sticks_in_its_band_is_never_frozen(above: bool) -> None:
 
 
 def test_exactly_at_the_edge_a_stem_may_still_stick() -> None:
-    """In numbers without rounding: 4 mA balance the spring, 1 mA is friction."""
+    """With numbers that need no rounding: 4 mA balance the spring, 1 mA is friction."""
     valve = ValveParameters(
         id="binary",
         diaphragm_area_m2=0.0625,

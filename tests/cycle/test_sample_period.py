@@ -1,4 +1,4 @@
-"""The sample period that frames show, a lockstep that is none, and how often the actuator hears a word."""
+"""The measured sample period, a lockstep whose plant does not wait, and how often the actuator gets a command."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_a_wrong_sample_period_is_reported_with_the_measured_one(factor: float, 
         shell.arm()
         shell.cycle_for(1.0)
         assert shell.mode_and_cause() == (Mode.ACTIVE, Cause.PERIOD_WRONG)
-        status = [said.message for said in shell.world.sent if isinstance(said.message, PositionerStatus)][-1]
+        status = [each.message for each in shell.world.sent if isinstance(each.message, PositionerStatus)][-1]
         assert (status.cause, status.health) == (Cause.PERIOD_WRONG, Health.OUT_OF_SPECIFICATION)
 
 
@@ -51,15 +51,15 @@ def test_lockstep_with_a_plant_that_does_not_wait_ends_in_one_line(tmp_path: Pat
 def test_in_hold_the_last_command_comes_every_ten_milliseconds_whatever_the_period(
     period_s: float, tmp_path: Path
 ) -> None:
-    patient = {"feedback_failsafe_periods": 10_000, "setpoint_hold_s": 0.0, "setpoint_failsafe_s": 0.0}
-    with VirtualShell(tmp_path, period_s, guard=patient) as shell:
+    never_fails = {"feedback_failsafe_periods": 10_000, "setpoint_hold_s": 0.0, "setpoint_failsafe_s": 0.0}
+    with VirtualShell(tmp_path, period_s, guard=never_fails) as shell:
         shell.arm()
         shell.world.plant_silent = True
         shell.cycle_for(4 * period_s)
         before = len(shell.world.sent)
         shell.cycle_for(1.0)
-        held = [said for said in shell.world.sent[before:] if isinstance(said.message, CurrentCommand)]
-        assert {said.message.mode for said in held if isinstance(said.message, CurrentCommand)} == {Mode.HOLD}
+        held = [each for each in shell.world.sent[before:] if isinstance(each.message, CurrentCommand)]
+        assert {each.message.mode for each in held if isinstance(each.message, CurrentCommand)} == {Mode.HOLD}
         gaps_ms = [(other.at_ns - one.at_ns) / MS for one, other in pairwise(held)]
         assert 10.0 <= min(gaps_ms) <= max(gaps_ms) <= 20.0
         assert len(held) >= 50

@@ -1,4 +1,4 @@
-"""The guard: every transition and its cause, arming, ages, and the last word on the current, whatever the law says."""
+"""The guard: every transition and its cause, arming, ages, and the limit of the current, whatever the law answers."""
 
 from __future__ import annotations
 
@@ -183,7 +183,7 @@ def test_failsafe_is_latched_with_its_cause() -> None:
     assert not state.controls
 
 
-def test_what_is_missing_longest_is_not_what_counts_but_what_is_worst() -> None:
+def test_the_worst_missing_input_gives_the_mode_not_the_one_missing_longest() -> None:
     late = SECOND + 11 * SECOND
     state = watch(active_at(SECOND), NOTHING, late)
     assert mode_and_cause(state) == (Mode.FAILSAFE, Cause.FEEDBACK_STALE)
@@ -192,7 +192,7 @@ def test_what_is_missing_longest_is_not_what_counts_but_what_is_worst() -> None:
 
 
 @pytest.mark.parametrize("cause", [Cause.FEEDBACK_IMPLAUSIBLE, Cause.FEEDBACK_FROZEN])
-def test_readings_that_come_and_are_refused_give_the_cause_its_name(cause: Cause) -> None:
+def test_the_reason_why_readings_are_refused_is_the_cause(cause: Cause) -> None:
     doubted = GuardInput(setpoint_age_ns=0, feedback_refused=cause)
     state = watch(active_at(SECOND), doubted, SECOND + 3 * MS)
     assert mode_and_cause(state) == (Mode.ACTIVE, Cause.NONE)
@@ -268,7 +268,7 @@ def test_an_arm_that_was_held_at_the_start_does_not_arm_until_something_else_was
 def test_requests_mean_the_same_in_one_batch_and_in_many(
     before: HostRequest | None, requests: list[HostRequest], cuts: set[int]
 ) -> None:
-    """But for a DISARM, which outweighs what else its batch asks."""
+    """Except a DISARM, which overrides all other requests of its batch."""
     requests = [request for request in requests if request is not HostRequest.DISARM]
     start = GuardState(
         mode=Mode.FAILSAFE,
@@ -289,7 +289,7 @@ def test_requests_mean_the_same_in_one_batch_and_in_many(
 
 
 @pytest.mark.parametrize("since_ms", [1, 500, 1000])
-def test_another_controller_s_command_right_after_the_arming_disarms(since_ms: int) -> None:
+def test_a_foreign_command_right_after_the_arming_disarms(since_ms: int) -> None:
     alive = GuardInput(feedback_age_ns=0, setpoint_age_ns=0, requests=(HostRequest.ARM,))
     state = active_at(SECOND)
     for passed_ms in range(1, since_ms):
@@ -297,7 +297,7 @@ def test_another_controller_s_command_right_after_the_arming_disarms(since_ms: i
     state = watch(state, replace(alive, foreign_command=True), SECOND + since_ms * MS)
     assert mode_and_cause(state) == (Mode.READY, Cause.FOREIGN_COMMAND)
     assert not state.transmits
-    for passed_ms in range(1, 3000):  # the held ARM does not arm again, however long ago the other one was heard
+    for passed_ms in range(1, 3000):  # the held ARM does not arm again, however old the foreign command is
         state = watch(state, alive, SECOND + (since_ms + passed_ms) * MS)
         assert not state.arming.armed
     state = watch(watch(state, RELEASED, 5 * SECOND), ARM, 5 * SECOND + MS)
@@ -369,7 +369,7 @@ def test_disarming_works_in_every_mode_and_silences() -> None:
 
 
 def test_a_stray_disarm_disarms_in_every_mode_and_is_no_request_that_an_arm_could_follow() -> None:
-    """A DISARM of long ago, played again: a host that holds ARM must not so be made to arm a positioner that failed."""
+    """A replayed DISARM, while the host holds ARM, must not make this ARM arm a positioner that has failed safe."""
     stray = GuardInput(feedback_age_ns=0, setpoint_age_ns=0, stray_disarm=True)
     held = watch(active_at(SECOND), NOTHING, SECOND + 5 * MS)
     failed = watch(active_at(SECOND), NOTHING, SECOND + 11 * MS)
@@ -383,7 +383,7 @@ def test_a_stray_disarm_disarms_in_every_mode_and_is_no_request_that_an_arm_coul
         assert mode_and_cause(again) == (Mode.ACTIVE, Cause.NONE)
 
 
-def test_disputed_setpoints_age_and_are_called_so_until_one_is_taken() -> None:
+def test_disputed_setpoints_age_and_are_the_cause_until_one_is_taken() -> None:
     disputed = GuardInput(feedback_age_ns=0, setpoint_refused=Cause.SETPOINT_DISPUTED)
     state = watch(active_at(SECOND), disputed, SECOND + 499 * MS)
     assert mode_and_cause(state) == (Mode.ACTIVE, Cause.NONE)
@@ -533,7 +533,7 @@ def test_a_valve_whose_sensor_died_is_armed_again_while_the_host_asks_for_manual
     assert not watch(never, replace(arm, manual=ManualCurrent(9.5)), SECOND).arming.armed
 
 
-def test_who_arms_long_after_the_last_manual_frame_begins_in_automatic_mode() -> None:
+def test_arming_long_after_the_last_manual_frame_begins_in_automatic_mode() -> None:
     state = watch(watch(active_at(SECOND), by_hand(), SECOND), EVERYTHING, 20 * SECOND)
     assert mode_and_cause(state) == (Mode.FAILSAFE, Cause.SETPOINT_STALE)
     state = watch(watch(state, RELEASED, 20 * SECOND), ARM, 20 * SECOND)
@@ -568,7 +568,7 @@ def test_an_error_that_stays_is_out_of_specification_and_control_goes_on(cause: 
     assert mode_and_cause(state) == (Mode.ACTIVE, cause)
     assert state.controls
     assert state.health(table_saved=True) is Health.OUT_OF_SPECIFICATION
-    # what is worse comes first
+    # the worse cause comes first
     assert watch(state, FOREIGN, SECOND + 2 * MS, conditions=deviates).cause is Cause.FOREIGN_COMMAND
     held = watch(state, NOTHING, SECOND + 5 * MS, conditions=deviates)
     assert mode_and_cause(held) == (Mode.HOLD, Cause.FEEDBACK_STALE)
@@ -604,7 +604,7 @@ def test_feedback_is_stale_after_what_hold_tolerates() -> None:
     assert not is_feedback_stale(SETTINGS, GuardState(), PERIOD_S, 10**15)
 
 
-# the last word
+# the limit of the current
 
 
 @pytest.mark.parametrize("mode", [Mode.INIT, Mode.READY])
@@ -685,12 +685,12 @@ def test_every_command_is_within_the_limits_whatever_happens(
         failsafe_action=action,
         failsafe_current_ma=9.0,
     )
-    left_ma = admit(tuning, GuardState(mode), wanted_ma, last_ma, elapsed_s)
-    if left_ma is None:
+    sent_ma = admit(tuning, GuardState(mode), wanted_ma, last_ma, elapsed_s)
+    if sent_ma is None:
         assert mode in {Mode.INIT, Mode.READY}
     else:
         assert mode not in {Mode.INIT, Mode.READY}
-        assert 3.9 <= left_ma <= 20.4
+        assert 3.9 <= sent_ma <= 20.4
 
 
 # settings
@@ -747,7 +747,7 @@ WIDE = Bounds(-10.0, 10.0, 4.0, 20.0)
 
 
 class WhimsicalLaw:
-    """A law without manners: it raises, or answers with whatever it was told to."""
+    """A law that raises, or answers anything, as `answer` asks."""
 
     name = "whimsical"
 
@@ -791,7 +791,7 @@ class AnythingOnTheBus(RuleBasedStateMachine):
         self.failures = 0
 
     def cycle(self, *frames: CanFrame, good: bool = False, late_ns: int = 0) -> None:
-        """Let a cycle pass and check what left."""
+        """Let a cycle pass and check the frames that it sends."""
         self.state, outbox, _ = step(self.setup, self.state, CycleInput(frames, self.now_ns, late_ns))
         guard = self.state.guard
         self.was_armed |= guard.arming.armed
@@ -873,7 +873,7 @@ class AnythingOnTheBus(RuleBasedStateMachine):
 
     @rule(repeat=st.integers(1, 12), setpoint_m=st.floats(0.0, 0.1397))
     def regular_life(self, repeat: int, setpoint_m: float) -> None:
-        """Feedback and setpoints as they should be, with an edge that arms: also the way back from FAILSAFE."""
+        """Valid feedback and setpoints, and a new ARM: also the way back from FAILSAFE."""
         here_m = self.state.link.feedback.readings.position_m or 0.08
         for request in (HostRequest.NONE, *[HostRequest.ARM] * repeat):
             self.now_ns += MS
@@ -924,7 +924,7 @@ class AnythingOnTheBus(RuleBasedStateMachine):
 
     @invariant()
     def it_fails_safe_in_time(self) -> None:
-        """Assert the ages that the settings promise; `feedback_ns` errs on the young side."""
+        """Assert the largest ages that the settings allow; `feedback_ns` is never older than the true instant."""
         guard = self.state.guard
         if not guard.arming.armed:
             assert not guard.transmits
@@ -944,7 +944,7 @@ class AnythingOnTheBus(RuleBasedStateMachine):
         assert guard.last.setpoint_ns is not None
         if self.now_ns - guard.last.setpoint_ns > 0.2 * SECOND:
             assert guard.mode is Mode.FAILSAFE
-        # one cycle more than allowed: the guard judges at the beginning of the next one
+        # one cycle more than allowed: the guard decides at the beginning of the next one
         assert guard.law.failures <= LIMITS.law_failsafe_cycles
 
     @invariant()

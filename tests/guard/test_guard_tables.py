@@ -1,4 +1,4 @@
-"""The two tables of DESIGN.md's section on the guard, held against the code."""
+"""The two tables of DESIGN.md's section on the guard, compared with the code."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NO_SETPOINT = (Cause.SETPOINT_STALE, Cause.SETPOINT_DISPUTED)
 
 
 def rows_of(head: str) -> list[list[str]]:
-    """The cells of the table of DESIGN.md whose first line is `head`."""
+    """Return the cells of the table of DESIGN.md whose first line is `head`."""
     lines = (Path(__file__).parents[2] / "DESIGN.md").read_text(encoding="utf-8").splitlines()
     start = lines.index(head) + 2
     end = next(number for number in range(start, len(lines)) if not lines[number].startswith("|"))
@@ -195,7 +195,7 @@ def test_every_row_has_a_meaning_here() -> None:
 
 
 def wander(steps: int) -> dict[tuple[Mode, Mode], set[Cause]]:
-    """Every transition that `steps` of whatever may happen bring about."""
+    """Return every transition, with its causes, that happens within `steps` random inputs."""
     chance, state, now_ns = random.Random(1), GuardState(), 1  # noqa: S311 - a walk that can be repeated, no secret
     found: defaultdict[tuple[Mode, Mode], set[Cause]] = defaultdict(set)
     for _ in range(steps):

@@ -1,4 +1,4 @@
-"""Stalls of the process: nothing old is acted on, what is too long fails safe and is told, and replays to the bit."""
+"""Stalls: no old reading is acted on, a long one fails safe and is reported, and its record replays to the bit."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def shell(tmp_path: Path) -> Iterator[VirtualShell]:
 
 
 def once(at: int, stall_ms: float) -> Callable[[], int]:
-    """Stall at the `at`-th place from now, once."""
+    """Return a function that stalls at the `at`-th place from now, once."""
     places = iter(range(at + 1))
 
     def struck() -> int:
@@ -41,7 +41,7 @@ def once(at: int, stall_ms: float) -> Callable[[], int]:
 
 
 def once_what(strike: Callable[[], int]) -> Callable[[], int]:
-    """Let `strike` happen at the next place, once."""
+    """Return a function that calls `strike` at the next place, once."""
     strikes = iter([strike])
 
     def struck() -> int:
@@ -52,16 +52,16 @@ def once_what(strike: Callable[[], int]) -> Callable[[], int]:
 
 
 def oldest_answer_ms(shell: VirtualShell) -> float:
-    """How old the oldest reading was when a command that was computed from it left; in HOLD nothing new may be said."""
+    """Return the largest age in ms of a reading when its command was sent; in HOLD no new current may be sent."""
     ages, last_ma = [], 0.0
-    for said in shell.world.sent:
-        if not isinstance(said.message, CurrentCommand):
+    for each in shell.world.sent:
+        if not isinstance(each.message, CurrentCommand):
             continue
-        if said.message.mode is Mode.HOLD:
-            assert said.message.current_ma == last_ma
-        elif said.message.mode is Mode.ACTIVE and said.answered_ns:
-            ages.append((said.at_ns - said.answered_ns) / MS)
-        last_ma = said.message.current_ma
+        if each.message.mode is Mode.HOLD:
+            assert each.message.current_ma == last_ma
+        elif each.message.mode is Mode.ACTIVE and each.answered_ns:
+            ages.append((each.at_ns - each.answered_ns) / MS)
+        last_ma = each.message.current_ma
     return max(ages)
 
 
@@ -75,7 +75,7 @@ def test_a_stall_beyond_the_failsafe_limit_is_latched_and_reported_wherever_it_s
 ) -> None:
     for place in PLACES:
         shell.arm()
-        shell.cycle_for(1.0)  # a line of each kind leaves once a second
+        shell.cycle_for(1.0)  # a line of each kind is logged once a second
         assert shell.mode() is Mode.ACTIVE
         shell.lines.clear()
         shell.world.struck = once(place, stall_ms)
@@ -85,7 +85,7 @@ def test_a_stall_beyond_the_failsafe_limit_is_latched_and_reported_wherever_it_s
         assert cause in {Cause.STALLED, Cause.FEEDBACK_STALE}
         assert len(shell.logged("-> FAILSAFE")) == 1
         assert shell.logged("stood still for")
-        commands = [said.message for said in shell.world.sent if isinstance(said.message, CurrentCommand)]
+        commands = [each.message for each in shell.world.sent if isinstance(each.message, CurrentCommand)]
         assert (commands[-1].mode, commands[-1].current_ma) == (Mode.FAILSAFE, 4.0)
     assert oldest_answer_ms(shell) <= HOLD_MS
 
@@ -100,8 +100,8 @@ def test_a_stall_beyond_the_hold_limit_holds_for_a_cycle_and_is_reported(stall_m
         shell.cycle_for(stall_ms / 1e3 + 0.5)
         assert shell.mode() is Mode.ACTIVE
         assert len(shell.logged("stood still for")) == 1
-        said = [said.message for said in shell.world.sent[before:]]
-        assert Mode.HOLD in {message.mode for message in said if isinstance(message, CurrentCommand)}
+        messages = [each.message for each in shell.world.sent[before:]]
+        assert Mode.HOLD in {message.mode for message in messages if isinstance(message, CurrentCommand)}
         assert shell.daemon.session.state.counters.by_cause[Counted.STALLED] == place + 1
     assert oldest_answer_ms(shell) <= HOLD_MS
 
@@ -110,17 +110,17 @@ def test_after_a_stall_the_last_command_comes_before_any_new_one(shell: VirtualS
     before = len(shell.world.sent)
     shell.world.struck = once(0, 60.0)
     shell.cycle()
-    modes = [said.message.mode for said in shell.world.sent[before:] if isinstance(said.message, CurrentCommand)]
+    modes = [each.message.mode for each in shell.world.sent[before:] if isinstance(each.message, CurrentCommand)]
     assert modes[0] is Mode.HOLD
     assert shell.daemon.session.state.link.feedback.periods_unread > 0  # the law will know how much time has passed
 
 
-PATIENT = {"feedback_failsafe_periods": 10_000, "setpoint_hold_s": 0.0, "setpoint_failsafe_s": 0.0}
-"""Nothing fails safe, so that what is acted on can be seen."""
+NEVER_FAILS = {"feedback_failsafe_periods": 10_000, "setpoint_hold_s": 0.0, "setpoint_failsafe_s": 0.0}
+"""No stall fails safe, so that the commands after it show which readings are acted on."""
 
 
 def test_readings_that_waited_in_a_long_queue_are_not_acted_on(tmp_path: Path) -> None:
-    with VirtualShell(tmp_path, guard=PATIENT) as shell:
+    with VirtualShell(tmp_path, guard=NEVER_FAILS) as shell:
         shell.arm()
         shell.world.struck = once(0, 60_000.0)  # more than one batch is queued, and only the first is taken after a gap
         shell.cycle_for(61.0)
@@ -159,7 +159,7 @@ def test_a_step_of_the_wall_clock_makes_nothing_fresh_old(step_s: float, stamps:
 
 @pytest.mark.parametrize("stamps", [True, False])
 def test_a_step_of_the_wall_clock_makes_nothing_old_fresh(stamps: bool, tmp_path: Path) -> None:
-    with VirtualShell(tmp_path, guard=PATIENT) as shell:
+    with VirtualShell(tmp_path, guard=NEVER_FAILS) as shell:
         shell.arm()
         world = shell.world
         world.stamps = stamps
@@ -212,13 +212,13 @@ def test_a_law_that_is_always_too_late_to_be_used_fails_safe(
     monkeypatch.setattr(law, "decide", slow)
     shell.cycle_for(3.0)
     assert shell.mode_and_cause() == (Mode.FAILSAFE, Cause.LAW_LATE)
-    said = [said for said in shell.world.sent if isinstance(said.message, CurrentCommand)]
-    # the last word is repeated in between: the actuator hears that somebody is there
-    assert max((other.at_ns - one.at_ns) / MS for one, other in pairwise(said)) < FAILSAFE_MS
+    commands = [each for each in shell.world.sent if isinstance(each.message, CurrentCommand)]
+    # the last command is repeated in between, as a sign of life for the actuator
+    assert max((other.at_ns - one.at_ns) / MS for one, other in pairwise(commands)) < FAILSAFE_MS
     assert oldest_answer_ms(shell) <= HOLD_MS
 
 
-def test_a_stall_while_nobody_has_armed_it_is_nobodys_business(tmp_path: Path) -> None:
+def test_a_stall_before_arming_is_not_reported(tmp_path: Path) -> None:
     with VirtualShell(tmp_path) as shell:
         shell.cycle_for(0.5)
         shell.world.struck = once(3, 5_000.0)
@@ -237,11 +237,11 @@ def test_a_record_with_stalls_replays_to_the_bit(tmp_path: Path, capsys: pytest.
                 shell.arm()
                 shell.world.struck = once(place, stall_ms)
                 shell.cycle_for(0.05 + stall_ms / 1e3)
-        causes = {said.message.cause for said in shell.world.sent if isinstance(said.message, PositionerStatus)}
+        causes = {each.message.cause for each in shell.world.sent if isinstance(each.message, PositionerStatus)}
         assert Cause.STALLED in causes
     assert main(["replay", str(log), "--config", str(tmp_path / "valve.toml")]) == 0
     assert "identical" in capsys.readouterr().out
-    # without the ages, and without the gaps, the cycle would have known nothing of it
+    # without the recorded ages, or without the gaps, the replay differs
     for kind in ("FD", "01"):
         kept = [
             line

@@ -43,7 +43,7 @@ def start(state: Path, sample_log: Path, complaints: Path, seed: int) -> int:
             complaints.write_text(traceback.format_exc(), encoding="utf-8")
         finally:
             os._exit(1)
-    with contextlib.suppress(PermissionError, ProcessLookupError):  # whoever comes first, parent or child
+    with contextlib.suppress(PermissionError, ProcessLookupError):  # parent or child, the first one does it
         os.setpgid(process, process)
     return process
 

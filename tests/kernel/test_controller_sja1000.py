@@ -31,7 +31,7 @@ seed = 7
 
 @pytest.fixture(scope="module", autouse=True)
 def controllers() -> Iterator[None]:
-    """Bring both up, as the README says."""
+    """Bring both interfaces up, as in the README."""
     for name in ("can0", "can1"):
         command("ip", "link", "set", name, "up", "type", "can", "bitrate", "1000000", "restart-ms", "100")
     yield

@@ -27,7 +27,7 @@ pytestmark = pytest.mark.kernel("systemd")
 
 @pytest.fixture(scope="module", autouse=True)
 def installed() -> None:
-    """Install as the README says, and configure a valve on vcan0."""
+    """Install as in the README, and configure a valve on vcan0."""
     command("make", "-C", str(PROJECT), "install")
     systemctl("start", "vcan0.service")
     configure("fv101", "vcan0")

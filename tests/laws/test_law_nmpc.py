@@ -302,7 +302,7 @@ def test_a_valve_without_friction_is_armed_again_with_its_own_table() -> None:
 
 
 def landings_m(run: InProcessRun, dwells: range, dwell_s: float) -> list[float]:
-    """How far from its setpoint the stem is 30 ms after each of these setpoints came: the first move is over then."""
+    """Return the distances in m from the setpoint, 30 ms after it came in each of `dwells`, after the first move."""
     record, per_dwell = run.recording, round(dwell_s / PERIOD_S)
     samples = [dwell * per_dwell + 30 for dwell in dwells]
     return [abs(float(record.true_position_m[k] - record.setpoint_m[k])) for k in samples]

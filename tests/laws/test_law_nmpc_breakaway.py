@@ -106,7 +106,7 @@ def test_an_empty_or_stale_table_remembers_nothing() -> None:
 @pytest.mark.parametrize("friction_n", [0.0, 1e-12, 1e-3, 1.0])
 @pytest.mark.parametrize("margin", [0.0, 0.02])
 def test_a_valve_without_friction_remembers_what_its_table_can_tell(friction_n: float, margin: float) -> None:
-    # 10 N of breakaway force in its table, as a slip that nothing foresaw teaches
+    # 10 N of breakaway force in its table, as learned from a slip that was not predicted
     table = taught(NOMINAL.spring_n_per_m, 10.0, (0.073, 0.08, 0.087))
     prior = NOMINAL._replace(friction_n=friction_n)
     sigmas = AdaptiveFilter(AdaptationSettings(), MODEL, prior).prior_sigmas()

@@ -26,7 +26,7 @@ JAMMED = {
 
 
 def gamma_table(share: float) -> StictionTable:
-    """Ten samples of Γ in each cell from 65 to 95 mm: of a valve with that share of the static friction."""
+    """Return ten samples of Γ in each cell from 65 to 95 mm, of a valve with `share` of the static friction."""
     table = StictionTable(0.005)
     for _ in range(10):
         for index in range(13, 20):

@@ -113,7 +113,7 @@ one_sided_bounds = st.builds(
     st.floats(3.8, 20.0),
     st.floats(0.01, 16.0),
 )
-"""What eqs 23 to 26 can make: the speed bound moves on one side only."""
+"""The bounds that eqs 23 to 26 can give: the speed bound moves on one side only."""
 
 
 @settings(max_examples=200)
@@ -257,7 +257,7 @@ def test_a_plan_is_what_an_independent_solver_makes_of_the_same_programme(
 
 
 class ScriptedSolver:
-    """Answers with the given currents, one after the other, then with none."""
+    """A solver that returns the given currents, one after the other, and then no solution."""
 
     def __init__(self, answers_ma: list[float]) -> None:
         self.answers_ma = iter(answers_ma)

@@ -1,4 +1,4 @@
-"""Lag against its closed form, dead time to the last digit."""
+"""The actuator: its lag against the closed form, its dead time to the last digit."""
 
 from __future__ import annotations
 

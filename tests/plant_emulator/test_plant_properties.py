@@ -1,4 +1,4 @@
-"""What holds for every valve and every command: no energy from nothing, no way out of the travel, no motion at rest."""
+"""Laws for every valve and every command: no energy from nothing, no way out of the travel, no motion at rest."""
 
 from __future__ import annotations
 

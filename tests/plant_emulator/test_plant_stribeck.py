@@ -1,4 +1,4 @@
-"""Slow sliding, where it has a closed form after all: a force that dies away on a free mass, with a flat curve."""
+"""Slow sliding in a case with a closed form: a decaying force on a free mass, with a flat curve."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RATE = 100.0
 
 
 def free(sign: int = 1) -> StribeckSlide:
-    """Return a kilogramme that a dying force first slows and a constant one then speeds up."""
+    """Return the slide of a mass of 1 kg, which a decaying force first slows and a constant one then speeds up."""
     force = PushingForce(sign * 1.0, -sign * 3.0, RATE)
     return StribeckSlide(
         force=force, sign=sign, mass_kg=1.0, spring_n_per_m=1e-9, viscous_n_s_per_m=0.0, load_n=0.0, drop_n=0.0,

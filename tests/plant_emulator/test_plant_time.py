@@ -33,7 +33,7 @@ class _NoProgressError(AssertionError):
 
 @pytest.fixture(scope="module")
 def _counted_events() -> Iterator[None]:
-    """Make every `MovingStem.advance` fail that takes more events than time can hold."""
+    """Make every `MovingStem.advance` fail that takes more events than are possible in its time."""
     advance, segment = MovingStem.advance, MovingStem._segment
     left = [0.0]
 
@@ -121,13 +121,13 @@ def test_a_push_that_is_reversed_just_after_the_slip_takes_few_events(
 
 
 def _push_n(plant: PlantSettings, state: PlantState, current_ma: float) -> float:
-    """Return by how much the force of `current_ma` in the end differs from that of `state`, in N."""
+    """Return the difference in N between the final force of `current_ma` and the force in `state`."""
     v = plant.valve
     return abs(v.diaphragm_area_m2 * (v.pressure_gain_pa_per_ma * current_ma - state.actuator.pressure_pa))
 
 
 def _slip_s(plant: PlantSettings, state: PlantState, push_n: float, *, filling: bool) -> float:
-    """Return when `state`, in balance, slips under a push that grows to `push_n`: dead time, then until F_s, in s."""
+    """Return the time in s until `state`, in balance, slips under a push that grows to `push_n`, with the dead time."""
     actuator = plant.actuator
     lag_s = actuator.fill_time_constant_s if filling else actuator.vent_time_constant_s
     return actuator.dead_time_s + lag_s * math.log(push_n / (push_n - state.packing.static_n))

@@ -35,7 +35,7 @@ def counters(state: PlantState) -> tuple[int, int, int]:
 
 
 def first_time(reached: Callable[[PlantState], bool], current_ma: float, latest_s: float) -> float:
-    """Return when a paper valve, held at `current_ma` from rest, first satisfies `reached`, by bisection."""
+    """Return the time in s at which the paper's valve under `current_ma`, from rest, first satisfies `reached`."""
     start, low, high = valve.initial_state(PAPER, 0), 0.0, latest_s
     while high - low > 1e-9:
         middle = 0.5 * (low + high)

@@ -88,7 +88,7 @@ MESSAGES = [golden[0] for golden in GOLDEN]
 
 
 def bitwise_crc(data: bytes) -> int:
-    """CRC-16 0x1021, start 0xFFFF, one bit at a time, as the standard describes it."""
+    """Return the CRC-16 0x1021, start 0xFFFF, one bit at a time, as the standard describes it."""
     register = 0xFFFF
     for byte in data:
         register ^= byte << 8
@@ -98,7 +98,7 @@ def bitwise_crc(data: bytes) -> int:
 
 
 def by_hand(counter: int, data_id: int, signals: list[tuple[int, int, int]]) -> bytes:
-    """A frame packed without the DBC: little-endian fields, then the CRC."""
+    """Return the bytes of a frame, packed without the DBC: little-endian fields, then the CRC."""
     word = counter << 16
     for start, length, raw in signals:
         word |= (raw & ((1 << length) - 1)) << start

@@ -46,7 +46,7 @@ SUFFIX_IN_DBC = {"mm": "_mm", "mm/s": "_mm_per_s", "mA": "_mA", "kPa": "_kPa"}
 
 
 def attribute(message: DbcMessage, name: str) -> float | str:
-    """An attribute that the message sets itself: a default does not count."""
+    """Return an attribute that the message sets itself: a default does not count."""
     assert message.dbc is not None
     value: float | str = message.dbc.attributes[name].value
     return value

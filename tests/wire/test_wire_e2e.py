@@ -1,4 +1,4 @@
-"""End-to-end protection: the CRC against AUTOSAR's example and a second implementation, counters against lives."""
+"""End-to-end protection: the CRC against AUTOSAR's example and a second implementation, and the counters."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_every_burst_of_15_bits_is_detected_and_all_but_six_of_16() -> None:
 
 
 def _undetected(start: int, length: int) -> int:
-    """How many bursts from bit `start`, first and last bit wrong, leave the CRC fitting; the CRC is linear."""
+    """Return the number of bursts from bit `start`, first and last bit wrong, that the linear CRC does not detect."""
     sums = np.array([_syndrome(start)], dtype=np.uint16)
     if length > 1:
         sums ^= np.uint16(_syndrome(start + length - 1))
@@ -56,7 +56,7 @@ def _undetected(start: int, length: int) -> int:
 
 
 def _syndrome(bit: int) -> int:
-    """What flipping one bit does to the difference between the CRC that is sent and the one that is computed."""
+    """Return the difference between the sent CRC and the computed one that one flipped bit causes."""
     flipped = (1 << (63 - bit)).to_bytes(8, "big")
     return int.from_bytes(flipped[:2], "little") ^ e2e.crc(flipped[2:], 0) ^ e2e.crc(bytes(6), 0)
 

@@ -33,7 +33,7 @@ _NS = 1_000_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EmulatorOptions:
-    """How the emulator runs.
+    """The options of a run.
 
     seed: of the noise and of the stochastic friction.
     lockstep: wait for the command before the next period; otherwise the clock sets the pace.

@@ -14,7 +14,7 @@ _BLOCK = 512
 
 
 class Stream(IntEnum):
-    """What the draws are for; each is independent of the others."""
+    """The uses of random numbers; each has a stream that is independent of the others."""
 
     SENSOR_NOISE = 1
     FRICTION = 2

@@ -16,7 +16,7 @@ from positioner.inputs.table import SettingsTable
 
 
 class FailPosition(StrEnum):
-    """Where the emulated I/P converter takes the valve when its commands stop coming."""
+    """The place to which the emulated I/P converter takes the valve when no commands come."""
 
     CLOSE = "close"
     OPEN = "open"
@@ -88,7 +88,7 @@ class SensorSettings(SettingsTable):
     noise_of_span: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0
     """Standard deviation as a fraction of the span; the variances of the two add up."""
     noise_hold_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 0.0
-    """How long one noise value lasts; 0 is white noise, a new value for each sample."""
+    """Duration of one noise value; 0 is white noise, a new value for each sample."""
     resolution_m: Annotated[float, Interval(ge=0.0, le=0.01)] = 0.0
     """Step of the quantisation; 0 is none."""
     reports_pressure: bool = False
@@ -116,4 +116,4 @@ class PlantSettings(SettingsTable):
     fail_current_ma: Annotated[float, Interval(ge=0.0, le=25.0)] = 4.0
     """The current of `fail_position = "current"`."""
     deadman_s: Annotated[float, Interval(ge=0.001, le=60.0)] = 0.1
-    """How old the last command may be before the valve goes to its `fail_position`."""
+    """Age of the last command at which the valve goes to its `fail_position`."""

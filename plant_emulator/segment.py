@@ -1,4 +1,4 @@
-"""A motion segment: the motion between two events, and what ended it. Pure."""
+"""A motion segment: the motion between two events, with the event that ended it. Pure."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class Ending(Enum):
-    """What ended a segment."""
+    """The event that ended a segment."""
 
     OPEN = auto()
     """No event: the time was up, or another kind of segment follows."""
@@ -20,7 +20,7 @@ class Ending(Enum):
 
 
 class Segment(NamedTuple):
-    """Duration in s, position in m and velocity in m/s at the end, and what ended the segment."""
+    """Duration in s, position in m and velocity in m/s at the end, and the event that ended it."""
 
     duration_s: float
     position_m: float

@@ -22,7 +22,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """What a node must do, and how to correct a node that does not."""
+    """A demand on a node, and the way to correct a node that does not fulfil it."""
 
     name: str
     demands: str
@@ -31,7 +31,7 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """What was found, the frame (None where it did not come), and a better fix than the rule's, where known."""
+    """The finding, its frame (None where it did not come), and a better fix than the rule's, where known."""
 
     found: str
     frame: CanFrame | None = None
@@ -49,7 +49,7 @@ class RuleResult:
 
     @property
     def fix(self) -> str:
-        """What to do; empty where nothing is to be done."""
+        """The way to correct the node; empty where the rule was kept."""
         return "" if self.first is None else self.first.fix or self.rule.fix
 
 

@@ -1,4 +1,4 @@
-"""How regularly the frames of one message come: the gaps between them, and the mean period. Pure."""
+"""The timing of the frames of one message: the gaps between them, and the mean period. Pure."""
 
 from __future__ import annotations
 

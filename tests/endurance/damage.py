@@ -33,7 +33,7 @@ _NOW_S = 1_778_312_125
 
 @dataclass(slots=True)
 class Survey:
-    """What became of the damaged files: detected and mended, or harmless."""
+    """The outcomes of the damaged files: detected and mended, or harmless."""
 
     size: int
     detected: int = 0

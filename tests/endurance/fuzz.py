@@ -48,7 +48,7 @@ class DisagreementError(AssertionError):
 
 @dataclass
 class Findings:
-    """What a run found: frames by attack, verdicts by cause, and frames that were valid by accident."""
+    """The findings of a run: frames by attack, verdicts by cause, and frames that were valid by accident."""
 
     frames: int = 0
     attacks: Counter[str] = field(default_factory=Counter)

@@ -42,7 +42,7 @@ _CHUNK = 250
 
 @dataclass
 class Findings:
-    """What a run found, by kind of file; a violation names the kind, the seed of the input and what happened."""
+    """The findings of a run, by kind of file; a violation names the kind, the seed of the input and what happened."""
 
     inputs: Counter[str] = field(default_factory=Counter)
     taken: Counter[str] = field(default_factory=Counter)

@@ -110,7 +110,7 @@ class Record:
 
     @property
     def descriptors(self) -> int:
-        """How many more descriptors are open at the end."""
+        """The number of descriptors at the end less that at the beginning."""
         return round(self._descriptors[-1] - self._descriptors[0])
 
     def lines(self) -> list[str]:

@@ -1,4 +1,4 @@
-"""How much memory a replay takes: `make long-replay` prints it for two logs, one many times as long as the other.
+"""The memory that a replay takes: `make long-replay` prints it for two logs, one many times as long as the other.
 
 Each is the log that another node on the bus would have written: readings, a setpoint for each tenth reading, and
 commands that echo them. The replay looks ahead in it, finds that every command differs, and writes trace and picture.

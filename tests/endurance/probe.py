@@ -1,4 +1,4 @@
-"""How long the disk itself takes: a process that repeats the disk operations of a commit."""
+"""The delays of the disk itself: a process that repeats and times the disk operations of a commit."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ _FEWEST = 10
 
 @dataclass(slots=True)
 class Pulse:
-    """One process: when it was looked at (s), its resident memory (bytes), its open descriptors."""
+    """One process: the instants of the measurements (s), its resident memory (bytes), its open descriptors."""
 
     name: str
     process: int
@@ -38,7 +38,7 @@ class Pulse:
 
     @property
     def is_long(self) -> bool:
-        """Whether it was looked at often enough to tell growth from chance."""
+        """Whether there are enough measurements to distinguish growth from chance."""
         return len(self.times_s) >= _FEWEST
 
     @property

@@ -42,7 +42,7 @@ QUEUES = ((0, 0.0), (128, 0.0), (1000, 0.0), (128, 3.0))
 """Commands in the transmit queue, and after how many s they are sent: a controller may have been off the bus."""
 ROUNDS = 3
 WATCHED_S = 5.0
-"""How long the next daemon is watched before anybody asks it to arm."""
+"""The time for which the next daemon is watched before a request to arm."""
 ARMED_S = 3.0
 """Within this time after a request it must control; it refuses for one second after another controller's command."""
 KEPT_DOWN = frozenset({ExitCode.UNAVAILABLE, ExitCode.CONFIG})

@@ -30,7 +30,7 @@ def report(
     ]
     for pulse in pulses:
         if not pulse.is_long:
-            found.append(f"{pulse.name} {pulse.process} was looked at {len(pulse.times_s)} times only")
+            found.append(f"{pulse.name} {pulse.process} was measured {len(pulse.times_s)} times only")
             continue
         hours = (pulse.times_s[-1] - pulse.times_s[0]) / 3600.0
         size, growth = pulse.memory_bytes[-1] / 2**20, pulse.growth

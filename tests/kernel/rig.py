@@ -42,7 +42,7 @@ NEAR_M = 0.010
 """Near enough to distinguish a valve that obeys from one that does not, at so long a period."""
 LOW_M, HIGH_M = 0.066, 0.088
 CLOSED_M = 1423.0 / 52538.0
-"""Where the spring leaves the paper's valve without pressure: F_c/K, at which sliding friction stops it."""
+"""The rest position of the paper's valve without pressure: F_c/K, at which sliding friction stops the spring."""
 _PLANT = f"""preset = "paper"
 deadman_s = {DEADMAN_S}
 fail_position = "close"

@@ -32,7 +32,7 @@ def test_equation_27_gives_the_papers_number() -> None:
 
 
 def test_in_centimetres_the_papers_example_is_saturated_and_in_si_it_brakes() -> None:
-    # D6: read in cm, beta = 150 1/cm leaves 5.04 cm/s wherever the error exceeds half a millimetre
+    # D6 of DESIGN.md: in cm, beta = 150 1/cm leaves 5.04 cm/s wherever the error exceeds half a millimetre
     centimetres = BoundSettings(approach_span_m_per_s=0.05, approach_decay_per_m=15000.0)
     for error_m in (0.0005, 0.0097):
         assert approach_speed_limit_m_per_s(centimetres, error_m, 0.0004) == pytest.approx(0.0504, rel=1e-3)

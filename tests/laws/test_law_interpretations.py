@@ -96,7 +96,7 @@ def short(simulation: int, interpretation: Interpretation, dwell_s: float = 0.02
 
 @pytest.fixture(scope="module")
 def played() -> dict[NoiseKind, InProcessRun]:
-    """Simulation 2 in every interpretation of the noise, 20 ms a setpoint."""
+    """Return the runs of simulation 2 in every interpretation of the noise, with 20 ms for each setpoint."""
     return {noise: run_in_process(short(2, SI[noise])) for noise in NoiseKind}
 
 

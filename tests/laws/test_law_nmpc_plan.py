@@ -59,7 +59,7 @@ def test_inside_the_limits_and_at_every_step_of_the_prediction_still_able_to_sto
     assert plan is not None
     low, high = sorted((move.weakest_ma, move.strongest_ma))
     assert all(low - 1e-12 <= each <= high + 1e-12 for each in plan.inputs_ma)
-    # the exact motion, not the linearised one, under the plan and under full braking, which is what D10 allows
+    # the exact motion, not the linearised one, under the plan and under full braking, which D10 of DESIGN.md allows
     trajectory = predict(SETTINGS, MODEL, move, list(plan.inputs_ma), period_s)
     braked = predict(SETTINGS, MODEL, move, [move.release_ma, *(move.weakest_ma,) * 3], period_s)
     for stop, least in zip(trajectory.stops, braked.stops, strict=True):

@@ -61,7 +61,7 @@ def forced_by_simulation(tuning: PlannerSettings, period_s: float) -> np.ndarray
 
 
 def cost(tuning: PlannerSettings, states: np.ndarray, inputs: np.ndarray, setpoint_m: float) -> float:
-    """Return eq. 17 in cm and mA (D4)."""
+    """Return the cost of eq. 17 in cm and mA (D4 of DESIGN.md)."""
     weight = np.ones(len(states)) * tuning.error_weight_per_cm2
     weight[-1] *= tuning.terminal_factor
     error_cm = 100.0 * (setpoint_m - states[:, 0])
@@ -236,7 +236,7 @@ def test_a_plan_is_what_an_independent_solver_makes_of_the_same_programme(
     def objective(inputs: np.ndarray) -> float:
         return 1e5 * cost(tuning, states(inputs), inputs, setpoint_m)
 
-    # D10: never tighter than what the loop's ends reach
+    # D10 of DESIGN.md: never tighter than the ends of the loop current can reach
     high = np.maximum(bounds.speed_high_m_per_s, states(np.full(count, bounds.current_low_ma))[:, 1])
     low = np.minimum(bounds.speed_low_m_per_s, states(np.full(count, bounds.current_high_ma))[:, 1])
     other = minimize(

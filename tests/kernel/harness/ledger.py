@@ -19,7 +19,7 @@ class Ledger:
     def __init__(self) -> None:
         """Begin with nothing counted."""
         self.ran: Counter[tuple[str, str]] = Counter()
-        """How many tests were reported, by (kernel, kind)."""
+        """The number of reported tests, by (kernel, kind)."""
         self.more_tries: list[str] = []
         self._not_begun: list[str] = []
         self._why_short = ""

@@ -129,7 +129,7 @@ GUARDED = positioner/guard/supervisor.py positioner/guard/settings.py positioner
 GUARDING = tests/guard/test_guard.py tests/guard/test_guard_tables.py tests/cycle/test_inbox.py tests/cycle/test_plausibility.py \
 	tests/cycle/test_counters.py tests/wire/test_loop_current.py tests/wire/test_wire_e2e.py tests/plant_emulator/test_device.py tests/cycle/test_cycle.py \
 	tests/cycle/test_handover.py tests/wire/test_wire_window.py tests/cycle/test_frozen.py tests/cycle/test_deviation.py tests/cycle/test_command_effect.py \
-	tests/guard/test_stall.py tests/guard/test_ages.py tests/cycle/test_second_daemon.py tests/cycle/test_frame_period.py tests/cycle/test_sample_period.py tests/runtime/test_double_arming.py tests/bus/test_arrivals.py
+	tests/guard/test_stall.py tests/guard/test_ages.py tests/guard/test_arming.py tests/cycle/test_second_daemon.py tests/cycle/test_frame_period.py tests/cycle/test_sample_period.py tests/runtime/test_double_arming.py tests/bus/test_arrivals.py
 
 empty :=
 space := $(empty) $(empty)

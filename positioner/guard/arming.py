@@ -46,7 +46,6 @@ def arm(settings: GuardSettings, state: GuardState, guard_input: GuardInput, hol
         return state
     return GuardState(
         mode=Mode.HOLD,  # pragma: no mutate - anything but FAILSAFE: the transition table decides
-        cause=state.cause,
         arming=Arming(armed=True, ever_armed=True, request=request, armed_or_returned_ns=now_ns),
         last=replace(last, setpoint_ns=now_ns),  # the host has `setpoint_hold_s` from now on to send a setpoint
         law=replace(state.law, failures=0, late_answers=0),

@@ -205,7 +205,8 @@ def _of_dwell(trace: Trace, part: slice, begin_s: float, end_s: float, span_m: f
         travel_mm=float(np.sum(np.abs(np.diff(trace.position_m[path])))) * 1e3,
         ideal_travel_mm=abs(setpoint_m - start_m) * 1e3,
         iae_mm_s=float(np.sum(np.abs(error_m) * np.diff(time_s, append=end_s))) * 1e3,
-        command_variation_ma=float(np.sum(np.abs(np.diff(trace.current_ma[path])))),
+        # a positioner that was not armed has commanded nothing
+        command_variation_ma=float(np.nansum(np.abs(np.diff(trace.current_ma[path])))),
     )
 
 

@@ -21,6 +21,8 @@ ACTIVE_AT_LEAST = 0.99
 _MOST_SHOWN = 12
 _COMMANDING = frozenset({Mode.ACTIVE, Mode.HOLD, Mode.FAILSAFE})
 _SLOW = "this machine was too slow for this period: free a processor, or choose a longer sample_period_s"
+_NEVER_ARMED = "nothing armed it: do not set guard.auto_arm to false"
+"""A positioner that was never armed sends no status, so the cause of its INIT is unknown."""
 _ADVICE = {
     Cause.FEEDBACK_STALE: _SLOW,
     Cause.SETPOINT_STALE: _SLOW,
@@ -28,7 +30,7 @@ _ADVICE = {
     Cause.FEEDBACK_IMPLAUSIBLE: "[guard] and the travel of [valve] define which readings are plausible",
     Cause.FEEDBACK_FROZEN: "[guard] frozen_s and frozen_command_ma define when a sensor counts as frozen",
     Cause.FOREIGN_COMMAND: "another controller is on this bus: give --bus another one",
-    Cause.WAITING_FOR_ARM: "nothing armed it: do not set guard.auto_arm to false",
+    Cause.WAITING_FOR_ARM: "nothing armed it again",
 }
 
 
@@ -161,7 +163,9 @@ def complaint(spans: Sequence[ModeSpan], log: str) -> str | None:
         spent_s[span.mode, span.cause] = spent_s.get((span.mode, span.cause), 0.0) + span.duration_s
     worst = max(spent_s, key=lambda each: spent_s[each])
     first = next(span for span in others if (span.mode, span.cause) == worst)
-    advice = _SLOW if worst[0] is None else _ADVICE.get(worst[1] or Cause.NONE)
+    mode, cause = worst
+    unknown = {None: _SLOW, Mode.INIT: _NEVER_ARMED}.get(mode)
+    advice = unknown if cause is None else _ADVICE.get(cause)
     where_to_look = f"{advice}; see {log}" if advice else f"see {log}"
     return (
         f"ACTIVE for {_percent(active)} of the run: below {_percent(ACTIVE_AT_LEAST)} its figures are not the law's; "

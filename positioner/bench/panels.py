@@ -30,8 +30,11 @@ def line(
 
 
 def fit(panel: Axes, curves: list[NDArray[np.float64]], percentiles: tuple[float, float]) -> None:
-    """Set the limits so that these percentiles of every curve are inside, with a margin."""
-    inside = np.array([np.percentile(curve, percentiles) for curve in curves])
+    """Set the limits so that these percentiles of every curve with values are inside, with a margin."""
+    known = [curve[np.isfinite(curve)] for curve in curves]
+    inside = np.array([np.percentile(values, percentiles) for values in known if len(values)])
+    if not len(inside):
+        return
     low, high = float(inside.min()), float(inside.max())
     margin = 0.2 * (high - low) or 1.0
     panel.set_ylim(low - margin, high + margin)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,8 +37,9 @@ def trend_data(result: Result, recording: Recording, trace: Path) -> TrendData:
         quantity: np.array([t for t, row in zip(cycle_s, rows, strict=True) if quantity in row["learned"].split("+")])
         for quantity in Quantity
     }
-    loop_low, loop_high = np.nanmin(columns["current_low_ma"]), np.nanmax(columns["current_high_ma"])
-    widest = float(np.nanmax(columns["speed_high_m_per_s"]))
+    loop_low = min((float(row["current_low_ma"]) for row in rows), default=math.nan)
+    loop_high = max((float(row["current_high_ma"]) for row in rows), default=math.nan)
+    widest = max((float(row["speed_high_m_per_s"]) for row in rows), default=math.nan)
     return TrendData(
         scenario=scenario,
         span_m=result.span_mm * 1e-3,
@@ -49,8 +51,8 @@ def trend_data(result: Result, recording: Recording, trace: Path) -> TrendData:
         measured_m=recording.measured_m,
         setpoint_m=recording.setpoint_m,
         current_ma=recording.current_ma,
-        current_lower_ma=_active(columns["current_low_ma"], float(loop_low)),
-        current_upper_ma=_active(columns["current_high_ma"], float(loop_high)),
+        current_lower_ma=_active(columns["current_low_ma"], loop_low),
+        current_upper_ma=_active(columns["current_high_ma"], loop_high),
         velocity_m_per_s=recording.true_velocity_m_per_s,
         velocity_estimate_m_per_s=columns["velocity_m_per_s"],
         velocity_lower_m_per_s=_active(columns["speed_low_m_per_s"], -widest),

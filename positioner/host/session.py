@@ -86,9 +86,9 @@ class HostSession:
             HostError: the verb cannot be done now.
         """
         view = self.view
-        if verb.word not in _PASSIVE and verb.word is not Word.DISARM:
+        sends = verb.word not in _PASSIVE and verb.word is not Word.DISARM
+        if sends:
             self._check_possible(verb, now_ns)
-            self.is_sending = True
         self._was_controlled = view.is_controlled(now_ns)
         unarmed = "" if self._was_controlled else "; it acts as soon as the positioner is armed: `arm`"
         match verb.word:
@@ -113,6 +113,7 @@ class HostSession:
                 pass
         if self._setpoint_m is None:
             self._setpoint_m = self._here_m()
+        self.is_sending |= sends  # not before the verb is accepted: a refused one sends nothing
         self._verb, self._began_ns = verb, now_ns
 
     def advance(self, now_ns: int) -> tuple[CanFrame, ...]:

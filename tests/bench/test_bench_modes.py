@@ -190,3 +190,21 @@ def test_a_bench_that_fails_safe_shows_it_everywhere_and_ends_with_status_1(
     assert main(command) == ExitCode.OK
     assert "modes    ACTIVE 100 % of the time\n" in capsys.readouterr().out
     assert drawn[1].modes == (ModeSpan(Mode.ACTIVE, Cause.NONE, 0.0, 0.4),)
+
+
+@pytest.mark.bus
+def test_a_bench_that_nothing_arms_draws_its_picture_and_gives_the_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario, out = tmp_path / "scenario.toml", tmp_path / "out"
+    scenario.write_text(
+        FAILS_SAFE.replace("setpoint_hold_s = 0.004, setpoint_failsafe_s = 0.008", "auto_arm = false"), encoding="utf-8"
+    )
+    command = ["bench", "--scenario", str(scenario), "--clock", "realtime", "--bus", str(own_address())]
+    assert main([*command, "--out", str(out)]) == ExitCode.FAILURE
+    printed = capsys.readouterr()
+    assert "ACTIVE for 0 % of the run" in printed.err
+    assert "nothing armed it: do not set guard.auto_arm to false" in printed.err
+    result = json.loads((out / "result.json").read_text(encoding="utf-8"))
+    assert [dwell["command_variation_ma"] for dwell in result["dwells"]] == [0.0] * len(result["dwells"])
+    assert (out / "trend.png").stat().st_size > 10_000

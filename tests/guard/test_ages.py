@@ -9,9 +9,17 @@ import pytest
 
 from positioner.guard.settings import GuardSettings
 from positioner.guard.stall import Freshness, freshness, stall_of
-from positioner.guard.state import Conditions, GuardState, LastReceived, LawRecord
-from positioner.guard.supervisor import deadline_ns
-from positioner.wire.messages import CanFrame, Cause
+from positioner.guard.state import (
+    NOTHING_WRONG,
+    Arming,
+    Conditions,
+    GuardInput,
+    GuardState,
+    LastReceived,
+    LawRecord,
+)
+from positioner.guard.supervisor import deadline_ns, supervise
+from positioner.wire.messages import CanFrame, Cause, HostRequest, Mode
 
 SETTINGS = GuardSettings(feedback_hold_periods=3, feedback_failsafe_periods=10)
 PERIOD_S = 0.01
@@ -101,3 +109,45 @@ def test_failures_of_the_law_are_counted_in_a_row() -> None:
     assert failing.after_law(answered=False).law == LawRecord(failures=3, late_cycles=4, late_answers=5)
     assert failing.after_law(answered=True).law == LawRecord(failures=0, late_cycles=4, late_answers=5)
     assert GOOD.after_law(answered=True) is GOOD  # nothing is copied in a cycle without a failure
+
+
+ACTIVE = GuardState(
+    mode=Mode.ACTIVE,
+    arming=Arming(armed=True, ever_armed=True, request=HostRequest.ARM),
+    last=LastReceived(feedback_ns=NOW_NS, setpoint_ns=NOW_NS),
+)
+
+
+def supervised(state: GuardState, guard_input: GuardInput, conditions: Conditions = NOTHING_WRONG) -> GuardState:
+    return supervise(SETTINGS, state, guard_input, PERIOD_S, NOW_NS, conditions)
+
+
+def test_a_reading_and_a_setpoint_were_received_as_long_ago_as_their_ages_say() -> None:
+    last = supervised(ACTIVE, GuardInput(feedback_age_ns=3 * MS, setpoint_age_ns=7 * MS)).last
+    assert (last.feedback_ns, last.setpoint_ns) == (NOW_NS - 3 * MS, NOW_NS - 7 * MS)
+    last = supervised(ACTIVE, GuardInput()).last
+    assert (last.feedback_ns, last.setpoint_ns) == (NOW_NS, NOW_NS)
+
+
+def test_answers_after_a_stall_are_counted_in_a_row() -> None:
+    late, in_time = Conditions(answered=True, stall_ns=1), Conditions(answered=True)
+    record = replace(ACTIVE, law=LawRecord(failures=1, late_cycles=2, late_answers=3))
+    assert supervised(record, GuardInput(), late).law == LawRecord(failures=1, late_cycles=0, late_answers=4)
+    assert supervised(record, GuardInput(), in_time).law == LawRecord(failures=1, late_cycles=0, late_answers=0)
+    assert supervised(record, GuardInput(), Conditions(late=True)).law == LawRecord(1, 3, 3)
+
+
+@pytest.mark.parametrize(
+    ("conditions", "mode", "cause"),
+    [
+        (NOTHING_WRONG, Mode.ACTIVE, Cause.NONE),
+        (Conditions(stall_ns=1), Mode.HOLD, Cause.STALLED),
+        (Conditions(stall_ns=FAILSAFE_NS), Mode.HOLD, Cause.STALLED),
+        (Conditions(stall_ns=FAILSAFE_NS + 1), Mode.FAILSAFE, Cause.STALLED),
+        (Conditions(no_effect=Cause.COMMAND_IGNORED), Mode.ACTIVE, Cause.COMMAND_IGNORED),
+        (Conditions(no_effect=Cause.ACTUATOR_FAILED, period_wrong=True), Mode.ACTIVE, Cause.ACTUATOR_FAILED),
+    ],
+)
+def test_what_a_cycle_finds_wrong_decides_the_mode(conditions: Conditions, mode: Mode, cause: Cause) -> None:
+    state = supervised(ACTIVE, GuardInput(feedback_age_ns=0, setpoint_age_ns=0), conditions)
+    assert (state.mode, state.cause) == (mode, cause)

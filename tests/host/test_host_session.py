@@ -117,6 +117,15 @@ def test_before_the_first_verb_not_a_frame_is_sent() -> None:
     assert not it.session.is_sending
 
 
+def test_a_refused_verb_sends_nothing() -> None:
+    it = Bench()
+    with pytest.raises(HostError, match="there is no present current to keep"):
+        it.say("manual")
+    it.run(0.5)
+    assert it.sent == []
+    assert not it.session.is_sending
+
+
 def test_arm_sends_another_request_first_and_then_arm_until_the_positioner_is_armed() -> None:
     it = Bench()
     it.say("arm")

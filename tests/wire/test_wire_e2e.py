@@ -166,3 +166,22 @@ def test_whatever_a_sender_loses_in_runs_of_ten_the_count_of_lost_frames_is_righ
     seen = verdicts(counters)
     assert [verdict for verdict, _ in seen] == [FRESH] * len(seen)
     assert [lost for _, lost in seen] == [0, *(step - 1 for step in steps)]
+
+
+def after(*counters: int) -> CounterCheck:
+    check = CounterCheck()
+    for counter in counters:
+        check = check.check(counter)[0]
+    return check
+
+
+def test_only_frames_that_were_lost_can_come_late() -> None:
+    assert after(0, 1, 3, 5).missing == 0b101  # 4 and 2, the newest first
+    assert after(0, 1, 3, 6).missing == 0b11  # 5 and 4; 2 is too old
+    assert after(5, 7).check(6)[1] is LATE
+    assert after(5, 7).check(4)[1] is OUT_OF_ORDER
+
+
+def test_a_frame_out_of_order_between_does_not_make_a_late_one_unknown() -> None:
+    assert after(5, 7, 200) == CounterCheck(last=7, candidate=200, missing=0b1)
+    assert after(5, 7, 200).check(6)[1] is LATE

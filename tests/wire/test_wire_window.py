@@ -128,3 +128,9 @@ def test_the_reason_is_reported_in_words() -> None:
     assert window_after([True] * 5).why == (
         "disputed: 5 of the last 64 frames came out of sequence; a second sender under its identifier? stop one of them"
     )
+
+
+def test_a_frame_that_is_doubled_is_no_error_even_after_another_with_its_counter() -> None:
+    sender, _ = receive_all([(1, b"mine"), (1, b"other"), (1, b"mine")])
+    assert sender.data == b"mine"
+    assert sender.window == SequenceWindow(errors=1)  # the other one alone

@@ -59,7 +59,7 @@ def check_reading(
     message: StemPosition,
     commanded_ma: float | None,
     elapsed_s: float,
-    period_s: float = 0.0,
+    period_s: float,
 ) -> tuple[ReadingHistory, Refusal | None]:
     """Return what to remember, and why the reading in `message` is refused, None where it is plausible.
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import itertools
+import math
 import random
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from positioner.cycle.frozen import LONGEST_REPEATS, Noise
+from positioner.cycle.frozen import CHANGES_SHOWN, LONGEST_REPEATS, SILENCE_S, Noise
 from positioner.cycle.plausibility import STOP_BAND_OF_SPAN, ReadingHistory, check_reading
 from positioner.guard.settings import GuardSettings
 from positioner.valve.parameters import ValveParameters
@@ -199,3 +201,42 @@ def test_what_was_shown_is_counted() -> None:
     assert (noise.repeat_s, noise.longest_s) == (0.0, 0.5)
     noise = noise.add(1.0, 1.0, 0.5, at_rest=False, counts=True)
     assert (noise.shown, noise.count, noise.sum_m) == (3, 4, 5.0)
+
+
+# limits
+
+
+NOISY = Noise(position_m=HERE_M, shown=CHANGES_SHOWN, count=CHANGES_SHOWN, sum_m=1.0, smallest_m=1e-6)
+
+
+def test_a_noisy_sensor_is_silent_only_beyond_its_limit() -> None:
+    assert not replace(NOISY, repeat_s=SILENCE_S).is_silent(PERIOD_S)
+    assert replace(NOISY, repeat_s=math.nextafter(SILENCE_S, 1.0)).is_silent(PERIOD_S)
+
+
+def test_noise_that_was_shown_stays_shown() -> None:
+    onwards = replace(NOISY, change_m=1e-6).add(HERE_M + 1e-6, PERIOD_S, PERIOD_S, at_rest=True, counts=True)
+    assert onwards.shown == CHANGES_SHOWN
+
+
+@pytest.mark.parametrize(
+    ("noise", "longest_s"),
+    [
+        (Noise(position_m=HERE_M, shown=0, longest_s=5.0, repeat_s=1.0), 1.0),
+        (Noise(position_m=HERE_M, shown=1, longest_s=5.0, repeat_s=1.0), 5.0),
+        (Noise(position_m=HERE_M, shown=1, longest_s=0.1, repeat_s=0.4), 0.4),
+        (replace(NOISY, longest_s=0.01, repeat_s=SILENCE_S / 3.0), SILENCE_S / 3.0),
+        (replace(NOISY, longest_s=0.01, repeat_s=0.4), 0.01),
+    ],
+)
+def test_the_longest_repeat_is_the_longest_that_was_chance(noise: Noise, longest_s: float) -> None:
+    assert noise.add(HERE_M + 1e-6, PERIOD_S, PERIOD_S, at_rest=True, counts=True).longest_s == longest_s
+
+
+@pytest.mark.parametrize(("beyond_ma", "counted"), [(-1.0, 1), (0.0, 1), (1e-9, 0), (0.5, 0), (1.5, 0)])
+def test_a_change_counts_as_noise_up_to_the_edge_of_the_stick_band(beyond_ma: float, counted: int) -> None:
+    valve = ValveParameters(id="paper", travel_min_m=-0.05)
+    edge_ma = valve.static_friction_n / valve.force_gain_n_per_ma  # at 0 m, where the spring asks for no current
+    history = ReadingHistory(position_m=1e-6, noise=Noise(position_m=1e-6))
+    history, _ = check_reading(SETTINGS, valve, history, StemPosition(0.0), edge_ma + beyond_ma, PERIOD_S, PERIOD_S)
+    assert history.noise.count == counted

@@ -32,7 +32,9 @@ class Sensor:
         self, position_m: float, commanded_ma: float | None = None, elapsed_s: float = PERIOD_S
     ) -> Counted | None:
         message = StemPosition(position_m)
-        self.history, doubt = check_reading(self.settings, self.valve, self.history, message, commanded_ma, elapsed_s)
+        self.history, doubt = check_reading(
+            self.settings, self.valve, self.history, message, commanded_ma, elapsed_s, PERIOD_S
+        )
         return doubt.counted if doubt else None
 
 
@@ -44,17 +46,19 @@ def test_a_reading_is_valid_and_never_frozen_while_no_command_acts_on_the_valve(
     history = ReadingHistory()
     for _ in range(20):
         message = StemPosition(HERE_M, 0, Quality.FAIL_POSITION)
-        history, doubt = check_reading(SETTINGS, VALVE, history, message, EDGE_MA + 1.0, PERIOD_S)
+        history, doubt = check_reading(SETTINGS, VALVE, history, message, EDGE_MA + 1.0, PERIOD_S, PERIOD_S)
         assert doubt is None
 
 
 def test_a_reading_of_quality_fault_is_implausible_and_a_suspect_one_is_plausible() -> None:
     history = ReadingHistory(0.05, 1, 0.09, 0.5)
-    after, doubt = check_reading(SETTINGS, VALVE, history, StemPosition(HERE_M, 0, Quality.FAULT), None, PERIOD_S)
+    after, doubt = check_reading(
+        SETTINGS, VALVE, history, StemPosition(HERE_M, 0, Quality.FAULT), None, PERIOD_S, PERIOD_S
+    )
     assert doubt == Refusal(Counted.FEEDBACK_FAULT, "the sensor reports a fault")
     assert after == history
     after, doubt = check_reading(
-        SETTINGS, VALVE, ReadingHistory(), StemPosition(HERE_M, 0, Quality.SUSPECT), None, PERIOD_S
+        SETTINGS, VALVE, ReadingHistory(), StemPosition(HERE_M, 0, Quality.SUSPECT), None, PERIOD_S, PERIOD_S
     )
     assert (after, doubt) == (ReadingHistory(HERE_M, noise=Noise(HERE_M)), None)
 
@@ -108,9 +112,9 @@ def test_a_jump_that_is_not_repeated_is_forgotten() -> None:
 
 
 def test_a_jump_is_reported_in_mm() -> None:
-    _, doubt = check_reading(SETTINGS, VALVE, ReadingHistory(0.05), StemPosition(0.0625), None, PERIOD_S)
+    _, doubt = check_reading(SETTINGS, VALVE, ReadingHistory(0.05), StemPosition(0.0625), None, PERIOD_S, PERIOD_S)
     assert doubt == Refusal(Counted.FEEDBACK_JUMP, "a jump of 12.5 mm")
-    _, doubt = check_reading(SETTINGS, VALVE, ReadingHistory(0.125), StemPosition(0.0), None, PERIOD_S)
+    _, doubt = check_reading(SETTINGS, VALVE, ReadingHistory(0.125), StemPosition(0.0), None, PERIOD_S, PERIOD_S)
     assert doubt == Refusal(Counted.FEEDBACK_JUMP, "a jump of 125.0 mm")
 
 
@@ -218,6 +222,8 @@ def test_the_stop_band_is_a_fiftieth_of_the_span_from_where_the_stops_are() -> N
 
 
 def test_the_refusal_shows_how_long_and_under_which_current() -> None:
-    _, doubt = check_reading(SETTINGS, VALVE, ReadingHistory(HERE_M, rigid_s=1.0), StemPosition(HERE_M), 20.0, 0.25)
+    _, doubt = check_reading(
+        SETTINGS, VALVE, ReadingHistory(HERE_M, rigid_s=1.0), StemPosition(HERE_M), 20.0, 0.25, 0.25
+    )
     assert doubt is not None
     assert doubt.why == "frozen: not a bit of change for 1.25 s under 20.000 mA, which must move the stem"

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from positioner.cycle.frozen import CHANGES_SHOWN, LONGEST_REPEATS, SILENCE_S, Noise
-from positioner.cycle.plausibility import STOP_BAND_OF_SPAN, ReadingHistory, check_reading
+from positioner.cycle.plausibility import STOP_BAND_OF_SPAN, ReadingHistory, Refusal, check_reading
 from positioner.guard.settings import GuardSettings
 from positioner.valve.parameters import ValveParameters
 from positioner.wire.messages import Counted, StemPosition
@@ -240,3 +240,12 @@ def test_a_change_counts_as_noise_up_to_the_edge_of_the_stick_band(beyond_ma: fl
     history = ReadingHistory(position_m=1e-6, noise=Noise(position_m=1e-6))
     history, _ = check_reading(SETTINGS, valve, history, StemPosition(0.0), edge_ma + beyond_ma, PERIOD_S, PERIOD_S)
     assert history.noise.count == counted
+
+
+@pytest.mark.parametrize("frozen_s", [0.0, 0.5, 2.0])
+def test_a_silent_noisy_sensor_is_refused_with_the_time_unless_the_check_is_off(frozen_s: float) -> None:
+    history = ReadingHistory(position_m=HERE_M, noise=replace(NOISY, repeat_s=0.45))
+    tuning = replace(SETTINGS, frozen_s=frozen_s)
+    _, refusal = check_reading(tuning, VALVE, history, StemPosition(HERE_M), RESTING_MA, 0.1, PERIOD_S)
+    why = "frozen: not a bit of change for 0.55 s, and its noise never paused so long"
+    assert refusal == (Refusal(Counted.FEEDBACK_FROZEN, why) if frozen_s else None)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from positioner.cycle.link import Reading
+    from positioner.cycle.sent import SentCommand
     from positioner.wire.formats import FrameFormat
 
 _FEW_CYCLES = 3
@@ -26,14 +27,6 @@ _FAILED_S = 0.02
 _IGNORED_CYCLES, _IGNORED_S = 5, 0.1
 _DOUBT_S = 0.1
 """For so long after the last doubt nothing is learned: the effect of each current has ended by then."""
-
-
-@dataclass(frozen=True, slots=True)
-class SentCommand:
-    """A command that was sent: its frame's counter (modulo 256) and its current."""
-
-    counter: int
-    current_ma: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from positioner.cycle.command_effect import SentCommand
+from positioner.cycle.sent import SentCommand
 from positioner.guard.supervisor import admit
 from positioner.wire.loop_current import same_signal
 from positioner.wire.messages import CanFrame, CurrentCommand, Mode, Motion, PositionerStatus
@@ -13,7 +13,8 @@ from positioner.wire.rounding import inside
 
 if TYPE_CHECKING:
     from positioner.cycle.link import Reading
-    from positioner.cycle.state import CycleState, OutputState, Setup
+    from positioner.cycle.sent import OutputState
+    from positioner.cycle.state import CycleState, Setup
     from positioner.laws.law import Decision
 
 _NS = 1_000_000_000

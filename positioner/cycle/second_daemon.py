@@ -17,9 +17,8 @@ from positioner.wire.messages import CurrentCommand
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from positioner.cycle.command_effect import SentCommand
     from positioner.cycle.link import Received
-    from positioner.cycle.state import OutputState
+    from positioner.cycle.sent import OutputState, SentCommand
     from positioner.wire.codec import Codec
 
 _DOUBLED_SHARE = 0.75

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from positioner.cycle.command_effect import EFFECT_UNKNOWN, CommandEffect, SentCommand
+from positioner.cycle.command_effect import EFFECT_UNKNOWN, CommandEffect
 from positioner.cycle.counters import Counters
 from positioner.cycle.deviation import NO_DEVIATION, Deviation
 from positioner.cycle.link import LinkState
 from positioner.cycle.second_daemon import NO_RETURNED_COMMANDS, ReturnedCommands
+from positioner.cycle.sent import OutputState
 from positioner.guard.state import GuardState
 from positioner.valve.stiction import StictionTable
 
@@ -51,26 +52,6 @@ class ControlState:
     stem: StemState | None = None
     setpoint_m: float = 0.0
     time_s: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class OutputState:
-    """What was sent: the commands since the last pause, counters of the frames, and when the last ones were sent.
-
-    paused_ma: the current of the last command before a pause, None where there was none.
-    """
-
-    sent: tuple[SentCommand, ...] = ()
-    paused_ma: float | None = None
-    command_counter: int = 0
-    command_ns: int = 0
-    status_counter: int = 0
-    status_ns: int | None = None
-
-    @property
-    def last_ma(self) -> float | None:
-        """The current commanded last, None in a pause and before the first."""
-        return self.sent[-1].current_ma if self.sent else None
 
 
 @dataclass(frozen=True, slots=True)

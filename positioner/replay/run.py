@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from positioner.cycle.command_effect import SentCommand
 from positioner.cycle.input import CycleInput
+from positioner.cycle.sent import SentCommand
 from positioner.cycle.state import CycleState
 from positioner.cycle.step import step
 from positioner.replay.recorded import command_in

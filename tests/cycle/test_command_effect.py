@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from positioner.cycle.command_effect import EFFECT_UNKNOWN, CommandEffect, SentCommand, track_effect
+from positioner.cycle.command_effect import EFFECT_UNKNOWN, CommandEffect, track_effect
 from positioner.cycle.link import Reading
+from positioner.cycle.sent import SentCommand
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import Cause, CurrentCommand
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from positioner.cycle.command_effect import SentCommand
 from positioner.cycle.events import Event, ForeignCommand, FramesLost
 from positioner.cycle.link import LinkState, Received
 from positioner.cycle.second_daemon import NO_RETURNED_COMMANDS, ReturnedCommands, without_own_commands
-from positioner.cycle.state import OutputState
+from positioner.cycle.sent import OutputState, SentCommand
 from positioner.guard.state import GuardInput
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import CurrentCommand

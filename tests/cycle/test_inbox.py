@@ -190,7 +190,7 @@ def test_two_hosts_under_one_identifier_are_disputed_and_only_their_disarm_count
     disputed = received.events[0]
     assert isinstance(disputed, OrderDisputed)
     assert str(disputed).startswith("setpoint 70.000 mm refused: disputed: 8 of the last 64 frames")
-    disarm, other = setpoint(0.07, 10, HostRequest.DISARM), setpoint(0.09, 110)
+    disarm, other = setpoint(0.07, 10, HostRequest.DISARM), setpoint(0.07, 11)
     assert take(disarm, link=link).guard_input.stray_disarm
     assert take(disarm, other, link=link).guard_input.stray_disarm
     assert not take(other, link=link).guard_input.stray_disarm

@@ -79,12 +79,12 @@ def track_deviation(
     error_m = setpoint_m - mean_m
     reachable = is_reachable(settings, valve, setpoint_m, mean_m)
     if reachable and known.cause is Cause.SETPOINT_UNREACHABLE:
-        known = Deviation(position_m=known.position_m)  # another setpoint: the time starts again
+        known = NO_DEVIATION  # another setpoint: the time starts again
     limit_m = settings.deviation_of_span * valve.span_m
     threshold_m = limit_m * (1.0 if reachable else UNREACHABLE_OF_LIMIT)
     if abs(error_m) <= threshold_m * (1.0 if known.cause is Cause.NONE else RETURN_OF_LIMIT):
         return Deviation(position_m=mean_m)
-    direction = 1 if error_m > 0.0 else -1
+    direction = round(math.copysign(1.0, error_m))
     mark_m, from_m, waited_s = known.mark_m, known.from_m, known.waited_s + elapsed_s
     if direction != known.direction:
         mark_m = mean_m

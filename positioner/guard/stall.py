@@ -7,6 +7,7 @@ Readings that waited during a stall describe a stem that has moved on since. Aft
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -49,5 +50,5 @@ def freshness(settings: GuardSettings, period_s: float, now_ns: int, *, armed: b
     """Return which frames count: none that waited during a stall; the age of an ARM matters only while armed."""
     if stalled:
         return Freshness(now_ns, now_ns + 1, now_ns + 1)
-    arms_since_ns = now_ns - failsafe_ns(settings, period_s) if armed else -float("inf")
+    arms_since_ns = now_ns - failsafe_ns(settings, period_s) if armed else -math.inf
     return Freshness(now_ns, now_ns - hold_ns(settings, period_s), arms_since_ns)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -81,3 +82,39 @@ def test_a_node_without_an_echo_is_believed_to_obey() -> None:
     for number in range(1000):
         acting = track_effect(acting, (SentCommand(number % 256, 10.0),), Reading(0.08, None, None, 1), FORM, PERIOD_S)
     assert (acting.fault, acting.teaches, acting.current_ma) == (None, True, 10.0)
+
+
+# one reading at a time
+
+
+SENT = (SentCommand(3, 10.0), SentCommand(4, 11.0), SentCommand(5, 12.0))
+
+
+def effect(before: CommandEffect, named: int | None, *, obeys: bool = True) -> CommandEffect:
+    return track_effect(before, SENT, Reading(0.08, 1, named, 1, obeys), FORM, PERIOD_S)
+
+
+def test_the_named_command_is_kept_with_its_current_until_a_newer_one_is_named() -> None:
+    first = effect(EFFECT_UNKNOWN, 4)
+    assert first == CommandEffect(named=4, echo=4, echo_ma=11.0, current_ma=11.0)
+    same = effect(first, 4)
+    assert same == CommandEffect(named=4, echo=4, echo_ma=11.0, current_ma=11.0, idle_cycles=1, idle_s=PERIOD_S)
+    unknown = effect(same, 99)  # never sent: the last command is the best guess
+    assert unknown == CommandEffect(named=99, echo=4, echo_ma=11.0, current_ma=12.0, idle_cycles=2, idle_s=2 * PERIOD_S)
+    newer = effect(unknown, 5)
+    assert newer == CommandEffect(named=5, echo=5, echo_ma=12.0, current_ma=12.0)
+
+
+def test_of_a_node_without_counters_the_last_command_is_believed_to_act() -> None:
+    form = replace(FORM, counter=None)
+    found = track_effect(EFFECT_UNKNOWN, SENT, Reading(0.08, 1, 4, 1), form, PERIOD_S)
+    assert found == CommandEffect(current_ma=12.0, echo_ma=12.0)
+
+
+@pytest.mark.parametrize(("step", "newer"), [(1, True), (127, True), (128, True), (129, False), (255, False)])
+def test_a_command_is_newer_up_to_half_of_the_counters_range(step: int, newer: bool) -> None:
+    before = CommandEffect(named=0, echo=0, echo_ma=9.0, current_ma=9.0)
+    sent = (SentCommand(0, 9.0), SentCommand(step, 13.0))
+    found = track_effect(before, sent, Reading(0.08, 1, step, 1), FORM, PERIOD_S)
+    assert (found.idle_cycles == 0) is newer
+    assert found.current_ma == 13.0

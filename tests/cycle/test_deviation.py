@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from typing import TYPE_CHECKING
 
@@ -169,6 +170,46 @@ def test_the_next_setpoint_within_reach_starts_again() -> None:
     assert watch.reported_after_s(resting(3.0), THERE_M) == pytest.approx(1.5, abs=0.01)
     assert watch.known.cause is Cause.DEVIATION
     assert watch.sees(HERE_M, 0.127) is Cause.SETPOINT_UNREACHABLE
+
+
+# one reading at a time: without a mean, the reading is the mean
+
+
+def test_with_a_limit_of_zero_nothing_is_kept() -> None:
+    off = GuardSettings(deviation_of_span=0.0)
+    assert track_deviation(off, VALVE, Deviation(HERE_M, 1), HERE_M, THERE_M, 1.0) is NO_DEVIATION
+
+
+def test_an_error_of_the_limit_is_none() -> None:
+    limit_m = SETTINGS.deviation_of_span * VALVE.span_m
+    assert track_deviation(SETTINGS, VALVE, NO_DEVIATION, 0.0, limit_m, 0.25) == Deviation(position_m=0.0)
+    beyond_m = math.nextafter(limit_m, 1.0)
+    found = track_deviation(SETTINGS, VALVE, NO_DEVIATION, 0.0, beyond_m, 0.25)
+    assert found == Deviation(position_m=0.0, direction=1, mark_m=0.0, from_m=0.0, waited_s=0.25)
+
+
+def test_a_setpoint_on_the_other_side_keeps_the_time_and_the_place_from_which_the_stem_came() -> None:
+    known = Deviation(direction=1, mark_m=0.07, from_m=0.06, waited_s=0.5)
+    found = track_deviation(SETTINGS, VALVE, known, HERE_M, HERE_M - 0.01, 0.25)
+    assert found == Deviation(position_m=HERE_M, direction=-1, mark_m=HERE_M, from_m=0.06, waited_s=0.75)
+
+
+def test_the_least_progress_starts_the_time_again_and_a_little_less_does_not() -> None:
+    known = Deviation(direction=1, mark_m=0.0, from_m=0.0, waited_s=0.5)
+    assert track_deviation(SETTINGS, VALVE, known, LEAST_PROGRESS_M, 0.08, 0.25).waited_s == 0.0
+    less_m = math.nextafter(LEAST_PROGRESS_M, 0.0)
+    assert track_deviation(SETTINGS, VALVE, known, less_m, 0.08, 0.25).waited_s == 0.75
+
+
+def test_the_cause_is_reported_only_after_the_time() -> None:
+    known = Deviation(direction=1, mark_m=HERE_M, from_m=HERE_M, waited_s=SETTINGS.deviation_s - 0.25)
+    assert track_deviation(SETTINGS, VALVE, known, HERE_M, THERE_M, 0.25).cause is Cause.NONE
+    assert track_deviation(SETTINGS, VALVE, known, HERE_M, THERE_M, 0.26).cause is Cause.DEVIATION
+
+
+def test_a_stem_at_a_setpoint_beyond_the_reach_of_opening_can_stay_there() -> None:
+    assert is_reachable(SETTINGS, VALVE, 0.127, 0.127)
+    assert not is_reachable(SETTINGS, VALVE, 0.127, 0.126)
 
 
 # words

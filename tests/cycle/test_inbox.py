@@ -17,6 +17,7 @@ from positioner.cycle.events import (
 )
 from positioner.cycle.inbox import receive
 from positioner.cycle.link import LinkState, Reading, Received
+from positioner.cycle.timing_events import PeriodWrong
 from positioner.guard.settings import GuardSettings
 from positioner.guard.stall import Freshness
 from positioner.guard.state import Arming, GuardInput, GuardState, LastReceived
@@ -424,3 +425,62 @@ def test_a_foreign_frame_without_counter_that_carries_no_number_is_refused(tmp_p
     assert received.reading is not None
     assert received.reading == Reading(received.reading.position_m, None, None, 2)
     assert received.reading.position_m == pytest.approx(0.08)
+
+
+# what is handed on, and kept for the next batch
+
+
+def test_the_counter_of_the_last_reading_that_was_used_is_kept() -> None:
+    used = take(position(0.08, 7))
+    assert used.link.feedback.counter == 7
+    refused = take(position(0.08, 8, quality=Quality.FAULT), link=used.link)
+    assert refused.link.feedback.counter == 7
+    assert take(position(0.08, 9), link=refused.link).link.feedback.counter == 9
+
+
+def test_a_position_frame_that_the_bus_doubles_is_repeated_and_no_second_sender() -> None:
+    link = take(position(0.08, 1)).link
+    for counter in range(2, 100):
+        received = take(position(0.08, counter), position(0.08, counter), link=link)
+        link = received.link
+        assert received.reading is not None
+        assert reasons(received) == [Counted.REPEATED]
+
+
+def test_a_command_of_another_controller_is_handed_on_with_its_counter() -> None:
+    assert take(CODEC.encode(CurrentCommand(12.5), 77)).events == (ForeignCommand(12.5, 77),)
+
+
+def test_a_disputed_reading_is_refused_with_its_position() -> None:
+    link = take(position(0.08, 0)).link
+    received = take(position(0.08, 50), position(0.12, 51), link=link)
+    assert [event.position_m for event in received.events if isinstance(event, FeedbackRefused)] == [
+        pytest.approx(0.12)
+    ]
+
+
+@pytest.mark.parametrize("quality", [Quality.VALID, Quality.SUSPECT, Quality.FAIL_POSITION])
+def test_a_reading_says_whether_the_actuator_obeys(quality: Quality) -> None:
+    reading = take(position(0.08, 1, quality=quality)).reading
+    assert reading == Reading(0.08, 1, 0, 1, obeys=quality is not Quality.FAIL_POSITION)
+
+
+@pytest.mark.parametrize(("arrived_ns", "used"), [(999, False), (1000, True), (1001, True)])
+def test_a_reading_that_waited_for_too_long_is_feedback_but_not_acted_on(arrived_ns: int, used: bool) -> None:
+    frame = replace(position(0.08, 1), received_ns=arrived_ns)
+    fresh = Freshness(now_ns=2000, readings_since_ns=1000.0)
+    received = receive(CODEC, GUARD, VALVE, LinkState(), (frame,), fresh=fresh)
+    assert (received.reading is not None) is used
+    assert received.guard_input.feedback_age_ns == 2000 - arrived_ns
+
+
+def test_a_wrong_period_is_reported_once_for_each_window_that_measures_another() -> None:
+    link, reported = LinkState(), []
+    for counter in range(1, 160):
+        period_ns = 2_000_000 if counter <= 101 else 3_000_000
+        now_ns = 10**9 + counter * period_ns
+        frame = replace(position(0.08, counter % 256), received_ns=now_ns)
+        received = receive(CODEC, GUARD, VALVE, link, (frame,), period_s=0.001, fresh=Freshness(now_ns=now_ns))
+        link = received.link
+        reported += [(counter, event) for event in received.events if isinstance(event, PeriodWrong)]
+    assert reported == [(51, PeriodWrong(0.002, 0.001)), (151, PeriodWrong(0.003, 0.001))]

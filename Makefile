@@ -135,7 +135,7 @@ empty :=
 space := $(empty) $(empty)
 comma := ,
 
-CYCLE = positioner/cycle/step.py positioner/cycle/state.py positioner/cycle/control.py positioner/cycle/outbox.py
+CYCLE = positioner/cycle/step.py positioner/cycle/state.py positioner/cycle/sent.py positioner/cycle/control.py positioner/cycle/outbox.py
 
 .PHONY: coverage
 coverage: $(VENV)/installed

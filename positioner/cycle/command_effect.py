@@ -104,5 +104,6 @@ def _named(before: CommandEffect, sent: Sequence[SentCommand], echo: int, form: 
     current_ma = next((each.current_ma for each in reversed(sent) if each.counter == echo), None)
     if current_ma is None:
         return False, sent[-1].current_ma
-    ahead = before.echo is None or (echo - before.echo) % form.counter_modulus <= form.counter_modulus // 2
+    modulus = form.counter_modulus
+    ahead = before.echo is None or 2 * ((echo - before.echo) % modulus) <= modulus
     return ahead and echo != before.named, current_ma

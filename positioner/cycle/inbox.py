@@ -176,8 +176,9 @@ class _Batch:
     def _use_position(self, message: StemPosition, counter: int | None, lost: int, arrived_ns: int) -> None:
         self.periods_unread += lost + 1
         before, self.frame_period = self.frame_period, self.frame_period.add(arrived_ns, lost)
-        if self.frame_period.measured_s != before.measured_s and self.frame_period.is_wrong(self.period_s):
-            self.events.append(PeriodWrong(self.frame_period.measured_s or 0.0, self.period_s))
+        measured_s = self.frame_period.measured_s
+        if measured_s is not None and measured_s != before.measured_s and self.frame_period.is_wrong(self.period_s):
+            self.events.append(PeriodWrong(measured_s, self.period_s))
         if (sender := self.senders.get(StemPosition)) is not None and not sender.window.settled:
             self.events.append(FeedbackRefused(message.position_m, sender.window.why, counted=Counted.DISPUTED))
             self.feedback_refused = self.feedback_refused if sender.window.valid else Cause.FEEDBACK_DISPUTED

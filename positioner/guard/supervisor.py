@@ -49,8 +49,9 @@ def supervise(
     )
     state = arm(settings, state, guard_input, hold_ns(settings, period_s), now_ns)
     mode, cause = _mode(settings, state, period_s, now_ns)
-    unchanged = mode is state.mode and cause is state.cause  # pragma: no mutate - it only saves a copy
-    return state if unchanged else replace(state, mode=mode, cause=cause)
+    if mode is state.mode and cause is state.cause:
+        return state
+    return replace(state, mode=mode, cause=cause)
 
 
 def _last_received(last: LastReceived, guard_input: GuardInput, manual: Manual, now_ns: int) -> LastReceived:

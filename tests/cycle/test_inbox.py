@@ -484,3 +484,17 @@ def test_a_wrong_period_is_reported_once_for_each_window_that_measures_another()
         link = received.link
         reported += [(counter, event) for event in received.events if isinstance(event, PeriodWrong)]
     assert reported == [(51, PeriodWrong(0.002, 0.001)), (151, PeriodWrong(0.003, 0.001))]
+
+
+def test_two_sensors_that_count_alike_are_disputed_by_their_bytes() -> None:
+    link = take(position(0.08, 0)).link
+    for counter in range(1, 10):
+        received = take(position(0.08, counter), position(0.12, counter), link=link)
+        link = received.link
+    assert received.guard_input.feedback_refused is Cause.FEEDBACK_DISPUTED
+
+
+def test_a_stray_disarm_is_not_undone_by_another_frame_out_of_sequence() -> None:
+    link = take(setpoint(0.07, 100)).link
+    received = take(setpoint(0.07, 50, HostRequest.DISARM), setpoint(0.07, 30), link=link)
+    assert received.guard_input.stray_disarm

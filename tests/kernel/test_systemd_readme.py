@@ -92,7 +92,7 @@ def test_the_five_steps_lead_to_a_valve_under_control(tmp_path: Path) -> None:
     assert "fv101.toml" in output
 
     output = walk(examine, tmp_path)
-    assert "FAIL" not in output
+    assert re.search(r" 0 FAIL$", output, re.MULTILINE), output
     assert "can0 is up at 1000 kbit/s" in output
 
     walk(run, tmp_path)

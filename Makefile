@@ -9,8 +9,11 @@ BIN = $(VENV)/bin
 bench: $(VENV)/installed
 	$(BIN)/positioner bench --out out/bench
 
+# one worker more than processors: many tests wait for processes of their own
+WORKERS ?= $(shell expr $$(nproc) + 1)
+
 test: $(VENV)/installed
-	$(BIN)/pytest --numprocesses auto --dist worksteal
+	$(BIN)/pytest --numprocesses $(WORKERS) --dist worksteal
 
 # SocketCAN, systemd and CAN controllers in kernels of its own, fetched as packages; nothing is installed on the host.
 test-kernel: $(VENV)/installed

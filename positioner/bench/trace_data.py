@@ -32,14 +32,15 @@ def trend_data(result: Result, recording: Recording, trace: Path) -> TrendData:
     with trace.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     cycle_s = np.array([float(row["time_s"]) - recording.period_s for row in rows])
-    columns = {name: _at(time_s, cycle_s, [float(row[name]) for row in rows]) for name in _BOUNDS}
+    traced = {name: [float(row[name]) for row in rows] for name in _BOUNDS}
+    columns = {name: _at(time_s, cycle_s, values) for name, values in traced.items()}
     learned = {
         quantity: np.array([t for t, row in zip(cycle_s, rows, strict=True) if quantity in row["learned"].split("+")])
         for quantity in Quantity
     }
-    loop_low = min((float(row["current_low_ma"]) for row in rows), default=math.nan)
-    loop_high = max((float(row["current_high_ma"]) for row in rows), default=math.nan)
-    widest = max((float(row["speed_high_m_per_s"]) for row in rows), default=math.nan)
+    loop_low = min(traced["current_low_ma"], default=math.nan)
+    loop_high = max(traced["current_high_ma"], default=math.nan)
+    widest = max(traced["speed_high_m_per_s"], default=math.nan)
     return TrendData(
         scenario=scenario,
         span_m=result.span_mm * 1e-3,

@@ -6,10 +6,10 @@ of the steps.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from plant_emulator.oscillator import PushingForce
+from positioner.values import dataclass
 
 if TYPE_CHECKING:
     from plant_emulator.parameters import PlantSettings

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
 from plant_emulator.oscillator import Oscillator
 from plant_emulator.roots import TIME_TOLERANCE_S
+from positioner.values import dataclass
 
 if TYPE_CHECKING:
     from plant_emulator.parameters import PlantSettings

@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import sys
 import time
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ from positioner.bus.port import BusPort
 from positioner.errors import BenchError, ExitCode
 from positioner.machine.line_sink import LineSink
 from positioner.machine.notify import Notifier
+from positioner.values import dataclass
 from positioner.wire.e2e import COUNTER_MODULUS
 from positioner.wire.messages import CurrentCommand, Setpoint
 

@@ -8,11 +8,12 @@ its readings is FAIL_POSITION.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from plant_emulator import valve
 from plant_emulator.parameters import FailPosition, PlantSettings
+from positioner.values import dataclass, replace
 from positioner.wire.e2e import CounterCheck, Sequence
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.loop_current import LoopSignal, signal_of

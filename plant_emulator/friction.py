@@ -6,10 +6,10 @@ Deviation from the paper: its eq. 4 has e^(+(v/V_s)²), which grows without boun
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from plant_emulator.draws import Stream, uniform
+from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
     from plant_emulator.parameters import PlantSettings

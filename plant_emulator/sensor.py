@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from plant_emulator.draws import Stream, normal
+from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
     from plant_emulator.parameters import PlantSettings

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from plant_emulator.friction import stribeck_n
+from positioner.values import dataclass
 
 if TYPE_CHECKING:
     from plant_emulator.constants import Constants

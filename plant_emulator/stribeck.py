@@ -7,11 +7,11 @@ speed, and the time constants are microseconds. The allowed error per step is fa
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from plant_emulator.roots import crossing
 from plant_emulator.segment import Ending, Segment
+from positioner.values import dataclass
 
 if TYPE_CHECKING:
     from plant_emulator.oscillator import PushingForce

@@ -6,7 +6,6 @@ event is located. Plant time is part of the state.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from plant_emulator import sensor
@@ -16,6 +15,7 @@ from plant_emulator.friction import Packing, initial_packing
 from plant_emulator.moving_stem import MovingStem
 from plant_emulator.stem import Stem
 from plant_emulator.stem import friction_n as friction_on_stem_n
+from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
     from plant_emulator.parameters import PlantSettings

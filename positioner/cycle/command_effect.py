@@ -9,9 +9,9 @@ node whose frames have no echo is believed to obey.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from positioner.values import dataclass
 from positioner.wire.messages import Cause
 
 if TYPE_CHECKING:

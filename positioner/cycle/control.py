@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from positioner.cycle.events import Event, LawFellBack, MoveBegan
@@ -12,6 +11,7 @@ from positioner.cycle.learning import credible, learn
 from positioner.cycle.state import ControlState
 from positioner.cycle.trust_events import PushFailed
 from positioner.laws.law import Decision, Observation
+from positioner.values import replace
 
 if TYPE_CHECKING:
     from positioner.cycle.link import Reading

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from positioner.cycle.counted_event import CountedEvent
 from positioner.cycle.events import FrameRefused, LawFellBack, Learned
+from positioner.values import dataclass, replace
 from positioner.wire.messages import Counted, PositionerCount
 
 if TYPE_CHECKING:

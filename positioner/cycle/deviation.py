@@ -12,9 +12,9 @@ and from a smaller error on.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from positioner.values import dataclass
 from positioner.wire.messages import Cause
 
 if TYPE_CHECKING:

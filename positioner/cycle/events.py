@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from positioner.cycle.counted_event import CountedEvent
 from positioner.cycle.deviation import Deviates
 from positioner.cycle.timing_events import LawLate, PeriodWrong, Stalled
 from positioner.cycle.trust_events import ActingChanged, NotBelieved, PushFailed
+from positioner.values import dataclass
 from positioner.wire.loop_current import LoopSignal, signal_of
 from positioner.wire.messages import Counted
 

@@ -6,8 +6,9 @@ would show it. A median over a window does not react to frames that were late or
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from statistics import median
+
+from positioner.values import dataclass
 
 _WINDOW = 50
 _TOLERANCE = 0.2

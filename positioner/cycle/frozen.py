@@ -17,7 +17,7 @@ long. A sensor that holds each value for some time repeats it for that time, whi
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from positioner.values import dataclass, replace
 
 CHANGES_SHOWN = 100
 """After so many changes at rest, two thirds of them back (as with white noise), the sensor is noisy."""

@@ -7,9 +7,9 @@ approaches the law's current within `BLEND_S`, or changes to it at once where th
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from positioner.values import dataclass, replace
 from positioner.wire.messages import Mode, Motion
 
 if TYPE_CHECKING:

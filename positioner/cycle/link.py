@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from positioner.cycle.frame_period import FramePeriod
 from positioner.cycle.plausibility import ReadingHistory
+from positioner.values import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

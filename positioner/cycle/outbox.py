@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from positioner.cycle.sent import SentCommand
 from positioner.guard.supervisor import admit
+from positioner.values import replace
 from positioner.wire.loop_current import same_signal
 from positioner.wire.messages import CanFrame, CurrentCommand, Mode, Motion, PositionerStatus
 from positioner.wire.rounding import inside

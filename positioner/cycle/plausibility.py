@@ -11,10 +11,11 @@ be frozen under any current (see `frozen`). Against a stop, where a transmitter 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from positioner.cycle.frozen import Noise
+from positioner.values import dataclass, replace
 from positioner.wire.messages import Counted, Quality
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ sends one for each of ours.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from positioner.cycle.events import ForeignCommand
+from positioner.values import dataclass, replace
 from positioner.wire.messages import CurrentCommand
 
 if TYPE_CHECKING:

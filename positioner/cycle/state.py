@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 from positioner.cycle.command_effect import EFFECT_UNKNOWN, CommandEffect
@@ -12,6 +12,7 @@ from positioner.cycle.link import LinkState
 from positioner.cycle.second_daemon import NO_RETURNED_COMMANDS, ReturnedCommands
 from positioner.cycle.sent import OutputState
 from positioner.guard.state import GuardState
+from positioner.values import dataclass
 from positioner.valve.stiction import StictionTable
 
 if TYPE_CHECKING:

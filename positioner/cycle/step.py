@@ -7,7 +7,6 @@ Time is an argument. The same function runs in the daemon, in tests, in replay a
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from positioner.cycle.command_effect import EFFECT_UNKNOWN, CommandEffect, track_effect
@@ -23,6 +22,7 @@ from positioner.cycle.trust_events import ActingChanged
 from positioner.guard.stall import freshness, stall_of
 from positioner.guard.state import Conditions
 from positioner.guard.supervisor import is_feedback_stale, supervise
+from positioner.values import replace
 from positioner.wire.messages import Cause, CurrentCommand, Mode
 
 if TYPE_CHECKING:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from positioner.cycle.counted_event import CountedEvent
+from positioner.values import dataclass
 from positioner.wire.messages import Counted
 
 

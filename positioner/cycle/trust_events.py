@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from positioner.cycle.counted_event import CountedEvent
+from positioner.values import dataclass
 from positioner.wire.messages import Cause, Counted
 
 if TYPE_CHECKING:

@@ -6,11 +6,11 @@ positioner started does not arm it, or a restart would end a latched FAILSAFE.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from positioner.guard.manual import AUTOMATIC, is_fresh
 from positioner.guard.state import Arming, GuardState
+from positioner.values import replace
 from positioner.wire.messages import HostRequest, Mode
 
 DOUBLE_ARMING_NS = 1_000_000_000

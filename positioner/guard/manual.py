@@ -7,9 +7,9 @@ it at that time, else in automatic mode.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from positioner.values import dataclass
 from positioner.wire.messages import ManualRequest
 
 if TYPE_CHECKING:

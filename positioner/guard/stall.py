@@ -8,8 +8,9 @@ Readings that waited during a stall describe a stem that has moved on since. Aft
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from positioner.values import dataclass
 
 if TYPE_CHECKING:
     from positioner.guard.settings import GuardSettings

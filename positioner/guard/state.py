@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field
 
 from positioner.guard.manual import AUTOMATIC, Manual
+from positioner.values import dataclass, replace
 from positioner.wire.messages import Cause, Health, HostRequest, ManualCurrent, Mode
 
 _OUT_OF_SPECIFICATION = frozenset({Cause.LAW_LATE, Cause.PERIOD_WRONG, Cause.DEVIATION, Cause.SETPOINT_UNREACHABLE})

@@ -9,13 +9,13 @@ The guard sees nothing of the law but the current that it asks for. It limits th
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from positioner.guard.arming import arm
 from positioner.guard.manual import update_manual
 from positioner.guard.stall import failsafe_ns, hold_ns
 from positioner.guard.state import NOTHING_WRONG, Conditions, GuardInput, GuardState, LastReceived, LawRecord
+from positioner.values import replace
 from positioner.wire.messages import Cause, Mode
 
 if TYPE_CHECKING:

@@ -11,9 +11,10 @@ Between them, the cycle writes what was taught to the stiction table.
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY  # noqa: TC003 - read when the class is made
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
+from positioner.values import dataclass
 from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ trembles or creeps counts as the same one.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+from positioner.values import dataclass
 
 MOST_FAILED = 20
 """After so many failed pushes in a row the law rests; by then `nmpc` has raised F_s/F_c by 1.03^20 = 1.8."""

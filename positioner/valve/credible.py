@@ -16,10 +16,10 @@ Landing bias: the model that plans a stop has every force but the rise of fricti
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from positioner.values import dataclass, replace
 from positioner.valve.stiction import Direction, LearnedSample, Quantity
 from positioner.wire.loop_current import VALUE_HIGH_MA, VALUE_LOW_MA
 

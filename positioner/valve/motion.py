@@ -10,8 +10,9 @@ All numbers are scalars, so that the same lines can be compiled ahead of time.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
+
+from positioner.values import dataclass
 
 if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters

@@ -6,7 +6,7 @@ messages and his signals in `[wire]` (see `foreign`); all others stay ours.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -17,6 +17,7 @@ import cantools.database
 from cantools.database.can import Database
 
 from positioner.errors import ConfigurationError, Problem
+from positioner.values import dataclass
 from positioner.wire import foreign, identifiers, messages
 from positioner.wire.formats import FieldFormat, FrameFormat, FrameRejectedError, field_format, field_names
 from positioner.wire.messages import Counted

@@ -10,8 +10,9 @@ age.
 from __future__ import annotations
 
 import binascii
-from dataclasses import dataclass
 from enum import Enum
+
+from positioner.values import dataclass
 
 COUNTER_MODULUS = 256
 MAX_LOST_FRAMES = 10

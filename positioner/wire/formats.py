@@ -6,12 +6,13 @@ on decoding (length, range, meaning) and the SI conversion are here; their numbe
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
 from positioner.errors import PositionerError
+from positioner.values import dataclass
 from positioner.wire import e2e
 from positioner.wire.messages import CanFrame, Counted, Message
 from positioner.wire.signals import UnfitSignalError, check_numbers, counter_modulus, is_plain_integer, raw_range

@@ -7,9 +7,10 @@ signal for it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Self
+
+from positioner.values import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,9 @@ A frame that was overtaken (late) or came twice, the same to the bit, is no erro
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from positioner.values import dataclass
 from positioner.wire.e2e import CounterCheck, Sequence
 
 WINDOW_FRAMES = 64

@@ -7,9 +7,9 @@ the valve that the model does not have, and the stiction table keeps it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from positioner.values import dataclass
 from positioner.valve.stiction import LearnedSample, Quantity, direction_of
 
 if TYPE_CHECKING:

@@ -11,7 +11,6 @@ corrects Γ. The stiction table keeps both, and the law reads them from it after
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from positioner.laws.bounds import Bounds
@@ -25,6 +24,7 @@ from positioner.laws.nmpc.memory import NmpcMemory, report
 from positioner.laws.nmpc.plan import Move, plan_move
 from positioner.laws.nmpc.rest import update_at_rest
 from positioner.laws.nmpc.verification import RestMonitor, Verification
+from positioner.values import dataclass, replace
 from positioner.valve.stiction import LearnedSample, Quantity, StictionTable, direction_of
 from positioner.wire.messages import Motion
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from positioner.laws.law import Estimate
 from positioner.laws.nmpc.filter import Resting, Sliding
 from positioner.laws.pushes import Pushes
+from positioner.values import dataclass
 from positioner.valve.state import StemState
 from positioner.wire.messages import Motion
 

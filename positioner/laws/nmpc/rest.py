@@ -7,7 +7,6 @@ last move ended.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from positioner.laws.nmpc.breakaway import breakaway_lesson
@@ -15,6 +14,7 @@ from positioner.laws.nmpc.filter import average, spread_of
 from positioner.laws.nmpc.memory import NmpcMemory, report
 from positioner.laws.nmpc.verification import verify
 from positioner.laws.pushes import MOST_FAILED
+from positioner.values import replace
 
 if TYPE_CHECKING:
     from positioner.laws.law import Estimate, Observation

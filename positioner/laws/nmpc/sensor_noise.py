@@ -9,8 +9,9 @@ largest of these values counts.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
+
+from positioner.values import dataclass
 
 OCTAVES = 9
 """The largest batch is 2^(OCTAVES - 1) readings."""

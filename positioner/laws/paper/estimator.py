@@ -11,10 +11,10 @@ The method "raw" takes the paper literally: each reading is the position, and it
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from positioner.laws.estimator_settings import EstimationMethod, measurement_sigma_m
+from positioner.values import dataclass, replace
 from positioner.valve.motion import Load, MotionModel
 from positioner.valve.state import StemState
 

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +16,7 @@ from positioner.laws.paper.bounds import breakaway_bounds_ma, speed_bounds_m_per
 from positioner.laws.paper.estimator import estimate, first_estimate
 from positioner.laws.paper.planner import plan
 from positioner.laws.pushes import Pushes
+from positioner.values import dataclass, replace
 from positioner.valve.stick_slip import edge_lessons
 from positioner.valve.stiction import Quantity, direction_of
 from positioner.wire.messages import Motion

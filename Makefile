@@ -188,6 +188,12 @@ restart-test: $(VENV)/installed
 syscall-test: $(VENV)/installed
 	PYTHONPATH=tests:tests/kernel $(BIN)/python -m endurance.syscall_faults
 
+# How long a cycle takes, and a plan beside other programs' plans of the same move; tables and picture in out/benchmark.
+.PHONY: benchmark
+benchmark: $(VENV)/installed
+	@$(BIN)/python -m pip install --quiet --editable '.[benchmark]'
+	PYTHONPATH=tests $(BIN)/python -m benchmarks --out out/benchmark
+
 # The memory that a replay takes, for a log of 100,000 and one of a million frames.
 .PHONY: long-replay
 long-replay: $(VENV)/installed

@@ -4,7 +4,8 @@ For a type checker, `dataclass` and `replace` are those of the standard library:
 time a value is not frozen, since a frozen dataclass takes more than twice as long to make, and a cycle makes about a
 hundred of them; `replace` is a function made for each class. The compiled build turns these classes into native ones.
 
-Hold by the type checker, not by the interpreter: no field of a value is ever changed.
+The type checker holds that no field of a value is ever changed, not the interpreter. A class that is declared without
+`frozen=True` is for a function that changes its own copy, which it makes by `replace(value)`.
 """
 
 from __future__ import annotations
@@ -17,15 +18,13 @@ if TYPE_CHECKING:
 else:
     _OLD = object()
 
-    def dataclass(
-        cls: Any = None, /, *, frozen: bool, slots: bool, eq: bool = True, order: bool = False, kw_only: bool = False
-    ) -> Any:
+    def dataclass(cls: Any = None, /, *, slots: bool, frozen: bool = False, eq: bool = True, **options: bool) -> Any:
         """Return the decorator of `dataclasses.dataclass`, with values that are hashable, and a fast `replace`."""
-        if not (frozen and slots):
-            raise TypeError("a value is declared frozen=True, slots=True")
+        if not slots:
+            raise TypeError("a value has slots")
 
         def made(bare: Any) -> Any:
-            value = dataclasses.dataclass(slots=True, eq=eq, unsafe_hash=eq, order=order, kw_only=kw_only)(bare)
+            value = dataclasses.dataclass(slots=True, eq=eq, unsafe_hash=eq and frozen, **options)(bare)
             value.__replace__ = _replacement(value)
             return value
 

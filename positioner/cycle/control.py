@@ -18,10 +18,8 @@ if TYPE_CHECKING:
     from positioner.cycle.state import CycleState, Setup
 
 
-def control(
-    setup: Setup, state: CycleState, reading: Reading, now_ns: int, events: list[Event]
-) -> tuple[CycleState, Decision | None]:
-    """Return the state after estimate, learning and decision, and the decision; None where the law failed."""
+def control(setup: Setup, state: CycleState, reading: Reading, now_ns: int, events: list[Event]) -> Decision | None:
+    """Bring the state over estimate, learning and decision, and return the decision; None where the law failed."""
     table, before = credible(setup, state, events), state.control
     try:
         if before.memory is None:
@@ -34,28 +32,24 @@ def control(
         _check(decision)
     except Exception as error:  # noqa: BLE001 - a law may raise anything, and the valve still needs a command
         events.append(LawFellBack(f"{setup.law.name} failed: {type(error).__name__}: {error}"))
-        stopped = replace(before, memory=None, stem=None)
-        guard = state.guard.after_law(answered=False)
-        return replace(state, guard=guard, table=table, credible_table=table, control=stopped), None
+        state.table = state.credible_table = table
+        state.guard = state.guard.after_law(answered=False)
+        state.control = replace(before, memory=None, stem=None)
+        return None
+    state.table = state.credible_table = table
     events += _events(decision)
     handover = state.handover
     if handover is not None and state.output.last_ma is not None:
-        handover, decision = blend(handover, decision, state.output.last_ma, now_ns)
-    state = replace(
-        state,
-        guard=state.guard.after_law(answered=True),
-        table=table,
-        credible_table=table,
-        handover=handover,
-        control=ControlState(
-            memory=memory,
-            stem=estimate.stem,
-            setpoint_m=observation.setpoint_m,
-            time_s=before.time_s + observation.elapsed_s,
-        ),
-        answered=True,
+        state.handover, decision = blend(handover, decision, state.output.last_ma, now_ns)
+    state.guard = state.guard.after_law(answered=True)
+    state.control = ControlState(
+        memory=memory,
+        stem=estimate.stem,
+        setpoint_m=observation.setpoint_m,
+        time_s=before.time_s + observation.elapsed_s,
     )
-    return state, decision
+    state.answered = True
+    return decision
 
 
 def _begun(setup: Setup, state: CycleState, reading: Reading) -> ControlState:

@@ -25,17 +25,18 @@ _COMMANDS_REMEMBERED = 255
 
 def send(
     setup: Setup, state: CycleState, decision: Decision | None, reading: Reading | None, now_ns: int
-) -> tuple[CycleState, list[CanFrame]]:
-    """Return the state and the frames to send: the command, and the status with one count when they are due."""
-    output, frames = _command(setup, state, decision, reading, now_ns)
+) -> list[CanFrame]:
+    """Return the frames to send, which the state notes: the command, and the status with one count when it is due."""
+    state.output, frames = _command(setup, state, decision, reading, now_ns)
+    output = state.output
     due = output.status_ns is None or now_ns - output.status_ns >= STATUS_PERIOD_NS
     if not due or not state.guard.arming.ever_armed:
-        return replace(state, output=output), frames
-    counters, count = state.counters.next_message()
+        return frames
+    state.counters, count = state.counters.next_message()
     messages = (_status(state), count)
     frames += [setup.codec.encode(each, output.status_counter) for each in messages if each is not None]
-    output = replace(output, status_counter=output.status_counter + 1, status_ns=now_ns)
-    return replace(state, output=output, counters=counters), frames
+    state.output = replace(output, status_counter=output.status_counter + 1, status_ns=now_ns)
+    return frames
 
 
 def _command(

@@ -55,9 +55,9 @@ class ControlState:
     time_s: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class CycleState:
-    """Everything a positioner carries on.
+    """Everything a positioner carries on. `step` changes its own copy; no other function changes one.
 
     credible_table: the last table that was checked; another `table` comes from outside, and is checked before its use.
     answered: the law answered in the last cycle.

@@ -28,7 +28,6 @@ from positioner.wire.messages import Cause, CurrentCommand, Mode
 if TYPE_CHECKING:
     from positioner.cycle.input import CycleInput
     from positioner.cycle.link import Reading, Received
-    from positioner.cycle.second_daemon import ReturnedCommands
     from positioner.cycle.state import CycleState, Setup
     from positioner.guard.state import GuardState
     from positioner.laws.law import Decision
@@ -48,37 +47,34 @@ def step(
     and in HOLD or FAILSAFE the last command is repeated, as a sign of life for the actuator. A reading that waited
     during a stall is not acted on. A command that could not be sent does not count as the last one.
     """
+    state = replace(state)  # this cycle's own copy, which the functions below change in place
     before, now_ns = state.guard, cycle_input.now_ns
     if cycle_input.unsent:
-        state = replace(state, output=replace(state.output, sent=state.output.sent[:-1]))
+        state.output = replace(state.output, sent=state.output.sent[:-1])
     stall_ns = stall_of(setup.guard, setup.period_s, cycle_input.late_ns, armed=before.arming.armed)
     # decode, receive
-    received, returned = _receive(setup, state, cycle_input, stall_ns)
+    received = _receive(setup, state, cycle_input, stall_ns)
     reading, events = received.reading, [*received.events, *_shell_events(setup, cycle_input, stall_ns)]
     # supervise
-    state = _supervise(setup, state, cycle_input, received, returned, stall_ns, events)
+    _supervise(setup, state, cycle_input, received, stall_ns, events)
     # estimate, detect, learn, decide
     decision: Decision | None = None
     if state.guard.controls and reading is not None:
-        state, decision = control(setup, state, reading, now_ns, events)
+        decision = control(setup, state, reading, now_ns, events)
     # admit, encode
-    counters = state.counters.add(events)
-    if counters is not state.counters:
-        state = replace(state, counters=counters)
+    state.counters = state.counters.add(events)
     outbox: list[CanFrame] = []
     stale = stall_ns > 0 or is_feedback_stale(setup.guard, state.guard, setup.period_s, now_ns)
     if reading is not None or (stale and now_ns - state.output.command_ns >= _IDLE_COMMAND_PERIOD_NS):
-        state, outbox = send(setup, state, decision, reading, now_ns)
+        outbox = send(setup, state, decision, reading, now_ns)
         if decision is not None and reading is not None:
             events.append(_controlled(state, decision, reading))
     events += _changes(before, state.guard)
     return state, tuple(outbox), tuple(events)
 
 
-def _receive(
-    setup: Setup, state: CycleState, cycle_input: CycleInput, stall_ns: int
-) -> tuple[Received, ReturnedCommands]:
-    """Return the result of the frames without the commands like ours, and the record of these."""
+def _receive(setup: Setup, state: CycleState, cycle_input: CycleInput, stall_ns: int) -> Received:
+    """Return the result of the frames without the commands like ours, whose record the state then holds."""
     before = state.guard
     commanded_ma = state.output.last_ma if before.controls or before.mode is Mode.MANUAL else None
     armed, stalled = before.arming.armed, stall_ns > 0
@@ -86,7 +82,8 @@ def _receive(
     received = receive(
         setup.codec, setup.guard, setup.valve, state.link, cycle_input.frames, commanded_ma, setup.period_s, fresh
     )
-    return without_own_commands(setup.codec, received, state.output, state.returned)
+    received, state.returned = without_own_commands(setup.codec, received, state.output, state.returned)
+    return received
 
 
 def _shell_events(setup: Setup, cycle_input: CycleInput, stall_ns: int) -> list[Event]:
@@ -104,11 +101,10 @@ def _supervise(
     state: CycleState,
     cycle_input: CycleInput,
     received: Received,
-    returned: ReturnedCommands,
     stall_ns: int,
     events: list[Event],
-) -> CycleState:
-    """Return the state with what was received, and with the mode that follows; where control ends, without memory."""
+) -> None:
+    """Take over what was received, and the mode that follows; where control ends, its memory is lost."""
     reading, link, before = received.reading, received.link, state.guard
     effect, deviation = _effect(setup, state, reading), _deviation(setup, state, reading, events)
     conditions = Conditions(
@@ -121,23 +117,14 @@ def _supervise(
     )
     guard = supervise(setup.guard, before, received.guard_input, setup.period_s, cycle_input.now_ns, conditions)
     measured_m = reading.position_m if reading else None
-    control_state = state.control
-    if control_state.memory is not None and (not guard.controls or guard.acts_again(before)):
-        control_state = replace(control_state, memory=None, stem=None)
-    return replace(
-        state,
-        table=state.table if cycle_input.table is None else cycle_input.table,
-        table_saved=cycle_input.table_saved,
-        link=link,
-        returned=returned,
-        effect=effect,
-        deviation=deviation,
-        guard=guard,
-        handover=update_handover(
-            state.handover, guard.mode, measured_m, link.setpoint.position_m, state.output.last_ma
-        ),
-        control=control_state,
-        answered=False,
+    if state.control.memory is not None and (not guard.controls or guard.acts_again(before)):
+        state.control = replace(state.control, memory=None, stem=None)
+    if cycle_input.table is not None:
+        state.table = cycle_input.table
+    state.table_saved, state.answered = cycle_input.table_saved, False
+    state.link, state.effect, state.deviation, state.guard = link, effect, deviation, guard
+    state.handover = update_handover(
+        state.handover, guard.mode, measured_m, link.setpoint.position_m, state.output.last_ma
     )
 
 

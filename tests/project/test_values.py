@@ -19,6 +19,11 @@ class Stem:
     kind: str = field(default="stem", init=False)
 
 
+@dataclass(slots=True)
+class Own:
+    count: int
+
+
 @dataclasses.dataclass(frozen=True, slots=True)
 class Settings:
     gain: float = 1.0
@@ -50,6 +55,14 @@ class TestValues:
         with pytest.raises(AttributeError):
             Stem(1.0).colour = "red"  # type: ignore[attr-defined]
 
-    def test_a_value_that_may_be_changed_cannot_be_declared(self) -> None:
-        with pytest.raises(TypeError, match="frozen=True, slots=True"):
-            dataclass(frozen=False, slots=True)(type("Loose", (), {}))
+    def test_a_value_without_slots_cannot_be_declared(self) -> None:
+        with pytest.raises(TypeError, match="has slots"):
+            dataclass(frozen=True, slots=False)(type("Loose", (), {}))
+
+    def test_one_that_is_not_frozen_is_changed_in_a_copy(self) -> None:
+        before = Own(1)
+        own = replace(before)
+        own.count = 2
+        assert (before, own) == (Own(1), Own(2))
+        with pytest.raises(TypeError, match="unhashable"):
+            hash(own)

@@ -101,9 +101,9 @@ def _named(before: CommandEffect, sent: Sequence[SentCommand], echo: int, form: 
     """
     if echo == before.echo:
         return False, before.echo_ma
-    current_ma = next((each.current_ma for each in reversed(sent) if each.counter == echo), None)
-    if current_ma is None:
-        return False, sent[-1].current_ma
     modulus = form.counter_modulus
-    ahead = before.echo is None or 2 * ((echo - before.echo) % modulus) <= modulus
-    return ahead and echo != before.named, current_ma
+    for command in reversed(sent):
+        if command.counter == echo:
+            ahead = before.echo is None or 2 * ((echo - before.echo) % modulus) <= modulus
+            return ahead and echo != before.named, command.current_ma
+    return False, sent[-1].current_ma

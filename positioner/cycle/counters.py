@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from positioner.cycle.events import Event
 
 _MODULUS = 1 << 32
+_COUNTED = (CountedEvent, LawFellBack, Learned)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ class Counters:
 
     def add(self, events: Iterable[Event]) -> Counters:
         """Return the counters with `events` counted; the same ones if none of them counts."""
-        events = [event for event in events if isinstance(event, CountedEvent | LawFellBack | Learned)]
+        events = [event for event in events if isinstance(event, _COUNTED)]
         if not events:
             return self
         by_cause = dict(self.by_cause)

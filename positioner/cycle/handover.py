@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from positioner.guard.state import CONTROLLING
 from positioner.values import dataclass, replace
 from positioner.wire.messages import Mode, Motion
 
@@ -48,7 +49,7 @@ def update_handover(
     """
     if mode is Mode.MANUAL:
         return _track(handover, measured_m, last_ma)
-    if handover is None or mode not in {Mode.ACTIVE, Mode.HOLD}:
+    if handover is None or mode not in CONTROLLING:
         return None
     if not handover.begun:
         return replace(handover, begun=True, passed_m=setpoint_m)

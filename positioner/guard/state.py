@@ -8,6 +8,10 @@ from positioner.guard.manual import AUTOMATIC, Manual
 from positioner.values import dataclass, replace
 from positioner.wire.messages import Cause, Health, HostRequest, ManualCurrent, Mode
 
+# tuples, which are searched by identity: a set would compute the hash of a mode by its name
+CONTROLLING = (Mode.ACTIVE, Mode.HOLD)
+"""The modes in which the law's answer counts."""
+_SENDING = (*CONTROLLING, Mode.FAILSAFE, Mode.MANUAL)
 _OUT_OF_SPECIFICATION = frozenset({Cause.LAW_LATE, Cause.PERIOD_WRONG, Cause.DEVIATION, Cause.SETPOINT_UNREACHABLE})
 
 
@@ -104,12 +108,12 @@ class GuardState:
     @property
     def transmits(self) -> bool:
         """Whether commands may be sent."""
-        return self.mode in {Mode.ACTIVE, Mode.HOLD, Mode.FAILSAFE, Mode.MANUAL}
+        return self.mode in _SENDING
 
     @property
     def controls(self) -> bool:
         """Whether the law's answer counts."""
-        return self.mode in {Mode.ACTIVE, Mode.HOLD}
+        return self.mode in CONTROLLING
 
     @property
     def manual_ma(self) -> float | None:

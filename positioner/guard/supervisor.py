@@ -83,7 +83,9 @@ def _law_record(law: LawRecord, conditions: Conditions) -> LawRecord:
     return LawRecord(failures=law.failures, late_cycles=late_cycles, late_answers=late_answers)
 
 
-def _mode(settings: GuardSettings, state: GuardState, period_s: float, now_ns: int) -> tuple[Mode, Cause]:
+def _mode(  # noqa: C901, PLR0911, PLR0912 - a table, line by line
+    settings: GuardSettings, state: GuardState, period_s: float, now_ns: int
+) -> tuple[Mode, Cause]:
     """Return the first mode and cause whose condition holds: the transition table of DESIGN.md, from the top."""
     last, law, found = state.last, state.law, state.conditions
     if last.feedback_ns is None:
@@ -94,32 +96,49 @@ def _mode(settings: GuardSettings, state: GuardState, period_s: float, now_ns: i
     silent_s = math.inf if ordered_ns is None else (now_ns - ordered_ns) / _NS
     foreign = last.foreign_ns is not None
     dead = silent_periods > settings.feedback_failsafe_periods
-    rules = (
-        (state.mode is Mode.FAILSAFE, Mode.FAILSAFE, state.cause),
-        (not armed and dead, Mode.INIT, Cause.WAITING_FOR_FEEDBACK),
-        (not armed and foreign, Mode.READY, Cause.FOREIGN_COMMAND),
-        (not armed and state.arming.ever_armed, Mode.READY, Cause.DISARMED),
-        (not armed, Mode.READY, Cause.WAITING_FOR_ARM),
-        (found.stall_ns > failsafe_ns(settings, period_s), Mode.FAILSAFE, Cause.STALLED),
-        (by_hand and 0.0 < settings.setpoint_failsafe_s < silent_s, Mode.FAILSAFE, Cause.SETPOINT_STALE),
-        (by_hand and 0.0 < settings.setpoint_hold_s < silent_s, Mode.MANUAL, Cause.SETPOINT_STALE),
-        (by_hand and dead, Mode.MANUAL, last.no_feedback),
-        (by_hand and foreign, Mode.MANUAL, Cause.FOREIGN_COMMAND),
-        (by_hand, Mode.MANUAL, Cause.MANUAL),
-        (dead, Mode.FAILSAFE, last.no_feedback),
-        (law.failures >= settings.law_failsafe_cycles, Mode.FAILSAFE, Cause.LAW_FAILED),
-        (law.late_answers >= settings.law_failsafe_cycles, Mode.FAILSAFE, Cause.LAW_LATE),
-        (0.0 < settings.setpoint_failsafe_s < silent_s, Mode.FAILSAFE, last.no_setpoint),
-        (found.stall_ns > 0, Mode.HOLD, Cause.STALLED),
-        (silent_periods > settings.feedback_hold_periods, Mode.HOLD, last.no_feedback),
-        (0.0 < settings.setpoint_hold_s < silent_s, Mode.HOLD, last.no_setpoint),
-        (foreign, Mode.ACTIVE, Cause.FOREIGN_COMMAND),
-        (found.no_effect is not None, Mode.ACTIVE, found.no_effect or Cause.NONE),
-        (found.deviation is not Cause.NONE, Mode.ACTIVE, found.deviation),
-        (found.period_wrong, Mode.ACTIVE, Cause.PERIOD_WRONG),
-        (law.late_cycles >= settings.law_failsafe_cycles, Mode.ACTIVE, Cause.LAW_LATE),
-    )
-    return next(((mode, cause) for holds, mode, cause in rules if holds), (Mode.ACTIVE, Cause.NONE))
+    if state.mode is Mode.FAILSAFE:
+        return Mode.FAILSAFE, state.cause
+    if not armed:
+        if dead:
+            return Mode.INIT, Cause.WAITING_FOR_FEEDBACK
+        if foreign:
+            return Mode.READY, Cause.FOREIGN_COMMAND
+        return Mode.READY, Cause.DISARMED if state.arming.ever_armed else Cause.WAITING_FOR_ARM
+    if found.stall_ns > failsafe_ns(settings, period_s):
+        return Mode.FAILSAFE, Cause.STALLED
+    if by_hand:
+        if 0.0 < settings.setpoint_failsafe_s < silent_s:
+            return Mode.FAILSAFE, Cause.SETPOINT_STALE
+        if 0.0 < settings.setpoint_hold_s < silent_s:
+            return Mode.MANUAL, Cause.SETPOINT_STALE
+        if dead:
+            return Mode.MANUAL, last.no_feedback
+        return Mode.MANUAL, Cause.FOREIGN_COMMAND if foreign else Cause.MANUAL
+    if dead:
+        return Mode.FAILSAFE, last.no_feedback
+    if law.failures >= settings.law_failsafe_cycles:
+        return Mode.FAILSAFE, Cause.LAW_FAILED
+    if law.late_answers >= settings.law_failsafe_cycles:
+        return Mode.FAILSAFE, Cause.LAW_LATE
+    if 0.0 < settings.setpoint_failsafe_s < silent_s:
+        return Mode.FAILSAFE, last.no_setpoint
+    if found.stall_ns > 0:
+        return Mode.HOLD, Cause.STALLED
+    if silent_periods > settings.feedback_hold_periods:
+        return Mode.HOLD, last.no_feedback
+    if 0.0 < settings.setpoint_hold_s < silent_s:
+        return Mode.HOLD, last.no_setpoint
+    if foreign:
+        return Mode.ACTIVE, Cause.FOREIGN_COMMAND
+    if found.no_effect is not None:
+        return Mode.ACTIVE, found.no_effect
+    if found.deviation is not Cause.NONE:
+        return Mode.ACTIVE, found.deviation
+    if found.period_wrong:
+        return Mode.ACTIVE, Cause.PERIOD_WRONG
+    if law.late_cycles >= settings.law_failsafe_cycles:
+        return Mode.ACTIVE, Cause.LAW_LATE
+    return Mode.ACTIVE, Cause.NONE
 
 
 def deadline_ns(settings: GuardSettings, state: GuardState, period_s: float, now_ns: int) -> float | None:

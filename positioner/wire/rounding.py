@@ -37,8 +37,11 @@ def inside(form: FieldFormat, value: float, low: float, high: float) -> float:
     """
     if form.float_bits:
         return _float_inside(form, value, low, high)
-    first, last = _raw_limits(form, low, high)
     raw = round((value - form.si_offset) / form.si_per_bit)
+    step = raw * form.si_per_bit + form.si_offset
+    if low <= step <= high and form.lowest <= step <= form.highest:
+        return value
+    first, last = _raw_limits(form, low, high)
     if first > last or first <= raw <= last:
         return value
     return min(max(raw, first), last) * form.si_per_bit + form.si_offset

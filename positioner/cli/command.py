@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from positioner.errors import ExitCode
+    from positioner.studies.pool import Workers
 
     Commands: TypeAlias = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse names no type
 
@@ -48,6 +49,20 @@ def add_state(parser: argparse.ArgumentParser, text: str = "state directory inst
 
 
 def add_study(parser: argparse.ArgumentParser, folder: Path) -> None:
-    """Add `--workers`, and `--out` with the default `folder`."""
-    parser.add_argument("--workers", type=int, metavar="N", help="number of processes (default: one for each core)")
+    """Add `--workers` and `--dask`, and `--out` with the default `folder`."""
+    add_workers(parser)
     parser.add_argument("--out", type=Path, default=folder, metavar="DIR", help="output directory (%(default)s)")
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Add `--workers` and `--dask`, which exclude each other; `workers_of` reads them."""
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--workers", type=int, metavar="N", help="number of processes (default: one for each core)")
+    where.add_argument("--dask", metavar="ADDRESS", help="the scheduler of a Dask cluster, like tcp://192.0.2.1:8786")
+
+
+def workers_of(arguments: argparse.Namespace) -> Workers:
+    """Return where the study of this command line runs."""
+    from positioner.studies.pool import Workers  # noqa: PLC0415 - most commands are no studies
+
+    return Workers(arguments.workers, arguments.dask)

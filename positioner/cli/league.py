@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from positioner.cli.command import add_command, add_study
+from positioner.cli.command import add_command, add_study, workers_of
 from positioner.errors import ExitCode, UsageError
 from positioner.inputs.nearest import names_in
 from positioner.laws.registry import LAWS
@@ -52,7 +52,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     from positioner.studies.standings import optimal_median_s, standings, summaries  # noqa: PLC0415
 
     settings = _settings(arguments)
-    played = play_league(settings, arguments.out / "bouts", arguments.workers)
+    played = play_league(settings, arguments.out / "bouts", workers_of(arguments))
     table = standings(played)
     settle_s, rest_s = optimal_median_s(reference_plant(settings.plants), settings.setpoints_mm)
     report = LeagueReport(

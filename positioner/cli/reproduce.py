@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from positioner.cli.command import add_command, add_study
+from positioner.cli.command import add_command, add_study, workers_of
 from positioner.errors import ExitCode, writing
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     out: Path = arguments.out
     with writing(out):
         out.mkdir(parents=True, exist_ok=True)
-    played_runs = reproduce(all_runs(interpretations(noises), short=arguments.short), arguments.workers)
+    played_runs = reproduce(all_runs(interpretations(noises), short=arguments.short), workers_of(arguments))
     found = assess(played_runs)
     text = to_markdown(played_runs, found)
     with writing(out):

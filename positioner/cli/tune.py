@@ -6,8 +6,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from positioner.cli.command import add_command
+from positioner.cli.command import add_command, add_workers, workers_of
 from positioner.errors import ExitCode, UsageError, writing
+from positioner.studies.pool import opened
 from positioner.studies.tuning import LEAGUE_SEEDS, SEARCHES, to_toml, tune
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ _EPILOG = """\
 examples:
   positioner tune pi                              a few minutes; the result goes to standard output
   positioner tune knocker --budget 400 --seed 2 --out knocker.toml
+
+The number of workers changes only how long it takes.
 
 The result is a configuration: replace its [valve] by yours and add your [bus], or copy its [control.<law>] table into
 your configuration. A comment gives the command that found it. The packaged parameters of these laws were found in the
@@ -36,6 +39,7 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument(
         "--seed", type=int, default=1, metavar="N", help="seed of the search and of the noise (default: %(default)s)"
     )
+    add_workers(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="file for the result instead of standard output")
 
 
@@ -45,7 +49,8 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.seed < 0 or arguments.seed in LEAGUE_SEEDS:
         reserved = f"{LEAGUE_SEEDS.start} to {LEAGUE_SEEDS.stop - 1}"
         raise UsageError(f"--seed must not be negative, nor {reserved}: the league compares the laws on those seeds")
-    found = tune(arguments.law, arguments.budget, arguments.seed)
+    with opened(workers_of(arguments)) as pool:
+        found = tune(arguments.law, arguments.budget, arguments.seed, pool)
     sys.stderr.write(f"{found.law}: cost {found.first_cost:.3f} of the first candidate, {found.cost:.3f} of the best\n")
     if arguments.out is None:
         sys.stdout.write(to_toml(found))

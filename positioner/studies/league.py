@@ -11,36 +11,29 @@ import hashlib
 import json
 from contextlib import closing
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
-import plant_emulator
-import positioner
 from positioner.bench import metrics
 from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import Scenario, check_scenario
 from positioner.errors import writing
+from positioner.studies.code_digest import code_digest
 from positioner.studies.conditions import check_setpoints
-from positioner.studies.pool import spread_out
+from positioner.studies.pool import EVERY_CORE, spread_out
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
+
+    from positioner.studies.pool import Workers
 
 SETPOINTS_MM = (73.0, 87.0, 80.0, 73.5, 81.5, 83.0, 75.0, 85.5)
 """Large, medium and small steps in both directions, all of them where every plant can restart both ways.
 
 With three seeds, 24 dwells for each law on each plant.
 """
-
-_UNUSED_ROOMS = frozenset(("cli", "conformance", "doctor", "host", "replay", "runtime", "store"))
-"""Rooms whose code no bout runs."""
-_USED_MODULES = {
-    "bench": frozenset(("configure", "inprocess", "metrics", "modes", "playable", "recording", "scenario")),
-    "studies": frozenset(("league",)),
-}
-"""Modules that a bout runs, for each room of which it runs only some."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +96,7 @@ def play(bout: Bout) -> tuple[metrics.DwellMetrics, ...]:
 
 
 def play_league(
-    settings: LeagueSettings, folder: Path, workers: int | None = None
+    settings: LeagueSettings, folder: Path, workers: Workers = EVERY_CORE
 ) -> dict[Bout, tuple[metrics.DwellMetrics, ...]]:
     """Return the figures of every bout; a bout with a result of the same code in `folder` is not played again.
 
@@ -123,7 +116,7 @@ def play_league(
 
 
 def _resumed(
-    bouts: tuple[Bout, ...], folder: Path, code: dict[str, str], workers: int | None
+    bouts: tuple[Bout, ...], folder: Path, code: dict[str, str], workers: Workers
 ) -> dict[Bout, tuple[metrics.DwellMetrics, ...]]:
     played: dict[Bout, tuple[metrics.DwellMetrics, ...]] = {}
     for bout in bouts:
@@ -141,21 +134,6 @@ def _resumed(
             bar.set_postfix_str(f"{bout.law} on {bout.plant}")
             bar.update()
     return {bout: played[bout] for bout in bouts}
-
-
-def code_digest(law: str) -> str:
-    """Return a digest of everything that a bout of `law` depends on: sources, presets and its tuned parameters."""
-    digest = hashlib.sha256()
-    for package in (positioner, plant_emulator):
-        root = Path(str(package.__file__)).parent
-        for path in sorted(root.rglob("*")):
-            within = path.relative_to(root)
-            room = within.parts[0]
-            is_used = room not in _UNUSED_ROOMS and within.stem in _USED_MODULES.get(room, {within.stem})
-            is_of_another_law = within.parent.name == "tuned" and within.stem != law.replace("-", "_")
-            if path.suffix in {".py", ".toml", ".dbc"} and is_used and not is_of_another_law:
-                digest.update(str(within).encode() + path.read_bytes())
-    return digest.hexdigest()
 
 
 def _stored(path: Path, code: str) -> tuple[metrics.DwellMetrics, ...] | None:

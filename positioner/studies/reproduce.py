@@ -14,7 +14,7 @@ from positioner.bench.curves import envelope
 from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import load_scenario
 from positioner.studies.interpretations import Interpretation, Units, interpreted_as
-from positioner.studies.pool import spread_out
+from positioner.studies.pool import EVERY_CORE, spread_out
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from positioner.bench.inprocess import InProcessRun
     from positioner.bench.scenario import Scenario
+    from positioner.studies.pool import Workers
 
 SIMULATIONS = (1, 2, 3, 4, 5)
 WITH_TABLE = (3, 4, 5)
@@ -117,7 +118,7 @@ def all_runs(interpretations: Sequence[Interpretation], *, short: bool) -> tuple
     )
 
 
-def reproduce(runs: Sequence[Run], workers: int | None = None) -> tuple[PlayedRun, ...]:
+def reproduce(runs: Sequence[Run], workers: Workers = EVERY_CORE) -> tuple[PlayedRun, ...]:
     """Return the played runs in the order of `runs`; a progress bar shows how many are done."""
     found: dict[Run, PlayedRun] = {}
     with (

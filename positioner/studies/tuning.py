@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from positioner.bench.metrics import DwellMetrics
+    from positioner.studies.pool import Pool
 
 SETPOINTS_MM = (73.0, 87.0, 80.0, 73.5, 81.5, 83.0)
 """Large, medium and small steps in both directions, where the valve can be restarted both ways."""
@@ -119,22 +120,48 @@ SEARCHES: Mapping[str, Search] = MappingProxyType(
 """Every law that can be tuned."""
 
 
-def tune(law: str, budget: int, seed: int) -> Tuning:
-    """Return the best of `budget` candidates; the same arguments give the same answer."""
+def tune(law: str, budget: int, seed: int, pool: Pool) -> Tuning:
+    """Return the best of `budget` candidates; the same arguments give the same answer, whatever the pool.
+
+    As many candidates as the pool has workers are tried at once. When one of them is the best so far, those after it
+    that vary the best one before are tried again.
+    """
     search = SEARCHES[law]
     chance = np.random.default_rng(seed)
+    exploring = max(1, math.ceil(_EXPLORING * budget))
+    explored = [_anywhere(search, chance) for _ in range(exploring)]
+    steps = [_steps(search, chance) for _ in range(exploring, budget)]
     best: tuple[float, ...] = ()
     best_cost = first_cost = math.inf
-    with tqdm(range(budget), desc=law, unit=" candidates", disable=None) as bar:
-        for number in bar:
-            explores = not best or number < _EXPLORING * budget
-            values = _anywhere(search, chance) if explores else _near(search, best, chance)
-            cost = cost_of(scenario_of(law, values, seed), best_cost)
-            first_cost = cost if number == 0 else first_cost
-            if cost < best_cost:
-                best, best_cost = values, cost
-                bar.set_postfix_str(f"cost {cost:.3f}")
+    number = 0
+    with tqdm(total=budget, desc=law, unit=" candidates", disable=None) as bar:
+        while number < budget:
+            values = explored[number : number + pool.size]
+            if number >= exploring:
+                begin = number - exploring
+                values = [_varied(search, best, step) for step in steps[begin : begin + pool.size]]
+            for each, cost in zip(values, _costs(law, values, seed, best_cost, pool), strict=True):
+                first_cost = cost if number == 0 else first_cost
+                number += 1
+                bar.update()
+                if cost < best_cost:
+                    best, best_cost = each, cost
+                    bar.set_postfix_str(f"cost {cost:.3f}")
+                    if number > exploring:
+                        break
     return Tuning(law, budget, seed, best, best_cost, first_cost)
+
+
+def _costs(law: str, values: list[tuple[float, ...]], seed: int, limit: float, pool: Pool) -> list[float]:
+    """Return the cost of each candidate; infinity where it is sure to reach `limit`."""
+    items = [(place, scenario_of(law, each, seed), limit) for place, each in enumerate(values)]
+    found = {place: cost for (place, _, _), cost in pool.results(_cost, items)}
+    return [found[place] for place in range(len(values))]
+
+
+def _cost(item: tuple[int, Scenario, float]) -> float:
+    _, scenario, limit = item
+    return cost_of(scenario, limit)
 
 
 def cost_of(scenario: Scenario, limit: float = math.inf) -> float:
@@ -197,11 +224,15 @@ def _anywhere(search: Search, chance: np.random.Generator) -> tuple[float, ...]:
     return _rounded(search, drawn)
 
 
-def _near(search: Search, best: tuple[float, ...], chance: np.random.Generator) -> tuple[float, ...]:
+def _steps(search: Search, chance: np.random.Generator) -> list[tuple[bool, float]]:
+    """Return for each parameter whether a variation keeps it, and the factor by which it varies otherwise."""
+    # every second parameter is varied
+    return [(chance.random() < 0.5, math.exp(chance.normal(0.0, _STEP))) for _ in search.ranges]  # noqa: PLR2004
+
+
+def _varied(search: Search, best: tuple[float, ...], steps: list[tuple[bool, float]]) -> tuple[float, ...]:
     varied = []
-    for each, value in zip(search.ranges, best, strict=True):
-        stays = chance.random() < 0.5  # noqa: PLR2004 - every second parameter is varied
-        factor = math.exp(chance.normal(0.0, _STEP))
+    for each, value, (stays, factor) in zip(search.ranges, best, steps, strict=True):
         varied.append(value if stays else min(max(value * factor, 0.0 if value == 0.0 else each.low), each.high))
     return _rounded(search, varied)
 

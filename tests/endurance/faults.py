@@ -22,7 +22,7 @@ from endurance.faulty_loop import FAULTS, HEALTHY, PERIOD_S, Loop
 from positioner.bench.scenario import Scenario
 from positioner.laws.registry import LAWS
 from positioner.studies.conditions import PLANTS
-from positioner.studies.pool import spread_out
+from positioner.studies.pool import Workers, spread_out
 from positioner.wire.messages import Cause
 
 if TYPE_CHECKING:
@@ -203,10 +203,10 @@ def main() -> int:
     found: list[Trial] = []
     calms: list[Calm] = []
     with tqdm(total=len(work) + len(runs), unit=" runs", disable=None) as bar:
-        for _, some in spread_out(trials, work, options.workers):
+        for _, some in spread_out(trials, work, Workers(options.workers)):
             found += some
             bar.update()
-        for _, run in spread_out(calm, runs, options.workers):
+        for _, run in spread_out(calm, runs, Workers(options.workers)):
             calms.append(run)
             bar.update()
     alarms = sum(len(run.false) for run in calms)

@@ -17,10 +17,12 @@ from positioner.bench.metrics import DwellMetrics
 from positioner.bench.playable import restartable_mm
 from positioner.cli.main import main
 from positioner.errors import ConfigurationError, ExitCode
+from positioner.studies.code_digest import code_digest
 from positioner.studies.conditions import NOMINAL, PLANTS, check_setpoints, reference_plant
-from positioner.studies.league import SETPOINTS_MM, Bout, LeagueSettings, code_digest, play_league
+from positioner.studies.league import SETPOINTS_MM, Bout, LeagueSettings, play_league
 from positioner.studies.league_report import LeagueReport, to_markdown, write_report
 from positioner.studies.limit import optimal_move
+from positioner.studies.pool import Workers
 from positioner.studies.standings import bootstrap_interval, optimal_median_s, standings, summaries
 
 if TYPE_CHECKING:
@@ -189,28 +191,29 @@ def test_the_report_is_written_with_the_same_figures_in_all_three_files(tmp_path
 
 def test_an_interrupted_league_plays_only_the_missing_bouts(tmp_path: Path) -> None:
     settings = LeagueSettings(laws=("paper",), plants=("paper",), seeds=(1,), setpoints_mm=(75.0,), dwell_s=0.05)
-    played = play_league(settings, tmp_path, workers=1)
+    played = play_league(settings, tmp_path, Workers(1))
     (path,) = tmp_path.iterdir()
     stored = json.loads(path.read_text())
     stored["dwells"][0]["reversals"] = 77
     path.write_text(json.dumps(stored))
-    assert next(iter(play_league(settings, tmp_path, workers=1).values()))[0].reversals == 77
+    assert next(iter(play_league(settings, tmp_path, Workers(1)).values()))[0].reversals == 77
     stored["code"] = "of yesterday"
     path.write_text(json.dumps(stored))
-    assert play_league(settings, tmp_path, workers=1) == played
+    assert play_league(settings, tmp_path, Workers(1)) == played
     assert len({code_digest("paper"), code_digest("knocker")}) == 2  # each law has tuned parameters of its own
 
 
 def test_the_digest_leaves_out_only_code_that_no_bout_runs() -> None:
     program = """
 import sys
-from positioner.studies.league import _UNUSED_ROOMS, _USED_MODULES, Bout, play
+from positioner.studies.code_digest import UNUSED_ROOMS, USED_MODULES
+from positioner.studies.league import Bout, play
 play(Bout("nmpc", "paper", 1, (80.0,), 0.01, 0.001))
 loaded = [name.split(".")[1:] for name in sys.modules if name.startswith("positioner.")]
 assert ["laws", "nmpc", "law"] in loaded
 bench = {names[1] for names in loaded if names[0] == "bench" and len(names) > 1}
-assert bench == _USED_MODULES["bench"], bench
-assert not [names for names in loaded if names[0] in _UNUSED_ROOMS]
+assert bench == USED_MODULES["bench"], bench
+assert not [names for names in loaded if names[0] in UNUSED_ROOMS]
 """
     done = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True, text=True, timeout=120.0)
     assert done.returncode == 0, done.stderr

@@ -18,7 +18,7 @@ from threading import Event
 import pytest
 
 from positioner.errors import BenchError, UsageError
-from positioner.studies.pool import spread_out
+from positioner.studies.pool import Workers, spread_out
 
 
 def interrupt_the_parent(_: int) -> None:
@@ -32,7 +32,7 @@ def die(_: int) -> None:
 
 
 def test_every_item_comes_back_with_its_result() -> None:
-    assert dict(spread_out(math.factorial, (3, 4, 5), 2)) == {3: 6, 4: 24, 5: 120}
+    assert dict(spread_out(math.factorial, (3, 4, 5), Workers(2))) == {3: 6, 4: 24, 5: 120}
 
 
 def test_an_interrupt_ends_the_workers_in_the_middle_of_their_work() -> None:
@@ -53,18 +53,18 @@ def test_an_interrupt_is_not_ignored() -> None:
 
 def test_a_worker_that_is_killed_is_one_line() -> None:
     with pytest.raises(BenchError, match="a worker was killed"):
-        list(spread_out(die, (1,), 1))
+        list(spread_out(die, (1,), Workers(1)))
 
 
 def test_no_workers_at_all_are_refused() -> None:
     with pytest.raises(UsageError, match="--workers 0"):
-        list(spread_out(math.factorial, (1,), 0))
+        list(spread_out(math.factorial, (1,), Workers(0)))
 
 
 def main() -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
     try:
-        with closing(spread_out(interrupt_the_parent, (1, 2, 3), 1)) as results:
+        with closing(spread_out(interrupt_the_parent, (1, 2, 3), Workers(1))) as results:
             list(results)
     except KeyboardInterrupt:
         sys.stdout.write(f"interrupted, {len(active_children())} workers left\n")

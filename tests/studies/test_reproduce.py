@@ -17,6 +17,7 @@ from positioner.bench.scenario import MOST_SAMPLES_PER_SETPOINT, load_scenario
 from positioner.cli.main import main
 from positioner.studies import reproduce as reproduction
 from positioner.studies.interpretations import Interpretation, NoiseKind, Units, interpretations
+from positioner.studies.pool import Workers
 from positioner.studies.published_results import Assessment, assess, summary
 from positioner.studies.reproduce import (
     SIMULATIONS,
@@ -99,7 +100,7 @@ def test_alpha_and_beta_in_centimetres_stop_the_valve_short_of_its_setpoint(free
 
 
 def test_a_pool_of_processes_returns_the_same_as_this_process(free: dict[int, PlayedRun]) -> None:
-    (played,) = reproduce((Run(2, FREE, short=True),), workers=1)
+    (played,) = reproduce((Run(2, FREE, short=True),), Workers(1))
     assert (played.before, played.after) == (free[2].before, free[2].after)
     np.testing.assert_array_equal(played.curves.position_m, free[2].curves.position_m)
 
@@ -284,9 +285,9 @@ def test_the_json_has_the_same_figures_and_assessments() -> None:
 def test_the_command_writes_the_page_the_figures_and_the_report(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    asked: list[tuple[Sequence[Run], int | None]] = []
+    asked: list[tuple[Sequence[Run], Workers]] = []
 
-    def instead(runs: Sequence[Run], workers: int | None = None) -> tuple[PlayedRun, ...]:
+    def instead(runs: Sequence[Run], workers: Workers) -> tuple[PlayedRun, ...]:
         asked.append((runs, workers))
         return as_the_paper_has_it(runs)
 
@@ -294,7 +295,7 @@ def test_the_command_writes_the_page_the_figures_and_the_report(
     out = tmp_path / "page"
     assert main(["reproduce", "--short", "--reading", "B", "--workers", "3", "--out", str(out)]) == 0
     ((runs, workers),) = asked
-    assert workers == 3
+    assert workers == Workers(3)
     assert all(run.short for run in runs)
     assert {run.interpretation.noise for run in runs} == {NoiseKind.RAW, NoiseKind.FREE}
     pictures = {"reproduce.png", *(f"figure-{number}.png" for number in FIGURE_OF.values())}

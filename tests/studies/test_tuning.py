@@ -7,7 +7,7 @@ import tomllib
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import pytest
@@ -26,13 +26,34 @@ from positioner.studies.direct import play_directly
 from positioner.studies.tuning import SEARCHES, Tuning, control_table, cost_of, dwell_cost, scenario_of, to_toml, tune
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Generator, Sequence
+
     from positioner.bench.scenario import Scenario
+
+T = TypeVar("T")
+R = TypeVar("R")
 
 MIDDLE = {
     name: tuple(float(f"{math.sqrt(each.low * each.high):.4g}") for each in search.ranges)
     for name, search in SEARCHES.items()
 }
 """A candidate of every law: the middle of its ranges."""
+
+
+class Here:
+    """A pool that works in this process, in the reverse order, as if on `size` workers."""
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self.done = 0
+
+    def results(self, function: Callable[[T], R], items: Sequence[T]) -> Generator[tuple[T, R]]:
+        for item in reversed(items):
+            self.done += 1
+            yield item, function(item)
+
+
+HERE = Here(1)
 
 
 @pytest.fixture
@@ -66,11 +87,19 @@ def test_without_frames_the_figures_are_the_same_to_the_bit(law: str, values: tu
 
 @pytest.mark.usefixtures("short")
 def test_a_search_is_repeatable_and_better_than_its_start() -> None:
-    found = tune("pi", 6, 3)
-    assert found == tune("pi", 6, 3)
+    found = tune("pi", 6, 3, HERE)
+    assert found == tune("pi", 6, 3, HERE)
     assert found.cost < 0.9 * found.first_cost
     assert found.cost == cost_of(scenario_of("pi", found.values, 3))
-    assert tune("pi", 6, 4).values != found.values
+    assert tune("pi", 6, 4, HERE).values != found.values
+
+
+@pytest.mark.usefixtures("short")
+@pytest.mark.parametrize("size", [2, 3, 7, 100])
+def test_the_number_of_workers_changes_no_answer(size: int) -> None:
+    here = Here(size)
+    assert tune("pi", 12, 3, here) == tune("pi", 12, 3, HERE)
+    assert here.done > 12  # some varied a candidate that was the best no more
 
 
 @pytest.mark.usefixtures("short")
@@ -83,7 +112,7 @@ def test_later_candidates_vary_the_best(monkeypatch: pytest.MonkeyPatch) -> None
         return min(abs(math.log(table["move_s"] / 0.06)), limit)
 
     monkeypatch.setattr(tuning, "cost_of", cost)
-    best = tune("two-move", 100, 1).values
+    best = tune("two-move", 100, 1, HERE).values
     assert best == min(tried, key=lambda values: abs(math.log(values[0] / 0.06)))
     for each, values in zip(SEARCHES["two-move"].ranges, zip(*tried, strict=True), strict=True):
         assert each.low <= min(values)
@@ -194,7 +223,7 @@ def test_a_result_is_a_configuration_that_check_accepts(tmp_path: Path, capsys: 
 def test_the_command_writes_the_result_of_the_search(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "two_move.toml"
     assert main(["tune", "two-move", "--budget", "2", "--seed", "2", "--out", str(out)]) == ExitCode.OK
-    assert out.read_text(encoding="utf-8") == to_toml(tune("two-move", 2, 2))
+    assert out.read_text(encoding="utf-8") == to_toml(tune("two-move", 2, 2, HERE))
     assert main(["tune", "two-move", "--budget", "2", "--seed", "2"]) == ExitCode.OK
     assert capsys.readouterr().out == out.read_text(encoding="utf-8")
 

@@ -1,0 +1,52 @@
+"""Digests of the code that a study runs: a stored result is of the same code, and so is every worker. Shell."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import plant_emulator
+import positioner
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+UNUSED_ROOMS = frozenset(("campaign", "cli", "conformance", "doctor", "host", "replay", "runtime", "store"))
+"""Rooms whose code no bout runs."""
+USED_MODULES = {
+    "bench": frozenset(("configure", "inprocess", "metrics", "modes", "playable", "recording", "scenario")),
+    "studies": frozenset(("league",)),
+}
+"""Modules that a bout runs, for each room of which it runs only some."""
+
+
+def code_digest(law: str) -> str:
+    """Return a digest of everything that a bout of `law` depends on: sources, presets and its tuned parameters."""
+
+    def is_used(within: Path) -> bool:
+        room = within.parts[0]
+        is_of_another_law = within.parent.name == "tuned" and within.stem != law.replace("-", "_")
+        return (
+            room not in UNUSED_ROOMS and within.stem in USED_MODULES.get(room, {within.stem}) and not is_of_another_law
+        )
+
+    return _digest(is_used)
+
+
+@lru_cache(maxsize=1)
+def whole_digest() -> str:
+    """Return a digest of everything that any study may run."""
+    return _digest(lambda _within: True)
+
+
+def _digest(is_used: Callable[[Path], bool]) -> str:
+    digest = hashlib.sha256()
+    for package in (positioner, plant_emulator):
+        root = Path(str(package.__file__)).parent
+        for path in sorted(root.rglob("*")):
+            within = path.relative_to(root)
+            if path.suffix in {".py", ".toml", ".dbc"} and is_used(within):
+                digest.update(str(within).encode() + path.read_bytes())
+    return digest.hexdigest()

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from positioner.config.schema import Configuration
     from positioner.errors import Problem
     from positioner.guard.settings import GuardSettings
-    from positioner.wire.formats import FieldFormat
+    from positioner.wire.fields import FieldFormat
 
 _LARGEST_COUNTER = 255
 

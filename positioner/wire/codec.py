@@ -6,20 +6,18 @@ messages and his signals in `[wire]` (see `foreign`); all others stay ours.
 
 from __future__ import annotations
 
-from dataclasses import field
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import cantools.database
 from cantools.database.can import Database
 
 from positioner.errors import ConfigurationError, Problem
-from positioner.values import dataclass
 from positioner.wire import foreign, identifiers, messages
-from positioner.wire.formats import FieldFormat, FrameFormat, FrameRejectedError, field_format, field_names
+from positioner.wire.fields import FieldFormat, field_format, field_names
+from positioner.wire.formats import FrameFormat, FrameRejectedError
 from positioner.wire.messages import Counted
 from positioner.wire.settings import ID_OFFSETS, WireSettings
 
@@ -77,26 +75,22 @@ _USER_KINDS: Mapping[str, type[Message]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
 class Codec:
-    """Formats by kind of message and by identifier (with its extended flag)."""
+    """Formats by kind of message and by identifier (with its extended flag); immutable by convention."""
 
-    by_kind: Mapping[type[Message], FrameFormat]
-    by_id: Mapping[tuple[int, bool], FrameFormat] = field(init=False)
-
-    def __post_init__(self) -> None:
-        """Index the formats by identifier."""
-        by_id = {(form.arbitration_id, form.dbc.is_extended_frame): form for form in self.by_kind.values()}
-        object.__setattr__(self, "by_id", MappingProxyType(by_id))
+    def __init__(self, by_kind: Mapping[type[Message], FrameFormat]) -> None:
+        self.by_kind = by_kind
+        self.by_id = {(form.arbitration_id, form.is_extended): form for form in by_kind.values()}
+        self._fields = {(kind, each.name): each for kind, form in by_kind.items() for each in form.fields}
 
     def identifier(self, kind: type[Message]) -> tuple[int, bool]:
         """Return the identifier under which `kind` travels, and whether it is an extended one."""
         form = self.by_kind[kind]
-        return form.arbitration_id, form.dbc.is_extended_frame
+        return form.arbitration_id, form.is_extended
 
     def field(self, kind: type[Message], name: str) -> FieldFormat:
         """Return how the field `name` of `kind` is coded in its signal."""
-        return next(form for form in self.by_kind[kind].fields if form.name == name)
+        return self._fields[kind, name]
 
     def decode(self, frame: CanFrame) -> tuple[Message, int | None]:
         """Return the message in `frame` and its counter.
@@ -106,7 +100,7 @@ class Codec:
         """
         if frame.is_error:
             raise FrameRejectedError(Counted.ERROR_FRAME, f"id {frame.arbitration_id:X}")
-        form = self.by_id.get(frame.identifier)
+        form = self.by_id.get((frame.arbitration_id, frame.is_extended))
         if form is None:
             raise FrameRejectedError(None, f"id {frame.arbitration_id:X}")
         if frame.is_remote:
@@ -166,7 +160,7 @@ def make_codec(settings: WireSettings | None = None, *, span_m: float = 0.127) -
     problems += identifiers.taken(tuple(formats.values()), user_messages)
     if problems:
         raise ConfigurationError("[wire]", tuple(problems))
-    return Codec(MappingProxyType(formats))
+    return Codec(formats)
 
 
 def _own_format(kind: type[Message], settings: WireSettings) -> FrameFormat:

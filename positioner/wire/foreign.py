@@ -12,7 +12,8 @@ from cantools.database.can import Database
 from cantools.database.errors import Error as CantoolsError
 
 from positioner.errors import Problem
-from positioner.wire.formats import FrameFormat, field_format, field_names
+from positioner.wire.fields import field_format, field_names
+from positioner.wire.formats import FrameFormat
 from positioner.wire.signals import UnfitSignalError, check_numbers, counter_modulus, is_plain_integer
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import struct
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from positioner.wire.formats import FieldFormat
+    from positioner.wire.fields import FieldFormat
 
 _NOISE = 1e-6
 """Part of a step that arithmetic errors may add to a value exactly on a step, or exactly between two."""

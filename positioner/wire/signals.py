@@ -43,6 +43,14 @@ def check_numbers(signal: Signal) -> None:
         raise UnfitSignalError("has the scale 0, which carries no number")
 
 
+def holds(signal: Signal, raw: float) -> bool:
+    """Return whether the bits of `signal` hold the number `raw`, an integer after rounding."""
+    if signal.is_float:
+        return abs(raw) <= _LARGEST_FLOAT[signal.length]
+    half = 1 << (signal.length - 1)
+    return -half <= round(raw) < half if signal.is_signed else 0 <= round(raw) < 2 * half
+
+
 def raw_range(signal: Signal) -> tuple[float, float]:
     """Return the lowest and highest raw value that the signal's length and its range in the DBC, if any, allow."""
     if signal.is_float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -13,6 +12,7 @@ from positioner.cycle.command_effect import EFFECT_UNKNOWN, CommandEffect, track
 from positioner.cycle.link import Reading
 from positioner.cycle.sent import SentCommand
 from positioner.wire.codec import make_codec
+from positioner.wire.formats import FrameFormat
 from positioner.wire.messages import Cause, CurrentCommand
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def test_the_named_command_is_kept_with_its_current_until_a_newer_one_is_named()
 
 
 def test_of_a_node_without_counters_the_last_command_is_believed_to_act() -> None:
-    form = replace(FORM, counter=None)
+    form = FrameFormat(FORM.kind, FORM.dbc, FORM.arbitration_id, FORM.fields, FORM.data_id, None)
     found = track_effect(EFFECT_UNKNOWN, SENT, Reading(0.08, 1, 4, 1), form, PERIOD_S)
     assert found == CommandEffect(current_ma=12.0, echo_ma=12.0)
 

@@ -15,7 +15,7 @@ from positioner.config.reader import load_config
 from positioner.errors import ConfigurationError
 from positioner.guard.settings import FailsafeAction, GuardSettings
 from positioner.wire.codec import Codec, make_codec
-from positioner.wire.formats import FieldFormat, field_format
+from positioner.wire.fields import FieldFormat, field_format
 from positioner.wire.loop_current import signal_of
 from positioner.wire.messages import CurrentCommand, HostRequest, Mode, Setpoint
 from positioner.wire.rounding import fits, inside, meant

@@ -119,9 +119,10 @@ class Loop:
         self._level = logger.level
         logger.setLevel(logging.DEBUG)
         self.others = Others(self.address)
-        self.daemon = Daemon(self.configuration, options or RunOptions())
+        self.daemon = Daemon((self.configuration,), options or RunOptions())
+        (self.session,) = self.daemon.sessions
         self._running: Daemon | None = self.daemon
-        self.daemon._clock = self
+        self.session.clock = self
         self.elapsed_ns = _NS
         self.daemon._cycle()
 

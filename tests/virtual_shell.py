@@ -199,13 +199,14 @@ class VirtualShell:
 
     def start_again(self) -> None:
         """Put a new daemon in the place of the one that has ended."""
-        self.daemon = Daemon(self._configuration, self._options, Ports(self.world, self.world.open))
+        self.daemon = Daemon((self._configuration,), self._options, Ports(self.world, self.world.open))
+        (self.session,) = self.daemon.sessions
 
     def mode(self) -> Mode:
-        return self.daemon.session.state.guard.mode
+        return self.session.state.guard.mode
 
     def mode_and_cause(self) -> tuple[Mode, Cause]:
-        return self.daemon.session.state.guard.mode, self.daemon.session.state.guard.cause
+        return self.session.state.guard.mode, self.session.state.guard.cause
 
     def cycle(self, count: int = 1) -> None:
         for _ in range(count):

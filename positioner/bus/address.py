@@ -61,6 +61,11 @@ class BusAddress(SettingsTable):
         return f"{self.interface}:{self.channel}{port}{options}"
 
     @property
+    def place(self) -> tuple[str, str, int]:
+        """What distinguishes this bus from every other one: its options do not."""
+        return self.interface, self.channel, self.port if self.is_embedded else 0
+
+    @property
     def numbered_channel(self) -> str | int:
         """The channel as python-can's interface takes it: most adapters number their channels."""
         is_number = self.interface not in _NAMED_CHANNELS and self.channel.isdecimal()

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from positioner.bus.address import BusAddress
     from positioner.bus.events import BusEvent
+    from positioner.machine.time import Instant
 
     OpenBus = Callable[[BusAddress, Iterable[tuple[int, bool]]], can.BusABC]
 
@@ -76,9 +77,18 @@ class BusPort:
         return self._bus is not None
 
     @property
+    def descriptor(self) -> int | None:
+        """The descriptor that is readable once a frame has come; None while the bus is away, or where there is none."""
+        return self._descriptor if self._bus is not None else None
+
+    @property
     def gap_ns(self) -> int:
         """For how long the loop did not receive, in ns: see `Arrivals`."""
         return self._arrivals.gap_ns
+
+    def seen_empty(self, looked: Instant) -> None:
+        """Remember that nothing waited at the instant `looked`, as a look at the `descriptor` has shown."""
+        self._arrivals.seen_empty(looked)
 
     def open(self) -> None:
         """Open the bus now.

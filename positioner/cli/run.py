@@ -74,6 +74,6 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         trace=arguments.trace,
         record=arguments.record,
     )
-    daemon = Daemon(configuration, options)
+    daemon = Daemon((configuration,), options)
     lock_memory()
     return daemon.run()

@@ -6,9 +6,13 @@ import logging
 import math
 import sys
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from positioner.machine.line_sink import LineSink
 from positioner.machine.time import MachineTime, TimePort
+
+if TYPE_CHECKING:
+    from collections.abc import MutableMapping
 
 logger = logging.getLogger("positioner")
 _warnings = logging.getLogger("py.warnings")
@@ -48,6 +52,22 @@ def set_up(*, verbose: bool) -> None:
     logging.captureWarnings(capture=True)
 
 
+class _NamedLog(logging.LoggerAdapter[logging.Logger]):
+    """The log, with the name of one valve before each line."""
+
+    def process(self, msg: object, kwargs: MutableMapping[str, Any]) -> tuple[str, MutableMapping[str, Any]]:
+        """Return the line with the name."""
+        return f"{(self.extra or {})['valve']}: {msg}", kwargs
+
+
+Log: TypeAlias = logging.Logger | _NamedLog
+
+
+def log_of(valve: str) -> Log:
+    """Return the log of a valve, with its name before each line; without a name the plain log."""
+    return _NamedLog(logger, {"valve": valve}) if valve else logger
+
+
 def dropped_lines() -> int:
     """Return how many lines of the log were dropped since it was set up, because nobody read them."""
     return sum(handler.sink.dropped for handler in logger.handlers if isinstance(handler, SinkHandler))
@@ -64,8 +84,9 @@ class _Kind:
 class Throttle:
     """Logs one line of each kind in a second; the last of the others follows when the second is over."""
 
-    def __init__(self, period_s: float = 1.0, time: TimePort | None = None) -> None:
+    def __init__(self, period_s: float = 1.0, time: TimePort | None = None, log: Log = logger) -> None:
         """Log one line of a kind every `period_s`."""
+        self._log = log
         self._time = time or MachineTime()
         self._period_s = period_s
         self._kinds: dict[str, _Kind] = {}
@@ -87,5 +108,7 @@ class Throttle:
         if now_s < entry.next_s:
             return
         others = entry.held_back - 1
-        logger.log(entry.level, "%s%s", entry.line, f" ({others} more like it since the last line)" if others else "")
+        self._log.log(
+            entry.level, "%s%s", entry.line, f" ({others} more like it since the last line)" if others else ""
+        )
         entry.next_s, entry.held_back = now_s + self._period_s, 0

@@ -1,4 +1,4 @@
-"""Reports to a person and to the service manager: the log, and the state of the daemon. Shell."""
+"""Reports the events of one valve to a person: the log, and its state in words. Shell."""
 
 from __future__ import annotations
 
@@ -16,63 +16,35 @@ from positioner.cycle.events import (
     kind_of,
 )
 from positioner.cycle.trust_events import PushFailed
-from positioner.machine.journal import Throttle, logger
-from positioner.machine.notify import Notifier
+from positioner.machine.journal import Throttle, log_of
 from positioner.wire.messages import Cause, Mode
 
 if TYPE_CHECKING:
-    from positioner.bus.address import BusAddress
-    from positioner.bus.events import BusEvent
     from positioner.machine.time import TimePort
 
-_NEXT_CYCLE_S = 5.0
-"""Before the first feedback, a cycle that takes longer counts as hanging."""
-_WATCHDOG_EVERY_S = 0.1
 _SERIOUS = frozenset({Cause.FOREIGN_COMMAND, Cause.PERIOD_WRONG})
+_USUAL = frozenset({Cause.NONE, Cause.MANUAL, Cause.WAITING_FOR_ARM, Cause.DISARMED})
 
 
 class Announcer:
-    """Reports events; `ready` once a first valid position frame has been received."""
+    """Reports the events of a valve.
 
-    def __init__(self, time: TimePort) -> None:
-        """Find the service manager, if there is one."""
-        self.throttle = Throttle(time=time)
-        self.ready = False
-        self._notifier = Notifier()
-        self._time = time
-        self._watchdog_due_s = 0.0
+    ready: the first valid position frame has been received.
+    state: its state in words; in_trouble: a person should look at it; changed: that has not been reported yet.
+    """
 
-    def waiting(self, address: BusAddress) -> None:
-        """Report to the service manager that the bus is open, as long as no feedback has come."""
-        if not self.ready:
-            self._notifier.send(STATUS=f"waiting for position frames on {address}")
+    def __init__(self, name: str, time: TimePort) -> None:
+        """Begin before the first cycle; the `name` stands before each line, if there is one."""
+        self.name = name
+        self.log = log_of(name)
+        self.throttle = Throttle(time=time, log=self.log)
+        self.ready = self.changed = False
+        self.in_trouble = True
+        self.state = "waiting for its bus"
 
-    def alive(self) -> None:
-        """Report to the service manager that a cycle is complete, also while the first feedback is waited for.
-
-        Lines that were held back for their second are logged.
-        """
-        if self._time.monotonic_s() < self._watchdog_due_s:
-            return
-        self._watchdog_due_s = self._time.monotonic_s() + _WATCHDOG_EVERY_S
-        self.throttle.flush()
-        if self.ready:
-            self._notifier.send(WATCHDOG="1")
-        else:
-            self._notifier.send(EXTEND_TIMEOUT_USEC=f"{_NEXT_CYCLE_S * 1e6:.0f}", WATCHDOG="1")
-
-    def stopping(self) -> None:
-        """Report to the service manager that the daemon ends."""
-        self._notifier.send(STOPPING="1")
-
-    def close(self) -> None:
-        """Log every line that was held back, and let the service manager go."""
-        self.throttle.flush(all_of_them=True)
-        self._notifier.close()
-
-    def bus(self, event: BusEvent) -> None:
-        """Log an event of the bus."""
-        self.throttle.log(logging.WARNING, type(event).__name__, str(event))
+    def tell(self, state: str, *, in_trouble: bool = True) -> None:
+        """Take over a new state."""
+        self.state, self.in_trouble, self.changed = state, in_trouble, True
 
     def cycle(self, events: tuple[Event, ...]) -> None:
         """Log the events of a cycle."""
@@ -83,7 +55,7 @@ class Announcer:
                 case ModeChanged():
                     self._mode(event)
                 case Learned() | MoveBegan() | PushFailed(rest_s=0.0):
-                    logger.debug("%s", event)
+                    self.log.debug("%s", event)
                 case LinesDropped():
                     pass  # the log itself says where lines are missing
                 case ForeignCommand():
@@ -96,9 +68,6 @@ class Announcer:
         serious = (event.after in troubled and event.cause not in {Cause.NONE, Cause.MANUAL}) or event.cause in _SERIOUS
         self.throttle.log(logging.WARNING if serious else logging.INFO, f"mode {event.after.name}", str(event))
         cause = event.cause.name.lower().replace("_", " ")
-        status = f"{event.after.name}: {cause}" if event.cause is not Cause.NONE else event.after.name
-        if event.after is not Mode.INIT and not self.ready:
-            self.ready = True
-            self._notifier.send(READY="1", STATUS=status)
-        else:
-            self._notifier.send(STATUS=status)
+        self.ready |= event.after is not Mode.INIT
+        state = f"{event.after.name}: {cause}" if event.cause is not Cause.NONE else event.after.name
+        self.tell(state, in_trouble=event.cause not in _USUAL)

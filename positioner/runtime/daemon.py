@@ -1,67 +1,58 @@
-"""The daemon: the only loop. It moves frames between one bus and the session of one valve. Shell."""
+"""The daemon: the only loop. It moves frames between the buses and the sessions of the valves. Shell."""
 
 from __future__ import annotations
 
 import gc
+import logging
 import signal
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from positioner.bus.port import BusPort, Ports
-from positioner.cycle.step import IDLE_COMMAND_PERIOD_S
-from positioner.errors import ExitCode
-from positioner.machine.journal import logger
-from positioner.runtime.announce import Announcer
-from positioner.runtime.clock import Clock, RealClock
-from positioner.runtime.lockstep import LockstepCheck, LockstepClock, LockstepGate
-from positioner.runtime.other_controller import OtherController
-from positioner.runtime.session import Session
-from positioner.wire.messages import ActuatorState, CurrentCommand, ManualCurrent, Setpoint, StemPosition
+from positioner.bus.buses import Buses
+from positioner.bus.port import Ports
+from positioner.errors import ExitCode, PositionerError
+from positioner.machine.journal import Throttle, logger
+from positioner.runtime.service import Service
+from positioner.runtime.session import open_sessions
+from positioner.runtime.shared_bus import shared_buses
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from types import FrameType
 
+    from positioner.bus.events import BusEvent
     from positioner.config.schema import Configuration
-    from positioner.runtime.session import RunOptions
+    from positioner.runtime.session import RunOptions, Session
     from positioner.wire.messages import CanFrame
-
-_RECEIVED = (StemPosition, ActuatorState, Setpoint, ManualCurrent)
-_IDLE_WAIT_S = 0.1
-_SHORTEST_WAIT_S = 0.001
-_NS = 1_000_000_000
 
 
 class Daemon:
-    """The loop: one bus, and the session of one valve."""
+    """The loop: one wait for the frames of every bus, and one session for each valve."""
 
-    def __init__(self, configuration: Configuration, options: RunOptions, ports: Ports | None = None) -> None:
-        """Take the table over from the state directory.
+    def __init__(
+        self, configurations: Sequence[Configuration], options: RunOptions, ports: Ports | None = None
+    ) -> None:
+        """Take the tables over from the state directories.
 
         Raises:
-            AlreadyRunningError: another process holds this valve's state.
-            StateError: the state directory cannot be used.
-            UsageError: the trace or the record cannot be written.
+            AlreadyRunningError: another process holds a valve's state.
+            StateError: a state directory cannot be used.
+            UsageError: a trace or a record cannot be written.
         """
         ports = ports or Ports()
-        self._options = options
         self._stopping = False
-        self.session = Session(configuration, options, ports.time)
-        codec, self._period_s = self.session.setup.codec, self.session.setup.period_s
-        self._announcer = Announcer(ports.time)
-        # a dry run runs beside a controller: the commands of that controller are not foreign to it
-        kinds = _RECEIVED if options.dry_run else (*_RECEIVED, CurrentCommand)
-        identifiers = [codec.identifier(kind) for kind in kinds]
-        self._bus = BusPort(configuration.bus, identifiers, self._announcer.bus, ports)
-        self._clock: Clock = LockstepClock(codec, self._period_s) if options.lockstep else RealClock(ports.time)
-        self._gate = LockstepGate(codec, options.setpoint_every)
-        self._lockstep = LockstepCheck(codec)
-        self._other = OtherController()
+        self._time = ports.time
+        self._throttle = Throttle(time=ports.time)
+        self._service = Service(ports.time)
+        self.sessions = open_sessions(configurations, options, ports.time)
+        self._running = list(self.sessions)
+        self._shared = shared_buses(configurations, self.sessions, self._report, ports)
+        self._buses = Buses([bus.port for bus in self._shared], ports.time)
 
     def run(self) -> ExitCode:
         """Run until SIGTERM or SIGINT; return how it ended.
 
         Raises:
-            AnotherControllerError: another controller goes on commanding this valve on the bus.
+            AnotherControllerError: another controller goes on commanding the only valve on the bus.
         """
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._stop)
@@ -75,53 +66,68 @@ class Daemon:
         return code
 
     def _cycle(self) -> None:
-        """Receive, compute and send once; then report and keep the result. An empty cycle lets time pass."""
-        frames = self._gate.admit(self._bus.receive(self._wait_s()))
-        if self._bus.is_open:
-            self._announcer.waiting(self._bus.address)
-        now_ns = self._clock.now_ns(frames)
-        if not self._clock.is_real:  # when a frame arrived means nothing to a virtual clock
-            frames = tuple(replace(frame, received_ns=0) for frame in frames)
-        cycle_input = self.session.input(frames, now_ns, self._late_ns())
-        outbox, events = self.session.step(cycle_input)
-        if not self._options.dry_run:
-            self._send(outbox, now_ns)
-        if self._options.lockstep:
-            self._lockstep.add(frames, answered=bool(outbox))
-        self._announcer.cycle(events)  # before `keep` may log that the table was replaced
-        self.session.keep(cycle_input, outbox, events)
-        self._other.check(events, now_ns, ever_armed=self.session.state.guard.arming.ever_armed)
-        self._announcer.alive()
+        """Receive once; then each valve has its cycle whose frames came, or whose time to wait is over."""
+        due_s = min(session.due_s for session in self._running)
+        batches = self._buses.receive(max(due_s - self._time.monotonic_s(), 0.0))
+        if not self._service.ready:
+            self._report_open_buses()
+        for bus, batch in zip(self._shared, batches, strict=True):
+            for session, frames in bus.by_valve(batch):
+                self._run(session, frames)
+        now_s = self._time.monotonic_s()
+        waited_s = now_s if any(batches) else max(now_s, due_s)
+        for session in [session for session in self._running if session.due_s <= waited_s]:
+            self._run(session, ())
+        if self._service.alive():
+            self._flush()
 
-    def _wait_s(self) -> float:
-        """Return the time in s to wait for a frame: nothing is due before it is over."""
-        if not self.session.state.guard.arming.armed:
-            return _IDLE_WAIT_S
-        return max(min(self._period_s, IDLE_COMMAND_PERIOD_S), _SHORTEST_WAIT_S)
+    def _run(self, session: Session, frames: tuple[CanFrame, ...]) -> None:
+        """Run one cycle of one valve. If it fails, the others go on; the only valve's error is the daemon's."""
+        try:
+            session.cycle(frames, self._buses.gap_ns)
+        except PositionerError as error:
+            if len(self._running) == 1:
+                raise
+            self._running.remove(session)
+            session.end(error)
+        except Exception as error:
+            if len(self._running) == 1:
+                raise
+            session.start_again(error)
+        if session.announcer.changed:
+            self._report_states()
 
-    def _late_ns(self) -> int:
-        """Return for how long nobody read the bus, in ns; 0 where that is at most a period, and before arming."""
-        gap_ns = self._bus.gap_ns
-        late = self._clock.is_real and self.session.state.guard.arming.armed and gap_ns > self._period_s * _NS
-        return gap_ns if late else 0
+    def _report_open_buses(self) -> None:
+        """Report each bus that was opened for the first time."""
+        for bus in self._shared:
+            if bus.announce_open():
+                self._report_states()
 
-    def _send(self, outbox: tuple[CanFrame, ...], now_ns: int) -> None:
-        """Send the frames, unless a stall in the middle of the cycle has made them too old meanwhile."""
-        deadline_ns = self.session.deadline_ns(now_ns) if self._clock.is_real else None
-        sent = [self._bus.send(frame, deadline_ns) for frame in outbox]
-        if not all(sent[:1]):  # the command goes first
-            self.session.unsent = True
+    def _report_states(self) -> None:
+        """Report the states of the valves to the service manager."""
+        self._service.state([session.announcer for session in self.sessions])
+
+    def _report(self, event: BusEvent) -> None:
+        """Log an event of a bus."""
+        self._throttle.log(logging.WARNING, f"{type(event).__name__} {event.address}", str(event))
+
+    def _flush(self, *, all_of_them: bool = False) -> None:
+        """Log the lines that were held back for their second."""
+        for throttle in (self._throttle, *(session.announcer.throttle for session in self.sessions)):
+            throttle.flush(all_of_them=all_of_them)
 
     def _close(self) -> ExitCode:
-        self._announcer.stopping()
-        problem = self.session.close()
-        self._bus.close()
-        self._announcer.close()
-        if problem:
-            logger.error("%s", problem)
-            return ExitCode.IO
-        logger.info("stopped; the stiction table is saved")
-        return ExitCode.OK
+        self._service.stopping()
+        problems = [(session, problem) for session in self.sessions if (problem := session.close())]
+        for bus in self._shared:
+            bus.port.close()
+        self._flush(all_of_them=True)
+        self._service.close()
+        for session, problem in problems:
+            session.announcer.log.error("%s", problem)
+        if not problems:
+            logger.info("stopped; the stiction table is saved")
+        return ExitCode.IO if problems else ExitCode.OK
 
     def _stop(self, number: int, frame: FrameType | None) -> None:
         del number, frame

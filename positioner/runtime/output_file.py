@@ -6,7 +6,7 @@ import contextlib
 from typing import TYPE_CHECKING, TextIO
 
 from positioner.errors import UsageError
-from positioner.machine.journal import logger
+from positioner.machine.journal import Log, logger
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -17,13 +17,13 @@ _BUFFER_BYTES = 1 << 16
 class OutputFile:
     """The file, until it is closed or the disk takes no more; without a path there is none."""
 
-    def __init__(self, name: str, path: Path | None) -> None:
-        """Create `path`; `name` stands for it in messages.
+    def __init__(self, name: str, path: Path | None, log: Log = logger) -> None:
+        """Create `path`; `name` stands for it in messages, which go to `log`.
 
         Raises:
             UsageError: it cannot be written.
         """
-        self._name = name
+        self._name, self._log = name, log
         try:
             self._file: TextIO | None = path.open("w", encoding="utf-8", buffering=_BUFFER_BYTES) if path else None
         except OSError as error:
@@ -41,7 +41,7 @@ class OutputFile:
         try:
             self._file.write(text)
         except OSError as error:
-            logger.error("the %s ends here: %s", self._name, error.strerror)
+            self._log.error("the %s ends here: %s", self._name, error.strerror)
             with contextlib.suppress(OSError):
                 self._file.close()
             self._file = None
@@ -53,4 +53,4 @@ class OutputFile:
             if file:
                 file.close()
         except OSError as error:
-            logger.error("the %s lacks its end: %s", self._name, error.strerror)
+            self._log.error("the %s lacks its end: %s", self._name, error.strerror)

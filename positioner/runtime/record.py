@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from positioner.guard.state import GuardState
+from positioner.machine.journal import Log, logger
 from positioner.runtime.output_file import OutputFile
 
 if TYPE_CHECKING:
@@ -54,13 +55,13 @@ class Note:
 class BusRecorder:
     """Writes the log."""
 
-    def __init__(self, path: Path | None) -> None:
+    def __init__(self, path: Path | None, log: Log = logger) -> None:
         """Create `path`; without one nothing is ever written.
 
         Raises:
             UsageError: it cannot be written.
         """
-        self._file = OutputFile("record", path)
+        self._file = OutputFile("record", path, log)
         self.close = self._file.close
         self._guard = GuardState()
         self._table_saved = True

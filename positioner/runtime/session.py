@@ -1,33 +1,42 @@
-"""The session of one valve: its setup, state, stiction table, record and trace, from one cycle to the next. Shell."""
+"""The session of one valve: setup, state, clock, log, table, record and trace, from one cycle to the next. Shell."""
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, assert_never
+from typing import TYPE_CHECKING
 
-from positioner.cycle.events import Event, Learned
+from positioner.cycle.events import Learned
 from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState
-from positioner.cycle.step import step
-from positioner.errors import UsageError
+from positioner.cycle.step import IDLE_COMMAND_PERIOD_S, step
 from positioner.guard.supervisor import deadline_ns
-from positioner.machine.journal import dropped_lines, logger
+from positioner.machine.journal import dropped_lines
+from positioner.runtime.announce import Announcer
+from positioner.runtime.clock import Clock, RealClock
+from positioner.runtime.learned_table import LearnedTable
+from positioner.runtime.lockstep import LockstepCheck, LockstepClock, LockstepGate
+from positioner.runtime.other_controller import OtherController
 from positioner.runtime.record import BusRecorder
 from positioner.runtime.trace import TraceWriter
-from positioner.store.client import TableWriterClient
-from positioner.store.messages import Notice, Replaced, Saved, SavingFailed, SavingWorks
+from positioner.start import unexpected
+from positioner.wire.messages import ActuatorState, CurrentCommand, ManualCurrent, Setpoint, StemPosition
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
+    from positioner.bus.port import BusPort
     from positioner.config.schema import Configuration
+    from positioner.errors import PositionerError
     from positioner.machine.time import TimePort
-    from positioner.store.client import WriterEvent
-    from positioner.valve.stiction import StictionTable
     from positioner.wire.messages import CanFrame
 
-_CLOSE_TIMEOUT_S = 5.0
+RECEIVED = (StemPosition, ActuatorState, Setpoint, ManualCurrent)
+_IDLE_WAIT_S = 0.1
+_SHORTEST_WAIT_S = 0.001
 _POLL_EVERY_S = 0.02
+_NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +45,7 @@ class RunOptions:
 
     setpoint_every: in lockstep, samples between two setpoint frames; 0 where the host keeps no such pace.
     dry_run: beside another controller; the daemon arms by itself, sends nothing and learns nothing.
+    trace, record: their files; of several valves each has files of its own, with its name in theirs.
     """
 
     lockstep: bool = False
@@ -44,14 +54,26 @@ class RunOptions:
     trace: Path | None = None
     record: Path | None = None
 
+    def of(self, name: str) -> RunOptions:
+        """Return the options of the valve `name` among several: `run.csv` becomes `run-FV-101.csv`."""
+        return replace(self, trace=_named(self.trace, name), record=_named(self.record, name)) if name else self
+
+
+def _named(path: Path | None, name: str) -> Path | None:
+    return path and path.with_name(f"{path.stem}-{name}{path.suffix}")
+
 
 class Session:
-    """One valve. In each cycle: `input` gathers its input, `step` computes it, `keep` stores its result.
+    """One valve: `cycle` computes and sends. Its `name` is empty where the daemon has only this valve.
 
-    unsent: the bus did not take the last command.
+    port: the way to its bus; the daemon sets it.
+    due_s: the monotonic instant at which a cycle is due, also without a frame, because time passes.
+    ended: it has no more cycles.
     """
 
-    def __init__(self, configuration: Configuration, options: RunOptions, time: TimePort) -> None:
+    port: BusPort
+
+    def __init__(self, configuration: Configuration, options: RunOptions, time: TimePort, name: str = "") -> None:
         """Take the table over from the state directory.
 
         Raises:
@@ -59,88 +81,137 @@ class Session:
             StateError: the state directory cannot be used.
             UsageError: the trace or the record cannot be written.
         """
-        self._time = time
-        self.table_writer, table, notices = TableWriterClient.open(
-            configuration.state_directory,
-            configuration.valve.id,
-            configuration.control.table_cell_m,
-            report=logger.warning,
-        )
-        for notice in notices:
-            logger.warning("%s", notice)
-        held = sum(len(cell.samples) for _, cell in table)
-        logger.info("table of %s: %d samples in %d cells", configuration.valve.id, held, len(table))
-        self.setup = configuration.make_setup()
+        self._options, self._time = options, time
+        self.announcer = Announcer(name, time)
+        log = self.announcer.log
+        self.table = LearnedTable(configuration, log)
+        try:
+            self.setup = configuration.make_setup()
+            self._trace = TraceWriter(options.trace, log)
+            self._recorder = BusRecorder(options.record, log)
+        except Exception:
+            self.table.close()
+            raise
         if options.dry_run:
             self.setup = replace(self.setup, guard=replace(configuration.guard, auto_arm=True), learns=False)
-        self.state = CycleState(table=table)
-        try:
-            self._trace = TraceWriter(options.trace)
-            self._recorder = BusRecorder(options.record)
-        except UsageError:
-            self.table_writer.close(_CLOSE_TIMEOUT_S)
-            raise
-        self.unsent = False
-        self._table_saved = True
-        self._replaced: StictionTable | None = None
+        self.state = CycleState(table=self.table.initial)
+        codec, self._period_s = self.setup.codec, self.setup.period_s
+        # a dry run runs beside a controller: the commands of that controller are not foreign to it
+        kinds = RECEIVED if options.dry_run else (*RECEIVED, CurrentCommand)
+        self.identifiers = tuple(codec.identifier(kind) for kind in kinds)
+        self.clock: Clock = LockstepClock(codec, self._period_s) if options.lockstep else RealClock(time)
+        self._gate = LockstepGate(codec, options.setpoint_every)
+        self._lockstep = LockstepCheck(codec)
+        self._other = OtherController()
+        self._unsent = False
         self._lines_dropped = self._reported_dropped = 0
-        self._poll_due_s = 0.0
+        self.due_s, self._poll_due_s = time.monotonic_s() + _IDLE_WAIT_S, 0.0
+        self.ended = False
 
-    def input(self, frames: tuple[CanFrame, ...], now_ns: int, late_ns: int) -> CycleInput:
-        """Return the input of the next cycle; nobody read the bus for `late_ns` before."""
+    def cycle(self, frames: tuple[CanFrame, ...], gap_ns: int) -> None:
+        """Compute and send once; then report and keep the result. An empty cycle lets time pass.
+
+        Nobody received for `gap_ns` before.
+
+        Raises:
+            AnotherControllerError: another controller goes on commanding this valve on the bus.
+            UsageError: the plant does not wait, as one in lockstep does.
+        """
+        frames = self._gate.admit(frames)
+        now_ns = self.clock.now_ns(frames)
+        if not self.clock.is_real:  # when a frame arrived means nothing to a virtual clock
+            frames = tuple(replace(frame, received_ns=0) for frame in frames)
+        cycle_input = self._input(frames, now_ns, self._late_ns(gap_ns))
+        self.state, outbox, events = step(self.setup, self.state, cycle_input)
+        if not self._options.dry_run:
+            self._send(outbox, now_ns)
+        if self._options.lockstep:
+            self._lockstep.add(frames, answered=bool(outbox))
+        self.announcer.cycle(events)  # before the table may log that it was replaced
+        self._recorder.cycle(cycle_input, outbox, self.state.guard)
+        self._trace.cycle(events)
+        self.table.record([event.sample for event in events if isinstance(event, Learned)])
+        self._pass_time()
+        self._other.check(events, now_ns, ever_armed=self.state.guard.arming.ever_armed)
+
+    def _input(self, frames: tuple[CanFrame, ...], now_ns: int, late_ns: int) -> CycleInput:
+        """Return all that the cycle is given from outside."""
         cycle_input = CycleInput(
             frames,
             now_ns,
             late_ns=late_ns,
             lines_dropped=self._lines_dropped - self._reported_dropped,
-            table_saved=self._table_saved,
-            unsent=self.unsent,
-            table=self._replaced,
+            table_saved=self.table.saved,
+            unsent=self._unsent,
+            table=self.table.take_replaced(),
         )
-        self._reported_dropped, self.unsent, self._replaced = self._lines_dropped, False, None
+        self._reported_dropped, self._unsent = self._lines_dropped, False
         return cycle_input
 
-    def step(self, cycle_input: CycleInput) -> tuple[tuple[CanFrame, ...], tuple[Event, ...]]:
-        """Return the frames to send and the events of one cycle."""
-        self.state, outbox, events = step(self.setup, self.state, cycle_input)
-        return outbox, events
+    def _pass_time(self) -> None:
+        """Look from time to time at what others did, and say when the next cycle is due."""
+        now_s = self._time.monotonic_s()
+        self.due_s = now_s + self._wait_s()
+        if now_s >= self._poll_due_s:
+            self._poll_due_s = now_s + _POLL_EVERY_S
+            self.table.poll()
+            self._lines_dropped = dropped_lines()
 
-    def deadline_ns(self, now_ns: int) -> float | None:
-        """Return the instant after which the last cycle's frames may not be sent any more; None without a deadline."""
-        return deadline_ns(self.setup.guard, self.state.guard, self.setup.period_s, now_ns)
+    def _wait_s(self) -> float:
+        """Return the time in s to wait for a frame: nothing is due before it is over."""
+        if not self.state.guard.arming.armed:
+            return _IDLE_WAIT_S
+        return max(min(self._period_s, IDLE_COMMAND_PERIOD_S), _SHORTEST_WAIT_S)
 
-    def keep(self, cycle_input: CycleInput, outbox: tuple[CanFrame, ...], events: tuple[Event, ...]) -> None:
-        """Record the cycle, hand its samples to the table writer, and handle the events of the table writer."""
-        self._recorder.cycle(cycle_input, outbox, self.state.guard)
-        self._trace.cycle(events)
-        self.table_writer.record([event.sample for event in events if isinstance(event, Learned)])
-        if self._time.monotonic_s() < self._poll_due_s:
-            return
-        self._poll_due_s = self._time.monotonic_s() + _POLL_EVERY_S
-        for event in self.table_writer.poll():
-            self._take(event)
-        self._lines_dropped = dropped_lines()
-        self._table_saved = self.table_writer.problem is None
+    def _late_ns(self, gap_ns: int) -> int:
+        """Return for how long nobody read the bus, in ns; 0 where that is at most a period, and before arming."""
+        late = self.clock.is_real and self.state.guard.arming.armed and gap_ns > self._period_s * _NS
+        return gap_ns if late else 0
 
-    def _take(self, event: WriterEvent) -> None:
-        match event:
-            case Replaced():
-                self._replaced = event.stored.table
-                logger.info("the stiction table was replaced: %s", event.reason)
-            case SavingFailed():
-                logger.error("%s", event.reason)
-            case SavingWorks():
-                logger.info("the stiction table is saved again")
-            case Notice():
-                logger.warning("%s", event.text)
-            case Saved():
-                pass
-            case _:
-                assert_never(event)
+    def _send(self, outbox: tuple[CanFrame, ...], now_ns: int) -> None:
+        """Send the frames, unless a stall in the middle of the cycle has made them too old meanwhile."""
+        guard = self.state.guard
+        too_old_ns = deadline_ns(self.setup.guard, guard, self._period_s, now_ns) if self.clock.is_real else None
+        sent = [self.port.send(frame, too_old_ns) for frame in outbox]
+        if not all(sent[:1]):  # the command goes first
+            self._unsent = True
+
+    def start_again(self, error: Exception) -> None:
+        """Begin anew after an unexpected error, as a new daemon would: not armed, with the table alone."""
+        line, _ = unexpected(error)
+        self.announcer.throttle.log(logging.ERROR, "failed", f"{line}; this valve starts again, not armed")
+        self.state = CycleState(table=self.state.table)
+        self._pass_time()
+
+    def end(self, error: PositionerError) -> None:
+        """Have no more cycles; the actuator's deadman acts."""
+        self.ended = True
+        self.announcer.log.error("%s; this valve is not controlled any more", error)
+        self.announcer.tell(f"ended: {error}")
 
     def close(self) -> str | None:
         """Save the table and end record and trace; return the error of the table, if there is one."""
-        problem = self.table_writer.close(_CLOSE_TIMEOUT_S)
+        problem = self.table.close()
         self._recorder.close()
         self._trace.close()
         return problem
+
+
+def open_sessions(configurations: Sequence[Configuration], options: RunOptions, time: TimePort) -> tuple[Session, ...]:
+    """Return the sessions of all valves, or of none.
+
+    Raises:
+        PositionerError: as `Session`; among several valves with the name of the one that cannot be controlled.
+    """
+    sessions: list[Session] = []
+    for configuration in configurations:
+        name = configuration.valve.id if len(configurations) > 1 else ""
+        try:
+            sessions.append(Session(configuration, options.of(name), time, name))
+        except Exception as error:
+            for session in sessions:
+                session.close()
+            if name:
+                error.args = (f"valve {name}: {error}",)
+            raise
+    return tuple(sessions)

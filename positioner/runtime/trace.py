@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from positioner.cycle.events import Controlled, Event, Learned
+from positioner.machine.journal import Log, logger
 from positioner.runtime.output_file import OutputFile
 
 if TYPE_CHECKING:
@@ -20,13 +21,13 @@ _HEADER = (
 class TraceWriter:
     """Writes the rows of a trace."""
 
-    def __init__(self, path: Path | None) -> None:
+    def __init__(self, path: Path | None, log: Log = logger) -> None:
         """Create `path` with its header; without one nothing is written.
 
         Raises:
             UsageError: it cannot be written.
         """
-        self._file = OutputFile("trace", path)
+        self._file = OutputFile("trace", path, log)
         self._file.write(_HEADER)
         self.close = self._file.close
 

@@ -37,7 +37,7 @@ def test_a_wrong_sample_period_is_reported_with_the_measured_one(factor: float, 
 
 def test_lockstep_with_a_plant_that_does_not_wait_ends_in_one_line(tmp_path: Path) -> None:
     with Loop(tmp_path, RunOptions(lockstep=True)) as loop:
-        loop.daemon._clock = LockstepClock(loop.others.codec, 0.02)
+        loop.session.clock = LockstepClock(loop.others.codec, 0.02)
         for _ in range(3):
             assert loop.cycle(loop.others.frame(StemPosition(0.08))) == []
         with pytest.raises(

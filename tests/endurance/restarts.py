@@ -170,7 +170,7 @@ class Matrix:
         if how == "stop":
             self._shell.daemon._close()
             return
-        writer = self._shell.daemon.session.table_writer
+        writer = self._shell.session.table.writer
         if how == "watchdog":  # it hung until the service manager's watchdog ended it
             self._world.pass_time(2 * _NS)
         writer._child.channel.close()

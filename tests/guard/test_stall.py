@@ -102,7 +102,7 @@ def test_a_stall_beyond_the_hold_limit_holds_for_a_cycle_and_is_reported(stall_m
         assert len(shell.logged("stood still for")) == 1
         messages = [each.message for each in shell.world.sent[before:]]
         assert Mode.HOLD in {message.mode for message in messages if isinstance(message, CurrentCommand)}
-        assert shell.daemon.session.state.counters.by_cause[Counted.STALLED] == place + 1
+        assert shell.session.state.counters.by_cause[Counted.STALLED] == place + 1
     assert oldest_answer_ms(shell) <= HOLD_MS
 
 
@@ -112,7 +112,7 @@ def test_after_a_stall_the_last_command_comes_before_any_new_one(shell: VirtualS
     shell.cycle()
     modes = [each.message.mode for each in shell.world.sent[before:] if isinstance(each.message, CurrentCommand)]
     assert modes[0] is Mode.HOLD
-    assert shell.daemon.session.state.link.feedback.periods_unread > 0  # the law will know how much time has passed
+    assert shell.session.state.link.feedback.periods_unread > 0  # the law will know how much time has passed
 
 
 NEVER_FAILS = {"feedback_failsafe_periods": 10_000, "setpoint_hold_s": 0.0, "setpoint_failsafe_s": 0.0}
@@ -202,7 +202,7 @@ def test_a_disarm_that_was_asked_during_a_stall_disarms(shell: VirtualShell) -> 
 def test_a_law_that_is_always_too_late_to_be_used_fails_safe(
     shell: VirtualShell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    law: Any = type(shell.daemon.session.setup.law)
+    law: Any = type(shell.session.setup.law)
     decide = law.decide
 
     def slow(*arguments: Any) -> Any:

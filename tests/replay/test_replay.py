@@ -13,7 +13,7 @@ from positioner.config.reader import load_config
 from positioner.replay.prepare import prepare
 from positioner.replay.recorded import INPUTS, FrameClassifier
 from positioner.replay.survey import LogKind
-from positioner.runtime import daemon
+from positioner.runtime import session
 from positioner.wire import e2e
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import CurrentCommand, StemPosition
@@ -194,4 +194,4 @@ def test_commands_of_another_count_are_another_controller_s(tmp_path: Path) -> N
 
 
 def test_a_replay_receives_the_messages_that_the_daemon_receives() -> None:
-    assert set(INPUTS) == {*daemon._RECEIVED, CurrentCommand}
+    assert set(INPUTS) == {*session.RECEIVED, CurrentCommand}

@@ -166,7 +166,7 @@ def test_a_setpoint_outside_the_travel_is_reported_and_the_last_one_stays(armed:
     armed.sample()
     (command,) = commands(armed.sample(setpoint_m=0.15))
     assert command.setpoint_counter == 1
-    assert armed.daemon.session.state.control.setpoint_m == pytest.approx(HERE_M)
+    assert armed.session.state.control.setpoint_m == pytest.approx(HERE_M)
     (line,) = armed.logged("setpoint")
     assert line.startswith("setpoint 150.000 mm refused: outside the travel of 0 to 139.7 mm; the last one stays")
 
@@ -226,7 +226,7 @@ def test_a_thousand_bad_frames_are_one_line_and_the_next_second_counts_them(
 ) -> None:
     now_s = [1e6]
     time = SimpleNamespace(monotonic_s=lambda: now_s[0])
-    monkeypatch.setattr(armed.daemon._announcer, "throttle", journal.Throttle(time=time))
+    monkeypatch.setattr(armed.session.announcer, "throttle", journal.Throttle(time=time))
     good = armed.others.codec.encode(StemPosition(HERE_M), 1)
     crc = int.from_bytes(good.data[:2], "little")
     for number in range(1, 1001):
@@ -343,7 +343,7 @@ def test_a_dry_run_never_transmits_and_never_learns(dry_run: bool, tmp_path: Pat
         for number in range(120):  # rest, a slide of 30 mm, rest: a stick and a slip to learn from
             position_m = HERE_M + 0.001 * min(max(number - 40, 0), 30)
             sent += loop.sample(position_m, setpoint_m=0.12)
-        table = loop.daemon.session.state.table
+        table = loop.session.state.table
         if dry_run:
             assert (sent, table.sequence) == ([], 0)
         else:
@@ -386,7 +386,7 @@ def notifications(manager: socket.socket) -> list[str]:
 def test_a_trace_on_a_full_disk_ends_with_a_line_and_the_loop_goes_on(tmp_path: Path) -> None:
     with Loop(tmp_path, RunOptions(trace=tmp_path / "trace.csv"), guard=AUTO) as loop:
         loop.sample()
-        trace = loop.daemon.session._trace._file
+        trace = loop.session._trace._file
         trace.close()
         trace._file = Path("/dev/full").open("w", buffering=1, encoding="utf-8")  # noqa: SIM115 - the daemon closes it
         assert commands(loop.sample())

@@ -22,16 +22,16 @@ AUTO = {"auto_arm": True}
 
 def teach(loop: Loop) -> None:
     """Move the stem away and back, so that the table learns something."""
-    before = loop.daemon.session.state.table.sequence
+    before = loop.session.state.table.sequence
     for number in range(80):
         loop.sample(HERE_M + 0.001 * min(number, 30, max(60 - number, 0)), setpoint_m=0.1)
-    assert loop.daemon.session.state.table.sequence > before
+    assert loop.session.state.table.sequence > before
 
 
 def wait_until_saved(loop: Loop) -> None:
     """Let samples pass until the state directory holds the daemon's table."""
     deadline_s = time.monotonic() + TIMEOUT_S
-    while access.dump(loop.configuration.state_directory).table != loop.daemon.session.state.table:
+    while access.dump(loop.configuration.state_directory).table != loop.session.state.table:
         assert time.monotonic() < deadline_s, loop.lines
         loop.sample()
 
@@ -40,17 +40,17 @@ def test_what_is_learned_is_on_the_disk_while_the_daemon_runs_and_after_it(tmp_p
     with Loop(tmp_path, guard=AUTO) as loop:
         teach(loop)
         wait_until_saved(loop)
-    assert access.dump(tmp_path / "state").table == loop.daemon.session.state.table
+    assert access.dump(tmp_path / "state").table == loop.session.state.table
 
 
 def test_the_next_daemon_starts_from_the_table(tmp_path: Path) -> None:
     with Loop(tmp_path, guard=AUTO) as first:
         teach(first)
     with Loop(tmp_path, guard=AUTO) as second:
-        assert second.daemon.session.state.table == first.daemon.session.state.table
-        held = sum(len(cell.samples) for _, cell in second.daemon.session.state.table)
+        assert second.session.state.table == first.session.state.table
+        held = sum(len(cell.samples) for _, cell in second.session.state.table)
         assert second.logged("table of FV-101") == [
-            f"table of FV-101: {held} samples in {len(second.daemon.session.state.table)} cells"
+            f"table of FV-101: {held} samples in {len(second.session.state.table)} cells"
         ]
 
 
@@ -63,10 +63,10 @@ def test_a_reset_reaches_the_daemon_by_itself_and_is_not_undone(tmp_path: Path) 
         loop.cycle_until("the stiction table was replaced: reset")
         assert time.monotonic() - start_s < 30.0
         loop.sample()  # the cycle is given it
-        assert loop.daemon.session.state.table.sequence == 0
+        assert loop.session.state.table.sequence == 0
         teach(loop)
         wait_until_saved(loop)
-    assert access.dump(tmp_path / "state").table == loop.daemon.session.state.table
+    assert access.dump(tmp_path / "state").table == loop.session.state.table
 
 
 def statuses(loop: Loop, count: int) -> list[PositionerStatus]:
@@ -78,7 +78,7 @@ def test_a_full_disk_is_reported_once_and_shown_and_the_loop_goes_on(tmp_path: P
     with Loop(tmp_path, guard=AUTO) as loop:
         teach(loop)
         wait_until_saved(loop)
-        writer = loop.daemon.session.table_writer._child.process.pid
+        writer = loop.session.table.writer._child.process.pid
         _, most = resource.prlimit(writer, resource.RLIMIT_FSIZE)
         resource.prlimit(writer, resource.RLIMIT_FSIZE, (512, most))
         teach(loop)
@@ -115,7 +115,7 @@ def test_a_state_directory_that_becomes_a_file_is_reported_once_and_ends_in_a_st
 def test_a_table_writer_that_dies_is_replaced_and_nothing_is_lost(tmp_path: Path) -> None:
     with Loop(tmp_path, guard=AUTO) as loop:
         teach(loop)
-        loop.daemon.session.table_writer._child.process.kill()
+        loop.session.table.writer._child.process.kill()
         teach(loop)
         loop.cycle_until("saved again")
         teach(loop)

@@ -72,4 +72,4 @@ def test_a_stem_that_is_not_under_control_is_away_from_nothing(tmp_path: Path) -
             loop.sample(HERE_M, 0.127)
         assert loop.logged("deviation")
         loop.request(HostRequest.DISARM)
-        assert loop.daemon.session.state.deviation.cause is Cause.NONE
+        assert loop.session.state.deviation.cause is Cause.NONE

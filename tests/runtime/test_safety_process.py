@@ -15,7 +15,8 @@ from daemon_helpers import HERE_M, PERIOD_S, Loop
 
 from positioner.bus.port import BusPort
 from positioner.errors import ExitCode
-from positioner.runtime import announce, session
+from positioner.runtime import learned_table
+from positioner.runtime.service import WATCHDOG_EVERY_S
 from positioner.store import access
 
 if TYPE_CHECKING:
@@ -62,13 +63,13 @@ def test_a_signal_to_stop_ends_the_loop_after_the_cycle_and_saves_the_table(
             cycles[-1] = "done"
 
         monkeypatch.setattr(loop.daemon, "_cycle", cycle)
-        monkeypatch.setattr(session, "_CLOSE_TIMEOUT_S", 60.0)  # a busy machine
+        monkeypatch.setattr(learned_table, "_CLOSE_TIMEOUT_S", 60.0)  # a busy machine
         loop._running = None
         assert loop.daemon.run() is ExitCode.OK
         assert cycles == ["done", "done"]
         assert loop.lines[-1] == "stopped; the stiction table is saved"
         table = access.dump(tmp_path / "state").table
-        assert table == loop.daemon.session.state.table
+        assert table == loop.session.state.table
         assert table.sequence > 0
 
 
@@ -95,7 +96,7 @@ def seconds(span: str | None) -> float:
 
 def test_the_service_manager_restarts_a_daemon_that_hangs_or_crashes(service: configparser.SectionProxy) -> None:
     assert service["Type"] == "notify"
-    assert 10.0 * announce._WATCHDOG_EVERY_S <= seconds(service.get("WatchdogSec")) <= 5.0
+    assert 10.0 * WATCHDOG_EVERY_S <= seconds(service.get("WatchdogSec")) <= 5.0
     assert service.get("Restart") == "on-failure"
     assert 0.0 < seconds(service.get("RestartSec")) <= 1.0
 
@@ -108,4 +109,4 @@ def test_the_service_manager_does_not_restart_what_no_restart_helps(service: con
 def test_the_service_manager_waits_longer_for_the_end_than_the_daemon_for_its_table(
     service: configparser.SectionProxy,
 ) -> None:
-    assert seconds(service.get("TimeoutStopSec")) > session._CLOSE_TIMEOUT_S
+    assert seconds(service.get("TimeoutStopSec")) > learned_table._CLOSE_TIMEOUT_S

@@ -37,7 +37,7 @@ def test_a_second_sensor_under_the_identifier_of_the_first_is_reported_and_neith
     tmp_path: Path,
 ) -> None:
     with Loop(tmp_path, guard={"max_jump_m": 0.1}) as loop:
-        loop.daemon._announcer.throttle = Throttle(0.0)  # every line
+        loop.session.announcer.throttle = Throttle(0.0)  # every line
         loop.request(HostRequest.ARM)
         loop.sample()
         sent: list[Message] = []
@@ -47,7 +47,7 @@ def test_a_second_sensor_under_the_identifier_of_the_first_is_reported_and_neith
             first = () if counter == 160 else (lost,)
             setpoint = loop.others.frame(Setpoint(HERE_M))
             sent += loop.cycle(*first, second(loop, StemPosition(HERE_M + 0.04), counter), setpoint)
-        assert loop.daemon.session.state.link.feedback.readings.position_m == HERE_M
+        assert loop.session.state.link.feedback.readings.position_m == HERE_M
         status = last_status(sent)
         assert (status.mode, status.cause, status.health) == (Mode.FAILSAFE, Cause.FEEDBACK_DISPUTED, Health.FAILURE)
         assert loop.logged("mode ACTIVE -> HOLD (feedback disputed)")
@@ -66,7 +66,7 @@ def test_a_second_host_under_the_identifier_of_the_first_is_reported_and_moves_n
         for counter in range(150, 200):
             setpoints = second(loop, Setpoint(HERE_M + 0.005), counter), loop.others.frame(Setpoint(HERE_M))
             sent += loop.cycle(*setpoints, loop.others.frame(StemPosition(HERE_M, loop.others.acting)))
-        assert loop.daemon.session.state.link.setpoint.position_m == HERE_M
+        assert loop.session.state.link.setpoint.position_m == HERE_M
         status = last_status(sent)
         assert (status.mode, status.cause) == (Mode.HOLD, Cause.SETPOINT_DISPUTED)
         assert status.health is Health.OUT_OF_SPECIFICATION
@@ -80,5 +80,5 @@ def test_a_disarm_of_any_counter_silences(tmp_path: Path) -> None:
             sent = [*loop.sample(), *loop.cycle(second(loop, Setpoint(HERE_M, HostRequest.DISARM), counter))]
             assert any(isinstance(message, CurrentCommand) for message in sent)
             assert not [message for message in loop.sample() if isinstance(message, CurrentCommand)]
-            assert loop.daemon.session.state.guard.mode is Mode.READY
+            assert loop.session.state.guard.mode is Mode.READY
         assert loop.logged("its DISARM is obeyed")

@@ -138,20 +138,20 @@ def test_the_status_says_that_the_disk_fails_while_the_loop_goes_on_and_until_it
 ) -> None:
     with Loop(tmp_path, guard=AUTO, state={"directory": str(disk.state)}) as loop:
         teach(loop)
-        sample_until(loop, lambda: loop.daemon.session.table_writer.saved)
+        sample_until(loop, lambda: loop.session.table.writer.saved)
         disk.fail(how)
         teach(loop)
         sample_until(loop, lambda: bool(loop.logged("cannot be saved")))
-        before = loop.daemon.session.state.table.sequence
+        before = loop.session.state.table.sequence
         teach(loop)
-        assert loop.daemon.session.state.table.sequence > before
+        assert loop.session.state.table.sequence > before
         shown = statuses(loop, 2)[-1]
         assert (shown.table_saved, shown.health) == (False, Health.MAINTENANCE_REQUIRED)
         assert len(loop.logged("cannot be saved")) == 1
         assert any(isinstance(message, CurrentCommand) for message in loop.sample())
         disk.work()
         sample_until(loop, lambda: bool(loop.logged("saved again")))
-        sample_until(loop, lambda: loop.daemon.session.table_writer.saved)
+        sample_until(loop, lambda: loop.session.table.writer.saved)
         shown = statuses(loop, 2)[-1]
         assert (shown.table_saved, shown.health) == (True, Health.GOOD)
-    assert database.read(disk.state / TABLE).table == loop.daemon.session.state.table
+    assert database.read(disk.state / TABLE).table == loop.session.state.table

@@ -72,7 +72,9 @@ class Host:
             raise BenchError(f"the bus lost {lost} frame(s): this run is not reproducible: repeat it")
 
     def play_real_time(self) -> None:
-        """Send a setpoint every period of the host's clock, and receive in between.
+        """Send a setpoint every period of the host's clock, and receive what has come since the last one.
+
+        The kernel has stamped the frames. A host that woke for each of them would take a processor from the loop.
 
         Raises:
             BenchError: a process of the bench has ended.
@@ -83,8 +85,8 @@ class Host:
             for sample in range(0, self._recording.samples, every):
                 self._send_setpoint(sample)
                 end_ns = self._start_ns + round((sample + every) * period_s * _NS)
-                while (left_ns := end_ns - time.monotonic_ns()) > 0:
-                    self._receive(left_ns / _NS)
+                time.sleep(max(end_ns - time.monotonic_ns(), 0) / _NS)
+                self._receive(0.0)
                 self._check()
                 bar.update(min(every, self._recording.samples - sample))
 

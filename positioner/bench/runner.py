@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from positioner.bench.scenario import Scenario
     from positioner.config.schema import Configuration
 
+_PLANT_PRIORITY, _DAEMON_PRIORITY = 60, 50
+"""In real time: the plant stands for hardware, which waits for nobody; the daemon has the priority of realtime.conf."""
 _RECEIVED = (StemPosition, ActuatorState, PlantTruth, CurrentCommand, PositionerStatus, PositionerCount)
 
 
@@ -174,12 +176,14 @@ def _play(scenario: Scenario, options: BenchOptions, configuration: Configuratio
     for name in ("plant-emulator.log", "positioner.log"):
         (out / name).unlink(missing_ok=True)
     daemon_arguments = ["run", "--config", str(out / "valve.toml"), "--state", str(state), "--clock", clock]
-    daemon_arguments += ["--trace", str(out / "trace.csv"), "--setpoint-every", str(scenario.samples_per_setpoint)]
-    if not options.lockstep:
-        daemon_arguments += ["--record", str(out / "bus.log")]
+    daemon_arguments += ["--trace", str(out / "trace.csv")]
     plant_arguments = ["run", "--config", str(out / "plant.toml"), "--bus", str(plant_bus), "--clock", clock]
     plant_arguments += ["--period", repr(scenario.sample_period_s), "--seed", str(scenario.seed)]
-    plant_arguments += ["--setpoint-every", str(scenario.samples_per_setpoint)]
+    if options.lockstep:
+        for arguments in (daemon_arguments, plant_arguments):
+            arguments += ["--setpoint-every", str(scenario.samples_per_setpoint)]
+    else:
+        daemon_arguments += ["--record", str(out / "bus.log")]
     try:
         with BenchProcess("positioner.cli.main", daemon_arguments, out / "positioner.log") as daemon:
             daemon.wait_for("waiting for position frames")
@@ -190,6 +194,8 @@ def _play(scenario: Scenario, options: BenchOptions, configuration: Configuratio
                 if options.lockstep:
                     host.play_lockstep()
                 else:
+                    plant.prioritize(_PLANT_PRIORITY)
+                    daemon.prioritize(_DAEMON_PRIORITY)
                     host.play_real_time()
                 code = daemon.stop()
                 if code:

@@ -100,7 +100,7 @@ class Session:
         kinds = RECEIVED if options.dry_run else (*RECEIVED, CurrentCommand)
         self.identifiers = tuple(codec.identifier(kind) for kind in kinds)
         self.clock: Clock = LockstepClock(codec, self._period_s) if options.lockstep else RealClock(time)
-        self._gate = LockstepGate(codec, options.setpoint_every)
+        self._gate = LockstepGate(codec, options.setpoint_every if options.lockstep else 0)
         self._lockstep = LockstepCheck(codec)
         self._other = OtherController()
         self._unsent = False

@@ -7,13 +7,18 @@ from dataclasses import replace
 from itertools import permutations
 from typing import TYPE_CHECKING
 
+from virtual_shell import VirtualShell
+
 from positioner.runtime.clock import RealClock
 from positioner.runtime.lockstep import LockstepClock, LockstepGate
+from positioner.runtime.session import RunOptions
 from positioner.wire.codec import make_codec
-from positioner.wire.messages import CanFrame, CurrentCommand, Setpoint, StemPosition
+from positioner.wire.messages import CanFrame, CurrentCommand, Mode, Setpoint, StemPosition
 from positioner.wire.settings import WireSettings
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import pytest
 
 CODEC = make_codec()
@@ -98,3 +103,12 @@ def test_frames_of_others_pass_with_the_next_reading() -> None:
         (),
         (setpoint(0), position(0), command),
     ]
+
+
+def test_in_real_time_no_reading_waits_for_a_setpoint(tmp_path: Path) -> None:
+    options = RunOptions(setpoint_every=5)  # the virtual host sends half as many
+    with VirtualShell(tmp_path, options=options, guard={"auto_arm": True}) as shell:
+        shell.cycle_for(1.0)
+        answered = [sent for sent in shell.world.sent if isinstance(sent.message, CurrentCommand)]
+        assert len(answered) >= 90
+        assert shell.mode() is Mode.ACTIVE

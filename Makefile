@@ -194,6 +194,14 @@ benchmark: $(VENV)/installed
 	@$(BIN)/python -m pip install --quiet --editable '.[benchmark]'
 	PYTHONPATH=tests $(BIN)/python -m benchmarks --out out/benchmark
 
+# The instructions of a cycle, counted by valgrind: they may change by 5 % at most, or are accepted again.
+.PHONY: instructions accept-instructions
+instructions: $(VENV)/installed
+	PYTHONPATH=tests $(BIN)/python -m benchmarks.instructions
+
+accept-instructions: $(VENV)/installed
+	PYTHONPATH=tests $(BIN)/python -m benchmarks.instructions --accept
+
 # The memory that a replay takes, for a log of 100,000 and one of a million frames.
 .PHONY: long-replay
 long-replay: $(VENV)/installed

@@ -102,8 +102,13 @@ class CycleCase:
         self._configuration = configure(wanted)
         cycles = list(record(wanted, self._configuration))
         self.labels = tuple(cycle.label for cycle in cycles)
+        self.passes = tuple(cycle.passes for cycle in cycles)
         self._inputs = [cycle.cycle_input for cycle in cycles]
         self._result = _digest([cycle.outbox for cycle in cycles])
+
+    def start(self) -> tuple[Setup, CycleState, list[CycleInput]]:
+        """Return what a repeat starts from: a setup with a new law, the first state, and the inputs of all cycles."""
+        return self._configuration.make_setup(), initial_state(self._configuration), self._inputs
 
     def play(self) -> Play:
         """Return the durations of all cycles, and a digest of their frames.
@@ -111,8 +116,7 @@ class CycleCase:
         Raises:
             RuntimeError: a frame differs from the recorded one: this is no repeat.
         """
-        setup, state = self._configuration.make_setup(), initial_state(self._configuration)
-        durations_ns, sent = _timed(setup, state, self._inputs)
+        durations_ns, sent = _timed(*self.start())
         result = _digest(sent)
         if result != self._result:
             raise RuntimeError("the replayed cycles sent other frames than the recorded ones")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import platform
+import sys
 from importlib import metadata
 from pathlib import Path
 
@@ -34,8 +35,7 @@ def build() -> str:
 
 def versions() -> dict[str, str]:
     """Return the version of Python, and of the libraries that take part in a cycle."""
-    python = f"{platform.python_version()} ({platform.python_compiler()})"
-    return {"Python": python} | {name: metadata.version(name) for name in LIBRARIES}
+    return {"Python": sys.version} | {name: metadata.version(name) for name in LIBRARIES}
 
 
 def processor() -> str:

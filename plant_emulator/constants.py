@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache, partial
+from functools import partial
 from typing import TYPE_CHECKING
 
 from plant_emulator.oscillator import Oscillator
@@ -48,9 +48,21 @@ class Constants:
     is_stochastic: bool
 
 
-@lru_cache(maxsize=32)
+class _Latest:
+    """The constants that were wanted last; the hash of all settings takes as long as a step of a stem at rest."""
+
+    constants: Constants | None = None
+
+
 def constants_of(settings: PlantSettings) -> Constants:
     """Return the constants of the valve in `settings`."""
+    latest = _Latest.constants
+    if latest is None or latest.settings is not settings:
+        latest = _Latest.constants = _computed(settings)
+    return latest
+
+
+def _computed(settings: PlantSettings) -> Constants:
     valve = settings.valve
     sticks = valve.static_friction_n > 0.0
     band = valve.stick_velocity_m_per_s if sticks else 0.0

@@ -39,9 +39,9 @@ _PRESSURE_LIMIT_PA = 16e6
 _TRUTH_RANGE_M = (-0.01, 0.661)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class DeviceState:
-    """The node's state.
+    """The node's state; each function here changes a copy of its own.
 
     current_ma: the last command that is a value; None until the first one, while the actuator holds its pressure.
     commanded_s: plant time of the last command.
@@ -77,55 +77,53 @@ def initial_device(settings: PlantSettings, seed: int) -> DeviceState:
 
 def take(codec: Codec, state: DeviceState, frames: tuple[CanFrame, ...]) -> DeviceState:
     """Return the state after `frames`; frames that are damaged, repeated or not for an actuator are ignored."""
+    state = replace(state)
     for frame in frames:
         try:
             message, counter = codec.decode(frame)
         except FrameRejectedError:
             continue
         if isinstance(message, CurrentCommand):
-            state = _take_command(state, message, counter)
+            _take_command(state, message, counter)
         elif isinstance(message, Setpoint):
-            check, verdict, _ = state.setpoint_check.check(counter or 0)
+            state.setpoint_check, verdict, _ = state.setpoint_check.check(counter or 0)
             fresh = counter is None or verdict is Sequence.FRESH
-            state = replace(state, setpoint_check=check, setpoints=state.setpoints + fresh)
+            state.setpoints += fresh
     return state
 
 
-def _take_command(state: DeviceState, message: CurrentCommand, counter: int | None) -> DeviceState:
+def _take_command(state: DeviceState, message: CurrentCommand, counter: int | None) -> None:
     if counter is not None:
-        check, verdict, _ = state.command_check.check(counter)
-        state = replace(state, command_check=check)
+        state.command_check, verdict, _ = state.command_check.check(counter)
         if verdict is not Sequence.FRESH:
-            return state
-        state = replace(state, command_counter=counter)
+            return
+        state.command_counter = counter
     signal_failed = signal_of(message.current_ma) is LoopSignal.FAILURE
-    return replace(
-        state,
-        current_ma=state.current_ma if signal_failed else message.current_ma,
-        commanded_s=state.plant.time_s,
-        answered=message.position_counter,
-        signal_failed=signal_failed,
-        failed=signal_failed,
-    )
+    if not signal_failed:
+        state.current_ma = message.current_ma
+    state.commanded_s = state.plant.time_s
+    state.answered = message.position_counter
+    state.signal_failed = state.failed = signal_failed
 
 
 def advance(settings: PlantSettings, state: DeviceState, duration_s: float) -> DeviceState:
     """Return the state `duration_s` later: under the command in force, or in the fail position once it is too old."""
+    state = replace(state)
     plant = state.plant
     held_ma = state.current_ma
     if held_ma is None:
         held_ma = plant.actuator.pressure_pa / settings.valve.pressure_gain_pa_per_ma
-    if state.current_ma is None and not state.signal_failed:
-        return replace(state, plant=valve.step(settings, plant, held_ma, duration_s))
     alive_s = max(0.0, min(duration_s, state.commanded_s + settings.deadman_s - plant.time_s))
     if state.signal_failed:
         alive_s = 0.0
-    if alive_s >= duration_s - _SAME_INSTANT_S:
-        return replace(state, plant=valve.step(settings, plant, held_ma, duration_s))
+    elif state.current_ma is None or alive_s >= duration_s - _SAME_INSTANT_S:
+        state.plant = valve.step(settings, plant, held_ma, duration_s)
+        return state
     if alive_s > 0.0:  # pragma: no mutate - a step of no time changes nothing
         plant = valve.step(settings, plant, held_ma, alive_s)
-    plant = valve.step(settings, plant, _fail_current_ma(settings, held_ma), duration_s - alive_s)
-    return replace(state, plant=plant, failed=True)
+    state.plant = valve.step(settings, plant, _fail_current_ma(settings, held_ma), duration_s - alive_s)
+    state.failed = True
+    return state
 
 
 def _fail_current_ma(settings: PlantSettings, last_ma: float) -> float:
@@ -157,11 +155,13 @@ def publish(codec: Codec, settings: PlantSettings, state: DeviceState) -> tuple[
     speed = min(max(plant.stem.velocity_m_per_s, -_SPEED_LIMIT_M_PER_S), _SPEED_LIMIT_M_PER_S)
     true_m = min(max(plant.stem.position_m, _TRUTH_RANGE_M[0]), _TRUTH_RANGE_M[1])
     quality = Quality.VALID if state.obeys else Quality.FAIL_POSITION
+    counter = state.position_counter
     frames: tuple[CanFrame, ...] = (
-        codec.encode(PlantTruth(true_m, speed), state.position_counter),
-        codec.encode(StemPosition(measured_m, state.command_counter, quality), state.position_counter),
+        codec.encode(PlantTruth(true_m, speed), counter),
+        codec.encode(StemPosition(measured_m, state.command_counter, quality), counter),
     )
     if settings.sensor.reports_pressure:
         pressure_pa = min(max(plant.actuator.pressure_pa, 0.0), _PRESSURE_LIMIT_PA)
-        frames = (codec.encode(ActuatorState(pressure_pa), state.position_counter), *frames)
-    return replace(state, plant=plant, position_counter=state.position_counter + 1), frames
+        frames = (codec.encode(ActuatorState(pressure_pa), counter), *frames)
+    state = replace(state, plant=plant, position_counter=counter + 1)
+    return state, frames

@@ -38,6 +38,9 @@ class MovingStem:
         """Move for `duration_s` under `force`, from event to event."""
         left_s = duration_s
         while left_s > 0.0:
+            stem = self.stem
+            if stem.direction == 0 and self._is_held(stem, force):
+                return
             segment = self._segment(force, left_s)
             stem = self.stem
             self.stem = replace(
@@ -54,6 +57,12 @@ class MovingStem:
                 return
             left_s -= segment.duration_s
             force = force.after(segment.duration_s)
+
+    def _is_held(self, stem: Stem, force: PushingForce) -> bool:
+        """Return whether `force` leaves this stem at rest, now and for ever; most steps end here."""
+        valve, static_n = self.constants.settings.valve, self.packing.static_n
+        pull = force.final_n - (valve.bench_set_n + valve.spring_rate_n_per_m * stem.position_m)
+        return -static_n <= pull <= static_n and -static_n <= pull + force.deviation_n <= static_n
 
     def _segment(self, force: PushingForce, left_s: float) -> Segment:
         """Return the next motion segment; its kind depends on the speed and on the pull."""

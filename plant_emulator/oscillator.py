@@ -10,7 +10,8 @@ impulse, g₀ to a displacement and φ to the exponential. φ is the divided dif
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+
+from positioner.values import dataclass
 
 _NEAR = 1e-6
 """Relative to K/m: below it, poles count as coincident. Rounding stays below 1e-11 m on either side."""
@@ -20,7 +21,8 @@ _APART = 0.5
 """Half the difference of the poles times t: above it subtracting their exponentials loses no digits."""
 
 
-class PushingForce(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class PushingForce:
     """Force of the actuator pressure, final_n + deviation_n·e^(-rate_per_s·t)."""
 
     final_n: float

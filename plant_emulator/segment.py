@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from enum import Enum, auto
-from typing import NamedTuple
+
+from positioner.values import dataclass
 
 
 class Ending(Enum):
@@ -19,7 +20,8 @@ class Ending(Enum):
     """Static friction can hold the stem from here on."""
 
 
-class Segment(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Segment:
     """Duration in s, position in m and velocity in m/s at the end, and the event that ended it."""
 
     duration_s: float

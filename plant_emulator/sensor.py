@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from plant_emulator.draws import Stream, normal
-from positioner.values import dataclass, replace
+from positioner.values import dataclass
 
 if TYPE_CHECKING:
     from plant_emulator.parameters import PlantSettings
@@ -34,4 +34,4 @@ def measure(settings: PlantSettings, sensor: Sensor, position_m: float, time_s: 
         measured_m += deviation_m * normal(sensor.seed, Stream.SENSOR_NOISE, index)
     if noise.resolution_m > 0.0:
         measured_m = round(measured_m / noise.resolution_m) * noise.resolution_m
-    return replace(sensor, samples=sensor.samples + 1), measured_m
+    return Sensor(seed=sensor.seed, samples=sensor.samples + 1), measured_m

@@ -7,7 +7,7 @@ speed, and the time constants are microseconds. The allowed error per step is fa
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from plant_emulator.roots import crossing
 from plant_emulator.segment import Ending, Segment
@@ -22,7 +22,8 @@ _FIRST_STEP = 0.2
 """Of the shortest time constant of the motion."""
 
 
-class _Point(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class _Point:
     """A state on the way: x in m, v in m/s, a in m/s², and the error of the step to it; 1 is the largest allowed."""
 
     x: float
@@ -98,7 +99,7 @@ class StribeckSlide:
 
     def _step(self, t: float, point: _Point, h: float) -> _Point:
         """Return the state `h` after `point` by one step of Dormand and Prince (1980)."""
-        x, v, a1, _ = point
+        x, v, a1 = point.x, point.v, point.a
         rate = self._acceleration
         v2 = v + h * (0.2 * a1)
         a2 = rate(t + 0.2 * h, x + h * (0.2 * v), v2)

@@ -57,13 +57,16 @@ def step(settings: PlantSettings, state: PlantState, current_ma: float, duration
     for force, stretch_s in forces:
         moving.advance(force, stretch_s)
     time_s = state.time_s + duration_s
-    return replace(state, time_s=time_s, stem=moving.stem, packing=moving.packing, actuator=actuator)
+    return PlantState(time_s=time_s, stem=moving.stem, packing=moving.packing, actuator=actuator, sensor=state.sensor)
 
 
 def measure(settings: PlantSettings, state: PlantState) -> tuple[PlantState, float]:
     """Return the valve after its sensor took a sample, and the measured position in m."""
     measured, position_m = sensor.measure(settings, state.sensor, state.stem.position_m, state.time_s)
-    return replace(state, sensor=measured), position_m
+    after = PlantState(
+        time_s=state.time_s, stem=state.stem, packing=state.packing, actuator=state.actuator, sensor=measured
+    )
+    return after, position_m
 
 
 def friction_n(settings: PlantSettings, state: PlantState) -> float:

@@ -20,7 +20,7 @@ from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState
 from positioner.cycle.step import step
 from positioner.valve.stiction import StictionTable
-from positioner.wire.messages import Setpoint
+from positioner.wire.messages import PlantTruth, Setpoint
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -65,26 +65,29 @@ def run_in_process(
     configuration = configure(scenario)
     settings = check_playable(scenario, configuration)
     setup = configuration.make_setup()
-    codec, period_s = setup.codec, scenario.sample_period_s
+    codec, period_s, every = setup.codec, scenario.sample_period_s, scenario.samples_per_setpoint
+    truth_id, _ = codec.identifier(PlantTruth)
     state = CycleState(table=table or StictionTable(cell_width_m=configuration.control.table_cell_m))
     device = initial_device(settings, scenario.seed)
     samples = round(scenario.duration_s / period_s)
-    recording = Recording(codec, samples, period_s, scenario.samples_per_setpoint, lockstep=True)
+    recording = Recording(codec, samples, period_s, every, lockstep=True)
     cycles: list[Controlled] = []
     events: list[Event] = []
     for sample in range(samples):
-        inbox: list[CanFrame] = []
-        if sample % scenario.samples_per_setpoint == 0:
-            inbox.append(_setpoint(scenario, codec.encode, sample, recording))
         device, published = publish(codec, settings, device)
-        inbox += published
+        inbox = published if sample % every else (_setpoint(scenario, codec.encode, sample, recording), *published)
+        # as the daemon's port: it does not receive the truth
+        received = tuple(frame for frame in inbox if frame.arbitration_id != truth_id)
         # the daemon's clock in lockstep: one period with each position frame
-        state, outbox, happened = step(setup, state, CycleInput(tuple(inbox), round((sample + 1) * period_s * _NS)))
+        state, outbox, happened = step(setup, state, CycleInput(received, round((sample + 1) * period_s * _NS)))
         for frame in (*inbox, *outbox):
             recording.add(frame, sample * period_s)
         device = advance(settings, take(codec, device, outbox), period_s)
         for event in happened:
-            (cycles if isinstance(event, Controlled) else events).append(event)  # type: ignore[arg-type]
+            if isinstance(event, Controlled):
+                cycles.append(event)
+            else:
+                events.append(event)
         progress(sample + 1)
     return InProcessRun(recording, tuple(cycles), tuple(events), state.table)
 

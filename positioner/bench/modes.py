@@ -7,9 +7,9 @@ positioner counts as silent.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from positioner.values import dataclass, replace
 from positioner.wire.messages import Cause, Mode
 
 if TYPE_CHECKING:

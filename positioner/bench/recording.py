@@ -97,21 +97,18 @@ class Recording:
         sample = self._sample_of(message, counter)
         stamp_s = sample * self.period_s if self.lockstep else time_s
         self.frames.append((stamp_s, _RANK.get(type(message), len(_RANK)), frame))
-        if isinstance(message, (CurrentCommand, PositionerStatus)):
-            cause = message.cause if isinstance(message, PositionerStatus) else None
-            self.mode_reports.append(ModeReport(stamp_s, message.mode, cause))
-        if not 0 <= sample < self.samples:
-            return
-        match message:
-            case PlantTruth():
-                self.true_position_m[sample] = message.position_m
-                self.true_velocity_m_per_s[sample] = message.velocity_m_per_s
-            case StemPosition():
-                self.measured_m[sample] = message.position_m
-            case CurrentCommand():
+        is_inside = 0 <= sample < self.samples
+        if isinstance(message, PlantTruth) and is_inside:
+            self.true_position_m[sample] = message.position_m
+            self.true_velocity_m_per_s[sample] = message.velocity_m_per_s
+        elif isinstance(message, StemPosition) and is_inside:
+            self.measured_m[sample] = message.position_m
+        elif isinstance(message, CurrentCommand):
+            self.mode_reports.append(ModeReport(stamp_s, message.mode))
+            if is_inside:
                 self.current_ma[sample] = message.current_ma
-            case _:
-                pass
+        elif isinstance(message, PositionerStatus):
+            self.mode_reports.append(ModeReport(stamp_s, message.mode, message.cause))
 
     def _sample_of(self, message: Message, counter: int | None) -> int:
         """Return the sample that a frame belongs to; -1 for frames from before the first truth."""
@@ -123,8 +120,6 @@ class Recording:
                 self.lost += max(steps - 1, 0)
                 self.truth += steps
                 sample = self.truth - 1
-            case ActuatorState():
-                sample = self.truth  # it is sent before the truth of its sample
             case StemPosition():
                 self.readings += self._steps(counter, self.readings)
                 sample = self.readings - 1
@@ -133,6 +128,8 @@ class Recording:
                 self.unanswered += max(steps - 1, 0)
                 self.commands += steps
                 sample = self.commands - 1
+            case ActuatorState():
+                sample = self.truth  # it is sent before the truth of its sample
             case Setpoint():
                 self.setpoints += 1
                 sample = (self.setpoints - 1) * self.samples_per_setpoint if self.lockstep else self.readings

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command
 from positioner.config.locations import location_of
-from positioner.config.reader import load_config
+from positioner.config.reader import load_valves
+from positioner.config.several import by_bus
 from positioner.doctor import bus_load
 from positioner.errors import ExitCode
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Sequence
 
     from positioner.cli.command import Commands
     from positioner.config.schema import Configuration
@@ -41,9 +43,9 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.example:
         sys.stdout.write(example_text())
         return ExitCode.OK
-    configuration = load_config(arguments.config)
-    state = location_of(configuration, arguments.config).state
-    sys.stdout.write(f"{arguments.config}: good\n{summary(configuration, state)}")
+    configurations = load_valves(arguments.config)
+    summaries = [summary(each, location_of(each, arguments.config).state) for each in configurations]
+    sys.stdout.write(f"{arguments.config}: good\n" + "\n".join(summaries) + shared_buses(configurations))
     return ExitCode.OK
 
 
@@ -72,6 +74,16 @@ def summary(configuration: Configuration, state: Path) -> str:
         ("state", str(state)),
     )
     return "".join(f"  {name:<22} {value}\n" for name, value in rows)
+
+
+def shared_buses(configurations: Sequence[Configuration]) -> str:
+    """Return the load of each bus that several of the valves share, a line each."""
+    loads = [
+        bus_load.of_several(str(some[0].bus), [(each.make_codec(), each.control.sample_period_s) for each in some])
+        for some in by_bus(configurations)
+        if len(some) > 1
+    ]
+    return "".join(f"\n{load.subject} of {load.text}\n" for load in loads)
 
 
 def _deadman(configuration: Configuration) -> str:

@@ -43,6 +43,11 @@ def add_config(parser: argparse.ArgumentParser, *, required: bool = True) -> Non
     parser.add_argument("--config", type=Path, required=required, metavar="FILE", help="configuration of the valve")
 
 
+def add_valve(parser: argparse.ArgumentParser) -> None:
+    """Add `--valve`."""
+    parser.add_argument("--valve", metavar="ID", help="which valve is meant, where the configuration has several")
+
+
 def add_state(parser: argparse.ArgumentParser, text: str = "state directory instead of the configuration's") -> None:
     """Add `--state`."""
     parser.add_argument("--state", type=Path, metavar="DIR", help=text)

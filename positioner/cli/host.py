@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from positioner.bus.address import parse_address
-from positioner.cli.command import add_command, add_config
+from positioner.cli.command import add_command, add_config, add_valve
 from positioner.config.reader import load_config
 from positioner.host.terminal import Terminal
 from positioner.host.verbs import HELP
@@ -28,6 +28,7 @@ examples:
   positioner host --config fv101.toml arm set 62%
   positioner host --config fv101.toml status
   positioner host --config fv101.toml disarm
+  positioner host --config two-valves.toml --valve FV-102 arm set 40%
 
 exit status: 0 done or stopped, 1 a verb could not be done, 2 an unknown verb, or a number outside the limits of the
 valve and the guard, 69 the bus is not available, 78 the configuration is wrong.
@@ -40,12 +41,13 @@ def add_parser(commands: Commands) -> None:
         commands, "host", _run, "arm a valve, move it, give its current by hand, show its status", _EPILOG
     )
     add_config(parser)
+    add_valve(parser)
     parser.add_argument("--bus", metavar="INTERFACE:CHANNEL", help="bus instead of the configuration's")
     parser.add_argument("verbs", nargs="*", metavar="VERB", help="arm, disarm, set, manual, auto, status, help")
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
-    configuration = load_config(arguments.config)
+    configuration = load_config(arguments.config, valve=arguments.valve)
     if arguments.bus:
         configuration = replace(configuration, bus=parse_address(arguments.bus))
     return Terminal(configuration, arguments.verbs).run()

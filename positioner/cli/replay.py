@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from positioner.cli.command import add_command, add_config, add_state
+from positioner.cli.command import add_command, add_config, add_state, add_valve
 from positioner.config.reader import load_config
 from positioner.errors import ExitCode
 from positioner.inputs.toml_reader import changes_of, laid_over
@@ -49,6 +49,7 @@ def add_parser(commands: Commands) -> None:
     )
     parser.add_argument("log", type=Path, metavar="LOG", help="the recorded bus")
     add_config(parser)
+    add_valve(parser)
     add_state(parser, "start from the table in DIR, which is only read")
     parser.add_argument("--law", choices=tuple(LAWS), metavar="NAME", help="show what this law would have commanded")
     parser.add_argument(
@@ -66,7 +67,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     changes = changes_of(arguments.changes, "control.table_from_s=2")
     if arguments.law:
         changes = laid_over(changes, {"control": {"law": arguments.law}})
-    configuration = load_config(arguments.config, changes)
+    configuration = load_config(arguments.config, changes, arguments.valve)
     prepared = prepare(arguments.log, configuration, arguments.state)
     if not changes and not prepared.commands:
         text = "no command to compare with; --law shows what would have been commanded"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from positioner.bus.address import parse_address
 from positioner.cli.command import add_command, add_config, add_state
-from positioner.config.reader import load_config
+from positioner.config.reader import load_valves
 from positioner.config.schema import StateSettings
 from positioner.errors import UsageError
 from positioner.machine.journal import set_up
@@ -62,11 +62,15 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.record and arguments.dry_run:
         raise UsageError("--record stores the frames that are sent, and --dry-run sends none: leave one of them out")
     set_up(verbose=arguments.verbose)
-    configuration = load_config(arguments.config)
+    configurations = load_valves(arguments.config)
     if arguments.bus:
-        configuration = replace(configuration, bus=parse_address(arguments.bus))
+        if len({configuration.bus.place for configuration in configurations}) > 1:
+            raise UsageError("--bus gives one bus, and this configuration has several: change it there")
+        bus = parse_address(arguments.bus)
+        configurations = tuple(replace(configuration, bus=bus) for configuration in configurations)
     if arguments.state:
-        configuration = replace(configuration, state=StateSettings(directory=arguments.state))
+        state = StateSettings(directory=arguments.state)
+        configurations = tuple(replace(configuration, state=state) for configuration in configurations)
     options = RunOptions(
         lockstep=arguments.clock == "lockstep",
         setpoint_every=arguments.setpoint_every,
@@ -74,6 +78,6 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         trace=arguments.trace,
         record=arguments.record,
     )
-    daemon = Daemon((configuration,), options)
+    daemon = Daemon(configurations, options)
     lock_memory()
     return daemon.run()

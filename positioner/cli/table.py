@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from positioner.cli import table_text
+from positioner.cli.command import add_valve
 from positioner.config.locations import location_of
 from positioner.errors import ExitCode, StateError
 from positioner.store import access, document
@@ -65,6 +66,7 @@ def _command(
     place = command.add_mutually_exclusive_group(required=True)
     place.add_argument("--state", metavar="DIR", type=Path, help="the valve's state directory")
     place.add_argument("--config", metavar="FILE", type=Path, help="configuration of the valve: it has the directory")
+    add_valve(command)
     command.set_defaults(run=run)
     return command
 
@@ -113,7 +115,7 @@ def _import(args: argparse.Namespace) -> ExitCode:
         raise StateError(f"{args.file}: is not UTF-8 text: {error}") from error
     stored = document.loads(text, str(args.file))
     if args.config:
-        stored = _fitted(stored, _configuration(args.config), force=args.force)
+        stored = _fitted(stored, _configuration(args), force=args.force)
     directory = _directory(args)
     backup = access.replace(directory, stored, force=args.force)
     _report(f"{table_text.summary(stored)}: imported", backup, directory)
@@ -121,13 +123,13 @@ def _import(args: argparse.Namespace) -> ExitCode:
 
 
 def _directory(args: argparse.Namespace) -> Path:
-    return args.state or location_of(_configuration(args.config), args.config).state
+    return args.state or location_of(_configuration(args), args.config).state
 
 
-def _configuration(path: Path) -> Configuration:
+def _configuration(args: argparse.Namespace) -> Configuration:
     from positioner.config.reader import load_config  # noqa: PLC0415, with --state neither numpy nor a solver is needed
 
-    return load_config(path)
+    return load_config(args.config, valve=args.valve)
 
 
 def _fitted(stored: StoredTable, configuration: Configuration, *, force: bool) -> StoredTable:

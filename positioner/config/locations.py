@@ -22,15 +22,18 @@ class Location:
 
 
 def location_of(configuration: Configuration, path: Path, state: Path | None = None) -> Location:
-    """Return the location of the valve of the configuration in `path`; `state` is a directory given by the user.
+    """Return the location of a valve of the configuration in `path`; `state` is a directory given by the user.
 
     The unit `positioner@NAME` reads `/etc/positioner/NAME.toml` and keeps its state in `/var/lib/positioner/NAME`,
-    unless the file gives another directory.
+    unless the file gives another directory. Of several valves each has a folder of its own there.
     """
     absolute = path.absolute()
     is_of_unit = absolute.parent == CONFIGURATIONS and absolute.suffix == ".toml"
     unit = f"positioner@{absolute.stem}" if is_of_unit else None
     if state is None:
         served = is_of_unit and configuration.state.directory is None
-        state = SERVICE_STATES / absolute.stem if served else configuration.state_directory
-    return Location(state.absolute(), unit)
+        parent = SERVICE_STATES / absolute.stem
+        own = parent / configuration.subfolder if served else configuration.state_directory
+    else:
+        own = state / configuration.subfolder
+    return Location(own.absolute(), unit)

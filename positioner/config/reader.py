@@ -1,50 +1,114 @@
-"""Reads the configuration of one positioner, with every mistake in it. Shell."""
+"""Reads a configuration, of one valve or of several, with every mistake in it. Shell."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import tomli_w
-
 from positioner.bus.address import problems_of
-from positioner.config.schema import Configuration
+from positioner.config.schema import Configuration, OneOfSeveral
+from positioner.config.several import clashes, placed, sections_of
 from positioner.config.wire_limits import range_problems, wire_problems
-from positioner.errors import ConfigurationError, Problem
+from positioner.errors import ConfigurationError, Problem, UsageError
 from positioner.inputs import toml_reader
-from positioner.inputs.nearest import nearest
-from positioner.inputs.toml_lines import problem_at
+from positioner.inputs.nearest import check_name, nearest
+from positioner.inputs.toml_lines import line_of, problem_at
 from positioner.laws.registry import LAWS
 from positioner.valve.presets import PRESETS, missing, resolved
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
 
-def load_config(path: Path, changes: Mapping[str, Any] | None = None) -> Configuration:
-    """Return the configuration in `path`, with `changes` laid over it; relative paths lie beside it.
+def load_config(path: Path, changes: Mapping[str, Any] | None = None, valve: str | None = None) -> Configuration:
+    """Return the configuration of one valve in `path`, with `changes` laid over it; relative paths lie beside the file.
+
+    `valve` is the id of the one that is meant, needed only where the file has several.
 
     Raises:
         ConfigurationError: with every mistake in the file: in its values, its DBC and its names.
+        UsageError: the file has no such valve, or several and none was named.
     """
     text = toml_reader.read_text(path)
+    tables = toml_reader.tables(text, str(path))
     if not changes:
-        return parse_config(text, str(path), path.parent)
-    changed = tomli_w.dumps(toml_reader.laid_over(toml_reader.tables(text, str(path)), changes))
-    try:
-        return parse_config(changed, f"{path} with --set", path.parent)
-    except ConfigurationError as error:  # lines of a text that nobody has written would mislead
-        problems = tuple(Problem(problem.where, None, problem.message) for problem in error.problems)
-        raise ConfigurationError(error.source, problems) from error
+        found = _valves(tables, text, str(path), path.parent)
+        return found[_number([configuration.valve.id for configuration in found], valve, path)]
+    several = _has_several(tables)
+    if several:
+        sections = sections_of(tables)
+        tables = sections[_number([section.name for section in sections], valve, path)].tables
+    # no text: lines of a text that nobody has written would mislead
+    kind = OneOfSeveral if several else Configuration
+    changed = _checked(toml_reader.laid_over(tables, changes), "", f"{path} with --set", path.parent, kind)
+    _number([changed.valve.id], valve, path)
+    return changed
+
+
+def load_valves(path: Path) -> tuple[Configuration, ...]:
+    """Return the configurations of all valves in `path`, in their order; relative paths lie beside the file.
+
+    Raises:
+        ConfigurationError: as `load_config`, and where two valves get into each other's way.
+    """
+    text = toml_reader.read_text(path)
+    return _valves(toml_reader.tables(text, str(path)), text, str(path), path.parent)
 
 
 def parse_config(text: str, source: str, base: Path) -> Configuration:
-    """Return the configuration in `text`; relative paths start at `base`.
+    """Return the configuration in `text`, which has one valve; relative paths start at `base`.
 
     Raises:
         ConfigurationError: as `load_config`.
     """
-    tables = toml_reader.tables(text, source)
+    return _checked(toml_reader.tables(text, source), text, source, base)
+
+
+def _valves(tables: dict[str, Any], text: str, source: str, base: Path) -> tuple[Configuration, ...]:
+    if not _has_several(tables):
+        return (_checked(tables, text, source, base),)
+    sections = sections_of(tables)
+    found: list[Configuration] = []
+    mistakes: list[tuple[Problem, ...]] = []
+    for section in sections:
+        try:
+            found.append(_checked(section.tables, "", source, base, OneOfSeveral))
+            mistakes.append(())
+        except ConfigurationError as error:
+            mistakes.append(error.problems)
+    problems = placed(sections, mistakes, text) or clashes(found, text)
+    if not sections:
+        problems = (Problem("valve", line_of(text, ("valve",)), "has no valve: begin each one with [[valve]]"),)
+    if problems:
+        raise ConfigurationError(source, problems)
+    return tuple(found)
+
+
+def _has_several(tables: Mapping[str, Any]) -> bool:
+    return isinstance(tables.get("valve"), list)
+
+
+def _number(names: Sequence[str], valve: str | None, path: Path) -> int:
+    """Return which of the valves is meant.
+
+    Raises:
+        UsageError: there is no such valve, or there are several and none was named.
+    """
+    if valve is None and len(names) > 1:
+        raise UsageError(f"{path} has the valves {', '.join(names)}: name one of them with --valve")
+    if valve is not None:
+        check_name("valve", valve, tuple(names))
+    return 0 if valve is None else names.index(valve)
+
+
+def _checked(
+    tables: dict[str, Any], text: str, source: str, base: Path, kind: type[Configuration] = Configuration
+) -> Configuration:
+    """Return the configuration of one valve in `tables`.
+
+    Raises:
+        ConfigurationError: as `load_config`, with the lines in `text`.
+    """
     problems: list[Problem] = []
     found: Configuration | None = None
     _anchor(tables, base)
@@ -53,7 +117,7 @@ def parse_config(text: str, source: str, base: Path) -> Configuration:
     if isinstance(tables.get("valve"), dict):
         tables["valve"] = resolved(tables["valve"])
     try:
-        found = toml_reader.build(tables, Configuration, source, text)
+        found = toml_reader.build(tables, kind, source, text)
     except ConfigurationError as error:
         problems += error.problems
     problems += wire_problems(tables, text)

@@ -51,11 +51,16 @@ class Configuration(SettingsTable):
     def state_directory(self) -> Path:
         """Where the stiction table of this valve is kept."""
         if self.state.directory is not None:
-            return self.state.directory
+            return self.state.directory / self.subfolder
         if given := os.environ.get("STATE_DIRECTORY"):
-            return Path(given.split(":", maxsplit=1)[0])
+            return Path(given.split(":", maxsplit=1)[0]) / self.subfolder
         home = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
         return Path(home) / "positioner" / self.valve.id
+
+    @property
+    def subfolder(self) -> Path:
+        """Where the state of this valve is in the state directory of its file: there itself."""
+        return Path()
 
     @property
     def limits(self) -> Limits:
@@ -84,6 +89,16 @@ class Configuration(SettingsTable):
         """Return a new instance of the chosen law, with a solver of its own."""
         _, make = LAWS[self.control.law]
         return make(Ingredients(self.control, self.valve, self.estimator, self.guard, _make_solver))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OneOfSeveral(Configuration):
+    """All settings of one `[[valve]]`."""
+
+    @property
+    def subfolder(self) -> Path:
+        """Where the state of this valve is in the state directory of its file: in a folder of its own."""
+        return Path(self.valve.id)
 
 
 def _make_solver(variables: int, constraints: int) -> Solver:

@@ -9,6 +9,8 @@ from positioner.doctor.finding import Finding, Level
 from positioner.wire.messages import ActuatorState, CurrentCommand, PositionerStatus, Setpoint, StemPosition
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from positioner.wire.codec import Codec
     from positioner.wire.formats import FrameFormat
     from positioner.wire.messages import Message
@@ -97,6 +99,16 @@ def in_words(codec: Codec, sample_period_s: float, bitrate: int = _FASTEST) -> s
     shortest_ms = rounded_up(load.shortest_period_s) * 1e3
     fits = f"{100 * REFUSE_ABOVE:.0f} % at {shortest_ms:.2f} ms, the shortest period that fits"
     return f"{text}; {fits}" if load.total <= REFUSE_ABOVE else f"{text}: more than the bus carries; {fits}"
+
+
+def of_several(name: str, valves: Sequence[tuple[Codec, float]], bitrate: int = _FASTEST) -> Finding:
+    """Return the finding on the load of a bus by several valves, each with its codec and its sample period in s."""
+    load = sum(bus_load(codec, period_s, bitrate).total for codec, period_s in valves)
+    text = f"{name} with {len(valves)} valves: {100 * load:.0f} % of {bitrate / 1e6:g} Mbit/s at most"
+    if load <= WARN_ABOVE:
+        return Finding(Level.OK, _SUBJECT, text)
+    level = Level.WARN if load <= REFUSE_ABOVE else Level.FAIL
+    return Finding(level, _SUBJECT, f"{text}: {'other nodes have to wait' if level is Level.WARN else 'too much'}")
 
 
 def rounded_up(period_s: float) -> float:

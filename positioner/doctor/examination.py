@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from positioner.config.locations import location_of
-from positioner.config.reader import load_config
+from positioner.config.reader import load_valves
+from positioner.config.several import by_bus
 from positioner.doctor import bus_load, feedback, link_findings, machine, scheduling, state_directory
 from positioner.doctor.finding import Finding, Level, worst
 from positioner.errors import ConfigurationError, ExitCode
@@ -15,7 +16,7 @@ from positioner.store import lock
 from positioner.wire.messages import StemPosition
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from positioner.config.schema import Configuration
@@ -48,24 +49,29 @@ class Examination:
         yield machine.timer()
         yield machine.sqlite()
         yield scheduling.of_this_command()
-        configuration: Configuration | None = None
+        configurations: tuple[Configuration, ...] = ()
         if self.config is not None:
             quoted = shlex.quote(str(self.config))
             try:
-                configuration = load_config(self.config)
+                configurations = load_valves(self.config)
             except ConfigurationError as error:
                 self._misconfigured = True
                 for problem in error.problems:
                     yield Finding(Level.FAIL, "configuration", str(problem), f"positioner check {quoted}")
             else:
-                yield Finding(Level.OK, "configuration", f"{self.config}, valve {configuration.valve.id}")
-                yield Finding(Level.OK, "DBC", _frames(configuration))
+                names = ", ".join(configuration.valve.id for configuration in configurations)
+                yield Finding(Level.OK, "configuration", f"{self.config}, valve {names}")
         links, missing = machine.links()
         yield from missing
-        if configuration is None or self.config is None:
+        if not configurations or self.config is None:
             yield from _interfaces(links) if links is not None else ()
-        else:
+            return
+        for configuration in configurations:
+            if len(configurations) > 1:
+                yield Finding(Level.OK, "valve", f"{configuration.valve.id}:")
+            yield Finding(Level.OK, "DBC", _frames(configuration))
             yield from self._valve(configuration, self.config, links)
+        yield from _shared_buses(configurations, links or ())
 
     def _valve(self, configuration: Configuration, path: Path, links: tuple[Link, ...] | None) -> Iterator[Finding]:
         address, period_s = configuration.bus, configuration.control.sample_period_s
@@ -81,6 +87,15 @@ class Examination:
         pid = lock.holder(place.state)
         yield scheduling.of_daemon(pid, period_s, place.unit)
         yield from feedback.findings(address, codec, period_s, daemon_runs=pid is not None)
+
+
+def _shared_buses(configurations: Sequence[Configuration], links: tuple[Link, ...]) -> Iterator[Finding]:
+    """Yield the load of each bus that several valves share."""
+    for some in by_bus(configurations):
+        link = next((link for link in links if link.name == some[0].bus.channel), None)
+        if len(some) > 1 and link is not None and link.bitrate:
+            valves = [(each.make_codec(), each.control.sample_period_s) for each in some]
+            yield bus_load.of_several(link.name, valves, link.bitrate)
 
 
 def _interfaces(links: tuple[Link, ...]) -> Iterator[Finding]:

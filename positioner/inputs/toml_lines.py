@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from functools import lru_cache
 from itertools import takewhile
 
@@ -20,14 +21,17 @@ def problem_at(text: str, where: str, message: str) -> Problem:
     return Problem(where, line_of(text, tuple(key.split("."))), message)
 
 
-def line_of(text: str, path: tuple[str, ...]) -> int | None:
+def line_of(text: str, path: tuple[str, ...], element: int | None = None) -> int | None:
     """Return the 1-based line in the TOML `text` that comes nearest to setting the key `path`, or None.
 
     That is the key's own line, dotted or not; inside an inline table the line of that table; for a table its header.
+    In an array of tables `element` is the number of the table, from 0; without it the first one that fits is meant.
     """
     nearest: int | None = None
     most_shared = 0
-    for number, key in _keys_in(text):
+    for number, key, found_element in _keys_in(text):
+        if element is not None and found_element != element:
+            continue
         shared = len(tuple(takewhile(lambda pair: pair[0] == pair[1], zip(key, path, strict=False))))
         if shared > most_shared:
             nearest, most_shared = number, shared
@@ -35,16 +39,22 @@ def line_of(text: str, path: tuple[str, ...]) -> int | None:
 
 
 @lru_cache(maxsize=2)
-def _keys_in(text: str) -> tuple[tuple[int, tuple[str, ...]], ...]:
-    """Return the keys and the headers in `text`, each with its line."""
+def _keys_in(text: str) -> tuple[tuple[int, tuple[str, ...], int | None], ...]:
+    """Return the keys and the headers in `text`, each with its line, and its element where it is in an array."""
     table: tuple[str, ...] = ()
+    elements: Counter[str] = Counter()
     found = []
     for number, line in enumerate(text.splitlines(), start=1):
         if header := _HEADER.match(line):
             table = _parts(header.group(1))
-            found.append((number, table))
+            if line.lstrip().startswith("[[") and len(table) == 1:
+                elements[table[0]] += 1
+            keys = table
         elif equation := _EQUATION.match(line):
-            found.append((number, (*table, *_parts(equation.group(1)))))
+            keys = (*table, *_parts(equation.group(1)))
+        else:
+            continue
+        found.append((number, keys, elements[table[0]] - 1 if table and table[0] in elements else None))
     return tuple(found)
 
 

@@ -173,7 +173,7 @@ def test_a_configuration_names_the_directory_and_checks_whose_table_is_imported(
     configuration = SimpleNamespace(
         valve=SimpleNamespace(id="FV-101"), control=SimpleNamespace(table_cell_m=0.005), state_directory=state
     )
-    monkeypatch.setattr("positioner.config.reader.load_config", lambda _: configuration)
+    monkeypatch.setattr("positioner.config.reader.load_config", lambda _path, **_: configuration)
     file = tmp_path / "x.json"
     command = ["table", "import", str(file), "--config", "valve.toml"]
 

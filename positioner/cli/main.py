@@ -7,7 +7,20 @@ import argparse
 import sys
 
 import positioner
-from positioner.cli import bench, check, conformance, doctor, host, league, replay, reproduce, run, table, tune
+from positioner.cli import (
+    bench,
+    campaign,
+    check,
+    conformance,
+    doctor,
+    host,
+    league,
+    replay,
+    reproduce,
+    run,
+    table,
+    tune,
+)
 from positioner.machine.console import Parser, run_command
 
 _DESCRIPTION = "A positioner for sticking control valves: predictive control with a learned stiction table, over CAN."
@@ -37,7 +50,7 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--version", action="version", version=f"positioner {positioner.__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for module in (run, host, bench, replay, league, reproduce, tune, table, check, doctor, conformance):
+    for module in (run, host, bench, replay, league, campaign, reproduce, tune, table, check, doctor, conformance):
         module.add_parser(commands)
     return parser
 

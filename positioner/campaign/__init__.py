@@ -1,0 +1,1 @@
+"""Studies over the parameters of plant, sensor, actuator and laws: their designs, runs, results and pictures."""

@@ -1,0 +1,69 @@
+"""Plays a campaign on a pool of workers, and continues where it was interrupted. Shell."""
+
+from __future__ import annotations
+
+import hashlib
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tqdm import tqdm
+
+from positioner.campaign import run as run_module
+from positioner.campaign.check import check_points
+from positioner.campaign.journal import Journal
+from positioner.campaign.run import Outcome, PlayedRun, Run, play
+from positioner.errors import writing
+from positioner.store import lock
+from positioner.studies.code_digest import code_digest
+from positioner.studies.pool import EVERY_CORE, spread_out
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from positioner.campaign.plan import Campaign
+    from positioner.studies.pool import Workers
+
+JOURNAL = "runs.jsonl"
+
+
+def play_campaign(
+    campaign: Campaign,
+    folder: Path,
+    workers: Workers = EVERY_CORE,
+    function: Callable[[Run], Outcome] = play,
+) -> list[PlayedRun]:
+    """Return every run with its outcome, in the order of the campaign.
+
+    A run whose outcome is in the journal of `folder`, of the same code, is not played again. `function` plays a run.
+
+    Raises:
+        ConfigurationError: some point cannot be played.
+        AlreadyRunningError: another campaign writes into `folder`.
+        StateError: `folder` cannot be written.
+    """
+    points = tqdm(campaign.points(), desc="checked", unit=" points", disable=None, delay=2.0, leave=False)
+    check_points(campaign, points)
+    code = {law: code_of(law) for law in campaign.laws}
+    runs = list(campaign.runs())
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        with lock.held(folder, timeout_s=0.0), Journal(folder / JOURNAL) as journal:
+            each = {run.key: run for run in runs}  # points that differ in nothing are one run
+            missing = [run for key, run in each.items() if journal.outcome(key, code[run.law]) is None]
+            with (
+                tqdm(total=len(each), initial=len(each) - len(missing), unit=" runs", disable=None) as bar,
+                closing(spread_out(function, missing, workers)) as results,
+            ):
+                for run, outcome in results:
+                    journal.add(run.key, code[run.law], outcome)
+                    bar.set_postfix_str(f"{run.law} at point {run.point}")
+                    bar.update()
+            found = [(run, journal.outcome(run.key, code[run.law])) for run in runs]
+    return [PlayedRun(run, outcome) for run, outcome in found if outcome is not None]
+
+
+def code_of(law: str) -> str:
+    """Return a digest of the code on which the outcome of a run of `law` depends."""
+    own = Path(run_module.__file__).with_suffix(".py").read_bytes()
+    return hashlib.sha256(code_digest(law).encode() + own).hexdigest()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from plant_emulator.oscillator import Oscillator
 from plant_emulator.roots import TIME_TOLERANCE_S
@@ -51,7 +51,7 @@ class Constants:
 class _Latest:
     """The constants that were wanted last; the hash of all settings takes as long as a step of a stem at rest."""
 
-    constants: Constants | None = None
+    constants: ClassVar[Constants | None] = None
 
 
 def constants_of(settings: PlantSettings) -> Constants:

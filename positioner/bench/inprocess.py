@@ -80,8 +80,7 @@ def run_in_process(
         received = tuple(frame for frame in inbox if frame.arbitration_id != truth_id)
         # the daemon's clock in lockstep: one period with each position frame
         state, outbox, happened = step(setup, state, CycleInput(received, round((sample + 1) * period_s * _NS)))
-        for frame in (*inbox, *outbox):
-            recording.add(frame, sample * period_s)
+        recording.add_sample(sample, (*inbox, *outbox))
         device = advance(settings, take(codec, device, outbox), period_s)
         for event in happened:
             if isinstance(event, Controlled):
@@ -89,6 +88,7 @@ def run_in_process(
             else:
                 events.append(event)
         progress(sample + 1)
+    recording.fill_columns()
     return InProcessRun(recording, tuple(cycles), tuple(events), state.table)
 
 

@@ -15,6 +15,7 @@ import can
 import numpy as np
 from can.io.canutils import CanutilsLogWriter
 
+from positioner.bench.columns import column
 from positioner.bench.metrics import Trace
 from positioner.bench.modes import ModeReport
 from positioner.cycle.outbox import STATUS_PERIOD_NS
@@ -31,6 +32,7 @@ from positioner.wire.messages import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -54,8 +56,8 @@ _COUNTER = 256
 class Recording:
     """The samples of a run; `setpoints`, `truth`, `readings`, `commands` and `statuses` count the frames.
 
-    `mode_reports` are the modes in the positioner's frames. In real time `begin_ns` is the monotonic instant of the
-    start.
+    `mode_reports` are the modes in the positioner's frames; of a loop without a bus, in its status alone. In real time
+    `begin_ns` is the monotonic instant of the start.
     """
 
     codec: Codec
@@ -79,11 +81,13 @@ class Recording:
     unanswered: int = 0
     origin: int | None = None
     begin_ns: int = 0
+    _rank_by_id: dict[int, int] = field(init=False)
 
     def __post_init__(self) -> None:
         """Make room for every sample."""
         for name in ("true_position_m", "true_velocity_m_per_s", "measured_m", "current_ma", "setpoint_m"):
             setattr(self, name, np.full(self.samples, np.nan))
+        self._rank_by_id = {self.codec.identifier(kind)[0]: _RANK[kind] for kind in self._columns}
         if self.lockstep:  # the host is there before the first sample, and may receive its frames in any order
             self.origin = 0
 
@@ -109,6 +113,34 @@ class Recording:
                 self.current_ma[sample] = message.current_ma
         elif isinstance(message, PositionerStatus):
             self.mode_reports.append(ModeReport(stamp_s, message.mode, message.cause))
+
+    def add_sample(self, sample: int, frames: Iterable[CanFrame]) -> None:
+        """Add the frames of one sample of a loop without a bus, where none is lost; `fill_columns` reads them."""
+        stamp_s = sample * self.period_s
+        for frame in frames:
+            rank = self._rank_by_id.get(frame.arbitration_id)
+            if rank is None:
+                self.add(frame, stamp_s)
+            else:
+                self.frames.append((stamp_s, rank, frame))
+        self.truth = self.readings = self.commands = sample + 1
+
+    def fill_columns(self) -> None:
+        """Read the numbers in the frames that `add_sample` added, all at once."""
+        for kind, columns in self._columns.items():
+            kept = [(stamp_s, frame) for stamp_s, rank, frame in self.frames if rank == _RANK[kind]]
+            samples = np.rint(np.array([stamp_s for stamp_s, _ in kept]) / self.period_s).astype(np.intp)
+            for name, values in columns.items():
+                values[samples] = column(self.codec.by_kind[kind], name, [frame for _, frame in kept])
+
+    @property
+    def _columns(self) -> Mapping[type[Message], Mapping[str, NDArray[np.float64]]]:
+        truth = {"position_m": self.true_position_m, "velocity_m_per_s": self.true_velocity_m_per_s}
+        return {
+            PlantTruth: truth,
+            StemPosition: {"position_m": self.measured_m},
+            CurrentCommand: {"current_ma": self.current_ma},
+        }
 
     def _sample_of(self, message: Message, counter: int | None) -> int:
         """Return the sample that a frame belongs to; -1 for frames from before the first truth."""

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 UNUSED_ROOMS = frozenset(("campaign", "cli", "conformance", "doctor", "host", "replay", "runtime", "store"))
 """Rooms whose code no bout runs."""
 USED_MODULES = {
-    "bench": frozenset(("configure", "inprocess", "metrics", "modes", "playable", "recording", "scenario")),
+    "bench": frozenset(("columns", "configure", "inprocess", "metrics", "modes", "playable", "recording", "scenario")),
     "studies": frozenset(("league",)),
 }
 """Modules that a bout runs, for each room of which it runs only some."""

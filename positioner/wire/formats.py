@@ -105,6 +105,10 @@ class FrameFormat:
         # for fields without a signal; the first field of a message has no default, and always a signal
         self._defaults = [None if each.default is MISSING else each.default for each in fields(kind)]
 
+    def placed(self, name: str) -> PlacedField:
+        """Return the field `name` with its bits."""
+        return next(field for field in self._placed if field.name == name)
+
     def decode(self, frame: CanFrame) -> tuple[Message, int | None]:
         """Return the message and its counter.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import can
@@ -49,6 +50,29 @@ def command(answers: int, current_ma: float = 12.0, mode: Mode = Mode.ACTIVE) ->
 
 def sample_of(counter: int) -> tuple[CanFrame, ...]:
     return truth(counter, 0.08 + 1e-5 * counter), reading(counter), command(counter, 4.0 + 0.01 * (counter % 1000))
+
+
+def test_samples_of_a_loop_without_a_bus_are_those_of_the_same_frames_one_by_one() -> None:
+    chance = np.random.default_rng(1)
+    one_by_one, by_sample = new_recording(600), new_recording(600)
+    for sample in range(600):
+        frames = [
+            truth(sample, chance.uniform(-0.01, 0.6), chance.uniform(-8.0, 8.0)),
+            reading(sample, chance.uniform(-1.0, 1.0)),
+            *([command(sample, chance.uniform(4.0, 20.0))] if sample != 77 else []),
+            *([CODEC.encode(STATUS, sample // 100)] if sample % 100 == 0 else []),
+        ]
+        by_sample.add_sample(sample, frames)
+        for frame in frames:
+            one_by_one.add(frame, 0.0)
+    by_sample.fill_columns()
+    assert by_sample.frames == one_by_one.frames
+    assert by_sample.complete == one_by_one.complete == 600
+    for name in ("true_position_m", "true_velocity_m_per_s", "measured_m", "current_ma"):
+        expected = getattr(one_by_one, name)
+        assert np.array_equal(getattr(by_sample, name), expected, equal_nan=True), name
+        assert np.isfinite(np.delete(expected, 77)).all()
+    assert math.isnan(by_sample.current_ma[77])
 
 
 def test_every_frame_goes_to_its_sample_beyond_the_wrap_of_the_counters() -> None:

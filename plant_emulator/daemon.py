@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from plant_emulator.parameters import PlantSettings
     from positioner.bus.address import BusAddress
     from positioner.wire.codec import Codec
+    from positioner.wire.messages import CanFrame
 
 _WAIT_S = 0.1
 _STALL_S = 30.0
@@ -38,6 +39,7 @@ class EmulatorOptions:
     seed: of the noise and of the stochastic friction.
     lockstep: wait for the command before the next period; otherwise the clock sets the pace.
     setpoint_every: in lockstep, also wait for a setpoint frame every so many samples; 0 for never.
+    command_delay_s: commands act this long after a reading, up to a period; 0 for as soon as they arrive.
     """
 
     bus: BusAddress
@@ -45,6 +47,7 @@ class EmulatorOptions:
     seed: int
     lockstep: bool
     setpoint_every: int = 0
+    command_delay_s: float = 0.0
 
 
 class EmulatorDaemon:
@@ -62,6 +65,8 @@ class EmulatorDaemon:
         self._notifier = Notifier()
         self._state = initial_device(settings, options.seed)
         self._failure = ""
+        self._start_ns = 0
+        self._waiting: list[CanFrame] = []
 
     def run(self) -> ExitCode:
         """Run until SIGTERM or SIGINT.
@@ -86,15 +91,17 @@ class EmulatorDaemon:
 
     def _run_lockstep(self) -> None:
         """Advance one period as soon as the setpoint and the command that belong to it have come."""
-        every = self._options.setpoint_every
+        every, delay_s = self._options.setpoint_every, self._options.command_delay_s
         while not self._stopping:
             sample = self._state.position_counter
             if every and sample % every == 0:
                 self._await(partial(_has_setpoint, number=sample // every), "setpoint frame")
             self._publish()
+            if delay_s:
+                self._advance(delay_s)
             self._await(partial(_is_answered, sample=sample), "command frame")
             if not self._stopping:
-                self._advance(self._options.period_s)
+                self._advance(self._options.period_s - delay_s)
 
     def _await(self, arrived: Callable[[DeviceState], bool], frame_name: str) -> None:
         deadline_s = time.monotonic() + _STALL_S
@@ -107,24 +114,44 @@ class EmulatorDaemon:
                 raise BenchError(f"{text}; is the positioner armed (guard.auto_arm), in lockstep, and on this bus?")
 
     def _run_real_time(self) -> None:
-        """Publish every period, with or without commands; a command acts from the instant at which it arrives."""
-        period_ns = round(self._options.period_s * _NS)
-        start_ns = time.monotonic_ns()
-        sample = 0
+        """Publish every period, with or without commands."""
+        period_ns, delay_ns = round(self._options.period_s * _NS), round(self._options.command_delay_s * _NS)
+        self._start_ns = begin_ns = time.monotonic_ns()
         while not self._stopping:
             self._publish()
-            sample += 1
-            self._advance_until(start_ns, start_ns + sample * period_ns)
+            if delay_ns:
+                self._act_together(begin_ns + delay_ns, begin_ns + period_ns)
+            else:
+                self._act_on_arrival(begin_ns + period_ns)
+            begin_ns += period_ns
 
-    def _advance_until(self, start_ns: int, end_ns: int) -> None:
-        while not self._stopping and (remaining_ns := end_ns - time.monotonic_ns()) > 0:
-            for frame in self._bus.receive(remaining_ns / _NS):
-                self._advance_to(min(frame.received_ns, end_ns) - start_ns)
+    def _act_on_arrival(self, end_ns: int) -> None:
+        """Advance to `end_ns`; a command acts from the instant at which it arrives."""
+        while not self._stopping and (left_ns := end_ns - time.monotonic_ns()) > 0:
+            for frame in self._bus.receive(left_ns / _NS):
+                self._advance_to(min(frame.received_ns, end_ns))
                 self._state = take(self._codec, self._state, (frame,))
-        self._advance_to(end_ns - start_ns)
+        self._advance_to(end_ns)
 
-    def _advance_to(self, plant_ns: int) -> None:
-        duration_s = plant_ns / _NS - self._state.plant.time_s
+    def _act_together(self, at_ns: int, end_ns: int) -> None:
+        """Advance to `end_ns`; the commands that have arrived by `at_ns` act from then on, as in a node with a timer.
+
+        The valve is computed while its node waits: nothing else acts meanwhile.
+        """
+        self._advance_to(at_ns)
+        self._wait_until(at_ns)
+        arrived = tuple(frame for frame in self._waiting if frame.received_ns <= at_ns)
+        self._waiting = [frame for frame in self._waiting if frame.received_ns > at_ns]
+        self._state = take(self._codec, self._state, arrived)
+        self._advance_to(end_ns)
+        self._wait_until(end_ns)
+
+    def _wait_until(self, end_ns: int) -> None:
+        while not self._stopping and (left_ns := end_ns - time.monotonic_ns()) > 0:
+            self._waiting += self._bus.receive(left_ns / _NS)
+
+    def _advance_to(self, instant_ns: int) -> None:
+        duration_s = (instant_ns - self._start_ns) / _NS - self._state.plant.time_s
         if duration_s > 0.0:
             self._advance(duration_s)
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from plant_emulator.cli.plant_options import SECONDS, add_plant_options, plant_of
 from plant_emulator.daemon import EmulatorDaemon, EmulatorOptions
 from positioner.bus.address import parse_address
-from positioner.inputs.numbers import whole
+from positioner.errors import UsageError
+from positioner.inputs.numbers import number, whole
 from positioner.wire.codec import make_codec
 from positioner.wire.settings import WireSettings
 
@@ -42,6 +43,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         default="realtime",
         help="send every period, or wait for each answer of the positioner (%(default)s)",
     )
+    parser.add_argument(
+        "--command-delay",
+        type=number(0.0, 1.0, "seconds from 0 to 1"),
+        default=0.0,
+        metavar="S",
+        help="commands act this long after a reading, up to a period; 0: as soon as they arrive (%(default)s s)",
+    )
     parser.add_argument("--setpoint-every", type=whole, default=0, metavar="N", help=argparse.SUPPRESS)
     parser.add_argument(
         "--id-offset",
@@ -55,12 +63,15 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
     settings = plant_of(arguments)
+    if arguments.command_delay > arguments.period:
+        raise UsageError(f"--command-delay {arguments.command_delay:g} is longer than --period {arguments.period:g}")
     options = EmulatorOptions(
         bus=parse_address(arguments.bus),
         period_s=arguments.period,
         seed=arguments.seed,
         lockstep=arguments.clock == "lockstep",
         setpoint_every=arguments.setpoint_every,
+        command_delay_s=arguments.command_delay,
     )
     codec = make_codec(WireSettings(id_offset=arguments.id_offset), span_m=settings.valve.span_m)
     return EmulatorDaemon(settings, codec, options).run()

@@ -69,6 +69,7 @@ def _nmpc(parts: Ingredients) -> NmpcLaw:
         current_low_ma=parts.guard.current_low_ma,
         current_high_ma=parts.guard.current_high_ma,
         period_s=parts.control.sample_period_s,
+        command_delay_s=parts.control.command_delay_s,
         table_from_s=parts.control.table_from_s,
         table_cell_m=parts.control.table_cell_m,
     )

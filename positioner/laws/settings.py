@@ -26,6 +26,7 @@ class ControlSettings(SettingsTable):
 
     law: the name of the control law.
     sample_period_s: T_s, the period of the position frames.
+    command_delay_s: time from a reading to the instant at which its command acts on the valve, up to a period.
     table_from_s: time since control began from which the stiction table is used (paper §6.3); the law always learns.
     table_cell_m: width of a cell of the stiction table.
     planner, bounds: the paper's controller (Table 5, eqs 21-26).
@@ -36,6 +37,7 @@ class ControlSettings(SettingsTable):
 
     law: str = "nmpc"
     sample_period_s: Annotated[float, Interval(ge=1e-5, le=1.0)] = 0.001
+    command_delay_s: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0
     table_from_s: Annotated[float, Interval(ge=0.0, le=1e9)] = 0.0
     table_cell_m: Annotated[float, Interval(ge=1e-5, le=0.1)] = 0.005
     planner: PlannerSettings = field(default_factory=PlannerSettings)
@@ -49,3 +51,8 @@ class ControlSettings(SettingsTable):
     )
     two_move: TwoMoveSettings = field(default_factory=partial(tuned, "two-move", TwoMoveSettings))
     two_move_retry: TwoMoveRetrySettings = field(default_factory=partial(tuned, "two-move-retry", TwoMoveRetrySettings))
+
+    def __post_init__(self) -> None:
+        """Refuse a delay of more than a period."""
+        if self.command_delay_s > self.sample_period_s:
+            raise ValueError("command_delay_s exceeds sample_period_s")

@@ -51,6 +51,7 @@ class NmpcLaw:
     current_low_ma: float
     current_high_ma: float
     period_s: float
+    command_delay_s: float
     table_from_s: float
     table_cell_m: float
 
@@ -118,7 +119,8 @@ class NmpcLaw:
     ) -> tuple[NmpcMemory, Estimate]:
         """Return the memory and the sliding stem; when the model or the reading has stopped it, it settles."""
         ahead = self.filter.advance(stem, observation.applied_ma, observation.elapsed_s)
-        after = self.filter.correct(ahead, observation.measured_m, variance_m2)
+        here_m = observation.measured_m + self._moved_since_m(stem, ahead, observation)
+        after = self.filter.correct(ahead, here_m, variance_m2)
         overdue = observation.time_s > memory.ends_s
         if not after.stopped and not overdue:
             return replace(memory, stem=after), report(after)
@@ -138,6 +140,14 @@ class NmpcLaw:
             hold_ma=None,
         )
         return memory, report(rest)
+
+    def _moved_since_m(self, stem: Sliding, ahead: Sliding, observation: Observation) -> float:
+        """Return how far in m the stem moves from the reading until the next command acts: the estimate is for then."""
+        if self.command_delay_s == 0.0:
+            return 0.0
+        at_reading_s = max(observation.elapsed_s - self.command_delay_s, 0.0)
+        model, s = self.filter.model, stem.direction
+        return ahead.x - model.step(stem.x, stem.v, observation.applied_ma, stem.load, s, at_reading_s).x
 
     def _with_load_of_table(self, memory: NmpcMemory, table: StictionTable) -> NmpcMemory:
         """Return the memory with K and friction from the table, so that a restart does not change the law."""

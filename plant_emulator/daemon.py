@@ -147,6 +147,8 @@ class EmulatorDaemon:
         self._wait_until(end_ns)
 
     def _wait_until(self, end_ns: int) -> None:
+        """Receive until `end_ns`, at least once: frames may have waited while this process did not run."""
+        self._waiting += self._bus.receive(max(end_ns - time.monotonic_ns(), 0) / _NS)
         while not self._stopping and (left_ns := end_ns - time.monotonic_ns()) > 0:
             self._waiting += self._bus.receive(left_ns / _NS)
 

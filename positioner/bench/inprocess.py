@@ -65,6 +65,7 @@ def run_in_process(
     configuration = configure(scenario)
     settings = check_playable(scenario, configuration)
     setup = configuration.make_setup()
+    delay_s = configuration.control.command_delay_s
     codec, period_s, every = setup.codec, scenario.sample_period_s, scenario.samples_per_setpoint
     truth_id, _ = codec.identifier(PlantTruth)
     state = CycleState(table=table or StictionTable(cell_width_m=configuration.control.table_cell_m))
@@ -81,7 +82,9 @@ def run_in_process(
         # the daemon's clock in lockstep: one period with each position frame
         state, outbox, happened = step(setup, state, CycleInput(received, round((sample + 1) * period_s * _NS)))
         recording.add_sample(sample, (*inbox, *outbox))
-        device = advance(settings, take(codec, device, outbox), period_s)
+        if delay_s:
+            device = advance(settings, device, delay_s)
+        device = advance(settings, take(codec, device, outbox), period_s - delay_s)
         for event in happened:
             if isinstance(event, Controlled):
                 cycles.append(event)

@@ -7,7 +7,7 @@ import os
 import platform
 import shutil
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from positioner.bench.scenario import Scenario
     from positioner.config.schema import Configuration
 
+_COMMAND_DELAY_PERIODS = 0.8
+"""When commands act after a reading in real time: most of the period is for the cycle, the rest for the emulator."""
 _PLANT_PRIORITY, _DAEMON_PRIORITY = 60, 50
 """In real time: the plant stands for hardware, which waits for nobody; the daemon has the priority of realtime.conf."""
 _RECEIVED = (StemPosition, ActuatorState, PlantTruth, CurrentCommand, PositionerStatus, PositionerCount)
@@ -98,7 +100,18 @@ def run_bench(scenario: Scenario, options: BenchOptions, say: Callable[[str], ob
         raise BenchError(f"{error.filename or options.out}: {error.strerror}") from error
 
 
+def _in_real_time(scenario: Scenario) -> Scenario:
+    """Return `scenario` with the instant at which commands act, where it does not give one: late in the period.
+
+    A command that comes later acts a period later, which the law cannot know before.
+    """
+    delay_s = _COMMAND_DELAY_PERIODS * scenario.sample_period_s
+    return replace(scenario, control={"command_delay_s": delay_s, **scenario.control})
+
+
 def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]) -> Result:
+    if not options.lockstep:
+        scenario = _in_real_time(scenario)
     address, reason = choose_bus(options.bus)
     say(reason)
     out = options.out
@@ -179,6 +192,7 @@ def _play(scenario: Scenario, options: BenchOptions, configuration: Configuratio
     daemon_arguments += ["--trace", str(out / "trace.csv")]
     plant_arguments = ["run", "--config", str(out / "plant.toml"), "--bus", str(plant_bus), "--clock", clock]
     plant_arguments += ["--period", repr(scenario.sample_period_s), "--seed", str(scenario.seed)]
+    plant_arguments += ["--command-delay", repr(configuration.control.command_delay_s)]
     if options.lockstep:
         for arguments in (daemon_arguments, plant_arguments):
             arguments += ["--setpoint-every", str(scenario.samples_per_setpoint)]

@@ -40,10 +40,10 @@ PERIOD_S = 1e-3
 SPAN_M = 0.127
 
 
-def make_law(solver: Solver | None = None, **valve: float) -> NmpcLaw:
+def make_law(solver: Solver | None = None, command_delay_s: float = 0.0, **valve: float) -> NmpcLaw:
     config = parse_config('[valve]\nid = "paper"\npreset = "paper"\n', "test", Path())
     parts = Ingredients(
-        ControlSettings(law="nmpc"),
+        ControlSettings(law="nmpc", command_delay_s=command_delay_s),
         ValveParameters(id="paper", **valve),
         config.estimator,
         config.guard,
@@ -103,6 +103,24 @@ def test_a_new_setpoint_begins_with_the_breakaway_current_and_says_why(step_m: f
     assert decision.reason.breakaway.source is BreakawaySource.MODEL
     assert isinstance(memory.stem, Sliding)
     assert memory.monitor.verification is not None
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.3e-3, 0.8e-3, PERIOD_S])
+def test_a_law_that_knows_when_its_commands_act_follows_the_stem_exactly(delay_s: float) -> None:
+    law = make_law(command_delay_s=delay_s)
+    memory, decision = cycle(law, rested(law), 0.08, law.valve.balance_current_ma(0.08), 0.085)
+    x, v, slid = 0.08, 0.0, 0
+    for _ in range(100):
+        if decision.motion is not Motion.MOVE:
+            break
+        load, model = law.filter.nominal, law.filter.model
+        at_reading = model.step(x, v, decision.current_ma, load, 1.0, PERIOD_S - delay_s)
+        now = model.step(x, v, decision.current_ma, load, 1.0, PERIOD_S)
+        memory, decision = cycle(law, memory, at_reading.x, decision.current_ma, 0.085)
+        x, v, slid = now.x, now.v, slid + 1
+        assert memory.stem.x == pytest.approx(x, abs=1e-9)
+    assert 3 <= slid < 100
+    assert x == pytest.approx(0.085, abs=2e-5)
 
 
 def test_an_error_inside_tolerance_or_doubt_is_left_alone() -> None:

@@ -129,6 +129,10 @@ class AdaptiveFilter:
         covariance[FRICTION, FRICTION] += wander_n * wander_n * abs(end.x - state.x)
         return replace(state, x=end.x, v=end.v, covariance=covariance, stopped=end.stopped)
 
+    def moved_m(self, state: Sliding, ahead: Sliding, current_ma: float, after_s: float) -> float:
+        """Return how far in m the stem has moved when it is `ahead`, from `after_s` on, under `current_ma`."""
+        return ahead.x - self.model.step(state.x, state.v, current_ma, state.load, state.direction, after_s).x
+
     def correct(self, state: Sliding, measured_m: float, variance_m2: float) -> Sliding:
         """Return the estimate after a reading with `variance_m2`; friction stops the stem before its speed turns."""
         column = state.covariance[:, POSITION]

@@ -119,7 +119,10 @@ class NmpcLaw:
     ) -> tuple[NmpcMemory, Estimate]:
         """Return the memory and the sliding stem; when the model or the reading has stopped it, it settles."""
         ahead = self.filter.advance(stem, observation.applied_ma, observation.elapsed_s)
-        here_m = observation.measured_m + self._moved_since_m(stem, ahead, observation)
+        here_m = observation.measured_m
+        if self.command_delay_s:  # the estimate is for the instant at which this cycle's command acts
+            at_reading_s = max(observation.elapsed_s - self.command_delay_s, 0.0)
+            here_m += self.filter.moved_m(stem, ahead, observation.applied_ma, at_reading_s)
         after = self.filter.correct(ahead, here_m, variance_m2)
         overdue = observation.time_s > memory.ends_s
         if not after.stopped and not overdue:
@@ -131,23 +134,9 @@ class NmpcLaw:
         if monitor.verification is not None and not overdue:
             stop = LearnedSample(Quantity.STICK_SPEED, rest.x, direction_of(stem.direction), abs(stem.v))
             monitor = replace(monitor, verification=replace(monitor.verification, stop=stop))
-        memory = replace(
-            memory,
-            stem=rest,
-            monitor=monitor,
-            motion=Motion.SETTLE,
-            settle_s=self.settings.settle_s,
-            hold_ma=None,
-        )
+        settle_s = self.settings.settle_s
+        memory = replace(memory, stem=rest, monitor=monitor, motion=Motion.SETTLE, settle_s=settle_s, hold_ma=None)
         return memory, report(rest)
-
-    def _moved_since_m(self, stem: Sliding, ahead: Sliding, observation: Observation) -> float:
-        """Return how far in m the stem moves from the reading until the next command acts: the estimate is for then."""
-        if self.command_delay_s == 0.0:
-            return 0.0
-        at_reading_s = max(observation.elapsed_s - self.command_delay_s, 0.0)
-        model, s = self.filter.model, stem.direction
-        return ahead.x - model.step(stem.x, stem.v, observation.applied_ma, stem.load, s, at_reading_s).x
 
     def _with_load_of_table(self, memory: NmpcMemory, table: StictionTable) -> NmpcMemory:
         """Return the memory with K and friction from the table, so that a restart does not change the law."""

@@ -17,8 +17,9 @@ class Play:
 class Case(Protocol):
     """A sequence of n actions that can be repeated from the same start."""
 
-    labels: tuple[str, ...]
-    """The group of each action (n,), such as the mode of a cycle."""
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The group of each action (n,), such as the mode of a cycle."""
 
     def play(self) -> Play:
         """Return the durations and results of the whole sequence."""

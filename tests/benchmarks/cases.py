@@ -2,58 +2,85 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from benchmarks.bus_latency import BusCase
 from benchmarks.cycles import CycleCase, scenario
+from benchmarks.peers import PeerCase
 from benchmarks.plans import PERIOD_S, PlanCase, one_pass, recorded_plans
 from benchmarks.problem import control_problem
+from benchmarks.simulation import SimulationCase
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from benchmarks.case import Case
-    from benchmarks.peers import Peer
-    from benchmarks.problem import ControlProblem
 
-HORIZONS = (4, 20)
-"""H_p = H_u of the plans that are compared with other programs."""
-SEEDS = (1, 2)
-
-
-def cycle_cases() -> Mapping[str, Callable[[], Case]]:
-    """Return the cycles at 1 and at 10 kHz, which some hundreds of move cycles each belong to."""
-    slow = {f"cycle 1 kHz seed {seed}": partial(_cycles, 1e-3, 40, 0.05, seed) for seed in SEEDS}
-    return slow | {"cycle 10 kHz seed 1": partial(_cycles, 1e-4, 10, 0.03, 1)}
-
-
-def plan_cases() -> Mapping[str, Callable[[], Case]]:
-    """Return our own plans, of one programme each."""
-    return {f"plan H_p {horizon} ours": partial(PlanCase, horizon) for horizon in HORIZONS}
-
-
-def peer_cases() -> Mapping[str, Callable[[], Case]]:
-    """Return the same problems, given to the other programs."""
-    return {
-        f"plan H_p {horizon} {name}": partial(_peer, name, horizon)
-        for horizon in HORIZONS
-        for name in ("qpmpc + daqp", "qpmpc + OSQP")
+ROUNDS = 20
+"""Repeats of a case. The smallest duration of an action is what it takes; the rest is other people's noise."""
+_FEW = 5
+"""Repeats of what takes long, or has no smallest duration that would mean much."""
+PLAN_HORIZONS = (4, 20)
+"""H_p = H_u of the plans that are compared with those of other programs."""
+HORIZONS = (4, 10, 20, 50)
+"""H_p = H_u of the cycles that are compared with each other."""
+PEERS: Mapping[str, tuple[str, str, float]] = MappingProxyType(
+    {
+        "qpmpc + daqp": ("peer_qpmpc", "with_daqp", 1e-5),
+        "qpmpc + OSQP": ("peer_qpmpc", "with_osqp", 1e-5),
+        "CasADi sqpmethod + qrqp": ("peer_casadi", "Sqp", 1.0),
+        "CasADi Opti + IPOPT": ("peer_casadi", "OptiIpopt", 1.0),
+        "do-mpc": ("peer_do_mpc", "DoMpc", 1.0),
     }
+)
+"""Module and maker of each other program, and the scale of speeds: qpmpc weights all states, so they must be small."""
 
 
-def _cycles(period_s: float, setpoints: int, dwell_s: float, seed: int) -> Case:
-    return CycleCase(scenario(period_s, setpoints, dwell_s, seed))
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A case that can be made, how often it is repeated, and whether it has nothing to do with our build."""
+
+    make: Callable[[], Case]
+    rounds: int = ROUNDS
+    foreign: bool = False
 
 
-def _problems(horizon: int) -> list[ControlProblem]:
-    law, planned = recorded_plans(horizon)
-    settings, model = one_pass(law), law.filter.model
-    return [control_problem(settings, model, each, PERIOD_S) for each in planned]
+def cases() -> Mapping[str, Entry]:
+    """Return all cases."""
+    found: dict[str, Entry] = {}
+    for seed in (1, 2):
+        found[f"cycle, 1 kHz, seed {seed}"] = Entry(partial(_cycles, 1e-3, 40, 0.05, seed))
+    found["cycle, 10 kHz, seed 1"] = Entry(partial(_cycles, 1e-4, 10, 0.03, 1))
+    for horizon in HORIZONS:
+        found[f"horizon, {horizon}"] = Entry(partial(_cycles, 1e-3, 12, 0.04, 1, horizon))
+    for horizon in PLAN_HORIZONS:
+        found[f"plan, {horizon}, ours"] = Entry(partial(PlanCase, horizon))
+        for name in PEERS:
+            found[f"plan, {horizon}, {name}"] = Entry(partial(_peer, name, horizon), foreign=True)
+    for bus in ("sockets", "embedded"):
+        for kind in ("echo", "daemon"):
+            found[f"bus, {bus}, {kind}"] = Entry(partial(_bus, kind, paired=bus == "sockets"), _FEW)
+    for name in ("frames", "direct"):
+        found[f"simulation, {name}"] = Entry(partial(SimulationCase, frames=name == "frames"), _FEW)
+    return found
+
+
+def _cycles(period_s: float, setpoints: int, dwell_s: float, seed: int, horizon: int = 4) -> Case:
+    return CycleCase(scenario(period_s, setpoints, dwell_s, seed, horizon))
+
+
+def _bus(kind: str, *, paired: bool) -> Case:
+    return BusCase(scenario(1e-3, 20, 0.04, 1), kind, paired=paired)
 
 
 def _peer(name: str, horizon: int) -> Case:
-    from benchmarks.peer_qpmpc import with_daqp, with_osqp  # noqa: PLC0415 - only where peers are installed
-    from benchmarks.peers import PeerCase  # noqa: PLC0415
-
-    makers: dict[str, Callable[[int], Peer]] = {"qpmpc + daqp": with_daqp, "qpmpc + OSQP": with_osqp}
-    return PeerCase(makers[name], _problems(horizon))
+    law, planned = recorded_plans(horizon)
+    settings, model = one_pass(law), law.filter.model
+    module, maker, speed_scale = PEERS[name]
+    problems = [control_problem(settings, model, each, PERIOD_S).with_speed(speed_scale) for each in planned]
+    # only the one worker that measures them needs the other programs
+    return PeerCase(getattr(import_module(f"benchmarks.{module}"), maker), problems)

@@ -11,6 +11,8 @@ from pathlib import Path
 
 LIBRARIES = ("numpy", "osqp", "cantools", "python-can")
 """Other people's code inside a cycle, or around it."""
+_CORES = os.sched_getaffinity(0)
+"""The cores that this process had at its start."""
 
 
 def be_quiet(core: int) -> None:
@@ -19,6 +21,12 @@ def be_quiet(core: int) -> None:
     gc.collect()
     gc.freeze()
     gc.disable()
+
+
+def apart(process: int) -> None:
+    """Give `process` another core than this one, where there is another."""
+    own = os.sched_getaffinity(0)
+    os.sched_setaffinity(process, (_CORES - own) or own)
 
 
 def last_core() -> int:

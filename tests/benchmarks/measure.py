@@ -8,14 +8,11 @@ import sys
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.cases import cycle_cases, peer_cases, plan_cases
+from benchmarks.cases import cases
 from benchmarks.distribution import smallest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
-
-ROUNDS = 20
-"""Repeats of every case. The smallest duration of an action is what it takes; the rest is other people's noise."""
+    from collections.abc import Callable, Mapping, Sequence
 
 
 @dataclass(slots=True)
@@ -82,20 +79,27 @@ def start(core: int, environment: Mapping[str, str]) -> Worker:
     return Worker([sys.executable, "-m", "benchmarks.worker", str(core)], environment)
 
 
-def measure(workers: Iterable[Worker], rounds: int, progress: Callable[[str], None]) -> Iterator[Measured]:
-    """Yield every case of every worker; `progress` is told each thing that is done."""
-    plays: list[tuple[Worker, Measured]] = []
-    for number, worker in enumerate(workers):
-        # the other programs have no builds of ours: one worker measures them
-        names = [*cycle_cases(), *plan_cases(), *(peer_cases() if number == 0 else ())]
-        for name in names:
-            plays.append((worker, Measured(name, worker.build, tuple(worker.ask(name)["labels"]))))
-            progress(name)
-    for _ in range(rounds):
-        for worker, measured in plays:
-            answer = worker.ask(measured.name)
-            measured.rounds_ns.append(answer["durations_ns"])
-            measured.results.append(answer["result"])
-            progress(measured.name)
-    for _, measured in plays:
-        yield measured
+def plays(workers: Sequence[Worker], rounds: int) -> list[tuple[Worker, str, int]]:
+    """Return every case of every worker and its repeats, at most `rounds`; the first worker has what is not ours."""
+    return [
+        (worker, name, min(entry.rounds, rounds))
+        for name, entry in cases().items()
+        for worker in (workers[:1] if entry.foreign else workers)
+    ]
+
+
+def measure(workers: Sequence[Worker], rounds: int, progress: Callable[[str], None]) -> list[Measured]:
+    """Return every case of every worker; `progress` is told each thing that is done."""
+    found: list[tuple[Worker, int, Measured]] = []
+    for worker, name, repeats in plays(workers, rounds):
+        progress(name)
+        labels = tuple(worker.ask(name)["labels"])
+        found.append((worker, repeats, Measured(name, worker.build, labels)))
+    for number in range(rounds):
+        for worker, repeats, measured in found:
+            if number < repeats:
+                progress(measured.name)
+                answer = worker.ask(measured.name)
+                measured.rounds_ns.append(answer["durations_ns"])
+                measured.results.append(answer["result"])
+    return [measured for *_, measured in found]

@@ -2,12 +2,13 @@
 
 Its variables are the deviations from the guess: δx(0) = 0, δx(i+1) = A(i) δx(i) + b(i) δu(i), where x is the position
 and the speed. It minimises Σ w(i) (δp(i+1) - e(i))² + r Σ (δu(i) - t(i))², with δu between `low` and `high` and
-g(i)·δx(i+1) ≤ room(i). Positions and stopping points are scaled as `positioner.laws.nmpc.plan` scales them.
+g(i)·δx(i+1) ≤ room(i). Positions and stopping points are scaled as `positioner.laws.nmpc.plan` scales them; speeds, so
+that the first input moves the first one by 1.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-SPEED_SCALE = 1e-5
-"""Speeds are so small beside positions that a program which weights all states alike ignores them."""
 _REACH = 20.0
 _LEAST_M_PER_MA = 1e-9
 
@@ -52,6 +51,12 @@ class ControlProblem:
     def steps(self) -> int:
         """The horizon N."""
         return len(self.errors)
+
+    def with_speed(self, scale: float) -> ControlProblem:
+        """Return the same problem with speeds in a unit that makes their numbers smaller by `scale`."""
+        states = np.array([1.0, scale])
+        A = self.A / states * states[:, np.newaxis]
+        return replace(self, A=A, b=self.b * states, g=self.g / states)
 
 
 def control_problem(
@@ -86,7 +91,7 @@ def control_problem(
     room = np.maximum(room, stop_rows @ braking / scales)
     weights = np.ones(count)
     weights[-1] = settings.terminal_factor
-    scale = np.array([unit, 1.0 / SPEED_SCALE])
+    scale = np.array([unit, float(b[0, 1]) or 1.0])
     return ControlProblem(
         A=A * scale / scale[:, np.newaxis],
         b=b / scale,

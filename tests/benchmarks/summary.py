@@ -1,48 +1,47 @@
-"""What was measured, as one document: distributions by mode, plans beside those of the other programs, goals."""
+"""What was measured, as one document: cycles by mode and by horizon, plans beside those of others, bus, simulation."""
 
 from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.distribution import Distribution
+from benchmarks.goals import goals
+from benchmarks.simulation import SCENARIO
+from positioner.bench.scenario import load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from benchmarks.measure import Measured
 
+    Entry = dict[str, Any]
+
 MODES = ("at rest", "in a move", "settling")
 MOST_APART_MA = 0.01
 """First inputs that differ by more are not solutions of one problem."""
 
 
-@dataclass(frozen=True, slots=True)
-class Goal:
-    """A limit in µs, or a least ratio, and what was measured."""
-
-    what: str
-    limit: float
-    measured: float
-    least: bool = False
-
-    @property
-    def holds(self) -> bool:
-        """Whether the goal is met."""
-        return self.measured >= self.limit if self.least else self.measured <= self.limit
-
-
 def summarize(cases: Sequence[Measured]) -> dict[str, Any]:
-    """Return the figures of all cases."""
+    """Return the figures of all cases.
+
+    Raises:
+        RuntimeError: two repeats of a case differ, or another program has solved another problem.
+    """
     check_bits(cases)
-    cycles, plans = list(_cycles(cases)), list(_plans(cases))
-    return {
-        "cycles": cycles,
-        "plans": plans,
-        "goals": [asdict(goal) | {"holds": goal.holds} for goal in goals(cycles, plans)],
+    document = {
+        "cycles": list(_by_mode(cases, "cycle", "rate")),
+        "horizons": list(_by_mode(cases, "horizon", "horizon")),
+        "plans": list(_plans(cases)),
+        "bus": list(_bus(cases)),
+        "simulation": list(_simulation(cases)),
     }
+    for plan in document["plans"]:
+        if not plan["apart_ma"] <= MOST_APART_MA:
+            raise RuntimeError(f"{plan['program']} plans other inputs than ours, by up to {plan['apart_ma']:.3f} mA")
+    return document | {"goals": [asdict(goal) | {"holds": goal.holds} for goal in goals(document)]}
 
 
 def check_bits(cases: Sequence[Measured]) -> None:
@@ -58,64 +57,52 @@ def check_bits(cases: Sequence[Measured]) -> None:
                 raise RuntimeError(f"{case.name}: two repeats gave different results; a repeat must be bit-identical")
 
 
-def _cycles(cases: Sequence[Measured]) -> Iterator[dict[str, Any]]:
-    groups: dict[tuple[str, str], list[Measured]] = {}
+def _of(cases: Sequence[Measured], kind: str) -> Iterator[tuple[list[str], Measured]]:
+    """Yield the cases of a kind, each with the other parts of its name."""
     for case in cases:
-        if case.name.startswith("cycle "):
-            _, number, unit, *_ = case.name.split()
-            groups.setdefault((case.build, f"{number} {unit}"), []).append(case)
-    for (build, rate), group in groups.items():
+        own, *parts = case.name.split(", ")
+        if own == kind:
+            yield parts, case
+
+
+def _figures(group: Sequence[Measured], label: str) -> Entry:
+    """Return the distributions over the actions with `label`: of their smallest durations, and of all durations."""
+    least = [duration for case in group for duration in case.smallest_ns(label)]
+    every = [duration for case in group for duration in case.all_ns(label)]
+    return {"smallest": asdict(Distribution.of(least)), "raw": asdict(Distribution.of(every)), "smallest_ns": least}
+
+
+def _by_mode(cases: Sequence[Measured], kind: str, condition: str) -> Iterator[Entry]:
+    groups: dict[tuple[str, str], list[Measured]] = {}
+    for (value, *_), case in _of(cases, kind):
+        groups.setdefault((value, case.build), []).append(case)
+    for (value, build), group in groups.items():
         for mode in MODES:
-            least = [duration for case in group for duration in case.smallest_ns(mode)]
-            every = [duration for case in group for duration in case.all_ns(mode)]
-            yield {
-                "build": build,
-                "rate": rate,
-                "mode": mode,
-                "smallest": asdict(Distribution.of(least)),
-                "raw": asdict(Distribution.of(every)),
-                "smallest_ns": least,
-            }
+            yield {condition: value, "build": build, "mode": mode} | _figures(group, mode)
 
 
-def _plans(cases: Sequence[Measured]) -> Iterator[dict[str, Any]]:
-    plans = [case for case in cases if case.name.startswith("plan ")]
-    ours = {case.name: case for case in plans if case.name.endswith(" ours")}
-    for case in plans:
-        _, _, horizon, program = case.name.split(maxsplit=3)
+def _plans(cases: Sequence[Measured]) -> Iterator[Entry]:
+    ours = {horizon: json.loads(case.results[0]) for (horizon, name), case in _of(cases, "plan") if name == "ours"}
+    for (horizon, program), case in _of(cases, "plan"):
         first_ma = json.loads(case.results[0])
-        reference_ma = json.loads(ours[f"plan H_p {horizon} ours"].results[0])
-        pairs = [(a, b) for a, b in zip(first_ma, reference_ma, strict=True) if a is not None and b is not None]
-        least, every = case.smallest_ns("plan"), case.all_ns("plan")
+        pairs = [(a, b) for a, b in zip(first_ma, ours[horizon], strict=True) if a is not None and b is not None]
         yield {
-            "build": case.build,
             "horizon": int(horizon),
             "program": program,
-            "smallest": asdict(Distribution.of(least)),
-            "raw": asdict(Distribution.of(every)),
+            "build": case.build if program == "ours" else "",
             "unsolved": sum(value is None for value in first_ma),
             "apart_ma": max((abs(a - b) for a, b in pairs), default=math.inf),
-        }
+        } | _figures([case], "plan")
 
 
-def goals(cycles: Sequence[dict[str, Any]], plans: Sequence[dict[str, Any]]) -> Iterator[Goal]:
-    """Yield the goals that these figures decide."""
-    best = "compiled" if any(entry["build"] == "compiled" for entry in cycles) else "interpreted"
-    limits = (
-        (best, "at rest", "median", 50.0),
-        (best, "at rest", "p99", 100.0),
-        (best, "in a move", "p99", 150.0),
-        (best, "in a move", "largest", 250.0),
-        ("interpreted", "in a move", "p99", 700.0),
-    )
-    for build, mode, quantile, limit in limits:
-        for entry in cycles:
-            if (entry["build"], entry["mode"]) == (build, mode):
-                what = f"a cycle {mode} at {entry['rate']}, {build}: {quantile}, µs"
-                yield Goal(what, limit, entry["smallest"][quantile])
-    ours = {entry["horizon"]: entry for entry in plans if (entry["program"], entry["build"]) == ("ours", best)}
-    for program, ratio in (("do-mpc", 50.0), ("qpmpc + daqp", 5.0), ("qpmpc + OSQP", 5.0)):
-        for entry in plans:
-            if (entry["program"], entry["horizon"]) == (program, 20):
-                measured = entry["smallest"]["median"] / ours[20]["smallest"]["median"]
-                yield Goal(f"a plan at H_p 20: {program}, medians, times ours", ratio, measured, least=True)
+def _bus(cases: Sequence[Measured]) -> Iterator[Entry]:
+    for (bus, kind), case in _of(cases, "bus"):
+        for mode in MODES:
+            yield {"bus": bus, "kind": kind, "build": case.build, "mode": mode} | _figures([case], mode)
+
+
+def _simulation(cases: Sequence[Measured]) -> Iterator[Entry]:
+    duration_s = load_scenario(SCENARIO).duration_s
+    for (way,), case in _of(cases, "simulation"):
+        (took_ns,) = case.smallest_ns("run")
+        yield {"way": way, "build": case.build, "scenario": SCENARIO, "times_real_time": duration_s / (took_ns / 1e9)}

@@ -11,11 +11,13 @@ from __future__ import annotations
 
 import gc
 import json
+import os
 import sys
+import warnings
 from typing import TYPE_CHECKING
 
 from benchmarks import machine
-from benchmarks.cases import cycle_cases, peer_cases, plan_cases
+from benchmarks.cases import cases
 
 if TYPE_CHECKING:
     from benchmarks.case import Case
@@ -23,26 +25,26 @@ if TYPE_CHECKING:
 
 def main() -> None:
     """Serve until the input ends."""
-    all_cases = {**cycle_cases(), **plan_cases(), **peer_cases()}
-    prepared: dict[str, Case] = {}
-    machine.be_quiet(int(sys.argv[1]))
-    _answer({"build": machine.build(), "versions": machine.versions()})
-    for line in sys.stdin:
-        name = line.strip()
-        if name not in prepared:
-            case = prepared[name] = all_cases[name]()
-            case.play()
-            machine.be_quiet(int(sys.argv[1]))
-            _answer({"labels": case.labels})
-        else:
-            gc.collect()
-            played = prepared[name].play()
-            _answer({"durations_ns": played.durations_ns, "result": played.result})
-
-
-def _answer(document: object) -> None:
-    sys.stdout.write(json.dumps(document) + "\n")
-    sys.stdout.flush()
+    core = int(sys.argv[1])
+    # the other programs warn and print as they like; the answers go where their words do not
+    warnings.simplefilter("ignore")
+    with os.fdopen(os.dup(1), "w", encoding="utf-8", buffering=1) as answers:
+        os.dup2(2, 1)
+        known = cases()
+        prepared: dict[str, Case] = {}
+        answers.write(json.dumps({"build": machine.build(), "versions": machine.versions()}) + "\n")
+        for line in sys.stdin:
+            name = line.strip()
+            if name not in prepared:
+                prepared[name] = known[name].make()
+                prepared[name].play()
+                machine.be_quiet(core)
+                answer: dict[str, object] = {"labels": prepared[name].labels}
+            else:
+                gc.collect()
+                played = prepared[name].play()
+                answer = {"durations_ns": played.durations_ns, "result": played.result}
+            answers.write(json.dumps(answer) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,63 @@
+"""The goals, and whether the figures hold them. A goal that is missed is printed; it fails nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_CYCLES = (
+    ("best", "at rest", "median", 50.0),
+    ("best", "at rest", "p99", 100.0),
+    ("best", "in a move", "p99", 150.0),
+    ("best", "in a move", "largest", 250.0),
+    ("interpreted", "in a move", "p99", 700.0),
+)
+"""Build, mode, quantile, and the most µs."""
+_RATIOS = (("do-mpc", 50.0), ("qpmpc + daqp", 5.0), ("qpmpc + OSQP", 5.0))
+"""Another program, and the least ratio of its median to ours at the longer horizon."""
+_HORIZON = 20
+_SIMULATIONS = (("frames", 12.0), ("direct", 30.0))
+"""The way of a simulation, and the least times real time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """A limit in µs, or a least ratio, and what was measured."""
+
+    what: str
+    limit: float
+    measured: float
+    least: bool = False
+
+    @property
+    def holds(self) -> bool:
+        """Whether the goal is met."""
+        return self.measured >= self.limit if self.least else self.measured <= self.limit
+
+
+def goals(document: dict[str, Any]) -> Iterator[Goal]:
+    """Yield the goals that the figures decide; `best` is the compiled build, where there is one."""
+    builds = {entry["build"] for entry in document["cycles"]}
+    best = "compiled" if "compiled" in builds else "interpreted"
+    for wanted, mode, quantile, limit in _CYCLES:
+        for entry in document["cycles"]:
+            if (entry["build"], entry["mode"]) == (best if wanted == "best" else wanted, mode):
+                what = f"cycle {mode}, {entry['rate']}, {entry['build']}: {quantile}, µs"
+                yield Goal(what, limit, entry["smallest"][quantile])
+    medians = {
+        (entry["program"], entry["build"]): entry["smallest"]["median"]
+        for entry in document["plans"]
+        if entry["horizon"] == _HORIZON
+    }
+    for program, ratio in _RATIOS:
+        if (program, "") in medians:
+            measured = medians[program, ""] / medians["ours", best]
+            yield Goal(f"plan at H_p {_HORIZON}, {program}: median, times ours", ratio, measured, least=True)
+    for way, ratio in _SIMULATIONS:
+        for entry in document["simulation"]:
+            if entry["way"] == way:
+                what = f"simulation, {way}, {entry['build']}: times real time"
+                yield Goal(what, ratio, entry["times_real_time"], least=True)

@@ -56,7 +56,7 @@ def design_problems(file: CampaignFile, text: str) -> Iterator[Problem]:
         return
     for name, limits in ranges.items():
         if limits.levels is not None:
-            yield _of(name, text, f"levels are for a grid only; design.points says how many points a {kind} has")
+            yield _of(name, text, "levels are for a grid only; design.points is their number")
     if points is None:
         yield problem_at(text, "design", "needs points: how many there are")
     elif kind is Kind.SOBOL and points.bit_count() != 1:

@@ -41,10 +41,7 @@ class Parameter:
         low, high = self.ends
         if self.whole:
             low, high = low - 0.5, high + 0.5  # every whole number has an equal part
-        if limits.scale is Scale.LOGARITHMIC and low > 0.0:
-            value = math.exp(math.log(low) + place * math.log(high / low))
-        else:
-            value = low + place * (high - low)
+        value = self._between(low, high, place)
         value = min(max(value, self.ends[0]), self.ends[1])
         return round(value) if self.whole else value
 
@@ -71,13 +68,14 @@ class Parameter:
             return self.range.values
         count = self.range.levels or 0
         low, high = self.ends
-        inner = [self._between(low, high, step / (count - 1)) for step in range(1, count - 1)]
-        values = (low, *inner, high)
+        values = tuple(self._between(low, high, step / (count - 1)) for step in range(count))
         return tuple(dict.fromkeys(map(round, values))) if self.whole else values
 
     def _between(self, low: float, high: float, place: float) -> float:
+        if place == 1.0:
+            return high
         if self.range.scale is Scale.LOGARITHMIC:
-            return math.exp(math.log(low) + place * math.log(high / low))
+            return low * math.pow(high / low, place)
         return low + place * (high - low)
 
 

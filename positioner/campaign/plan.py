@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from positioner.bench.scenario import Scenario
 from positioner.campaign import design
 from positioner.campaign.keys import changed
-from positioner.campaign.run import Run
+from positioner.campaign.run import Run, digest_of, played_part
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -46,9 +44,15 @@ class Campaign:
     @property
     def digest(self) -> str:
         """A digest of all that decides which runs there are."""
-        parts: dict[str, Any] = {"base": asdict(self.base), "parameters": [asdict(each) for each in self.parameters]}
-        parts |= {"design": asdict(self.file.design), "laws": self.laws, "seeds": self.seeds}
-        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+        return digest_of(
+            {
+                "base": played_part(self.base),
+                "parameters": [asdict(each) for each in self.parameters],
+                "design": asdict(self.file.design),
+                "laws": self.laws,
+                "seeds": self.seeds,
+            }
+        )
 
     def points(self) -> list[tuple[Value, ...]]:
         """Return the values of the parameters at every point."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from positioner.bench import metrics
 from positioner.bench.inprocess import configure, run_in_process
@@ -18,6 +18,16 @@ if TYPE_CHECKING:
 
 _LABELS = ("name", "title", "description")
 """Parts of a scenario on which no figure depends."""
+
+
+def played_part(scenario: Scenario) -> dict[str, Any]:
+    """Return the settings of a scenario on which figures depend."""
+    return {name: value for name, value in asdict(scenario).items() if name not in _LABELS}
+
+
+def digest_of(settings: dict[str, Any]) -> str:
+    """Return a digest of settings, in whatever order they are given."""
+    return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +51,7 @@ class Run:
     @property
     def key(self) -> str:
         """A digest of all that the figures depend on, except the code."""
-        played = {name: value for name, value in asdict(self.scenario).items() if name not in _LABELS}
-        return hashlib.sha256(json.dumps(played, sort_keys=True).encode()).hexdigest()
+        return digest_of(played_part(self.scenario))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

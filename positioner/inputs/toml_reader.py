@@ -12,7 +12,7 @@ import re
 import tomllib
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -187,8 +187,9 @@ def _nearest(path: tuple[str, ...], kind: type[Any]) -> str:
 def _owner(path: tuple[str, ...], kind: Any) -> Any:
     """Return the dataclass that the table `path` is read into, or None."""
     for part in path:
-        if not is_dataclass(kind):
-            return None
-        hint = get_type_hints(kind, include_extras=False).get(part)
-        kind = next((arg for arg in (hint, *get_args(hint)) if is_dataclass(arg)), None)
+        if get_origin(kind) is dict:  # tables with names of the user's choice
+            kind = get_args(kind)[1]
+        elif is_dataclass(kind):
+            hint = get_type_hints(kind, include_extras=False).get(part)
+            kind = next((arg for arg in (hint, *get_args(hint)) if is_dataclass(arg) or get_origin(arg) is dict), None)
     return kind if is_dataclass(kind) else None

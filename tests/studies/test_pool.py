@@ -27,6 +27,11 @@ def interrupt_the_parent(_: int) -> None:
         Event().wait(5.0)  # work whose result is not needed any more
 
 
+def kill_the_parent(_: int) -> None:
+    os.kill(os.getppid(), signal.SIGKILL)
+    Event().wait(600.0)
+
+
 def die(_: int) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
@@ -56,6 +61,13 @@ def test_a_worker_that_is_killed_is_one_line() -> None:
         list(spread_out(die, (1,), Workers(1)))
 
 
+def test_the_workers_of_a_parent_that_is_killed_end_in_the_middle_of_their_work() -> None:
+    program = [sys.executable, __file__, "killed"]
+    # its output ends with the last process that holds it
+    done = subprocess.run(program, check=False, capture_output=True, text=True, timeout=300.0)  # of three times 600
+    assert (done.returncode, done.stdout) == (-signal.SIGKILL, ""), done.stderr
+
+
 def test_no_workers_at_all_are_refused() -> None:
     with pytest.raises(UsageError, match="--workers 0"):
         list(spread_out(math.factorial, (1,), Workers(0)))
@@ -64,7 +76,8 @@ def test_no_workers_at_all_are_refused() -> None:
 def main() -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
     try:
-        with closing(spread_out(interrupt_the_parent, (1, 2, 3), Workers(1))) as results:
+        work = kill_the_parent if "killed" in sys.argv else interrupt_the_parent
+        with closing(spread_out(work, (1, 2, 3), Workers(1))) as results:
             list(results)
     except KeyboardInterrupt:
         sys.stdout.write(f"interrupted, {len(active_children())} workers left\n")

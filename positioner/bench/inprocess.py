@@ -5,6 +5,8 @@ The frames are equal to those of a lockstep bench, to the bit.
 
 from __future__ import annotations
 
+import gc
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,7 +25,7 @@ from positioner.valve.stiction import StictionTable
 from positioner.wire.messages import PlantTruth, Setpoint
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from positioner.bench.scenario import Scenario
     from positioner.config.schema import Configuration
@@ -74,25 +76,38 @@ def run_in_process(
     recording = Recording(codec, samples, period_s, every, lockstep=True)
     cycles: list[Controlled] = []
     events: list[Event] = []
-    for sample in range(samples):
-        device, published = publish(codec, settings, device)
-        inbox = published if sample % every else (_setpoint(scenario, codec.encode, sample, recording), *published)
-        # as the daemon's port: it does not receive the truth
-        received = tuple(frame for frame in inbox if frame.arbitration_id != truth_id)
-        # the daemon's clock in lockstep: one period with each position frame
-        state, outbox, happened = step(setup, state, CycleInput(received, round((sample + 1) * period_s * _NS)))
-        recording.add_sample(sample, (*inbox, *outbox))
-        if delay_s:
-            device = advance(settings, device, delay_s)
-        device = advance(settings, take(codec, device, outbox), period_s - delay_s)
-        for event in happened:
-            if isinstance(event, Controlled):
-                cycles.append(event)
-            else:
-                events.append(event)
-        progress(sample + 1)
+    with _without_collection():
+        for sample in range(samples):
+            device, published = publish(codec, settings, device)
+            inbox = published if sample % every else (_setpoint(scenario, codec.encode, sample, recording), *published)
+            # as the daemon's port: it does not receive the truth
+            received = tuple(frame for frame in inbox if frame.arbitration_id != truth_id)
+            # the daemon's clock in lockstep: one period with each position frame
+            state, outbox, happened = step(setup, state, CycleInput(received, round((sample + 1) * period_s * _NS)))
+            recording.add_sample(sample, (*inbox, *outbox))
+            if delay_s:
+                device = advance(settings, device, delay_s)
+            device = advance(settings, take(codec, device, outbox), period_s - delay_s)
+            for event in happened:
+                if isinstance(event, Controlled):
+                    cycles.append(event)
+                else:
+                    events.append(event)
+            progress(sample + 1)
     recording.fill_columns()
     return InProcessRun(recording, tuple(cycles), tuple(events), state.table)
+
+
+@contextmanager
+def _without_collection() -> Iterator[None]:
+    """Keep the garbage collector off: a run keeps many objects, in no circle, which it would visit again and again."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
 
 
 def _setpoint(

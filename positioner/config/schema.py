@@ -101,7 +101,7 @@ class OneOfSeveral(Configuration):
         return Path(self.valve.id)
 
 
-def _make_solver(variables: int, constraints: int) -> Solver:
+def _make_solver(inputs: int, steps: int) -> Solver:
     from positioner.optimization.solver import QpSolver  # noqa: PLC0415 - OSQP takes long to load, few commands solve
 
-    return QpSolver(variables, constraints)
+    return QpSolver(inputs, steps)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Ingredients:
-    """The settings of a law, and `make_solver(variables, constraints)`, which returns a workspace of that size."""
+    """The settings of a law, and `make_solver(inputs, steps)`, which returns a workspace for horizons of that size."""
 
     control: ControlSettings
     valve: ValveParameters
@@ -47,7 +47,7 @@ def _paper(name: str, parts: Ingredients, *, use_table: bool) -> PaperLaw:
         planner=planner,
         estimator=parts.estimator,
         bounds=parts.control.bounds,
-        solver=parts.make_solver(planner.control_steps, planner.control_steps + planner.prediction_steps),
+        solver=parts.make_solver(planner.control_steps, planner.prediction_steps),
         current_low_ma=parts.guard.current_low_ma,
         current_high_ma=parts.guard.current_high_ma,
         period_s=parts.control.sample_period_s,
@@ -65,7 +65,7 @@ def _nmpc(parts: Ingredients) -> NmpcLaw:
         settings=settings,
         estimator=parts.estimator,
         filter=AdaptiveFilter(settings.adaptation, MotionModel.of(valve), Load.of(valve)),
-        solver=parts.make_solver(steps.control_steps, steps.control_steps + steps.prediction_steps),
+        solver=parts.make_solver(steps.control_steps, steps.prediction_steps),
         current_low_ma=parts.guard.current_low_ma,
         current_high_ma=parts.guard.current_high_ma,
         period_s=parts.control.sample_period_s,

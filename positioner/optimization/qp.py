@@ -1,36 +1,55 @@
 """The quadratic programme of a predictive controller, with the inputs as its only variables. Pure.
 
 Letters follow the literature: the model is x(i+1) = A x(i) + B u(i) along a horizon of H_p steps (paper eqs 19, 20),
-the programme is min ½ z'Pz + q'z subject to l ≤ Az ≤ u, where z are the H_u inputs.
+the programme is min ½ z'Pz + q'z subject to l ≤ Az ≤ u, where z are the H_u inputs. The first H_u rows are the inputs,
+the other H_p rows the bounded outputs, step by step. An input moves no output before its own step, so A is
+
+    [ identity (H_u, H_u)                ]
+    [ zero above its diagonal (H_p, H_u) ]
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from positioner.values import dataclass
+
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class QuadraticProgram:
-    """min ½ z'Pz + q'z subject to l ≤ Az ≤ u; P (n, n) symmetric, q (n,), A (m, n), l and u (m,)."""
+    """min ½ z'Pz + q'z subject to l ≤ Az ≤ u, in numbers as OSQP keeps them.
 
-    P: NDArray[np.float64]
-    q: NDArray[np.float64]
-    A: NDArray[np.float64]
-    l: NDArray[np.float64]  # noqa: E741 - the literature's letter
-    u: NDArray[np.float64]
+    P: the upper triangle of P (H_u, H_u), column by column. A: its columns, each without the zeros of its pattern: the
+    1 of its input, then its outputs from its own step on. q (H_u,), l and u (H_u + H_p,).
+    """
+
+    P: Sequence[float]
+    q: Sequence[float]
+    A: Sequence[float]
+    l: Sequence[float]  # noqa: E741 - the literature's letter
+    u: Sequence[float]
 
 
 class Solver(Protocol):
     """What a planner needs of a solver: see `positioner.optimization.solver.QpSolver`."""
 
-    def solve(self, program: QuadraticProgram) -> NDArray[np.float64] | None:
+    def solve(self, program: QuadraticProgram) -> list[float] | None:
         """Return the minimiser z (n,) of `program`, or None where there is none."""
+
+
+def packed(P: NDArray[np.float64], outputs: NDArray[np.float64]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return P (H_u, H_u) and the rows of the outputs (H_p, H_u) as a `QuadraticProgram` has them."""
+    count = len(P)
+    triangle = [P[j, k] for k in range(count) for j in range(k + 1)]
+    columns = [each for j in range(count) for each in (1.0, *outputs[j:, j])]
+    return tuple(float(each) for each in triangle), tuple(float(each) for each in columns)
 
 
 def forced_response(

@@ -10,24 +10,17 @@ All numbers are scalars, so that the same lines can be compiled ahead of time.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from positioner.values import dataclass
 
 if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters
 
-STATES = 5
-"""Size of the state of a filter that estimates the load, too."""
-POSITION, SPEED, SPRING_RATE, FRICTION, VISCOUS = range(STATES)
-"""The places of x, v, K, F_c and F_v in that state."""
-LOAD = slice(SPRING_RATE, STATES)
-"""The places of a `Load` in that state, in its order."""
-
 STOPPING_TIME_S = 60.0
 """Longer than any stop takes; a frictionless stem, which never stops, has then reached its balance."""
 
-_DEGENERATE = 1e-9
+DEGENERATE = 1e-9
 """The damping counts as critical while |ω²| is below this part of h²."""
 _ALIKE = 1e-2
 """Two real poles count as nearly equal while they differ from h by less than this part of it."""
@@ -35,7 +28,8 @@ _SERIES = 1e-2
 """While |ω² t²| is smaller, a derivative is computed from its series."""
 
 
-class Load(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Load:
     """What resists the motion: K (N/m), F_c (N) and F_v (N s/m)."""
 
     spring_n_per_m: float
@@ -48,7 +42,8 @@ class Load(NamedTuple):
         return cls(valve.spring_rate_n_per_m, valve.coulomb_friction_n, valve.viscous_friction_n_s_per_m)
 
 
-class Transition(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Transition:
     """Where a slide ends: x (m), v (m/s), whether it stopped, and derivatives to x, v, the net push q, K and F_v."""
 
     x: float
@@ -64,16 +59,6 @@ class Transition(NamedTuple):
     dv_dq: float
     dv_dk: float
     dv_dc: float
-
-    def rows(self, direction: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return the derivatives of x and of v to the `STATES` states, in their order, of a move in `direction` (±1).
-
-        F_c acts through the net push, against the move.
-        """
-        return (
-            (self.dx_dx, self.dx_dv, self.dx_dk, -direction * self.dx_dq, self.dx_dc),
-            (self.dv_dx, self.dv_dv, self.dv_dk, -direction * self.dv_dq, self.dv_dc),
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,16 +89,16 @@ class MotionModel:
 
         A stem that rests and is not pushed forward, or that moves against `direction`, has stopped at once.
         """
-        rate, friction_n, viscous = load
-        q = self.push_n(current_ma, direction, friction_n)
-        half = viscous / (2.0 * self.mass_kg)
+        rate = load.spring_n_per_m
+        q = self.push_n(current_ma, direction, load.friction_n)
+        half = load.viscous_n_s_per_m / (2.0 * self.mass_kg)
         stiffness = rate / self.mass_kg
         omega2 = stiffness - half * half
         z = x - q / rate
         stop_s = _stop_time_s(z, v, half, omega2, stiffness, direction)
         stopped = stop_s <= duration_s
         t = stop_s if stopped else duration_s
-        even, odd, odd_slope = _modes(half, omega2, stiffness, t)
+        even, odd, odd_slope = modes(half, omega2, stiffness, t)
         # z(t) = a z + b v and v(t) = c z + d v
         a, b = even + half * odd, odd
         c, d = -stiffness * odd, even - half * odd
@@ -132,9 +117,9 @@ class MotionModel:
         return Transition(x_end, c * z + d * v, False, a, b, dx_dq, dx_dk, dx_dc, c, d, -c / rate, dv_dk, dv_dc)
 
 
-def _modes(half: float, omega2: float, stiffness: float, t: float) -> tuple[float, float, float]:
+def modes(half: float, omega2: float, stiffness: float, t: float) -> tuple[float, float, float]:
     """Return e^(-ht) cos ωt, e^(-ht) sin(ωt)/ω and the latter's derivative to ω²; hyperbolic when overdamped."""
-    if omega2 < -_DEGENERATE * half * half:
+    if omega2 < -DEGENERATE * half * half:
         sigma = math.sqrt(-omega2)
         if sigma < _ALIKE * half and sigma * t < 1.0:
             # the difference of two poles this much alike would cancel
@@ -150,7 +135,7 @@ def _modes(half: float, omega2: float, stiffness: float, t: float) -> tuple[floa
     phase2 = omega2 * t * t  # (ωt)²
     if abs(phase2) < _SERIES:
         # the difference below would cancel
-        return even, odd, -math.exp(-half * t) * t**3 * (1.0 / 6.0 - phase2 / 60.0 + phase2 * phase2 / 1680.0)
+        return even, odd, -math.exp(-half * t) * t * t * t * (1.0 / 6.0 - phase2 / 60.0 + phase2 * phase2 / 1680.0)
     return even, odd, (t * even - odd) / (2.0 * omega2)
 
 
@@ -162,7 +147,7 @@ def _stop_time_s(z: float, v: float, half: float, omega2: float, stiffness: floa
     if direction * v < 0.0 or (v == 0.0 and direction * z >= 0.0):
         return 0.0
     slope = half * v + stiffness * z
-    if abs(omega2) <= _DEGENERATE * half * half:
+    if abs(omega2) <= DEGENERATE * half * half:
         return v / slope if slope and v / slope > 0.0 else math.inf
     if omega2 > 0.0:
         omega = math.sqrt(omega2)

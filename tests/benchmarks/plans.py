@@ -15,7 +15,8 @@ from positioner.laws.nmpc.law import NmpcLaw
 from positioner.laws.nmpc.plan import plan_move
 
 if TYPE_CHECKING:
-    from positioner.laws.nmpc.plan import ApproachSettings, Move
+    from positioner.laws.nmpc.plan import Move
+    from positioner.laws.nmpc.settings import ApproachSettings
 
 PERIOD_S = 1e-3
 _SEED, _SETPOINTS, _DWELL_S = 7, 30, 0.05

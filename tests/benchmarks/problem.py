@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from benchmarks.plans import Planned
-    from positioner.laws.nmpc.plan import ApproachSettings
+    from positioner.laws.nmpc.settings import ApproachSettings
     from positioner.valve.motion import MotionModel
 
     Array = NDArray[np.float64]

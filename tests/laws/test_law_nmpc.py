@@ -47,7 +47,7 @@ def make_law(solver: Solver | None = None, command_delay_s: float = 0.0, **valve
         ValveParameters(id="paper", **valve),
         config.estimator,
         config.guard,
-        lambda variables, rows: solver or QpSolver(variables, rows),
+        lambda inputs, steps: solver or QpSolver(inputs, steps),
     )
     law = LAWS["nmpc"][1](parts)
     assert isinstance(law, NmpcLaw)

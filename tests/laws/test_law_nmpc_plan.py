@@ -6,11 +6,15 @@ import random
 
 import numpy as np
 import pytest
+from dense import Dense, dense
 from hypothesis import given
 from hypothesis import strategies as st
 from unsolvable import Unsolvable
 
-from positioner.laws.nmpc.plan import ApproachSettings, Move, MovePlan, plan_move, predict, program
+from positioner.laws.nmpc.plan import Move, MovePlan, plan_move
+from positioner.laws.nmpc.prediction import Trajectory, predict
+from positioner.laws.nmpc.programme import Limits, cost_of, program
+from positioner.laws.nmpc.settings import ApproachSettings
 from positioner.optimization.solver import QpSolver
 from positioner.valve.motion import STOPPING_TIME_S, Load, MotionModel
 from positioner.valve.parameters import ValveParameters
@@ -31,6 +35,23 @@ def move_of(load: Load, s: float, x: float, speed: float, distance: float, *, re
     return Move(x, s * speed, s, target, load, middle - s * 0.3 * friction_ma, weakest, strongest, release)
 
 
+def predicted(move: Move, inputs_ma: list[float], period_s: float) -> Trajectory:
+    slide = move.slide(MODEL, period_s)
+    return predict(slide, SETTINGS.prediction_steps, move.x, move.v, move.target_m, inputs_ma)
+
+
+def posed(
+    move: Move, inputs_ma: list[float], period_s: float, settings: ApproachSettings = SETTINGS
+) -> tuple[Dense, list[float]]:
+    """Return the programme along the inputs, and the m by which 1 of a row moves its stopping point."""
+    slide, count = move.slide(MODEL, period_s), len(inputs_ma)
+    trajectory = predict(slide, settings.prediction_steps, move.x, move.v, move.target_m, inputs_ma)
+    braking = [move.release_ma, *(move.weakest_ma,) * (count - 1)]
+    limits = Limits(braking, [move.strongest_ma] * count, move.brake_ma)
+    made, scales = program(cost_of(settings, slide), slide, limits, move.target_m, trajectory, inputs_ma)
+    return dense(made), scales
+
+
 loads = st.builds(Load, st.floats(42e3, 58e3), st.floats(1100.0, 1700.0), st.floats(450.0, 750.0))
 moves = st.builds(
     move_of,
@@ -49,7 +70,7 @@ def landing_m(move: Move, first_ma: float, period_s: float) -> float:
 
 def plan_of(move: Move, period_s: float, max_iterations: int = 4000) -> MovePlan | None:
     """Return the plan of a new solver, with enough iterations for every programme that has a solution."""
-    solver = QpSolver(4, 8, max_iterations=max_iterations)
+    solver = QpSolver(4, 4, max_iterations=max_iterations)
     return plan_move(SETTINGS, MODEL, solver, move, (move.brake_ma,) * 4, period_s)
 
 
@@ -60,8 +81,8 @@ def test_inside_the_limits_and_at_every_step_of_the_prediction_still_able_to_sto
     low, high = sorted((move.weakest_ma, move.strongest_ma))
     assert all(low - 1e-12 <= each <= high + 1e-12 for each in plan.inputs_ma)
     # the exact motion, not the linearised one, under the plan and under full braking, which D10 of DESIGN.md allows
-    trajectory = predict(SETTINGS, MODEL, move, list(plan.inputs_ma), period_s)
-    braked = predict(SETTINGS, MODEL, move, [move.release_ma, *(move.weakest_ma,) * 3], period_s)
+    trajectory = predicted(move, list(plan.inputs_ma), period_s)
+    braked = predicted(move, [move.release_ma, *(move.weakest_ma,) * 3], period_s)
     for stop, least in zip(trajectory.stops, braked.stops, strict=True):
         past_m, least_m = (move.direction * (each - move.target_m) for each in (stop, least))
         # the margin allows for the tolerance of the solver and of its passes
@@ -113,32 +134,47 @@ def test_no_solution_is_no_plan() -> None:
 
 
 @pytest.mark.parametrize("s", [1.0, -1.0])
-def test_the_linear_model_is_that_of_the_motion(s: float) -> None:
-    move = move_of(Load.of(VALVE), s, 0.08, 0.5, 5e-3)
-    inputs = [move.brake_ma + s * each for each in (3.0, 2.0, 1.0, 0.5)]
-    trajectory = predict(SETTINGS, MODEL, move, inputs, 1e-3)
-    for j in range(4):
-        nudged = list(inputs)
-        nudged[j] += 1e-4
-        other = predict(SETTINGS, MODEL, move, nudged, 1e-3)
-        for i in range(4):
-            assert (other.positions[i] - trajectory.positions[i]) / 1e-4 == pytest.approx(
-                trajectory.position_rows[i][j], rel=1e-3, abs=1e-9
+@pytest.mark.parametrize(("steps", "count"), [(4, 4), (6, 3), (5, 1), (12, 12)])
+@pytest.mark.parametrize(("speed", "more_ma", "slides"), [(0.5, 14.0, True), (1.2, 2.0, False)])
+def test_the_linear_model_is_that_of_the_motion(
+    s: float, steps: int, count: int, speed: float, more_ma: float, *, slides: bool
+) -> None:
+    settings = ApproachSettings(prediction_steps=steps, control_steps=count)
+    move = move_of(Load.of(VALVE), s, 0.08, speed, 5e-3)
+    inputs = [move.brake_ma + s * more_ma * (1.0 - 0.03 * j) for j in range(count)]
+    slide = move.slide(MODEL, 1e-3)
+
+    def ends(changed: list[float]) -> Trajectory:
+        return predict(slide, steps, move.x, move.v, move.target_m, changed)
+
+    made, scales = posed(move, inputs, 1e-3, settings)
+    weights = np.array([1.0] * (steps - 1) + [SETTINGS.terminal_factor])
+    lever = np.empty((steps, count))
+    here = ends(inputs)
+    assert here.slides == slides
+    for j in range(count):
+        ahead, behind = (ends([*inputs[:j], inputs[j] + h, *inputs[j + 1 :]]) for h in (1e-5, -1e-5))
+        lever[:, j] = (np.array(ahead.positions) - np.array(behind.positions)) / 2e-5
+        for i, scale in enumerate(scales):
+            assert (ahead.stops[i] - behind.stops[i]) / 2e-5 == pytest.approx(
+                s * scale * made.A[count + i, j], rel=1e-3, abs=1e-9
             )
-            assert (other.stops[i] - trajectory.stops[i]) / 1e-4 == pytest.approx(
-                trajectory.stop_rows[i][j], rel=1e-3, abs=1e-9
-            )
+    unit_m = lever[-1, 0]
+    lever /= unit_m
+    errors = np.clip((move.target_m - np.array(here.positions)) / unit_m, -20.0, 20.0)  # mA
+    expected = -(lever.T * weights) @ errors + SETTINGS.input_weight * (np.array(inputs) - move.brake_ma)
+    np.testing.assert_allclose(made.P @ inputs + made.q, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
+    curvature = (lever.T * weights) @ lever + SETTINGS.input_weight * np.eye(count)
+    np.testing.assert_allclose(made.P, curvature, rtol=1e-4, atol=1e-4)
 
 
 @given(moves, st.sampled_from(PERIODS_S))
 def test_full_braking_solves_every_programme_as_a_last_resort(move: Move, period_s: float) -> None:
-    inputs = np.full(4, move.brake_ma)
-    trajectory = predict(SETTINGS, MODEL, move, inputs.tolist(), period_s)
-    posed = program(SETTINGS, move, trajectory, inputs)
-    braking = posed.A @ np.full(4, move.weakest_ma)
-    assert np.all(posed.l <= braking + 1e-9)
-    assert np.all(braking <= posed.u + 1e-9)
-    assert np.all(np.linalg.eigvalsh(posed.P) > 0.0)
+    made, _ = posed(move, [move.brake_ma] * 4, period_s)
+    braking = made.A @ np.full(4, move.weakest_ma)
+    assert np.all(made.l <= braking + 1e-9)
+    assert np.all(braking <= made.u + 1e-9)
+    assert np.all(np.linalg.eigvalsh(made.P) > 0.0)
 
 
 @given(loads, st.floats(0.0, 3.0), st.floats(2e-2, 6.5e-2), st.sampled_from(PERIODS_S))
@@ -147,11 +183,11 @@ def test_programmes_are_well_scaled_also_far_from_the_target(
 ) -> None:
     # far away the braking current still drives the stem: where it stops hardly depends on where it is
     move = move_of(load, 1.0, 0.073 - distance, speed, distance)
-    inputs = np.array([20.0, 20.0, 15.5, 8.7])
-    posed = program(SETTINGS, move, predict(SETTINGS, MODEL, move, inputs.tolist(), period_s), inputs)
-    assert 0.03 <= np.linalg.eigvalsh(posed.P)[0] < np.linalg.eigvalsh(posed.P)[-1] < 100.0
-    assert np.abs(posed.A).max() == 1.0
-    assert QpSolver(4, 8).solve(posed) is not None
+    inputs = [20.0, 20.0, 15.5, 8.7]
+    made, _ = posed(move, inputs, period_s)
+    assert 0.03 <= np.linalg.eigvalsh(made.P)[0] < np.linalg.eigvalsh(made.P)[-1] < 100.0
+    assert 1.0 <= np.abs(made.A).max() < 3.0
+    assert plan_of(move, period_s) is not None
 
 
 def test_a_control_horizon_beyond_the_prediction_is_refused() -> None:

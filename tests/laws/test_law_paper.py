@@ -54,7 +54,7 @@ def paper_law(*, use_table: bool = True, table_from_s: float = 0.0) -> PaperLaw:
         PlannerSettings(),
         EstimatorSettings(),
         BoundSettings(),
-        QpSolver(4, 8),
+        QpSolver(4, 4),
         4.0,
         20.0,
         PERIOD_S,
@@ -189,13 +189,13 @@ def test_a_missing_plan_uses_up_the_release() -> None:
 
 
 def test_the_next_guess_is_the_plan_shifted_by_one() -> None:
-    guesses: list[NDArray[np.float64]] = []
+    guesses: list[list[float]] = []
 
     class Spy:
         def __init__(self) -> None:
-            self.inner = QpSolver(4, 8)
+            self.inner = QpSolver(4, 4)
 
-        def solve(self, program: QuadraticProgram) -> NDArray[np.float64] | None:
+        def solve(self, program: QuadraticProgram) -> list[float] | None:
             found = self.inner.solve(program)
             assert found is not None
             guesses.append(found)

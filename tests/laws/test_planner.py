@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from dense import dense
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import LinearConstraint, linprog, minimize
@@ -30,7 +31,7 @@ setpoints_m = st.floats(0.06, 0.095)
 
 
 def solver_for(tuning: PlannerSettings) -> QpSolver:
-    return QpSolver(tuning.control_steps, tuning.control_steps + tuning.prediction_steps, max_iterations=4000)
+    return QpSolver(tuning.control_steps, tuning.prediction_steps, max_iterations=4000)
 
 
 def simulated(
@@ -93,7 +94,7 @@ def test_the_programme_costs_what_equation_17_costs(
     fixed = condense(tuning, VALVE, period_s)
     inputs = np.linspace(8.0, 16.0, tuning.control_steps)
     free = free_response(tuning, VALVE, start, inputs, period_s)
-    made = program(fixed, free, setpoint_m, FREE)
+    made = dense(program(fixed, free, setpoint_m, FREE))
     forced = forced_by_simulation(tuning, period_s)
 
     def both(z: np.ndarray) -> tuple[float, float]:
@@ -128,7 +129,7 @@ def test_a_relaxed_speed_bound_always_leaves_a_feasible_programme(
 ) -> None:
     inputs = np.full(tuning.control_steps, bounds.current_low_ma)
     free = free_response(tuning, VALVE, start, inputs, period_s)
-    made = program(condense(tuning, VALVE, period_s), free, 0.08, bounds)
+    made = dense(program(condense(tuning, VALVE, period_s), free, 0.08, bounds))
     assert np.all(made.l <= made.u)
     # phase one of an independent solver: the least violation s of l - s <= Az <= u + s
     slack = np.full((len(made.A), 1), -1.0)
@@ -146,7 +147,7 @@ def test_a_bound_that_full_braking_can_keep_is_not_relaxed() -> None:
     fixed = condense(PAPER, VALVE, SLOW_S)
     free = free_response(PAPER, VALVE, (0.07, 0.1), np.full(4, 12.0), SLOW_S)
     bounds = Bounds(-0.5, 0.4, 4.0, 20.0)
-    made = program(fixed, free, 0.08, bounds)
+    made = dense(program(fixed, free, 0.08, bounds))
     speeds = free[:, 1] + forced_by_simulation(PAPER, SLOW_S)[:, 1, :] @ np.full(4, 11.0)
     rows = made.A[4:] @ np.full(4, 11.0)
     np.testing.assert_allclose((made.u[4:] - rows) / fixed.speed_unit, 0.4 - speeds, atol=1e-12)
@@ -180,11 +181,13 @@ def test_a_converged_plan_obeys_its_bounds_and_is_a_fixed_point(
     assert 1 <= found.passes <= tuning.max_passes
     if found.passes == tuning.max_passes:  # it may not have converged
         return
-    made = program(
-        condense(tuning, VALVE, period_s),
-        free_response(tuning, VALVE, start, found.inputs_ma, period_s),
-        setpoint_m,
-        bounds,
+    made = dense(
+        program(
+            condense(tuning, VALVE, period_s),
+            free_response(tuning, VALVE, start, found.inputs_ma, period_s),
+            setpoint_m,
+            bounds,
+        )
     )
     rows = made.A @ found.inputs_ma
     assert np.all(rows >= made.l - 0.02)
@@ -262,9 +265,9 @@ class ScriptedSolver:
     def __init__(self, answers_ma: list[float]) -> None:
         self.answers_ma = iter(answers_ma)
 
-    def solve(self, program: QuadraticProgram) -> np.ndarray | None:
+    def solve(self, program: QuadraticProgram) -> list[float] | None:
         answer = next(self.answers_ma, None)
-        return None if answer is None else np.full(len(program.q), answer)
+        return None if answer is None else [answer] * len(program.q)
 
 
 @pytest.mark.parametrize("answers_ma", [[], [10.0, 11.0]])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -83,10 +84,10 @@ def test_the_derivatives_are_those_of_the_flow(
             "v": lambda: MODEL.step(x, s * speed + h, u, load, s, duration_s),
             "current": lambda: MODEL.step(x, s * speed, u + h, load, s, duration_s),
             "spring": lambda: MODEL.step(
-                x, s * speed, u, load._replace(spring_n_per_m=load.spring_n_per_m + h), s, duration_s
+                x, s * speed, u, replace(load, spring_n_per_m=load.spring_n_per_m + h), s, duration_s
             ),
             "viscous": lambda: MODEL.step(
-                x, s * speed, u, load._replace(viscous_n_s_per_m=load.viscous_n_s_per_m + h), s, duration_s
+                x, s * speed, u, replace(load, viscous_n_s_per_m=load.viscous_n_s_per_m + h), s, duration_s
             ),
         }
         return ways[name]()

@@ -7,34 +7,16 @@ at the centre of the cell, and the spring force between the centre and the stem 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from annotated_types import Interval
-
-from positioner.inputs.table import SettingsTable
 from positioner.laws.move_reason import Breakaway
 from positioner.valve.motion import Load
 from positioner.valve.stiction import LearnedSample, Quantity, direction_of
 
 if TYPE_CHECKING:
+    from positioner.laws.nmpc.settings import BreakawaySettings
     from positioner.valve.motion import MotionModel
     from positioner.valve.stiction import StictionTable
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BreakawaySettings(SettingsTable):
-    """The `[control.nmpc.breakaway]` table of a configuration; forces as fractions of F_s.
-
-    margin: how far a push goes beyond F_s.
-    least_count, largest_age, largest_spread: a cell is not used if it has fewer samples, if its newest one is older (in
-        learned samples), or if its samples spread more.
-    """
-
-    margin: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.02
-    least_count: Annotated[int, Interval(ge=1, le=1000)] = 3
-    largest_age: Annotated[int, Interval(ge=1, le=1_000_000)] = 500
-    largest_spread: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.06
 
 
 def breakaway(
@@ -77,7 +59,7 @@ def breakaway_lesson(
     model: MotionModel, cell_width_m: float, position_m: float, direction: float, spring_n_per_m: float, static_n: float
 ) -> LearnedSample:
     """Return the sample for the table: Γ in mA at the centre of the cell that holds `position_m`."""
-    centre_m = round(position_m / cell_width_m) * cell_width_m
+    centre_m = math.floor(position_m / cell_width_m + 0.5) * cell_width_m
     current_ma = model.current_ma(spring_n_per_m * centre_m + direction * static_n)
     return LearnedSample(Quantity.BREAKAWAY_CURRENT, centre_m, direction_of(direction), current_ma)
 
@@ -101,7 +83,7 @@ def load_from_table(
         return prior, sigmas
     sure_n = max(max(settings.margin, _LEAST_DOUBT) * static_n, _SURE)
     # information matrix [[a, b], [b, c]] and vector (d, e) of the deviations from the prior
-    a, b, c = max(sigmas.spring_n_per_m, _SURE) ** -2, 0.0, max(ratio * sigmas.friction_n, _SURE) ** -2
+    a, b, c = _information(sigmas.spring_n_per_m), 0.0, _information(ratio * sigmas.friction_n)
     d, e = 0.0, 0.0
     for key, cell in table:
         spread_n = cell.spread * model.gain_n_per_ma
@@ -113,7 +95,7 @@ def load_from_table(
             continue
         x, s = key.index * table.cell_width_m, key.direction.sign
         error_n = model.push_n(cell.samples[-1], s, static_n) - prior.spring_n_per_m * x
-        samples = min(len(cell.samples), _SAMPLES_PER_CELL) * _FADING ** table.age(cell)
+        samples = min(len(cell.samples), _SAMPLES_PER_CELL) * math.pow(_FADING, table.age(cell))
         weight = samples / (sure_n * sure_n)
         a, b, c = a + weight * x * x, b + weight * x * s, c + weight
         d, e = d + weight * x * error_n, e + weight * s * error_n
@@ -122,6 +104,11 @@ def load_from_table(
     grip = friction_n / prior.friction_n
     load = Load(prior.spring_n_per_m + (c * d - b * e) / det, friction_n, prior.viscous_n_s_per_m * grip)
     return load, Load(math.sqrt(c / det), math.sqrt(a / det) / ratio, sigmas.viscous_n_s_per_m)
+
+
+def _information(sigma: float) -> float:
+    sure = max(sigma, _SURE)
+    return 1.0 / (sure * sure)
 
 
 _FADING = 0.9

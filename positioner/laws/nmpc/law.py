@@ -71,7 +71,7 @@ class NmpcLaw:
         """Return the memory and the stem after this cycle's reading: a Kalman filter in motion, an average at rest."""
         stem = memory.stem
         sigma_m = measurement_sigma_m(self.estimator, self.valve, stem.x)
-        variance_m2 = max(memory.monitor.noise.ratio, _LEAST_NOISE) * sigma_m * sigma_m
+        variance_m2 = max(memory.monitor.noise.largest, _LEAST_NOISE) * sigma_m * sigma_m
         if isinstance(stem, Sliding):
             return self._track(memory, stem, observation, variance_m2)
         if memory.motion is Motion.REST:
@@ -160,7 +160,7 @@ class NmpcLaw:
 
     def _rest(self, memory: NmpcMemory, here: Resting) -> tuple[NmpcMemory, Decision]:
         """Return the middle of the stick band; the current follows it in steps only."""
-        middle_ma = self._clamp(self.filter.model.current_ma(here.load.spring_n_per_m * here.x))
+        middle_ma = self._clamp(self.filter.model.current_ma(here.spring_n_per_m * here.x))
         held_ma = memory.hold_ma
         if held_ma is None or abs(middle_ma - held_ma) > self.settings.hold_step_ma:
             memory, held_ma = replace(memory, hold_ma=middle_ma), middle_ma
@@ -178,9 +178,9 @@ class NmpcLaw:
         setpoint_m = observation.setpoint_m
         error_m = setpoint_m - here.x
         direction = math.copysign(1.0, error_m)
-        model, (spring, friction_n, _) = self.filter.model, here.load
-        static_n = memory.monitor.ratio * friction_n
-        gamma = breakaway(self.settings.breakaway, model, table, here.x, direction, spring, static_n)
+        model, load = self.filter.model, here.load
+        static_n = memory.monitor.ratio * load.friction_n
+        gamma = breakaway(self.settings.breakaway, model, table, here.x, direction, load.spring_n_per_m, static_n)
         release_ma = self._clamp(gamma.current_ma)
         fallback = ""
         if direction * (gamma.current_ma - release_ma) > 0.0:
@@ -188,7 +188,7 @@ class NmpcLaw:
         aim_m = setpoint_m - landing_bias_m(table, setpoint_m, direction)
         sliding = self.filter.depart(here, direction)
         move = self._move(memory, sliding, aim_m, release_ma)
-        if direction * (move.smallest_m(model, self.period_s) - setpoint_m) >= abs(error_m):
+        if direction * (move.smallest_m(move.slide(model, self.period_s)) - setpoint_m) >= abs(error_m):
             return self._rest(memory, here)
         memory = replace(memory, stem=sliding, motion=Motion.MOVE, aim_m=aim_m, corrections=memory.corrections + 1)
         memory, decision = self._follow(memory, move, ())
@@ -201,12 +201,12 @@ class NmpcLaw:
 
     def _move(self, memory: NmpcMemory, here: Sliding, aim_m: float, release_ma: float | None = None) -> Move:
         """Return the move from `here` to the aim; `release_ma` is Γ while the stem still sticks."""
-        s, (spring, friction_n, _), model = here.direction, here.load, self.filter.model
+        s, load, model = here.direction, here.load, self.filter.model
         # an aim that lies behind the stem by now is for the next move: this one stops where it can
         target_m = aim_m if s * (aim_m - here.x) > 0.0 else here.x
-        middle_n, static_n = spring * target_m, memory.monitor.ratio * friction_n
+        middle_n, static_n = load.spring_n_per_m * target_m, memory.monitor.ratio * load.friction_n
         brake_ma = self._clamp(model.current_ma(middle_n - s * self.settings.brake_share * static_n))
-        weakest_ma = self._clamp(model.current_ma(middle_n - s * self.settings.brake_limit * friction_n))
+        weakest_ma = self._clamp(model.current_ma(middle_n - s * self.settings.brake_limit * load.friction_n))
         strongest_ma = self.current_high_ma if s > 0.0 else self.current_low_ma
         first_ma = weakest_ma if release_ma is None else s * max(s * release_ma, s * weakest_ma)
         return Move(

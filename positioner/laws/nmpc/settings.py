@@ -1,4 +1,4 @@
-"""The `[control.nmpc]` table of a configuration. Pure."""
+"""The `[control.nmpc]` table of a configuration, and the tables in it. Pure."""
 
 from __future__ import annotations
 
@@ -8,10 +8,86 @@ from typing import Annotated
 from annotated_types import Interval
 
 from positioner.inputs.table import SettingsTable
-from positioner.laws.nmpc.breakaway import BreakawaySettings
-from positioner.laws.nmpc.filter import AdaptationSettings
-from positioner.laws.nmpc.plan import ApproachSettings
-from positioner.laws.nmpc.verification import VerificationSettings
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ApproachSettings(SettingsTable):
+    """The `[control.nmpc.approach]` table of a configuration.
+
+    prediction_steps, control_steps: H_p, H_u.
+    terminal_factor: weight of the last predicted error, relative to the others.
+    input_weight: weight of a current away from the braking current, relative to that of the error it makes.
+    max_passes, pass_tolerance_ma: the passes end when no input changes by more, so that the bound holds at every step.
+    """
+
+    prediction_steps: Annotated[int, Interval(ge=1, le=100)] = 4
+    control_steps: Annotated[int, Interval(ge=1, le=100)] = 4
+    terminal_factor: Annotated[float, Interval(ge=0.0, le=1e3)] = 3.0
+    input_weight: Annotated[float, Interval(gt=0.0, le=1e3)] = 0.03
+    max_passes: Annotated[int, Interval(ge=1, le=50)] = 6
+    pass_tolerance_ma: Annotated[float, Interval(gt=0.0, le=1.0)] = 5e-3
+
+    def __post_init__(self) -> None:
+        """Refuse a control horizon beyond the prediction."""
+        if self.control_steps > self.prediction_steps:
+            raise ValueError("control_steps exceeds prediction_steps")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AdaptationSettings(SettingsTable):
+    """The `[control.nmpc.adaptation]` table of a configuration; fractions are of the nominal K_m, F_c and F_v.
+
+    spring_sigma, friction_sigma, viscous_sigma: standard deviations of the configured values.
+    friction_per_move, friction_per_m: how much F_c changes from move to move, and per metre.
+    force_noise_n: force that the model does not know, white per sample, while sliding.
+    landing_noise_m: error of a landing that none of the states explains.
+    least, most: limits of the estimates.
+    """
+
+    spring_sigma: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.12
+    friction_sigma: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.12
+    viscous_sigma: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.12
+    friction_per_move: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.02
+    friction_per_m: Annotated[float, Interval(ge=0.0, le=100.0)] = 0.1
+    force_noise_n: Annotated[float, Interval(ge=0.0, le=1e5)] = 30.0
+    landing_noise_m: Annotated[float, Interval(ge=0.0, le=0.01)] = 2e-4
+    least: Annotated[float, Interval(gt=0.0, le=1.0)] = 0.6
+    most: Annotated[float, Interval(ge=1.0, le=10.0)] = 1.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BreakawaySettings(SettingsTable):
+    """The `[control.nmpc.breakaway]` table of a configuration; forces as fractions of F_s.
+
+    margin: how far a push goes beyond F_s.
+    least_count, largest_age, largest_spread: a cell is not used if it has fewer samples, if its newest one is older (in
+        learned samples), or if its samples spread more.
+    """
+
+    margin: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.02
+    least_count: Annotated[int, Interval(ge=1, le=1000)] = 3
+    largest_age: Annotated[int, Interval(ge=1, le=1_000_000)] = 500
+    largest_spread: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.06
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VerificationSettings(SettingsTable):
+    """The `[control.nmpc.watch]` table of a configuration.
+
+    verdict: log likelihood ratio that decides whether a move has happened.
+    ratio_rise, ratio_fall: relative change of F_s/F_c after a push that failed, and after one of no more than Γ that
+        freed the stem.
+    ratio_most: how far F_s/F_c may rise.
+    surprise_sigma, surprise_weight: smoothed innovation, in its own σ, above which a resting stem must have moved, and
+        the weight of the newest innovation in it.
+    """
+
+    verdict: Annotated[float, Interval(gt=0.0, le=100.0)] = 4.0
+    ratio_rise: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.03
+    ratio_fall: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.003
+    ratio_most: Annotated[float, Interval(ge=1.0, le=100.0)] = 2.0
+    surprise_sigma: Annotated[float, Interval(ge=3.0, le=20.0)] = 5.0
+    surprise_weight: Annotated[float, Interval(gt=0.0, le=1.0)] = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,39 +7,18 @@ there are two estimates: of a stem that moved, and of one that did not. Their li
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated
+from dataclasses import field
+from typing import TYPE_CHECKING
 
-from annotated_types import Interval
-
-from positioner.inputs.table import SettingsTable
 from positioner.laws.nmpc.filter import average
-from positioner.laws.nmpc.sensor_noise import NoiseLevel
+from positioner.laws.nmpc.sensor_noise import Octave, nothing_learned
+from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
     from positioner.laws.nmpc.filter import Resting
     from positioner.laws.nmpc.landing import Landing
+    from positioner.laws.nmpc.settings import VerificationSettings
     from positioner.valve.stiction import LearnedSample
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VerificationSettings(SettingsTable):
-    """The `[control.nmpc.watch]` table of a configuration.
-
-    verdict: log likelihood ratio that decides whether a move has happened.
-    ratio_rise, ratio_fall: relative change of F_s/F_c after a push that failed, and after one of no more than Γ that
-        freed the stem.
-    ratio_most: how far F_s/F_c may rise.
-    surprise_sigma, surprise_weight: smoothed innovation, in its own σ, above which a resting stem must have moved, and
-        the weight of the newest innovation in it.
-    """
-
-    verdict: Annotated[float, Interval(gt=0.0, le=100.0)] = 4.0
-    ratio_rise: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.03
-    ratio_fall: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.003
-    ratio_most: Annotated[float, Interval(ge=1.0, le=100.0)] = 2.0
-    surprise_sigma: Annotated[float, Interval(ge=3.0, le=20.0)] = 5.0
-    surprise_weight: Annotated[float, Interval(gt=0.0, le=1.0)] = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +59,7 @@ class RestMonitor:
     """
 
     ratio: float
-    noise: NoiseLevel = field(default_factory=NoiseLevel)
+    noise: Octave = field(default_factory=nothing_learned)
     drift: float = 0.0
     verification: Verification | None = None
     landing: Landing | None = None
@@ -91,7 +70,8 @@ class RestMonitor:
         """Return the monitor after a reading with `variance_m2`; `sigma_m` is the sensor's configured σ."""
         innovation = (measured_m - stem.x) / math.sqrt(stem.variance_m2 + variance_m2)
         drift = self.drift + settings.surprise_weight * (innovation - self.drift)
-        return replace(self, noise=self.noise.with_reading(measured_m / sigma_m), drift=drift)
+        noise = self.noise.followed_by(measured_m / sigma_m)
+        return RestMonitor(self.ratio, noise, drift, self.verification, self.landing)
 
     def at_new_place(self) -> RestMonitor:
         """Return the monitor of a stem that has come to rest at another place."""

@@ -14,7 +14,7 @@ import numpy as np
 from annotated_types import Interval
 
 from positioner.inputs.table import SettingsTable
-from positioner.optimization.qp import QuadraticProgram, forced_response, tracking_cost
+from positioner.optimization.qp import QuadraticProgram, forced_response, packed, tracking_cost
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -93,14 +93,14 @@ def plan(
 class Condensed:
     """The constant part of the programme: with the friction as an affine term, A and B of eq. 30 are constant (D5).
 
-    P (H_u, H_u) and gradient (H_u, H_p): the cost is
-    ½ z'Pz - z' gradient (r - free position). rows (H_u + H_p, H_u): the inputs, then the speeds in mA per mA.
+    P and A: of the `QuadraticProgram`, its outputs the speeds in mA. gradient (H_u, H_p): the cost is
+    ½ z'Pz - z' gradient (r - free position).
     speed_unit: mA that one m/s is worth, B·T_s/m inverted. reach (H_p,): speeds under 1 mA held, in mA.
     """
 
-    P: NDArray[np.float64]
+    P: tuple[float, ...]
+    A: tuple[float, ...]
     gradient: NDArray[np.float64]
-    rows: NDArray[np.float64]
     speed_unit: float
     reach: NDArray[np.float64]
 
@@ -122,7 +122,7 @@ def condense(settings: PlannerSettings, valve: ValveParameters, period_s: float)
     weight[-1] *= settings.terminal_factor
     P, gradient = tracking_cost(forced[:, 0, :], weight, settings.input_weight_per_ma2)
     speeds = forced[:, 1, :] / gain
-    return Condensed(P, gradient, np.vstack([np.eye(count), speeds]), 1.0 / gain, speeds.sum(axis=1))
+    return Condensed(*packed(P, speeds), gradient, 1.0 / gain, speeds.sum(axis=1))
 
 
 def free_response(
@@ -161,12 +161,13 @@ def program(fixed: Condensed, free: NDArray[np.float64], setpoint_m: float, boun
     """
     low, high = bounds.current_low_ma, bounds.current_high_ma
     speeds = free[:, 1] * fixed.speed_unit
-    count = len(fixed.P)
-    lower, upper = np.empty(len(fixed.rows)), np.empty(len(fixed.rows))
-    lower[:count], upper[:count] = low, high
-    lower[count:] = np.minimum(bounds.speed_low_m_per_s * fixed.speed_unit - speeds, fixed.reach * high)
-    upper[count:] = np.maximum(bounds.speed_high_m_per_s * fixed.speed_unit - speeds, fixed.reach * low)
-    return QuadraticProgram(fixed.P, -fixed.gradient @ (setpoint_m - free[:, 0]), fixed.rows, lower, upper)
+    count = len(fixed.gradient)
+    lower = np.minimum(bounds.speed_low_m_per_s * fixed.speed_unit - speeds, fixed.reach * high)
+    upper = np.maximum(bounds.speed_high_m_per_s * fixed.speed_unit - speeds, fixed.reach * low)
+    q = -fixed.gradient @ (setpoint_m - free[:, 0])
+    return QuadraticProgram(
+        fixed.P, q.tolist(), fixed.A, [low] * count + lower.tolist(), [high] * count + upper.tolist()
+    )
 
 
 def _sign(v: float, dead_zone: float) -> float:

@@ -194,6 +194,11 @@ benchmark: $(VENV)/installed
 	@$(BIN)/python -m pip install --quiet --editable '.[benchmark]'
 	PYTHONPATH=tests $(BIN)/python -m benchmarks --out out/benchmark
 
+# puts the picture and the tables of the last `make benchmark` into docs/ and the README
+.PHONY: publish-benchmark
+publish-benchmark: $(VENV)/installed
+	PYTHONPATH=tests $(BIN)/python -m benchmarks --out out/benchmark --publish
+
 # The instructions of a cycle, counted by valgrind: they may change by 5 % at most, or are accepted again.
 .PHONY: instructions accept-instructions
 instructions: $(VENV)/installed

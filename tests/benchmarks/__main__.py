@@ -18,7 +18,8 @@ from benchmarks import machine
 from benchmarks.builds import ROOT, environments
 from benchmarks.cases import ROUNDS
 from benchmarks.measure import measure, plays, start
-from benchmarks.report import report
+from benchmarks.picture import draw
+from benchmarks.report import publish, report
 from benchmarks.summary import summarize
 
 if TYPE_CHECKING:
@@ -32,7 +33,11 @@ def main() -> None:
     parser.add_argument("--compiled", type=Path, metavar="DIR", help="folder with a compiled build of the packages")
     parser.add_argument("--rounds", type=int, default=ROUNDS, help="repeats of every case (default: %(default)s)")
     parser.add_argument("--core", type=int, default=machine.last_core(), help="processor to use (default: %(default)s)")
+    parser.add_argument("--publish", action="store_true", help="put the last figures into README.md; measure nothing")
     options = parser.parse_args()
+    if options.publish:
+        publish(options.out)
+        return
     options.out.mkdir(parents=True, exist_ok=True)
     workers = [start(options.core, environment) for environment in environments(options.compiled).values()]
     try:
@@ -43,6 +48,7 @@ def main() -> None:
     text = report(document)
     (options.out / "benchmark.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
     (options.out / "benchmark.md").write_text(text, encoding="utf-8")
+    draw(options.out / "benchmark.png", document)
     print(text)  # noqa: T201 - what a person has asked for
 
 

@@ -1,89 +1,77 @@
-"""The tables of the benchmark, in Markdown."""
+"""The report of the benchmark in Markdown, and the part of it that the README shows."""
 
 from __future__ import annotations
 
+import json
+import re
+import shutil
 from typing import TYPE_CHECKING, Any
 
-from positioner.studies.markdown import table
+from benchmarks import tables
+from benchmarks.builds import ROOT
+from benchmarks.instructions import REFERENCE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from pathlib import Path
 
     Entry = dict[str, Any]
 
-_QUANTILES = ("median", "p99", "p999", "largest")
-_HEAD = ("median", "p99", "p99.9", "max")
-PUBLISHED = {20: {"acados (HPIPM), from Python, as published": 132.0}}
-"""Medians in µs of programs that pip cannot install, by horizon."""
+_CYCLES = (
+    "One cycle, from frames to frames, in µs. The time of a cycle is the smallest of 20 repeats that are equal to the "
+    "bit; the distribution of all repeats is in brackets."
+)
+_PLANS = "One programme of the plan of a recorded move, in µs. Every program solves the same problem:"
+_HORIZONS = "One cycle in a move at 1 kHz, in µs, by horizon:"
+_BUS = (
+    "From a position frame on its way to the bus until its command is back, in µs: the daemon, and an echo for "
+    "comparison, in a process of its own. All repeats."
+)
+_SIMULATION = "A simulation without bus and processes, on one core:"
+_INSTRUCTIONS = "Instructions of a cycle at 1 kHz, on average (`make instructions` holds them within 5 %):"
+_MARKED = re.compile(r"(<!-- make benchmark -->\n).*(<!-- end of make benchmark -->)", re.DOTALL)
 
 
-def report(document: dict[str, Any]) -> str:
-    """Return the tables of `document`, with the machine and the date above them."""
-    return "\n".join(_lines(document)) + "\n"
+def report(document: Entry) -> str:
+    """Return all tables of `document`, with the machine and the date above them."""
+    parts = [
+        [_machine(document)],
+        [_CYCLES, "", *tables.cycles(document)],
+        [_PLANS, "", *tables.plans(document)],
+        [_HORIZONS, "", *tables.horizons(document)],
+        [_BUS, "", *tables.bus(document)],
+        [_SIMULATION, "", *tables.simulation(document)],
+        [_INSTRUCTIONS, "", *tables.instructions(_counts())],
+        tables.goals(document),
+    ]
+    return "\n\n".join("\n".join(part) for part in parts) + "\n"
 
 
-def _lines(document: dict[str, Any]) -> Iterator[str]:
+def publish(folder: Path) -> None:
+    """Put the picture in `folder` into docs/, and its main tables into the README, between their two marks.
+
+    Raises:
+        OSError: the benchmark has not written there.
+    """
+    document = json.loads((folder / "benchmark.json").read_text(encoding="utf-8"))
+    shutil.copy(folder / "benchmark.png", ROOT / "docs" / "benchmark.png")
+    parts = [
+        [_machine(document)],
+        [_CYCLES, "", *tables.cycles(document)],
+        [_PLANS, "", *tables.plans(document)],
+        [_SIMULATION, "", *tables.simulation(document)],
+    ]
+    text = "\n\n".join("\n".join(part) for part in parts)
+    readme = ROOT / "README.md"
+    before = readme.read_text(encoding="utf-8")
+    readme.write_text(_MARKED.sub(lambda found: f"{found[1]}\n{text}\n\n{found[2]}", before), encoding="utf-8")
+
+
+def _machine(document: Entry) -> str:
     about = document["machine"]
     versions = ", ".join(f"{name} {version.partition(' ')[0]}" for name, version in about["versions"].items())
-    yield f"{about['date']}, {about['processor']}, commit {about['commit']}; {versions}. Times are in µs."
-    yield ""
-    yield (
-        "One cycle, from frames to frames. The time of a cycle is the smallest of its bit-identical repeats; all "
-        "repeats are in brackets."
-    )
-    yield ""
-    yield from table(("cycle", "build", "cycles", *_HEAD), (_row(e, e["mode"], e["rate"]) for e in document["cycles"]))
-    yield ""
-    yield "One programme of the plan of a recorded move; every program solves the same problem:"
-    yield ""
-    yield from table(("H_p", "program", "build", "plans", *_HEAD, "× ours", "apart by, mA"), _plans(document["plans"]))
-    yield ""
-    yield "One cycle at 1 kHz by horizon, H_p = H_u:"
-    yield ""
-    head = ("H_p", "build", "cycles", *_HEAD)
-    rows = (_row(e, e["horizon"]) for e in document["horizons"] if e["mode"] == "in a move")
-    yield from table((f"{head[0]}, in a move", *head[1:]), rows)
-    yield ""
-    yield "From a position frame on its way to the bus to its command; all repeats, in two processes on two cores:"
-    yield ""
-    yield from table(("bus", "answered by", "build", "frames", *_HEAD), map(_bus, document["bus"]))
-    yield ""
-    rows = ([e["way"], e["build"], f"{e['times_real_time']:.1f}"] for e in document["simulation"])
-    yield from table(("simulation of `paper-valve`", "build", "× real time"), rows)
-    yield ""
-    yield from table(("goal", "limit", "measured", ""), map(_goal, document["goals"]))
+    return f"{about['processor']}, {about['date']}, commit {about['commit']}; {versions}."
 
 
-def _row(entry: Entry, *condition: str) -> list[str]:
-    return [", ".join(condition), entry["build"], str(entry["smallest"]["count"]), *_both(entry)]
-
-
-def _both(entry: Entry) -> list[str]:
-    return [f"{entry['smallest'][quantile]:.0f} ({entry['raw'][quantile]:.0f})" for quantile in _QUANTILES]
-
-
-def _plans(plans: list[Entry]) -> Iterator[list[str]]:
-    for horizon in sorted({entry["horizon"] for entry in plans}):
-        own = [entry for entry in plans if entry["horizon"] == horizon]
-        ours = min(entry["smallest"]["median"] for entry in own if entry["program"] == "ours")
-        for entry in own:
-            unsolved = f" ({entry['unsolved']} not solved)" if entry["unsolved"] else ""
-            count = f"{entry['smallest']['count']}{unsolved}"
-            ratio = f"{entry['smallest']['median'] / ours:.1f}"
-            build = entry["build"] or "–"
-            yield [str(horizon), entry["program"], build, count, *_both(entry), ratio, f"{entry['apart_ma']:.4f}"]
-        for program, median in PUBLISHED.get(horizon, {}).items():
-            yield [str(horizon), program, "–", "–", f"{median:.0f}", "–", "–", "–", f"{median / ours:.1f}", "–"]
-
-
-def _bus(entry: Entry) -> list[str]:
-    who = f"daemon, {entry['mode']}" if entry["kind"] == "daemon" else f"echo, {entry['mode']}"
-    quantiles = [f"{entry['raw'][quantile]:.0f}" for quantile in _QUANTILES]
-    return [entry["bus"], who, entry["build"], str(entry["raw"]["count"]), *quantiles]
-
-
-def _goal(entry: Entry) -> Iterator[str]:
-    yield entry["what"]
-    yield f"{'≥' if entry['least'] else '≤'} {entry['limit']:g}"
-    yield f"{entry['measured']:.1f}"
-    yield "holds" if entry["holds"] else "**missed**"
+def _counts() -> dict[str, Entry]:
+    counts: dict[str, Entry] = json.loads(REFERENCE.read_text(encoding="utf-8"))
+    return counts

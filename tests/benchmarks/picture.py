@@ -1,0 +1,113 @@
+"""The picture of the benchmark: every cycle by mode beside its goals, and the plans of other programs beside ours."""
+
+from __future__ import annotations
+
+from random import Random
+from typing import TYPE_CHECKING, Any
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+from matplotlib import pyplot as plt
+from matplotlib.ticker import LogLocator
+
+from benchmarks.tables import PUBLISHED
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+
+    Entry = dict[str, Any]
+
+_COLOURS = {"at rest": "#1b7837", "in a move": "#b2182b", "settling": "#2166ac"}
+_PERIODS_US = {"10 kHz": 100.0, "1 kHz": 1000.0}
+_GOALS_US = {"at rest": (50.0, 100.0), "in a move": (150.0, 250.0)}
+"""Median and p99 at rest, p99 and maximum in a move."""
+_HORIZONS = {4: ("o", "white"), 20: ("o", "#444444")}
+_MOST_DOTS = 600
+
+
+def draw(path: Path, document: Entry) -> None:
+    """Write the picture of `document` to `path`."""
+    plans = _ratios(document["plans"])
+    rows = len(document["cycles"])
+    figure, (left, right) = plt.subplots(
+        1, 2, figsize=(13, 1.6 + 0.42 * max(rows, len(plans) + 1)), width_ratios=(3, 2), layout="constrained"
+    )
+    _draw_cycles(left, document["cycles"])
+    _draw_plans(right, plans)
+    about = document["machine"]
+    figure.supxlabel(f"{about['processor']}, {about['date']}, commit {about['commit']}", fontsize=8, color="#555555")
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def _draw_cycles(axes: Axes, cycles: Sequence[Entry]) -> None:
+    """Draw one row for each mode, rate and build, one dot for each cycle."""
+    random = Random(1)  # noqa: S311 - where dots lie
+    names = []
+    for row, entry in enumerate(cycles):
+        colour, figures = _COLOURS[entry["mode"]], entry["smallest"]
+        names.append(f"{entry['mode']}, {entry['rate']}, {entry['build']}")
+        dots = [duration / 1e3 for duration in entry["smallest_ns"]]
+        some = random.sample(dots, min(len(dots), _MOST_DOTS))
+        heights = [row + random.uniform(-0.28, 0.28) for _ in some]
+        axes.scatter(some, heights, s=4, color=colour, alpha=0.25, linewidths=0)
+        axes.plot([figures["median"]] * 2, [row - 0.38, row + 0.38], color=colour, linewidth=2.5)
+        axes.plot([figures["p99"]] * 2, [row - 0.38, row + 0.38], color=colour, linewidth=1.2)
+        axes.plot(figures["largest"], row, "x", color=colour, markersize=6)
+        for goal in _GOALS_US.get(entry["mode"], ()):
+            axes.plot(goal, row, "|", color="black", markersize=16, markeredgewidth=1.4)
+    for name, period_us in _PERIODS_US.items():
+        axes.axvline(period_us, color="#888888", linestyle="--", linewidth=1)
+        axes.text(period_us, -0.75, f"period at {name}", ha="center", va="bottom", fontsize=8, color="#555555")
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.4, -0.8)
+    _logarithmic(axes, "time of a cycle from frames to frames, µs")
+    axes.set_title(
+        "Every cycle (dot): median (thick), p99 (thin), maximum (×); goals in black\n", fontsize=10, loc="left"
+    )
+
+
+def _draw_plans(axes: Axes, ratios: dict[str, dict[int, float]]) -> None:
+    """Draw one row for each program, one dot for each horizon."""
+    for row, by_horizon in enumerate(ratios.values()):
+        axes.plot([1.0, max(by_horizon.values())], [row, row], color="#cccccc", linewidth=1, zorder=0)
+        for horizon, ratio in by_horizon.items():
+            marker, face = _HORIZONS[horizon]
+            axes.plot(ratio, row, marker, markerfacecolor=face, markeredgecolor="#444444", markersize=8)
+            below = -9 if ratio == min(by_horizon.values()) else 9
+            axes.annotate(f"{ratio:.1f}", (ratio, row), (below, 8), textcoords="offset points", ha="center", fontsize=8)
+    axes.axvline(1.0, color="black", linewidth=1)
+    axes.set_yticks(range(len(ratios)), ratios)
+    axes.set_ylim(len(ratios) - 0.4, -0.8)
+    _logarithmic(axes, "median time of one programme, times ours")
+    axes.set_title("The same plan by other programs\n", fontsize=10, loc="left")
+    for horizon, (marker, face) in _HORIZONS.items():
+        axes.plot([], [], marker, markerfacecolor=face, markeredgecolor="#444444", label=f"H_p = H_u = {horizon}")
+    axes.legend(loc="upper right", fontsize=9)
+
+
+def _ratios(plans: Sequence[Entry]) -> dict[str, dict[int, float]]:
+    """Return the median of each other program over ours, by program and horizon."""
+    ratios: dict[str, dict[int, float]] = {}
+    for horizon in _HORIZONS:
+        own = [entry for entry in plans if entry["horizon"] == horizon]
+        ours = min(entry["smallest"]["median"] for entry in own if entry["program"] == "ours")
+        medians = {e["program"]: e["smallest"]["median"] for e in own if e["program"] != "ours"}
+        for program, median in (medians | PUBLISHED.get(horizon, {})).items():
+            ratios.setdefault(program.replace(", ", "\n", 1), {})[horizon] = median / ours
+    return dict(sorted(ratios.items(), key=lambda item: item[1][max(_HORIZONS)]))
+
+
+def _logarithmic(axes: Axes, name: str) -> None:
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_minor_formatter(lambda _value, _: "")
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.set_xlabel(name)
+    axes.grid(axis="x", which="both", color="#eeeeee", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)

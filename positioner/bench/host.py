@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING, NoReturn
 
 from tqdm import tqdm
 
+from positioner.bench.machine_load import MachineLoad
 from positioner.bench.scenario import MOST_SAMPLES_PER_SETPOINT
 from positioner.errors import BenchError
 from positioner.wire.messages import Setpoint
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from positioner.bench.recording import Recording
     from positioner.bench.scenario import Scenario
+    from positioner.bench.timing import Second
     from positioner.bus.port import BusPort
     from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame
@@ -71,8 +73,10 @@ class Host:
         if lost:
             raise BenchError(f"the bus lost {lost} frame(s): this run is not reproducible: repeat it")
 
-    def play_real_time(self) -> None:
-        """Send a setpoint every period of the host's clock, and receive what has come since the last one.
+    def play_real_time(self, pids: Iterable[int]) -> tuple[Second, ...]:
+        """Return the seconds of the run; `pids` are the processes of the bench beside this one.
+
+        It sends a setpoint every period of its clock, and receives what has come since the last one.
 
         The kernel has stamped the frames. A host that woke for each of them would take a processor from the loop.
 
@@ -81,6 +85,7 @@ class Host:
         """
         every, period_s = self._scenario.samples_per_setpoint, self._scenario.sample_period_s
         self._start_ns = self._recording.begin_ns = time.monotonic_ns()
+        load = MachineLoad(self._start_ns, pids)
         with self._progress() as bar:
             for sample in range(0, self._recording.samples, every):
                 self._send_setpoint(sample)
@@ -88,7 +93,9 @@ class Host:
                 time.sleep(max(end_ns - time.monotonic_ns(), 0) / _NS)
                 self._receive(0.0)
                 self._check()
+                load.look(time.monotonic_ns())
                 bar.update(min(every, self._recording.samples - sample))
+        return tuple(load.seconds)
 
     def _send_setpoint(self, sample: int) -> None:
         scenario = self._scenario

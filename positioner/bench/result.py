@@ -15,12 +15,16 @@ from typing import TYPE_CHECKING, Any
 
 import positioner
 from positioner.bench.modes import active_fraction, mode_lines
+from positioner.bench.timing import timing_lines
 from positioner.valve.stiction import Quantity
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from positioner.bench.metrics import DwellMetrics, Totals
     from positioner.bench.modes import ModeSpan
     from positioner.bench.scenario import Scenario
+    from positioner.bench.timing import Timing
     from positioner.valve.stiction import StictionTable
 
 SIGNIFICANT_DIGITS = 6
@@ -51,6 +55,8 @@ class RunInfo:
     wall_s: float
     machine: str
     versions: dict[str, str]
+    timing: Timing | None = None
+    """How it kept time, in real time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,7 +115,6 @@ def to_text(result: Result) -> str:
     rows = [_row(str(number), dwell) for number, dwell in enumerate(result.dwells, start=1)]
     header, units, *body, foot = _aligned([*_HEADER, *rows, _foot(totals)])
     rule = "─" * len(header)
-    first, *more = mode_lines(result.modes)
     lines = (
         f"{scenario.name}: {scenario.title}",
         f"law {scenario.law}, seed {scenario.seed}, period {period_ms:g} ms, {run.clock} on {run.bus}",
@@ -121,8 +126,8 @@ def to_text(result: Result) -> str:
         rule,
         foot,
         "",
-        f"modes    {first}",
-        *(f"         {line}" for line in more),
+        *_labelled("modes", mode_lines(result.modes)),
+        *_labelled("time", () if run.timing is None else timing_lines(run.timing, scenario.sample_period_s)),
         f"error    {totals.worst_mean_abs_error_pct:.2f} % of the {result.span_mm:g} mm span in the worst dwell",
         f"settled  {settled_1pct} to 1 %, {settled_2pct} to 2 %, of {totals.dwells}",
         f"cycling  {totals.limit_cycles}",
@@ -131,6 +136,11 @@ def to_text(result: Result) -> str:
         f"took     {run.wall_s:.1f} s for {scenario.duration_s:g} s of the plant's time",
     )
     return "\n".join(lines) + "\n"
+
+
+def _labelled(label: str, lines: Sequence[str]) -> list[str]:
+    """Return the lines in a column, the first one beside its label."""
+    return [f"{label if number == 0 else '':9}{line}" for number, line in enumerate(lines)]
 
 
 _HEADER = (

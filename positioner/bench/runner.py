@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import os
-import platform
 import shutil
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,29 +16,19 @@ import tomli_w
 from plant_emulator.presets import DEFAULT_PRESET
 from positioner.bench import metrics
 from positioner.bench.configure import configuration_text
-from positioner.bench.host import Host
+from positioner.bench.machine_load import machine
 from positioner.bench.modes import mode_spans
+from positioner.bench.play import BenchOptions, play
 from positioner.bench.playable import check_playable
-from positioner.bench.processes import BenchProcess
-from positioner.bench.recording import Recording
 from positioner.bench.result import Result, RunInfo, TableSummary, installed_versions, summary_of, to_json
 from positioner.bench.trace_data import trend_data
 from positioner.bench.trend import draw_trend
 from positioner.bench.truth_log import add_truth
 from positioner.bus.address import BusAddress, embedded_address, find_vcan
-from positioner.bus.port import BusPort
 from positioner.config.reader import parse_config
 from positioner.errors import BenchError, StateError
 from positioner.store import access, lock
 from positioner.valve.stiction import StictionTable
-from positioner.wire.messages import (
-    ActuatorState,
-    CurrentCommand,
-    PlantTruth,
-    PositionerCount,
-    PositionerStatus,
-    StemPosition,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -49,24 +38,6 @@ if TYPE_CHECKING:
 
 _COMMAND_DELAY_PERIODS = 0.8
 """When commands act after a reading in real time: most of the period is for the cycle, the rest for the emulator."""
-_PLANT_PRIORITY, _DAEMON_PRIORITY = 60, 50
-"""In real time: the plant stands for hardware, which waits for nobody; the daemon has the priority of realtime.conf."""
-_RECEIVED = (StemPosition, ActuatorState, PlantTruth, CurrentCommand, PositionerStatus, PositionerCount)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BenchOptions:
-    """How a bench runs.
-
-    bus: with None, the bench chooses one. out: the output directory. state: the table's directory; with None, a new one
-    in `out`. plant_bus: the emulator's own interface to the same bus, as on hardware.
-    """
-
-    bus: BusAddress | None
-    lockstep: bool
-    out: Path
-    state: Path | None
-    plant_bus: BusAddress | None = None
 
 
 def choose_bus(address: BusAddress | None) -> tuple[BusAddress, str]:
@@ -123,9 +94,7 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
     started, begun_s = datetime.now(UTC), time.monotonic()
     before = _table(state, configuration)
     _copy_start(state, out / "state-before")
-    recording = _play(scenario, options, configuration, state)
-    if not options.lockstep:
-        recording.fill_gaps()
+    recording, timing = play(scenario, options, configuration, state)
     after = _table(state, configuration)
 
     span_m = configuration.valve.span_m
@@ -146,8 +115,9 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
             clock="lockstep" if options.lockstep else "real-time",
             started_at=started.isoformat(timespec="seconds"),
             wall_s=time.monotonic() - begun_s,
-            machine=f"{platform.machine()}, {os.cpu_count()} cores",
+            machine=machine(),
             versions=installed_versions(),
+            timing=timing,
         ),
     )
     (out / "result.json").write_text(to_json(result), encoding="utf-8")
@@ -176,53 +146,6 @@ def _write_configuration(scenario: Scenario, options: BenchOptions, address: Bus
         tomli_w.dumps({"preset": DEFAULT_PRESET, **scenario.plant}), encoding="utf-8"
     )
     return parse_config(text, str(path), options.out)
-
-
-def _play(scenario: Scenario, options: BenchOptions, configuration: Configuration, state: Path) -> Recording:
-    out, clock = options.out, "lockstep" if options.lockstep else "realtime"
-    codec = configuration.make_codec()
-    samples = round(scenario.duration_s / scenario.sample_period_s)
-    recording = Recording(codec, samples, scenario.sample_period_s, scenario.samples_per_setpoint, options.lockstep)
-    plant_bus = options.plant_bus or configuration.bus
-    bus = BusPort(configuration.bus, [codec.identifier(kind) for kind in _RECEIVED])
-    bus.open()
-    for name in ("plant-emulator.log", "positioner.log"):
-        (out / name).unlink(missing_ok=True)
-    daemon_arguments = ["run", "--config", str(out / "valve.toml"), "--state", str(state), "--clock", clock]
-    daemon_arguments += ["--trace", str(out / "trace.csv")]
-    plant_arguments = ["run", "--config", str(out / "plant.toml"), "--bus", str(plant_bus), "--clock", clock]
-    plant_arguments += ["--period", repr(scenario.sample_period_s), "--seed", str(scenario.seed)]
-    plant_arguments += ["--command-delay", repr(configuration.control.command_delay_s)]
-    if options.lockstep:
-        for arguments in (daemon_arguments, plant_arguments):
-            arguments += ["--setpoint-every", str(scenario.samples_per_setpoint)]
-    else:
-        daemon_arguments += ["--record", str(out / "bus.log")]
-    try:
-        with BenchProcess("positioner.cli.main", daemon_arguments, out / "positioner.log") as daemon:
-            daemon.wait_for("waiting for position frames")
-            with BenchProcess("plant_emulator.cli.main", plant_arguments, out / "plant-emulator.log") as plant:
-                plant.wait_for("READY=1")
-                children = (daemon, plant)
-                host = Host(scenario, codec, bus, recording, lambda: _check(children))
-                if options.lockstep:
-                    host.play_lockstep()
-                else:
-                    plant.prioritize(_PLANT_PRIORITY)
-                    daemon.prioritize(_DAEMON_PRIORITY)
-                    host.play_real_time()
-                code = daemon.stop()
-                if code:
-                    raise StateError(f"the positioner ended with status {code}; see {daemon.log}")
-    finally:
-        bus.close()
-    return recording
-
-
-def _check(children: tuple[BenchProcess, ...]) -> None:
-    for child in children:
-        child.drain()
-        child.check()
 
 
 def _table(state: Path, configuration: Configuration) -> TableSummary:

@@ -95,8 +95,9 @@ def _seed(text: str) -> int:
 def _run(arguments: argparse.Namespace) -> ExitCode:
     # the runner imports matplotlib, which would slow every other command down
     from positioner.bench.modes import complaint  # noqa: PLC0415
+    from positioner.bench.play import BenchOptions  # noqa: PLC0415
     from positioner.bench.result import to_text  # noqa: PLC0415
-    from positioner.bench.runner import BenchOptions, run_bench  # noqa: PLC0415
+    from positioner.bench.runner import run_bench  # noqa: PLC0415
 
     # SIGTERM ends the processes of the bench, as Ctrl-C does
     signal.signal(signal.SIGTERM, signal.default_int_handler)

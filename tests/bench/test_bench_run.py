@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,10 +22,12 @@ import pytest
 from daemon_helpers import TIMEOUT_S, own_address
 
 from positioner.bench import metrics, runner
+from positioner.bench import play as play_module
 from positioner.bench.host import Host
 from positioner.bench.inprocess import run_in_process
+from positioner.bench.play import BenchOptions
 from positioner.bench.processes import BenchProcess
-from positioner.bench.runner import BenchOptions, run_bench
+from positioner.bench.runner import run_bench
 from positioner.bench.scenario import load_scenario
 from positioner.bus.port import BusPort
 from positioner.cli.main import main
@@ -245,6 +248,24 @@ def test_a_run_in_real_time_closes_the_loop(tmp_path: Path) -> None:
     assert (played.files / "trend.png").stat().st_size > 10_000
 
 
+def test_a_short_run_at_1_khz_ends_active_loses_nothing_and_counts_its_late_cycles(tmp_path: Path) -> None:
+    patient = REAL_TIME[REAL_TIME.index("plant = ") :]
+    scenario = load_scenario(str(written(tmp_path, SHORT.replace("0.2", "1.0") + 'law = "nmpc"\n' + patient)))
+    played = play(scenario, tmp_path / "out", tmp_path / "aside", lockstep=False)
+    assert played.result.modes[-1].mode is Mode.ACTIVE
+    assert played.result.scenario.control == {"command_delay_s": pytest.approx(0.0008)}
+    timing = played.result.run.timing
+    assert timing is not None
+    assert timing.whole is not None
+    assert timing.late == sum(timing.late_by_motion.values()) == sum(timing.late_by_mode.values())
+    assert timing.whole.cycles >= 1900
+    codec = make_codec()
+    received = [codec.decode(frame) for _, frame in frames_of(played.files / "bus.log") if not frame.is_extended]
+    counters = [counter or 0 for message, counter in received if isinstance(message, StemPosition)]
+    assert {(after - before) % 256 for before, after in pairwise(counters)} == {1}  # none was lost, however late
+    assert "queue was full" not in (played.files / "positioner.log").read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize("victim", ["positioner", "plant-emulator"])
 def test_a_process_that_dies_during_the_run_is_one_line(
     victim: str, scenario: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -262,7 +283,7 @@ def test_a_process_that_dies_during_the_run_is_one_line(
         return received(self, timeout_s)
 
     received = Host._receive
-    monkeypatch.setattr(runner, "BenchProcess", Marked)
+    monkeypatch.setattr(play_module, "BenchProcess", Marked)
     monkeypatch.setattr(Host, "_receive", receive)
     with pytest.raises(BenchError, match=rf"^{victim} ended with status -9: .*\(log: .*{victim}.log\)$") as caught:
         play(scenario, tmp_path / "out", tmp_path / "aside")

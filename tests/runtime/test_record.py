@@ -14,8 +14,9 @@ import pytest
 import replay_helpers as runs
 from daemon_helpers import Loop, own_address
 
+from positioner.bench.play import BenchOptions
 from positioner.bench.recording import Recording
-from positioner.bench.runner import BenchOptions, run_bench
+from positioner.bench.runner import run_bench
 from positioner.bench.truth_log import add_truth
 from positioner.bus.port import BusPort
 from positioner.cli.main import main

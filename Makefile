@@ -189,8 +189,14 @@ syscall-test: $(VENV)/installed
 	PYTHONPATH=tests:tests/kernel $(BIN)/python -m endurance.syscall_faults
 
 # How long a cycle takes, and a plan beside other programs' plans of the same move; tables and picture in out/benchmark.
+COMPILED = build/compiled
+$(COMPILED)/installed: $(VENV)/installed $(shell find positioner plant_emulator dbc -name '*.py' -o -name '*.dbc')
+	rm -rf $(COMPILED)
+	$(BIN)/python -m pip install --quiet --no-deps --target $(COMPILED) .
+	touch $@
+
 .PHONY: benchmark
-benchmark: $(VENV)/installed
+benchmark: $(VENV)/installed $(COMPILED)/installed
 	@$(BIN)/python -m pip install --quiet --editable '.[benchmark]'
 	PYTHONPATH=tests $(BIN)/python -m benchmarks --out out/benchmark
 
@@ -201,10 +207,10 @@ publish-benchmark: $(VENV)/installed
 
 # The instructions of a cycle, counted by valgrind: they may change by 5 % at most, or are accepted again.
 .PHONY: instructions accept-instructions
-instructions: $(VENV)/installed
+instructions: $(VENV)/installed $(COMPILED)/installed
 	PYTHONPATH=tests $(BIN)/python -m benchmarks.instructions
 
-accept-instructions: $(VENV)/installed
+accept-instructions: $(VENV)/installed $(COMPILED)/installed
 	PYTHONPATH=tests $(BIN)/python -m benchmarks.instructions --accept
 
 # The memory that a replay takes, for a log of 100,000 and one of a million frames.

@@ -30,7 +30,6 @@ def main() -> None:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("out/benchmark"), metavar="DIR", help="default: %(default)s")
-    parser.add_argument("--compiled", type=Path, metavar="DIR", help="folder with a compiled build of the packages")
     parser.add_argument("--rounds", type=int, default=ROUNDS, help="repeats of every case (default: %(default)s)")
     parser.add_argument("--core", type=int, default=machine.last_core(), help="processor to use (default: %(default)s)")
     parser.add_argument("--publish", action="store_true", help="put the last figures into README.md; measure nothing")
@@ -39,7 +38,7 @@ def main() -> None:
         publish(options.out)
         return
     options.out.mkdir(parents=True, exist_ok=True)
-    workers = [start(options.core, environment) for environment in environments(options.compiled).values()]
+    workers = [start(options.core, environment) for environment in environments().values()]
     try:
         document = {"machine": _about(workers[0])} | summarize(_measured(workers, options.rounds))
     finally:

@@ -12,10 +12,16 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def environments(compiled: Path | None) -> Mapping[str, Mapping[str, str]]:
-    """Return the environment of a process of each build, by the name of the build; `compiled`: where one lies."""
-    folders = {"interpreted": ROOT} | ({"compiled": compiled.resolve()} if compiled else {})
-    return {name: _environment(folder) for name, folder in folders.items()}
+INSTALLED = ROOT / "build" / "compiled"
+"""Where the Makefile installs the wheel; without a C compiler it has no compiled modules."""
+
+
+def environments() -> Mapping[str, Mapping[str, str]]:
+    """Return the environment of a process of each build that is there, by the name of the build."""
+    found = {"interpreted": _environment(ROOT)}
+    if any((INSTALLED / "positioner").rglob("*.so")):
+        found["compiled"] = _environment(INSTALLED)
+    return found
 
 
 def _environment(folder: Path) -> dict[str, str]:

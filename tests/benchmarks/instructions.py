@@ -35,21 +35,24 @@ def main() -> None:
     """Count in every build, and judge or accept; exit status 1 where a count has changed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.instructions", description=__doc__)
     parser.add_argument("--accept", action="store_true", help="write what is counted into instructions.json")
-    parser.add_argument("--compiled", type=Path, metavar="DIR", help="folder with a compiled build of the packages")
     options = parser.parse_args()
     reference = json.loads(REFERENCE.read_text(encoding="utf-8")) if REFERENCE.exists() else {}
     if shutil.which("valgrind") is None:
         print("instructions: NOT JUDGED: there is no valgrind (apt-get install valgrind)")  # noqa: T201
         return
-    failed = False
-    for name, environment in builds.environments(options.compiled).items():
-        counted = count(environment)
-        key = f"Python {sys.version_info.major}.{sys.version_info.minor}, {name}"
+    failed, python = False, f"Python {sys.version_info.major}.{sys.version_info.minor}"
+    measured = builds.environments()
+    for name, environment in measured.items():
+        counted, key = count(environment), f"{python}, {name}"
         if options.accept:
             reference[key] = counted
         lines, changed = judge(key, counted, reference.get(key))
         failed |= changed
         print("\n".join(lines))  # noqa: T201
+    for key in reference:
+        version, name = key.split(", ")
+        if version == python and name not in measured:
+            print(f"instructions ({key}): NOT JUDGED: this build is not here")  # noqa: T201
     if options.accept:
         REFERENCE.write_text(json.dumps(reference, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     sys.exit(failed)

@@ -324,7 +324,10 @@ def test_a_pressure_sensor_reports_the_true_pressure_in_the_first_frame() -> Non
         _, frames = publish(CODEC, settings, replace(state, plant=plant, position_counter=77))
         messages = decoded(frames)
         assert [type(message) for message, _ in messages] == [ActuatorState, PlantTruth, StemPosition]
-        assert messages[0] == (ActuatorState(pytest.approx(shown)), 77)  # type: ignore[arg-type]
+        message, counter = messages[0]
+        assert isinstance(message, ActuatorState)
+        assert message.pressure_pa == pytest.approx(shown)
+        assert counter == 77
 
 
 USERS_DBC = """VERSION ""

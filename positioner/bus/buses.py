@@ -44,30 +44,30 @@ class Buses:
         looked = self._time.instant()
         self._arrivals.begin(looked, timeout_s)
         end_ns = looked.monotonic_ns + round(timeout_s * _NS)
-        while True:
+        # a port that is away opens its bus here, where that is due
+        batches = tuple(() if port.is_open else port.receive(0.0) for port in self._ports)
+        while not any(batches):
             batches = self._look(looked, max(end_ns - looked.monotonic_ns, 0) / _NS)
-            now = self._time.instant()
-            if any(batches) or now.monotonic_ns >= end_ns:
+            looked = self._time.instant()
+            if looked.monotonic_ns >= end_ns:
                 break
-            looked = now
-        self._arrivals.end(now)
+        self._arrivals.end(self._time.instant())
         return batches
 
     def _look(self, now: Instant, timeout_s: float) -> tuple[tuple[CanFrame, ...], ...]:
-        """Return the frames of each port, after a wait that ends early where a port can have become readable."""
-        descriptors = {port.descriptor: port for port in self._ports if port.descriptor is not None}
+        """Return the frames of each port, after a wait that ends early where one is readable, or may be."""
+        descriptors = [port.descriptor for port in self._ports if port.descriptor is not None]
         if any(port.is_open and port.descriptor is None for port in self._ports):
             timeout_s = min(timeout_s, _LOOK_EVERY_S)
+        readable: Sequence[int] = ()
         if descriptors:
             readable, _, _ = select.select(descriptors, (), (), timeout_s)
         else:
-            readable = []
             self._time.sleep(timeout_s)
-        batches = []
-        for port in self._ports:
-            if port.descriptor is None or port.descriptor in readable:
-                batches.append(port.receive(0.0))
-            else:
-                port.seen_empty(now)
-                batches.append(())
-        return tuple(batches)
+        return tuple(self._frames(port, now, readable) for port in self._ports)
+
+    def _frames(self, port: BusPort, looked: Instant, readable: Sequence[int]) -> tuple[CanFrame, ...]:
+        if port.descriptor in readable or (port.is_open and port.descriptor is None):
+            return port.receive(0.0)
+        port.seen_empty(looked)
+        return ()

@@ -105,7 +105,10 @@ class Daemon:
 
     def _report_states(self) -> None:
         """Report the states of the valves to the service manager."""
-        self._service.state([session.announcer for session in self.sessions])
+        announcers = [session.announcer for session in self.sessions]
+        self._service.state(announcers)
+        for announcer in announcers:
+            announcer.changed = False
 
     def _report(self, event: BusEvent) -> None:
         """Log an event of a bus."""

@@ -185,7 +185,7 @@ class Session:
 
     def end(self, error: PositionerError) -> None:
         """Have no more cycles; the actuator's deadman acts."""
-        self.ended = True
+        self.ended = self.announcer.ready = True
         self.announcer.log.error("%s; this valve is not controlled any more", error)
         self.announcer.tell(f"ended: {error}")
 

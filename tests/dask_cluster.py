@@ -19,9 +19,10 @@ _HERE = ("--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.
 
 @dataclass(frozen=True)
 class DaskCluster:
-    """The address of the scheduler, and its workers."""
+    """The address of the scheduler, its process, and its workers."""
 
     address: str
+    scheduler: subprocess.Popen[str]
     workers: tuple[subprocess.Popen[str], ...]
 
 
@@ -35,7 +36,7 @@ def dask_cluster(folder: Path, workers: int = 2) -> Iterator[DaskCluster]:
         started = tuple(stack.enter_context(_program("worker", address, *alone)) for _ in range(workers))
         for worker in started:
             _said(worker, r"Registered to:\s+(tcp://\S+)")
-        yield DaskCluster(address, started)
+        yield DaskCluster(address, scheduler, started)
 
 
 @contextmanager

@@ -24,6 +24,7 @@ from positioner.wire.messages import (
     ActuatorState,
     CurrentCommand,
     Message,
+    Mode,
     PlantTruth,
     PositionerCount,
     PositionerStatus,
@@ -56,8 +57,8 @@ _COUNTER = 256
 class Recording:
     """The samples of a run; `setpoints`, `truth`, `readings`, `commands` and `statuses` count the frames.
 
-    `mode_reports` are the modes in the positioner's frames; of a loop without a bus, in its status alone. In real time
-    `begin_ns` is the monotonic instant of the start.
+    `mode_reports` are the modes in the positioner's frames; of a loop without a bus, before `read_modes`, in its status
+    alone. In real time `begin_ns` is the monotonic instant of the start.
     """
 
     codec: Codec
@@ -132,6 +133,14 @@ class Recording:
             samples = np.rint(np.array([stamp_s for stamp_s, _ in kept]) / self.period_s).astype(np.intp)
             for name, values in columns.items():
                 values[samples] = column(self.codec.by_kind[kind], name, [frame for _, frame in kept])
+
+    def read_modes(self) -> None:
+        """Read the modes in the commands that `add_sample` added: the reports are then those of a bench on a bus."""
+        kept = [(stamp_s, frame) for stamp_s, rank, frame in self.frames if rank == _RANK[CurrentCommand]]
+        modes = column(self.codec.by_kind[CurrentCommand], "mode", [frame for _, frame in kept])
+        self.mode_reports[:0] = [
+            ModeReport(stamp_s, Mode(int(mode))) for (stamp_s, _), mode in zip(kept, modes, strict=True)
+        ]
 
     @property
     def _columns(self) -> Mapping[type[Message], Mapping[str, NDArray[np.float64]]]:

@@ -95,6 +95,7 @@ def _figures(scenario: Scenario) -> Figures:
     configuration = configure(scenario)
     plant = check_playable(scenario, configuration)
     played = run_in_process(scenario)
+    played.recording.read_modes()
     dwells = metrics.dwell_metrics(played.recording.trace, scenario.dwell_edges_s, configuration.valve.span_m)
     # silent after the actuator's deadman time, but not before three periods, as in a bench
     silent_s = max(plant.deadman_s, 3.0 * scenario.sample_period_s)

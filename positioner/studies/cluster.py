@@ -5,6 +5,7 @@ Dask gives the work of a node that died to another one. A result that only the d
 
 from __future__ import annotations
 
+import logging
 import platform
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
@@ -39,6 +40,7 @@ def connected(address: str) -> Iterator[Cluster]:
         from distributed import Client  # noqa: PLC0415 - an extra
     except ImportError as error:
         raise UsageError(INSTALL) from error
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # our one line stands for its tracebacks
     try:
         client = Client(address, timeout=_ANSWERS_WITHIN_S, set_as_default=False)
     except OSError as error:  # a TimeoutError is one

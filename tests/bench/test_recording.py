@@ -9,6 +9,7 @@ import can
 import numpy as np
 import pytest
 
+from positioner.bench.modes import mode_spans
 from positioner.bench.recording import LOG_CHANNEL, Recording
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import (
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
 CODEC = make_codec()
 PERIOD_S = 0.001
+MODES = (Mode.ACTIVE, Mode.HOLD)
 STATUS = PositionerStatus(Mode.ACTIVE, Cause.NONE, Health.GOOD, True, True, 0, 0, 0)
 
 
@@ -59,13 +61,17 @@ def test_samples_of_a_loop_without_a_bus_are_those_of_the_same_frames_one_by_one
         frames = [
             truth(sample, chance.uniform(-0.01, 0.6), chance.uniform(-8.0, 8.0)),
             reading(sample, chance.uniform(-1.0, 1.0)),
-            *([command(sample, chance.uniform(4.0, 20.0))] if sample != 77 else []),
+            *([command(sample, chance.uniform(4.0, 20.0), MODES[sample // 100 % 2])] if sample != 77 else []),
             *([CODEC.encode(STATUS, sample // 100)] if sample % 100 == 0 else []),
         ]
         by_sample.add_sample(sample, frames)
         for frame in frames:
             one_by_one.add(frame, 0.0)
     by_sample.fill_columns()
+    by_sample.read_modes()
+    reports = one_by_one.mode_reports
+    assert mode_spans(by_sample.mode_reports, 0.6, 0.1) == mode_spans(reports, 0.6, 0.1)
+    assert len(by_sample.mode_reports) == len(reports) == 599 + 6
     assert by_sample.frames == one_by_one.frames
     assert by_sample.complete == one_by_one.complete == 600
     for name in ("true_position_m", "true_velocity_m_per_s", "measured_m", "current_ma"):

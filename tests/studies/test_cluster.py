@@ -77,6 +77,16 @@ def test_a_cluster_without_workers_says_how_to_start_one(tmp_path: Path) -> None
         list(spread_out(math.factorial, (3,), Workers(dask=started.address)))
 
 
+def test_a_scheduler_that_is_killed_is_one_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    with dask_cluster(tmp_path, workers=1) as started:
+        results = spread_out(math.factorial, range(200), Workers(dask=started.address))
+        next(results)
+        started.scheduler.kill()
+        with pytest.raises(BenchError, match="the connection to the scheduler is lost"):
+            list(results)
+    assert "Traceback" not in capfd.readouterr().err
+
+
 def test_a_cluster_that_cannot_import_the_work_is_one_line(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
     stranger = types.ModuleType("stranger")
     exec("def digest(): pass", vars(stranger))  # noqa: S102 - a function of a module that only this process has

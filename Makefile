@@ -218,6 +218,11 @@ accept-instructions: $(VENV)/installed $(COMPILED)/installed
 long-replay: $(VENV)/installed
 	$(ENDURANCE).long_replay
 
+# How much faster two workers play a campaign than one; on a machine that nobody else uses.
+.PHONY: campaign-speed
+campaign-speed: $(VENV)/installed
+	PYTHONPATH=tests $(BIN)/python -m benchmarks.campaign_speed
+
 .PHONY: accept-logs
 accept-logs: $(VENV)/installed
 	$(BIN)/pytest --accept-logs tests/replay/test_replay_logs.py

@@ -57,8 +57,9 @@ def publish(folder: Path) -> None:
     parts = [
         [_machine(document)],
         [_CYCLES, "", *tables.cycles(document)],
-        [_PLANS, "", *tables.plans(document)],
+        [_PLANS, "", *tables.plans_in_short(document)],
         [_SIMULATION, "", *tables.simulation(document)],
+        [_INSTRUCTIONS, "", *tables.instructions(_counts())],
     ]
     text = "\n\n".join("\n".join(part) for part in parts)
     readme = ROOT / "README.md"

@@ -41,6 +41,20 @@ def plans(document: Entry) -> list[str]:
     return table(("H_p = H_u", "program", "plans", *HEAD, "× ours", "apart by, µA"), _plans(document["plans"]))
 
 
+def plans_in_short(document: Entry) -> list[str]:
+    """Return the medians and p99 of the plans, one row for each program."""
+    short: dict[str, list[str]] = {}
+    shown = sorted({entry["horizon"] for entry in document["plans"]})
+    for horizon in shown:
+        for _, program, _, median, p99, *_, ratio, _ in _plans(
+            [e for e in document["plans"] if e["horizon"] == horizon]
+        ):
+            before = ["–"] * 3 * shown.index(horizon)
+            short.setdefault(program, before).extend([median.partition(" ")[0], p99.partition(" ")[0], ratio])
+    head = [f"H_p {horizon}: {name}" for horizon in shown for name in ("median", "p99", "× ours")]
+    return table(("program", *head), ([program, *cells] for program, cells in short.items()))
+
+
 def bus(document: Entry) -> list[str]:
     """Return the ways over a bus; all repeats, since a bus has no smallest duration that would mean much."""
     rows = (

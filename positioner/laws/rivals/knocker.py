@@ -9,13 +9,13 @@ error is inside the off-band, so that a stem close to its setpoint is not distur
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from typing import Annotated
 
 from annotated_types import Interval
 
 from positioner.inputs.table import SettingsTable
 from positioner.laws.rivals.pid import PidSettings  # noqa: TC001 - pydantic reads this hint at run time
+from positioner.values import dataclass, replace
 
 _INSTANT_S = 1e-9
 """Rounding of a sum of periods."""

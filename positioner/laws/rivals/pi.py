@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Generic, Protocol, TypeVar
 
 from annotated_types import Interval
@@ -17,6 +16,7 @@ from positioner.laws.bounds import Bounds
 from positioner.laws.law import Decision
 from positioner.laws.rivals.model_free import report
 from positioner.laws.rivals.pid import PidSettings  # noqa: TC001 - pydantic reads this hint at run time
+from positioner.values import dataclass, replace
 from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:

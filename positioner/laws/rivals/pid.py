@@ -7,13 +7,13 @@ y_f is the reading behind a first-order filter. The derivative acts on the posit
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import Annotated
 
 from annotated_types import Interval
 
 from positioner.inputs.table import SettingsTable
 from positioner.laws.rivals.model_free import smooth
+from positioner.values import dataclass, replace
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,13 +8,13 @@ Unlike the knocker's pulses it acts all the time, except inside the off-band.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Annotated
 
 from annotated_types import Interval
 
 from positioner.inputs.table import SettingsTable
 from positioner.laws.rivals.pid import PidSettings  # noqa: TC001 - pydantic reads this hint at run time
+from positioner.values import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,6 @@ the moves again.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,6 +21,7 @@ from positioner.inputs.table import SettingsTable
 from positioner.laws.bounds import Bounds
 from positioner.laws.law import Decision
 from positioner.laws.rivals.model_free import report
+from positioner.values import dataclass, replace
 from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:

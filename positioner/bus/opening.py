@@ -117,7 +117,7 @@ def descriptor_of(bus: can.BusABC) -> int | None:
 def dropped_frames(bus: can.BusABC | None) -> int:
     """Return how many frames the kernel dropped because this socket's queue was full: the count of SO_RXQ_OVFL.
 
-    It is read with SO_MEMINFO, whose ninth word it is: python-can allows no second ancillary message.
+    It is read with SO_MEMINFO, whose ninth word it is: SO_RXQ_OVFL would report it only with the next frame.
     """
     if not isinstance(bus, SocketcanBus):
         return 0

@@ -6,7 +6,6 @@ A bus that is not there yet, goes down or comes back is a state of this port, ne
 from __future__ import annotations
 
 import contextlib
-import select
 from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -15,7 +14,10 @@ import can
 
 from positioner.bus.arrivals import Arrivals
 from positioner.bus.events import BusBack, BusDown, BusNotOpened, NoFrame, Overrun, SendFailed
+from positioner.bus.frame_socket import socket_of
+from positioner.bus.message_link import MessageLink
 from positioner.bus.opening import OPENING_ERRORS, advice, descriptor_of, dropped_frames, open_bus, opening_error
+from positioner.bus.raw_frame import NoFrameError
 from positioner.errors import BusError, BusUnusableError
 from positioner.machine.time import MachineTime, TimePort
 from positioner.wire.messages import CanFrame
@@ -25,14 +27,16 @@ if TYPE_CHECKING:
 
     from positioner.bus.address import BusAddress
     from positioner.bus.events import BusEvent
+    from positioner.bus.raw_frame import Link, RawFrame
     from positioner.machine.time import Instant
 
     OpenBus = Callable[[BusAddress, Iterable[tuple[int, bool]]], can.BusABC]
 
 _MOST_FRAMES_PER_BATCH = 1024
 _REOPEN_EVERY_S = 0.5
-_SEND_TIMEOUT_S = 0.05
 _NS = 1_000_000_000
+_NO_FRAME: RawFrame = (0, b"", False, True, False, 0.0)
+"""Stands for what is no frame: it counts as an error frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +68,7 @@ class BusPort:
         self._wanted = frozenset(identifiers)
         self._report = report
         self._bus: can.BusABC | None = None
+        self._link: Link | None = None
         self._descriptor: int | None = None
         self._was_open = False
         self._trouble: BusEvent | None = None
@@ -99,7 +104,9 @@ class BusPort:
         """
         try:
             self._bus = (self._ports.open_bus or open_bus)(self.address, self._wanted)
+            self._link = socket_of(self._bus, self.address) or MessageLink(self._bus)
         except OPENING_ERRORS as error:
+            self.close()
             raise opening_error(self.address, error) from error
         self._descriptor = descriptor_of(self._bus)
         self._was_open = True
@@ -115,47 +122,42 @@ class BusPort:
         Raises:
             BusUnusableError: the bus was never open, and no later try can succeed.
         """
-        self._arrivals.begin(self._time.instant(), timeout_s)
+        now = self._time.instant()
+        self._arrivals.begin(now, timeout_s)
         frames: list[CanFrame] = []
         if self._bus is None and not self._try_open():
             self._time.sleep(min(timeout_s, max(self._next_try_s - self._time.monotonic_s(), 0.0)))
         else:
-            self._drain(frames, timeout_s)
+            self._drain(frames, now, timeout_s)
         self._arrivals.end(self._time.instant())
         return tuple(frames)
 
-    def _drain(self, frames: list[CanFrame], timeout_s: float) -> None:
-        looked = self._time.instant()
+    def _drain(self, frames: list[CanFrame], looked: Instant, timeout_s: float) -> None:
         end_ns = looked.monotonic_ns + round(timeout_s * _NS)
         try:
             for _ in range(_MOST_FRAMES_PER_BATCH):  # of any kind: a flood must not keep the cycle waiting
                 # an echo, or a frame that is not wanted, does not end the waiting
-                message = self._receive_one(0.0 if frames else max(end_ns - looked.monotonic_ns, 0) / _NS)
-                if message is None:
+                raw = self._receive_one(0.0 if frames else max(end_ns - looked.monotonic_ns, 0) / _NS)
+                if raw is None:
                     self._arrivals.seen_empty(looked)
                     break
                 looked = self._time.instant()
-                frame = _frame(message, self._arrivals.arrived_ns(message.timestamp, looked))
-                if not self._is_echo(frame) and self._is_wanted(frame):
-                    frames.append(frame)
+                identifier, data, is_extended, is_error, is_remote, stamp_s = raw
+                if self._is_echo(identifier, data):
+                    continue
+                if not self._wanted or is_error or (identifier, is_extended) in self._wanted:
+                    arrived_ns = self._arrivals.arrived_ns(stamp_s, looked)
+                    frames.append(CanFrame(identifier, data, is_extended, is_error, is_remote, arrived_ns))
             self._count_overruns()
         except (can.CanError, OSError) as error:
             self._lose(f"{error}; {advice(self.address)}")
 
     def send(self, frame: CanFrame, deadline_ns: float | None = None) -> bool:
         """Send `frame`; return False if the bus did not take it, or if the monotonic `deadline_ns` had passed."""
-        if self._bus is None:
-            return False
-        message = can.Message(
-            arbitration_id=frame.arbitration_id,
-            data=frame.data,
-            is_extended_id=frame.is_extended,
-            check=False,
-        )
-        if deadline_ns is not None and self._time.monotonic_ns() > deadline_ns:
+        if self._link is None or (deadline_ns is not None and self._time.monotonic_ns() > deadline_ns):
             return False
         try:
-            self._bus.send(message, timeout=_SEND_TIMEOUT_S if not self.address.is_embedded else None)
+            self._link.send(frame)
         except (can.CanError, OSError) as error:
             self._report_once(SendFailed(self.address, f"{error}; {advice(self.address)}"))
             return False
@@ -166,25 +168,21 @@ class BusPort:
 
     def close(self) -> None:
         """Close the bus."""
+        if self._link is not None:
+            self._link.close()
+            self._link = None
         if self._bus is not None:
             with contextlib.suppress(can.CanError, OSError):
                 self._bus.shutdown()
             self._bus = None
 
-    def _receive_one(self, timeout_s: float) -> can.Message | None:
-        assert self._bus is not None  # noqa: S101 - receive() has opened it
-        if timeout_s > 0.0 and self._descriptor is not None:
-            # python-can waits by the wall clock: if that is set back, it would wait for that much longer
-            select.select((self._descriptor,), (), (), timeout_s)
-            timeout_s = 0.0
+    def _receive_one(self, timeout_s: float) -> RawFrame | None:
+        assert self._link is not None  # noqa: S101 - receive() has opened it
         try:
-            return self._bus.recv(timeout_s)
-        except can.CanOperationError as error:
-            if not self.address.is_embedded:
-                raise
-            # a datagram that is no frame is dropped; the socket itself is sound
+            return self._link.receive(timeout_s)
+        except NoFrameError as error:
             self._report_once(NoFrame(self.address, str(error)))
-            return can.Message(is_error_frame=True)
+            return _NO_FRAME
 
     def _count_overruns(self) -> None:
         dropped = dropped_frames(self._bus)
@@ -193,16 +191,13 @@ class BusPort:
             self._dropped = dropped
             self._report(Overrun(self.address, self._overruns))
 
-    def _is_echo(self, frame: CanFrame) -> bool:
-        """Return whether `frame` is our own: UDP multicast gives a sender its own frames, in the order it sent them."""
-        if not self.address.is_embedded or (frame.arbitration_id, frame.data) not in self._echoes:
+    def _is_echo(self, identifier: int, data: bytes) -> bool:
+        """Return whether a frame is our own: UDP multicast gives a sender its own frames, in the order it sent them."""
+        if (identifier, data) not in self._echoes:
             return False
-        while self._echoes.popleft() != (frame.arbitration_id, frame.data):
+        while self._echoes.popleft() != (identifier, data):
             pass
         return True
-
-    def _is_wanted(self, frame: CanFrame) -> bool:
-        return not self._wanted or frame.is_error or frame.identifier in self._wanted
 
     def _try_open(self) -> bool:
         if self._time.monotonic_s() < self._next_try_s:
@@ -227,14 +222,3 @@ class BusPort:
         if trouble != self._trouble:
             self._trouble = trouble
             self._report(trouble)
-
-
-def _frame(message: can.Message, received_ns: int) -> CanFrame:
-    return CanFrame(
-        message.arbitration_id,
-        bytes(message.data),
-        message.is_extended_id,
-        message.is_error_frame,
-        message.is_remote_frame,
-        received_ns,
-    )

@@ -123,6 +123,22 @@ def test_a_law_that_knows_when_its_commands_act_follows_the_stem_exactly(delay_s
     assert x == pytest.approx(0.085, abs=2e-5)
 
 
+def test_a_push_that_is_late_comes_again_and_teaches_nothing() -> None:
+    law = make_law(command_delay_s=0.8e-3)
+    resting = rested(law)
+    memory, first = cycle(law, resting, 0.08, resting.hold_ma or 0.0, 0.085)
+    assert first.motion is Motion.MOVE
+    for _ in range(30):  # the echo names the command of the rest: the push has not acted
+        memory, decision = cycle(law, memory, 0.08, resting.hold_ma or 0.0, 0.085)
+        assert decision.motion is Motion.MOVE
+        assert decision.current_ma == pytest.approx(first.current_ma, abs=1e-3)
+        assert (memory.corrections, memory.monitor.ratio) == (1, resting.monitor.ratio)
+    at_once = make_law()
+    memory, first = cycle(at_once, rested(at_once), 0.08, resting.hold_ma or 0.0, 0.085)
+    memory, decision = cycle(at_once, memory, 0.08, resting.hold_ma or 0.0, 0.085)
+    assert decision.motion is Motion.SETTLE  # without a delay the current that acted is the answer, whatever it is
+
+
 def test_an_error_inside_tolerance_or_doubt_is_left_alone() -> None:
     law = make_law()
     assert cycle(law, rested(law), 0.08, 12.6, 0.08 + 4e-5)[1].motion is Motion.REST

@@ -20,6 +20,7 @@ from positioner.laws.move_reason import MoveReason
 from positioner.laws.nmpc.breakaway import breakaway, load_from_table
 from positioner.laws.nmpc.filter import Resting, Sliding, average
 from positioner.laws.nmpc.landing import Landing, landing_bias_m
+from positioner.laws.nmpc.late_push import is_push_late, without_move
 from positioner.laws.nmpc.memory import NmpcMemory, report
 from positioner.laws.nmpc.plan import Move, plan_move
 from positioner.laws.nmpc.rest import update_at_rest
@@ -73,6 +74,8 @@ class NmpcLaw:
         sigma_m = measurement_sigma_m(self.estimator, self.valve, stem.x)
         variance_m2 = max(memory.monitor.noise.largest, _LEAST_NOISE) * sigma_m * sigma_m
         if isinstance(stem, Sliding):
+            if self.command_delay_s and is_push_late(memory, stem, observation):
+                return without_move(memory, observation, variance_m2)
             return self._track(memory, stem, observation, variance_m2)
         if memory.motion is Motion.REST:
             own, cell_m = self.settings, self.table_cell_m
@@ -91,13 +94,9 @@ class NmpcLaw:
         if memory.setpoint_m is None:
             memory = self._with_load_of_table(memory, table)
         if observation.setpoint_m != memory.setpoint_m:
-            memory = replace(
-                memory,
-                setpoint_m=observation.setpoint_m,
-                aim_m=observation.setpoint_m,
-                corrections=0,
-                pushes=memory.pushes.for_setpoint(observation.setpoint_m, self.valve.span_m),
-            )
+            wanted_m = observation.setpoint_m
+            pushes = memory.pushes.for_setpoint(wanted_m, self.valve.span_m)
+            memory = replace(memory, setpoint_m=wanted_m, aim_m=wanted_m, corrections=0, pushes=pushes)
         here, setpoint_m = memory.stem, observation.setpoint_m
         if isinstance(here, Sliding):
             move = self._move(memory, here, memory.aim_m)

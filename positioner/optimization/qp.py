@@ -40,8 +40,16 @@ class QuadraticProgram:
 class Solver(Protocol):
     """What a planner needs of a solver: see `positioner.optimization.solver.QpSolver`."""
 
-    def solve(self, program: QuadraticProgram) -> list[float] | None:
-        """Return the minimiser z (n,) of `program`, or None where there is none."""
+    def solve(
+        self,
+        program: QuadraticProgram,
+        inputs: Sequence[float] | None = None,
+        multipliers: Sequence[float] | None = None,
+    ) -> list[float] | None:
+        """Return the minimiser z (H_u,) of `program`, or None where there is none.
+
+        It is sought from `inputs` (H_u,) and `multipliers` (H_u + H_p,) on, or from the last solution.
+        """
 
 
 def packed(P: NDArray[np.float64], outputs: NDArray[np.float64]) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -26,17 +26,31 @@ if TYPE_CHECKING:
     from positioner.optimization.qp import QuadraticProgram
 
 _DIRECT_CALLS = ("update_data_vec", "update_data_mat", "warm_start", "solve", "info", "solution")
+_SOLVED = int(osqp.SolverStatus.OSQP_SOLVED)
+
+
+class _Numbers:
+    """An array of a fixed size that is filled again and again."""
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self.array = np.zeros(size)
+        self._memory, self._pack_into = self.array.data, Struct(f"{size}d").pack_into
+
+    def fill(self, values: Sequence[float]) -> None:
+        """Copy `values` into the array."""
+        self._pack_into(self._memory, 0, *values)
 
 
 class QpSolver:
-    """Solves programmes with H_u inputs and H_p outputs, warm-started from the last one."""
+    """Solves programmes with H_u inputs and H_p outputs, warm-started."""
 
     def __init__(self, inputs: int, steps: int, *, tolerance: float = 1e-5, max_iterations: int = 400) -> None:
         triangle, rows = np.triu(np.ones((inputs, inputs))), np.tril(np.ones((steps, inputs)))
-        self._P, self._A = np.zeros(int(triangle.sum())), np.zeros(inputs + int(rows.sum()))
-        self._q, self._l, self._u = np.zeros(inputs), np.zeros(inputs + steps), np.zeros(inputs + steps)
-        self._packs = tuple(Struct(f"{len(each)}d").pack_into for each in (self._P, self._q, self._A, self._l, self._u))
-        self._sizes = tuple(len(each) for each in (self._P, self._q, self._A, self._l, self._u))
+        self._P, self._A = _Numbers(int(triangle.sum())), _Numbers(inputs + int(rows.sum()))
+        self._q, self._l, self._u = _Numbers(inputs), _Numbers(inputs + steps), _Numbers(inputs + steps)
+        self._z, self._y = _Numbers(inputs), _Numbers(inputs + steps)
+        self._sizes = tuple(each.size for each in (self._P, self._q, self._A, self._l, self._u))
         self._matrices: tuple[Sequence[float] | None, Sequence[float] | None] = (None, None)
         self._solver: Any = osqp.OSQP()
         # set up with every entry of the pattern present, so that any later matrix fits it
@@ -56,8 +70,15 @@ class QpSolver:
         workspace = getattr(self._solver, "_solver", None)
         self._workspace: Any = workspace if all(hasattr(workspace, name) for name in _DIRECT_CALLS) else None
 
-    def solve(self, program: QuadraticProgram) -> list[float] | None:
+    def solve(
+        self,
+        program: QuadraticProgram,
+        inputs: Sequence[float] | None = None,
+        multipliers: Sequence[float] | None = None,
+    ) -> list[float] | None:
         """Return the minimiser (H_u,), or None where there is none: infeasible, not converged, or a value not finite.
+
+        It is sought from `inputs` (H_u,) and `multipliers` (H_u + H_p,) on, or from the last solution.
 
         Raises:
             ValueError: an array of the programme does not have the size of the workspace.
@@ -69,49 +90,58 @@ class QpSolver:
         # opposite infinities do not cancel: their sum is not a number
         if not math.isfinite(sum(q) + sum(low) + sum(high)) or _are_crossed(low, high):
             return None
-        P_x = A_x = None
-        if P is not self._matrices[0]:
-            if not math.isfinite(sum(P)):
-                return None
-            self._packs[0](self._P.data, 0, *P)
-            P_x = self._P
-        if A is not self._matrices[1]:
-            if not math.isfinite(sum(A)):
-                return None
-            self._packs[2](self._A.data, 0, *A)
-            A_x = self._A
+        new_P, new_A = P is not self._matrices[0], A is not self._matrices[1]
+        if (new_P and not math.isfinite(sum(P))) or (new_A and not math.isfinite(sum(A))):
+            return None
         self._matrices = (P, A)
-        self._packs[1](self._q.data, 0, *q)
-        self._packs[3](self._l.data, 0, *low)
-        self._packs[4](self._u.data, 0, *high)
-        solution = self._solved(P_x, A_x)
-        if solution is None:
-            (self._workspace or self._solver).warm_start(np.zeros_like(self._q), np.zeros_like(self._l))
-        return solution
-
-    def _solved(self, P_x: NDArray[np.float64] | None, A_x: NDArray[np.float64] | None) -> list[float] | None:
-        """Return the solution of the packed programme; P and A are new unless None."""
+        if new_P:
+            self._P.fill(P)
+        if new_A:
+            self._A.fill(A)
+        self._q.fill(q)
+        self._l.fill(low)
+        self._u.fill(high)
+        P_x, A_x = self._P.array if new_P else None, self._A.array if new_A else None
         workspace = self._workspace
         if workspace is None:
-            return self._solved_by_class(P_x, A_x)
-        if P_x is not None or A_x is not None:
-            workspace.update_data_mat(P_x, None, A_x, None)
-        workspace.update_data_vec(self._q, self._l, self._u)
-        workspace.solve()
-        if workspace.info.status_val != osqp.SolverStatus.OSQP_SOLVED:
-            return None
-        solution: list[float] = workspace.solution.x.tolist()
+            self._update_by_class(P_x, A_x)
+        else:
+            if new_P or new_A:
+                workspace.update_data_mat(P_x, None, A_x, None)
+            workspace.update_data_vec(self._q.array, self._l.array, self._u.array)
+        if inputs is not None and multipliers is not None:
+            self._begin(inputs, multipliers)
+        solution = self._solved_by_class() if workspace is None else _solved(workspace)
+        if solution is None:
+            self._begin((0.0,) * len(q), (0.0,) * len(low))
         return solution
 
-    def _solved_by_class(self, P_x: NDArray[np.float64] | None, A_x: NDArray[np.float64] | None) -> list[float] | None:
-        """Return the solution of the packed programme, by OSQP's class, which may keep the arrays."""
+    def _begin(self, inputs: Sequence[float], multipliers: Sequence[float]) -> None:
+        """Begin the next solution with these values."""
+        self._z.fill(inputs)
+        self._y.fill(multipliers)
+        (self._workspace or self._solver).warm_start(self._z.array, self._y.array)
+
+    def _update_by_class(self, P_x: NDArray[np.float64] | None, A_x: NDArray[np.float64] | None) -> None:
+        """Update the workspace by OSQP's class, which keeps the arrays; P and A are new unless None."""
         matrices = {name: array.copy() for name, array in (("Px", P_x), ("Ax", A_x)) if array is not None}
-        self._solver.update(q=self._q.copy(), l=self._l.copy(), u=self._u.copy(), **matrices)
+        self._solver.update(q=self._q.array.copy(), l=self._l.array.copy(), u=self._u.array.copy(), **matrices)
+
+    def _solved_by_class(self) -> list[float] | None:
         result = self._solver.solve(raise_error=False)
-        if result.info.status_val != osqp.SolverStatus.OSQP_SOLVED:
+        if result.info.status_val != _SOLVED:
             return None
         solution: list[float] = result.x.tolist()
         return solution
+
+
+def _solved(workspace: Any) -> list[float] | None:
+    """Return the solution, None where there is none."""
+    workspace.solve()
+    if workspace.info.status_val != _SOLVED:
+        return None
+    solution: list[float] = workspace.solution.x.tolist()
+    return solution
 
 
 def _are_crossed(low: Sequence[float], high: Sequence[float]) -> bool:

@@ -13,9 +13,10 @@ from positioner.bench.inprocess import configure
 from positioner.laws.nmpc.filter import Sliding
 from positioner.laws.nmpc.law import NmpcLaw
 from positioner.laws.nmpc.plan import plan_move
+from positioner.laws.nmpc.start import fastest
 
 if TYPE_CHECKING:
-    from positioner.laws.nmpc.plan import Move
+    from positioner.laws.nmpc.move import Move
     from positioner.laws.nmpc.settings import ApproachSettings
 
 PERIOD_S = 1e-3
@@ -38,27 +39,32 @@ def one_pass(law: NmpcLaw) -> ApproachSettings:
 def recorded_plans(horizon: int) -> tuple[NmpcLaw, list[Planned]]:
     """Return a fresh law with H_p = H_u = `horizon`, and every plan of a run for which a programme was solved.
 
-    The first plan of a move is left out: nothing precedes it from which it could start.
+    The first plan of a move is left out: its first input has other limits.
     """
     wanted = scenario(PERIOD_S, _SETPOINTS, _DWELL_S, _SEED, horizon)
     configuration = configure(wanted)
     law = configuration.make_law()
     assert isinstance(law, NmpcLaw)
     planned: list[Planned] = []
-    guess_ma: tuple[float, ...] = ()
+    moving = False
     for cycle in record(wanted, configuration):
         memory = cycle.after.control.memory
         if memory is None or not isinstance(memory.stem, Sliding):
-            guess_ma = ()
+            moving = False
             continue
-        if guess_ma and cycle.passes:
-            planned.append(Planned(law._move(memory, memory.stem, memory.aim_m), guess_ma))
-        guess_ma = memory.plan_ma
+        if moving and cycle.passes:
+            planned.append(_planned(law, law._move(memory, memory.stem, memory.aim_m), horizon))
+        moving = True
     return law, planned
 
 
+def _planned(law: NmpcLaw, move: Move, horizon: int) -> Planned:
+    slide, limits = move.slide(law.filter.model, PERIOD_S), move.limits(horizon)
+    return Planned(move, tuple(fastest(slide, limits, move.x, move.v, move.target_m)))
+
+
 class PlanCase:
-    """Our own plan of every recorded move: prediction, programme and solution, warm-started from the plan before."""
+    """Our own plan of every recorded move: start, prediction, programme and solution."""
 
     def __init__(self, horizon: int) -> None:
         self._law, self._planned = recorded_plans(horizon)
@@ -74,7 +80,7 @@ class PlanCase:
         first_ma: list[float | None] = []
         for planned in self._planned:
             began = perf_counter_ns()
-            plan = plan_move(self._settings, self._model, law.solver, planned.move, planned.guess_ma, PERIOD_S)
+            plan = plan_move(self._settings, self._model, law.solver, planned.move, PERIOD_S)
             durations_ns.append(perf_counter_ns() - began)
             first_ma.append(None if plan is None else plan.inputs_ma[0])
         return Play(durations_ns, json.dumps(first_ma))

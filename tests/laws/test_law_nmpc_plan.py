@@ -11,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from unsolvable import Unsolvable
 
-from positioner.laws.nmpc.plan import Move, MovePlan, plan_move
+from positioner.laws.nmpc.move import Move
+from positioner.laws.nmpc.plan import MovePlan, plan_move
 from positioner.laws.nmpc.prediction import Trajectory, predict
-from positioner.laws.nmpc.programme import Limits, cost_of, program
+from positioner.laws.nmpc.programme import program
 from positioner.laws.nmpc.settings import ApproachSettings
 from positioner.optimization.solver import QpSolver
 from positioner.valve.motion import STOPPING_TIME_S, Load, MotionModel
@@ -44,12 +45,10 @@ def posed(
     move: Move, inputs_ma: list[float], period_s: float, settings: ApproachSettings = SETTINGS
 ) -> tuple[Dense, list[float]]:
     """Return the programme along the inputs, and the m by which 1 of a row moves its stopping point."""
-    slide, count = move.slide(MODEL, period_s), len(inputs_ma)
+    slide = move.slide(MODEL, period_s)
     trajectory = predict(slide, settings.prediction_steps, move.x, move.v, move.target_m, inputs_ma)
-    braking = [move.release_ma, *(move.weakest_ma,) * (count - 1)]
-    limits = Limits(braking, [move.strongest_ma] * count, move.brake_ma)
-    made, scales = program(cost_of(settings, slide), slide, limits, move.target_m, trajectory, inputs_ma)
-    return dense(made), scales
+    made = program(settings, move.limits(len(inputs_ma)), move.target_m, trajectory, inputs_ma)
+    return dense(made.program), made.scales
 
 
 loads = st.builds(Load, st.floats(42e3, 58e3), st.floats(1100.0, 1700.0), st.floats(450.0, 750.0))
@@ -71,7 +70,7 @@ def landing_m(move: Move, first_ma: float, period_s: float) -> float:
 def plan_of(move: Move, period_s: float, max_iterations: int = 4000) -> MovePlan | None:
     """Return the plan of a new solver, with enough iterations for every programme that has a solution."""
     solver = QpSolver(4, 4, max_iterations=max_iterations)
-    return plan_move(SETTINGS, MODEL, solver, move, (move.brake_ma,) * 4, period_s)
+    return plan_move(SETTINGS, MODEL, solver, move, period_s)
 
 
 @given(moves, st.sampled_from(PERIODS_S))
@@ -121,7 +120,7 @@ def test_a_stuck_stem_gets_no_less_than_its_breakaway_current(s: float, period_s
 
 def test_where_braking_is_all_that_is_left_no_programme_is_solved() -> None:
     move = move_of(Load.of(VALVE), 1.0, 0.08, 2.0, 1e-4)
-    plan = plan_move(SETTINGS, MODEL, Unsolvable(), move, (move.strongest_ma,) * 4, 1e-3)
+    plan = plan_move(SETTINGS, MODEL, Unsolvable(), move, 1e-3)
     assert plan is not None
     assert plan.passes == 0
     assert plan.inputs_ma == (move.weakest_ma,) * 4
@@ -130,7 +129,7 @@ def test_where_braking_is_all_that_is_left_no_programme_is_solved() -> None:
 
 def test_no_solution_is_no_plan() -> None:
     move = move_of(Load.of(VALVE), 1.0, 0.08, 0.1, 5e-3)
-    assert plan_move(SETTINGS, MODEL, Unsolvable(), move, (move.brake_ma,) * 4, 1e-3) is None
+    assert plan_move(SETTINGS, MODEL, Unsolvable(), move, 1e-3) is None
 
 
 @pytest.mark.parametrize("s", [1.0, -1.0])

@@ -30,6 +30,8 @@ from positioner.valve.stiction import Direction, LearnedSample, Quantity, Sticti
 from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from positioner.laws.law import Decision
@@ -195,8 +197,13 @@ def test_the_next_guess_is_the_plan_shifted_by_one() -> None:
         def __init__(self) -> None:
             self.inner = QpSolver(4, 4)
 
-        def solve(self, program: QuadraticProgram) -> list[float] | None:
-            found = self.inner.solve(program)
+        def solve(
+            self,
+            program: QuadraticProgram,
+            inputs: Sequence[float] | None = None,
+            multipliers: Sequence[float] | None = None,
+        ) -> list[float] | None:
+            found = self.inner.solve(program, inputs, multipliers)
             assert found is not None
             guesses.append(found)
             return found

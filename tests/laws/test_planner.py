@@ -18,6 +18,8 @@ from positioner.optimization.solver import QpSolver
 from positioner.valve.parameters import ValveParameters
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from positioner.optimization.qp import QuadraticProgram
 
 VALVE = ValveParameters(id="paper")
@@ -265,7 +267,13 @@ class ScriptedSolver:
     def __init__(self, answers_ma: list[float]) -> None:
         self.answers_ma = iter(answers_ma)
 
-    def solve(self, program: QuadraticProgram) -> list[float] | None:
+    def solve(
+        self,
+        program: QuadraticProgram,
+        inputs: Sequence[float] | None = None,
+        multipliers: Sequence[float] | None = None,
+    ) -> list[float] | None:
+        del inputs, multipliers
         answer = next(self.answers_ma, None)
         return None if answer is None else [answer] * len(program.q)
 

@@ -22,7 +22,8 @@ from positioner.laws.nmpc.filter import Resting, Sliding, average
 from positioner.laws.nmpc.landing import Landing, landing_bias_m
 from positioner.laws.nmpc.late_push import is_push_late, without_move
 from positioner.laws.nmpc.memory import NmpcMemory, report
-from positioner.laws.nmpc.plan import Move, plan_move
+from positioner.laws.nmpc.move import Move
+from positioner.laws.nmpc.plan import plan_move
 from positioner.laws.nmpc.rest import update_at_rest
 from positioner.laws.nmpc.verification import RestMonitor, Verification
 from positioner.values import dataclass, replace
@@ -223,13 +224,13 @@ class NmpcLaw:
     def _follow(self, memory: NmpcMemory, move: Move, plan_ma: tuple[float, ...]) -> tuple[NmpcMemory, Decision]:
         """Return the first current of the plan for `move`; without a solution the last plan goes on."""
         own = self.settings.approach
-        guess_ma = plan_ma or (move.release_ma, *(move.brake_ma,) * (own.control_steps - 1))
-        found = plan_move(own, self.filter.model, self.solver, move, guess_ma, self.period_s)
+        found = plan_move(own, self.filter.model, self.solver, move, self.period_s)
         low_ma, high_ma = sorted((move.release_ma, move.strongest_ma))
         if found is None:
             bounds = Bounds(-math.inf, math.inf, low_ma, high_ma)
-            first_ma = min(max(guess_ma[0], low_ma), high_ma)
-            memory = replace(memory, plan_ma=(*guess_ma[1:], move.brake_ma))
+            last_ma = plan_ma or (move.release_ma,)
+            first_ma = min(max(last_ma[0], low_ma), high_ma)
+            memory = replace(memory, plan_ma=(*last_ma[1:], move.brake_ma))
             return memory, Decision(first_ma, bounds, Motion.MOVE, fallback="no plan: the last one goes on")
         limit = found.speed_limit_m_per_s
         speeds = (0.0, limit) if move.direction > 0.0 else (limit, 0.0)

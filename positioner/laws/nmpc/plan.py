@@ -8,48 +8,20 @@ speed breaks it already, it is relaxed to what full braking reaches (D10): a pro
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 from positioner.laws.nmpc.prediction import predict
-from positioner.laws.nmpc.programme import Limits, cost_of, program
+from positioner.laws.nmpc.programme import program
+from positioner.laws.nmpc.start import fastest, multipliers
 from positioner.values import dataclass
-from positioner.valve.slide import slide_of
 
 if TYPE_CHECKING:
+    from positioner.laws.nmpc.move import Move
+    from positioner.laws.nmpc.prediction import Trajectory
+    from positioner.laws.nmpc.programme import Pass
     from positioner.laws.nmpc.settings import ApproachSettings
     from positioner.optimization.qp import Solver
-    from positioner.valve.motion import Load, MotionModel
-    from positioner.valve.slide import Slide
-
-
-@dataclass(frozen=True, slots=True)
-class Move:
-    """A move to be planned: from x (m) and v (m/s) in `direction` (±1) to the target, against `load`.
-
-    brake_ma: the current that the stem is to stop under, in the stick band of the target.
-    weakest_ma, strongest_ma: the least and the most current, seen in the direction of the move.
-    release_ma: the least current of the first step, Γ for a stem that still sticks (eqs 25, 26), else `weakest_ma`.
-    """
-
-    x: float
-    v: float
-    direction: float
-    target_m: float
-    load: Load
-    brake_ma: float
-    weakest_ma: float
-    strongest_ma: float
-    release_ma: float
-
-    def slide(self, model: MotionModel, period_s: float) -> Slide:
-        """Return the constants of the slide that the move is."""
-        return slide_of(model, self.load, self.direction, period_s, self.brake_ma)
-
-    def smallest_m(self, slide: Slide) -> float:
-        """Return where in m the stem stops after the smallest push: one sample of the least current, then braking."""
-        x, v = slide.after(self.x, self.v, self.release_ma)
-        return slide.stop(x, v)[0]
+    from positioner.valve.motion import MotionModel
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,39 +34,51 @@ class MovePlan:
 
 
 def plan_move(
-    settings: ApproachSettings,
-    model: MotionModel,
-    solver: Solver,
-    move: Move,
-    guess_ma: tuple[float, ...],
-    period_s: float,
+    settings: ApproachSettings, model: MotionModel, solver: Solver, move: Move, period_s: float
 ) -> MovePlan | None:
-    """Return the plan for `move`, or None when a programme was not solved; guess_ma (H_u) starts the passes."""
+    """Return the plan for `move`, or None when a programme was not solved.
+
+    The passes end when the exact motion is that of the linear model: the next pass would change nothing.
+    """
     slide = move.slide(model, period_s)
-    steps, count = settings.prediction_steps, len(guess_ma)
-    x, v, target_m = move.x, move.v, move.target_m
-    braking = [move.weakest_ma] * count
-    braking[0] = move.release_ma
+    limits = move.limits(settings.control_steps)
+    steps, x, v, target_m = settings.prediction_steps, move.x, move.v, move.target_m
     if move.direction * (move.smallest_m(slide) - target_m) >= 0.0:
         # even the least current does not stop the stem before the target: a programme would have this one solution
-        trajectory = predict(slide, 1, x, v, target_m, braking)
-        return MovePlan(tuple(braking), trajectory.speed_limit, 0)
-    limits = Limits(braking, [move.strongest_ma] * count, move.brake_ma)
-    inputs = _within(list(guess_ma), limits, move.direction)
-    cost = cost_of(settings, slide)
-    passes, change = 0, math.inf
-    while change >= settings.pass_tolerance_ma and passes < settings.max_passes:
-        trajectory = predict(slide, steps, x, v, target_m, inputs)
-        posed, _ = program(cost, slide, limits, target_m, trajectory, inputs)
-        solution = solver.solve(posed)
+        limit = predict(slide, 1, x, v, target_m, limits.braking).speed_limit
+        return MovePlan(tuple(limits.braking), limit, 0)
+    inputs = fastest(slide, limits, x, v, target_m)
+    trajectory = predict(slide, steps, x, v, target_m, inputs)
+    passes, limit = 0, 0.0
+    while passes < settings.max_passes:
+        posed = program(settings, limits, target_m, trajectory, inputs)
+        solution = solver.solve(posed.program, inputs, multipliers(posed, limits, trajectory, inputs))
         if solution is None:
             return None
-        found = _within(solution, limits, move.direction)
-        change = max(abs(new - old) for new, old in zip(found, inputs, strict=True))
-        passes, inputs = passes + 1, found
-    return MovePlan(tuple(inputs), trajectory.speed_limit, passes)
+        found = limits.cut(solution)
+        passes, limit = passes + 1, trajectory.speed_limit
+        ahead = predict(slide, steps, x, v, target_m, found)
+        error_ma = _error_ma(posed, trajectory, ahead, move.direction, inputs, found)
+        inputs, trajectory = found, ahead
+        if error_ma < settings.pass_tolerance_ma:
+            break
+    return MovePlan(tuple(inputs), limit, passes)
 
 
-def _within(inputs_ma: list[float], limits: Limits, direction: float) -> list[float]:
-    low, high = (limits.braking, limits.driving) if direction > 0.0 else (limits.driving, limits.braking)
-    return [min(max(each, low[i]), high[i]) for i, each in enumerate(inputs_ma)]
+def _error_ma(
+    posed: Pass, before: Trajectory, after: Trajectory, s: float, inputs_ma: list[float], found_ma: list[float]
+) -> float:
+    """Return the largest error of a linear stopping point under `found_ma`, as the current in mA that moves it so."""
+    count, steps, rows, scales = len(inputs_ma), len(before.positions), posed.program.A, posed.scales
+    moving, place = len(scales), 0
+    errors = [s * (after.stops[i] - before.stops[i]) / scales[i] for i in range(moving)]
+    for j in range(count):
+        change_ma = found_ma[j] - inputs_ma[j]
+        if change_ma != 0.0:
+            for i in range(j, moving):
+                errors[i] -= rows[place + 1 + i - j] * change_ma
+        place += 1 + steps - j
+    largest = 0.0
+    for each in errors:
+        largest = max(largest, abs(each))
+    return largest

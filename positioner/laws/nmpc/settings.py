@@ -17,7 +17,8 @@ class ApproachSettings(SettingsTable):
     prediction_steps, control_steps: H_p, H_u.
     terminal_factor: weight of the last predicted error, relative to the others.
     input_weight: weight of a current away from the braking current, relative to that of the error it makes.
-    max_passes, pass_tolerance_ma: the passes end when no input changes by more, so that the bound holds at every step.
+    max_passes, pass_tolerance_ma: the passes end when the linear model errs by less, as the current that moves a
+        stopping point so far; so the bound holds at every step.
     """
 
     prediction_steps: Annotated[int, Interval(ge=1, le=100)] = 4
@@ -25,7 +26,7 @@ class ApproachSettings(SettingsTable):
     terminal_factor: Annotated[float, Interval(ge=0.0, le=1e3)] = 3.0
     input_weight: Annotated[float, Interval(gt=0.0, le=1e3)] = 0.03
     max_passes: Annotated[int, Interval(ge=1, le=50)] = 6
-    pass_tolerance_ma: Annotated[float, Interval(gt=0.0, le=1.0)] = 5e-3
+    pass_tolerance_ma: Annotated[float, Interval(gt=0.0, le=1.0)] = 1e-3
 
     def __post_init__(self) -> None:
         """Refuse a control horizon beyond the prediction."""

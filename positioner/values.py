@@ -31,19 +31,17 @@ else:
         return made if cls is None else made(cls)
 
     def _replacement(cls: Any) -> Any:
-        """Return the method `__replace__` of `cls`, which makes another value in one call of its class."""
-        names = sorted(
-            ((field.name, field.kw_only) for field in dataclasses.fields(cls) if field.init), key=lambda name: name[1]
-        )
-        old = ", ".join(f"{name}=_OLD" for name, _ in names)
-        new = ", ".join(
-            f"{f'{name}=' if kw_only else ''}self.{name} if {name} is _OLD else {name}" for name, kw_only in names
-        )
-        space: dict[str, Any] = {"_OLD": _OLD}
-        exec(f"def __replace__(self, *, {old}):\n return self.__class__({new})" if names else _EMPTY, space)  # noqa: S102
+        """Return the method `__replace__` of `cls`; it fills a new object, by `__init__` only where that computes."""
+        names = [field.name for field in dataclasses.fields(cls) if field.init]
+        computes = hasattr(cls, "__post_init__") or len(names) < len(dataclasses.fields(cls))
+        old = ", ".join(f"{name}=_OLD" for name in names)
+        new = [f"{name} = self.{name} if {name} is _OLD else {name}" for name in names]
+        made = [f"return self.__class__({', '.join(f'{name}={name}' for name in names)})"]
+        if not computes:
+            new, made = ["new = _NEW(self.__class__)", *(f"new.{each}" for each in new)], ["return new"]
+        space: dict[str, Any] = {"_OLD": _OLD, "_NEW": object.__new__}
+        exec(f"def __replace__(self{', *, ' if names else ''}{old}):\n " + "\n ".join([*new, *made]), space)  # noqa: S102
         return space["__replace__"]
-
-    _EMPTY = "def __replace__(self):\n return self.__class__()"
 
     def replace(value: Any, /, **changes: Any) -> Any:
         """Return `value` with other fields, as `dataclasses.replace` does."""

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from positioner.campaign import run as run_module
 from positioner.campaign.check import check_points
 from positioner.campaign.journal import Journal
 from positioner.campaign.run import Outcome, PlayedRun, Run, play
@@ -65,5 +64,5 @@ def play_campaign(
 
 def code_of(law: str) -> str:
     """Return a digest of the code on which the outcome of a run of `law` depends."""
-    own = Path(run_module.__file__).with_suffix(".py").read_bytes()
+    own = Path(__file__).with_name("run.py").read_bytes()
     return hashlib.sha256(code_digest(law).encode() + own).hexdigest()

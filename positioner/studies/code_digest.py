@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import plant_emulator
 import positioner
+from positioner.wire.codec import packaged_dbc_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -42,11 +43,12 @@ def whole_digest() -> str:
 
 
 def _digest(is_used: Callable[[Path], bool]) -> str:
-    digest = hashlib.sha256()
+    # the DBC lies beside the package in a source tree, and in it where it is installed
+    digest = hashlib.sha256(packaged_dbc_text().encode())
     for package in (positioner, plant_emulator):
         root = Path(str(package.__file__)).parent
         for path in sorted(root.rglob("*")):
             within = path.relative_to(root)
-            if path.suffix in {".py", ".toml", ".dbc"} and is_used(within):
+            if path.suffix in {".py", ".toml"} and is_used(within):
                 digest.update(str(within).encode() + path.read_bytes())
     return digest.hexdigest()

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import plant_emulator
+import positioner
 from plant_emulator.presets import plant_settings, preset_names
 from positioner.bench.metrics import DwellMetrics
 from positioner.bench.playable import restartable_mm
@@ -24,9 +27,7 @@ from positioner.studies.league_report import LeagueReport, to_markdown, write_re
 from positioner.studies.limit import optimal_move
 from positioner.studies.pool import Workers
 from positioner.studies.standings import bootstrap_interval, optimal_median_s, standings, summaries
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from positioner.wire.codec import packaged_dbc_text
 
 _NOMINAL = plant_settings(NOMINAL)
 
@@ -201,6 +202,24 @@ def test_an_interrupted_league_plays_only_the_missing_bouts(tmp_path: Path) -> N
     path.write_text(json.dumps(stored))
     assert play_league(settings, tmp_path, Workers(1)) == played
     assert len({code_digest("paper"), code_digest("knocker")}) == 2  # each law has tuned parameters of its own
+
+
+def test_the_digest_is_the_same_wherever_the_package_lies_and_follows_every_source(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for package in (positioner, plant_emulator):
+        source = Path(str(package.__file__)).parent
+        shutil.copytree(source, tmp_path / source.name, ignore=shutil.ignore_patterns("__pycache__"))
+    before = code_digest("paper")
+    for package in (positioner, plant_emulator):
+        monkeypatch.setattr(package, "__file__", str(tmp_path / package.__name__ / "__init__.py"))
+    (tmp_path / "positioner" / "wire" / "positioner.dbc").write_text(packaged_dbc_text(), encoding="utf-8")
+    assert code_digest("paper") == before  # as installed, with the DBC inside
+    (tmp_path / "plant_emulator" / "valve.py").write_text("", encoding="utf-8")
+    assert code_digest("paper") != before
+    monkeypatch.undo()
+    monkeypatch.setattr("positioner.studies.code_digest.packaged_dbc_text", lambda: "another")
+    assert code_digest("paper") != before
 
 
 def test_the_digest_leaves_out_only_code_that_no_bout_runs() -> None:

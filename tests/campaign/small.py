@@ -43,7 +43,7 @@ def small(folder: Path, **changes: str) -> Campaign:
     return load_campaign(path)
 
 
-_LINES = {"laws": 'laws = ["pi"]', "seeds": "seeds = [1, 2]", "points": "points = 4"}
+_LINES = {"laws": 'laws = ["pi"]', "seeds": "seeds = [1, 2]", "points": "points = 4", "dwell": "dwell_s = 0.02"}
 STARTED = "POSITIONER_TEST_STARTED"
 """Names the file that gets a line for each run that is started."""
 

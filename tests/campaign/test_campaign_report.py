@@ -126,7 +126,8 @@ def here(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_files_of_a_campaign_and_the_command_of_a_corner_that_replays_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    campaign, out = small(tmp_path, laws='laws = ["pi", "nmpc"]', points="points = 2"), tmp_path / "the out"
+    changes = {"laws": 'laws = ["pi", "nmpc"]', "points": "points = 2", "dwell": "dwell_s = 0.3"}
+    campaign, out = small(tmp_path, **changes), tmp_path / "the out"
     assert main(["campaign", campaign.source, "--out", str(out)]) == ExitCode.OK
     text = (out / "summary.md").read_text(encoding="utf-8")
     assert capsys.readouterr().out.startswith(text)

@@ -19,6 +19,7 @@ from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
     from plant_emulator.parameters import PlantSettings
+    from plant_emulator.sensor import Sensor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +30,7 @@ class PlantState:
     stem: Stem
     packing: Packing
     actuator: Actuator
-    sensor: sensor.Sensor
+    sensor: Sensor
 
 
 def initial_state(settings: PlantSettings, seed: int) -> PlantState:

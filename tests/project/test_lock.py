@@ -22,9 +22,10 @@ SHA256_DIGITS = 64
 def asked() -> dict[str, list[Requirement]]:
     """Return what pyproject.toml asks for, by lock file."""
     project = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))
+    compiler = project["tool"]["hatch"]["build"]["targets"]["wheel"]["hooks"]["custom"]["compiler"]
     return {
         "run.txt": [Requirement(text) for text in project["project"]["dependencies"]],
-        "build.txt": [Requirement(text) for text in project["build-system"]["requires"]],
+        "build.txt": [Requirement(text) for text in [*project["build-system"]["requires"], *compiler]],
     }
 
 

@@ -1,0 +1,1 @@
+"""Build of the compiled wheel: expansion of the dataclasses, mypyc, and the hook of hatchling."""

@@ -1,0 +1,97 @@
+"""Compile the pure modules with mypyc: `python -m building.compile ROOT BUILD`.
+
+ROOT is the source tree, which stays as it is; BUILD receives a copy with expanded dataclasses, the C code, and, in
+BUILD/lib, the compiled modules. The build hook's table in pyproject.toml names them.
+"""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import shutil
+import sys
+import tomllib
+from pathlib import Path
+
+from building.expand import expand, replacements_of
+from building.values import values_of
+
+_MYPY = """[mypy]
+ignore_missing_imports = True
+follow_imports = silent
+[mypy-annotated_types.*,can.*,cantools.*,numpy.*,osqp.*,pydantic.*,scipy.*,tqdm.*]
+follow_imports = skip
+follow_imports_for_stubs = True
+"""
+"""What is not compiled counts as untyped, whether the build environment has it or not: the same C code everywhere."""
+
+_PORTABLE = [os.environ.get("OPT", "-O2"), "-g0", "-ffp-contract=off"]
+"""The same bits on every processor: no fused multiplication and addition."""
+
+_GROUP = "sticking_valve_positioner"
+
+
+def compiled_modules(root: Path) -> list[str]:
+    """Return the files to compile, relative to `root`."""
+    table = tomllib.loads((root / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["wheel"]
+    patterns = table["hooks"]["custom"]["modules"]
+    return sorted({each.relative_to(root).as_posix() for pattern in patterns for each in root.glob(pattern)})
+
+
+def prepare(root: Path, build: Path) -> tuple[list[str], dict[str, list[int]]]:
+    """Copy the packages, expand the modules to compile; return their names, and their line numbers in the source."""
+    shutil.rmtree(build, ignore_errors=True)
+    for package in ("positioner", "plant_emulator"):
+        shutil.copytree(root / package, build / package, ignore=shutil.ignore_patterns("*.so", "__pycache__"))
+    shutil.copy(Path(__file__).with_name("native.py"), build / "positioner" / "native.py")
+    files = {name.removesuffix(".py").replace("/", "."): name for name in compiled_modules(root)}
+    trees = {module: ast.parse((root / name).read_bytes()) for module, name in files.items()}
+    values = values_of(trees)
+    replacements = replacements_of(trees.values(), (value for each in values.values() for value in each.values()))
+    lines: dict[str, list[int]] = {}
+    for module, name in files.items():
+        text, lines[name] = expand((root / name).read_bytes(), trees[module], values[module], replacements)
+        (build / name).write_bytes(text)
+    return list(files.values()), lines
+
+
+def compile_modules(files: list[str], lines: dict[str, list[int]]) -> None:
+    """Write the C code of the modules in the working directory, and compile it to lib/."""
+    from mypyc.build import mypycify  # noqa: PLC0415 - not there where no compiler is
+    from setuptools import setup  # type: ignore[import-untyped,unused-ignore]  # noqa: PLC0415 - the same
+
+    Path("mypy.ini").write_text(_MYPY)
+    extensions = mypycify(["--config-file=mypy.ini", "--no-incremental", *files], target_dir="c", group_name=_GROUP)
+    for path in Path("c").rglob("*.c"):
+        path.write_text(with_lines_of_source(path.read_text(), lines))
+    for extension in extensions:
+        kept = [each for each in extension.extra_compile_args if not re.match(r"-O|-g|-Werror", each)]
+        extension.extra_compile_args = [*kept, *_PORTABLE]
+    jobs = f"--parallel={os.cpu_count() or 1}"
+    setup(name=_GROUP, packages=[], ext_modules=extensions, script_args=["build_ext", "--build-lib=lib", jobs])
+
+
+def with_lines_of_source(code: str, lines: dict[str, list[int]]) -> str:
+    """Return the C code with tracebacks that name the lines of the source, and without indentation.
+
+    mypyc indents some functions by hundreds of columns, which takes the C compiler longer than the code.
+    """
+    code = re.sub(r"^ +", " ", code, flags=re.MULTILINE)
+    return re.sub(
+        r'("([\w/]+\.py)", "[^"]*", )(\d+)',
+        lambda found: f"{found[1]}{lines[found[2]][int(found[3]) - 1]}" if found[2] in lines else found[0],
+        code,
+    )
+
+
+def main() -> None:
+    """Compile what the arguments name."""
+    root, build = (Path(each).resolve() for each in sys.argv[1:3])
+    files, lines = prepare(root, build)
+    os.chdir(build)
+    compile_modules(files, lines)
+
+
+if __name__ == "__main__":
+    main()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from positioner.config.locations import location_of
 from positioner.config.reader import load_valves
 from positioner.config.several import by_bus
-from positioner.doctor import bus_load, feedback, link_findings, machine, scheduling, state_directory
+from positioner.doctor import bus_load, feedback, link_findings, machine, real_time, scheduling, state_directory
 from positioner.doctor.finding import Finding, Level, worst
 from positioner.errors import ConfigurationError, ExitCode
 from positioner.store import lock
@@ -86,6 +86,9 @@ class Examination:
         yield from state_directory.findings(configuration, place)
         pid = lock.holder(place.state)
         yield scheduling.of_daemon(pid, period_s, place.unit)
+        if period_s < scheduling.SLOW_ENOUGH_S:
+            yield from real_time.of_machine()
+            yield from real_time.of_daemon(pid, place.unit)
         yield from feedback.findings(address, codec, period_s, daemon_runs=pid is not None)
 
 

@@ -42,6 +42,14 @@ def of_daemon(pid: int | None, sample_period_s: float, unit: str | None) -> Find
     return Finding(Level.WARN, "daemon", text, f"sudo chrt --fifo --pid 50 {pid}{lasting if unit else ''}")
 
 
+def is_real_time(pid: int) -> bool:
+    """Return whether a process has a real-time policy; also where it has ended."""
+    try:
+        return os.sched_getscheduler(pid) & ~os.SCHED_RESET_ON_FORK in _REAL_TIME
+    except ProcessLookupError:
+        return True
+
+
 def _described(pid: int) -> str:
     """Return policy, priority and processors of a process.
 

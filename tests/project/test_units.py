@@ -164,7 +164,7 @@ def test_the_memory_of_the_positioner_is_bounded_and_may_be_locked() -> None:
 def test_real_time_is_an_option_that_is_commented_and_a_drop_in() -> None:
     text = (SYSTEMD / "positioner@.service").read_text(encoding="utf-8")
     drop_in = read(SYSTEMD / "realtime.conf")
-    for key in ("CPUSchedulingPolicy", "CPUSchedulingPriority", "CPUSchedulingResetOnFork"):
+    for key in ("CPUSchedulingPolicy", "CPUSchedulingPriority", "CPUSchedulingResetOnFork", "TimerSlackNSec"):
         assert f"\n#{key}={only(drop_in, 'Service', key)}\n" in text
     assert "\n#CPUAffinity=1\n" in text
     assert not any(key.startswith("CPU") for _, key in read(SYSTEMD / "positioner@.service"))

@@ -1,4 +1,4 @@
-"""The closed loop of law and plant without frames: the figures of `inprocess`, ten times as fast. Pure.
+"""The closed loop of law and plant without frames: the figures of `inprocess`, several times as fast. Pure.
 
 Readings, setpoints and currents are rounded as frames round them, so the figures are the same to the bit. The stiction
 table stays empty: use this only for laws that neither use the table nor learn.

@@ -12,6 +12,7 @@ from positioner.bench.scenario import check_scenario
 from positioner.campaign.design import size
 from positioner.campaign.keys import known_keys
 from positioner.campaign.plan import scenario_at
+from positioner.campaign.run import COLUMNS
 from positioner.campaign.schema import Kind
 from positioner.errors import ConfigurationError, Problem
 from positioner.inputs.nearest import nearest
@@ -70,6 +71,8 @@ def parameter_problems(ranges: Mapping[str, RangeSettings], text: str) -> Iterat
     known = known_keys()
     changed_by: dict[str, str] = {}
     for name, limits in ranges.items():
+        if limits.scales and name in COLUMNS:
+            yield _of(name, text, "is the name of a column of the results: give it another one")
         for key in limits.scales or (name,):
             if key not in known:
                 close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)

@@ -12,6 +12,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, BinaryIO, Self
 
 from positioner.campaign.run import Figures, Outcome
+from positioner.errors import writing
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -21,11 +22,13 @@ class Journal:
     """The outcomes of the runs that were played, in the file `path`; a context manager."""
 
     def __init__(self, path: Path) -> None:
-        self._file: BinaryIO = path.open("a+b")
-        self._file.seek(0)
-        content = self._file.read()
-        whole = content.rfind(b"\n") + 1
-        self._file.truncate(whole)
+        self._path = path
+        with writing(path):
+            self._file: BinaryIO = path.open("a+b")
+            self._file.seek(0)
+            content = self._file.read()
+            whole = content.rfind(b"\n") + 1
+            self._file.truncate(whole)
         self._known: dict[tuple[str, str], Outcome] = {}
         for line in content[:whole].splitlines():
             self._read(line)
@@ -44,12 +47,13 @@ class Journal:
         """Keep the outcome of a run.
 
         Raises:
-            OSError: the disk refuses.
+            StateError: the disk refuses.
         """
         line = json.dumps({"run": key, "code": code, **asdict(outcome)})
-        self._file.write(line.encode() + b"\n")
-        self._file.flush()
-        os.fsync(self._file.fileno())
+        with writing(self._path):
+            self._file.write(line.encode() + b"\n")
+            self._file.flush()
+            os.fsync(self._file.fileno())
         self._known[key, code] = outcome
 
     def _read(self, line: bytes) -> None:

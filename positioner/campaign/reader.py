@@ -126,14 +126,12 @@ def _resolved(base: Scenario, ranges: Mapping[str, RangeSettings]) -> tuple[Scen
             table, *inner = key.split(".")
             if table == "control" and len(inner) > 1:
                 control[inner[0]] = _plain(value_at(settings, f"control.{inner[0]}"))
-        if limits.scales:
-            parameters.append(Parameter(name, limits, tuple((key, float(value_at(settings, key))) for key in keys)))
-            continue
-        kind = known[name]
+        kind = float if limits.scales else known[name]
         values = limits.values
         if kind is float and values is not None:
             values = tuple(map(float, values))
-        parameters.append(Parameter(name, replace(limits, values=values), ((name, None),), whole=kind is int))
+        own = {key: float(value_at(settings, key)) if limits.scales else None for key in keys}
+        parameters.append(Parameter(name, replace(limits, values=values), tuple(own.items()), whole=kind is int))
     return replace(base, control=control), tuple(parameters)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from positioner.bench import metrics
@@ -63,6 +63,10 @@ class Figures(metrics.Totals):
 
     active_fraction: float
     learned: int
+
+
+COLUMNS = ("point", "law", "seed", *(field.name for field in fields(Figures)), "failure")
+"""The columns of the results, without those of the parameters."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Annotated, Any, TypeAlias
@@ -96,4 +97,13 @@ class CampaignFile(SettingsTable):
     design: DesignSettings
     parameters: Annotated[dict[str, RangeSettings], Len(1, 100)]
     scenario: dict[str, Any] = field(default_factory=dict)
-    worst: Annotated[int, Interval(ge=0, le=100)] = 3
+    worst: Annotated[int, Interval(ge=0, le=20)] = 3
+
+    def __post_init__(self) -> None:
+        """Check what no limit can say.
+
+        Raises:
+            ValueError: a name that cannot be that of a directory.
+        """
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", self.name):
+            raise ValueError(f"name '{self.name}' must be letters, digits, dots, dashes or underscores")

@@ -44,21 +44,20 @@ def play_campaign(
     points = tqdm(campaign.points(), desc="checked", unit=" points", disable=None, delay=2.0, leave=False)
     check_points(campaign, points)
     code = {law: code_of(law) for law in campaign.laws}
-    runs = list(campaign.runs())
+    runs = {run.key: run for run in campaign.runs()}  # points that differ in nothing are one run
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        with lock.held(folder, timeout_s=0.0), Journal(folder / JOURNAL) as journal:
-            each = {run.key: run for run in runs}  # points that differ in nothing are one run
-            missing = [run for key, run in each.items() if journal.outcome(key, code[run.law]) is None]
-            with (
-                tqdm(total=len(each), initial=len(each) - len(missing), unit=" runs", disable=None) as bar,
-                closing(spread_out(function, missing, workers)) as results,
-            ):
-                for run, outcome in results:
-                    journal.add(run.key, code[run.law], outcome)
-                    bar.set_postfix_str(f"{run.law} at point {run.point}")
-                    bar.update()
-            found = [(run, journal.outcome(run.key, code[run.law])) for run in runs]
+    with lock.held(folder, timeout_s=0.0), Journal(folder / JOURNAL) as journal:
+        missing = {key: run for key, run in runs.items() if journal.outcome(key, code[run.law]) is None}
+        with (
+            tqdm(total=len(runs), initial=len(runs) - len(missing), unit=" runs", disable=None) as bar,
+            closing(spread_out(function, list(missing.values()), workers)) as results,
+        ):
+            for run, outcome in results:
+                journal.add(run.key, code[run.law], outcome)
+                bar.set_postfix_str(f"{run.law} at point {run.point}")
+                bar.update()
+        found = [(run, journal.outcome(run.key, code[run.law])) for run in campaign.runs()]
     return [PlayedRun(run, outcome) for run, outcome in found if outcome is not None]
 
 

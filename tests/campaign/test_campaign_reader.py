@@ -85,6 +85,7 @@ def test_what_does_not_fit_together_is_reported_at_once_with_its_line(tmp_path: 
 "plant.preset" = { values = ["paper", 1] }
 "plant.valve.mass_kg" = { low = 1.0, high = 2.0, levels = 3 }
 weight = { low = 0.5, high = 2.0, scales = ["plant.valve.mass_kg", "plant.fail_position"] }
+seed = { low = 0.5, high = 2.0, scales = ["plant.valve.span_m"] }
 """
     text = with_parameters(lines, '"sobol"\npoints = 12')
     first = text.splitlines().index('"plant.valve.mas_kg" = { low = 1.0, high = 2.0 }') + 1
@@ -97,6 +98,7 @@ weight = { low = 0.5, high = 2.0, scales = ["plant.valve.mass_kg", "plant.fail_p
         f"line {first + 4}: parameters.{MASS}: levels are for a grid only; design.points is their number",
         f"line {first + 5}: parameters.weight: {MASS} is changed by {MASS!r}, too",
         f"line {first + 5}: parameters.weight: plant.fail_position is no number that can be multiplied",
+        f"line {first + 6}: parameters.seed: is the name of a column of the results: give it another one",
     ]
 
 
@@ -172,11 +174,11 @@ def test_the_base_may_be_a_file_beside_the_campaign(tmp_path: Path) -> None:
 
 def test_a_factor_multiplies_the_values_of_the_plant_of_the_scenario(tmp_path: Path) -> None:
     keys = ("plant.valve.static_friction_n", "plant.valve.coulomb_friction_n")
-    lines = f'friction = {{ values = [0.5, 2], scales = ["{keys[0]}", "{keys[1]}"] }}\n'
+    lines = f'friction = {{ values = [2, 0.5], scales = ["{keys[0]}", "{keys[1]}"] }}\n'
     text = with_parameters(lines, '"grid"').replace("[scenario]", '[scenario]\nplant.preset = "friction+20"')
     runs = list(load_campaign(written(tmp_path, text)).runs())
-    assert [run.values for run in runs[::2]] == [(0.5,), (2,)]
-    for run, factor in zip(runs[::2], (0.5, 2.0), strict=True):
+    assert [run.values for run in runs[::2]] == [(2.0,), (0.5,)]
+    for run, factor in zip(runs[::2], (2.0, 0.5), strict=True):
         settings = settings_of(run.scenario)
         assert value_at(settings, keys[0]) == pytest.approx(1.2 * 1707.7 * factor)
         assert value_at(settings, keys[1]) == pytest.approx(1.2 * 1423.0 * factor)

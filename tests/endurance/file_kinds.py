@@ -16,6 +16,7 @@ from user_dbc import ALL, USER_DBC
 
 from plant_emulator.presets import overridden
 from positioner.bench import scenario
+from positioner.campaign.reader import load_campaign
 from positioner.config.reader import parse_config
 from positioner.errors import ConfigurationError, Problem
 from positioner.inputs.toml_reader import read_text, tables
@@ -64,6 +65,7 @@ _CONFIGURATIONS = [
 ]
 _SCENARIOS = _files("positioner/bench/scenarios", "*.toml")[:6]
 _PLANTS = _files("plant_emulator/presets", "*.toml")
+_TOML_FILES = (*_CONFIGURATIONS, *_SCENARIOS, *_PLANTS, *_files("examples", "campaign.toml"))
 
 
 def _text(data: bytes, folder: Path) -> str:
@@ -78,6 +80,8 @@ def _read_toml(number: int, data: bytes, folder: Path) -> None:
         parse_config(text, "input.toml", folder)
     elif number < len(_CONFIGURATIONS) + len(_SCENARIOS):
         scenario.parse_scenario(text, "input.toml")
+    elif number >= len(_CONFIGURATIONS) + len(_SCENARIOS) + len(_PLANTS):
+        load_campaign(folder / "input.toml")
     else:
         overridden(tables(text, "input.toml"), {}, "input.toml", text)
 
@@ -253,7 +257,7 @@ _SQL_WORDS = (
 KINDS = {
     kind.name: kind
     for kind in (
-        FileKind("toml", 300_000, (*_CONFIGURATIONS, *_SCENARIOS, *_PLANTS), (*_NUMBERS, *_TOML_WORDS), _read_toml),
+        FileKind("toml", 300_000, _TOML_FILES, (*_NUMBERS, *_TOML_WORDS), _read_toml),
         FileKind("json", 500_000, (_DOCUMENT, *_MESSAGES), (*_NUMBERS, *_JSON_WORDS), _read_json),
         FileKind("log", 200_000, _logs(), (*_NUMBERS, *_LOG_WORDS), _read_log),
         FileKind("dbc", 50_000, (USER_DBC.encode("cp1252"),), (*_NUMBERS, *_DBC_WORDS), _read_dbc),

@@ -1,0 +1,255 @@
+"""How many valves one core controls at 1 kHz: the share of a core that each valve of one daemon takes.
+
+    python -m benchmarks.valves
+
+The daemon's own loop runs in this process, with n sessions on buses that are pairs of local sockets, up to eleven on
+one. Only its part is timed, in processor time, from a look at the bus until its commands are sent; the emulated valves
+run between. The frames of a period come one after another, as on a real bus, so that each takes a round of its own. The
+setpoints change four times a second, at another instant for each valve. No table writer runs: it is another process.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import socket
+import statistics
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from time import thread_time_ns
+from typing import TYPE_CHECKING, Any
+from unittest import mock
+
+import tomli_w
+
+from benchmarks import machine
+from benchmarks.builds import environments
+from benchmarks.case import Play
+from benchmarks.paired_bus import PairedBus
+from plant_emulator.device import advance, initial_device, publish, take
+from plant_emulator.presets import plant_settings
+from positioner.bus.port import BusPort, Ports
+from positioner.config.reader import load_valves
+from positioner.machine.time import Instant
+from positioner.runtime.daemon import Daemon
+from positioner.runtime.session import RunOptions
+from positioner.store.client import TableWriterClient
+from positioner.valve.stiction import StictionTable
+from positioner.wire.codec import make_codec
+from positioner.wire.messages import PlantTruth, Setpoint
+from positioner.wire.settings import ID_OFFSETS, WireSettings
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from positioner.wire.messages import CanFrame
+
+COUNTS = (1, 2, 4, 8, 16)
+PERIOD_NS = 1_000_000
+_PERIODS = 1000
+_WARM_UP = 100
+_REPEATS = 5
+_SETPOINT_EVERY = 10
+_DWELL = 250
+_SETPOINTS_M = (0.08, 0.087, 0.073, 0.084, 0.076)
+_PER_BUS = len(ID_OFFSETS)
+
+
+class _Clock:
+    """The daemon's clock: the plants let its time pass."""
+
+    now_ns = 5_000_000_000_000
+
+    def instant(self) -> Instant:
+        return Instant(self.now_ns, self.now_ns)
+
+    def monotonic_ns(self) -> int:
+        return self.now_ns
+
+    def monotonic_s(self) -> float:
+        return self.now_ns / 1e9
+
+    def sleep(self, duration_s: float) -> None:
+        self.now_ns += round(duration_s * 1e9)
+
+
+class _NoWriter:
+    """In the place of the daemon's side of a table writer."""
+
+    problem = None
+
+    def record(self, samples: Sequence[object]) -> None:
+        pass
+
+    def poll(self) -> tuple[object, ...]:
+        return ()
+
+    def close(self, timeout_s: float) -> None:
+        pass
+
+
+class _Valve:
+    """An emulated valve with its host; each valve changes its setpoints at other samples."""
+
+    def __init__(self, number: int, count: int, far: BusPort) -> None:
+        self._codec = make_codec(WireSettings(id_offset=ID_OFFSETS[number % _PER_BUS]))
+        self._plant = plant_settings()
+        self._device = initial_device(self._plant, number + 1)
+        self._far = far
+        self._sample = number * _DWELL // count
+        self._setpoints = 0
+
+    def send(self) -> None:
+        """Send the frames of a sample."""
+        if self._setpoints == 0 or self._sample % _SETPOINT_EVERY == 0:
+            setpoint_m = _SETPOINTS_M[self._sample // _DWELL % len(_SETPOINTS_M)]
+            self._far.send(self._codec.encode(Setpoint(setpoint_m), self._setpoints))
+            self._setpoints += 1
+        self._sample += 1
+        self._device, published = publish(self._codec, self._plant, self._device)
+        truth = self._codec.identifier(PlantTruth)
+        for frame in published:
+            if frame.identifier != truth:  # no positioner receives it
+                self._far.send(frame)
+
+    def advance(self, frames: Sequence[CanFrame]) -> None:
+        """Let a period pass under the command among `frames`."""
+        self._device = advance(self._plant, take(self._codec, self._device, tuple(frames)), PERIOD_NS / 1e9)
+
+
+class ValvesCase:
+    """A daemon with `count` valves for `_PERIODS` periods; the duration of a period is that of all rounds in it."""
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self.labels = ("period",) * _PERIODS
+
+    def play(self) -> Play:
+        """Return the durations of all periods, and all commands."""
+        with tempfile.TemporaryDirectory(prefix="benchmark-") as folder:
+            return self._play(Path(folder))
+
+    def _play(self, folder: Path) -> Play:
+        path = folder / "valves.toml"
+        path.write_text(tomli_w.dumps(_tables(self._count, folder)), encoding="utf-8")
+        clock, far = _Clock(), {}
+
+        def open_bus(address: Any, _wanted: object) -> PairedBus:
+            ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            far[address.channel] = BusPort(address, ports=Ports(clock, lambda *_: PairedBus(theirs)))
+            far[address.channel].open()
+            return PairedBus(ours)
+
+        configurations = load_valves(path)
+        opened = (_NoWriter(), StictionTable(cell_width_m=configurations[0].control.table_cell_m), ())
+        with mock.patch.object(TableWriterClient, "open", return_value=opened):
+            daemon = Daemon(configurations, RunOptions(), Ports(clock, open_bus))
+        for bus in daemon._shared:
+            bus.port.open()
+        ports = [far[configuration.bus.channel] for configuration in configurations]
+        valves = [_Valve(number, self._count, port) for number, port in enumerate(ports)]
+        durations_ns, sent = [], []
+        for _ in range(_WARM_UP + _PERIODS):
+            took_ns = 0
+            for number, (valve, port) in enumerate(zip(valves, ports, strict=True)):
+                clock.now_ns += PERIOD_NS * (number + 1) // self._count - PERIOD_NS * number // self._count
+                valve.send()
+                began = thread_time_ns()
+                daemon._cycle()
+                took_ns += thread_time_ns() - began
+                frames = port.receive(0.0)
+                sent.append(frames)
+                valve.advance(frames)
+            durations_ns.append(took_ns)
+        daemon._close()
+        for port in far.values():
+            port.close()
+        return Play(durations_ns[_WARM_UP:], repr([[frame.data for frame in frames] for frames in sent]))
+
+
+def _tables(count: int, folder: Path) -> dict[str, Any]:
+    valves = [
+        {
+            "id": f"V{number}",
+            "preset": "paper",
+            "wire": {"id_offset": ID_OFFSETS[number % _PER_BUS]},
+            "bus": {"channel": f"bus{number // _PER_BUS}"},
+        }
+        for number in range(count)
+    ]
+    return {
+        "bus": {"interface": "virtual"},
+        "control": {"sample_period_s": PERIOD_NS / 1e9},
+        "guard": {"auto_arm": True},
+        "state": {"directory": str(folder)},
+        "valve": valves,
+    }
+
+
+def measured(repeats: int) -> dict[int, list[int]]:
+    """Return the smallest duration of every period in ns over all repeats, by the number of valves.
+
+    Raises:
+        RuntimeError: two repeats gave different commands.
+    """
+    cases = {count: ValvesCase(count) for count in COUNTS}
+    plays: dict[int, list[Play]] = {count: [] for count in COUNTS}
+    for _ in range(repeats):
+        for count, case in cases.items():
+            plays[count].append(case.play())
+    if any(len({play.result for play in some}) > 1 for some in plays.values()):
+        raise RuntimeError("two repeats gave different commands; a repeat must be bit-identical")
+    return {
+        count: [min(durations) for durations in zip(*(play.durations_ns for play in some), strict=True)]
+        for count, some in plays.items()
+    }
+
+
+def table(found: dict[int, list[int]], build: str) -> list[str]:
+    """Return the rows of the table of one build."""
+    rows = []
+    for count, periods_ns in found.items():
+        mean_us = statistics.fmean(periods_ns) / count / 1e3
+        median_us = statistics.median(periods_ns) / count / 1e3
+        tail_us = statistics.quantiles(periods_ns, n=100)[98] / 1e3
+        share = 1e3 * mean_us / PERIOD_NS
+        cells = (f"{mean_us:.0f}", f"{median_us:.0f}", f"{100 * share:.1f} %", f"{1 / share:.1f}", f"{tail_us:.0f}")
+        rows.append(f"| {build} | {count} | {' | '.join(cells)} |")
+    return rows
+
+
+HEAD = (
+    "| build | valves | µs per valve and period, mean | median | share of a core per valve | valves per core at 1 kHz "
+    "| 99 % of the periods, all valves, µs |\n"
+    "|---|---|---|---|---|---|---|\n"
+)
+
+
+def main() -> None:
+    """Measure every build that is there, and print the table."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.valves", description=__doc__)
+    parser.add_argument("--repeats", type=int, default=_REPEATS, help="repeats of each number (default: %(default)s)")
+    parser.add_argument("--core", type=int, default=machine.last_core(), help="processor to use (default: %(default)s)")
+    parser.add_argument("--this-build", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    write = sys.stdout.write
+    if options.this_build:
+        machine.be_quiet(options.core)
+        write(json.dumps(measured(options.repeats)))
+        return
+    write(HEAD)
+    for build, environment in environments().items():
+        command = [sys.executable, "-m", "benchmarks.valves", "--this-build"]
+        command += ["--repeats", str(options.repeats), "--core", str(options.core)]
+        answer = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True).stdout
+        found = {int(count): periods_ns for count, periods_ns in json.loads(answer).items()}
+        write("\n".join(table(found, build)) + "\n")
+    write(f"\n{machine.processor()}; smallest of {options.repeats} repeats of each period\n")
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    main()

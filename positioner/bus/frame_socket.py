@@ -15,7 +15,7 @@ import msgpack
 from can.interfaces.socketcan import SocketcanBus
 from can.interfaces.udp_multicast import UdpMulticastBus
 
-from positioner.bus.raw_frame import NoFrameError
+from positioner.bus.raw_frame import ROOM_WITHIN_S, NoFrameError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,8 +34,6 @@ _EXTENDED, _REMOTE, _ERROR, _EXTENDED_ID, _STANDARD_ID = 0x80000000, 0x40000000,
 _STAMP = struct.Struct("@ll")
 _ANCILLARY_BYTES = socket.CMSG_SPACE(_STAMP.size)
 _LARGEST = 4096
-_ROOM_WITHIN_S = 0.05
-"""How long a full transmit queue may take to have room."""
 
 
 class FrameSocket:
@@ -73,7 +71,7 @@ class FrameSocket:
             stamp_s = seconds + nanoseconds * 1e-9
         return (*self._unpack(self._view[:count]), stamp_s)
 
-    def send(self, frame: CanFrame) -> None:
+    def send(self, frame: CanFrame, room_within_s: float = ROOM_WITHIN_S) -> None:
         """Send `frame`.
 
         Raises:
@@ -83,7 +81,7 @@ class FrameSocket:
         try:
             self._send(data)
         except BlockingIOError:
-            select.select((), (self._socket,), (), _ROOM_WITHIN_S)
+            select.select((), (self._socket,), (), room_within_s)
             self._send(data)
 
     def _send(self, data: bytes) -> None:

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 import can
 
 from positioner.bus.opening import descriptor_of
+from positioner.bus.raw_frame import ROOM_WITHIN_S
 
 if TYPE_CHECKING:
     from positioner.bus.raw_frame import RawFrame
     from positioner.wire.messages import CanFrame
-
-_SEND_TIMEOUT_S = 0.05
 
 
 class MessageLink:
@@ -46,7 +45,7 @@ class MessageLink:
             message.timestamp,
         )
 
-    def send(self, frame: CanFrame) -> None:
+    def send(self, frame: CanFrame, room_within_s: float = ROOM_WITHIN_S) -> None:
         """Send `frame`.
 
         Raises:
@@ -55,7 +54,7 @@ class MessageLink:
         message = can.Message(
             arbitration_id=frame.arbitration_id, data=frame.data, is_extended_id=frame.is_extended, check=False
         )
-        self._bus.send(message, timeout=_SEND_TIMEOUT_S)
+        self._bus.send(message, timeout=room_within_s)
 
     def close(self) -> None:
         """Do nothing: the bus is closed by who opened it."""

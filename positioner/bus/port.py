@@ -17,7 +17,7 @@ from positioner.bus.events import BusBack, BusDown, BusNotOpened, NoFrame, Overr
 from positioner.bus.frame_socket import socket_of
 from positioner.bus.message_link import MessageLink
 from positioner.bus.opening import OPENING_ERRORS, advice, descriptor_of, dropped_frames, open_bus, opening_error
-from positioner.bus.raw_frame import NoFrameError
+from positioner.bus.raw_frame import ROOM_WITHIN_S, NoFrameError
 from positioner.errors import BusError, BusUnusableError
 from positioner.machine.time import MachineTime, TimePort
 from positioner.wire.messages import CanFrame
@@ -51,7 +51,10 @@ class Ports:
 
 
 class BusPort:
-    """One node's connection to a bus; opened on first use, and again whenever it was lost."""
+    """One node's connection to a bus; opened on first use, and again whenever it was lost.
+
+    room_within_s: how long a frame may wait for room in a full transmit queue.
+    """
 
     def __init__(
         self,
@@ -75,6 +78,7 @@ class BusPort:
         self._next_try_s = 0.0
         self._echoes: deque[tuple[int, bytes]] = deque(maxlen=64)
         self._dropped = self._overruns = 0
+        self.room_within_s = ROOM_WITHIN_S
 
     @property
     def is_open(self) -> bool:
@@ -157,7 +161,7 @@ class BusPort:
         if self._link is None or (deadline_ns is not None and self._time.monotonic_ns() > deadline_ns):
             return False
         try:
-            self._link.send(frame)
+            self._link.send(frame, self.room_within_s)
         except (can.CanError, OSError) as error:
             self._report_once(SendFailed(self.address, f"{error}; {advice(self.address)}"))
             return False

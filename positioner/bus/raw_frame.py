@@ -11,6 +11,10 @@ RawFrame: TypeAlias = tuple[int, bytes, bool, bool, bool, float]
 """Identifier, data, whether it is extended, an error or a remote frame, and the kernel's stamp (s, wall clock)."""
 
 
+ROOM_WITHIN_S = 0.05
+"""How long a frame may wait for room in a full transmit queue, where nothing else waits meanwhile."""
+
+
 class NoFrameError(ValueError):
     """What came is no CAN frame; the bus itself is sound."""
 
@@ -26,8 +30,8 @@ class Link(Protocol):
             OSError: the bus does not work; python-can's CanError means the same.
         """
 
-    def send(self, frame: CanFrame) -> None:
-        """Send `frame`.
+    def send(self, frame: CanFrame, room_within_s: float = ROOM_WITHIN_S) -> None:
+        """Send `frame`; where the transmit queue is full, wait up to `room_within_s` for room.
 
         Raises:
             OSError: the bus does not take it; python-can's CanError means the same.

@@ -12,7 +12,7 @@ from positioner.bus.port import Ports
 from positioner.errors import ExitCode, PositionerError
 from positioner.machine.journal import Throttle, logger
 from positioner.runtime.service import Service
-from positioner.runtime.session import open_sessions
+from positioner.runtime.session import close_sessions, open_sessions
 from positioner.runtime.shared_bus import shared_buses
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ class Daemon:
 
     def _close(self) -> ExitCode:
         self._service.stopping()
-        problems = [(session, problem) for session in self.sessions if (problem := session.close())]
+        problems = close_sessions(self.sessions)
         for bus in self._shared:
             bus.port.close()
         self._flush(all_of_them=True)

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from positioner.store.client import WriterEvent
     from positioner.valve.stiction import LearnedSample, StictionTable
 
-_CLOSE_TIMEOUT_S = 5.0
-
 
 class LearnedTable:
     """The table; `saved` while all of it is on the disk, as far as is known."""
@@ -74,6 +72,6 @@ class LearnedTable:
             case _:
                 assert_never(event)
 
-    def close(self) -> str | None:
+    def close(self, timeout_s: float) -> str | None:
         """Save the table; return the error, if there is one."""
-        return self.writer.close(_CLOSE_TIMEOUT_S)
+        return self.writer.close(timeout_s)

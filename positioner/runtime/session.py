@@ -12,6 +12,7 @@ from positioner.cycle.state import CycleState
 from positioner.cycle.step import IDLE_COMMAND_PERIOD_S, step
 from positioner.guard.supervisor import deadline_ns
 from positioner.machine.journal import dropped_lines
+from positioner.machine.time import MachineTime, TimePort
 from positioner.runtime.announce import Announcer
 from positioner.runtime.clock import Clock, RealClock
 from positioner.runtime.learned_table import LearnedTable
@@ -29,13 +30,14 @@ if TYPE_CHECKING:
     from positioner.bus.port import BusPort
     from positioner.config.schema import Configuration
     from positioner.errors import PositionerError
-    from positioner.machine.time import TimePort
     from positioner.wire.messages import CanFrame
 
 RECEIVED = (StemPosition, ActuatorState, Setpoint, ManualCurrent)
 _IDLE_WAIT_S = 0.1
 _SHORTEST_WAIT_S = 0.001
 _POLL_EVERY_S = 0.02
+CLOSE_TIMEOUT_S = 5.0
+_LEAST_CLOSE_S = 0.05
 _NS = 1_000_000_000
 
 
@@ -90,7 +92,7 @@ class Session:
             self._trace = TraceWriter(options.trace, log)
             self._recorder = BusRecorder(options.record, log)
         except Exception:
-            self.table.close()
+            self.table.close(CLOSE_TIMEOUT_S)
             raise
         if options.dry_run:
             self.setup = replace(self.setup, guard=replace(configuration.guard, auto_arm=True), learns=False)
@@ -189,9 +191,9 @@ class Session:
         self.announcer.log.error("%s; this valve is not controlled any more", error)
         self.announcer.tell(f"ended: {error}")
 
-    def close(self) -> str | None:
+    def close(self, timeout_s: float) -> str | None:
         """Save the table and end record and trace; return the error of the table, if there is one."""
-        problem = self.table.close()
+        problem = self.table.close(timeout_s)
         self._recorder.close()
         self._trace.close()
         return problem
@@ -209,9 +211,18 @@ def open_sessions(configurations: Sequence[Configuration], options: RunOptions, 
         try:
             sessions.append(Session(configuration, options.of(name), time, name))
         except Exception as error:
-            for session in sessions:
-                session.close()
+            close_sessions(sessions)
             if name:
                 error.args = (f"valve {name}: {error}",)
             raise
     return tuple(sessions)
+
+
+def close_sessions(sessions: Sequence[Session]) -> tuple[tuple[Session, str], ...]:
+    """Save all tables, at the same time, and end all files; return each session whose table has an error, with it."""
+    for session in sessions:
+        session.table.writer.begin_close()
+    time = MachineTime()
+    end_s = time.monotonic_s() + CLOSE_TIMEOUT_S
+    problems = [(session, session.close(max(end_s - time.monotonic_s(), _LEAST_CLOSE_S))) for session in sessions]
+    return tuple((session, problem) for session, problem in problems if problem)

@@ -28,6 +28,8 @@ class SharedBus:
         self.port = BusPort(address, self._by_identifier, report, ports)
         for session in sessions:
             session.port = self.port
+            if session.announcer.name:
+                self.port.room_within_s = 0.0  # the other valves would wait, too
         self._was_open = False
 
     def by_valve(self, frames: tuple[CanFrame, ...]) -> Iterable[tuple[Session, tuple[CanFrame, ...]]]:

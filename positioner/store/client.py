@@ -48,6 +48,8 @@ class TableWriterClient:
         self._restart_at_s: float | None = None
         self._silent_since_s: float | None = None
         self.problem: str | None = None
+        self._is_closing = False
+        self._not_closed: str | None = None
 
     @classmethod
     def open(
@@ -125,12 +127,9 @@ class TableWriterClient:
             events.extend(self._watch(now_s, silent=not received))
         return tuple(events)
 
-    def close(self, timeout_s: float) -> str | None:
-        """Save everything and end the table writer; return why that failed, or None.
-
-        It takes at most `timeout_s`. A table writer that needs longer goes on without the daemon, and keeps the lock.
-        """
-        deadline_s = time.monotonic() + timeout_s
+    def begin_close(self) -> None:
+        """Ask the table writer to save everything and to end; `close` waits for it."""
+        self._is_closing = True
         try:
             if self._child.channel.ended:
                 self._child.end()
@@ -138,9 +137,19 @@ class TableWriterClient:
             if self._behind:
                 self._child.channel.send(messages.Adopt(self._stored))
             self._child.channel.send(messages.Close())
-            problem = self._receive_closed(deadline_s)
+            self._child.channel.flush()
         except OSError as error:
-            problem = f"the stiction table is not saved: its table writer cannot be started: {error}"
+            self._not_closed = f"the stiction table is not saved: its table writer cannot be started: {error}"
+
+    def close(self, timeout_s: float) -> str | None:
+        """Save everything and end the table writer; return why that failed, or None.
+
+        It takes at most `timeout_s`. A table writer that needs longer goes on without the daemon, and keeps the lock.
+        """
+        deadline_s = time.monotonic() + timeout_s
+        if not self._is_closing:
+            self.begin_close()
+        problem = self._not_closed or self._receive_closed(deadline_s)
         self._child.channel.close()
         os.close(self._lock)
         try:

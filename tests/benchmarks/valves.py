@@ -31,6 +31,9 @@ from benchmarks.case import Play
 from benchmarks.paired_bus import PairedBus
 from plant_emulator.device import advance, initial_device, publish, take
 from plant_emulator.presets import plant_settings
+from positioner.bus import frame_socket
+from positioner.bus import port as port_module
+from positioner.bus.frame_socket import FrameSocket
 from positioner.bus.port import BusPort, Ports
 from positioner.config.reader import load_valves
 from positioner.machine.time import Instant
@@ -45,6 +48,10 @@ from positioner.wire.settings import ID_OFFSETS, WireSettings
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import can
+
+    from positioner.bus.port import OpenBus
+    from positioner.config.schema import Configuration
     from positioner.wire.messages import CanFrame
 
 COUNTS = (1, 2, 4, 8, 16)
@@ -76,6 +83,11 @@ class _Clock:
         self.now_ns += round(duration_s * 1e9)
 
 
+def _socket_of(bus: can.BusABC, _address: object) -> FrameSocket:
+    """Return the link that a SocketCAN bus has: the pair's frames have the same form."""
+    return FrameSocket(bus, frame_socket._from_can, frame_socket._to_can)
+
+
 class _NoWriter:
     """In the place of the daemon's side of a table writer."""
 
@@ -86,6 +98,9 @@ class _NoWriter:
 
     def poll(self) -> tuple[object, ...]:
         return ()
+
+    def begin_close(self) -> None:
+        pass
 
     def close(self, timeout_s: float) -> None:
         pass
@@ -135,7 +150,8 @@ class ValvesCase:
     def _play(self, folder: Path) -> Play:
         path = folder / "valves.toml"
         path.write_text(tomli_w.dumps(_tables(self._count, folder)), encoding="utf-8")
-        clock, far = _Clock(), {}
+        clock = _Clock()
+        far: dict[str, BusPort] = {}
 
         def open_bus(address: Any, _wanted: object) -> PairedBus:
             ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -143,7 +159,12 @@ class ValvesCase:
             far[address.channel].open()
             return PairedBus(ours)
 
-        configurations = load_valves(path)
+        with mock.patch.object(port_module, "socket_of", _socket_of):
+            return self._run(load_valves(path), clock, far, open_bus)
+
+    def _run(
+        self, configurations: Sequence[Configuration], clock: _Clock, far: dict[str, BusPort], open_bus: OpenBus
+    ) -> Play:
         opened = (_NoWriter(), StictionTable(cell_width_m=configurations[0].control.table_cell_m), ())
         with mock.patch.object(TableWriterClient, "open", return_value=opened):
             daemon = Daemon(configurations, RunOptions(), Ports(clock, open_bus))

@@ -15,7 +15,7 @@ from daemon_helpers import HERE_M, PERIOD_S, Loop
 
 from positioner.bus.port import BusPort
 from positioner.errors import ExitCode
-from positioner.runtime import learned_table
+from positioner.runtime import session
 from positioner.runtime.service import WATCHDOG_EVERY_S
 from positioner.store import access
 
@@ -63,7 +63,7 @@ def test_a_signal_to_stop_ends_the_loop_after_the_cycle_and_saves_the_table(
             cycles[-1] = "done"
 
         monkeypatch.setattr(loop.daemon, "_cycle", cycle)
-        monkeypatch.setattr(learned_table, "_CLOSE_TIMEOUT_S", 60.0)  # a busy machine
+        monkeypatch.setattr(session, "CLOSE_TIMEOUT_S", 60.0)  # a busy machine
         loop._running = None
         assert loop.daemon.run() is ExitCode.OK
         assert cycles == ["done", "done"]
@@ -109,4 +109,4 @@ def test_the_service_manager_does_not_restart_what_no_restart_helps(service: con
 def test_the_service_manager_waits_longer_for_the_end_than_the_daemon_for_its_table(
     service: configparser.SectionProxy,
 ) -> None:
-    assert seconds(service.get("TimeoutStopSec")) > learned_table._CLOSE_TIMEOUT_S
+    assert seconds(service.get("TimeoutStopSec")) > session.CLOSE_TIMEOUT_S

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import resource
+import signal
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -11,8 +12,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from several_loop import OTHER_BUS, PERIOD_NS, SeveralLoop
 
+from positioner.bus.raw_frame import ROOM_WITHIN_S
 from positioner.config.schema import Configuration
 from positioner.errors import AlreadyRunningError, AnotherControllerError, ExitCode
+from positioner.runtime import session as session_module
 from positioner.store import access, lock
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import Cause, CurrentCommand, Mode, PositionerStatus
@@ -261,3 +264,28 @@ def test_each_command_answers_the_newest_reading_of_its_own_valve_at_once(tmp_pa
             answered = [m.position_counter for m in plant.messages() if isinstance(m, CurrentCommand)]
             assert answered == list(range(len(answered)))
             assert plant.sample - len(answered) <= 1
+
+
+def test_a_frame_for_one_of_several_valves_waits_for_no_room_in_a_full_transmit_queue(tmp_path: Path) -> None:
+    with SeveralLoop(tmp_path / "two", ("FV-1", "FV-2"), ("FV-2",)) as loop:
+        assert {session.port.room_within_s for session in loop.daemon.sessions} == {0.0}
+    with SeveralLoop(tmp_path / "one", ("FV-1",)) as loop:
+        assert loop.daemon.sessions[0].port.room_within_s == ROOM_WITHIN_S
+
+
+def test_all_tables_are_saved_at_the_same_time_and_one_that_hangs_delays_the_end_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(session_module, "CLOSE_TIMEOUT_S", 2.0)
+    with SeveralLoop(tmp_path, ALL) as loop:
+        loop.run_to(FAILS_AT)
+        hanging = [loop.sessions[name].table.writer._child.process for name in (OTHERS[0], FAILING)]
+        for process in hanging:
+            process.send_signal(signal.SIGSTOP)
+    for process in hanging:
+        process.send_signal(signal.SIGCONT)
+        process.wait(60.0)
+    assert loop.code is ExitCode.IO
+    assert {line[:5] for line in loop.logged("table writer")} == {"FV-1:", "FV-4:"}
+    tables = {name: access.dump(tmp_path / "state" / name).table for name in ALL}
+    assert tables == {name: loop.sessions[name].state.table for name in ALL}

@@ -57,18 +57,28 @@ lock: $(VENV)/installed
 	    print(*table['build-system']['requires'], *hook['compiler'], sep='\n')" | \
 	    $(LOCK) - --output-file requirements/build.txt
 
-# The compiled build as a wheel for $(PYTHON), and the tests that its modules must pass as their source does.
+# The compiled build: as a wheel for $(PYTHON), and in a virtual environment of its own, where the tests of the compiled
+# rooms run. Then a bench must give the same frames to the bit as interpreted.
 COMPILED = $(VENV)-compiled
-COMPILED_TESTS ?= tests/replay/test_replay_logs.py tests/building tests/cycle tests/guard tests/laws tests/valve tests/wire \
-	tests/optimization tests/plant_emulator tests/config
+COMPILED_TESTS ?= tests/replay tests/cycle tests/guard tests/laws tests/valve tests/wire tests/optimization \
+	tests/plant_emulator tests/config tests/machine tests/bench
+SHORT_COMPILED_TESTS = tests/replay/test_replay_logs.py tests/cycle tests/guard tests/valve tests/optimization
 
-.PHONY: wheel test-compiled
+.PHONY: wheel test-compiled test-compiled-short
 wheel:
 	POSITIONER_BUILD=compiled $(PYTHON) -m pip --quiet --disable-pip-version-check wheel --no-deps --wheel-dir dist .
 	@ls dist/*.whl
 
-test-compiled: $(COMPILED)/installed
+test-compiled-short: $(COMPILED)/installed
+	PYTHONSAFEPATH=1 $(COMPILED)/bin/pytest --numprocesses $(WORKERS) --dist worksteal -m 'not interpreted and not slow' \
+	    $(SHORT_COMPILED_TESTS)
+
+test-compiled: $(VENV)/installed $(COMPILED)/installed
 	PYTHONSAFEPATH=1 $(COMPILED)/bin/pytest --numprocesses $(WORKERS) --dist worksteal -m 'not interpreted' $(COMPILED_TESTS)
+	PYTHONSAFEPATH=1 $(COMPILED)/bin/positioner --version | grep compiled
+	PYTHONSAFEPATH=1 $(COMPILED)/bin/positioner bench --out out/compiled
+	$(BIN)/positioner bench --out out/interpreted
+	cmp out/compiled/bus.log out/interpreted/bus.log
 
 $(COMPILED)/installed: pyproject.toml $(shell find building positioner plant_emulator -name '*.py')
 	$(PYTHON) -m venv --clear $(COMPILED)

@@ -8,6 +8,7 @@ import sys
 
 from plant_emulator.cli import presets, run, simulate
 from positioner import __version__
+from positioner.machine.build import version
 from positioner.machine.console import Parser, run_command
 
 _DESCRIPTION = "A sticking control valve: Karnopp friction, simulated event by event, alone or on a CAN bus."
@@ -30,7 +31,7 @@ def build_parser() -> Parser:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action="version", version=f"plant-emulator {__version__}")
+    parser.add_argument("--version", action="version", version=version("plant-emulator", __version__))
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in (run, simulate, presets):
         command.add_parser(subparsers)

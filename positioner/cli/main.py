@@ -21,6 +21,7 @@ from positioner.cli import (
     table,
     tune,
 )
+from positioner.machine.build import version
 from positioner.machine.console import Parser, run_command
 
 _DESCRIPTION = "A positioner for sticking control valves: predictive control with a learned stiction table, over CAN."
@@ -48,7 +49,7 @@ def build_parser() -> Parser:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action="version", version=f"positioner {positioner.__version__}")
+    parser.add_argument("--version", action="version", version=version("positioner", positioner.__version__))
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for module in (run, host, bench, replay, league, campaign, reproduce, tune, table, check, doctor, conformance):
         module.add_parser(commands)

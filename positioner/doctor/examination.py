@@ -48,6 +48,7 @@ class Examination:
     def _examine(self) -> Iterator[Finding]:
         yield machine.timer()
         yield machine.sqlite()
+        yield machine.build()
         yield scheduling.of_this_command()
         configurations: tuple[Configuration, ...] = ()
         if self.config is not None:

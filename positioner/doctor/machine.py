@@ -10,6 +10,7 @@ import time
 
 from positioner.doctor import link
 from positioner.doctor.finding import Finding, Level
+from positioner.machine.build import is_compiled
 
 _COARSE_TIMER_S = 1e-4
 _OLDEST_SQLITE = (3, 12, 0)
@@ -39,6 +40,15 @@ def sqlite() -> Finding:
         text = f"{sqlite3.sqlite_version} is older than {wanted}: the stiction table could be lost in a power cut"
         return Finding(Level.FAIL, "SQLite", text, "sudo apt install --only-upgrade libsqlite3-0")
     return Finding(Level.OK, "SQLite", f"{sqlite3.sqlite_version}, with the rollback journal")
+
+
+def build() -> Finding:
+    """Return the finding on the build that runs: compiled or interpreted."""
+    if is_compiled():
+        return Finding(Level.OK, "build", "compiled")
+    text = "interpreted, which takes several times as long for a cycle"
+    fix = "sudo apt install gcc python3-dev  # then install the positioner again, not as editable: it is compiled"
+    return Finding(Level.OK, "build", text, fix)
 
 
 def links() -> tuple[tuple[link.Link, ...] | None, tuple[Finding, ...]]:

@@ -17,6 +17,7 @@ from positioner.cli import main as positioner_main
 from positioner.cli.main import main
 from positioner.config.reader import parse_config
 from positioner.errors import ExitCode
+from positioner.machine.build import version
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -97,7 +98,7 @@ def test_the_version_is_printed(program: Any, name: str, capsys: Output) -> None
     with pytest.raises(SystemExit) as ended:
         program.main(["--version"])
     assert ended.value.code == ExitCode.OK
-    assert capsys.readouterr().out == f"{name} {__version__}\n"
+    assert capsys.readouterr().out == version(name, __version__) + "\n"
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
 from positioner.cycle.timing_events import LawLate
 from positioner.cycle.trust_events import ActingChanged
-from positioner.guard.settings import GuardSettings
+from positioner.guard.settings import FailsafeAction, GuardSettings
 from positioner.laws.bounds import Bounds
 from positioner.laws.law import Decision, Estimate, Observation
 from positioner.valve.parameters import ValveParameters
@@ -523,7 +523,7 @@ def test_a_rate_limit_starts_at_what_balances_the_spring() -> None:
 
 def test_a_failsafe_that_holds_before_any_command_stays_inside_the_limits() -> None:
     # armed in a batch without a reading, then feedback ends: there is no last command, and 1 cm balances at 1.57 mA
-    exchange = Exchange(guard=GuardSettings(failsafe_action="hold"))  # type: ignore[arg-type]
+    exchange = Exchange(guard=GuardSettings(failsafe_action=FailsafeAction.KEEP_CURRENT))
     exchange.sample(0.01, setpoint=Setpoint(0.01))
     exchange.step(CODEC.encode(Setpoint(0.01, HostRequest.ARM), 1))
     outbox = exchange.step(elapsed_ns=20 * MS)

@@ -31,6 +31,7 @@ from positioner.wire.messages import (
     Cause,
     Counted,
     CurrentCommand,
+    Health,
     HostRequest,
     ManualCurrent,
     Mode,
@@ -376,7 +377,7 @@ def test_the_traffic_of_other_nodes_is_no_error() -> None:
 
 def test_the_truth_of_the_emulator_and_another_status_are_not_read() -> None:
     truth = CODEC.encode(PlantTruth(0.08, 0.1), 1)
-    status = CODEC.encode(PositionerStatus(Mode.ACTIVE, 0, 0, True, True, 0, 0, 0), 1)  # type: ignore[arg-type]
+    status = CODEC.encode(PositionerStatus(Mode.ACTIVE, Cause.NONE, Health.GOOD, True, True, 0, 0, 0), 1)
     received = take(truth, status)
     assert received.reading is None
     assert received.events == ()

@@ -73,7 +73,7 @@ def test_without_a_configuration_the_machine_alone_is_examined(answer: list[str]
     answer[0] = VCAN0
     status, found, report = examined(capsys)
     assert (status, report["exit_status"], report["level"]) == (0, 0, "OK")
-    assert list(found) == ["timer", "SQLite", "scheduling", "interface"]
+    assert list(found) == ["timer", "SQLite", "build", "scheduling", "interface"]
     assert found["interface"]["text"] == "vcan0 is up (vcan: no bitrate, no controller)"
 
 

@@ -14,6 +14,7 @@ from plant_emulator.cli.main import main
 from plant_emulator.presets import plant_settings
 from positioner import __version__
 from positioner.errors import ExitCode
+from positioner.machine.build import version
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -201,7 +202,7 @@ def test_help_gives_an_example(command: list[str], capsys: Output) -> None:
 def test_the_version_is_printed(capsys: Output) -> None:
     with pytest.raises(SystemExit):
         main(["--version"])
-    assert capsys.readouterr().out == f"plant-emulator {__version__}\n"
+    assert capsys.readouterr().out == version("plant-emulator", __version__) + "\n"
 
 
 def test_an_interrupt_ends_as_shells_expect(monkeypatch: pytest.MonkeyPatch) -> None:

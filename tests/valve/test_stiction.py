@@ -70,6 +70,7 @@ def test_what_is_not_finite_is_not_learned(bad: float) -> None:
     assert table.record(SPEED, bad, OPENING, 0.3) is table
 
 
+@pytest.mark.interpreted
 def test_a_table_never_changes() -> None:
     empty = StictionTable()
     full = empty.record(SPEED, 0.08, OPENING, 0.3)

@@ -32,7 +32,8 @@ def dask_cluster(folder: Path, workers: int = 2) -> Iterator[DaskCluster]:
     with ExitStack() as stack:
         scheduler = stack.enter_context(_program("scheduler", "--port", "0"))
         address = _said(scheduler, r"Scheduler at:\s+(tcp://127\.0\.0\.1:\d+)")
-        alone = ("--no-nanny", "--nthreads", "1", "--local-directory", str(folder))
+        # without a scheduler a worker ends soon, also when nobody is left to kill it
+        alone = ("--no-nanny", "--nthreads", "1", "--death-timeout", "30", "--local-directory", str(folder))
         started = tuple(stack.enter_context(_program("worker", address, *alone)) for _ in range(workers))
         for worker in started:
             _said(worker, r"Registered to:\s+(tcp://\S+)")

@@ -44,7 +44,8 @@ def play_campaign(
     points = tqdm(campaign.points(), desc="checked", unit=" points", disable=None, delay=2.0, leave=False)
     check_points(campaign, points)
     code = {law: code_of(law) for law in campaign.laws}
-    runs = {run.key: run for run in campaign.runs()}  # points that differ in nothing are one run
+    every = [(run.key, run) for run in campaign.runs()]
+    runs = dict(every)  # points that differ in nothing are one run
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
     with lock.held(folder, timeout_s=0.0), Journal(folder / JOURNAL) as journal:
@@ -57,7 +58,7 @@ def play_campaign(
                 journal.add(run.key, code[run.law], outcome)
                 bar.set_postfix_str(f"{run.law} at point {run.point}")
                 bar.update()
-        found = [(run, journal.outcome(run.key, code[run.law])) for run in campaign.runs()]
+        found = [(run, journal.outcome(key, code[run.law])) for key, run in every]
     return [PlayedRun(run, outcome) for run, outcome in found if outcome is not None]
 
 

@@ -62,7 +62,7 @@ class Pushes:
         stuck_m, stuck_sigma_m = (self.stuck_m, self.sigma_m) if self.failed else (rest_m, sigma_m)
         # the exponent is bounded: a jam may last for years
         doubled = min(max(failed - MOST_FAILED, 0), 10)
-        rest_s = min(_FIRST_REST_S * 2.0**doubled, _LONGEST_REST_S) if failed >= MOST_FAILED else 0.0
+        rest_s = min(_FIRST_REST_S * float(1 << doubled), _LONGEST_REST_S) if failed >= MOST_FAILED else 0.0
         return Pushes(
             failed,
             self.anchor_m,

@@ -172,7 +172,7 @@ def test_a_run_without_control_is_marked_above_its_figures_and_its_cause_stands_
 def test_a_move_is_marked_by_where_its_breakaway_current_came_from_and_a_fallback_too() -> None:
     time_s = np.array([0.1, 0.2, 0.3, 0.4])
     sources = [None, BreakawaySource.TABLE, BreakawaySource.MODEL, None]
-    marks = reasons(time_s, sources, ["", "", "", "no plan: the last one goes on"])
+    marks = reasons(time_s, sources, ["", "", "", "no plan: the fastest inputs that keep the bound"])
     assert (marks.by_table_s.tolist(), marks.by_model_s.tolist(), marks.fell_back_s.tolist()) == ([0.2], [0.3], [0.4])
 
 

@@ -82,5 +82,5 @@ class PlanCase:
             began = perf_counter_ns()
             plan = plan_move(self._settings, self._model, law.solver, planned.move, PERIOD_S)
             durations_ns.append(perf_counter_ns() - began)
-            first_ma.append(None if plan is None else plan.inputs_ma[0])
+            first_ma.append(plan.inputs_ma[0] if plan.is_solved else None)
         return Play(durations_ns, json.dumps(first_ma))

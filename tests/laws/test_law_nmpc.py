@@ -164,15 +164,17 @@ def test_what_no_current_frees_is_pushed_with_all_there_is_and_reported_but_not_
     assert reports == moves
 
 
-def test_without_a_solution_the_last_plan_goes_on() -> None:
-    law = make_law()
-    memory, decision = cycle(law, rested(law), 0.08, 12.6, 0.09)
-    assert memory.plan_ma
-    helpless = replace(law, solver=Unsolvable())
-    after, second = cycle(helpless, memory, 0.0803, decision.current_ma, 0.09)
-    assert second.fallback == "no plan: the last one goes on"
-    assert second.current_ma == pytest.approx(min(max(memory.plan_ma[0], 4.0), 20.0))
-    assert after.plan_ma[0] == memory.plan_ma[1]
+def test_without_a_solution_the_stem_still_stops_at_its_setpoint() -> None:
+    law = replace(make_law(), solver=Unsolvable())
+    memory, decision = cycle(law, rested(law), 0.08, 12.6, 0.0803)
+    assert decision.fallback == "no plan: the fastest inputs that keep the bound"
+    assert isinstance(memory.stem, Sliding)
+    load, s = memory.stem.load, memory.stem.direction
+    pushed = law.filter.model.step(memory.stem.x, 0.0, decision.current_ma, load, s, PERIOD_S)
+    middle_n = load.spring_n_per_m * 0.0803
+    brake_ma = law.filter.model.current_ma(middle_n - s * 0.25 * memory.monitor.ratio * load.friction_n)
+    end = law.filter.model.step(pushed.x, pushed.v, brake_ma, load, s, 1.0)
+    assert end.x == pytest.approx(0.0803, abs=2e-6)
 
 
 def test_a_setpoint_that_falls_behind_a_move_stops_it_first() -> None:

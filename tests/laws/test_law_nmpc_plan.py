@@ -67,7 +67,7 @@ def landing_m(move: Move, first_ma: float, period_s: float) -> float:
     return MODEL.step(first.x, first.v, move.brake_ma, move.load, move.direction, STOPPING_TIME_S).x
 
 
-def plan_of(move: Move, period_s: float, max_iterations: int = 4000) -> MovePlan | None:
+def plan_of(move: Move, period_s: float, max_iterations: int = 4000) -> MovePlan:
     """Return the plan of a new solver, with enough iterations for every programme that has a solution."""
     solver = QpSolver(4, 4, max_iterations=max_iterations)
     return plan_move(SETTINGS, MODEL, solver, move, period_s)
@@ -76,7 +76,7 @@ def plan_of(move: Move, period_s: float, max_iterations: int = 4000) -> MovePlan
 @given(moves, st.sampled_from(PERIODS_S))
 def test_inside_the_limits_and_at_every_step_of_the_prediction_still_able_to_stop(move: Move, period_s: float) -> None:
     plan = plan_of(move, period_s)
-    assert plan is not None
+    assert plan.is_solved
     low, high = sorted((move.weakest_ma, move.strongest_ma))
     assert all(low - 1e-12 <= each <= high + 1e-12 for each in plan.inputs_ma)
     # the exact motion, not the linearised one, under the plan and under full braking, which D10 of DESIGN.md allows
@@ -95,13 +95,13 @@ def test_nearly_every_move_has_a_plan_within_the_iterations_of_the_law() -> None
         s, x, speed = chance.choice((1.0, -1.0)), chance.uniform(0.074, 0.082), chance.uniform(0.01, 1.5)
         move = move_of(load, s, x, speed, chance.uniform(2e-4, 6e-3))
         plans.append(plan_of(move, chance.choice(PERIODS_S), max_iterations=400))
-    assert plans.count(None) <= 1  # one move in some thousands needs more
+    assert sum(not plan.is_solved for plan in plans) <= 1  # one move in some thousands needs more
 
 
 @given(moves, st.sampled_from(PERIODS_S))
 def test_the_stem_goes_as_far_as_it_may(move: Move, period_s: float) -> None:
     plan = plan_of(move, period_s)
-    assert plan is not None
+    assert plan.is_solved
     short_m = move.direction * (move.target_m - landing_m(move, plan.inputs_ma[0], period_s))
     most_m = move.direction * (move.target_m - landing_m(move, move.strongest_ma, period_s))
     # either full speed does not yet endanger the stop, or the stop is used up but for a tenth of the way
@@ -114,22 +114,24 @@ def test_a_stuck_stem_gets_no_less_than_its_breakaway_current(s: float, period_s
     for distance in (1e-5, 1e-4, 1e-3, 1e-2):
         move = move_of(Load.of(VALVE), s, 0.08, 0.0, distance, released=False)
         plan = plan_of(move, period_s)
-        assert plan is not None
+        assert plan.is_solved
         assert s * (plan.inputs_ma[0] - move.release_ma) >= 0.0
 
 
 def test_where_braking_is_all_that_is_left_no_programme_is_solved() -> None:
     move = move_of(Load.of(VALVE), 1.0, 0.08, 2.0, 1e-4)
     plan = plan_move(SETTINGS, MODEL, Unsolvable(), move, 1e-3)
-    assert plan is not None
     assert plan.passes == 0
     assert plan.inputs_ma == (move.weakest_ma,) * 4
     assert plan.speed_limit_m_per_s < 2.0
 
 
-def test_no_solution_is_no_plan() -> None:
-    move = move_of(Load.of(VALVE), 1.0, 0.08, 0.1, 5e-3)
-    assert plan_move(SETTINGS, MODEL, Unsolvable(), move, 1e-3) is None
+def test_without_a_solution_the_fastest_inputs_that_keep_the_bound_are_the_plan() -> None:
+    move = move_of(Load.of(VALVE), 1.0, 0.08, 0.1, 2e-3)
+    plan = plan_move(SETTINGS, MODEL, Unsolvable(), move, 1e-3)
+    assert (plan.is_solved, plan.passes) == (False, 0)
+    stops = predicted(move, list(plan.inputs_ma), 1e-3).stops
+    assert max(stops) == pytest.approx(move.target_m, abs=SOFT_MARGIN_M)
 
 
 @pytest.mark.parametrize("s", [1.0, -1.0])
@@ -186,7 +188,7 @@ def test_programmes_are_well_scaled_also_far_from_the_target(
     made, _ = posed(move, inputs, period_s)
     assert 0.03 <= np.linalg.eigvalsh(made.P)[0] < np.linalg.eigvalsh(made.P)[-1] < 100.0
     assert 1.0 <= np.abs(made.A).max() < 3.0
-    assert plan_of(move, period_s) is not None
+    assert plan_of(move, period_s).is_solved
 
 
 def test_a_control_horizon_beyond_the_prediction_is_refused() -> None:

@@ -22,6 +22,6 @@ def test_the_source_is_read_back_from_the_text(error_m: float, current_ma: float
     assert source is (BreakawaySource.TABLE if samples else BreakawaySource.MODEL)
 
 
-@pytest.mark.parametrize("text", ["", "no plan: the last one goes on"])
+@pytest.mark.parametrize("text", ["", "no plan: the fastest inputs that keep the bound"])
 def test_other_texts_name_no_source(text: str) -> None:
     assert source_in(text) is None

@@ -38,6 +38,5 @@ def without_move(memory: NmpcMemory, observation: Observation, variance_m2: floa
         stem=stem,
         monitor=replace(memory.monitor, verification=None, landing=None),
         motion=Motion.REST,
-        plan_ma=(),
         corrections=memory.corrections - 1,
     ), report(stem)

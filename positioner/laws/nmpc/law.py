@@ -65,7 +65,9 @@ class NmpcLaw:
     def begin(self, measured_m: float) -> NmpcMemory:
         """Return the memory of a stem that rests somewhere; the first `estimate` uses the reading."""
         nominal = self.filter.nominal
-        stem = self.filter.at_rest(measured_m, self.valve.span_m**2, nominal, self.filter.prior_sigmas())
+        stem = self.filter.at_rest(
+            measured_m, self.valve.span_m * self.valve.span_m, nominal, self.filter.prior_sigmas()
+        )
         ratio = self.valve.static_friction_n / nominal.friction_n if nominal.friction_n else 1.0
         return NmpcMemory(stem, RestMonitor(ratio))
 
@@ -100,8 +102,7 @@ class NmpcLaw:
             memory = replace(memory, setpoint_m=wanted_m, aim_m=wanted_m, corrections=0, pushes=pushes)
         here, setpoint_m = memory.stem, observation.setpoint_m
         if isinstance(here, Sliding):
-            move = self._move(memory, here, memory.aim_m)
-            return self._follow(memory, move, memory.plan_ma)
+            return memory, self._follow(self._move(memory, here, memory.aim_m))
         pushes = memory.pushes
         if pushes.unreported:
             memory = replace(memory, pushes=replace(pushes, unreported=False))
@@ -191,7 +192,7 @@ class NmpcLaw:
         if direction * (move.smallest_m(move.slide(model, self.period_s)) - setpoint_m) >= abs(error_m):
             return self._rest(memory, here)
         memory = replace(memory, stem=sliding, motion=Motion.MOVE, aim_m=aim_m, corrections=memory.corrections + 1)
-        memory, decision = self._follow(memory, move, ())
+        decision = self._follow(move)
         at_limit = direction * (decision.current_ma - release_ma) <= _SAME_MA
         landing = Landing(here.x, aim_m, direction)
         verification = Verification(here, direction, at_limit, aim_m - here.x)
@@ -221,21 +222,16 @@ class NmpcLaw:
             release_ma=first_ma,
         )
 
-    def _follow(self, memory: NmpcMemory, move: Move, plan_ma: tuple[float, ...]) -> tuple[NmpcMemory, Decision]:
-        """Return the first current of the plan for `move`; without a solution the last plan goes on."""
-        own = self.settings.approach
-        found = plan_move(own, self.filter.model, self.solver, move, self.period_s)
+    def _follow(self, move: Move) -> Decision:
+        """Return the first current of the plan for `move`."""
+        found = plan_move(self.settings.approach, self.filter.model, self.solver, move, self.period_s)
         low_ma, high_ma = sorted((move.release_ma, move.strongest_ma))
-        if found is None:
-            bounds = Bounds(-math.inf, math.inf, low_ma, high_ma)
-            last_ma = plan_ma or (move.release_ma,)
-            first_ma = min(max(last_ma[0], low_ma), high_ma)
-            memory = replace(memory, plan_ma=(*last_ma[1:], move.brake_ma))
-            return memory, Decision(first_ma, bounds, Motion.MOVE, fallback="no plan: the last one goes on")
         limit = found.speed_limit_m_per_s
         speeds = (0.0, limit) if move.direction > 0.0 else (limit, 0.0)
-        memory = replace(memory, plan_ma=(*found.inputs_ma[1:], found.inputs_ma[-1]))
-        return memory, Decision(found.inputs_ma[0], Bounds(*speeds, low_ma, high_ma), Motion.MOVE, passes=found.passes)
+        fallback = "" if found.is_solved else "no plan: the fastest inputs that keep the bound"
+        return Decision(
+            found.inputs_ma[0], Bounds(*speeds, low_ma, high_ma), Motion.MOVE, passes=found.passes, fallback=fallback
+        )
 
     def _clamp(self, current_ma: float) -> float:
         return min(max(current_ma, self.current_low_ma), self.current_high_ma)

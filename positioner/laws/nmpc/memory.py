@@ -24,7 +24,6 @@ class NmpcMemory:
 
     stem: the estimate, of a sliding stem while motion is MOVE, else of a resting one.
     settle_s: remaining time in SETTLE. hold_ma: the current at rest, None to choose one.
-    plan_ma: the last plan, shifted by one, empty before a move.
     setpoint_m: the setpoint that the law pursues; aim_m: where the move is to end for it; corrections: moves made for
         it so far; pushes: those that failed. ends_s: when the move must be over, in the law's time.
     """
@@ -34,7 +33,6 @@ class NmpcMemory:
     motion: Motion = Motion.REST
     settle_s: float = 0.0
     hold_ma: float | None = None
-    plan_ma: tuple[float, ...] = ()
     setpoint_m: float | None = None
     aim_m: float = 0.0
     corrections: int = 0

@@ -26,17 +26,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class MovePlan:
-    """The plan: inputs (H_u) in mA, the speed bound after the first step in m/s, and the passes it took."""
+    """The plan: inputs (H_u) in mA, the speed bound after the first step in m/s, and the passes it took.
+
+    is_solved: whether every programme was; otherwise the inputs are those of the last pass, or the fastest ones.
+    """
 
     inputs_ma: tuple[float, ...]
     speed_limit_m_per_s: float
     passes: int
+    is_solved: bool = True
 
 
-def plan_move(
-    settings: ApproachSettings, model: MotionModel, solver: Solver, move: Move, period_s: float
-) -> MovePlan | None:
-    """Return the plan for `move`, or None when a programme was not solved.
+def plan_move(settings: ApproachSettings, model: MotionModel, solver: Solver, move: Move, period_s: float) -> MovePlan:
+    """Return the plan for `move`.
 
     The passes end when the exact motion is that of the linear model: the next pass would change nothing.
     """
@@ -54,7 +56,7 @@ def plan_move(
         posed = program(settings, limits, target_m, trajectory, inputs)
         solution = solver.solve(posed.program, inputs, multipliers(posed, limits, trajectory, inputs))
         if solution is None:
-            return None
+            return MovePlan(tuple(inputs), trajectory.speed_limit, passes, is_solved=False)
         found = limits.cut(solution)
         passes, limit = passes + 1, trajectory.speed_limit
         ahead = predict(slide, steps, x, v, target_m, found)

@@ -67,12 +67,13 @@ def _differentiate(
 ) -> FilteredStem:
     """Return the reading and its difference quotient; below DV, in Karnopp's band, a stem with friction sticks."""
     velocity = (measured_m - state.position_m) / period_s
-    variance = measurement_sigma_m(settings, valve, measured_m) ** 2
+    sigma = measurement_sigma_m(settings, valve, measured_m)
+    variance = sigma * sigma
     if valve.static_friction_n > 0.0 and abs(velocity) < valve.stick_velocity_m_per_s:
         return _stuck(measured_m, state.direction, variance)
     direction = math.copysign(1.0, velocity) if velocity else state.direction
     # the difference of two readings, each with this variance
-    p_xv, p_vv = variance / period_s, 2.0 * variance / period_s**2
+    p_xv, p_vv = variance / period_s, 2.0 * variance / (period_s * period_s)
     return FilteredStem(measured_m, velocity, stuck=False, direction=direction, p_xx=variance, p_xv=p_xv, p_vv=p_vv)
 
 
@@ -126,7 +127,7 @@ def _correct(
         if abs(drift) <= settings.slip_threshold_sigma * math.sqrt(weight / (2.0 - weight)):
             return _stuck(position, state.direction, p_xx, drift)
         # the stem has slipped, and the model has not foreseen it: take the reading, and any speed is possible
-        direction, p_vv = math.copysign(1.0, drift), _SPEED_AT_SURPRISE_M_PER_S**2
+        direction, p_vv = math.copysign(1.0, drift), _SPEED_AT_SURPRISE_M_PER_S * _SPEED_AT_SURPRISE_M_PER_S
         return FilteredStem(measured_m, 0.0, stuck=False, direction=direction, p_xx=sigma * sigma, p_vv=p_vv)
     velocity = state.velocity_m_per_s + gain_v * innovation
     p_xv, p_vv = (1.0 - gain_x) * state.p_xv, state.p_vv - gain_v * state.p_xv

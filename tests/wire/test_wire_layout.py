@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from cantools.database.can.message import Message as DbcMessage
@@ -12,11 +12,17 @@ from cantools.database.conversion import BaseConversion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from positioner.wire import e2e
+from positioner.wire.codec import make_codec
 from positioner.wire.fields import field_format
 from positioner.wire.formats import EncodingError, FrameFormat, FrameRejectedError
 from positioner.wire.messages import CanFrame, Counted, Quality, StemPosition
 
+if TYPE_CHECKING:
+    from positioner.wire.messages import Message
+
 LENGTHS = {"Position": (1, 64), "Echo": (1, 40), "Quality": (1, 12), "Alive": (2, 20), "Spare": (2, 30)}
+OURS = list(make_codec().by_kind.values())
 SCALES = (1, 0.01, -0.01, 1e-5, 3.7)
 
 
@@ -75,7 +81,7 @@ def frames(draw: st.DrawFn) -> FrameFormat:
     return FrameFormat(StemPosition, dbc, dbc.frame_id, tuple(made), None, "Alive" if "Alive" in names else None)
 
 
-def decoded_by_cantools(form: FrameFormat, data: bytes) -> tuple[StemPosition, int | None] | Counted:
+def decoded_by_cantools(form: FrameFormat, data: bytes) -> tuple[Message, int | None] | Counted:
     """Return what cantools finds in `data`, or why it must be refused."""
     raw: dict[str, Any] = form.dbc.decode(data, decode_choices=False, scaling=False)  # type: ignore[assignment]
     values: dict[str, Any] = {}
@@ -91,7 +97,7 @@ def decoded_by_cantools(form: FrameFormat, data: bytes) -> tuple[StemPosition, i
     counter = None if form.counter is None else raw[form.counter]
     if counter is not None and counter >= form.counter_modulus:
         return Counted.OUT_OF_RANGE
-    return StemPosition(**values), counter
+    return form.kind(**values), counter
 
 
 def encoded_by_cantools(form: FrameFormat, message: StemPosition, counter: int) -> bytes | None:
@@ -107,12 +113,12 @@ def encoded_by_cantools(form: FrameFormat, message: StemPosition, counter: int) 
     return form.dbc.encode(raw, scaling=False, strict=False)
 
 
-@given(form=frames(), data=st.binary(min_size=8, max_size=8))
-@settings(max_examples=300)
+@given(form=frames() | st.sampled_from(OURS), data=st.binary(min_size=8, max_size=8))
+@settings(max_examples=600)
 def test_any_bytes_mean_what_cantools_finds_in_them(form: FrameFormat, data: bytes) -> None:
-    data = data[: form.dbc.length]
+    data = data[: form.dbc.length] if form.data_id is None else e2e.protect(data, form.data_id)
     expected = decoded_by_cantools(form, data)
-    frame = CanFrame(form.arbitration_id, data, is_extended=True)
+    frame = CanFrame(form.arbitration_id, data, form.is_extended)
     if isinstance(expected, Counted):
         with pytest.raises(FrameRejectedError) as caught:
             form.decode(frame)

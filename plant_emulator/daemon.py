@@ -38,7 +38,8 @@ class EmulatorOptions:
 
     seed: of the noise and of the stochastic friction.
     lockstep: wait for the command before the next period; otherwise the clock sets the pace.
-    setpoint_every: in lockstep, also wait for a setpoint frame every so many samples; 0 for never.
+    setpoint_every: in lockstep, also wait for a setpoint frame every so many samples; 0 for never. In real time, if it
+        is not 0, the first sample is half a period after the first setpoint.
     command_delay_s: commands act this long after a reading, up to a period; 0 for as soon as they arrive.
     """
 
@@ -72,7 +73,7 @@ class EmulatorDaemon:
         """Run until SIGTERM or SIGINT.
 
         Raises:
-            BenchError: in lockstep, nobody answers.
+            BenchError: nobody answers in lockstep, or the setpoint to wait for does not come.
         """
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._stop)
@@ -110,12 +111,15 @@ class EmulatorDaemon:
             self._state = take(self._codec, self._state, frames)
             if not frames and time.monotonic() > deadline_s:
                 sample = self._state.position_counter
-                text = f"lockstep waits at sample {sample}: no {frame_name} within {_STALL_S:g} s"
+                text = f"it waits at sample {sample}: no {frame_name} within {_STALL_S:g} s"
                 raise BenchError(f"{text}; is the positioner armed (guard.auto_arm), in lockstep, and on this bus?")
 
     def _run_real_time(self) -> None:
         """Publish every period, with or without commands."""
         period_ns, delay_ns = round(self._options.period_s * _NS), round(self._options.command_delay_s * _NS)
+        if self._options.setpoint_every:
+            self._await(partial(_has_setpoint, number=0), "setpoint frame")
+            self._wait_until(time.monotonic_ns() + period_ns // 2)
         self._start_ns = begin_ns = time.monotonic_ns()
         while not self._stopping:
             self._publish()

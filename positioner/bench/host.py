@@ -26,6 +26,8 @@ _NS = 1_000_000_000
 _TIMEOUT_S = 30.0
 _CHECK_AFTER_S = 0.25
 _PAUSE_S = 0.002
+_LAST_ANSWER_S = 0.01
+"""In real time the last sample and its answer come a little later than the last setpoint's period ends."""
 
 
 class Host:
@@ -76,26 +78,32 @@ class Host:
     def play_real_time(self, pids: Iterable[int]) -> tuple[Second, ...]:
         """Return the seconds of the run; `pids` are the processes of the bench beside this one.
 
-        It sends a setpoint every period of its clock, and receives what has come since the last one.
-
-        The kernel has stamped the frames. A host that woke for each of them would take a processor from the loop.
+        It sends a setpoint every period of its clock, and then receives what has come since the last one: the kernel
+        has stamped it, and a host that woke for each frame would take a processor from the loop. The emulator's first
+        sample comes half a period after the first setpoint; so does each dwell's, as in lockstep.
 
         Raises:
             BenchError: a process of the bench has ended.
         """
         every, period_s = self._scenario.samples_per_setpoint, self._scenario.sample_period_s
-        self._start_ns = self._recording.begin_ns = time.monotonic_ns()
-        load = MachineLoad(self._start_ns, pids)
+        load = MachineLoad(time.monotonic_ns(), pids)
         with self._progress() as bar:
-            for sample in range(0, self._recording.samples, every):
+            self._send_setpoint(0)
+            self._start_ns = self._recording.begin_ns = time.monotonic_ns()
+            for sample in range(every, self._recording.samples, every):
+                self._sleep_until(sample * period_s)
                 self._send_setpoint(sample)
-                end_ns = self._start_ns + round((sample + every) * period_s * _NS)
-                time.sleep(max(end_ns - time.monotonic_ns(), 0) / _NS)
                 self._receive(0.0)
                 self._check()
                 load.look(time.monotonic_ns())
-                bar.update(min(every, self._recording.samples - sample))
+                bar.update(every)
+            self._sleep_until(self._recording.samples * period_s + _LAST_ANSWER_S)
+            self._receive(0.0)
         return tuple(load.seconds)
+
+    def _sleep_until(self, time_s: float) -> None:
+        """Sleep until `time_s` after the start."""
+        time.sleep(max(self._start_ns + round(time_s * _NS) - time.monotonic_ns(), 0) / _NS)
 
     def _send_setpoint(self, sample: int) -> None:
         scenario = self._scenario

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from positioner.bench.host import Host
-from positioner.bench.processes import BenchProcess
+from positioner.bench.processes import BenchProcess, prioritize
 from positioner.bench.recording import Recording
 from positioner.bench.timing import answers, timing_of
 from positioner.bus.port import BusPort
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from positioner.bus.address import BusAddress
     from positioner.config.schema import Configuration
 
-_PLANT_PRIORITY, _DAEMON_PRIORITY = 60, 50
+_PLANT_PRIORITY, _DAEMON_PRIORITY, _HOST_PRIORITY = 60, 50, 40
 """In real time: the plant stands for hardware, which waits for nobody; the daemon has the priority of realtime.conf."""
 _RECEIVED = (StemPosition, ActuatorState, PlantTruth, CurrentCommand, PositionerStatus, PositionerCount)
 
@@ -70,10 +70,9 @@ def play(
     plant_bus, delay_s = options.plant_bus or configuration.bus, configuration.control.command_delay_s
     plant_arguments = ["run", "--config", str(out / "plant.toml"), "--bus", str(plant_bus), "--clock", clock]
     plant_arguments += ["--period", repr(scenario.sample_period_s), "--seed", str(scenario.seed)]
-    plant_arguments += ["--command-delay", repr(delay_s)]
+    plant_arguments += ["--command-delay", repr(delay_s), "--setpoint-every", str(scenario.samples_per_setpoint)]
     if options.lockstep:
-        for arguments in (daemon_arguments, plant_arguments):
-            arguments += ["--setpoint-every", str(scenario.samples_per_setpoint)]
+        daemon_arguments += ["--setpoint-every", str(scenario.samples_per_setpoint)]
     else:
         daemon_arguments += ["--record", str(out / "bus.log")]
     timing: Timing | None = None
@@ -87,8 +86,11 @@ def play(
                 if options.lockstep:
                     host.play_lockstep()
                 else:
-                    first = plant.prioritize(_PLANT_PRIORITY) and daemon.prioritize(_DAEMON_PRIORITY)
-                    seconds = host.play_real_time([child.process.pid for child in children])
+                    pids = [child.process.pid for child in children]
+                    first = prioritize(pids[1], _PLANT_PRIORITY) and prioritize(pids[0], _DAEMON_PRIORITY)
+                    prioritize(0, _HOST_PRIORITY)
+                    seconds = host.play_real_time(pids)
+                    prioritize(0, 0)
                     answered = answers(codec, ((time_s, frame) for time_s, _, frame in recording.frames))
                     due_s = delay_s or scenario.sample_period_s
                     timing = timing_of(answered, seconds, due_s, "SCHED_FIFO" if first else "SCHED_OTHER")

@@ -24,6 +24,19 @@ _STOP_S = 10.0
 _SOURCES = str(Path(__file__).resolve().parents[2])
 
 
+def prioritize(pid: int, priority: int) -> bool:
+    """Give a process a real-time priority (FIFO), but not its children; return whether the system allows it.
+
+    Priority 0 takes it away again. The process 0 is this one.
+    """
+    policy = os.SCHED_FIFO if priority else os.SCHED_OTHER
+    try:
+        os.sched_setscheduler(pid, policy | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
+    except PermissionError:
+        return False
+    return True
+
+
 class BenchProcess:
     """One of our programs as a process that reports over sd_notify(3); its output goes to a log file."""
 
@@ -68,15 +81,6 @@ class BenchProcess:
         code = self.process.poll()
         if code is not None:
             raise BenchError(f"{self.name} ended with status {code}: {self._last_line()} (log: {self.log})")
-
-    def prioritize(self, priority: int) -> bool:
-        """Give the process a real-time priority (FIFO), but not its children; return whether the system allows it."""
-        try:
-            policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-            os.sched_setscheduler(self.process.pid, policy, os.sched_param(priority))
-        except PermissionError:
-            return False
-        return True
 
     def drain(self) -> None:
         """Discard the notifications, so that the socket never fills."""

@@ -16,6 +16,7 @@ from positioner.machine.journal import set_up
 from positioner.machine.memory_lock import lock_memory
 from positioner.runtime.daemon import Daemon
 from positioner.runtime.session import RunOptions
+from positioner.runtime.warm_up import warm_up
 
 if TYPE_CHECKING:
     from positioner.cli.command import Commands
@@ -80,4 +81,6 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     )
     daemon = Daemon(configurations, options)
     lock_memory()
+    for configuration in configurations:
+        warm_up(configuration)
     return daemon.run()

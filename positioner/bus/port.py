@@ -129,7 +129,7 @@ class BusPort:
         now = self._time.instant()
         self._arrivals.begin(now, timeout_s)
         frames: list[CanFrame] = []
-        if self._bus is None and not self._try_open():
+        if self._bus is None and not self.try_open():
             self._time.sleep(min(timeout_s, max(self._next_try_s - self._time.monotonic_s(), 0.0)))
         else:
             self._drain(frames, now, timeout_s)
@@ -203,7 +203,12 @@ class BusPort:
             pass
         return True
 
-    def _try_open(self) -> bool:
+    def try_open(self) -> bool:
+        """Open the bus, if the next try is due; return whether it is open.
+
+        Raises:
+            BusUnusableError: it was never open, and no later try can succeed.
+        """
         if self._time.monotonic_s() < self._next_try_s:
             return False
         self._next_try_s = self._time.monotonic_s() + _REOPEN_EVERY_S

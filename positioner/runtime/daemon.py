@@ -71,11 +71,11 @@ class Daemon:
         batches = self._buses.receive(max(due_s - self._time.monotonic_s(), 0.0))
         if not self._service.ready:
             self._report_open_buses()
-        for bus, batch in zip(self._shared, batches, strict=True):
-            for session, frames in bus.by_valve(batch):
+        for number, batch in batches:
+            for session, frames in self._shared[number].by_valve(batch):
                 self._run(session, frames)
         now_s = self._time.monotonic_s()
-        waited_s = now_s if any(batches) else max(now_s, due_s)
+        waited_s = now_s if batches else max(now_s, due_s)
         for session in [session for session in self._running if session.due_s <= waited_s]:
             self._run(session, ())
         if self._service.alive():

@@ -34,8 +34,6 @@ class SharedBus:
 
     def by_valve(self, frames: tuple[CanFrame, ...]) -> Iterable[tuple[Session, tuple[CanFrame, ...]]]:
         """Return each session with its frames, in the order of the first frame; an error frame is everyone's."""
-        if not frames:
-            return ()
         if len(self._sessions) == 1:
             return ((self._sessions[0], frames),)
         own: dict[Session, list[CanFrame]] = {}

@@ -189,7 +189,7 @@ def absent(interface: str, channel: str) -> Callable[[], None]:
 
     def attempt() -> None:
         port._next_try_s = 0.0
-        assert not port._try_open()
+        assert not port.try_open()
 
     return attempt
 

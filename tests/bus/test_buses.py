@@ -63,7 +63,10 @@ class Rig:
         return bus
 
     def receive(self, timeout_s: float = 5.0) -> list[list[int]]:
-        return [[frame.arbitration_id for frame in frames] for frames in self.buses.receive(timeout_s)]
+        found: list[list[int]] = [[], [], []]
+        for number, frames in self.buses.receive(timeout_s):
+            found[number] += [frame.arbitration_id for frame in frames]
+        return found
 
 
 @pytest.fixture
@@ -96,7 +99,8 @@ def test_a_frame_without_a_stamp_counts_as_having_come_after_its_bus_was_last_se
     rig.made["a"].put(1)
     rig.receive()  # the others were seen empty meanwhile
     rig.made["b"].put(2)
-    _, (frame,), _ = rig.buses.receive(5.0)
+    ((number, (frame,)),) = rig.buses.receive(5.0)
+    assert number == 1
     assert frame.received_ns >= begun_ns // 1000 * 1000
 
 
@@ -111,8 +115,7 @@ def test_a_bus_that_is_away_is_tried_again_and_delays_no_other(rig: Rig, monkeyp
     rig.made["a"].is_cut = False
     monkeypatch.setattr(rig.ports[0], "_next_try_s", 0.0)
     rig.made["b"].put(3)
-    assert rig.receive() == [[9], [], []]
-    assert rig.receive() == [[], [3], []]
+    assert rig.receive() == [[9], [3], []]
 
 
 class Watch(MachineTime):

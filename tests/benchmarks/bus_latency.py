@@ -71,8 +71,8 @@ class BusCase:
                 machine.apart(process.process.pid)
                 ports = Ports(open_bus=lambda _address, _wanted: PairedBus(listener.accept()[0]))
                 port = BusPort(address, [self._command], ports=ports if self._paired else None)
-                port.open()
                 process.wait_for(WAITING)
+                port.open()
                 try:
                     return self._exchange(port)
                 finally:

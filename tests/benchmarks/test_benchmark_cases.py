@@ -10,7 +10,11 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
+from benchmarks import machine
+from benchmarks.builds import ROOT, environments
+from benchmarks.bus_latency import BusCase
 from benchmarks.cycles import CycleCase, scenario
+from benchmarks.measure import start
 from benchmarks.plans import PERIOD_S, PlanCase, one_pass, recorded_plans
 from benchmarks.problem import control_problem
 from benchmarks.summary import MOST_APART_MA
@@ -33,6 +37,28 @@ def test_a_repeat_that_sends_other_frames_is_refused(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(case, "_inputs", case._inputs[:-1])
     with pytest.raises(RuntimeError, match="other frames"):
         case.play()
+
+
+@pytest.mark.bus
+@pytest.mark.parametrize("paired", [True, False])
+def test_the_daemon_sends_the_recorded_commands_over_a_bus(paired: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests"))
+    case = BusCase(scenario(1e-3, 2, 0.04, 1), "daemon", paired=paired)
+    played = case.play()  # it refuses other commands
+    assert len(played.durations_ns) == len(case.labels)
+    assert {"at rest", "in a move", "settling"} <= set(case.labels)
+
+
+def test_a_worker_plays_the_cases_that_it_is_asked_for() -> None:
+    worker = start(machine.last_core(), environments()["interpreted"])
+    try:
+        labels = worker.ask("horizon, 4")["labels"]
+        played = worker.ask("horizon, 4")
+    finally:
+        worker.end()
+    assert worker.build == "interpreted"
+    assert len(played["durations_ns"]) == len(labels) > 400
+    assert min(played["durations_ns"]) > 0
 
 
 def minimiser(problem: ControlProblem) -> NDArray[np.float64]:

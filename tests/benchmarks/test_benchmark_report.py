@@ -1,0 +1,77 @@
+"""Tables, goals and picture of a benchmark whose durations are known."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import pytest
+
+from benchmarks.measure import Measured
+from benchmarks.picture import draw
+from benchmarks.report import report
+from benchmarks.summary import summarize
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from benchmarks.tables import Entry
+
+MACHINE = {
+    "machine": {"processor": "2 × test", "date": "2026-01-01", "commit": "abc", "versions": {"Python": "3.11.7 (x)"}}
+}
+LABELS = ("at rest", "in a move", "settling")
+
+
+def plan(name: str, build: str, ns: int, first_ma: float | None = 10.0) -> Measured:
+    return Measured(name, build, ("plan",), [[ns]], [json.dumps([first_ma])])
+
+
+def measured(first_ma: float = 10.002) -> list[Measured]:
+    cycles = [
+        Measured(name, build, LABELS, [[40_000, 140_000, 60_000], [99_000, 700_000, 50_000]], ["a", "a"])
+        for name in ("cycle, 1 kHz, seed 1", "horizon, 10", "bus, embedded, echo", "bus, embedded, daemon")
+        for build in ("interpreted", "compiled")
+    ]
+    plans = [
+        plan("plan, 4, ours", "compiled", 20_000),
+        plan("plan, 4, do-mpc", "interpreted", 2_000_000),
+        plan("plan, 20, ours", "interpreted", 300_000),
+        plan("plan, 20, ours", "compiled", 100_000),
+        plan("plan, 20, qpmpc + daqp", "interpreted", 450_000, first_ma),
+        plan("plan, 20, do-mpc", "interpreted", 5_000_000),
+    ]
+    return [*cycles, *plans, Measured("simulation, frames", "compiled", ("run",), [[10**9], [8 * 10**8]], ["x", "x"])]
+
+
+def document() -> Entry:
+    return MACHINE | summarize(measured())
+
+
+def test_a_cycle_counts_with_its_smallest_duration_and_all_repeats_stand_in_brackets() -> None:
+    assert "| in a move, 1 kHz | compiled | 1 | 140 (140) | 140 (700) | 140 (700) | 140 (700) |" in report(document())
+
+
+def test_the_ratio_of_another_program_is_that_to_the_fastest_build() -> None:
+    text = report(document())
+    assert "| 20 | qpmpc + daqp | 1 | 450 (450) | 450 (450) | 450 (450) | 450 (450) | 4.5 | 2.0 |" in text
+    assert "| 20 | ours, interpreted | 1 | 300 (300) | 300 (300) | 300 (300) | 300 (300) | 3.0 | 0.0 |" in text
+    assert "| 20 | acados (HPIPM), from Python, as published | – | 132 | – | – | – | 1.3 | – |" in text
+
+
+def test_a_goal_says_whether_it_holds() -> None:
+    told = {goal["what"]: goal["holds"] for goal in document()["goals"]}
+    assert told["cycle in a move, 1 kHz, compiled: p99, µs"]
+    assert told["plan at H_p 20, do-mpc: median, times ours"]
+    assert not told["plan at H_p 20, qpmpc + daqp: median, times ours"]
+    assert told["simulation, frames, compiled: times real time"]
+
+
+def test_a_program_that_solves_another_problem_is_refused() -> None:
+    with pytest.raises(RuntimeError, match=r"qpmpc \+ daqp plans other inputs than ours, by up to 0.500 mA"):
+        summarize(measured(first_ma=10.5))
+
+
+def test_the_picture_is_drawn(tmp_path: Path) -> None:
+    draw(tmp_path / "picture.png", document())
+    assert (tmp_path / "picture.png").read_bytes().startswith(b"\x89PNG")

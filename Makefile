@@ -219,12 +219,6 @@ syscall-test: $(VENV)/installed
 	PYTHONPATH=tests:tests/kernel $(BIN)/python -m endurance.syscall_faults
 
 # How long a cycle takes, and a plan beside other programs' plans of the same move; tables and picture in out/benchmark.
-COMPILED = build/compiled
-$(COMPILED)/installed: $(VENV)/installed $(shell find positioner plant_emulator dbc -name '*.py' -o -name '*.dbc')
-	rm -rf $(COMPILED)
-	$(BIN)/python -m pip install --quiet --no-deps --target $(COMPILED) .
-	touch $@
-
 .PHONY: benchmark
 benchmark: $(VENV)/installed $(COMPILED)/installed
 	@$(BIN)/python -m pip install --quiet --editable '.[benchmark]'

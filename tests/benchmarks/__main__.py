@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from tqdm import tqdm
 
 from benchmarks import machine
-from benchmarks.builds import ROOT, environments
+from benchmarks.builds import ROOT, builds
 from benchmarks.cases import ROUNDS
 from benchmarks.measure import measure, plays, start
 from benchmarks.picture import draw
@@ -38,7 +38,7 @@ def main() -> None:
         publish(options.out)
         return
     options.out.mkdir(parents=True, exist_ok=True)
-    workers = [start(options.core, environment) for environment in environments().values()]
+    workers = [start(options.core, build) for build in builds().values()]
     try:
         document = {"machine": _about(workers[0])} | summarize(_measured(workers, options.rounds))
     finally:

@@ -1,8 +1,11 @@
-"""The builds of the positioner that can be measured here: the source, and a compiled one where there is one."""
+"""The builds of the positioner that can be measured here: the source, and the compiled one where it is installed."""
 
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,20 +13,32 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 ROOT = Path(__file__).resolve().parents[2]
+COMPILED_PYTHON = ROOT / ".venv-compiled" / "bin" / "python"
+"""The Python for which the Makefile installs the wheel. Without a C compiler that holds no compiled modules."""
 
 
-INSTALLED = ROOT / "build" / "compiled"
-"""Where the Makefile installs the wheel; without a C compiler it has no compiled modules."""
+@dataclass(frozen=True, slots=True)
+class Build:
+    """How a process of one build is started: its Python, and its environment."""
+
+    python: str
+    environment: Mapping[str, str]
 
 
-def environments() -> Mapping[str, Mapping[str, str]]:
-    """Return the environment of a process of each build that is there, by the name of the build."""
-    found = {"interpreted": _environment(ROOT)}
-    if any((INSTALLED / "positioner").rglob("*.so")):
-        found["compiled"] = _environment(INSTALLED)
+def builds() -> Mapping[str, Build]:
+    """Return every build that is there, by its name."""
+    found = {"interpreted": _build(sys.executable)}
+    if COMPILED_PYTHON.exists():
+        other = _build(str(COMPILED_PYTHON))
+        named = "from benchmarks.machine import build; print(build())"
+        told = subprocess.run(
+            [other.python, "-c", named], env=other.environment, capture_output=True, text=True, check=True
+        )
+        found.setdefault(told.stdout.strip(), other)
     return found
 
 
-def _environment(folder: Path) -> dict[str, str]:
+def _build(python: str) -> Build:
     kept = {name: os.environ[name] for name in ("PATH", "HOME", "LANG") if name in os.environ}
-    return kept | {"PYTHONPATH": f"{folder}{os.pathsep}{ROOT / 'tests'}"}
+    # a safe path: the source in the working directory must not hide the installed packages
+    return Build(python, kept | {"PYTHONPATH": str(ROOT / "tests"), "PYTHONSAFEPATH": "1"})

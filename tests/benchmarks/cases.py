@@ -63,7 +63,9 @@ def cases() -> Mapping[str, Entry]:
             found[f"plan, {horizon}, {name}"] = Entry(partial(_peer, name, horizon), foreign=True)
     for bus in ("sockets", "embedded"):
         for kind in ("echo", "daemon"):
-            found[f"bus, {bus}, {kind}"] = Entry(partial(_bus, kind, paired=bus == "sockets"), _FEW)
+            found[f"bus, {bus}, {kind}"] = Entry(
+                partial(_bus, kind, paired=bus == "sockets"), _FEW, foreign=kind == "echo"
+            )
     for name in ("frames", "direct"):
         found[f"simulation, {name}"] = Entry(partial(SimulationCase, frames=name == "frames"), _FEW)
     return found

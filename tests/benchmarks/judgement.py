@@ -18,9 +18,8 @@ def judge(key: str, counted: Mapping[str, Any], reference: Mapping[str, Any] | N
     A count that has changed is not judged where the libraries or the interpreter are others, because they may be why.
     """
     if reference is None:
-        return [
-            f"instructions ({key}): NOT JUDGED: instructions.json has no counts of it (make accept-instructions)"
-        ], False
+        unknown = "NOT JUDGED: instructions.json has no counts of it (make accept-instructions)"
+        return [f"instructions ({key}): {mode}: {counted['held'][mode]:,}: {unknown}" for mode in HELD], False
     others = [
         f"{name} {counted['with'].get(name)} instead of {version}"
         for name, version in reference["with"].items()

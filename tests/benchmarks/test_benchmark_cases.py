@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import nnls
 
 from benchmarks import machine
-from benchmarks.builds import ROOT, environments
+from benchmarks.builds import ROOT, builds
 from benchmarks.bus_latency import BusCase
 from benchmarks.cycles import CycleCase, scenario
 from benchmarks.measure import start
@@ -50,7 +50,7 @@ def test_the_daemon_sends_the_recorded_commands_over_a_bus(paired: bool, monkeyp
 
 
 def test_a_worker_plays_the_cases_that_it_is_asked_for() -> None:
-    worker = start(machine.last_core(), environments()["interpreted"])
+    worker = start(machine.last_core(), builds()["interpreted"])
     try:
         labels = worker.ask("horizon, 4")["labels"]
         played = worker.ask("horizon, 4")

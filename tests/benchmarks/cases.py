@@ -14,6 +14,7 @@ from benchmarks.peers import PeerCase
 from benchmarks.plans import PERIOD_S, PlanCase, one_pass, recorded_plans
 from benchmarks.problem import control_problem
 from benchmarks.simulation import SimulationCase
+from benchmarks.valves import COUNTS, ValvesCase
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -66,6 +67,8 @@ def cases() -> Mapping[str, Entry]:
             found[f"bus, {bus}, {kind}"] = Entry(
                 partial(_bus, kind, paired=bus == "sockets"), _FEW, foreign=kind == "echo"
             )
+    for count in COUNTS:
+        found[f"valves, {count}"] = Entry(partial(ValvesCase, count), _FEW)
     for name in ("frames", "direct"):
         found[f"simulation, {name}"] = Entry(partial(SimulationCase, frames=name == "frames"), _FEW)
     return found

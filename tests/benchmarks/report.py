@@ -26,6 +26,10 @@ _BUS = (
     "From a position frame on its way to the bus until its command is back, in µs: the daemon, and an echo for "
     "comparison, in a process of its own. All repeats."
 )
+_VALVES = (
+    "One daemon with several valves at 1 kHz: processor time of its loop in each period, the smallest of 5 repeats, "
+    "in µs:"
+)
 _SIMULATION = "A simulation without bus and processes, on one core:"
 _INSTRUCTIONS = "Instructions of a cycle at 1 kHz, on average (`make instructions` holds them within 5 %):"
 _MARKED = re.compile(r"(<!-- make benchmark -->\n).*(<!-- end of make benchmark -->)", re.DOTALL)
@@ -39,6 +43,7 @@ def report(document: Entry) -> str:
         [_PLANS, "", *tables.plans(document)],
         [_HORIZONS, "", *tables.horizons(document)],
         [_BUS, "", *tables.bus(document)],
+        [_VALVES, "", *tables.valves(document)],
         [_SIMULATION, "", *tables.simulation(document)],
         [_INSTRUCTIONS, "", *tables.instructions(_counts())],
         tables.goals(document),
@@ -58,6 +63,7 @@ def publish(folder: Path) -> None:
         [_machine(document)],
         [_CYCLES, "", *tables.cycles(document)],
         [_PLANS, "", *tables.plans_in_short(document)],
+        [_VALVES, "", *tables.valves(document)],
         [_SIMULATION, "", *tables.simulation(document)],
         [_INSTRUCTIONS, "", *tables.instructions(_counts())],
     ]

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import asdict
+from statistics import fmean
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.distribution import Distribution
 from benchmarks.goals import goals
 from benchmarks.simulation import SCENARIO
+from benchmarks.valves import PERIOD_NS
 from positioner.bench.scenario import load_scenario
 
 if TYPE_CHECKING:
@@ -36,6 +38,7 @@ def summarize(cases: Sequence[Measured]) -> dict[str, Any]:
         "horizons": list(_by_mode(cases, "horizon", "horizon")),
         "plans": list(_plans(cases)),
         "bus": list(_bus(cases)),
+        "valves": list(_valves(cases)),
         "simulation": list(_simulation(cases)),
     }
     for plan in document["plans"]:
@@ -99,6 +102,19 @@ def _bus(cases: Sequence[Measured]) -> Iterator[Entry]:
     for (bus, kind), case in _of(cases, "bus"):
         for mode in MODES:
             yield {"bus": bus, "kind": kind, "build": case.build, "mode": mode} | _figures([case], mode)
+
+
+def _valves(cases: Sequence[Measured]) -> Iterator[Entry]:
+    for (count,), case in _of(cases, "valves"):
+        periods_ns = case.smallest_ns("period")
+        mean_us = fmean(periods_ns) / int(count) / 1e3
+        yield {
+            "valves": int(count),
+            "build": case.build,
+            "mean_us": mean_us,
+            "valves_per_core": PERIOD_NS / 1e3 / mean_us,
+            "period": asdict(Distribution.of(periods_ns)),
+        }
 
 
 def _simulation(cases: Sequence[Measured]) -> Iterator[Entry]:

@@ -70,6 +70,22 @@ def bus(document: Entry) -> list[str]:
     return table(("bus, answered by", "build", "mode", "frames", *HEAD), rows)
 
 
+def valves(document: Entry) -> list[str]:
+    """Return the processor time of the daemon by the number of its valves."""
+    rows = (
+        [
+            str(entry["valves"]),
+            entry["build"],
+            f"{entry['mean_us']:.0f}",
+            f"{entry['valves_per_core']:.0f}",
+            *(f"{entry['period'][quantile]:.0f}" for quantile in QUANTILES),
+        ]
+        for entry in document["valves"]
+    )
+    head = ("valves", "build", "µs per valve and period, mean", "valves per core at 1 kHz")
+    return table((*head, *(f"all valves: {name}" for name in HEAD)), rows)
+
+
 def simulation(document: Entry) -> list[str]:
     """Return the speed of simulations."""
     rows = ([entry["way"], entry["build"], f"{entry['times_real_time']:.1f}"] for entry in document["simulation"])

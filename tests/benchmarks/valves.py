@@ -26,7 +26,7 @@ from unittest import mock
 import tomli_w
 
 from benchmarks import machine
-from benchmarks.builds import environments
+from benchmarks.builds import builds
 from benchmarks.case import Play
 from benchmarks.paired_bus import PairedBus
 from plant_emulator.device import advance, initial_device, publish, take
@@ -262,10 +262,10 @@ def main() -> None:
         write(json.dumps(measured(options.repeats)))
         return
     write(HEAD)
-    for build, environment in environments().items():
-        command = [sys.executable, "-m", "benchmarks.valves", "--this-build"]
+    for build, started in builds().items():
+        command = [started.python, "-m", "benchmarks.valves", "--this-build"]
         command += ["--repeats", str(options.repeats), "--core", str(options.core)]
-        answer = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True).stdout
+        answer = subprocess.run(command, env=started.environment, check=True, stdout=subprocess.PIPE, text=True).stdout
         found = {int(count): periods_ns for count, periods_ns in json.loads(answer).items()}
         write("\n".join(table(found, build)) + "\n")
     write(f"\n{machine.processor()}; smallest of {options.repeats} repeats of each period\n")

@@ -54,7 +54,6 @@ class Journal:
             self._file.write(line.encode() + b"\n")
             self._file.flush()
             os.fsync(self._file.fileno())
-        self._known[key, code] = outcome
 
     def _read(self, line: bytes) -> None:
         try:

@@ -118,7 +118,8 @@ def _about(campaign: Campaign, summary: Summary) -> str:
     none = f"No intervals: they are over the {over}, and there is only one."
     return (
         f"{points} points ({kind}, seed {campaign.file.design.seed}) × {len(campaign.laws)} laws × {seeds} seeds. "
-        f"Errors in percent of span. {interval if has_interval else none}"
+        "Errors in percent of span; unsettled and limit cycles in dwells; settling is the median of the runs. "
+        f"{interval if has_interval else none}"
     )
 
 

@@ -49,17 +49,20 @@ def play_campaign(
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
     with lock.held(folder, timeout_s=0.0), Journal(folder / JOURNAL) as journal:
-        missing = {key: run for key, run in runs.items() if journal.outcome(key, code[run.law]) is None}
+        kept = {key: journal.outcome(key, code[run.law]) for key, run in runs.items()}
+        outcomes = {key: outcome for key, outcome in kept.items() if outcome is not None}
+        missing = [run for key, run in runs.items() if key not in outcomes]
         with (
-            tqdm(total=len(runs), initial=len(runs) - len(missing), unit=" runs", disable=None) as bar,
-            closing(spread_out(function, list(missing.values()), workers)) as results,
+            tqdm(total=len(runs), initial=len(outcomes), unit=" runs", disable=None) as bar,
+            closing(spread_out(function, missing, workers)) as results,
         ):
             for run, outcome in results:
-                journal.add(run.key, code[run.law], outcome)
+                key = run.key
+                journal.add(key, code[run.law], outcome)
+                outcomes[key] = outcome
                 bar.set_postfix_str(f"{run.law} at point {run.point}")
                 bar.update()
-        found = [(run, journal.outcome(key, code[run.law])) for key, run in every]
-    return [PlayedRun(run, outcome) for run, outcome in found if outcome is not None]
+    return [PlayedRun(run, outcomes[key]) for key, run in every]
 
 
 def code_of(law: str) -> str:

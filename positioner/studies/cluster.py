@@ -83,8 +83,10 @@ class Cluster:
         waiting: dict[Any, T] = {}
 
         def more() -> list[Any]:
-            room = max(_AHEAD * self.size - len(waiting), 0)
-            futures = {self.client.submit(_run, code, function, item, pure=False): item for item in islice(rest, room)}
+            room = max(_AHEAD * self.size, 1) - len(waiting)  # with one item it waits for workers to come back
+            futures = {
+                self.client.submit(_run, code, function, item, pure=False): item for item in islice(rest, max(room, 0))
+            }
             waiting.update(futures)
             return list(futures)
 

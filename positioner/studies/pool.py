@@ -37,7 +37,7 @@ EVERY_CORE = Workers()
 
 
 class Pool(Protocol):
-    """Workers that are there: a context manager, or the `with` block of `opened`, ends them."""
+    """Workers that run; the end of the `with` block of `opened` ends them."""
 
     @property
     def size(self) -> int:

@@ -50,6 +50,14 @@ def test_every_item_comes_back_with_its_result_though_they_are_more_than_the_clu
             assert dict(pool.results(math.factorial, range(50))) == {n: math.factorial(n) for n in range(50)}
 
 
+def test_a_cluster_that_loses_all_its_workers_for_a_while_loses_no_item(
+    address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with opened(Workers(dask=address)) as pool:
+        monkeypatch.setattr(cluster.Cluster, "size", 0)
+        assert dict(pool.results(math.factorial, range(5))) == {n: math.factorial(n) for n in range(5)}
+
+
 def test_an_error_of_the_work_is_the_error_of_the_study(address: str) -> None:
     with pytest.raises(ArithmeticError, match="no square of 3"):
         list(spread_out(fail, (3,), Workers(dask=address)))

@@ -42,7 +42,7 @@ $(VENV)/installed: pyproject.toml
 	touch $@
 
 clean:
-	rm -rf $(VENV) $(VENV)-compiled out build dist
+	rm -rf $(VENV) out build dist
 
 # What `make install` installs, newest versions with the hashes of their files, for every Python and processor at once.
 LOCK = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --upgrade \
@@ -57,11 +57,12 @@ lock: $(VENV)/installed
 	    print(*table['build-system']['requires'], *hook['compiler'], sep='\n')" | \
 	    $(LOCK) - --output-file requirements/build.txt
 
-# The compiled build: as a wheel for $(PYTHON), and in a virtual environment of its own, where the tests of the compiled
-# rooms run. Then a bench must give the same frames to the bit as interpreted.
-COMPILED = $(VENV)-compiled
-COMPILED_TESTS ?= tests/replay tests/cycle tests/guard tests/laws tests/valve tests/wire tests/optimization \
-	tests/plant_emulator tests/config tests/machine tests/bench
+# The compiled build: as a wheel for $(PYTHON), and in a folder of its own, where the tests of the compiled rooms run.
+# Then a bench must give the same frames to the bit as interpreted.
+COMPILED = build/compiled
+RUN_COMPILED = PYTHONSAFEPATH=1 PYTHONPATH=$(COMPILED) $(BIN)
+COMPILED_TESTS = tests/replay tests/cycle tests/guard tests/laws tests/valve tests/wire tests/optimization \
+	tests/plant_emulator tests/config tests/machine
 SHORT_COMPILED_TESTS = tests/replay/test_replay_logs.py tests/cycle tests/guard tests/valve tests/optimization
 
 .PHONY: wheel test-compiled test-compiled-short
@@ -70,20 +71,19 @@ wheel:
 	@ls dist/*.whl
 
 test-compiled-short: $(COMPILED)/installed
-	PYTHONSAFEPATH=1 $(COMPILED)/bin/pytest --numprocesses $(WORKERS) --dist worksteal -m 'not interpreted and not slow' \
-	    $(SHORT_COMPILED_TESTS)
+	$(RUN_COMPILED)/positioner --version | grep compiled
+	$(RUN_COMPILED)/pytest --numprocesses $(WORKERS) --dist worksteal -m 'not interpreted and not slow' $(SHORT_COMPILED_TESTS)
 
-test-compiled: $(VENV)/installed $(COMPILED)/installed
-	PYTHONSAFEPATH=1 $(COMPILED)/bin/pytest --numprocesses $(WORKERS) --dist worksteal -m 'not interpreted' $(COMPILED_TESTS)
-	PYTHONSAFEPATH=1 $(COMPILED)/bin/positioner --version | grep compiled
-	PYTHONSAFEPATH=1 $(COMPILED)/bin/positioner bench --out out/compiled
+test-compiled: $(COMPILED)/installed
+	$(RUN_COMPILED)/positioner --version | grep compiled
+	$(RUN_COMPILED)/pytest --numprocesses $(WORKERS) --dist worksteal -m 'not interpreted' $(COMPILED_TESTS)
+	$(RUN_COMPILED)/positioner bench --out out/compiled
 	$(BIN)/positioner bench --out out/interpreted
 	cmp out/compiled/bus.log out/interpreted/bus.log
 
-$(COMPILED)/installed: pyproject.toml $(shell find building positioner plant_emulator -name '*.py')
-	$(PYTHON) -m venv --clear $(COMPILED)
-	$(COMPILED)/bin/python -m pip install --quiet --upgrade pip
-	POSITIONER_BUILD=compiled $(COMPILED)/bin/python -m pip install --quiet '.[dev]'
+$(COMPILED)/installed: $(VENV)/installed $(shell find building positioner plant_emulator dbc -name '*.py' -o -name '*.dbc')
+	rm -rf $(COMPILED)
+	$(BIN)/python -m pip install --quiet --no-deps --target $(COMPILED) .
 	touch $@
 
 # `make install` as root: a virtual environment with the positioner, its units, and examples of network files. Nothing is

@@ -7,15 +7,19 @@ import os
 import signal
 import sys
 import types
+from dataclasses import fields
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 from dask_cluster import dask_cluster
 
 from positioner.cli.main import main
 from positioner.errors import BenchError, ExitCode, UsageError
 from positioner.studies import cluster, tuning
+from positioner.studies import reproduce as reproduction
+from positioner.studies.interpretations import Interpretation, NoiseKind, Units
 from positioner.studies.pool import Workers, opened, spread_out
 
 if TYPE_CHECKING:
@@ -129,6 +133,15 @@ def test_a_study_runs_here_or_on_a_cluster(capsys: pytest.CaptureFixture[str]) -
     with pytest.raises(SystemExit):
         main(["league", "--workers", "2", "--dask", "tcp://127.0.0.1:1"])
     assert "not allowed with argument --workers" in capsys.readouterr().err
+
+
+def test_a_simulation_of_the_paper_is_the_same_on_a_cluster(address: str) -> None:
+    run = reproduction.Run(2, Interpretation(NoiseKind.FREE, Units.SI), short=True)
+    (there,) = reproduction.reproduce((run,), Workers(dask=address))
+    here = reproduction.play(run)
+    assert (there.run, there.before, there.after) == (run, here.before, here.after)
+    for each in fields(here.curves):
+        np.testing.assert_array_equal(getattr(there.curves, each.name), getattr(here.curves, each.name))
 
 
 def test_the_league_and_the_tuning_are_the_same_on_a_cluster(

@@ -51,20 +51,21 @@ def plan_move(settings: ApproachSettings, model: MotionModel, solver: Solver, mo
         return MovePlan(tuple(limits.braking), limit, 0)
     inputs = fastest(slide, limits, x, v, target_m)
     trajectory = predict(slide, steps, x, v, target_m, inputs)
-    passes, limit = 0, 0.0
-    while passes < settings.max_passes:
+    passes = 0
+    while True:
         posed = program(settings, limits, target_m, trajectory, inputs)
         solution = solver.solve(posed.program, inputs, multipliers(posed, limits, trajectory, inputs))
         if solution is None:
             return MovePlan(tuple(inputs), trajectory.speed_limit, passes, is_solved=False)
         found = limits.cut(solution)
-        passes, limit = passes + 1, trajectory.speed_limit
+        passes += 1
+        plan = MovePlan(tuple(found), trajectory.speed_limit, passes)
+        if passes >= settings.max_passes:
+            return plan
         ahead = predict(slide, steps, x, v, target_m, found)
-        error_ma = _error_ma(posed, trajectory, ahead, move.direction, inputs, found)
+        if _error_ma(posed, trajectory, ahead, move.direction, inputs, found) < settings.pass_tolerance_ma:
+            return plan
         inputs, trajectory = found, ahead
-        if error_ma < settings.pass_tolerance_ma:
-            break
-    return MovePlan(tuple(inputs), limit, passes)
 
 
 def _error_ma(

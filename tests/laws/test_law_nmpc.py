@@ -139,6 +139,15 @@ def test_a_push_that_is_late_comes_again_and_teaches_nothing() -> None:
     assert decision.motion is Motion.SETTLE  # without a delay the current that acted is the answer, whatever it is
 
 
+@pytest.mark.parametrize(("delay_s", "first"), [(0.0, Motion.MOVE), (0.8e-3, Motion.REST)])
+def test_where_commands_act_later_the_first_one_holds_the_stem(delay_s: float, first: Motion) -> None:
+    law = make_law(command_delay_s=delay_s)
+    memory, decision = cycle(law, law.begin(0.08), 0.08, 12.0, 0.1, time_s=0.0)
+    assert decision.motion is first
+    _, decision = cycle(law, memory, 0.08, decision.current_ma, 0.1, time_s=PERIOD_S)
+    assert decision.motion is Motion.MOVE
+
+
 def test_an_error_inside_tolerance_or_doubt_is_left_alone() -> None:
     law = make_law()
     assert cycle(law, rested(law), 0.08, 12.6, 0.08 + 4e-5)[1].motion is Motion.REST

@@ -107,6 +107,8 @@ class NmpcLaw:
         if pushes.unreported:
             memory = replace(memory, pushes=replace(pushes, unreported=False))
         may = pushes.may_push(observation.time_s) or pushes.has_moved(here.x, here.sigma_m)
+        # a first command that acts later, or late, must be one that holds the stem: no echo can tell yet what acts
+        may = may and (memory.hold_ma is not None or not self.command_delay_s)
         if stem.stuck and may and memory.motion is Motion.REST and self._is_worth_a_move(memory, here, setpoint_m):
             memory, decision = self._start(memory, here, observation, table)
         else:

@@ -32,6 +32,7 @@ examples:
   positioner bench --scenario noise-free --out noise-free
   positioner bench --state bench-paper-valve/state      start from the table of an earlier run
   positioner bench --scenario paper-3 --reading B       the paper's third simulation with held noise
+  positioner bench --clock realtime                     at the machine's own pace, and how well it was kept
 
 It starts the plant emulator and the daemon as processes on one bus and sends the scenario's setpoints as frames. The
 output directory then holds: result.json (the figures), trend.png (the picture), bus.log (candump format, for

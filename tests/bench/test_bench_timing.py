@@ -9,6 +9,7 @@ import pytest
 
 from positioner.bench import machine_load
 from positioner.bench.machine_load import MachineLoad
+from positioner.bench.processes import prioritize
 from positioner.bench.timing import Answered, Second, answers, timing_lines, timing_of
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import CanFrame, CurrentCommand, Mode, Motion, StemPosition
@@ -121,3 +122,21 @@ def test_the_bench_counts_itself_and_its_children() -> None:
     assert machine_load._used_by(2**22 + 7) == 0.0
     assert machine_load._children(2**22 + 7) == []
     assert str(os.cpu_count()) in machine_load.machine()
+
+
+def test_a_priority_that_the_system_refuses_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[int, int, int]] = []
+
+    def allow(pid: int, policy: int, parameter: os.sched_param) -> None:
+        asked.append((pid, policy, parameter.sched_priority))
+
+    def refuse(*_arguments: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setscheduler", allow)
+    assert prioritize(7, 50)
+    assert prioritize(0, 0)
+    reset = os.SCHED_RESET_ON_FORK
+    assert asked == [(7, os.SCHED_FIFO | reset, 50), (0, os.SCHED_OTHER | reset, 0)]
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    assert not prioritize(7, 50)

@@ -13,6 +13,8 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from positioner.inputs.table import SettingsTable
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -75,7 +77,7 @@ class CellKey:
 
 
 @dataclass(frozen=True, slots=True)
-class LearnedSample:
+class LearnedSample(SettingsTable):
     """One lesson from a stop or a slip: the quantity, its value in its unit, the position and the direction."""
 
     quantity: Quantity

@@ -40,7 +40,9 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     workers = [start(options.core, build) for build in builds().values()]
     try:
-        document = {"machine": _about(workers[0])} | summarize(_measured(workers, options.rounds))
+        document = {"machine": _about(workers[0]) | {"rounds": options.rounds}} | summarize(
+            _measured(workers, options.rounds)
+        )
     finally:
         for worker in workers:
             worker.end()

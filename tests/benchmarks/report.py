@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     Entry = dict[str, Any]
 
 _CYCLES = (
-    "One cycle, from frames to frames, in µs. The time of a cycle is the smallest of 20 repeats that are equal to the "
-    "bit; the distribution of all repeats is in brackets."
+    "One cycle, from frames to frames, in µs. The time of a cycle is the smallest of {rounds} repeats that are equal "
+    "to the bit; the distribution of all repeats is in brackets."
 )
 _PLANS = "One programme of the plan of a recorded move, in µs. Every program solves the same problem:"
 _HORIZONS = "One cycle in a move at 1 kHz, in µs, by horizon:"
@@ -27,7 +27,7 @@ _BUS = (
     "comparison, in a process of its own. All repeats."
 )
 _VALVES = (
-    "One daemon with several valves at 1 kHz: processor time of its loop in each period, the smallest of 5 repeats, "
+    "One daemon with several valves at 1 kHz: processor time of its loop in each period, the smallest of all repeats, "
     "in µs:"
 )
 _SIMULATION = "A simulation without bus and processes, on one core:"
@@ -39,7 +39,7 @@ def report(document: Entry) -> str:
     """Return all tables of `document`, with the machine and the date above them."""
     parts = [
         [_machine(document)],
-        [_CYCLES, "", *tables.cycles(document)],
+        [_CYCLES.format_map(document["machine"]), "", *tables.cycles(document)],
         [_PLANS, "", *tables.plans(document)],
         [_HORIZONS, "", *tables.horizons(document)],
         [_BUS, "", *tables.bus(document)],
@@ -61,7 +61,7 @@ def publish(folder: Path) -> None:
     shutil.copy(folder / "benchmark.png", ROOT / "docs" / "benchmark.png")
     parts = [
         [_machine(document)],
-        [_CYCLES, "", *tables.cycles(document)],
+        [_CYCLES.format_map(document["machine"]), "", *tables.cycles(document)],
         [_PLANS, "", *tables.plans_in_short(document)],
         [_VALVES, "", *tables.valves(document)],
         [_SIMULATION, "", *tables.simulation(document)],

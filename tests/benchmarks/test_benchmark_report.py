@@ -18,7 +18,13 @@ if TYPE_CHECKING:
     from benchmarks.tables import Entry
 
 MACHINE = {
-    "machine": {"processor": "2 × test", "date": "2026-01-01", "commit": "abc", "versions": {"Python": "3.11.7 (x)"}}
+    "machine": {
+        "processor": "2 × test",
+        "date": "2026-01-01",
+        "commit": "abc",
+        "rounds": 2,
+        "versions": {"Python": "3.11.7 (x)"},
+    }
 }
 LABELS = ("at rest", "in a move", "settling")
 

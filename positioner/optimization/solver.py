@@ -69,6 +69,9 @@ class QpSolver:
         )
         workspace = getattr(self._solver, "_solver", None)
         self._workspace: Any = workspace if all(hasattr(workspace, name) for name in _DIRECT_CALLS) else None
+        # the first solution takes three times as long as the next ones: it shall not be that of a move
+        self._solved()
+        self._begin((0.0,) * inputs, (0.0,) * (inputs + steps))
 
     def solve(
         self,
@@ -111,7 +114,7 @@ class QpSolver:
             workspace.update_data_vec(self._q.array, self._l.array, self._u.array)
         if inputs is not None and multipliers is not None:
             self._begin(inputs, multipliers)
-        solution = self._solved_by_class() if workspace is None else _solved(workspace)
+        solution = self._solved()
         if solution is None:
             self._begin((0.0,) * len(q), (0.0,) * len(low))
         return solution
@@ -127,7 +130,10 @@ class QpSolver:
         matrices = {name: array.copy() for name, array in (("Px", P_x), ("Ax", A_x)) if array is not None}
         self._solver.update(q=self._q.array.copy(), l=self._l.array.copy(), u=self._u.array.copy(), **matrices)
 
-    def _solved_by_class(self) -> list[float] | None:
+    def _solved(self) -> list[float] | None:
+        """Return the solution, None where there is none."""
+        if self._workspace is not None:
+            return _solved(self._workspace)
         result = self._solver.solve(raise_error=False)
         if result.info.status_val != _SOLVED:
             return None

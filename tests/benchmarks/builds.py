@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 ROOT = Path(__file__).resolve().parents[2]
-COMPILED_PYTHON = ROOT / ".venv-compiled" / "bin" / "python"
-"""The Python for which the Makefile installs the wheel. Without a C compiler that holds no compiled modules."""
+COMPILED = ROOT / "build" / "compiled"
+"""Where the Makefile installs the wheel. Without a C compiler that holds no compiled modules."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,9 +27,9 @@ class Build:
 
 def builds() -> Mapping[str, Build]:
     """Return every build that is there, by its name."""
-    found = {"interpreted": _build(sys.executable)}
-    if COMPILED_PYTHON.exists():
-        other = _build(str(COMPILED_PYTHON))
+    found = {"interpreted": _build()}
+    if (COMPILED / "installed").exists():
+        other = _build(COMPILED)
         named = "from benchmarks.machine import build; print(build())"
         told = subprocess.run(
             [other.python, "-c", named], env=other.environment, capture_output=True, text=True, check=True
@@ -38,7 +38,8 @@ def builds() -> Mapping[str, Build]:
     return found
 
 
-def _build(python: str) -> Build:
+def _build(*folders: Path) -> Build:
     kept = {name: os.environ[name] for name in ("PATH", "HOME", "LANG") if name in os.environ}
     # a safe path: the source in the working directory must not hide the installed packages
-    return Build(python, kept | {"PYTHONPATH": str(ROOT / "tests"), "PYTHONSAFEPATH": "1"})
+    paths = os.pathsep.join(str(each) for each in (*folders, ROOT / "tests"))
+    return Build(sys.executable, kept | {"PYTHONPATH": paths, "PYTHONSAFEPATH": "1"})

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 _NS = 1_000_000_000
-_IDLE, _WAITING = 4, 5
-"""Columns of /proc/stat: a processor has nothing to do, or waits for a disk."""
+_IDLE, _WAITING, _STOLEN = 4, 5, 8
+"""Columns of /proc/stat: a processor has nothing to do, waits for a disk, or is given to others by its host."""
 
 
 class MachineLoad:
@@ -26,7 +26,7 @@ class MachineLoad:
         self._start_ns = self._begin_ns = start_ns
         self._pids = [os.getpid(), *pids]
         self._pids += [child for pid in self._pids[1:] for child in _children(pid)]
-        self._idle_s, self._own_s = _idle_s(), self._used_s()
+        (self._idle_s, self._stolen_s), self._own_s = _idle_and_stolen_s(), self._used_s()
         self.seconds: list[Second] = []
 
     def look(self, now_ns: int) -> None:
@@ -34,11 +34,11 @@ class MachineLoad:
         if now_ns - self._begin_ns < _NS:
             return
         lasted_s = (now_ns - self._begin_ns) / _NS
-        idle_s, own_s = _idle_s(), self._used_s()
+        (idle_s, stolen_s), own_s = _idle_and_stolen_s(), self._used_s()
         busy_s = (os.cpu_count() or 1) * lasted_s - (idle_s - self._idle_s)
         foreign = max(busy_s - (own_s - self._own_s), 0.0) / lasted_s
-        self.seconds.append(Second((self._begin_ns - self._start_ns) / _NS, foreign))
-        self._begin_ns, self._idle_s, self._own_s = now_ns, idle_s, own_s
+        self.seconds.append(Second((self._begin_ns - self._start_ns) / _NS, foreign, stolen_s - self._stolen_s))
+        self._begin_ns, self._idle_s, self._stolen_s, self._own_s = now_ns, idle_s, stolen_s, own_s
 
     def _used_s(self) -> float:
         """Return the processor time in s that the bench has used."""
@@ -52,13 +52,17 @@ def _used_by(pid: int) -> float:
         return 0.0
 
 
-def _idle_s() -> float:
-    """Return the time in s for which the processors had nothing to do; 0 where the system does not say."""
+def _idle_and_stolen_s() -> tuple[float, float]:
+    """Return the times in s for which the processors had nothing to do, and were given to others by their host.
+
+    Both are 0 where the system does not say.
+    """
     try:
         columns = Path("/proc/stat").read_text(encoding="ascii").split("\n", maxsplit=1)[0].split()
     except OSError:
-        return 0.0
-    return (int(columns[_IDLE]) + int(columns[_WAITING])) / os.sysconf("SC_CLK_TCK")
+        return 0.0, 0.0
+    ticks_per_s = os.sysconf("SC_CLK_TCK")
+    return (int(columns[_IDLE]) + int(columns[_WAITING])) / ticks_per_s, int(columns[_STOLEN]) / ticks_per_s
 
 
 def _children(pid: int) -> list[int]:

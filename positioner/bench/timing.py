@@ -27,10 +27,14 @@ QUIET_PROCESSORS = 0.1
 
 
 class Second(NamedTuple):
-    """A second of a run, from `begin_s`: how many processors were used by others than the bench."""
+    """A second of a run, from `begin_s`: how many processors were used by others than the bench.
+
+    stolen_s: processor time that the host of a virtual machine gave to others while this one wanted it (steal).
+    """
 
     begin_s: float
     foreign_processors: float
+    stolen_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +89,7 @@ def timing_of(answered: Sequence[Answered], seconds: Sequence[Second], due_s: fl
     late = [each for each in answered if each.is_late(due_s)]
     begins_s = [second.begin_s for second in seconds]
     foreign = [second.foreign_processors for second in seconds]
-    quiet = [used < QUIET_PROCESSORS for used in foreign]
+    quiet = [second.foreign_processors < QUIET_PROCESSORS and not second.stolen_s for second in seconds]
 
     def is_quiet(each: Answered) -> bool:
         index = bisect_right(begins_s, each.read_s) - 1

@@ -80,6 +80,12 @@ def test_only_quiet_seconds_are_judged() -> None:
     assert timing.foreign_processors == pytest.approx(1.25 / 3)
 
 
+def test_a_second_of_which_the_host_took_a_part_is_not_judged() -> None:
+    timing = timing_of(run(2000), [Second(0.0, 0.0, stolen_s=0.01), Second(1.0, 0.0)], DUE_S, "SCHED_FIFO")
+    assert timing.quiet is not None
+    assert (timing.quiet.seconds, timing.quiet.cycles) == (1, 1000)
+
+
 def test_without_a_quiet_second_nothing_is_judged_and_the_text_says_so() -> None:
     timing = timing_of(run(100), [Second(0.0, 1.5)], DUE_S, "SCHED_OTHER")
     assert timing.quiet is None
@@ -101,9 +107,9 @@ def test_a_run_without_an_answer_has_no_pace() -> None:
 
 
 def test_the_load_of_others_is_what_is_busy_beyond_the_bench(monkeypatch: pytest.MonkeyPatch) -> None:
-    idle_s, used_s = iter([100.0, 100.9, 102.6]), iter([5.0, 5.6, 6.0])
+    stat_s, used_s = iter([(100.0, 3.0), (100.9, 3.0), (102.6, 3.02)]), iter([5.0, 5.6, 6.0])
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
-    monkeypatch.setattr(machine_load, "_idle_s", lambda: next(idle_s))
+    monkeypatch.setattr(machine_load, "_idle_and_stolen_s", lambda: next(stat_s))
     monkeypatch.setattr(MachineLoad, "_used_s", lambda _self: next(used_s))
     load = MachineLoad(7_000_000_000, [])
     for now_ns in (7_500_000_000, 8_000_000_000, 8_999_999_999, 9_000_000_000):
@@ -111,6 +117,7 @@ def test_the_load_of_others_is_what_is_busy_beyond_the_bench(monkeypatch: pytest
     # 2 s of processor time, 0.9 s idle, 0.6 s the bench's own; then 1.7 s idle and 0.4 s own
     assert [second.begin_s for second in load.seconds] == [0.0, 1.0]
     assert [second.foreign_processors for second in load.seconds] == pytest.approx([0.5, 0.0])
+    assert [second.stolen_s for second in load.seconds] == pytest.approx([0.0, 0.02])
 
 
 def test_the_bench_counts_itself_and_its_children() -> None:

@@ -17,6 +17,7 @@ from positioner.cycle.events import Controlled
 from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState
 from positioner.cycle.step import step
+from positioner.runtime.warm_up import warm_up
 from positioner.valve.stiction import StictionTable
 from positioner.wire.messages import Motion, Setpoint
 
@@ -107,7 +108,11 @@ class CycleCase:
         self._result = _digest([cycle.outbox for cycle in cycles])
 
     def start(self) -> tuple[Setup, CycleState, list[CycleInput]]:
-        """Return what a repeat starts from: a setup with a new law, the first state, and the inputs of all cycles."""
+        """Return what a repeat starts from: a setup with a new law, the first state, and the inputs of all cycles.
+
+        Before it, the cycles run that a daemon runs before its first one.
+        """
+        warm_up(self._configuration)
         return self._configuration.make_setup(), initial_state(self._configuration), self._inputs
 
     def play(self) -> Play:

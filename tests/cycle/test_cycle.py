@@ -183,6 +183,15 @@ def test_a_command_without_a_new_reading_goes_on_naming_the_last_one() -> None:
     assert [(each.mode, each.position_counter) for each in (held, safe)] == [(Mode.HOLD, 7), (Mode.FAILSAFE, 7)]
 
 
+def test_a_table_from_outside_takes_the_place_of_the_present_one_and_stays() -> None:
+    setup = Setup(CODEC, VALVE, GuardSettings(), ScriptedLaw(), PERIOD_S)
+    other = StictionTable().record(Quantity.STICK_SPEED, 0.08, Direction.OPENING, 0.01)
+    before = CycleState()
+    replaced, _, _ = step(setup, before, CycleInput((), 1 * MS, table=other))
+    after, _, _ = step(setup, replaced, CycleInput((), 2 * MS))
+    assert (before.table, replaced.table, after.table) == (StictionTable(), other, other)
+
+
 def test_the_status_is_sent_ten_times_a_second_once_it_was_armed() -> None:
     exchange = Exchange(guard=GuardSettings())
     stamps_ms = []

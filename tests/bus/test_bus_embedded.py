@@ -18,6 +18,8 @@ from positioner.bus import address as address_module
 from positioner.bus import port as bus_module
 from positioner.bus.address import EMBEDDED_PORT, BusAddress, embedded_address, find_vcan, parse_address
 from positioner.bus.events import BusBack, BusDown, BusNotOpened, NoFrame, SendFailed
+from positioner.bus.message_link import MessageLink
+from positioner.bus.opening import open_bus
 from positioner.bus.port import BusPort
 from positioner.errors import BusError, BusUnusableError, ExitCode
 from positioner.wire.messages import CanFrame
@@ -267,13 +269,12 @@ def test_a_bus_that_goes_down_is_a_state_and_is_reported_once(monkeypatch: pytes
 
 
 def test_a_wall_clock_that_is_set_back_delays_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
-    port = BusPort(own_address())
-    port.open()
+    bus = open_bus(own_address(), ())
     start_s = time.monotonic()
     monkeypatch.setattr("can.bus.time", lambda: time.monotonic() - (5.0 if time.monotonic() > start_s + 0.05 else 0.0))
-    assert port.receive(0.1) == ()
+    assert MessageLink(bus).receive(0.1) is None
     assert time.monotonic() - start_s < 4.0
-    port.close()
+    bus.shutdown()
 
 
 def test_a_bus_that_is_not_there_says_what_to_do() -> None:

@@ -72,6 +72,7 @@ class Rig:
         self.request = HostRequest.NONE
         self._numbers = itertools.count()
         guard = {
+            "max_jump_m": 0.14,  # in one such period the emulated stem, which has no lag, crosses its whole travel
             "feedback_hold_periods": HOLD_PERIODS,
             "feedback_failsafe_periods": FAILSAFE_PERIODS,
             "setpoint_hold_s": 20.0,

@@ -37,8 +37,8 @@ class GuardSettings(SettingsTable):
     actuator_deadman_s: after so long without a command the actuator goes to its fail position by itself; `positioner
         check` compares the sample period with it. 0: the actuator never does so.
     position_margin_m: how far beyond the travel a reading is still plausible; noise reaches beyond a hard stop.
-    max_jump_m: largest plausible step between two readings; with a long sample period, at least as far as the stem moves
-        in one, or the law's own moves are refused.
+    max_jump_m: largest plausible step between two readings; with a long sample period at least as far as the stem
+        moves in one, or the law's own moves are refused.
     frozen_s, frozen_command_ma: a reading that stays the same to the bit for so long (0: no check), while the command
         is so far beyond the stick band, is frozen; an actuator with a lag needs several times its lag.
     deviation_of_span, deviation_s: an error beyond this part of the span (0: no check), while the stem comes no nearer

@@ -132,22 +132,17 @@ class QpSolver:
 
     def _solved(self) -> list[float] | None:
         """Return the solution, None where there is none."""
-        if self._workspace is not None:
-            return _solved(self._workspace)
-        result = self._solver.solve(raise_error=False)
-        if result.info.status_val != _SOLVED:
+        workspace = self._workspace
+        if workspace is None:
+            result = self._solver.solve(raise_error=False)
+            status, values = result.info.status_val, result.x
+        else:
+            workspace.solve()
+            status, values = workspace.info.status_val, workspace.solution.x
+        if status != _SOLVED:
             return None
-        solution: list[float] = result.x.tolist()
+        solution: list[float] = values.tolist()
         return solution
-
-
-def _solved(workspace: Any) -> list[float] | None:
-    """Return the solution, None where there is none."""
-    workspace.solve()
-    if workspace.info.status_val != _SOLVED:
-        return None
-    solution: list[float] = workspace.solution.x.tolist()
-    return solution
 
 
 def _are_crossed(low: Sequence[float], high: Sequence[float]) -> bool:

@@ -38,7 +38,7 @@ def main() -> None:
         publish(options.out)
         return
     options.out.mkdir(parents=True, exist_ok=True)
-    workers = [start(options.core, build) for build in builds().values()]
+    workers = [start(options.core, environment) for environment in builds().values()]
     try:
         document = {"machine": _about(workers[0]) | {"rounds": options.rounds}} | summarize(
             _measured(workers, options.rounds)

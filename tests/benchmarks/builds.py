@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,29 +16,19 @@ COMPILED = ROOT / "build" / "compiled"
 """Where the Makefile installs the wheel. Without a C compiler that holds no compiled modules."""
 
 
-@dataclass(frozen=True, slots=True)
-class Build:
-    """How a process of one build is started: its Python, and its environment."""
-
-    python: str
-    environment: Mapping[str, str]
-
-
-def builds() -> Mapping[str, Build]:
-    """Return every build that is there, by its name."""
-    found = {"interpreted": _build()}
+def builds() -> Mapping[str, Mapping[str, str]]:
+    """Return every build that is there: the environment in which this Python runs it, by its name."""
+    found = {"interpreted": _environment()}
     if (COMPILED / "installed").exists():
-        other = _build(COMPILED)
+        other = _environment(COMPILED)
         named = "from benchmarks.machine import build; print(build())"
-        told = subprocess.run(
-            [other.python, "-c", named], env=other.environment, capture_output=True, text=True, check=True
-        )
+        told = subprocess.run([sys.executable, "-c", named], env=other, capture_output=True, text=True, check=True)
         found.setdefault(told.stdout.strip(), other)
     return found
 
 
-def _build(*folders: Path) -> Build:
+def _environment(*folders: Path) -> dict[str, str]:
     kept = {name: os.environ[name] for name in ("PATH", "HOME", "LANG") if name in os.environ}
     # a safe path: the source in the working directory must not hide the installed packages
     paths = os.pathsep.join(str(each) for each in (*folders, ROOT / "tests"))
-    return Build(sys.executable, kept | {"PYTHONPATH": paths, "PYTHONSAFEPATH": "1"})
+    return kept | {"PYTHONPATH": paths, "PYTHONSAFEPATH": "1"}

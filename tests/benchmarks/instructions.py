@@ -25,7 +25,7 @@ from benchmarks.counted_cycles import EMPTY
 from benchmarks.judgement import HELD, judge
 
 if TYPE_CHECKING:
-    from benchmarks.builds import Build
+    from collections.abc import Mapping
 
 REFERENCE = Path(__file__).with_name("instructions.json")
 _DUMP = re.compile(r"^desc: Trigger: Client Request: (.*)$", re.MULTILINE)
@@ -43,8 +43,8 @@ def main() -> None:
         return
     failed, python = False, f"Python {sys.version_info.major}.{sys.version_info.minor}"
     measured = builds()
-    for name, build in measured.items():
-        counted, key = count(build), f"{python}, {name}"
+    for name, environment in measured.items():
+        counted, key = count(environment), f"{python}, {name}"
         if options.accept:
             reference[key] = counted
         lines, changed = judge(key, counted, reference.get(key))
@@ -64,13 +64,13 @@ def _valgrind_version() -> str:
     return told.strip().removeprefix("valgrind-")
 
 
-def count(build: Build) -> dict[str, Any]:
+def count(environment: Mapping[str, str]) -> dict[str, Any]:
     """Return the mean instructions of a cycle by mode, and in a move by passes, and what they depend on."""
     with tempfile.TemporaryDirectory() as folder:
         valgrind = ("valgrind", "-q", "--tool=callgrind", "--instr-atstart=no", f"--callgrind-out-file={folder}/out")
         # the same names and hashes in every run, and no second thread
-        fixed = {**build.environment, "PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
-        subprocess.run((*valgrind, build.python, "-m", "benchmarks.counted_cycles"), env=fixed, check=True)
+        fixed = {**environment, "PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
+        subprocess.run((*valgrind, sys.executable, "-m", "benchmarks.counted_cycles"), env=fixed, check=True)
         found: dict[str, list[int]] = {}
         for path in Path(folder).iterdir():
             text = path.read_text(encoding="utf-8")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+import sys
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -12,8 +13,6 @@ from benchmarks.distribution import smallest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
-
-    from benchmarks.builds import Build
 
 
 @dataclass(slots=True)
@@ -75,9 +74,9 @@ class Worker:
         return answer
 
 
-def start(core: int, build: Build) -> Worker:
-    """Return a worker of `build` on `core`."""
-    return Worker([build.python, "-m", "benchmarks.worker", str(core)], build.environment)
+def start(core: int, environment: Mapping[str, str]) -> Worker:
+    """Return a worker of the build in `environment` on `core`."""
+    return Worker([sys.executable, "-m", "benchmarks.worker", str(core)], environment)
 
 
 def plays(workers: Sequence[Worker], rounds: int) -> list[tuple[Worker, str, int]]:

@@ -1,7 +1,5 @@
 """How many valves one core controls at 1 kHz: the share of a core that each valve of one daemon takes.
 
-    python -m benchmarks.valves
-
 The daemon's own loop runs in this process, with n sessions on buses that are pairs of local sockets, up to eleven on
 one. Only its part is timed, in processor time, from a look at the bus until its commands are sent; the emulated valves
 run between. The frames of a period come one after another, as on a real bus, so that each takes a round of its own. The
@@ -10,13 +8,7 @@ setpoints change four times a second, at another instant for each valve. No tabl
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 import socket
-import statistics
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from time import thread_time_ns
@@ -25,8 +17,6 @@ from unittest import mock
 
 import tomli_w
 
-from benchmarks import machine
-from benchmarks.builds import builds
 from benchmarks.case import Play
 from benchmarks.paired_bus import PairedBus
 from plant_emulator.device import advance, initial_device, publish, take
@@ -58,7 +48,6 @@ COUNTS = (1, 2, 4, 8, 16)
 PERIOD_NS = 1_000_000
 _PERIODS = 1000
 _WARM_UP = 100
-_REPEATS = 5
 _SETPOINT_EVERY = 10
 _DWELL = 250
 _SETPOINTS_M = (0.08, 0.087, 0.073, 0.084, 0.076)
@@ -208,69 +197,3 @@ def _tables(count: int, folder: Path) -> dict[str, Any]:
         "state": {"directory": str(folder)},
         "valve": valves,
     }
-
-
-def measured(repeats: int) -> dict[int, list[int]]:
-    """Return the smallest duration of every period in ns over all repeats, by the number of valves.
-
-    Raises:
-        RuntimeError: two repeats gave different commands.
-    """
-    cases = {count: ValvesCase(count) for count in COUNTS}
-    plays: dict[int, list[Play]] = {count: [] for count in COUNTS}
-    for _ in range(repeats):
-        for count, case in cases.items():
-            plays[count].append(case.play())
-    if any(len({play.result for play in some}) > 1 for some in plays.values()):
-        raise RuntimeError("two repeats gave different commands; a repeat must be bit-identical")
-    return {
-        count: [min(durations) for durations in zip(*(play.durations_ns for play in some), strict=True)]
-        for count, some in plays.items()
-    }
-
-
-def table(found: dict[int, list[int]], build: str) -> list[str]:
-    """Return the rows of the table of one build."""
-    rows = []
-    for count, periods_ns in found.items():
-        mean_us = statistics.fmean(periods_ns) / count / 1e3
-        median_us = statistics.median(periods_ns) / count / 1e3
-        tail_us = statistics.quantiles(periods_ns, n=100)[98] / 1e3
-        share = 1e3 * mean_us / PERIOD_NS
-        cells = (f"{mean_us:.0f}", f"{median_us:.0f}", f"{100 * share:.1f} %", f"{1 / share:.1f}", f"{tail_us:.0f}")
-        rows.append(f"| {build} | {count} | {' | '.join(cells)} |")
-    return rows
-
-
-HEAD = (
-    "| build | valves | µs per valve and period, mean | median | share of a core per valve | valves per core at 1 kHz "
-    "| 99 % of the periods, all valves, µs |\n"
-    "|---|---|---|---|---|---|---|\n"
-)
-
-
-def main() -> None:
-    """Measure every build that is there, and print the table."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.valves", description=__doc__)
-    parser.add_argument("--repeats", type=int, default=_REPEATS, help="repeats of each number (default: %(default)s)")
-    parser.add_argument("--core", type=int, default=machine.last_core(), help="processor to use (default: %(default)s)")
-    parser.add_argument("--this-build", action="store_true", help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    write = sys.stdout.write
-    if options.this_build:
-        machine.be_quiet(options.core)
-        write(json.dumps(measured(options.repeats)))
-        return
-    write(HEAD)
-    for build, started in builds().items():
-        command = [started.python, "-m", "benchmarks.valves", "--this-build"]
-        command += ["--repeats", str(options.repeats), "--core", str(options.core)]
-        answer = subprocess.run(command, env=started.environment, check=True, stdout=subprocess.PIPE, text=True).stdout
-        found = {int(count): periods_ns for count, periods_ns in json.loads(answer).items()}
-        write("\n".join(table(found, build)) + "\n")
-    write(f"\n{machine.processor()}; smallest of {options.repeats} repeats of each period\n")
-
-
-if __name__ == "__main__":
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    main()

@@ -67,6 +67,7 @@ def summary(configuration: Configuration, state: Path) -> str:
         ("restartable both ways", _range((low_n + friction_n) / rate, (high_n - friction_n) / rate, valve)),
         ("stiction", f"F_s {100 * friction_n / span_force_n:.1f} % of the span force"),
         ("slip jump", f"{(friction_n - valve.coulomb_friction_n) / rate * 1e3:.2f} mm"),
+        ("actuator", valve.actuator.in_words()),
         ("law", f"{configuration.control.law}, every {configuration.control.sample_period_s * 1e3:g} ms"),
         ("actuator's deadman", _deadman(configuration)),
         ("bus", str(configuration.bus)),

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from positioner.config.schema import Configuration
 
 
+_OF_THE_VALVE = frozenset({"actuator"})
+"""Tables in a `[[valve]]` that belong to the valve itself, as in `[valve]`; the others are as at the top."""
+
+
 @dataclass(frozen=True, slots=True)
 class Section:
     """One `[[valve]]`: its name for messages, the tables in it, and all tables, as if the file had no other valve."""
@@ -36,7 +40,7 @@ def sections_of(tables: Mapping[str, Any]) -> tuple[Section, ...]:
 def _section(number: int, element: Any, shared: Mapping[str, Any]) -> Section:
     if not isinstance(element, dict):
         return Section(f"number {number}", {}, {**shared, "valve": element})
-    own = {key: value for key, value in element.items() if isinstance(value, dict)}
+    own = {key: value for key, value in element.items() if isinstance(value, dict) and key not in _OF_THE_VALVE}
     valve = {key: value for key, value in element.items() if key not in own}
     name = str(valve.get("id", f"number {number}"))
     return Section(name, {**own, "valve": valve}, {**deepcopy(laid_over(shared, own)), "valve": valve})

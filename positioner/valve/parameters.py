@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from annotated_types import Interval
 
 from positioner.inputs.table import SettingsTable
+from positioner.valve.actuator import ActuatorParameters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +30,9 @@ class ValveParameters(SettingsTable):
     stick_velocity_m_per_s: DV, below which the stem counts as resting.
     bench_set_n: spring force at position 0 (preload), 0 in the paper.
     span_m: 100 % of an error in percent; travel_min_m, travel_max_m: the hard stops.
+    sensor_time_constant_s: lag of the position reading; 0 is none.
+    backlash_m: play between stem and position sensor.
+    actuator: from the loop current to the pressure, the `[valve.actuator]` table.
     """
 
     id: str
@@ -45,6 +49,9 @@ class ValveParameters(SettingsTable):
     span_m: Annotated[float, Interval(ge=1e-3, le=1.3)] = 0.127
     travel_min_m: Annotated[float, Interval(ge=-0.1, le=1.0)] = 0.0
     travel_max_m: Annotated[float, Interval(ge=1e-3, le=1.3)] = 0.1397
+    sensor_time_constant_s: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.0
+    backlash_m: Annotated[float, Interval(ge=0.0, le=0.1)] = 0.0
+    actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
 
     def __post_init__(self) -> None:
         """Refuse combinations that the limits of the single keys allow."""
@@ -54,6 +61,8 @@ class ValveParameters(SettingsTable):
             raise ValueError("coulomb_friction_n exceeds static_friction_n: sliding friction is never the larger")
         if self.travel_max_m <= self.travel_min_m:
             raise ValueError("travel_max_m must be greater than travel_min_m")
+        if self.backlash_m >= self.span_m:
+            raise ValueError("backlash_m must be smaller than span_m: with more the reading says nothing")
 
     @property
     def force_gain_n_per_ma(self) -> float:

@@ -9,6 +9,7 @@ from dataclasses import asdict
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ REQUIRED = (
 )
 """The keys that a table without a preset must have; the others have usual values: no preload, and travel from 0."""
 
-PRESETS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "paper": {key: value for key, value in asdict(ValveParameters(id="paper")).items() if key != "id"},
         "graphite": {
@@ -44,6 +45,9 @@ PRESETS: Mapping[str, Mapping[str, float]] = MappingProxyType(
             "span_m": 0.025,
             "travel_min_m": 0.0,
             "travel_max_m": 0.03,
+            "sensor_time_constant_s": 0.0,
+            "backlash_m": 0.0,
+            "actuator": asdict(ActuatorParameters(fill_time_constant_s=0.1, vent_time_constant_s=0.1)),
         },
     }
 )
@@ -51,10 +55,19 @@ PRESETS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 
 
 def resolved(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a `[valve]` table without `preset`, whose own values replace those of the preset that it names."""
+    """Return a `[valve]` table without `preset`, whose own values replace those of the preset that it names.
+
+    A table in it, such as `[valve.actuator]`, replaces that of the preset key by key.
+    """
     own = {key: value for key, value in table.items() if key != "preset"}
     preset = table.get("preset")
-    return {**PRESETS[preset], **own} if isinstance(preset, str) and preset in PRESETS else own
+    if not (isinstance(preset, str) and preset in PRESETS):
+        return own
+    base = PRESETS[preset]
+    for key, value in own.items():
+        if isinstance(value, dict) and isinstance(base.get(key), dict):
+            own[key] = {**base[key], **value}
+    return {**base, **own}
 
 
 def missing(table: Mapping[str, Any]) -> tuple[str, ...]:

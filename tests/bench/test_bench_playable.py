@@ -14,6 +14,7 @@ from positioner.bench.scenario import Scenario, load_scenario, scenario_names
 from positioner.cli.main import main
 from positioner.errors import ConfigurationError, ExitCode
 from positioner.studies.direct import play_directly
+from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.presets import PRESETS
 
@@ -38,7 +39,8 @@ def refused(scenario: Scenario) -> list[str]:
 def test_without_parameters_the_controller_has_those_of_the_valve_that_the_plant_is_a_variant_of(name: str) -> None:
     own = "graphite" if name == "graphite" else "paper"
     found = configure(replace(SCENARIO, plant={"preset": name}))
-    assert found.valve == ValveParameters(id="bench", **PRESETS[own])
+    actuator = ActuatorParameters(**PRESETS[own]["actuator"])
+    assert found.valve == ValveParameters(id="bench", **{**PRESETS[own], "actuator": actuator})
     sensor = plant_settings(own).sensor
     assert found.estimator.noise_of_reading == sensor.noise_of_reading
     assert found.estimator.noise_of_span == sensor.noise_of_span

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ PERIOD_S = 1e-3
 SPAN_M = 0.127
 
 
-def make_law(solver: Solver | None = None, command_delay_s: float = 0.0, **valve: float) -> NmpcLaw:
+def make_law(solver: Solver | None = None, command_delay_s: float = 0.0, **valve: Any) -> NmpcLaw:
     config = parse_config('[valve]\nid = "paper"\npreset = "paper"\n', "test", Path())
     parts = Ingredients(
         ControlSettings(law="nmpc", command_delay_s=command_delay_s),

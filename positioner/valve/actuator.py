@@ -1,0 +1,60 @@
+"""The parameters of what lies between the loop current and the pressure at the diaphragm. Pure.
+
+After the dead time the I/P converter follows the current with a lag of its own, and the pressure follows the converter,
+    ẇ = (u(t - T_d) - w)/τ_c    and    ṗ = (w - p)/τ within ± the slew limit, τ = fill or vent by the sign of w - p.
+Pressure is carried in mA: the current that would hold it, so that its force is B·p. All 0 is the paper's actuator,
+whose pressure is the current at once (eq. 10).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Interval
+
+from positioner.inputs.table import SettingsTable
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ActuatorParameters(SettingsTable):
+    """The `[valve.actuator]` table of a configuration.
+
+    fill_time_constant_s, vent_time_constant_s: τ while the pressure rises, and while it falls.
+    dead_time_s: T_d, from the instant at which a command acts until the converter begins to follow it.
+    slew_ma_per_s: the fastest change of the pressure; 0 is no limit.
+    converter_time_constant_s: τ_c, the lag of the I/P converter.
+    """
+
+    fill_time_constant_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 0.0
+    vent_time_constant_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 0.0
+    dead_time_s: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.0
+    slew_ma_per_s: Annotated[float, Interval(ge=0.0, le=1e6)] = 0.0
+    converter_time_constant_s: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse combinations that the limits of the single keys allow."""
+        if (self.fill_time_constant_s == 0.0) != (self.vent_time_constant_s == 0.0):
+            given, other = "fill_time_constant_s", "vent_time_constant_s"
+            if self.fill_time_constant_s == 0.0:
+                given, other = other, given
+            raise ValueError(f"{given} needs {other}, too: a line that fills slowly also vents slowly")
+
+    @property
+    def is_immediate(self) -> bool:
+        """Whether the pressure is the current at once."""
+        lags_s = (self.fill_time_constant_s, self.vent_time_constant_s, self.dead_time_s)
+        return lags_s == (0.0, 0.0, 0.0) and self.slew_ma_per_s == 0.0 and self.converter_time_constant_s == 0.0
+
+    def in_words(self) -> str:
+        """Return the lags in ms and the slew limit in mA/s, in one line."""
+        if self.is_immediate:
+            return "acts at once"
+        parts = (
+            ("fill", self.fill_time_constant_s * 1e3, "ms"),
+            ("vent", self.vent_time_constant_s * 1e3, "ms"),
+            ("dead time", self.dead_time_s * 1e3, "ms"),
+            ("I/P lag", self.converter_time_constant_s * 1e3, "ms"),
+            ("slew limit", self.slew_ma_per_s, "mA/s"),
+        )
+        return ", ".join(f"{name} {value:g} {unit}" for name, value, unit in parts if value)

@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
+from positioner.errors import UsageError
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -71,3 +73,20 @@ def workers_of(arguments: argparse.Namespace) -> Workers:
     from positioner.studies.pool import Workers  # noqa: PLC0415 - most commands are no studies
 
     return Workers(arguments.workers, arguments.dask)
+
+
+def numbers_in(what: str, given: str, *, whole: bool = False) -> tuple[float, ...]:
+    """Return the numbers in a list with commas.
+
+    Raises:
+        UsageError: one of them is no number, or with `whole` no whole one.
+    """
+    found = []
+    for text in given.split(","):
+        if whole and not text.strip().isdecimal():
+            raise UsageError(f"{what} '{text}' is no whole number")
+        try:
+            found.append(float(text))
+        except ValueError:
+            raise UsageError(f"{what} '{text}' is no number") from None
+    return tuple(found)

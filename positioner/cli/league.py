@@ -7,8 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from positioner.cli.command import add_command, add_study, workers_of
-from positioner.errors import ExitCode, UsageError
+from positioner.cli.command import add_command, add_study, numbers_in, workers_of
+from positioner.cli.real_league import add_real_valves, refuse_without
+from positioner.cli.real_league import play as play_on_real_valves
+from positioner.errors import ExitCode
 from positioner.inputs.nearest import names_in
 from positioner.laws.registry import LAWS
 
@@ -23,8 +25,12 @@ examples:
   positioner league                                     every law, every plant, seeds 101 to 103, 1 kHz
   positioner league --short                             a part of it that takes about a minute
   positioner league --laws nmpc,paper --period 0.0001   at 10 kHz: about an hour on two cores
+  positioner league --real-valves                       valves with lags of 0 to 300 ms, and each goal: met or not
+  positioner league --real-valves --short --tau 5,50    a quick look at two lags
+  positioner league --real-valves --laws nmpc --plants paper --conditions told-dead-time-10
 
-An interrupted league continues where it stopped. The output directory then holds league.json, league.md and league.png.
+`nmpc-without-table` is nmpc that never uses its stiction table. An interrupted league continues where it stopped. The
+output directory then holds league.json, league.md and league.png, or real-valves.json and so on.
 """
 
 
@@ -41,10 +47,14 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--period", type=float, metavar="S", help="sample period (default: 0.001 s)")
     short = "other defaults: three laws, two plants, one seed, four dwells of 1 s"
     parser.add_argument("--short", action="store_true", help=short)
+    add_real_valves(parser)
     add_study(parser, Path("league"))
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
+    if arguments.real_valves:
+        return play_on_real_valves(arguments)
+    refuse_without(arguments)
     # matplotlib and the plant are needed here only
     from positioner.studies.conditions import reference_plant  # noqa: PLC0415
     from positioner.studies.league import play_league  # noqa: PLC0415
@@ -75,6 +85,7 @@ def _settings(arguments: argparse.Namespace) -> LeagueSettings:
         UsageError: a name is unknown, or a number cannot be read.
     """
     from positioner.studies.conditions import ALL_PLANTS, NOMINAL, PLANTS  # noqa: PLC0415
+    from positioner.studies.entrants import ENTRANTS  # noqa: PLC0415
     from positioner.studies.league import SETPOINTS_MM, LeagueSettings  # noqa: PLC0415
 
     settings = LeagueSettings(laws=tuple(LAWS), plants=PLANTS, seeds=(101, 102, 103))
@@ -88,24 +99,11 @@ def _settings(arguments: argparse.Namespace) -> LeagueSettings:
         )
     given: dict[str, Any] = {"dwell_s": arguments.dwell, "period_s": arguments.period}
     if arguments.laws:
-        given["laws"] = names_in("law", arguments.laws, tuple(LAWS))
+        given["laws"] = names_in("law", arguments.laws, ENTRANTS)
     if arguments.plants:
         given["plants"] = names_in("plant", arguments.plants, ALL_PLANTS)
     if arguments.seeds is not None:
-        given["seeds"] = tuple(dict.fromkeys(_whole("seed", seed) for seed in arguments.seeds.split(",")))
+        given["seeds"] = tuple(dict.fromkeys(int(seed) for seed in numbers_in("seed", arguments.seeds, whole=True)))
     if arguments.setpoints:
-        given["setpoints_mm"] = tuple(_number("setpoint", value) for value in arguments.setpoints.split(","))
+        given["setpoints_mm"] = numbers_in("setpoint", arguments.setpoints)
     return replace(settings, **{name: value for name, value in given.items() if value is not None})
-
-
-def _whole(name: str, text: str) -> int:
-    if not text.strip().isdecimal():
-        raise UsageError(f"{name} '{text}' is no whole number")
-    return int(text)
-
-
-def _number(name: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise UsageError(f"{name} '{text}' is no number") from None

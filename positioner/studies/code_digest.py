@@ -18,7 +18,7 @@ UNUSED_ROOMS = frozenset(("campaign", "cli", "conformance", "doctor", "host", "r
 """Rooms whose code no bout runs."""
 USED_MODULES = {
     "bench": frozenset(("columns", "configure", "inprocess", "metrics", "modes", "playable", "recording", "scenario")),
-    "studies": frozenset(("league",)),
+    "studies": frozenset(("bouts", "conditions", "direct", "entrants", "league", "tuned", "valves")),
 }
 """Modules that a bout runs, for each room of which it runs only some."""
 
@@ -28,7 +28,7 @@ def code_digest(law: str) -> str:
 
     def is_used(within: Path) -> bool:
         room = within.parts[0]
-        is_of_another_law = within.parent.name == "tuned" and within.stem != law.replace("-", "_")
+        is_of_another_law = "tuned" in within.parts[:-1] and within.stem != law.replace("-", "_")
         return (
             room not in UNUSED_ROOMS and within.stem in USED_MODULES.get(room, {within.stem}) and not is_of_another_law
         )

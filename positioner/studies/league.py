@@ -1,27 +1,23 @@
 """The league: every law on every plant with every seed, in process, on all cores, resumable. Shell.
 
 A bout is one law on one plant with one seed. It runs `run_in_process`: the daemon's own cycle with the daemon's own
-frames. Its result is stored in a file: a league that was interrupted continues where it stopped, and a bout is played
-again when its code has changed.
+frames.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from contextlib import closing
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
-
-from tqdm import tqdm
+from typing import TYPE_CHECKING
 
 from positioner.bench import metrics
 from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import Scenario, check_scenario
-from positioner.errors import writing
-from positioner.studies.code_digest import code_digest
+from positioner.studies.bouts import played
 from positioner.studies.conditions import check_setpoints
-from positioner.studies.pool import EVERY_CORE, spread_out
+from positioner.studies.entrants import entered
+from positioner.studies.pool import EVERY_CORE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -73,11 +69,16 @@ class Bout:
         return f"{self.law}-{self.plant}-{self.seed}-{hashlib.sha256(text).hexdigest()[:10]}"
 
     @property
+    def title(self) -> str:
+        """What the progress bar shows."""
+        return f"{self.law} on {self.plant}"
+
+    @property
     def scenario(self) -> Scenario:
         """The scenario of the bout."""
-        return Scenario(
+        scenario = Scenario(
             name=f"league-{self.plant}"[:40],
-            title=f"{self.law} on {self.plant}",
+            title=self.title,
             law=self.law,
             seed=self.seed,
             sample_period_s=self.period_s,
@@ -86,6 +87,7 @@ class Bout:
             dwell_s=self.dwell_s,
             plant={"preset": self.plant},
         )
+        return entered(scenario)
 
 
 def play(bout: Bout) -> tuple[metrics.DwellMetrics, ...]:
@@ -109,42 +111,4 @@ def play_league(
     bouts = tuple(settings.bouts())
     for bout in {bout.seed: bout for bout in bouts}.values():
         check_scenario(bout.scenario, "league")
-    code = {law: code_digest(law) for law in settings.laws}
-    with writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        return _resumed(bouts, folder, code, workers)
-
-
-def _resumed(
-    bouts: tuple[Bout, ...], folder: Path, code: dict[str, str], workers: Workers
-) -> dict[Bout, tuple[metrics.DwellMetrics, ...]]:
-    played: dict[Bout, tuple[metrics.DwellMetrics, ...]] = {}
-    for bout in bouts:
-        known = _stored(folder / f"{bout.key}.json", code[bout.law])
-        if known is not None:
-            played[bout] = known
-    missing = [bout for bout in bouts if bout not in played]
-    with (
-        tqdm(total=len(bouts), initial=len(played), unit=" bouts", disable=None) as bar,
-        closing(spread_out(play, missing, workers)) as results,
-    ):
-        for bout, dwells in results:
-            played[bout] = dwells
-            _store(folder / f"{bout.key}.json", code[bout.law], dwells)
-            bar.set_postfix_str(f"{bout.law} on {bout.plant}")
-            bar.update()
-    return {bout: played[bout] for bout in bouts}
-
-
-def _stored(path: Path, code: str) -> tuple[metrics.DwellMetrics, ...] | None:
-    try:
-        stored: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        if stored["code"] != code:
-            return None
-        return tuple(metrics.DwellMetrics(**dwell) for dwell in stored["dwells"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return None  # not played yet, or cut off while it was written
-
-
-def _store(path: Path, code: str, dwells: tuple[metrics.DwellMetrics, ...]) -> None:
-    path.write_text(json.dumps({"code": code, "dwells": [asdict(dwell) for dwell in dwells]}), encoding="utf-8")
+    return played(bouts, play, folder, workers)

@@ -1,0 +1,102 @@
+"""`positioner league --real-valves`: laws on valves whose actuator lags. Shell."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from positioner.cli.command import numbers_in, workers_of
+from positioner.errors import ExitCode, UsageError
+from positioner.inputs.nearest import names_in
+
+if TYPE_CHECKING:
+    import argparse
+
+    from positioner.studies.real_valves.bouts import RealLeagueSettings
+
+_ONLY_HERE = ("tau", "noise", "conditions")
+
+
+def add_real_valves(parser: argparse.ArgumentParser) -> None:
+    """Add `--real-valves` and its options."""
+    parser.add_argument("--real-valves", action="store_true", help="on valves whose actuator lags, parameters known")
+    parser.add_argument("--tau", metavar="MS,MS,…", help="real valves: lags (default: 0,2,5,10,20,50,100,300 ms)")
+    parser.add_argument("--noise", metavar="0.05,2", help="real valves: sensors, in %% of span and of reading")
+    parser.add_argument("--conditions", metavar="A,B,…", help="real valves: all, none, or names (default: all)")
+
+
+def refuse_without(arguments: argparse.Namespace) -> None:
+    """Refuse the options of real valves in another league.
+
+    Raises:
+        UsageError: one was given.
+    """
+    for name in _ONLY_HERE:
+        if getattr(arguments, name) is not None:
+            raise UsageError(f"--{name} needs --real-valves")
+
+
+def play(arguments: argparse.Namespace) -> ExitCode:
+    """Play the league on real valves, and write its files.
+
+    Raises:
+        UsageError: a name is unknown, or a number cannot be read.
+    """
+    from positioner.studies.real_valves.league import play_real_league  # noqa: PLC0415 - matplotlib and the plant
+    from positioner.studies.real_valves.report import RealReport, to_markdown, write_report  # noqa: PLC0415
+
+    settings = _settings(arguments)
+    results = play_real_league(settings, arguments.out / "bouts", workers_of(arguments))
+    report = RealReport(settings=settings, results=results)
+    write_report(arguments.out, report)
+    sys.stdout.write(to_markdown(report))
+    sys.stdout.write(f"\n{arguments.out}: real-valves.json, real-valves.md, real-valves.png\n")
+    return ExitCode.OK
+
+
+def _settings(arguments: argparse.Namespace) -> RealLeagueSettings:
+    from positioner.studies.entrants import ENTRANTS  # noqa: PLC0415 - the plant
+    from positioner.studies.real_valves.bouts import RIVALS, RealLeagueSettings  # noqa: PLC0415
+    from positioner.studies.real_valves.conditions import CONDITIONS  # noqa: PLC0415
+    from positioner.studies.real_valves.valves import GRAPHITE, LAGS_S, NOISES, PLANTS  # noqa: PLC0415
+
+    if arguments.setpoints:
+        raise UsageError("--setpoints does not go with --real-valves: they lie in the range of each plant")
+    plants, all_of_them = (*PLANTS, GRAPHITE), tuple(CONDITIONS)
+    settings = RealLeagueSettings(
+        laws=("nmpc", *RIVALS),
+        plants=plants,
+        lags_s=LAGS_S,
+        noises=tuple(NOISES),
+        seeds=(201, 202, 203),
+        conditions=all_of_them,
+    )
+    if arguments.short:
+        settings = replace(
+            settings,
+            laws=("nmpc", "two-move-retry"),
+            plants=PLANTS[:1],
+            lags_s=(0.0, 0.02),
+            noises=("0.05",),
+            seeds=(201,),
+            conditions=(),
+            setpoints=4,
+            dwell_s=2.0,
+        )
+    given: dict[str, Any] = {"dwell_s": arguments.dwell, "period_s": arguments.period}
+    if arguments.laws:
+        given["laws"] = names_in("law", arguments.laws, ENTRANTS)
+    if arguments.plants:
+        given["plants"] = names_in("plant", arguments.plants, plants)
+    if arguments.noise is not None:
+        given["noises"] = names_in("noise", arguments.noise, tuple(NOISES))
+    if arguments.tau is not None:
+        given["lags_s"] = tuple(dict.fromkeys(tau_ms / 1e3 for tau_ms in numbers_in("tau", arguments.tau)))
+    if arguments.seeds is not None:
+        given["seeds"] = tuple(dict.fromkeys(int(seed) for seed in numbers_in("seed", arguments.seeds, whole=True)))
+    if arguments.conditions is not None:
+        special = {"all": all_of_them, "none": ()}
+        named = special.get(arguments.conditions)
+        given["conditions"] = names_in("condition", arguments.conditions, all_of_them) if named is None else named
+    return replace(settings, **{name: value for name, value in given.items() if value is not None})

@@ -1,0 +1,1 @@
+"""The league on valves whose actuator lags, with parameters as an identification finds them."""

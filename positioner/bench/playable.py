@@ -32,6 +32,12 @@ def restartable_mm(
     return max(low, valve.travel_min_m) * 1e3, min(high, valve.travel_max_m) * 1e3
 
 
+def within_reach(settings: PlantSettings, parts: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the places in mm at `parts` (0 to 1) of the range from which the plant can be restarted both ways."""
+    low_mm, high_mm = restartable_mm(settings)
+    return tuple(round(low_mm + part * (high_mm - low_mm), 3) for part in parts)
+
+
 def setpoint_problems(
     setpoints_mm: Iterable[float],
     name: str,

@@ -25,6 +25,8 @@ examples:
   positioner league                                     every law, every plant, seeds 101 to 103, 1 kHz
   positioner league --short                             a part of it that takes about a minute
   positioner league --laws nmpc,paper --period 0.0001   at 10 kHz: about an hour on two cores
+  positioner league --laws nmpc --setpoints reach       setpoints where the real valve can go, not the believed one
+  positioner league --laws nmpc,nmpc-without-table --restart --plants stochastic
   positioner league --real-valves                       valves with lags of 0 to 300 ms, and each goal: met or not
   positioner league --real-valves --short --tau 5,50    a quick look at two lags
   positioner league --real-valves --laws nmpc --plants paper --conditions told-dead-time-10
@@ -32,6 +34,9 @@ examples:
 `nmpc-without-table` is nmpc that never uses its stiction table. An interrupted league continues where it stopped. The
 output directory then holds league.json, league.md and league.png, or real-valves.json and so on.
 """
+
+
+_IN_REACH = "reach"
 
 
 def add_parser(commands: Commands) -> None:
@@ -42,7 +47,14 @@ def add_parser(commands: Commands) -> None:
         "--plants", metavar="A,B,…", help="presets of the emulator (default: all variants of the nominal valve)"
     )
     parser.add_argument("--seeds", metavar="N,M,…", help="seeds (default: 101,102,103)")
-    parser.add_argument("--setpoints", metavar="MM,MM,…", help="setpoints in mm instead of the default eight")
+    parser.add_argument(
+        "--setpoints",
+        metavar="MM,MM,…",
+        help=f"setpoints in mm instead of the default eight; {_IN_REACH}: eight over the whole range of each plant",
+    )
+    parser.add_argument(
+        "--restart", action="store_true", help="judge each law after a restart, with the table it learned"
+    )
     parser.add_argument("--dwell", type=float, metavar="S", help="length of a dwell (default: 5 s)")
     parser.add_argument("--period", type=float, metavar="S", help="sample period (default: 0.001 s)")
     short = "other defaults: three laws, two plants, one seed, four dwells of 1 s"
@@ -64,7 +76,8 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     settings = _settings(arguments)
     played = play_league(settings, arguments.out / "bouts", workers_of(arguments))
     table = standings(played)
-    settle_s, rest_s = optimal_median_s(reference_plant(settings.plants), settings.setpoints_mm)
+    reference = reference_plant(settings.plants)
+    settle_s, rest_s = optimal_median_s(reference, settings.setpoints_of(reference))
     report = LeagueReport(
         settings=settings,
         summaries=summaries(table, settle_s),
@@ -97,13 +110,19 @@ def _settings(arguments: argparse.Namespace) -> LeagueSettings:
             setpoints_mm=SETPOINTS_MM[:4],
             dwell_s=1.0,
         )
-    given: dict[str, Any] = {"dwell_s": arguments.dwell, "period_s": arguments.period}
+    given: dict[str, Any] = {
+        "dwell_s": arguments.dwell,
+        "period_s": arguments.period,
+        "restarted": arguments.restart or None,
+    }
     if arguments.laws:
         given["laws"] = names_in("law", arguments.laws, ENTRANTS)
     if arguments.plants:
         given["plants"] = names_in("plant", arguments.plants, ALL_PLANTS)
     if arguments.seeds is not None:
         given["seeds"] = tuple(dict.fromkeys(int(seed) for seed in numbers_in("seed", arguments.seeds, whole=True)))
-    if arguments.setpoints:
+    if arguments.setpoints == _IN_REACH:
+        settings = replace(settings, setpoints_mm=None)
+    elif arguments.setpoints:
         given["setpoints_mm"] = numbers_in("setpoint", arguments.setpoints)
     return replace(settings, **{name: value for name, value in given.items() if value is not None})

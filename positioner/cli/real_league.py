@@ -57,10 +57,12 @@ def play(arguments: argparse.Namespace) -> ExitCode:
 
 def _settings(arguments: argparse.Namespace) -> RealLeagueSettings:
     from positioner.studies.entrants import ENTRANTS  # noqa: PLC0415 - the plant
-    from positioner.studies.real_valves.bouts import RIVALS, RealLeagueSettings  # noqa: PLC0415
+    from positioner.studies.real_valves.bouts import RIVALS, SEEDS, RealLeagueSettings  # noqa: PLC0415
     from positioner.studies.real_valves.conditions import CONDITIONS  # noqa: PLC0415
     from positioner.studies.real_valves.valves import GRAPHITE, LAGS_S, NOISES, PLANTS  # noqa: PLC0415
 
+    if arguments.restart:
+        raise UsageError("--restart does not go with --real-valves")
     if arguments.setpoints:
         raise UsageError("--setpoints does not go with --real-valves: they lie in the range of each plant")
     plants, all_of_them = (*PLANTS, GRAPHITE), tuple(CONDITIONS)
@@ -69,7 +71,7 @@ def _settings(arguments: argparse.Namespace) -> RealLeagueSettings:
         plants=plants,
         lags_s=LAGS_S,
         noises=tuple(NOISES),
-        seeds=(201, 202, 203),
+        seeds=SEEDS,
         conditions=all_of_them,
     )
     if arguments.short:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from plant_emulator.presets import plant_settings, preset_names
-from positioner.bench.playable import setpoint_problems
+from positioner.bench.playable import setpoint_problems, within_reach
 from positioner.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -26,6 +26,8 @@ PLANTS = (
     "stochastic",
     "noise-free",
 )
+_PLACES = (0.41, 0.95, 0.05, 0.6, 0.3, 0.9, 0.1, 0.75)
+"""Setpoints over the whole range from which a plant can be restarted, as parts of it."""
 ALL_PLANTS = preset_names()
 """The plants of the league and all others: other valves, and valves on which laws cannot be compared."""
 
@@ -33,6 +35,14 @@ ALL_PLANTS = preset_names()
 def reference_plant(plants: Sequence[str]) -> str:
     """Return the plant on which settling times are compared: the nominal one, else the first one played."""
     return NOMINAL if NOMINAL in plants else plants[0]
+
+
+def setpoints_in_reach(plant: str) -> tuple[float, ...]:
+    """Return eight setpoints in mm over the whole range from which this plant can be restarted both ways.
+
+    Much of it may lie where the nominal valve, which the laws believe in, could not be restarted.
+    """
+    return within_reach(plant_settings(plant), _PLACES)
 
 
 def check_setpoints(setpoints_mm: tuple[float, ...], plants: tuple[str, ...]) -> None:

@@ -15,7 +15,7 @@ from positioner.bench import metrics
 from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import Scenario, check_scenario
 from positioner.studies.bouts import played
-from positioner.studies.conditions import check_setpoints
+from positioner.studies.conditions import check_setpoints, setpoints_in_reach
 from positioner.studies.entrants import entered
 from positioner.studies.pool import EVERY_CORE
 
@@ -34,21 +34,31 @@ With three seeds, 24 dwells for each law on each plant.
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeagueSettings:
-    """The bouts: laws × plants × seeds, with these setpoints, dwell and sample period."""
+    """The bouts: laws × plants × seeds, with these setpoints, dwell and sample period.
+
+    setpoints_mm: None gives each plant its own, over the whole range from which it can be restarted.
+    restarted: each bout is played twice, and judged the second time: the law starts again, with the learned table.
+    """
 
     laws: tuple[str, ...]
     plants: tuple[str, ...]
     seeds: tuple[int, ...]
-    setpoints_mm: tuple[float, ...] = SETPOINTS_MM
+    setpoints_mm: tuple[float, ...] | None = SETPOINTS_MM
     dwell_s: float = 5.0
     period_s: float = 0.001
+    restarted: bool = False
+
+    def setpoints_of(self, plant: str) -> tuple[float, ...]:
+        """Return the setpoints of `plant` in mm."""
+        return setpoints_in_reach(plant) if self.setpoints_mm is None else self.setpoints_mm
 
     def bouts(self) -> Iterator[Bout]:
         """Yield every bout, the slow laws first, so that the cores end together."""
         for law in sorted(self.laws, key=lambda name: not name.startswith(("paper", "nmpc"))):
             for plant in self.plants:
                 for seed in self.seeds:
-                    yield Bout(law, plant, seed, self.setpoints_mm, self.dwell_s, self.period_s)
+                    setpoints_mm = self.setpoints_of(plant)
+                    yield Bout(law, plant, seed, setpoints_mm, self.dwell_s, self.period_s, self.restarted)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +71,7 @@ class Bout:
     setpoints_mm: tuple[float, ...]
     dwell_s: float
     period_s: float
+    restarted: bool = False
 
     @property
     def key(self) -> str:
@@ -93,7 +104,8 @@ class Bout:
 def play(bout: Bout) -> tuple[metrics.DwellMetrics, ...]:
     """Return the figures of every dwell of a bout."""
     scenario = bout.scenario
-    trace = run_in_process(scenario).recording.trace
+    table = run_in_process(scenario).table if bout.restarted else None
+    trace = run_in_process(scenario, table).recording.trace
     return metrics.dwell_metrics(trace, scenario.dwell_edges_s, configure(scenario).valve.span_m)
 
 
@@ -107,7 +119,8 @@ def play_league(
             limits.
         StateError: `folder` cannot be written.
     """
-    check_setpoints(settings.setpoints_mm, settings.plants)
+    for plant in settings.plants:
+        check_setpoints(settings.setpoints_of(plant), (plant,))
     bouts = tuple(settings.bouts())
     for bout in {bout.seed: bout for bout in bouts}.values():
         check_scenario(bout.scenario, "league")

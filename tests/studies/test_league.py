@@ -21,7 +21,7 @@ from positioner.bench.playable import restartable_mm
 from positioner.cli.main import main
 from positioner.errors import ConfigurationError, ExitCode
 from positioner.studies.code_digest import code_digest
-from positioner.studies.conditions import NOMINAL, PLANTS, check_setpoints, reference_plant
+from positioner.studies.conditions import NOMINAL, PLANTS, check_setpoints, reference_plant, setpoints_in_reach
 from positioner.studies.league import SETPOINTS_MM, Bout, LeagueSettings, play_league
 from positioner.studies.league_report import LeagueReport, to_markdown, write_report
 from positioner.studies.limit import optimal_move
@@ -325,3 +325,34 @@ def test_a_league_without_the_nominal_plant_compares_on_the_first_and_names_it(t
     arguments = ["--laws", "pi", "--plants", "spring-10", "--seeds", "1", "--setpoints", "80,73", "--dwell", "0.05"]
     assert main(["league", *arguments, "--out", str(tmp_path), "--workers", "1"]) == 0
     assert "| law | spring-10, % |" in (tmp_path / "league.md").read_text(encoding="utf-8")
+
+
+def test_setpoints_in_reach_go_where_the_real_valve_can_go_and_the_believed_one_cannot() -> None:
+    for plant in ("paper", "spring-20", "friction+20"):
+        check_setpoints(setpoints_in_reach(plant), (plant,))  # raises where one is not
+    low_mm, high_mm = restartable_mm(_NOMINAL)
+    beyond = [setpoint_mm for setpoint_mm in setpoints_in_reach("spring-20") if not low_mm < setpoint_mm < high_mm]
+    assert len(beyond) >= 3
+    assert max(beyond) > 112.0
+
+
+def test_after_a_restart_the_law_has_the_table_that_it_learned(tmp_path: Path) -> None:
+    command = [
+        "league",
+        "--laws",
+        "nmpc",
+        "--plants",
+        "friction-20",
+        "--seeds",
+        "1",
+        "--setpoints",
+        "reach",
+        "--dwell",
+        "0.3",
+    ]
+    assert main([*command, "--out", str(tmp_path / "first"), "--workers", "1"]) == 0
+    assert main([*command, "--restart", "--out", str(tmp_path / "again"), "--workers", "1"]) == 0
+    first, again = (json.loads((tmp_path / each / "league.json").read_text()) for each in ("first", "again"))
+    assert first["settings"]["setpoints_mm"] is None
+    assert (first["settings"]["restarted"], again["settings"]["restarted"]) == (False, True)
+    assert first["standings"][0]["travel_ratio"] != again["standings"][0]["travel_ratio"]

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 RIVALS = ("pi", "pi-deadband", "knocker", "constant-reinforcement", "two-move", "two-move-retry")
+SEEDS = (201, 202, 203)
+"""Seeds of this league; laws are never tuned on them."""
 LONG_LAG_S = 0.2
 LONG_DWELL_S = 20.0
 """Dwell at lags above `LONG_LAG_S`."""

@@ -1,6 +1,6 @@
 """Parameters of the rival laws at each lag: packaged results of `positioner tune --real-valves`. Shell: reads files.
 
-`two-move-retry` is not tuned: its moves last 70 ms and five time constants, by which the pressure has arrived.
+The moves of `two-move-retry` last 70 ms and five time constants, by which the pressure has arrived.
 """
 
 from __future__ import annotations
@@ -26,13 +26,12 @@ def rival_tables(law: str, lag_s: float, noise: str) -> dict[str, Any]:
     moves = {"move_s": round(_MOVE_S + _MOVE_LAGS * lag_s, 4), "back_off_m": 0.012}
     if law == "two-move":
         return {table_name(law): moves}
-    if law == "two-move-retry":
-        return {table_name(law): {"moves": moves, **_RETRY}}
     found = [entry for entry in _tuned(law) if entry["noise"] == noise]
-    if not found:
-        return {}
-    nearest = min(found, key=lambda entry: abs(float(entry["lag_s"]) - lag_s))
-    return {table_name(law): nearest[table_name(law)]}
+    nearest = min(found, key=lambda entry: abs(float(entry["lag_s"]) - lag_s), default={})
+    table = nearest.get(table_name(law), {})
+    if law == "two-move-retry":
+        table = {**_RETRY, **table, "moves": moves}
+    return {table_name(law): table} if table else {}
 
 
 @cache

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from plant_emulator.presets import plant_settings
-from positioner.bench.playable import restartable_mm
+from positioner.bench.playable import within_reach
 from positioner.inputs.toml_reader import laid_over
 from positioner.valve.parameters import ValveParameters
 
@@ -68,12 +68,6 @@ def lag_table(lag_s: float) -> dict[str, float]:
 def setpoints_mm(plant: str) -> tuple[float, ...]:
     """Return eight setpoints in mm: those of the league, at the same parts of the range of `plant`."""
     return within_reach(plant_settings(plant), _PLACES)
-
-
-def within_reach(settings: PlantSettings, parts: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the places in mm at `parts` (0 to 1) of the range from which the plant can be restarted both ways."""
-    low_mm, high_mm = restartable_mm(settings)
-    return tuple(round(low_mm + part * (high_mm - low_mm), 3) for part in parts)
 
 
 def told(settings: PlantSettings) -> dict[str, Any]:

@@ -7,6 +7,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from positioner.laws.nmpc.filter import AdaptiveFilter
+from positioner.laws.nmpc.lagged.law import LaggedLaw
+from positioner.laws.nmpc.lagged.valve import is_lagged, lagged_valve
 from positioner.laws.nmpc.law import NmpcLaw
 from positioner.laws.paper.law import PaperLaw
 from positioner.laws.rivals.knocker import Knocker, KnockerMemory
@@ -56,8 +58,10 @@ def _paper(name: str, parts: Ingredients, *, use_table: bool) -> PaperLaw:
     )
 
 
-def _nmpc(parts: Ingredients) -> NmpcLaw:
+def _nmpc(parts: Ingredients) -> NmpcLaw | LaggedLaw:
     settings, valve = parts.control.nmpc, parts.valve
+    if is_lagged(valve):
+        return _nmpc_lagged(parts)
     steps = settings.approach
     return NmpcLaw(
         name="nmpc",
@@ -72,6 +76,27 @@ def _nmpc(parts: Ingredients) -> NmpcLaw:
         command_delay_s=parts.control.command_delay_s,
         table_from_s=parts.control.table_from_s,
         table_cell_m=parts.control.table_cell_m,
+    )
+
+
+def _nmpc_lagged(parts: Ingredients) -> LaggedLaw:
+    control, guard = parts.control, parts.guard
+    constants = lagged_valve(
+        control.nmpc.lagged,
+        parts.valve,
+        control.sample_period_s,
+        control.command_delay_s,
+        guard.current_low_ma,
+        guard.current_high_ma,
+    )
+    return LaggedLaw(
+        name="nmpc",
+        valve=parts.valve,
+        settings=control.nmpc,
+        estimator=parts.estimator,
+        lagged=constants,
+        table_from_s=control.table_from_s,
+        table_cell_m=control.table_cell_m,
     )
 
 

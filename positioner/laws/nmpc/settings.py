@@ -8,6 +8,7 @@ from typing import Annotated
 from annotated_types import Interval
 
 from positioner.inputs.table import SettingsTable
+from positioner.laws.nmpc.lagged_settings import LaggedSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,3 +120,4 @@ class NmpcSettings(SettingsTable):
     adaptation: AdaptationSettings = field(default_factory=AdaptationSettings)
     breakaway: BreakawaySettings = field(default_factory=BreakawaySettings)
     watch: VerificationSettings = field(default_factory=VerificationSettings)
+    lagged: LaggedSettings = field(default_factory=LaggedSettings)

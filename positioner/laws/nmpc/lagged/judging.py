@@ -1,0 +1,52 @@
+"""What the end of a move teaches: its landing bias, or that it never happened. Pure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from positioner.values import replace
+
+if TYPE_CHECKING:
+    from positioner.laws.nmpc.lagged.belief import Belief
+    from positioner.laws.nmpc.lagged.memory import Attempt, LaggedMemory
+    from positioner.laws.nmpc.lagged.rest import LaggedRest
+    from positioner.laws.nmpc.lagged.valve import LaggedValve
+
+_HAPPENED = 0.25
+"""A stem that moved less than this part of the way has not been moved by the plan."""
+_MOST_OF_JUMP = 0.28
+"""Of the natural jump: the largest landing bias."""
+
+
+def judged(valve: LaggedValve, memory: LaggedMemory, rest: LaggedRest) -> LaggedMemory:
+    """Return the memory after the last move is judged by where the stem came to rest."""
+    attempt = memory.attempt
+    if attempt is None:
+        return memory
+    move = attempt.move
+    s, planned_m = move.direction, abs(move.target_m - move.origin_m)
+    moved_m = s * (rest.x - move.origin_m)
+    if moved_m < _HAPPENED * planned_m and planned_m > 3.0 * rest.sigma_m:
+        belief = _undone(valve, memory.belief, attempt)
+        drive = memory.drive
+        if belief.onsets.lag != memory.belief.onsets.lag:
+            drive = drive.with_lag(belief.onsets.lag / memory.belief.onsets.lag)
+        return replace(memory, belief=belief, drive=drive, attempt=None)
+    most_m = _MOST_OF_JUMP * valve.gap_n / valve.spring_n_per_m
+    error_m = min(max(s * (rest.x - move.target_m), -most_m), most_m)
+    change_m = valve.settings.bias_gain * error_m
+    biases = memory.belief.biases.changed(s, change_m, most_m, near=move.near)
+    return replace(memory, belief=replace(memory.belief, biases=biases), attempt=None)
+
+
+def _undone(valve: LaggedValve, belief: Belief, attempt: Attempt) -> Belief:
+    """Return the belief without the onset of a move that did not happen: F_s is above the force that was reached."""
+    move, before = attempt.move, attempt.before
+    x, s = move.origin_m, move.direction
+    believed_n = s * (before.spring_n_per_m * x - attempt.spring_n_per_m * x) + before.static_n
+    seen_n = attempt.spring_n_per_m * x + s * max(1.04 * attempt.peak_n, 1.01 * believed_n)
+    loose = before.loosened(0.01 * valve.spring_n_per_m, 0.03 * valve.static_n, 0.0)
+    doubt_n = 0.02 * before.static_n
+    onsets = loose.with_onset(x, s, 0.0, seen_n, doubt_n * doubt_n)
+    onsets = onsets.within(valve.spring_n_per_m, valve.static_n, valve.has_lag)
+    return replace(belief, onsets=onsets, doubt=min(1.3 * belief.doubt, 0.15), seen=0)

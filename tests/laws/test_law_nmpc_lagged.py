@@ -1,0 +1,59 @@
+"""The law `nmpc` on the emulated valve with actuator lag, in one process: short dwells, bands with two sides."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from positioner.bench.inprocess import configure
+from positioner.bench.metrics import Totals, totals
+from positioner.bench.scenario import Scenario
+from positioner.laws.nmpc.lagged.law import LaggedLaw
+from positioner.laws.nmpc.law import NmpcLaw
+from positioner.studies.direct import play_directly
+
+QUIET = {"noise_of_reading": 0.0, "noise_of_span": 0.0005}
+NOISY = {"noise_of_reading": 0.02, "noise_of_span": 0.0}
+
+
+def scenario(lag_s: float, noise: dict[str, float], dwell_s: float = 1.5, **valve: Any) -> Scenario:
+    lags = {"fill_time_constant_s": lag_s, "vent_time_constant_s": lag_s}
+    return Scenario(
+        name="lag",
+        title="actuator lag",
+        law="nmpc",
+        seed=7,
+        setpoints_mm=(73.0, 87.0, 80.0, 81.5),
+        dwell_s=dwell_s,
+        plant={"preset": "paper", "actuator": lags, "sensor": noise},
+        valve={"actuator": lags, **valve},
+        estimator=noise,
+    )
+
+
+def figures(lag_s: float, noise: dict[str, float], dwell_s: float = 1.5) -> Totals:
+    return totals(list(play_directly(scenario(lag_s, noise, dwell_s)))[1:])
+
+
+@pytest.mark.parametrize("lag_s", [0.002, 0.01, 0.05])
+def test_a_quiet_sensor_lets_it_hold_a_thousandth_of_the_span(lag_s: float) -> None:
+    found = figures(lag_s, QUIET)
+
+    assert 0.001 < found.mean_abs_error_pct < 0.1
+    assert found.unsettled_1pct == 0
+    assert found.limit_cycles == 0
+
+
+@pytest.mark.parametrize("lag_s", [0.02, 0.1])
+def test_a_sensor_with_two_percent_noise_lets_it_hold_three_thousandths(lag_s: float) -> None:
+    found = figures(lag_s, NOISY, dwell_s=2.5)
+
+    assert 0.01 < found.mean_abs_error_pct < 0.3
+    assert found.limit_cycles == 0
+
+
+def test_a_valve_without_lag_gets_the_law_of_the_quadratic_programme() -> None:
+    assert isinstance(configure(scenario(0.0, QUIET)).make_law(), NmpcLaw)
+    assert isinstance(configure(scenario(0.01, QUIET)).make_law(), LaggedLaw)
+    assert isinstance(configure(scenario(0.0, QUIET, sensor_time_constant_s=0.01)).make_law(), LaggedLaw)

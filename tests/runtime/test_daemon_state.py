@@ -99,6 +99,7 @@ def test_a_state_directory_that_becomes_a_file_is_reported_once_and_ends_in_a_st
     state = tmp_path / "state"
     with Loop(tmp_path, guard=AUTO) as loop:
         teach(loop)
+        wait_until_saved(loop)  # a rename in the middle of a commit is another error
         state.rename(tmp_path / "gone")
         state.write_text("not a directory", encoding="utf-8")
         teach(loop)

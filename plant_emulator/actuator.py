@@ -1,14 +1,15 @@
-"""I/P converter and diaphragm: loop current in, force on the stem out; eq. 10 with a dead time and a first-order lag.
+"""I/P converter and diaphragm: loop current in, force on the stem out; eq. 10 with a dead time and lags. Pure.
 
-Pure. The dead time is a queue of commands with the instants at which they take effect, so it is exact for any length
-of the steps.
+The dead time is a queue of commands with the instants at which they take effect, so it is exact for any length of the
+steps.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from plant_emulator.oscillator import PushingForce
+from plant_emulator.chamber import phases
+from plant_emulator.force import PushingForce
 from positioner.values import dataclass
 
 if TYPE_CHECKING:
@@ -34,34 +35,52 @@ class DelayLine:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Actuator:
-    """The pressure on the diaphragm, and the commands on their way to it."""
+    """The pressures on the diaphragm and behind the I/P converter, and the commands on their way to them."""
 
     pressure_pa: float
+    converter_pa: float
     line: DelayLine
 
 
 def initial_actuator(settings: PlantSettings, pressure_pa: float) -> Actuator:
     """Return an actuator that holds `pressure_pa`."""
-    return Actuator(pressure_pa=pressure_pa, line=DelayLine(pressure_pa / settings.valve.pressure_gain_pa_per_ma))
+    line = DelayLine(pressure_pa / settings.valve.pressure_gain_pa_per_ma)
+    return Actuator(pressure_pa=pressure_pa, converter_pa=pressure_pa, line=line)
 
 
 def held_actuator(settings: PlantSettings, current_ma: float) -> Actuator:
     """Return an actuator that has settled under `current_ma`."""
-    return Actuator(pressure_pa=settings.valve.pressure_gain_pa_per_ma * current_ma, line=DelayLine(current_ma))
+    pressure_pa = _commanded_pa(settings, current_ma)
+    return Actuator(pressure_pa=pressure_pa, converter_pa=pressure_pa, line=DelayLine(current_ma))
 
 
 def driven(
     settings: PlantSettings, actuator: Actuator, current_ma: float, start_s: float, duration_s: float
 ) -> tuple[Actuator, tuple[tuple[PushingForce, float], ...]]:
     """Return the actuator after `current_ma` was commanded for `duration_s`, and its forces: (force, seconds) each."""
-    valve, pressure_pa = settings.valve, actuator.pressure_pa
+    area_m2, pressure_pa, converter_pa = settings.valve.diaphragm_area_m2, actuator.pressure_pa, actuator.converter_pa
+    is_plain = settings.actuator.converter_time_constant_s == 0.0 and settings.actuator.slew_pa_per_s == 0.0
     line, stretches = commanded(actuator.line, settings.actuator.dead_time_s, current_ma, start_s, duration_s)
     forces = []
     for acting_ma, stretch_s in stretches:
-        force = _force(settings, pressure_pa, valve.pressure_gain_pa_per_ma * acting_ma)
-        pressure_pa = force.at(stretch_s) / valve.diaphragm_area_m2
-        forces.append((force, stretch_s))
-    return Actuator(pressure_pa=pressure_pa, line=line), tuple(forces)
+        target_pa = _commanded_pa(settings, acting_ma)
+        if is_plain:
+            force = _force(settings, pressure_pa, target_pa)
+            pressure_pa, converter_pa = force.at(stretch_s) / area_m2, target_pa
+            forces.append((force, stretch_s))
+            continue
+        passed, pressure_pa, converter_pa = phases(settings.actuator, pressure_pa, converter_pa, target_pa, stretch_s)
+        for phase in passed:
+            decays = tuple([(area_m2 * deviation, rate) for deviation, rate in phase.decays])
+            force = PushingForce(area_m2 * phase.final_pa, decays, area_m2 * phase.ramp_pa_per_s)
+            forces.append((force, phase.duration_s))
+    return Actuator(pressure_pa=pressure_pa, converter_pa=converter_pa, line=line), tuple(forces)
+
+
+def _commanded_pa(settings: PlantSettings, current_ma: float) -> float:
+    """Return the pressure that the I/P converter makes of `current_ma`, as far as its supply reaches."""
+    pressure_pa, supply_pa = settings.valve.pressure_gain_pa_per_ma * current_ma, settings.actuator.supply_pa
+    return min(pressure_pa, supply_pa) if supply_pa > 0.0 else pressure_pa
 
 
 def commanded(
@@ -94,4 +113,4 @@ def _force(settings: PlantSettings, pressure_pa: float, target_pa: float) -> Pus
     time_constant_s = actuator.fill_time_constant_s if filling else actuator.vent_time_constant_s
     if time_constant_s == 0.0 or target_pa == pressure_pa:
         return PushingForce(area_m2 * target_pa)
-    return PushingForce(area_m2 * target_pa, area_m2 * (pressure_pa - target_pa), 1.0 / time_constant_s)
+    return PushingForce(area_m2 * target_pa, ((area_m2 * (pressure_pa - target_pa), 1.0 / time_constant_s),))

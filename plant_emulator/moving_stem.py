@@ -12,14 +12,18 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from plant_emulator.constants import FORCE_MARGIN_N, Constants, located_n
+from plant_emulator.feedback import Feedback, after_motion, after_rest
 from plant_emulator.friction import CELL_WIDTH_M, Packing, after_crossing, after_stop
+from plant_emulator.path import Uniform
+from plant_emulator.roots import clear_time, first_event
 from plant_emulator.segment import Ending, Segment
 from plant_emulator.segments import break_away, coast, creep
 from plant_emulator.stem import Stem, pull_n, sliding_n
 from plant_emulator.stribeck import StribeckSlide
 
 if TYPE_CHECKING:
-    from plant_emulator.oscillator import PushingForce
+    from plant_emulator.force import PushingForce
+    from plant_emulator.parameters import SensorSettings
 
 
 _SETTLED_M_PER_S = 1e-10
@@ -28,18 +32,24 @@ _SETTLED_M_PER_S = 1e-10
 
 @dataclass(slots=True)
 class MovingStem:
-    """A stem and its packing while one step is computed; mutable."""
+    """A stem, its packing and its feedback while one step is computed; mutable.
+
+    feedback: None where the sensor shows the stem as it is.
+    """
 
     constants: Constants
     stem: Stem
     packing: Packing
+    feedback: Feedback | None = None
 
     def advance(self, force: PushingForce, duration_s: float) -> None:
         """Move for `duration_s` under `force`, from event to event."""
         left_s = duration_s
         while left_s > 0.0:
             stem = self.stem
-            if stem.direction == 0 and self._is_held(stem, force):
+            if stem.direction == 0 and self._is_held(stem, force, left_s):
+                if self.feedback is not None:
+                    self.feedback = after_rest(self._sensor, self.feedback, left_s)
                 return
             segment = self._segment(force, left_s)
             stem = self.stem
@@ -49,6 +59,9 @@ class MovingStem:
                 velocity_m_per_s=segment.velocity_m_per_s,
                 travel_m=stem.travel_m + abs(segment.position_m - stem.position_m),
             )
+            if self.feedback is not None:
+                sensor, end_m, seconds = self._sensor, segment.position_m, segment.duration_s
+                self.feedback = after_motion(sensor, self.feedback, segment.path, end_m, seconds)
             if segment.ending is Ending.BORDER:
                 self._reach_border()
             elif segment.ending is Ending.BALANCE:
@@ -58,11 +71,16 @@ class MovingStem:
             left_s -= segment.duration_s
             force = force.after(segment.duration_s)
 
-    def _is_held(self, stem: Stem, force: PushingForce) -> bool:
-        """Return whether `force` leaves this stem at rest, now and for ever; most steps end here."""
+    @property
+    def _sensor(self) -> SensorSettings:
+        return self.constants.settings.sensor
+
+    def _is_held(self, stem: Stem, force: PushingForce, left_s: float) -> bool:
+        """Return whether `force` surely leaves this stem at rest for `left_s`; most steps end here."""
         valve, static_n = self.constants.settings.valve, self.packing.static_n
-        pull = force.final_n - (valve.bench_set_n + valve.spring_rate_n_per_m * stem.position_m)
-        return -static_n <= pull <= static_n and -static_n <= pull + force.deviation_n <= static_n
+        balance_n = valve.bench_set_n + valve.spring_rate_n_per_m * stem.position_m
+        low_n, high_n = force.range_n(left_s)
+        return -static_n <= low_n - balance_n and high_n - balance_n <= static_n
 
     def _segment(self, force: PushingForce, left_s: float) -> Segment:
         """Return the next motion segment; its kind depends on the speed and on the pull."""
@@ -71,7 +89,7 @@ class MovingStem:
             return self._rest(force, left_s)
         pull = pull_n(self.constants.settings.valve, stem, force.at(0.0))
         if self._is_balanced(pull):
-            return Segment(0.0, stem.position_m, 0.0, Ending.BALANCE)
+            return Segment(0.0, stem.position_m, 0.0, Ending.BALANCE, Uniform(stem.position_m, 0.0))
         if abs(stem.velocity_m_per_s) > self.constants.band_m_per_s:
             return self._slide(force, left_s)
         return self._start(force, left_s, pull)
@@ -88,16 +106,18 @@ class MovingStem:
         balance_n = valve.bench_set_n + valve.spring_rate_n_per_m * position_m
         hold_n = max(self.packing.static_n, FORCE_MARGIN_N) + FORCE_MARGIN_N
         # a pull that falls to the limit may be located a little above it, and must not start the stem again
-        tolerance_n = located_n(force.slope(0.0))
+        tolerance_n = located_n(force.slope(0.0) if force.is_simple else force.slope_bound(0.0))
         up_n, down_n = balance_n + hold_n + max(0.0, -tolerance_n), balance_n - hold_n - max(0.0, tolerance_n)
-        up_s = force.time_above(up_n) if position_m < valve.travel_max_m else math.inf
-        down_s = force.time_below(down_n) if position_m > valve.travel_min_m else math.inf
-        slip_s = min(up_s, down_s)
-        if slip_s >= left_s:
-            return Segment(left_s, position_m, 0.0, Ending.OPEN)
+        if not force.is_simple:
+            up_n += tolerance_n
+        opens, closes = position_m < valve.travel_max_m, position_m > valve.travel_min_m
+        along, slip_s = _slip(force, up_n if opens else math.inf, down_n if closes else -math.inf, left_s)
+        path = Uniform(position_m, 0.0)
+        if along == 0:
+            return Segment(slip_s, position_m, 0.0, Ending.OPEN, path)
         self.stem = replace(self.stem, slips=self.stem.slips + self.constants.sticks)
-        self._turn(1 if up_s < down_s else -1)
-        return Segment(slip_s, position_m, 0.0, Ending.OPEN)
+        self._turn(along)
+        return Segment(slip_s, position_m, 0.0, Ending.OPEN, path)
 
     def _start(self, force: PushingForce, left_s: float, pull: float) -> Segment:
         """Return the segment inside the zero-speed band, or from its edge, of a stem that `pull` sets in motion."""
@@ -109,7 +129,7 @@ class MovingStem:
         if abs(stem.velocity_m_per_s) < band or along != stem.direction:
             return break_away(constants, stem, packing, force, left_s, border_m, direction=along)
         edge_n = sliding_n(valve, packing, band)
-        quickest_n_per_s = abs(force.slope(0.0)) + valve.spring_rate_n_per_m * band
+        quickest_n_per_s = force.slope_bound(0.0) + valve.spring_rate_n_per_m * band
         margin_n = max(FORCE_MARGIN_N, 2.0 * located_n(quickest_n_per_s))
         if not constants.sticks or abs(pull) > edge_n + 0.5 * margin_n:
             return self._slide(force, left_s)
@@ -158,3 +178,24 @@ class MovingStem:
     def _turn(self, direction: int) -> None:
         reversals = self.stem.reversals + (self.stem.last_direction == -direction)
         self.stem = replace(self.stem, direction=direction, last_direction=direction, reversals=reversals)
+
+
+def _slip(force: PushingForce, up_n: float, down_n: float, left_s: float) -> tuple[int, float]:
+    """Return +1 or -1 and the time in s at which `force` rises above `up_n` or falls below `down_n`.
+
+    If it does neither before `left_s`: 0, and a time up to which it does not.
+    """
+    if force.is_simple:
+        up_s, down_s = force.time_above(up_n), force.time_below(down_n)
+        if min(up_s, down_s) >= left_s:
+            return 0, left_s
+        return (1, up_s) if up_s < down_s else (-1, down_s)
+
+    def clear(t: float) -> float:
+        force_n, slope, bend = force.at(t), force.slope(t), force.bend_bound(t)
+        return min(clear_time(up_n - force_n, -slope, bend), clear_time(force_n - down_n, slope, bend))
+
+    slip_s, slips = first_event(clear, left_s)
+    if not slips:
+        return 0, slip_s
+    return (1 if up_n - force.at(slip_s) < force.at(slip_s) - down_n else -1), slip_s

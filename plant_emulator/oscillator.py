@@ -1,17 +1,22 @@
-"""Motion between two events, in closed form: a mass on a spring, damped, pushed by a settling pressure. Pure.
+"""Motion between two events, in closed form: a mass on a spring, damped, pushed by a changing pressure. Pure.
 
-    m·ẍ + c·ẋ + K·x = f_∞ + f_Δ·e^(-ρt)
+    m·ẍ + c·ẋ + K·x = f_∞ + r·t + Σ f_Δ·e^(-ρt)
 
-With y = x - f_∞/K, and y(0), v(0) the start, x = f_∞/K + y(0)·g₀ + v(0)·g₁ + (f_Δ/m)·φ: g₁ is the response to an
-impulse, g₀ to a displacement and φ to the exponential. φ is the divided difference of e^(λt) over the poles λ₁, λ₂ and
--ρ: it has a value at resonance, too, where the usual formula divides 0 by 0.
+With y = x - f_∞/K, and y(0), v(0) the start, x = f_∞/K + y(0)·g₀ + v(0)·g₁ + Σ (f_Δ/m)·φ_ρ + (r/K)·(t - g₁) -
+(r·c/K²)·(1 - g₀): g₁ is the response to an impulse, g₀ to a displacement and φ_ρ to the exponential. φ_ρ is the divided
+difference of e^(λt) over the poles λ₁, λ₂ and -ρ: it has a value at resonance, too, where the usual formula divides 0
+by 0.
+
+A sensor with a lag 1/σ shows ∫ σ·e^(-σ(t-t'))·x(t') dt'. That of g₁ is σ·φ_σ, that of φ_ρ is σ·(φ_ρ - φ_σ)/(σ - ρ).
 """
 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
-from positioner.values import dataclass
+if TYPE_CHECKING:
+    from plant_emulator.force import PushingForce
 
 _NEAR = 1e-6
 """Relative to K/m: below it, poles count as coincident. Rounding stays below 1e-11 m on either side."""
@@ -20,47 +25,8 @@ _NEAR = 1e-6
 _APART = 0.5
 """Half the difference of the poles times t: above it subtracting their exponentials loses no digits."""
 
-
-@dataclass(frozen=True, slots=True)
-class PushingForce:
-    """Force of the actuator pressure, final_n + deviation_n·e^(-rate_per_s·t)."""
-
-    final_n: float
-    deviation_n: float = 0.0
-    rate_per_s: float = 0.0
-
-    def at(self, time_s: float) -> float:
-        """Return the force in N, `time_s` from now."""
-        if self.deviation_n == 0.0:
-            return self.final_n
-        return self.final_n + self.deviation_n * math.exp(-self.rate_per_s * time_s)
-
-    def slope(self, time_s: float) -> float:
-        """Return the rate of change of the force in N/s, `time_s` from now."""
-        if self.deviation_n == 0.0:
-            return 0.0
-        return -self.rate_per_s * self.deviation_n * math.exp(-self.rate_per_s * time_s)
-
-    def time_above(self, bound_n: float) -> float:
-        """Return the time in s until the force is above `bound_n`; 0 when it is, infinite when it never will be."""
-        if self.final_n + self.deviation_n > bound_n:
-            return 0.0
-        return math.inf if self.final_n <= bound_n else self._time_at(bound_n)
-
-    def time_below(self, bound_n: float) -> float:
-        """Return the time in s until the force is below `bound_n`; 0 when it is, infinite when it never will be."""
-        if self.final_n + self.deviation_n < bound_n:
-            return 0.0
-        return math.inf if self.final_n >= bound_n else self._time_at(bound_n)
-
-    def _time_at(self, bound_n: float) -> float:
-        return math.log(self.deviation_n / (bound_n - self.final_n)) / self.rate_per_s
-
-    def after(self, time_s: float) -> PushingForce:
-        """Return the same force, with `time_s` from now as its new start."""
-        if self.deviation_n == 0.0:
-            return self
-        return PushingForce(self.final_n, self.deviation_n * math.exp(-self.rate_per_s * time_s), self.rate_per_s)
+_ALIKE = 1e-4
+"""Relative distance below which the lags of sensor and pressure coincide; only where both are a pole, too."""
 
 
 class Oscillator:
@@ -125,6 +91,23 @@ class Oscillator:
         spread = 2.0 * (mean + self.decay) ** 2 + 2.0 * self.square + (mean + rate) ** 2
         return math.exp(mean * t) * 0.5 * t * t * (1.0 + spread * t * t / 24.0)
 
+    def lagged_response(self, t: float, decay: float, rate: float, impulse: float, g0: float, g1: float) -> float:
+        """Return ∫ e^(-rate·(t-t'))·φ(t') dt' in s³ for the φ of `decay`; `impulse` is φ(t) for `rate`."""
+        distance = rate * rate - 2.0 * self.decay * rate + self.stiffness
+        if abs(distance) > _NEAR * self.stiffness:
+            # the equation of motion itself, integrated: only the exponentials of decay and rate remain
+            half = 0.5 * (rate - decay) * t
+            both = math.exp(-0.5 * (rate + decay) * t) * t * (math.sinh(half) / half if half else 1.0)
+            response = self.exponential_response(t, decay, g0, g1)
+            return (both - g1 + decay * response + (rate - 2.0 * self.decay) * response) / distance
+        if abs(rate - decay) > _ALIKE * rate:
+            return (self.exponential_response(t, decay, g0, g1) - impulse) / (rate - decay)
+        # all coincide: the mean of two neighbours, whose errors of first order cancel
+        above, below = decay * (1.0 + 2.0 * _ALIKE), decay * (1.0 - 2.0 * _ALIKE)
+        high = (self.exponential_response(t, above, g0, g1) - impulse) / (rate - above)
+        low = (self.exponential_response(t, below, g0, g1) - impulse) / (rate - below)
+        return 0.5 * (high + low)
+
 
 class Glide:
     """The motion under constant friction, from a start position and velocity."""
@@ -148,13 +131,37 @@ class Glide:
         g0, g1, g1_rate = oscillator.responses(t)
         position = self.rest + self.offset * g0 + self.velocity * g1
         velocity = self.velocity * g1_rate - oscillator.stiffness * self.offset * g1
-        if self.force.deviation_n:
-            rate = self.force.rate_per_s
-            gain = self.force.deviation_n / oscillator.mass
+        for deviation_n, rate in self.force.decays:
+            gain = deviation_n / oscillator.mass
             response = oscillator.exponential_response(t, rate, g0, g1)
             position += gain * response
             velocity += gain * (g1 - rate * response)
+        if self.force.ramp_n_per_s != 0.0:
+            drift = self.force.ramp_n_per_s / oscillator.spring
+            behind = drift * oscillator.damping / oscillator.spring
+            position += drift * (t - g1) - behind * (1.0 - g0)
+            velocity += drift * (1.0 - g1_rate) - behind * oscillator.stiffness * g1
         return position, velocity
+
+    def position(self, t: float) -> float:
+        """Return the position in m after `t` seconds."""
+        return self.at(t)[0]
+
+    def lagged(self, t: float, rate: float) -> float:
+        """Return what a sensor with the lag 1/`rate` shows of the motion after `t` seconds, in m; it began at 0."""
+        oscillator, force = self.oscillator, self.force
+        g0, g1, _ = oscillator.responses(t)
+        fading = math.exp(-rate * t)
+        impulse = oscillator.exponential_response(t, rate, g0, g1)
+        displaced = g0 - fading + oscillator.stiffness * impulse
+        shown = self.rest * (1.0 - fading) + self.offset * displaced + self.velocity * rate * impulse
+        for deviation_n, decay in force.decays:
+            shown += deviation_n / oscillator.mass * rate * oscillator.lagged_response(t, decay, rate, impulse, g0, g1)
+        if force.ramp_n_per_s != 0.0:
+            drift = force.ramp_n_per_s / oscillator.spring
+            behind = drift * oscillator.damping / oscillator.spring
+            shown += drift * (t - (1.0 - fading) / rate - rate * impulse) - behind * (1.0 - fading - displaced)
+        return shown
 
     def acceleration(self, t: float, position_m: float, velocity_m_per_s: float) -> float:
         """Return the acceleration in m/s² in the state that `at(t)` gave."""
@@ -171,26 +178,24 @@ class Glide:
     def jerk_bound(self, t: float, velocity_m_per_s: float, acceleration_m_per_s2: float, left_s: float) -> float:
         """Return an upper bound of the size of the jerk in m/s³, from `t` until `left_s` later."""
         swing = self._swing(t, velocity_m_per_s, acceleration_m_per_s2, left_s)
-        return (abs(self.force.slope(t)) + swing * self.oscillator.wildness) / self.oscillator.mass
+        return (self.force.slope_bound(t) + swing * self.oscillator.wildness) / self.oscillator.mass
 
     def snap_bound(self, t: float, velocity_m_per_s: float, acceleration_m_per_s2: float, left_s: float) -> float:
         """Return an upper bound of the size of the jerk's derivative in m/s⁴, from `t` until `left_s` later."""
         oscillator = self.oscillator
         swing = self._swing(t, velocity_m_per_s, acceleration_m_per_s2, left_s)
-        jerk_bound = (abs(self.force.slope(t)) + swing * oscillator.wildness) / oscillator.mass
+        jerk_bound = (self.force.slope_bound(t) + swing * oscillator.wildness) / oscillator.mass
         slowing = oscillator.spring * swing / math.sqrt(oscillator.mass) + oscillator.damping * jerk_bound
-        return (abs(self.force.slope(t)) * self.force.rate_per_s + slowing) / oscillator.mass
+        return (self.force.bend_bound(t) + slowing) / oscillator.mass
 
     def _swing(self, t: float, velocity_m_per_s: float, acceleration_m_per_s2: float, left_s: float) -> float:
         """Return a bound of W = √(m·a² + K·v²); only a change of the force makes it grow: dW/dt ≤ |df/dt|/√m.
 
         W bounds a and v, and by the Cauchy-Schwarz inequality K·v + c·a ≤ W·√(K + c²/m).
         """
-        oscillator, rate = self.oscillator, self.force.rate_per_s
+        oscillator = self.oscillator
         swing = math.sqrt(
             oscillator.mass * acceleration_m_per_s2 * acceleration_m_per_s2
             + oscillator.spring * velocity_m_per_s * velocity_m_per_s
         )
-        if not rate:
-            return swing
-        return swing + abs(self.force.slope(t)) * min(1.0 / rate, left_s) / math.sqrt(oscillator.mass)
+        return swing + self.force.change_bound(t, left_s) / math.sqrt(oscillator.mass)

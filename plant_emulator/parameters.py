@@ -70,19 +70,32 @@ class ValveSettings(SettingsTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActuatorSettings(SettingsTable):
-    """I/P converter and air line: dead time, then a first-order lag; all 0 is eq. 10 (P = K_p·u at once)."""
+    """I/P converter, air line and chamber; all 0 is eq. 10 (P = K_p·u at once).
+
+    The current passes the dead time and the supply limit, then the lag of the I/P converter, then that of the chamber.
+    """
 
     fill_time_constant_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 0.0
     """Lag while the pressure rises."""
     vent_time_constant_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 0.0
     """Lag while the pressure falls."""
     dead_time_s: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.0
+    converter_time_constant_s: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.0
+    """Lag of the I/P converter, before that of the chamber."""
+    slew_pa_per_s: Annotated[float, Interval(ge=0.0, le=1e9)] = 0.0
+    """Highest rate of the pressure in the chamber, up and down; 0 is no limit."""
+    supply_pa: Annotated[float, Interval(ge=0.0, le=2e6)] = 0.0
+    """Highest pressure of the I/P converter; 0 is no limit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorSettings(SettingsTable):
-    """Position sensor: Gaussian noise, then quantisation."""
+    """Position sensor: backlash of its linkage, its lag, Gaussian noise, then quantisation."""
 
+    backlash_m: Annotated[float, Interval(ge=0.0, le=0.1)] = 0.0
+    """Full width of the play between stem and sensor."""
+    time_constant_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 0.0
+    """First-order lag of the reading."""
     noise_of_reading: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0
     """Standard deviation as a fraction of the reading; the paper's "2 %" is 0.02."""
     noise_of_span: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0

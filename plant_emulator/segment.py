@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from enum import Enum, auto
+from typing import TYPE_CHECKING
 
 from positioner.values import dataclass
+
+if TYPE_CHECKING:
+    from plant_emulator.path import Path
 
 
 class Ending(Enum):
@@ -22,9 +26,10 @@ class Ending(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """Duration in s, position in m and velocity in m/s at the end, and the event that ended it."""
+    """Duration in s, position in m and velocity in m/s at the end, the event that ended it, and the way there."""
 
     duration_s: float
     position_m: float
     velocity_m_per_s: float
     ending: Ending
+    path: Path

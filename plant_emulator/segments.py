@@ -9,13 +9,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from plant_emulator.oscillator import Glide
+from plant_emulator.path import Uniform
 from plant_emulator.roots import TIME_TOLERANCE_S, clear_time, crossing, first_event
 from plant_emulator.segment import Ending, Segment
 
 if TYPE_CHECKING:
     from plant_emulator.constants import Constants
+    from plant_emulator.force import PushingForce
     from plant_emulator.friction import Packing
-    from plant_emulator.oscillator import PushingForce
     from plant_emulator.stem import Stem
 
 
@@ -38,7 +39,9 @@ def coast(
     end_x, end_v = glide.at(t)
     if direction * (end_x - border_m) >= 0.0:
         return _to_border(glide, t, border_m)
-    return Segment(t, end_x, direction * low, Ending.SPEED) if fell else Segment(t, end_x, end_v, Ending.OPEN)
+    if fell:
+        return Segment(t, end_x, direction * low, Ending.SPEED, glide)
+    return Segment(t, end_x, end_v, Ending.OPEN, glide)
 
 
 def break_away(
@@ -74,10 +77,10 @@ def break_away(
     if moving * (end_x - border_m) >= 0.0:
         return _to_border(glide, t, border_m)
     if not ended:
-        return Segment(t, end_x, end_v, Ending.OPEN)
+        return Segment(t, end_x, end_v, Ending.OPEN, glide)
     if clear(t)[0] < TIME_TOLERANCE_S:
-        return Segment(t, end_x, direction * level, Ending.SPEED)
-    return Segment(t, end_x, 0.0, Ending.BALANCE)
+        return Segment(t, end_x, direction * level, Ending.SPEED, glide)
+    return Segment(t, end_x, 0.0, Ending.BALANCE, glide)
 
 
 def creep(
@@ -97,7 +100,8 @@ def creep(
     """
     valve, x = constants.settings.valve, stem.position_m
     v = direction * constants.band_m_per_s
-    bend = abs(force.deviation_n) * force.rate_per_s**2
+    path = Uniform(x, v)
+    bend = force.bend_bound(0.0)
 
     def clear(t: float) -> tuple[float, float]:
         pull = direction * (force.at(t) - valve.bench_set_n - valve.spring_rate_n_per_m * (x + v * t))
@@ -106,13 +110,13 @@ def creep(
 
     t, ended = first_event(lambda instant: min(clear(instant)), horizon_s)
     if direction * (x + v * t - border_m) >= 0.0:
-        return Segment((border_m - x) / v, border_m, v, Ending.BORDER)
+        return Segment((border_m - x) / v, border_m, v, Ending.BORDER, path)
     if not ended:
-        return Segment(t, x + v * t, v, Ending.OPEN)
+        return Segment(t, x + v * t, v, Ending.OPEN, path)
     held = clear(t)[0] < TIME_TOLERANCE_S
-    return Segment(t, x + v * t, 0.0 if held else v, Ending.BALANCE if held else Ending.SPEED)
+    return Segment(t, x + v * t, 0.0 if held else v, Ending.BALANCE if held else Ending.SPEED, path)
 
 
 def _to_border(glide: Glide, latest_s: float, border_m: float) -> Segment:
     t = crossing(lambda instant: glide.at(instant)[0] - border_m, 0.0, latest_s)
-    return Segment(t, border_m, glide.at(t)[1], Ending.BORDER)
+    return Segment(t, border_m, glide.at(t)[1], Ending.BORDER, glide)

@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from plant_emulator.path import Knots
 from plant_emulator.roots import crossing
 from plant_emulator.segment import Ending, Segment
 from positioner.values import dataclass
 
 if TYPE_CHECKING:
-    from plant_emulator.oscillator import PushingForce
+    from plant_emulator.force import PushingForce
 
 _TOLERANCE_M_PER_S = 1e-12
 _RELATIVE_TOLERANCE = 1e-10
@@ -52,6 +53,7 @@ class StribeckSlide:
         A speed above `high` ends it, too, as OPEN: there the curve is flat and the closed form follows.
         """
         t, point = 0.0, _Point(x, v, self._acceleration(0.0, x, v), 0.0)
+        knots = [(0.0, x, v, point.a)]
         bend = self.drop_n / self.stribeck_velocity_m_per_s + self.viscous_n_s_per_m
         h = _FIRST_STEP / (bend / self.mass_kg + abs(point.a) / self.stribeck_velocity_m_per_s)
         while True:
@@ -66,17 +68,27 @@ class StribeckSlide:
                 # the speed starts at the bound, rises, and falls below it within the step: only the fall is an event
                 h *= 0.5
                 continue
-            event = self._event(t, point, h, trial, low, border_m)
+            event = self._event(t, point, h, trial, low, border_m, knots)
             if event is not None:
                 return event
             t, point = t + h, trial
+            knots.append((t, trial.x, trial.v, trial.a))
             if last:
-                return Segment(horizon_s, trial.x, trial.v, Ending.OPEN)
+                return Segment(horizon_s, trial.x, trial.v, Ending.OPEN, Knots(knots))
             if self.sign * trial.v >= high:
-                return Segment(t, trial.x, trial.v, Ending.OPEN)
+                return Segment(t, trial.x, trial.v, Ending.OPEN, Knots(knots))
             h *= min(5.0, 0.9 * (trial.error + 1e-5) ** -0.2)
 
-    def _event(self, t: float, start: _Point, h: float, end: _Point, low: float, border_m: float) -> Segment | None:
+    def _event(
+        self,
+        t: float,
+        start: _Point,
+        h: float,
+        end: _Point,
+        low: float,
+        border_m: float,
+        knots: list[tuple[float, float, float, float]],
+    ) -> Segment | None:
         """Return the segment up to the first event inside the step from `start` to `end`, or None."""
         sign, until = self.sign, h
         lowest_h, lowest = h, end
@@ -87,10 +99,16 @@ class StribeckSlide:
         if slow:
             until = crossing(lambda part: sign * self._step(t, start, part).v - low, 0.0, lowest_h)
             end = self._step(t, start, until)
-        if sign * (end.x - border_m) >= 0.0:
+        beyond = sign * (end.x - border_m) >= 0.0
+        if not (beyond or slow):
+            return None
+        if beyond:
             until = crossing(lambda part: self._step(t, start, part).x - border_m, 0.0, until)
-            return Segment(t + until, border_m, self._step(t, start, until).v, Ending.BORDER)
-        return Segment(t + until, end.x, sign * low, Ending.SPEED) if slow else None
+            end = self._step(t, start, until)
+        path = Knots([*knots, (t + until, end.x, end.v, end.a)])
+        if beyond:
+            return Segment(t + until, border_m, end.v, Ending.BORDER, path)
+        return Segment(t + until, end.x, sign * low, Ending.SPEED, path)
 
     def _acceleration(self, t: float, x: float, v: float) -> float:
         ratio = v / self.stribeck_velocity_m_per_s

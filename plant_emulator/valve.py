@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from plant_emulator import sensor
 from plant_emulator.actuator import Actuator, driven, held_actuator, initial_actuator
 from plant_emulator.constants import constants_of
+from plant_emulator.feedback import Feedback, is_direct
 from plant_emulator.friction import Packing, initial_packing
 from plant_emulator.moving_stem import MovingStem
 from plant_emulator.stem import Stem
@@ -31,18 +32,21 @@ class PlantState:
     packing: Packing
     actuator: Actuator
     sensor: Sensor
+    feedback: Feedback | None = None
+    """None where the sensor shows the stem as it is."""
 
 
 def initial_state(settings: PlantSettings, seed: int) -> PlantState:
     """Return a valve at rest at its initial position, with the pressure that balances its spring there."""
-    valve = settings.valve
-    push_n = valve.bench_set_n + valve.spring_rate_n_per_m * valve.initial_position_m
+    valve, position_m = settings.valve, settings.valve.initial_position_m
+    push_n = valve.bench_set_n + valve.spring_rate_n_per_m * position_m
     return PlantState(
         time_s=0.0,
-        stem=Stem(position_m=valve.initial_position_m),
+        stem=Stem(position_m=position_m),
         packing=initial_packing(settings, seed),
         actuator=initial_actuator(settings, push_n / valve.diaphragm_area_m2),
         sensor=sensor.Sensor(seed=seed),
+        feedback=None if is_direct(settings.sensor) else Feedback(position_m, position_m),
     )
 
 
@@ -54,18 +58,30 @@ def held_state(settings: PlantSettings, seed: int, current_ma: float) -> PlantSt
 def step(settings: PlantSettings, state: PlantState, current_ma: float, duration_s: float) -> PlantState:
     """Return the valve `duration_s` later, its loop current held at `current_ma` meanwhile."""
     actuator, forces = driven(settings, state.actuator, current_ma, state.time_s, duration_s)
-    moving = MovingStem(constants_of(settings), state.stem, state.packing)
+    moving = MovingStem(constants_of(settings), state.stem, state.packing, state.feedback)
     for force, stretch_s in forces:
         moving.advance(force, stretch_s)
-    time_s = state.time_s + duration_s
-    return PlantState(time_s=time_s, stem=moving.stem, packing=moving.packing, actuator=actuator, sensor=state.sensor)
+    return PlantState(
+        time_s=state.time_s + duration_s,
+        stem=moving.stem,
+        packing=moving.packing,
+        actuator=actuator,
+        sensor=state.sensor,
+        feedback=moving.feedback,
+    )
 
 
 def measure(settings: PlantSettings, state: PlantState) -> tuple[PlantState, float]:
     """Return the valve after its sensor took a sample, and the measured position in m."""
-    measured, position_m = sensor.measure(settings, state.sensor, state.stem.position_m, state.time_s)
+    shown_m = state.stem.position_m if state.feedback is None else state.feedback.shown_m
+    measured, position_m = sensor.measure(settings, state.sensor, shown_m, state.time_s)
     after = PlantState(
-        time_s=state.time_s, stem=state.stem, packing=state.packing, actuator=state.actuator, sensor=measured
+        time_s=state.time_s,
+        stem=state.stem,
+        packing=state.packing,
+        actuator=state.actuator,
+        sensor=measured,
+        feedback=state.feedback,
     )
     return after, position_m
 

@@ -2,53 +2,107 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from plant_emulator.oscillator import Glide, Oscillator, PushingForce
+from plant_emulator.force import PushingForce
+from plant_emulator.oscillator import Glide, Oscillator
 from plant_emulator.roots import clear_time, crossing, first_event
 
 MASS, SPRING = 1.361, 52538.0
 CRITICAL = 2.0 * math.sqrt(SPRING * MASS)
 
 
-def reference(damping: float, force: PushingForce, load: float, t: float) -> tuple[float, float]:
-    """Return x and v after `t` from x = 0.03, v = -0.4, by the exponential of the system with its force as a state."""
-    system = np.zeros((4, 4))
+def reference(
+    damping: float, force: PushingForce, load: float, t: float, sensor_rate: float = 1.0
+) -> tuple[float, float, float]:
+    """Return x, v and a lagging reading after `t`, by the exponential of the system with its force as states.
+
+    It starts at x = 0.03, v = -0.4, and the reading at 0.
+    """
+    count = 5 + len(force.decays)
+    system = np.zeros((count, count))
     system[0, 1] = 1.0
-    system[1] = [-SPRING / MASS, -damping / MASS, 1.0 / MASS, 1.0 / MASS]
-    system[2, 2] = -force.rate_per_s
-    end = expm(system * t) @ [0.03, -0.4, force.deviation_n, force.final_n - load]
-    return float(end[0]), float(end[1])
+    system[1, :2] = [-SPRING / MASS, -damping / MASS]
+    system[1, 2:] = 1.0 / MASS
+    system[1, 3] = 0.0
+    system[2, 4] = force.ramp_n_per_s
+    system[3, [0, 3]] = sensor_rate, -sensor_rate
+    start = [0.03, -0.4, force.final_n - load, 0.0, 1.0]
+    system[1, 4] = 0.0
+    for index, (deviation_n, rate) in enumerate(force.decays, start=5):
+        system[index, index] = -rate
+        start.append(deviation_n)
+    end = expm(system * t) @ start
+    return float(end[0]), float(end[1]), float(end[3])
 
 
-@pytest.mark.parametrize("damping", [0.0, 50.0, CRITICAL * (1 - 1e-9), CRITICAL, CRITICAL * (1 + 1e-4), 612.9, 70501.0])
-@pytest.mark.parametrize("rate", [0.0, 5.0, 115.3387, 335.0, 1e4, "slow", "fast", "beside", "mean", "near the mean"])
-def test_the_glide_is_the_matrix_exponential_of_the_motion(damping: float, rate: float | str) -> None:
-    oscillator = Oscillator(MASS, damping, SPRING)
-    resonances = {
+DAMPINGS = [0.0, 50.0, CRITICAL * (1 - 1e-9), CRITICAL, CRITICAL * (1 + 1e-4), 612.9, 70501.0]
+RATES = [0.0, 5.0, 115.3387, 335.0, 1e4, "slow", "fast", "beside", "mean", "near the mean"]
+
+
+def rate_of(name: float | str, oscillator: Oscillator) -> float:
+    if not isinstance(name, str):
+        return name
+    return {
         "slow": -oscillator.slow,
         "fast": -oscillator.fast,
         "beside": -oscillator.slow * (1 + 1e-9),
         "mean": oscillator.decay,
         "near the mean": oscillator.decay * (1 + 9e-4),
-    }
-    rate_per_s = resonances[rate] if isinstance(rate, str) else rate
-    force = PushingForce(3000.0, -1800.0 if rate_per_s else 0.0, rate_per_s)
+    }[name]
+
+
+@pytest.mark.parametrize("damping", DAMPINGS)
+@pytest.mark.parametrize("rate", RATES)
+def test_the_glide_is_the_matrix_exponential_of_the_motion(damping: float, rate: float | str) -> None:
+    oscillator = Oscillator(MASS, damping, SPRING)
+    rate_per_s = rate_of(rate, oscillator)
+    force = PushingForce(3000.0, ((-1800.0, rate_per_s),) if rate_per_s else ())
     glide = Glide(oscillator, 0.03, -0.4, force, 1423.0)
     for t in (1e-7, 1e-4, 2e-3, 0.012, 0.03):
         x, v = glide.at(t)
-        expected_x, expected_v = reference(damping, force, 1423.0, t)
+        expected_x, expected_v, _ = reference(damping, force, 1423.0, t)
         assert x == pytest.approx(expected_x, abs=1e-10)
         assert v == pytest.approx(expected_v, abs=2e-8)
 
 
+FORCES = [
+    PushingForce(3000.0),
+    PushingForce(3000.0, (), -40e3),
+    PushingForce(3000.0, ((-1800.0, 115.3387),)),
+    PushingForce(3000.0, ((-1800.0, 50.0), (700.0, 200.0))),
+    PushingForce(3000.0, ((-1800.0, 50.0), (700.0, 200.0)), 60e3),
+]
+
+
+@pytest.mark.parametrize("damping", DAMPINGS)
+@pytest.mark.parametrize("force", FORCES)
+@pytest.mark.parametrize("sensor", [50.0, 200.0, 115.3387, 2000.0, "slow", "fast", "beside", "mean", "near the mean"])
+def test_a_lagging_sensor_shows_the_matrix_exponential_of_motion_and_sensor(
+    damping: float, force: PushingForce, sensor: float | str
+) -> None:
+    oscillator = Oscillator(MASS, damping, SPRING)
+    rate = rate_of(sensor, oscillator)
+    if rate == 0.0:
+        return
+    glide = Glide(oscillator, 0.03, -0.4, force, 1423.0)
+    for t in (1e-7, 1e-4, 2e-3, 0.012, 0.03):
+        expected_x, expected_v, shown = reference(damping, force, 1423.0, t, rate)
+        x, v = glide.at(t)
+        assert x == pytest.approx(expected_x, abs=1e-10)
+        assert v == pytest.approx(expected_v, abs=2e-8)
+        assert glide.lagged(t, rate) == pytest.approx(shown, abs=1e-9)
+
+
 def test_jerk_and_snap_stay_within_their_bounds() -> None:
-    for damping in (0.0, 100.0, 612.9, 5000.0):
-        glide = Glide(Oscillator(MASS, damping, SPRING), 0.03, -0.4, PushingForce(3000.0, -1800.0, 90.0), 1423.0)
+    forces = (PushingForce(3000.0, ((-1800.0, 90.0),)), FORCES[-1])
+    for damping, force in itertools.product((0.0, 100.0, 612.9, 5000.0), forces):
+        glide = Glide(Oscillator(MASS, damping, SPRING), 0.03, -0.4, force, 1423.0)
         for t in (0.0, 0.004, 0.02):
             x, v = glide.at(t)
             a = glide.acceleration(t, x, v)
@@ -63,13 +117,13 @@ def test_jerk_and_snap_stay_within_their_bounds() -> None:
 
 
 def test_the_time_at_which_a_settling_force_passes_a_bound() -> None:
-    rising = PushingForce(100.0, -80.0, 10.0)
+    rising = PushingForce(100.0, ((-80.0, 10.0),))
     assert rising.time_above(60.0) == pytest.approx(math.log(2.0) / 10.0)
     assert rising.at(rising.time_above(60.0)) == pytest.approx(60.0)
     assert rising.time_above(100.0) == math.inf
     assert rising.time_above(19.0) == 0.0
     assert rising.time_below(30.0) == 0.0
-    falling = PushingForce(-100.0, 80.0, 10.0)
+    falling = PushingForce(-100.0, ((80.0, 10.0),))
     assert falling.time_below(-60.0) == pytest.approx(math.log(2.0) / 10.0)
     assert falling.time_below(-100.0) == math.inf
     assert rising.after(0.05).at(0.02) == pytest.approx(rising.at(0.07), rel=1e-14)

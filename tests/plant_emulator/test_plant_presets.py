@@ -22,7 +22,7 @@ def plant_of(text: str) -> PlantSettings:
 def test_the_presets_are_these_and_all_can_be_read() -> None:
     assert preset_names() == (
         "friction+10", "friction+20", "friction-10", "friction-20", "frictionless", "graphite", "noise-free", "paper",
-        "spring-10", "spring-20", "stochastic",
+        "spring+20", "spring-10", "spring-20", "stochastic",
     )  # fmt: skip
     for name in preset_names():
         assert plant_settings(name).preset == name
@@ -41,6 +41,7 @@ def test_the_paper_preset_is_table_3_and_equation_10() -> None:
 @pytest.mark.parametrize(
     ("name", "spring", "friction"),
     [
+        ("spring+20", 1.2, 1.0),
         ("spring-10", 0.9, 1.0),
         ("spring-20", 0.8, 1.0),
         ("friction+10", 1.0, 1.1),

@@ -7,7 +7,7 @@ import math
 import pytest
 from scipy.optimize import brentq
 
-from plant_emulator.oscillator import PushingForce
+from plant_emulator.force import PushingForce
 from plant_emulator.segment import Ending
 from plant_emulator.stribeck import StribeckSlide
 
@@ -16,7 +16,7 @@ RATE = 100.0
 
 def free(sign: int = 1) -> StribeckSlide:
     """Return the slide of a mass of 1 kg, which a decaying force first slows and a constant one then speeds up."""
-    force = PushingForce(sign * 1.0, -sign * 3.0, RATE)
+    force = PushingForce(sign * 1.0, ((-sign * 3.0, RATE),))
     return StribeckSlide(
         force=force, sign=sign, mass_kg=1.0, spring_n_per_m=1e-9, viscous_n_s_per_m=0.0, load_n=0.0, drop_n=0.0,
         stribeck_velocity_m_per_s=0.1,

@@ -16,7 +16,7 @@ from plant_emulator.presets import plant_settings, preset_names
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from plant_emulator.oscillator import PushingForce
+    from plant_emulator.force import PushingForce
     from plant_emulator.parameters import PlantSettings
     from plant_emulator.segment import Segment
     from plant_emulator.valve import PlantState

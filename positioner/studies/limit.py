@@ -2,6 +2,9 @@
 
 Full current towards the setpoint, then full current away from it; the instant of the change is found by
 bisection on the emulated plant itself, so that the stem comes to rest at the setpoint. No law can be faster.
+
+One change suffices with a lag, too: where the stem stops, the pressure must let it stick. Without lag it can be changed
+at once; on the nominal valve with a lag of 2 ms or more the full braking current leaves it inside the stick band.
 """
 
 from __future__ import annotations

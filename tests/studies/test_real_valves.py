@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import pairwise
 from statistics import median
 from typing import TYPE_CHECKING
@@ -78,9 +78,9 @@ def test_every_bout_can_be_played_by_a_law_that_knows_the_plant_or_is_told_other
         is_told = (
             own.spring_rate_n_per_m == known["spring_rate_n_per_m"]
             and own.static_friction_n == known["static_friction_n"]
-            and own.actuator.fill_time_constant_s == known["actuator"]["fill_time_constant_s"]
-            and own.actuator.vent_time_constant_s == known["actuator"]["vent_time_constant_s"]
-            and own.actuator.dead_time_s == known["actuator"]["dead_time_s"]
+            and own.sensor_time_constant_s == known["sensor_time_constant_s"]
+            and own.backlash_m == known["backlash_m"]
+            and asdict(own.actuator) == known["actuator"]
         )
         assert is_told != bout.condition.startswith(("untold", "no-lag-told")), bout.title
 

@@ -97,6 +97,14 @@ def _all() -> dict[str, Condition]:
         "untold-dead-time-1": _untold("a dead time of one sample, not told", _actuator(dead_time_s=0.001)),
         "told-dead-time-10": _told("dead time 10 ms", _actuator(dead_time_s=0.01), 0.06),
         "told-dead-time-30": _told("dead time 30 ms", _actuator(dead_time_s=0.03), 0.15),
+        "told-converter-5": _told("I/P lag 5 ms", _actuator(converter_time_constant_s=0.005), 0.06),
+        "told-converter-20": _told("I/P lag 20 ms", _actuator(converter_time_constant_s=0.02), 0.06),
+        "told-sensor-lag-2": _told("sensor lag 2 ms", _sensor(time_constant_s=0.002), 0.10),
+        "told-sensor-lag-20": _told("sensor lag 20 ms", _sensor(time_constant_s=0.02), 0.10),
+        # half the play is the error that no law can see
+        "told-backlash-0.1": _told("backlash 0.1 % of span", _sensor(backlash_m=0.000127), 0.10),
+        "told-backlash-0.5": _told("backlash 0.5 % of span", _sensor(backlash_m=0.000635), 0.30),
+        "told-slew-40": _told("slew limit 40 mA/s", _actuator(slew_pa_per_s=40.0 * 5171.06775), 0.06),
         "no-lag-told": Condition(
             text="no lag configured, true lag up to 2 ms",
             believed=_no_lag_told,

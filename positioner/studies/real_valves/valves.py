@@ -79,5 +79,9 @@ def told(settings: PlantSettings) -> dict[str, Any]:
         "fill_time_constant_s": actuator.fill_time_constant_s,
         "vent_time_constant_s": actuator.vent_time_constant_s,
         "dead_time_s": actuator.dead_time_s,
+        "converter_time_constant_s": actuator.converter_time_constant_s,
+        "slew_ma_per_s": actuator.slew_pa_per_s / valve.pressure_gain_pa_per_ma,
     }
+    table["sensor_time_constant_s"] = settings.sensor.time_constant_s
+    table["backlash_m"] = settings.sensor.backlash_m
     return table

@@ -21,6 +21,8 @@ class LaggedSettings(SettingsTable):
     certain_part: the stem is known well enough when σ of its average is below this part of the tolerance.
     spring_doubt, friction_doubt, lag_doubt: standard deviations of the configured K, F_s and lag, as parts of them.
     brake_share: distance of the braking pressure from the middle of the target's stick band, as a part of F_s.
+    brake_limit: the strongest braking, as a part of F_c: inside the stick band, or the valve would reverse.
+    brake_reserve: the share of the current's range, at each end, that a planned brake leaves unused.
     fastest_m_per_s: the cap of the speed.
     ramp_share: rise of the pressure while a slip is noticed, as a part of (F_s - F_c)/B, on the slowest ramp.
     ramp_reach: the fastest ramp is taken whose detectable jump is below this part of the error.
@@ -32,7 +34,7 @@ class LaggedSettings(SettingsTable):
     settle_s: time after a stop until the stem counts as resting.
     """
 
-    tolerance_of_span: Annotated[float, Interval(gt=0.0, le=0.1)] = 0.0012
+    tolerance_of_span: Annotated[float, Interval(gt=0.0, le=0.1)] = 0.0008
     tolerance_of_noise: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.3
     patience: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.12
     most_corrections: Annotated[int, Interval(ge=0, le=1000)] = 10
@@ -41,6 +43,8 @@ class LaggedSettings(SettingsTable):
     friction_doubt: Annotated[float, Interval(gt=0.0, le=0.5)] = 0.12
     lag_doubt: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.2
     brake_share: Annotated[float, Interval(ge=0.0, lt=1.0)] = 0.5
+    brake_limit: Annotated[float, Interval(ge=0.0, lt=1.0)] = 0.9
+    brake_reserve: Annotated[float, Interval(ge=0.0, lt=0.4)] = 0.2
     fastest_m_per_s: Annotated[float, Interval(gt=0.0, le=100.0)] = 1.0
     ramp_share: Annotated[float, Interval(gt=0.0, le=1.0)] = 0.12
     ramp_reach: Annotated[float, Interval(gt=0.0, le=1.0)] = 0.6

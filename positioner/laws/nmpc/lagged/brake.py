@@ -25,7 +25,9 @@ def stopping_current_ma(
     converter_ma: float,
     target_m: float,
     brake_ma: float,
+    hardest_ma: float,
     fastest_m_per_s: float,
+    reserve: float,
 ) -> float:
     """Return the current in mA for one sample of a stem at x (m) with v (m/s) that is to stop at `target_m`.
 
@@ -36,13 +38,16 @@ def stopping_current_ma(
         pressure_ma: the pressure on which the current begins to act.
         converter_ma: the output of the I/P converter then.
         target_m: where the stem is to stop.
-        brake_ma: the pressure that brakes it.
+        brake_ma: the pressure that is planned to brake it.
+        hardest_ma: the pressure that brakes it as hard as may be, where the plan was too late.
         fastest_m_per_s: cap of the speed.
+        reserve: share of the current's range that the planned brake leaves unused.
     """
     s, drive = slip.direction, slip.drive
+    slip = slip.with_drive(drive.with_reserve(reserve))
     drag_n = slip.sliding_n + slip.model.viscous_n_s_per_m * fastest_m_per_s
     cruise_ma = slip.model.pressure_ma(slip.spring_n_per_m * x + s * drag_n)
-    low = drive.command_ma(pressure_ma, converter_ma, brake_ma)
+    low = drive.command_ma(pressure_ma, converter_ma, hardest_ma)
     high = drive.command_ma(pressure_ma, converter_ma, cruise_ma)
     if s * (high - low) <= 0.0:
         return low

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from positioner.values import dataclass
+from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
     from positioner.valve.actuator import ActuatorParameters
@@ -56,6 +56,11 @@ class Drive:
             self.low_ma,
             self.high_ma,
         )
+
+    def with_reserve(self, share: float) -> Drive:
+        """Return the drive that leaves this share of the current's range unused at each end."""
+        reserve_ma = share * (self.high_ma - self.low_ma)
+        return replace(self, low_ma=self.low_ma + reserve_ma, high_ma=self.high_ma - reserve_ma)
 
     def step(self, pressure_ma: float, converter_ma: float, current_ma: float) -> tuple[float, float]:
         """Return pressure and converter output after one step of a sample under `current_ma`."""

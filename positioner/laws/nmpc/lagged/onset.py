@@ -104,7 +104,6 @@ class OnsetBank:
         current_ma: float,
         x: float,
         sigma_n: float,
-        force_n: float,
     ) -> OnsetBank:
         """Return the bank one sample later, in which `current_ma` acted on the pressure of `before`.
 
@@ -115,7 +114,6 @@ class OnsetBank:
             current_ma: what acted in it.
             x: where the stem stuck, in m.
             sigma_n: standard deviation of F_s.
-            force_n: the force on the stem at the end of the sample, in the direction of the move.
         """
         least_m = _STOPPED_OF_JUMP * (slip.static_n - slip.sliding_n) / slip.spring_n_per_m
         floor = min(self._most(), 0.0) - _REFUTED
@@ -140,46 +138,46 @@ class OnsetBank:
                 continue
             seen_m = sensor.after(each.moved_m, moved_m, each.seen_m)
             kept.append(Onset(moved_m, v, seen_m, each.static_n, each.static_n2, each.weight, each.evidence))
-        likely = 0.5 * (1.0 + math.erf((force_n - slip.static_n) / (sigma_n * _ROOT2)))
-        even = min(max((force_n / slip.static_n - _EVEN_FROM) / _EVEN_RANGE, 0.0), 1.0)
-        reached = max(self.reached, (1.0 - _EVEN_SHARE) * likely + _EVEN_SHARE * even)
-        weight = reached - self.reached
-        if weight > _LEAST_NEW and force_n > _LEAST_FORCE * slip.static_n:
-            fresh = self._fresh(slip, sensor, before, current_ma, x, force_n, weight)
-            if fresh is not None:
-                kept.append(fresh)
+        fresh, reached = self._fresh(slip, sensor, before, current_ma, x, sigma_n)
+        kept += fresh
         while len(kept) > _MOST_ONSETS:
             _merge_closest(kept)
         return OnsetBank(tuple(kept), reached)
 
     def _fresh(
-        self,
-        slip: Slip,
-        sensor: SensorLag,
-        before: Pipeline,
-        current_ma: float,
-        x: float,
-        force_n: float,
-        weight: float,
-    ) -> Onset | None:
-        """Return the hypothesis of a slip in the middle of the sample that has ended, None where it moves nothing."""
-        drive, gain = slip.drive, slip.model.gain_n_per_ma
-        end_ma, _ = drive.after(before.pressure_ma, before.converter_ma, current_ma)
-        rise_n = slip.direction * gain * (end_ma - before.pressure_ma)
-        force_n -= 0.5 * rise_n
-        own = Slip(
-            slip.model,
-            drive,
-            slip.direction,
-            slip.spring_n_per_m,
-            max(force_n, slip.sliding_n * _LEAST_RATIO),
-            min(slip.sliding_n, force_n / _LEAST_RATIO),
-        )
-        x_end, v = own.begun(x, 0.75 * end_ma + 0.25 * before.pressure_ma)
-        if v == 0.0:
-            return None
-        moved_m = x_end - x
-        return Onset(moved_m, v, sensor.after(0.0, moved_m, 0.0), force_n, rise_n * rise_n / 12.0, weight, 0.0)
+        self, slip: Slip, sensor: SensorLag, before: Pipeline, current_ma: float, x: float, sigma_n: float
+    ) -> tuple[list[Onset], float]:
+        """Return the hypotheses of a slip in the sample that has ended, and the prior probability up to its end.
+
+        The faster the force rises, the more parts of the sample have a hypothesis of their own.
+        """
+        s, period_s = slip.direction, slip.drive.period_s
+        begin_ma = before.pressure_ma
+        end_ma, _ = slip.drive.after(begin_ma, before.converter_ma, current_ma)
+        from_n = s * slip.model.net_n(begin_ma, slip.spring_n_per_m, x)
+        rise_n = s * slip.model.gain_n_per_ma * (end_ma - begin_ma)
+        parts = min(max(math.ceil(abs(rise_n) / (_RISE_PER_PART * slip.static_n)), 1), _MOST_PARTS)
+        fresh, reached = list[Onset](), self.reached
+        for part in range(parts):
+            share = (part + 0.5) / parts
+            force_n = from_n + rise_n * share
+            weight = _believed(from_n + rise_n * (part + 1) / parts, slip.static_n, sigma_n) - reached
+            if weight <= _LEAST_NEW or force_n < _LEAST_FORCE * slip.static_n:
+                continue
+            reached += weight
+            own = slip.with_sliding(min(slip.sliding_n, force_n / _LEAST_RATIO))
+            end_x, v = own.begun(x, begin_ma + share * (end_ma - begin_ma), end_ma, (1.0 - share) * period_s)
+            if v != 0.0:
+                seen_m, width_n = sensor.after(0.0, end_x - x, 0.0), rise_n / parts
+                fresh.append(Onset(end_x - x, v, seen_m, force_n, width_n * width_n / 12.0, weight, 0.0))
+        return fresh, reached
+
+
+def _believed(force_n: float, static_n: float, sigma_n: float) -> float:
+    """Return the probability that this force has freed the stem, before any reading."""
+    likely = 0.5 * (1.0 + math.erf((force_n - static_n) / (sigma_n * _ROOT2)))
+    even = min(max((force_n / static_n - _EVEN_FROM) / _EVEN_RANGE, 0.0), 1.0)
+    return (1.0 - _EVEN_SHARE) * likely + _EVEN_SHARE * even
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,6 +232,8 @@ _LEAST_NEW = 1e-7
 _EVEN_SHARE, _EVEN_FROM, _EVEN_RANGE = 0.1, 0.5, 1.1
 """This part of the prior is even, between 0.5 and 1.6 of the believed F_s: the belief may be wrong."""
 _LEAST_FORCE = 0.4
+_RISE_PER_PART, _MOST_PARTS = 0.04, 4
+"""A sample has one hypothesis for each such rise of the force, as a part of F_s, and so many at most."""
 _REFUTED = 18.0
 """A hypothesis that is less likely by this exponent is deleted."""
 _STOPPED_OF_JUMP = 0.25

@@ -42,9 +42,7 @@ def later(valve: LaggedValve, memory: LaggedMemory, ramp: Ramp, before: Pipeline
     belief, s = memory.belief, ramp.move.direction
     slip = valve.slip(belief, memory.drive, s)
     force_n = s * valve.model.net_n(after.pressure_ma, slip.spring_n_per_m, ramp.rest.x)
-    bank = ramp.bank.advanced(
-        slip, valve.sensor, before, after.acting_ma, ramp.rest.x, belief.doubt * slip.static_n, force_n
-    )
+    bank = ramp.bank.advanced(slip, valve.sensor, before, after.acting_ma, ramp.rest.x, belief.doubt * slip.static_n)
     rest = ramp.rest.later(valve.sensor, valve.period_s)
     beyond_s = ramp.beyond_s + valve.period_s if force_n > _MOST_OF_STATIC * slip.static_n else 0.0
     return replace(ramp, bank=bank, rest=rest, peak_n=max(ramp.peak_n, force_n), beyond_s=beyond_s)

@@ -83,6 +83,8 @@ def command(valve: LaggedValve, memory: LaggedMemory, slipping: Slipping) -> flo
     slip, s = _motion(valve, memory, slipping), move.direction
     brake_ma = valve.model.pressure_ma(slip.spring_n_per_m * move.aim_m - s * own.brake_share * slip.static_n)
     brake_ma = drive.limited(brake_ma)
+    hardest_n = slip.spring_n_per_m * move.aim_m - s * own.brake_limit * slip.sliding_n
+    hardest_ma = drive.limited(valve.model.pressure_ma(hardest_n))
     x, v, pipeline = slipping.state.x, slipping.state.v, memory.pipeline
     pressure_ma, converter_ma = pipeline.pressure_ma, pipeline.converter_ma
     stopped = False
@@ -93,4 +95,6 @@ def command(valve: LaggedValve, memory: LaggedMemory, slipping: Slipping) -> flo
             x, v, pressure_ma, converter_ma, stopped = slip.after(x, v, pressure_ma, converter_ma, current_ma)
     if stopped:
         return drive.command_ma(pressure_ma, converter_ma, brake_ma)
-    return stopping_current_ma(slip, x, v, pressure_ma, converter_ma, move.aim_m, brake_ma, own.fastest_m_per_s)
+    return stopping_current_ma(
+        slip, x, v, pressure_ma, converter_ma, move.aim_m, brake_ma, hardest_ma, own.fastest_m_per_s, own.brake_reserve
+    )

@@ -64,6 +64,10 @@ class Slip:
         """Return the slip with another F_c."""
         return Slip(self.model, self.drive, self.direction, self.spring_n_per_m, self.static_n, sliding_n)
 
+    def with_drive(self, drive: Drive) -> Slip:
+        """Return the slip with another actuator."""
+        return Slip(self.model, drive, self.direction, self.spring_n_per_m, self.static_n, self.sliding_n)
+
     def after(
         self, x: float, v: float, pressure_ma: float, converter_ma: float, current_ma: float
     ) -> tuple[float, float, float, float, bool]:
@@ -89,13 +93,17 @@ class Slip:
                 x += h * v
         return x, v, pressure_ma, converter_ma, stopped
 
-    def begun(self, x: float, pressure_ma: float) -> tuple[float, float]:
-        """Return x and v half a sample after the stem was freed at x, under an even pressure; v is 0 if it sticks."""
+    def begun(self, x: float, begin_ma: float, end_ma: float, duration_s: float) -> tuple[float, float]:
+        """Return x and v some time after the stem was freed at x, under a pressure that changes evenly.
+
+        v is 0 if the stem sticks at once.
+        """
         drive, model, s = self.drive, self.model, self.direction
         start_m, v = x, 0.0
-        h = 0.5 * drive.period_s / drive.steps
+        h = duration_s / drive.steps
         damping = 1.0 + h * model.viscous_n_s_per_m / model.mass_kg
-        for _ in range(drive.steps):
+        for step in range(drive.steps):
+            pressure_ma = begin_ma + (step + 0.5) / drive.steps * (end_ma - begin_ma)
             force_n = model.net_n(pressure_ma, self.spring_n_per_m, x) - s * self.sliding_n
             v = (v + h * force_n / model.mass_kg) / damping
             if s * v <= 0.0:

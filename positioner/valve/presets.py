@@ -28,9 +28,11 @@ REQUIRED = (
 )
 """The keys that a table without a preset must have; the others have usual values: no preload, and travel from 0."""
 
+_PAPER = {key: value for key, value in asdict(ValveParameters(id="paper")).items() if key != "id"}
+
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
-        "paper": {key: value for key, value in asdict(ValveParameters(id="paper")).items() if key != "id"},
+        "paper": _PAPER,
         "graphite": {
             "mass_kg": 1.361,
             "diaphragm_area_m2": 0.06452,
@@ -49,9 +51,13 @@ PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
             "backlash_m": 0.0,
             "actuator": asdict(ActuatorParameters(fill_time_constant_s=0.1, vent_time_constant_s=0.1)),
         },
+        "real-valve": {
+            **_PAPER,
+            "actuator": asdict(ActuatorParameters(fill_time_constant_s=0.05, vent_time_constant_s=0.05)),
+        },
     }
 )
-"""The paper's valve (Table 3), and a slow one with graphite packing."""
+"""The paper's valve (Table 3), a slow one with graphite packing, and the paper's with a lag of 50 ms."""
 
 
 def resolved(table: Mapping[str, Any]) -> dict[str, Any]:

@@ -37,7 +37,7 @@ def refused(scenario: Scenario) -> list[str]:
 
 @pytest.mark.parametrize("name", preset_names())
 def test_without_parameters_the_controller_has_those_of_the_valve_that_the_plant_is_a_variant_of(name: str) -> None:
-    own = "graphite" if name == "graphite" else "paper"
+    own = name if name in {"graphite", "real-valve"} else "paper"
     found = configure(replace(SCENARIO, plant={"preset": name}))
     actuator = ActuatorParameters(**PRESETS[own]["actuator"])
     assert found.valve == ValveParameters(id="bench", **{**PRESETS[own], "actuator": actuator})

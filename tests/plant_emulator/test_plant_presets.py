@@ -22,7 +22,7 @@ def plant_of(text: str) -> PlantSettings:
 def test_the_presets_are_these_and_all_can_be_read() -> None:
     assert preset_names() == (
         "friction+10", "friction+20", "friction-10", "friction-20", "frictionless", "graphite", "noise-free", "paper",
-        "spring+20", "spring-10", "spring-20", "stochastic",
+        "real-valve", "spring+20", "spring-10", "spring-20", "stochastic",
     )  # fmt: skip
     for name in preset_names():
         assert plant_settings(name).preset == name
@@ -72,6 +72,14 @@ def test_the_graphite_preset_is_slow_and_440_newtons_per_milliampere() -> None:
     assert settings.valve.diaphragm_area_m2 * settings.valve.pressure_gain_pa_per_ma == pytest.approx(440.0)
     assert settings.valve.span_m == 0.025
     assert settings.actuator.fill_time_constant_s == 0.1
+
+
+def test_the_real_valve_is_the_papers_with_a_lag_of_50_ms_a_better_sensor_and_measured_pressure() -> None:
+    settings = plant_settings("real-valve")
+    assert settings.valve == PAPER.valve
+    assert (settings.actuator.fill_time_constant_s, settings.actuator.vent_time_constant_s) == (0.05, 0.05)
+    assert (settings.sensor.noise_of_reading, settings.sensor.noise_of_span) == (0.0, 0.0005)
+    assert settings.sensor.reports_pressure
 
 
 def test_a_plant_file_replaces_values_of_its_preset() -> None:

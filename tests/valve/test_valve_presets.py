@@ -42,7 +42,7 @@ def test_check_refuses_an_id_alone_and_says_what_it_lacks(tmp_path: Path, capsys
     (line,) = capsys.readouterr().err.splitlines()
     assert line == (
         f"positioner: {path}: line 1: valve: lacks {', '.join(REQUIRED)}: give them, or name a valve with "
-        "`preset` (paper, graphite)"
+        "`preset` (paper, graphite, real-valve)"
     )
 
 
@@ -69,7 +69,7 @@ def test_a_lag_beside_a_preset_leaves_its_other_lags() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "hint"), [('"graphit"', "did you mean 'graphite'?"), ("3", "known: paper, graphite")]
+    ("given", "hint"), [('"graphit"', "did you mean 'graphite'?"), ("3", "known: paper, graphite, real-valve")]
 )
 def test_an_unknown_preset_is_refused_with_the_nearest_name(given: str, hint: str) -> None:
     (problem,) = problems_of(f'[valve]\nid = "v"\npreset = {given}\n')

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from plant_emulator import converter
 from plant_emulator.chamber import phases
+from plant_emulator.converter import Converted
 from plant_emulator.force import PushingForce
 from positioner.values import dataclass
 
@@ -39,19 +41,25 @@ class Actuator:
 
     pressure_pa: float
     converter_pa: float
+    converted: Converted
     line: DelayLine
 
 
 def initial_actuator(settings: PlantSettings, pressure_pa: float) -> Actuator:
     """Return an actuator that holds `pressure_pa`."""
-    line = DelayLine(pressure_pa / settings.valve.pressure_gain_pa_per_ma)
-    return Actuator(pressure_pa=pressure_pa, converter_pa=pressure_pa, line=line)
+    passed_ma = pressure_pa / settings.valve.pressure_gain_pa_per_ma
+    return _settled(pressure_pa, passed_ma, passed_ma - settings.actuator.offset_ma)
 
 
 def held_actuator(settings: PlantSettings, current_ma: float) -> Actuator:
     """Return an actuator that has settled under `current_ma`."""
-    pressure_pa = _commanded_pa(settings, current_ma)
-    return Actuator(pressure_pa=pressure_pa, converter_pa=pressure_pa, line=DelayLine(current_ma))
+    passed_ma = converter.shifted_ma(settings.actuator, current_ma)
+    return _settled(converter.pressure_pa(settings, passed_ma), passed_ma, current_ma)
+
+
+def _settled(pressure_pa: float, passed_ma: float, current_ma: float) -> Actuator:
+    converted, line = Converted(passed_ma, passed_ma), DelayLine(current_ma)
+    return Actuator(pressure_pa=pressure_pa, converter_pa=pressure_pa, converted=converted, line=line)
 
 
 def driven(
@@ -61,9 +69,10 @@ def driven(
     area_m2, pressure_pa, converter_pa = settings.valve.diaphragm_area_m2, actuator.pressure_pa, actuator.converter_pa
     is_plain = settings.actuator.converter_time_constant_s == 0.0 and settings.actuator.slew_pa_per_s == 0.0
     line, stretches = commanded(actuator.line, settings.actuator.dead_time_s, current_ma, start_s, duration_s)
-    forces = []
+    converted, forces = actuator.converted, []
     for acting_ma, stretch_s in stretches:
-        target_pa = _commanded_pa(settings, acting_ma)
+        converted = converter.converted(settings.actuator, converted, acting_ma)
+        target_pa = converter.pressure_pa(settings, converted.passed_ma)
         if is_plain:
             force = _force(settings, pressure_pa, target_pa)
             pressure_pa, converter_pa = force.at(stretch_s) / area_m2, target_pa
@@ -74,13 +83,8 @@ def driven(
             decays = tuple([(area_m2 * deviation, rate) for deviation, rate in phase.decays])
             force = PushingForce(area_m2 * phase.final_pa, decays, area_m2 * phase.ramp_pa_per_s)
             forces.append((force, phase.duration_s))
-    return Actuator(pressure_pa=pressure_pa, converter_pa=converter_pa, line=line), tuple(forces)
-
-
-def _commanded_pa(settings: PlantSettings, current_ma: float) -> float:
-    """Return the pressure that the I/P converter makes of `current_ma`, as far as its supply reaches."""
-    pressure_pa, supply_pa = settings.valve.pressure_gain_pa_per_ma * current_ma, settings.actuator.supply_pa
-    return min(pressure_pa, supply_pa) if supply_pa > 0.0 else pressure_pa
+    after = Actuator(pressure_pa=pressure_pa, converter_pa=converter_pa, converted=converted, line=line)
+    return after, tuple(forces)
 
 
 def commanded(

@@ -39,6 +39,10 @@ class Constants:
     """Mass and spring with F_v."""
     breaking: Oscillator
     """Mass and spring inside the zero-speed band, where eq. 3 has no F_v."""
+    spring_n_per_m: float
+    """Of the spring and the process together."""
+    preload_n: float
+    """Force against opening at position 0: bench set and process."""
     band_m_per_s: float
     """DV, or 0 without dry friction: a valve that cannot stick has no band."""
     flat_m_per_s: float
@@ -63,15 +67,18 @@ def constants_of(settings: PlantSettings) -> Constants:
 
 
 def _computed(settings: PlantSettings) -> Constants:
-    valve = settings.valve
+    valve, process = settings.valve, settings.process
+    spring_n_per_m = valve.spring_rate_n_per_m + process.gradient_n_per_m
     sticks = valve.static_friction_n > 0.0
     band = valve.stick_velocity_m_per_s if sticks else 0.0
-    oscillator = partial(Oscillator, mass_kg=valve.mass_kg, spring_n_per_m=valve.spring_rate_n_per_m)
+    oscillator = partial(Oscillator, mass_kg=valve.mass_kg, spring_n_per_m=spring_n_per_m)
     curved = valve.static_friction_n > valve.coulomb_friction_n
     return Constants(
         settings=settings,
         sliding=oscillator(damping_n_s_per_m=valve.viscous_friction_n_s_per_m),
         breaking=oscillator(damping_n_s_per_m=0.0),
+        spring_n_per_m=spring_n_per_m,
+        preload_n=valve.bench_set_n + process.force_n,
         band_m_per_s=band,
         flat_m_per_s=max(band, _FLAT * valve.stribeck_velocity_m_per_s) if curved else band,
         flat_again_m_per_s=max(band, _FLAT_AGAIN * valve.stribeck_velocity_m_per_s),

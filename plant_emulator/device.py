@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import field
 from typing import TYPE_CHECKING
 
-from plant_emulator import valve
+from plant_emulator import sensor, valve
 from plant_emulator.parameters import FailPosition, PlantSettings
 from positioner.values import dataclass, replace
 from positioner.wire.e2e import CounterCheck, Sequence
@@ -112,7 +112,7 @@ def advance(settings: PlantSettings, state: DeviceState, duration_s: float) -> D
     plant = state.plant
     held_ma = state.current_ma
     if held_ma is None:
-        held_ma = plant.actuator.pressure_pa / settings.valve.pressure_gain_pa_per_ma
+        held_ma = plant.actuator.pressure_pa / settings.valve.pressure_gain_pa_per_ma - settings.actuator.offset_ma
     alive_s = max(0.0, min(duration_s, state.commanded_s + settings.deadman_s - plant.time_s))
     if state.signal_failed:
         alive_s = 0.0
@@ -161,7 +161,8 @@ def publish(codec: Codec, settings: PlantSettings, state: DeviceState) -> tuple[
         codec.encode(StemPosition(measured_m, state.command_counter, quality), counter),
     )
     if settings.sensor.reports_pressure:
-        pressure_pa = min(max(plant.actuator.pressure_pa, 0.0), _PRESSURE_LIMIT_PA)
+        pressure_pa = sensor.pressure_pa(settings, plant.sensor, plant.actuator.pressure_pa)
+        pressure_pa = min(max(pressure_pa, 0.0), _PRESSURE_LIMIT_PA)
         frames = (codec.encode(ActuatorState(pressure_pa), counter), *frames)
     state = replace(state, plant=plant, position_counter=counter + 1)
     return state, frames

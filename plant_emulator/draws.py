@@ -18,6 +18,8 @@ class Stream(IntEnum):
 
     SENSOR_NOISE = 1
     FRICTION = 2
+    PROCESS = 3
+    PRESSURE_NOISE = 4
 
 
 def normal(seed: int, stream: Stream, index: int) -> float:

@@ -77,8 +77,8 @@ class MovingStem:
 
     def _is_held(self, stem: Stem, force: PushingForce, left_s: float) -> bool:
         """Return whether `force` surely leaves this stem at rest for `left_s`; most steps end here."""
-        valve, static_n = self.constants.settings.valve, self.packing.static_n
-        balance_n = valve.bench_set_n + valve.spring_rate_n_per_m * stem.position_m
+        static_n = self.packing.static_n
+        balance_n = self.constants.preload_n + self.constants.spring_n_per_m * stem.position_m
         low_n, high_n = force.range_n(left_s)
         return -static_n <= low_n - balance_n and high_n - balance_n <= static_n
 
@@ -87,7 +87,7 @@ class MovingStem:
         stem = self.stem
         if stem.is_at_rest:
             return self._rest(force, left_s)
-        pull = pull_n(self.constants.settings.valve, stem, force.at(0.0))
+        pull = pull_n(self.constants, stem, force.at(0.0))
         if self._is_balanced(pull):
             return Segment(0.0, stem.position_m, 0.0, Ending.BALANCE, Uniform(stem.position_m, 0.0))
         if abs(stem.velocity_m_per_s) > self.constants.band_m_per_s:
@@ -103,7 +103,7 @@ class MovingStem:
     def _rest(self, force: PushingForce, left_s: float) -> Segment:
         """Return the rest until the pressure overcomes static friction; the travel stops hold any force."""
         valve, position_m = self.constants.settings.valve, self.stem.position_m
-        balance_n = valve.bench_set_n + valve.spring_rate_n_per_m * position_m
+        balance_n = self.constants.preload_n + self.constants.spring_n_per_m * position_m
         hold_n = max(self.packing.static_n, FORCE_MARGIN_N) + FORCE_MARGIN_N
         # a pull that falls to the limit may be located a little above it, and must not start the stem again
         tolerance_n = located_n(force.slope(0.0) if force.is_simple else force.slope_bound(0.0))
@@ -129,7 +129,7 @@ class MovingStem:
         if abs(stem.velocity_m_per_s) < band or along != stem.direction:
             return break_away(constants, stem, packing, force, left_s, border_m, direction=along)
         edge_n = sliding_n(valve, packing, band)
-        quickest_n_per_s = force.slope_bound(0.0) + valve.spring_rate_n_per_m * band
+        quickest_n_per_s = force.slope_bound(0.0) + constants.spring_n_per_m * band
         margin_n = max(FORCE_MARGIN_N, 2.0 * located_n(quickest_n_per_s))
         if not constants.sticks or abs(pull) > edge_n + 0.5 * margin_n:
             return self._slide(force, left_s)
@@ -145,9 +145,9 @@ class MovingStem:
             force=force,
             sign=stem.direction,
             mass_kg=valve.mass_kg,
-            spring_n_per_m=valve.spring_rate_n_per_m,
+            spring_n_per_m=constants.spring_n_per_m,
             viscous_n_s_per_m=valve.viscous_friction_n_s_per_m,
-            load_n=valve.bench_set_n + stem.direction * packing.coulomb_n,
+            load_n=constants.preload_n + stem.direction * packing.coulomb_n,
             drop_n=packing.static_n - packing.coulomb_n,
             stribeck_velocity_m_per_s=valve.stribeck_velocity_m_per_s,
         )

@@ -14,6 +14,8 @@ from annotated_types import Interval
 
 from positioner.inputs.table import SettingsTable
 
+_LOWEST_RATE_N_PER_M = 100.0
+
 
 class FailPosition(StrEnum):
     """The place to which the emulated I/P converter takes the valve when no commands come."""
@@ -72,7 +74,8 @@ class ValveSettings(SettingsTable):
 class ActuatorSettings(SettingsTable):
     """I/P converter, air line and chamber; all 0 is eq. 10 (P = K_p·u at once).
 
-    The current passes the dead time and the supply limit, then the lag of the I/P converter, then that of the chamber.
+    The current passes the dead time, then the converter's offset, play, dead band, supply limit and lag, then the
+    chamber's slew limit and lag.
     """
 
     fill_time_constant_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 0.0
@@ -84,6 +87,12 @@ class ActuatorSettings(SettingsTable):
     """Lag of the I/P converter, before that of the chamber."""
     slew_pa_per_s: Annotated[float, Interval(ge=0.0, le=1e9)] = 0.0
     """Highest rate of the pressure in the chamber, up and down; 0 is no limit."""
+    offset_ma: Annotated[float, Interval(ge=-5.0, le=5.0)] = 0.0
+    """Added to the current by the I/P converter."""
+    hysteresis_ma: Annotated[float, Interval(ge=0.0, le=5.0)] = 0.0
+    """Full width of the play of the I/P converter."""
+    dead_band_ma: Annotated[float, Interval(ge=0.0, le=5.0)] = 0.0
+    """A change of the current by less than this does not pass the I/P converter."""
     supply_pa: Annotated[float, Interval(ge=0.0, le=2e6)] = 0.0
     """Highest pressure of the I/P converter; 0 is no limit."""
 
@@ -96,6 +105,8 @@ class SensorSettings(SettingsTable):
     """Full width of the play between stem and sensor."""
     time_constant_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 0.0
     """First-order lag of the reading."""
+    zero_m: Annotated[float, Interval(ge=-0.1, le=0.1)] = 0.0
+    """Shift of the zero: added to the reading."""
     noise_of_reading: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0
     """Standard deviation as a fraction of the reading; the paper's "2 %" is 0.02."""
     noise_of_span: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0
@@ -105,7 +116,23 @@ class SensorSettings(SettingsTable):
     resolution_m: Annotated[float, Interval(ge=0.0, le=0.01)] = 0.0
     """Step of the quantisation; 0 is none."""
     reports_pressure: bool = False
-    """Whether the plant has a pressure sensor, without noise, and sends ACTUATOR_STATE."""
+    """Whether the plant has a pressure sensor, and sends ACTUATOR_STATE."""
+    pressure_noise: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0
+    """Standard deviation of its white noise as a fraction of the reading."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProcessSettings(SettingsTable):
+    """Force of the process on the plug, against opening."""
+
+    force_n: Annotated[float, Interval(ge=-1e5, le=1e5)] = 0.0
+    """Constant part: the force at position 0."""
+    gradient_n_per_m: Annotated[float, Interval(ge=-1e7, le=1e7)] = 0.0
+    """Growth with the position; with the spring rate it must stay above 0."""
+    noise_n: Annotated[float, Interval(ge=0.0, le=1e5)] = 0.0
+    """Root mean square of the Gaussian noise."""
+    noise_bandwidth_hz: Annotated[float, Interval(ge=0.01, le=1e3)] = 10.0
+    """Corner frequency of the noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,6 +150,7 @@ class PlantSettings(SettingsTable):
     preset: str | None = None
     valve: ValveSettings
     actuator: ActuatorSettings = field(default_factory=ActuatorSettings)
+    process: ProcessSettings = field(default_factory=ProcessSettings)
     sensor: SensorSettings = field(default_factory=SensorSettings)
     stochastic: StochasticSettings = field(default_factory=StochasticSettings)
     fail_position: FailPosition = FailPosition.CLOSE
@@ -130,3 +158,13 @@ class PlantSettings(SettingsTable):
     """The current of `fail_position = "current"`."""
     deadman_s: Annotated[float, Interval(ge=0.001, le=60.0)] = 0.1
     """Age of the last command at which the valve goes to its `fail_position`."""
+
+    def __post_init__(self) -> None:
+        """Check the relation between the process and the spring.
+
+        Raises:
+            ValueError: the process pushes the stem away faster than the spring pulls it back.
+        """
+        if self.valve.spring_rate_n_per_m + self.process.gradient_n_per_m < _LOWEST_RATE_N_PER_M:
+            least = _LOWEST_RATE_N_PER_M - self.valve.spring_rate_n_per_m
+            raise ValueError(f"process.gradient_n_per_m must be at least {least:g}: else the spring holds no position")

@@ -14,6 +14,7 @@ from plant_emulator.constants import constants_of
 from plant_emulator.feedback import Feedback, is_direct
 from plant_emulator.friction import Packing, initial_packing
 from plant_emulator.moving_stem import MovingStem
+from plant_emulator.process import disturbed, initial_noise_n
 from plant_emulator.stem import Stem
 from plant_emulator.stem import friction_n as friction_on_stem_n
 from positioner.values import dataclass, replace
@@ -32,6 +33,8 @@ class PlantState:
     packing: Packing
     actuator: Actuator
     sensor: Sensor
+    disturbance_n: float = 0.0
+    """The noise of the process force."""
     feedback: Feedback | None = None
     """None where the sensor shows the stem as it is."""
 
@@ -39,13 +42,15 @@ class PlantState:
 def initial_state(settings: PlantSettings, seed: int) -> PlantState:
     """Return a valve at rest at its initial position, with the pressure that balances its spring there."""
     valve, position_m = settings.valve, settings.valve.initial_position_m
-    push_n = valve.bench_set_n + valve.spring_rate_n_per_m * position_m
+    constants = constants_of(settings)
+    push_n = constants.preload_n + constants.spring_n_per_m * position_m
     return PlantState(
         time_s=0.0,
         stem=Stem(position_m=position_m),
         packing=initial_packing(settings, seed),
         actuator=initial_actuator(settings, push_n / valve.diaphragm_area_m2),
         sensor=sensor.Sensor(seed=seed),
+        disturbance_n=initial_noise_n(settings.process, seed),
         feedback=None if is_direct(settings.sensor) else Feedback(position_m, position_m),
     )
 
@@ -58,6 +63,9 @@ def held_state(settings: PlantSettings, seed: int, current_ma: float) -> PlantSt
 def step(settings: PlantSettings, state: PlantState, current_ma: float, duration_s: float) -> PlantState:
     """Return the valve `duration_s` later, its loop current held at `current_ma` meanwhile."""
     actuator, forces = driven(settings, state.actuator, current_ma, state.time_s, duration_s)
+    disturbance_n = state.disturbance_n
+    if settings.process.noise_n > 0.0:
+        disturbance_n, forces = disturbed(settings.process, state.sensor.seed, disturbance_n, state.time_s, forces)
     moving = MovingStem(constants_of(settings), state.stem, state.packing, state.feedback)
     for force, stretch_s in forces:
         moving.advance(force, stretch_s)
@@ -67,6 +75,7 @@ def step(settings: PlantSettings, state: PlantState, current_ma: float, duration
         packing=moving.packing,
         actuator=actuator,
         sensor=state.sensor,
+        disturbance_n=disturbance_n,
         feedback=moving.feedback,
     )
 
@@ -81,6 +90,7 @@ def measure(settings: PlantSettings, state: PlantState) -> tuple[PlantState, flo
         packing=state.packing,
         actuator=state.actuator,
         sensor=measured,
+        disturbance_n=state.disturbance_n,
         feedback=state.feedback,
     )
     return after, position_m
@@ -88,5 +98,5 @@ def measure(settings: PlantSettings, state: PlantState) -> tuple[PlantState, flo
 
 def friction_n(settings: PlantSettings, state: PlantState) -> float:
     """Return the friction on the stem in N, positive against opening motion; at rest it is the pull, at most F_s."""
-    push_n = state.actuator.pressure_pa * settings.valve.diaphragm_area_m2
+    push_n = state.actuator.pressure_pa * settings.valve.diaphragm_area_m2 - state.disturbance_n
     return friction_on_stem_n(constants_of(settings), state.stem, state.packing, push_n)

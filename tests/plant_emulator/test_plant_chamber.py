@@ -10,10 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from plant_emulator import valve
 from plant_emulator.chamber import phases
 from plant_emulator.parameters import ActuatorSettings
-from plant_emulator.presets import plant_settings
 
 START_PA, TARGET_PA = 20e3, 60e3
 
@@ -142,12 +140,3 @@ def test_the_pressure_agrees_with_an_independent_integration(
         run = solve_ivp(rates, (0.0, duration_s), theirs, args=(target_pa,), rtol=1e-10, atol=1e-6, max_step=1e-3)
         theirs = (float(run.y[0, -1]), float(run.y[1, -1]))
         assert ours == pytest.approx(theirs, abs=0.05)
-
-
-def test_a_supply_limits_what_a_current_can_give() -> None:
-    plant = plant_settings("paper", "actuator.supply_pa = 60e3")
-    state = valve.step(plant, valve.initial_state(plant, 0), 20.0, 0.01)
-    assert state.actuator.pressure_pa == 60e3
-    assert valve.held_state(plant, 0, 20.0).actuator.pressure_pa == 60e3
-    gain = plant.valve.pressure_gain_pa_per_ma
-    assert valve.step(plant, state, 10.0, 0.01).actuator.pressure_pa == pytest.approx(10.0 * gain, rel=1e-14)

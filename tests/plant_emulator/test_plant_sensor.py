@@ -69,3 +69,20 @@ def test_a_seed_repeats_its_noise_and_another_does_not() -> None:
     first, again, other = (readings(settings, 0.08, seed) for seed in (3, 3, 4))
     assert (first == again).all()
     assert np.corrcoef(first, other)[0, 1] == pytest.approx(0.0, abs=4.0 / np.sqrt(COUNT))
+
+
+def test_a_shifted_zero_is_added_to_the_reading() -> None:
+    shifted = plant_settings("paper", "sensor.noise_of_reading = 0.0\nsensor.zero_m = -0.002")
+    assert sensor.measure(shifted, sensor.Sensor(seed=0), 0.05, 0.0)[1] == pytest.approx(0.048, rel=1e-14)
+
+
+def test_the_noise_of_the_pressure_is_white_a_fraction_of_the_reading_and_not_that_of_the_position() -> None:
+    settings = plant_settings("paper", "sensor.pressure_noise = 0.01")
+    state, pressures = sensor.Sensor(seed=1), []
+    for index in range(COUNT):
+        state, _ = sensor.measure(settings, state, 0.08, index * 0.001)
+        pressures.append(sensor.pressure_pa(settings, state, 5e4) / 5e4 - 1.0)
+    noise = np.array(pressures)
+    assert noise.std() == pytest.approx(0.01, rel=0.02)
+    assert np.corrcoef(noise[1:], noise[:-1])[0, 1] == pytest.approx(0.0, abs=4.0 / np.sqrt(COUNT))
+    assert np.corrcoef(noise, readings(settings, 0.08))[0, 1] == pytest.approx(0.0, abs=4.0 / np.sqrt(COUNT))

@@ -82,7 +82,7 @@ def test_a_stem_at_its_setpoint_is_held_in_the_middle_of_its_stick_band() -> Non
 
 def test_the_held_current_does_not_follow_the_noise() -> None:
     law = make_law()
-    memory, chance = rested(law), np.random.default_rng(1)
+    memory, chance = law.begin(0.08), np.random.default_rng(1)
     held = set()
     for noise in chance.normal(0.0, 1.6e-3, 500).tolist():
         memory, decision = cycle(law, memory, 0.08 + noise, 12.6, 0.08)

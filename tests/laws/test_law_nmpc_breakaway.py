@@ -117,6 +117,10 @@ def test_a_valve_without_friction_remembers_what_its_table_can_tell(friction_n: 
     assert 0.0 < sure.spring_n_per_m <= sigmas.spring_n_per_m
 
 
+NOISE_M2 = (SIGMA_M**2, SIGMA_M**2, SIGMA_M**2)
+"""Of a reading in an average, as an outlier is judged, and alone: white noise."""
+
+
 def verified(readings_at_m: float, count: int = 400) -> tuple[RestMonitor, Resting, Verification | None]:
     """Return the outcome of a move of 1 mm from 80 mm whose stem is then read at `readings_at_m`."""
     origin = FILTER.at_rest(0.08, (5e-5) ** 2, NOMINAL, SIGMAS)
@@ -124,7 +128,7 @@ def verified(readings_at_m: float, count: int = 400) -> tuple[RestMonitor, Resti
     state = RestMonitor(RATIO, verification=Verification(origin, 1.0, at_limit=True), landing=Landing(0.08, 0.081, 1.0))
     for _ in range(count):
         after = average(stem, readings_at_m, SIGMA_M**2)
-        state, stem, decided = verify(VerificationSettings(), state, stem, after, readings_at_m, SIGMA_M**2)
+        state, stem, decided = verify(VerificationSettings(), state, stem, after, readings_at_m, *NOISE_M2)
         if decided is not None:
             return state, stem, decided
     return state, stem, None
@@ -133,7 +137,7 @@ def verified(readings_at_m: float, count: int = 400) -> tuple[RestMonitor, Resti
 def test_a_push_that_freed_the_stem_lowers_static_friction_a_little() -> None:
     state, stem, decided = verified(0.081)
     assert decided is not None
-    assert state.ratio == pytest.approx(RATIO * (1.0 - VerificationSettings().ratio_fall))
+    assert state.ratio == pytest.approx(RATIO * (1.0 - VerificationSettings().ratio_fall), rel=1e-4)
     assert stem.x == pytest.approx(0.081)
     assert state.landing == Landing(0.08, 0.081, 1.0)
 
@@ -141,7 +145,8 @@ def test_a_push_that_freed_the_stem_lowers_static_friction_a_little() -> None:
 def test_a_push_that_failed_is_undone_and_raises_static_friction() -> None:
     state, stem, decided = verified(0.08)
     assert decided is not None
-    assert state.ratio == pytest.approx(RATIO * (1.0 + VerificationSettings().ratio_rise))
+    # by the part that the evidence of 4 leaves to "moved", which is the likelier one before any evidence
+    assert RATIO * 1.02 < state.ratio < RATIO * (1.0 + VerificationSettings().ratio_rise)
     assert stem.x == pytest.approx(0.08)
     assert astuple(stem.load) == pytest.approx(astuple(NOMINAL))
     assert state.landing is None
@@ -154,18 +159,19 @@ def test_a_move_too_small_to_tell_ends_without_a_lesson() -> None:
     state = RestMonitor(
         RATIO, verification=Verification(origin, 1.0, at_limit=True), landing=Landing(0.08, 0.0801, 1.0)
     )
-    state, _, decided = verify(VerificationSettings(), state, stem, stem, 0.08005, SIGMA_M**2)
+    state, _, decided = verify(VerificationSettings(), state, stem, stem, 0.08005, *NOISE_M2)
     assert decided is None
     assert (state.verification, state.landing) == (None, None)
-    assert state.ratio == RATIO
+    assert state.ratio == pytest.approx(RATIO, rel=1e-3)
 
 
 def test_static_friction_rises_no_further_than_it_may() -> None:
     origin, stem = (FILTER.at_rest(x, 1e-8, NOMINAL, SIGMAS) for x in (0.08, 0.09))
     for ratio in (VerificationSettings().ratio_most, 5.0):
         state = RestMonitor(ratio, verification=Verification(origin, 1.0, at_limit=True))
-        state, _, decided = verify(VerificationSettings(), state, stem, stem, 0.08, SIGMA_M**2)
-        assert decided is not None
+        decided = None
+        while decided is None:
+            state, _, decided = verify(VerificationSettings(), state, stem, stem, 0.08, *NOISE_M2)
         assert state.ratio == ratio
 
 
@@ -203,3 +209,12 @@ def test_a_stop_that_the_model_saw_elsewhere_is_no_landing(stop_m: float, planne
     there = FILTER.at_rest(stop_m, 1e-8, NOMINAL, SIGMAS)
     assert there.sigma_m == pytest.approx(2.2e-4, abs=1e-5)
     assert Landing(0.08, 0.081, 1.0).is_planned(there) is planned
+
+
+def test_one_outlier_decides_nothing() -> None:
+    origin, stem = (FILTER.at_rest(x, 1e-8, NOMINAL, SIGMAS) for x in (0.08, 0.081))
+    state = RestMonitor(RATIO, verification=Verification(origin, 1.0, at_limit=True))
+    state, _, decided = verify(VerificationSettings(), state, stem, stem, 0.06, *NOISE_M2)
+    assert decided is None
+    assert state.verification is not None
+    assert abs(state.verification.evidence) < 0.5

@@ -161,8 +161,39 @@ def spread_of(rest: Resting) -> Load:
     return Load(math.sqrt(p.kk), math.sqrt(p.ff), math.sqrt(p.cc))
 
 
+def believed_m(x: float, variance_m2: float, measured_m: float, noise_m2: float) -> float:
+    """Return the reading in m, at most as far from x as a reading with `noise_m2` can be: outliers have less weight."""
+    reach_m = _FARTHEST * math.sqrt(variance_m2 + noise_m2)
+    return min(max(measured_m, x - reach_m), x + reach_m)
+
+
+_FARTHEST = 4.0
+"""In standard deviations."""
+
+
+def as_one_more_m2(rest: Resting, variance_m2: float, hidden_m2: float) -> float:
+    """Return the variance of the next reading of a rest, for an average that stays uncertain by `hidden_m2`.
+
+    The average of n readings has the variance V/n + H. What the readings of this rest have told so far gives n.
+    """
+    if hidden_m2 == 0.0:
+        return variance_m2
+    told = 1.0 / rest.variance_m2 - 1.0 / rest.anchor.covariance.xx
+    left = 1.0 - told * hidden_m2
+    if left < _NOTHING_MORE:
+        return math.inf
+    count = max(told, 0.0) * variance_m2 / left
+    return (variance_m2 + count * hidden_m2) * (variance_m2 + (count + 1.0) * hidden_m2) / variance_m2
+
+
+_NOTHING_MORE = 1e-3
+"""Where this part of the information is left, no further reading tells anything."""
+
+
 def average(rest: Resting, measured_m: float, variance_m2: float) -> Resting:
     """Return the estimate after one more reading of a resting stem."""
+    if variance_m2 == math.inf:
+        return rest
     gain = rest.variance_m2 / (rest.variance_m2 + variance_m2)
     x = rest.x + gain * (measured_m - rest.x)
     return Resting(x, (1.0 - gain) * rest.variance_m2, rest.anchor, rest.slopes)

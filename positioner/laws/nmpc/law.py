@@ -18,11 +18,11 @@ from positioner.laws.estimator_settings import measurement_sigma_m
 from positioner.laws.law import Decision
 from positioner.laws.move_reason import MoveReason
 from positioner.laws.nmpc.breakaway import breakaway, load_from_table
-from positioner.laws.nmpc.filter import Resting, Sliding, average
+from positioner.laws.nmpc.filter import Resting, Sliding, as_one_more_m2, average, believed_m
 from positioner.laws.nmpc.landing import Landing, landing_bias_m
 from positioner.laws.nmpc.late_push import is_push_late, without_move
 from positioner.laws.nmpc.memory import NmpcMemory, report
-from positioner.laws.nmpc.move import Move
+from positioner.laws.nmpc.move import move_of
 from positioner.laws.nmpc.plan import plan_move
 from positioner.laws.nmpc.rest import update_at_rest
 from positioner.laws.nmpc.verification import RestMonitor, Verification
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from positioner.laws.estimator_settings import EstimatorSettings
     from positioner.laws.law import Estimate, Observation
     from positioner.laws.nmpc.filter import AdaptiveFilter
+    from positioner.laws.nmpc.move import Move
     from positioner.laws.nmpc.settings import NmpcSettings
     from positioner.optimization.qp import Solver
     from positioner.valve.parameters import ValveParameters
@@ -74,16 +75,25 @@ class NmpcLaw:
     def estimate(self, memory: NmpcMemory, observation: Observation) -> tuple[NmpcMemory, Estimate]:
         """Return the memory and the stem after this cycle's reading: a Kalman filter in motion, an average at rest."""
         stem = memory.stem
-        sigma_m = measurement_sigma_m(self.estimator, self.valve, stem.x)
-        variance_m2 = max(memory.monitor.noise.largest, _LEAST_NOISE) * sigma_m * sigma_m
+        # the place where a rest began: readings of one rest are compared in one unit
+        place_m = stem.anchor.x if isinstance(stem, Resting) else stem.x
+        sigma_m = measurement_sigma_m(self.estimator, self.valve, place_m)
+        monitor, measured_m = memory.monitor, observation.measured_m
+        variance_m2 = max(monitor.noise.averaged, _LEAST_NOISE) * sigma_m * sigma_m
+        noise_m2 = monitor.noise.of_reading * sigma_m * sigma_m
+        if monitor.resolution.last_m is None:
+            variance_m2 = noise_m2  # nothing came before the first reading that it could remember
+        hidden_m2 = monitor.resolution.hidden_m2(noise_m2)
+        memory = replace(memory, monitor=replace(monitor, resolution=monitor.resolution.followed_by(measured_m)))
         if isinstance(stem, Sliding):
             if self.command_delay_s and is_push_late(memory, stem, observation):
                 return without_move(memory, observation, variance_m2)
-            return self._track(memory, stem, observation, variance_m2)
+            return self._track(memory, stem, observation, variance_m2 + hidden_m2, noise_m2 + hidden_m2)
         if memory.motion is Motion.REST:
             own, cell_m = self.settings, self.table_cell_m
             return update_at_rest(own, self.filter, cell_m, memory, stem, observation, variance_m2, sigma_m)
-        after = average(stem, observation.measured_m, variance_m2)
+        variance_m2 = as_one_more_m2(stem, variance_m2, hidden_m2)
+        after = average(stem, believed_m(stem.x, stem.variance_m2, measured_m, noise_m2 + hidden_m2), variance_m2)
         left_s = memory.settle_s - observation.elapsed_s
         motion = Motion.SETTLE if left_s > _INSTANT_S else Motion.REST
         return replace(memory, stem=after, settle_s=left_s, motion=motion), report(after)
@@ -99,7 +109,7 @@ class NmpcLaw:
         if observation.setpoint_m != memory.setpoint_m:
             wanted_m = observation.setpoint_m
             pushes = memory.pushes.for_setpoint(wanted_m, self.valve.span_m)
-            memory = replace(memory, setpoint_m=wanted_m, aim_m=wanted_m, corrections=0, pushes=pushes)
+            memory = replace(memory, setpoint_m=wanted_m, is_new=True, aim_m=wanted_m, corrections=0, pushes=pushes)
         here, setpoint_m = memory.stem, observation.setpoint_m
         if isinstance(here, Sliding):
             return memory, self._follow(self._move(memory, here, memory.aim_m))
@@ -113,12 +123,14 @@ class NmpcLaw:
             memory, decision = self._start(memory, here, observation, table)
         else:
             memory, decision = self._rest(memory, here)
+        if memory.is_new and memory.motion is not Motion.SETTLE:
+            memory = replace(memory, is_new=False)
         if pushes.unreported:
             decision = replace(decision, failed_pushes=pushes.failed, rest_s=pushes.rest_s)
         return memory, decision
 
     def _track(
-        self, memory: NmpcMemory, stem: Sliding, observation: Observation, variance_m2: float
+        self, memory: NmpcMemory, stem: Sliding, observation: Observation, variance_m2: float, noise_m2: float
     ) -> tuple[NmpcMemory, Estimate]:
         """Return the memory and the sliding stem; when the model or the reading has stopped it, it settles."""
         ahead = self.filter.advance(stem, observation.applied_ma, observation.elapsed_s)
@@ -126,6 +138,7 @@ class NmpcLaw:
         if self.command_delay_s:  # the estimate is for the instant at which this cycle's command acts
             at_reading_s = max(observation.elapsed_s - self.command_delay_s, 0.0)
             here_m += self.filter.moved_m(stem, ahead, observation.applied_ma, at_reading_s)
+        here_m = believed_m(ahead.x, ahead.covariance.xx, here_m, noise_m2)
         after = self.filter.correct(ahead, here_m, variance_m2)
         overdue = observation.time_s > memory.ends_s
         if not after.stopped and not overdue:
@@ -151,15 +164,16 @@ class NmpcLaw:
         return replace(memory, stem=self.filter.at_rest(stem.x, stem.variance_m2, load, sigmas))
 
     def _is_worth_a_move(self, memory: NmpcMemory, here: Resting, setpoint_m: float) -> bool:
-        """Whether the error is certainly beyond the tolerance.
+        """Whether the error is probably beyond the tolerance: a new setpoint is worth a move sooner than a correction.
 
         A correction waits for the verification of the move before it; the first move to a setpoint does not.
         """
         own = self.settings
         if memory.corrections and memory.monitor.verification is not None:
             return False
-        tolerance_m = own.tolerance_m * (1.0 + own.patience * min(memory.corrections, own.patience_limit))
-        return abs(setpoint_m - here.x) > tolerance_m + own.doubt_sigma * here.sigma_m
+        patience = 1.0 + own.patience * min(memory.corrections, own.patience_limit)
+        doubt_sigma = own.doubt_sigma_first if memory.is_new else own.doubt_sigma
+        return abs(setpoint_m - here.x) > patience * (own.tolerance_m + doubt_sigma * here.sigma_m)
 
     def _rest(self, memory: NmpcMemory, here: Resting) -> tuple[NmpcMemory, Decision]:
         """Return the middle of the stick band; the current follows it in steps only."""
@@ -204,25 +218,9 @@ class NmpcLaw:
 
     def _move(self, memory: NmpcMemory, here: Sliding, aim_m: float, release_ma: float | None = None) -> Move:
         """Return the move from `here` to the aim; `release_ma` is Γ while the stem still sticks."""
-        s, load, model = here.direction, here.load, self.filter.model
-        # an aim that lies behind the stem by now is for the next move: this one stops where it can
-        target_m = aim_m if s * (aim_m - here.x) > 0.0 else here.x
-        middle_n, static_n = load.spring_n_per_m * target_m, memory.monitor.ratio * load.friction_n
-        brake_ma = self._clamp(model.current_ma(middle_n - s * self.settings.brake_share * static_n))
-        weakest_ma = self._clamp(model.current_ma(middle_n - s * self.settings.brake_limit * load.friction_n))
-        strongest_ma = self.current_high_ma if s > 0.0 else self.current_low_ma
-        first_ma = weakest_ma if release_ma is None else s * max(s * release_ma, s * weakest_ma)
-        return Move(
-            x=here.x,
-            v=here.v,
-            direction=s,
-            target_m=target_m,
-            load=here.load,
-            brake_ma=brake_ma,
-            weakest_ma=weakest_ma,
-            strongest_ma=strongest_ma,
-            release_ma=first_ma,
-        )
+        static_n = memory.monitor.ratio * here.load.friction_n
+        limits_ma = (self.current_low_ma, self.current_high_ma)
+        return move_of(self.settings, self.filter.model, here, aim_m, static_n, limits_ma, release_ma)
 
     def _follow(self, move: Move) -> Decision:
         """Return the first current of the plan for `move`."""

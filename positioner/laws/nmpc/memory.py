@@ -24,8 +24,9 @@ class NmpcMemory:
 
     stem: the estimate, of a sliding stem while motion is MOVE, else of a resting one.
     settle_s: remaining time in SETTLE. hold_ma: the current at rest, None to choose one.
-    setpoint_m: the setpoint that the law pursues; aim_m: where the move is to end for it; corrections: moves made for
-        it so far; pushes: those that failed. ends_s: when the move must be over, in the law's time.
+    setpoint_m: the setpoint that the law pursues; is_new: whether the stem has not rested since it came; aim_m: where
+        the move is to end for it; corrections: moves made for it so far; pushes: those that failed.
+    ends_s: when the move must be over, in the law's time.
     """
 
     stem: Resting | Sliding
@@ -34,6 +35,7 @@ class NmpcMemory:
     settle_s: float = 0.0
     hold_ma: float | None = None
     setpoint_m: float | None = None
+    is_new: bool = False
     aim_m: float = 0.0
     corrections: int = 0
     ends_s: float = math.inf

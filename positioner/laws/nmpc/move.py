@@ -8,6 +8,8 @@ from positioner.values import dataclass
 from positioner.valve.slide import slide_of
 
 if TYPE_CHECKING:
+    from positioner.laws.nmpc.filter import Sliding
+    from positioner.laws.nmpc.settings import NmpcSettings
     from positioner.valve.motion import Load, MotionModel
     from positioner.valve.slide import Slide
 
@@ -67,3 +69,35 @@ class Move:
         """Return where in m the stem stops after the smallest push: one sample of the least current, then braking."""
         x, v = slide.after(self.x, self.v, self.release_ma)
         return slide.stop(x, v)[0]
+
+
+def move_of(
+    settings: NmpcSettings,
+    model: MotionModel,
+    here: Sliding,
+    aim_m: float,
+    static_n: float,
+    limits_ma: tuple[float, float],
+    release_ma: float | None,
+) -> Move:
+    """Return the move from `here` to the aim, with currents inside `limits_ma`, against the static friction `static_n`.
+
+    `release_ma` is Γ while the stem still sticks. An aim that lies behind the stem by now is for the next move: this
+    one stops where it can.
+    """
+    s, load, (low_ma, high_ma) = here.direction, here.load, limits_ma
+    target_m = aim_m if s * (aim_m - here.x) > 0.0 else here.x
+    middle_n = load.spring_n_per_m * target_m
+    brake_ma = model.current_ma(middle_n - s * settings.brake_share * static_n)
+    weakest_ma = min(max(model.current_ma(middle_n - s * settings.brake_limit * load.friction_n), low_ma), high_ma)
+    return Move(
+        x=here.x,
+        v=here.v,
+        direction=s,
+        target_m=target_m,
+        load=load,
+        brake_ma=min(max(brake_ma, low_ma), high_ma),
+        weakest_ma=weakest_ma,
+        strongest_ma=high_ma if s > 0.0 else low_ma,
+        release_ma=weakest_ma if release_ma is None else s * max(s * release_ma, s * weakest_ma),
+    )

@@ -10,7 +10,7 @@ import math
 from typing import TYPE_CHECKING
 
 from positioner.laws.nmpc.breakaway import breakaway_lesson
-from positioner.laws.nmpc.filter import average, spread_of
+from positioner.laws.nmpc.filter import as_one_more_m2, average, believed_m, spread_of
 from positioner.laws.nmpc.memory import NmpcMemory, report
 from positioner.laws.nmpc.verification import verify
 from positioner.laws.pushes import MOST_FAILED
@@ -37,15 +37,22 @@ def update_at_rest(
 
     sigma_m is the sensor's configured σ. Only a move that has certainly happened teaches where and how it stopped.
     """
-    own, measured_m = settings.watch, observation.measured_m
+    own, monitor = settings.watch, memory.monitor
+    noise_m2 = monitor.noise.of_reading * sigma_m * sigma_m
+    hidden_m2 = monitor.resolution.hidden_m2(noise_m2)
+    measured_m = believed_m(before.x, before.variance_m2, observation.measured_m, noise_m2 + hidden_m2)
+    monitor = monitor.with_reading(own, before, measured_m, variance_m2 + hidden_m2, sigma_m)
+    scatter_m2 = monitor.scatter_m2(own, variance_m2 + hidden_m2)
+    alone_m2, variance_m2 = variance_m2 + hidden_m2, as_one_more_m2(before, variance_m2, hidden_m2)
     after = average(before, measured_m, variance_m2)
-    monitor = memory.monitor.with_reading(own, before, measured_m, variance_m2, sigma_m)
-    monitor, after, decided = verify(own, monitor, before, after, measured_m, variance_m2)
+    monitor, after, decided = verify(
+        own, monitor, before, after, observation.measured_m, variance_m2, noise_m2 + hidden_m2, alone_m2
+    )
     if monitor.finds_unexpected_move(own):
         # begin the average anew from where the innovations point
-        shift_m = monitor.drift * math.sqrt(before.variance_m2 + variance_m2)
+        shift_m = monitor.drift * math.sqrt(before.variance_m2 + scatter_m2)
         spread = spread_of(before)
-        after = filtered.at_rest(before.x + shift_m, shift_m * shift_m + variance_m2, before.load, spread)
+        after = filtered.at_rest(before.x + shift_m, shift_m * shift_m + scatter_m2, before.load, spread)
         monitor = replace(monitor.at_new_place(), landing=None)
     landed: tuple[LearnedSample, ...] = ()
     if monitor.landing is not None and monitor.verification is None and after.sigma_m < settings.landing_sigma_m:

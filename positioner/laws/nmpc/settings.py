@@ -97,9 +97,10 @@ class NmpcSettings(SettingsTable):
     """Settings of the law `nmpc`.
 
     tolerance_m: error that is not worth a correction, however certain it is.
-    doubt_sigma: the law corrects an error once it exceeds the tolerance by so many σ of the average.
-    patience: growth of the tolerance with every correction of the same setpoint, as a part of it.
-    patience_limit: the number of corrections at which the tolerance stops growing.
+    doubt_sigma: the law corrects an error once it exceeds the tolerance by so many σ of the average;
+        doubt_sigma_first: the same for the first move to a setpoint.
+    patience: growth of both with every correction of the same setpoint, as a part of them.
+    patience_limit: the number of corrections at which they stop growing.
     brake_share: distance of the braking current from the middle of the target's stick band, as a part of F_s.
     brake_limit: the strongest braking, as a part of F_c: inside the stick band, or the valve would reverse.
     hold_step_ma: the current at rest follows the middle of the stick band when it is this far away.
@@ -108,7 +109,8 @@ class NmpcSettings(SettingsTable):
     """
 
     tolerance_m: Annotated[float, Interval(ge=1e-6, le=0.05)] = 5e-5
-    doubt_sigma: Annotated[float, Interval(ge=0.0, le=20.0)] = 3.5
+    doubt_sigma: Annotated[float, Interval(ge=0.0, le=20.0)] = 2.5
+    doubt_sigma_first: Annotated[float, Interval(ge=0.0, le=20.0)] = 1.0
     patience: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.15
     patience_limit: Annotated[int, Interval(ge=0, le=1000)] = 10
     brake_share: Annotated[float, Interval(ge=0.0, lt=1.0)] = 0.25

@@ -10,8 +10,9 @@ import math
 from dataclasses import field
 from typing import TYPE_CHECKING
 
-from positioner.laws.nmpc.filter import average
-from positioner.laws.nmpc.sensor_noise import Octave, nothing_learned
+from positioner.laws.nmpc.filter import average, believed_m
+from positioner.laws.nmpc.resolution import Resolution
+from positioner.laws.nmpc.sensor_noise import SensorNoise
 from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
@@ -56,22 +57,32 @@ class RestMonitor:
 
     ratio: F_s/F_c. noise: variance of the sensor. drift: smoothed innovation of the resting stem, in σ.
     verification: of the last move, None once it is decided. landing: the last move, None once its end is known.
+    resolution: of the sensor.
     """
 
     ratio: float
-    noise: Octave = field(default_factory=nothing_learned)
+    noise: SensorNoise = field(default_factory=SensorNoise)
     drift: float = 0.0
     verification: Verification | None = None
     landing: Landing | None = None
+    resolution: Resolution = field(default_factory=Resolution)
 
     def with_reading(
         self, settings: VerificationSettings, stem: Resting, measured_m: float, variance_m2: float, sigma_m: float
     ) -> RestMonitor:
         """Return the monitor after a reading with `variance_m2`; `sigma_m` is the sensor's configured σ."""
-        innovation = (measured_m - stem.x) / math.sqrt(stem.variance_m2 + variance_m2)
+        innovation = (measured_m - stem.x) / math.sqrt(stem.variance_m2 + self.scatter_m2(settings, variance_m2))
         drift = self.drift + settings.surprise_weight * (innovation - self.drift)
         noise = self.noise.followed_by(measured_m / sigma_m)
-        return RestMonitor(self.ratio, noise, drift, self.verification, self.landing)
+        return RestMonitor(self.ratio, noise, drift, self.verification, self.landing, self.resolution)
+
+    def scatter_m2(self, settings: VerificationSettings, variance_m2: float) -> float:
+        """Return the variance of a reading for the smoothed innovation, where the average counts it with `variance_m2`.
+
+        Noise that remembers itself is smoothed less, but the smoothed innovation never scatters more than a reading.
+        """
+        weight, noise = settings.surprise_weight, self.noise
+        return variance_m2 * min(1.0, noise.of_reading * (2.0 - weight) / (weight * noise.averaged))
 
     def at_new_place(self) -> RestMonitor:
         """Return the monitor of a stem that has come to rest at another place."""
@@ -90,36 +101,55 @@ def verify(
     after: Resting,
     measured_m: float,
     variance_m2: float,
+    noise_m2: float,
+    alone_m2: float,
 ) -> tuple[RestMonitor, Resting, Verification | None]:
-    """Return the monitor, the estimate and the verification if it is decided, after a reading.
+    """Return the monitor, the estimate and the verification if it is decided, after a reading with `noise_m2`.
 
-    The reading took the estimate `before` to `after`. Where the stem did not move, the estimate is again the one from
-    before the move, and F_s is larger. Where more readings would only bring the two estimates together, the
-    verification ends without a lesson. The landing then ends, too, since it may never have happened.
+    It counts with `variance_m2` in an average, alone with `alone_m2`. It took the estimate `before` to `after`. Where
+    the stem did not move, the estimate is again the one from before the move, and F_s is larger. Where more readings
+    would only bring the two estimates together, or tell nothing new, the verification ends undecided. The landing then
+    ends, too, since it may never have happened.
     """
     verification = monitor.verification
     if verification is None:
         return monitor, after, None
-    origin = average(verification.origin, measured_m, variance_m2)
-    evidence = (
-        verification.evidence
-        + _log_likelihood(before, measured_m, variance_m2)
-        - _log_likelihood(verification.origin, measured_m, variance_m2)
+    unmoved = verification.origin
+    origin = average(unmoved, believed_m(unmoved.x, unmoved.variance_m2, measured_m, noise_m2), variance_m2)
+    evidence = verification.evidence + alone_m2 / variance_m2 * (
+        _log_likelihood(before, measured_m, alone_m2) - _log_likelihood(unmoved, measured_m, alone_m2)
     )
     apart_m = after.x - origin.x
     alike = apart_m * apart_m < _ALIKE * (after.variance_m2 + origin.variance_m2)
-    if abs(evidence) < settings.verdict:
-        if alike:
-            return replace(monitor, verification=None, landing=None), after, None
+    is_over = alike or variance_m2 == math.inf
+    if abs(evidence) < settings.verdict and not is_over:
         return replace(monitor, verification=replace(verification, origin=origin, evidence=evidence)), after, None
     decided = replace(verification, evidence=evidence)
-    if not decided.moved:
-        ratio = min(monitor.ratio * (1.0 + settings.ratio_rise), max(settings.ratio_most, monitor.ratio))
-        return replace(monitor, verification=None, landing=None, ratio=ratio, drift=0.0), origin, decided
-    ratio = max(1.0, monitor.ratio * (1.0 - settings.ratio_fall)) if verification.at_limit else monitor.ratio
-    return replace(monitor, verification=None, ratio=ratio, drift=0.0), after, decided
+    ratio = _learned_ratio(settings, monitor.ratio, decided)
+    if abs(evidence) < settings.verdict:
+        stem = origin if evidence < 0.0 and not alike else after
+        return replace(monitor, verification=None, landing=None, ratio=ratio), stem, None
+    after, landing = (after, monitor.landing) if decided.moved else (origin, None)
+    return replace(monitor, verification=None, landing=landing, ratio=ratio, drift=0.0), after, decided
 
 
+def _learned_ratio(settings: VerificationSettings, ratio: float, ended: Verification) -> float:
+    """Return F_s/F_c after a push that has freed the stem with the probability that its evidence gives.
+
+    Before any evidence the probability is that at which rise and fall are in balance: no evidence teaches nothing. Only
+    a push of no more than Γ lowers the ratio.
+    """
+    rise, fall = settings.ratio_rise, settings.ratio_fall
+    before = rise / (rise + fall)
+    moved = before / (before + (1.0 - before) * math.exp(-min(max(ended.evidence, -_SURE), _SURE)))
+    change = (rise + fall) * (before - moved)
+    if change < 0.0 and not ended.at_limit:
+        return ratio
+    return max(1.0, min(ratio * (1.0 + change), max(settings.ratio_most, ratio)))
+
+
+_SURE = 50.0
+"""Larger log likelihood ratios count as this one."""
 _SIGNIFICANT = 3.0
 """Standard deviations beyond which a distance is certain."""
 _ALIKE = 0.25
@@ -129,4 +159,8 @@ _ALIKE = 0.25
 def _log_likelihood(stem: Resting, measured_m: float, variance_m2: float) -> float:
     variance = stem.variance_m2 + variance_m2
     error = measured_m - stem.x
-    return -0.5 * (error * error / variance + math.log(variance))
+    return -0.5 * (min(error * error / variance, _OUTLIER) + math.log(variance))
+
+
+_OUTLIER = 7.0
+"""Squared error of a reading, in its variance, beyond which it is an outlier, which tells nothing more."""

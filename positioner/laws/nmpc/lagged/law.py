@@ -137,7 +137,7 @@ class LaggedLaw:
     def _variance_m2(self, memory: LaggedMemory) -> float:
         """Return the variance of a reading in m²: the configured one, corrected by what was learned at rest."""
         sigma_m = measurement_sigma_m(self.estimator, self.valve, self._reported(memory).position_m)
-        return max(memory.noise.largest, _LEAST_NOISE) * sigma_m * sigma_m
+        return max(memory.noise.averaged, _LEAST_NOISE) * sigma_m * sigma_m
 
     def _reported(self, memory: LaggedMemory) -> StemState:
         stem = memory.stem

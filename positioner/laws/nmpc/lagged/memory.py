@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import field
 from typing import TYPE_CHECKING
 
-from positioner.laws.nmpc.sensor_noise import Octave, nothing_learned
+from positioner.laws.nmpc.sensor_noise import SensorNoise, as_configured
 from positioner.laws.pushes import Pushes
 from positioner.values import dataclass
 
@@ -99,7 +99,7 @@ class LaggedMemory:
     pipeline: Pipeline
     drive: Drive
     belief: Belief
-    noise: Octave = field(default_factory=nothing_learned)
+    noise: SensorNoise = field(default_factory=as_configured)
     setpoint_m: float | None = None
     is_new: bool = False
     corrections: int = 0

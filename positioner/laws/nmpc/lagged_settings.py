@@ -35,7 +35,7 @@ class LaggedSettings(SettingsTable):
     """
 
     tolerance_of_span: Annotated[float, Interval(gt=0.0, le=0.1)] = 0.0008
-    tolerance_of_noise: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.3
+    tolerance_of_noise: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.2
     patience: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.12
     most_corrections: Annotated[int, Interval(ge=0, le=1000)] = 10
     certain_part: Annotated[float, Interval(gt=0.0, le=1.0)] = 0.4

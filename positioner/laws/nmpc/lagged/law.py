@@ -16,14 +16,12 @@ from typing import TYPE_CHECKING
 from positioner.laws.bounds import Bounds
 from positioner.laws.estimator_settings import measurement_sigma_m
 from positioner.laws.law import Decision, Estimate
-from positioner.laws.move_reason import Breakaway, MoveReason
 from positioner.laws.nmpc.breakaway import breakaway_lesson, load_from_table
 from positioner.laws.nmpc.lagged import ramping, sliding
-from positioner.laws.nmpc.lagged.judging import judged
 from positioner.laws.nmpc.lagged.memory import LaggedMemory, Ramp, Slipping
-from positioner.laws.nmpc.lagged.move_plan import Planner
 from positioner.laws.nmpc.lagged.pipeline import pipeline_at
 from positioner.laws.nmpc.lagged.rest import LaggedRest
+from positioner.laws.nmpc.lagged.resting import considered
 from positioner.laws.nmpc.lagged.setpoint import with_setpoint
 from positioner.values import dataclass, replace
 from positioner.valve.motion import Load, MotionModel
@@ -97,10 +95,16 @@ class LaggedLaw:
             if observation.time_s < self.table_from_s:
                 table = StictionTable(table.cell_width_m)
             memory = self._with_load_of_table(memory, table)
-        memory = with_setpoint(memory, observation.setpoint_m, self._tolerance_m(memory), self.valve.span_m)
+        memory = with_setpoint(
+            memory,
+            observation.setpoint_m,
+            self.lagged.tolerance_m(math.sqrt(self._variance_m2(memory))),
+            self.valve.span_m,
+        )
         reason = None
         if isinstance(memory.stem, LaggedRest):
-            memory, reason = self._considered(memory, memory.stem, observation)
+            sigma_m = math.sqrt(self._variance_m2(memory))
+            memory, reason = considered(self.lagged, memory, memory.stem, observation, sigma_m)
         current = memory.stem
         if isinstance(current, Ramp):
             ramp, current_ma = ramping.command(self.lagged, memory, current)
@@ -174,52 +178,6 @@ class LaggedLaw:
         load, _ = load_from_table(self.settings.breakaway, MotionModel.of(self.valve), table, nominal, sigmas, ratio)
         return replace(memory, belief=own.prior(load.spring_n_per_m, ratio * load.friction_n, load.friction_n))
 
-    def _tolerance_m(self, memory: LaggedMemory) -> float:
-        own = self.lagged.settings
-        return math.hypot(
-            own.tolerance_of_span * self.valve.span_m, own.tolerance_of_noise * math.sqrt(self._variance_m2(memory))
-        )
-
-    def _considered(
-        self, memory: LaggedMemory, rest: LaggedRest, observation: Observation
-    ) -> tuple[LaggedMemory, MoveReason | None]:
-        """Return the memory, on a ramp if the error is worth a move, and why the move begins."""
-        own, setpoint_m = self.lagged.settings, observation.setpoint_m
-        if rest.settle_s > _INSTANT_S:
-            return memory, None
-        tolerance_m = self._tolerance_m(memory)
-        patient_m = tolerance_m * (1.0 + own.patience * memory.corrections)
-        certain = rest.sigma_m < own.certain_part * patient_m
-        if certain:
-            memory = judged(self.lagged, memory, rest)
-        error_m, corrections = setpoint_m - rest.x, memory.corrections
-        go = False
-        if (memory.is_new and abs(error_m) > tolerance_m + _DOUBT * rest.sigma_m) or (certain and not memory.is_final):
-            go = True
-        elif certain and abs(error_m) > patient_m and corrections < own.most_corrections:
-            go, corrections = True, corrections + 1
-        if memory.is_new and certain:
-            memory = replace(memory, is_new=False)
-        if not go or not memory.pushes.may_push(observation.time_s):
-            return memory, None
-        sigma_m = math.sqrt(self._variance_m2(memory))
-        lagged = self.lagged
-        planner = Planner(own, lagged.model, memory.drive, lagged.sensor, lagged.delay_samples, 0.7 * lagged.gap_n)
-        move = planner.plan(memory.belief, rest, setpoint_m, sigma_m, observation.time_s)
-        onsets, s = memory.belief.onsets, move.direction
-        ramp = ramping.begun(move, rest, memory.pipeline)
-        memory = replace(
-            memory,
-            stem=ramp,
-            corrections=corrections,
-            is_final=move.is_final,
-            is_new=False,
-            attempt=None,
-            noise=memory.noise.at_new_place(),
-        )
-        free_ma = lagged.model.pressure_ma(onsets.spring_n_per_m * rest.x + s * onsets.static_n)
-        return memory, MoveReason(error_m, Breakaway(free_ma))
-
     def _held(self, memory: LaggedMemory, rest: LaggedRest) -> tuple[LaggedMemory, float]:
         """Return the middle of the stick band; the current follows it in steps only."""
         own = self.lagged
@@ -237,5 +195,3 @@ _LEAST_NOISE = 1e-6
 """The least variance that is assumed of a sensor, as a part of the configured one."""
 _INSTANT_S = 1e-9
 """Rounding of a sum of periods."""
-_DOUBT = 2.0
-"""A new setpoint is pursued when the error exceeds the tolerance by so many σ of the average."""

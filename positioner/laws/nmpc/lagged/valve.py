@@ -70,6 +70,10 @@ class LaggedValve:
         """A slip with less speed has ended."""
         return min(2e-4, 0.0075 * self.gap_n / self.model.viscous_n_s_per_m)
 
+    def tolerance_m(self, sigma_m: float) -> float:
+        """Return the error in m that is not worth a correction; `sigma_m` is of one reading."""
+        return math.hypot(self.settings.tolerance_of_span * self.span_m, self.settings.tolerance_of_noise * sigma_m)
+
     def prior(self, spring_n_per_m: float, static_n: float, sliding_n: float) -> Belief:
         """Return what is believed before the first onset."""
         own = self.settings

@@ -1,0 +1,79 @@
+"""Whether the error of a resting stem is worth a move, and which. Pure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from positioner.laws.move_reason import Breakaway, MoveReason
+from positioner.laws.nmpc.lagged import ramping
+from positioner.laws.nmpc.lagged.judging import judged
+from positioner.laws.nmpc.lagged.move_plan import Planner
+from positioner.values import replace
+
+if TYPE_CHECKING:
+    from positioner.laws.law import Observation
+    from positioner.laws.nmpc.lagged.memory import LaggedMemory
+    from positioner.laws.nmpc.lagged.rest import LaggedRest
+    from positioner.laws.nmpc.lagged.valve import LaggedValve
+
+
+def considered(
+    valve: LaggedValve, memory: LaggedMemory, rest: LaggedRest, observation: Observation, sigma_m: float
+) -> tuple[LaggedMemory, MoveReason | None]:
+    """Return the memory, on a ramp if the error is worth a move, and why the move begins."""
+    own, setpoint_m = valve.settings, observation.setpoint_m
+    if rest.settle_s > _INSTANT_S:
+        return memory, None
+    tolerance_m = valve.tolerance_m(sigma_m)
+    patient_m = tolerance_m * (1.0 + own.patience * memory.corrections)
+    certain = rest.sigma_m < own.certain_part * patient_m
+    error_m, corrections = setpoint_m - rest.x, memory.corrections
+    is_far = abs(error_m) > patient_m + _FAR * rest.sigma_m
+    if certain or is_far:
+        memory = judged(valve, memory, rest)
+    go = False
+    if memory.is_new and abs(error_m) > tolerance_m + _DOUBT * rest.sigma_m:
+        go = True
+    elif not memory.is_final:
+        go = certain or rest.sigma_m < _ASIDE * sigma_m
+    elif corrections < own.most_corrections:
+        go = is_far or (certain and abs(error_m) > patient_m + rest.sigma_m)
+        corrections += 1 if go else 0
+    if memory.is_new and certain:
+        memory = replace(memory, is_new=False)
+    if not go or not memory.pushes.may_push(observation.time_s):
+        return memory, None
+    planner = Planner(own, valve.model, memory.drive, valve.sensor, valve.delay_samples, 0.7 * valve.gap_n)
+    move = planner.plan(
+        memory.belief,
+        rest,
+        setpoint_m,
+        memory.pipeline.pressure_ma,
+        sigma_m,
+        observation.time_s,
+        corrections,
+        is_second=not memory.is_final,
+    )
+    onsets, s = memory.belief.onsets, move.direction
+    ramp = ramping.begun(move, rest, memory.pipeline)
+    memory = replace(
+        memory,
+        stem=ramp,
+        corrections=corrections,
+        is_final=move.is_final,
+        is_new=False,
+        attempt=None,
+        noise=memory.noise.at_new_place(),
+    )
+    free_ma = valve.model.pressure_ma(onsets.spring_n_per_m * rest.x + s * onsets.static_n)
+    return memory, MoveReason(error_m, Breakaway(free_ma))
+
+
+_FAR = 3.0
+"""An error that exceeds the tolerance by so many σ of the average is corrected before the average is good."""
+_ASIDE = 0.25
+"""A stem that has moved aside goes on when σ of the average is below this part of a reading's: it averages on."""
+_DOUBT = 2.0
+"""A new setpoint is pursued when the error exceeds the tolerance by so many σ of the average."""
+_INSTANT_S = 1e-9
+"""Rounding of a sum of periods."""

@@ -1,0 +1,180 @@
+"""A first guess for the fit: near enough that least squares finds the rest. Pure.
+
+1. The strokes show spring, sliding friction, and the sum by which position lags behind current: τ + T_d + F_v/K.
+2. At the static friction that lets the slow ramps slip when they did, the breakaways begin where they were seen.
+3. Of all ways to divide that sum, the one that explains the steps best is taken.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from positioner.commissioning.observed import (
+    COULOMB,
+    DEAD,
+    FILL,
+    PRELOAD,
+    SPRING,
+    STATIC,
+    STRIBECK,
+    VENT,
+    VISCOUS,
+    residuals,
+    sets_of,
+)
+from positioner.commissioning.slips import play
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from positioner.commissioning.fit import Prior
+    from positioner.commissioning.observed import Observed
+
+    Array = NDArray[np.float64]
+
+_FIXED = 1e-6
+_TRIES = 81
+_WIDTHS = (0.4, 0.05, 0.008, 0.0015)
+_ROUNDS = 2
+_REFINED = 3
+
+
+def first_guess(
+    strokes: Observed, breakaways: Observed, steps: Observed, mass_kg: float, gain: float, prior: Prior, ramp: float
+) -> tuple[Array, Array]:
+    """Return θ, and the own unknowns of the breakaways; `ramp` is that of the breakaways in mA/s."""
+    theta = prior.theta.copy()
+    theta[DEAD] = 0.0
+    own = np.zeros((2, len(breakaways.rest_m)))
+    for _ in range(_ROUNDS):
+        theta, sums_s = _lines(strokes, gain, theta)
+        theta[[FILL, VENT]] = np.maximum(sums_s - theta[VISCOUS] / theta[SPRING], 0.0)
+        for width in _WIDTHS:
+            theta, own = _aligned(breakaways, mass_kg, gain, theta, width)
+    viscous, dead_s = theta[VISCOUS] * np.geomspace(0.2, 5.0, 17), np.r_[0.0, np.geomspace(0.0005, 0.05, 9)]
+    for _ in range(_REFINED):
+        theta = _divided(steps, mass_kg, gain, theta, ramp, sums_s, viscous, dead_s)
+        step, far_s = (viscous[1] / viscous[0]) ** 0.5, 0.5 * float(np.diff(dead_s).min() + theta[DEAD] * 0.6)
+        viscous = theta[VISCOUS] * np.geomspace(1.0 / step, step, 9)
+        dead_s = np.unique(np.maximum(theta[DEAD] + far_s * np.linspace(-1.0, 1.0, 9), 0.0))
+    return theta, own
+
+
+def _lines(strokes: Observed, gain: float, theta: Array) -> tuple[Array, Array]:
+    """Return θ with the lines of the steadily sliding stem, and how long they follow the current: τ + T_d + F_v/K.
+
+    Then K·x = B·(u - s·r·S) - F_0 - s·F(v), with the ramp's rate r and v = B·r/K; each direction has its own S.
+    """
+    period_s = strokes.slips.period_s
+    sums_s = np.zeros(2)
+    for _ in range(_ROUNDS):
+        rows, wanted = _sliding_rows(strokes, 4.0 * float(sums_s.max()))
+        speed = rows[:, 5] * gain / theta[SPRING]
+        excess_n = max(theta[STATIC] - theta[COULOMB], 0.1 * theta[COULOMB])
+        best = np.inf
+        for factor in (1.0, *np.geomspace(0.2, 5.0, 25)):
+            stribeck = factor * theta[STRIBECK]
+            fading = excess_n * np.exp(-((speed / stribeck) ** 2)) * rows[:, 2] / theta[SPRING]
+            columns = rows[:, :5] * rows[:, 6:7]
+            found, *_ = np.linalg.lstsq(columns, (wanted + fading) * rows[:, 6], rcond=None)
+            off = (wanted + fading) * rows[:, 6] - columns @ found
+            if float(off @ off) < 0.98 * best:
+                best, chosen, lines = float(off @ off), stribeck, found
+        after = theta.copy()
+        after[SPRING] = gain / lines[0]
+        after[PRELOAD] = -lines[1] * after[SPRING]
+        after[COULOMB] = max(-lines[2] * after[SPRING], 0.01 * theta[COULOMB])
+        after[STRIBECK] = chosen
+        sums_s = np.maximum(-np.array([lines[3], -lines[4]]) / lines[0] + 0.5 * period_s, 0.0)
+        theta = after
+    return theta, sums_s
+
+
+def _sliding_rows(strokes: Observed, settles_s: float) -> tuple[Array, Array]:
+    """Return the rows u, 1, s, r up, r down, r, weight, and the readings, where the stem slides steadily."""
+    slips, found = strokes.slips, []
+    for number, direction in enumerate(slips.direction):
+        slides = np.flatnonzero(strokes.weight[number] > 0.0)
+        if not len(slides):
+            continue
+        later = slides[min(round(settles_s / slips.period_s), 2 * len(slides) // 3) :]
+        current = slips.applied_ma[number, later]
+        rate = abs(float(np.median(np.diff(current)))) / slips.period_s
+        ones = np.ones(len(later))
+        up, down = (rate, 0.0) if direction > 0.0 else (0.0, rate)
+        found.append(
+            np.stack(
+                [
+                    current,
+                    ones,
+                    direction * ones,
+                    up * ones,
+                    down * ones,
+                    rate * ones,
+                    strokes.weight[number, later],
+                    slips.measured_m[number, later],
+                ],
+                axis=1,
+            )
+        )
+    rows = np.concatenate(found)
+    return rows[:, :7], rows[:, 7]
+
+
+def _aligned(observed: Observed, mass_kg: float, gain: float, theta: Array, widest: float) -> tuple[Array, Array]:
+    """Return θ with the static friction at which the slips begin when they were seen to, and what each differs from it.
+
+    Least squares alone would not find it: a slip that begins at another moment has no reading in common.
+    """
+    tries = widest * np.linspace(-1.0, 1.0, _TRIES)
+    own = np.zeros((_TRIES, 2, len(observed.rest_m)))
+    own[:, 1, :] = tries[:, None]
+    found = residuals(
+        observed, play(observed.slips, sets_of(np.tile(theta, (_TRIES, 1)), own, observed, mass_kg, gain))
+    )
+    best = tries[np.argmin(np.sum(found * found, axis=0), axis=0)]
+    middle = float(np.median(best))
+    after = theta.copy()
+    after[STATIC] *= 1.0 + middle
+    mine = np.zeros((2, len(observed.rest_m)))
+    mine[1] = (1.0 + best) / (1.0 + middle) - 1.0
+    return after, mine
+
+
+def _divided(
+    steps: Observed,
+    mass_kg: float,
+    gain: float,
+    theta: Array,
+    ramp: float,
+    sums_s: Array,
+    viscous: Array,
+    dead_s: Array,
+) -> Array:
+    """Return θ with the lags, the dead time and F_v that leave the strokes as they are and explain the steps best."""
+    ways = []
+    for friction in viscous:
+        for late_s in dead_s:
+            rest_s = late_s + friction / theta[SPRING]
+            if late_s and sums_s.min() < rest_s:
+                continue
+            way = theta.copy()
+            way[[VISCOUS, DEAD]] = friction, late_s
+            way[[FILL, VENT]] = np.maximum(sums_s - rest_s, 0.0)
+            later_s = float(np.mean(way[[FILL, VENT]] - theta[[FILL, VENT]])) + late_s - theta[DEAD]
+            way[STATIC] = max(way[STATIC] - gain * ramp * later_s, way[COULOMB])
+            ways.append(way)
+    thetas = np.stack(ways)
+    own = np.zeros((len(thetas), 2, len(steps.rest_m)))
+    found = residuals(steps, play(steps.slips, sets_of(thetas, own, steps, mass_kg, gain)))
+    return np.asarray(thetas[np.argmin(np.sum(found * found, axis=(0, 2)))])
+
+
+def fixed_dead_time(prior: Prior, dead_s: float) -> Prior:
+    """Return the prior with the dead time fixed."""
+    theta, sigma = prior.theta.copy(), prior.sigma.copy()
+    theta[DEAD], sigma[DEAD] = dead_s, _FIXED
+    return replace(prior, theta=theta, sigma=sigma)

@@ -1,0 +1,178 @@
+"""From the record of an experiment to the parameters of the valve, each with its 95 % interval. Pure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from positioner.commissioning.first_guess import first_guess
+from positioner.commissioning.fit import Prior, fit
+from positioner.commissioning.identified import IdentifiedValve, Interval
+from positioner.commissioning.noise import noise_of
+from positioner.commissioning.observed import COULOMB, DEAD, FILL, PRELOAD, SPRING, STATIC, STRIBECK, VENT, VISCOUS
+from positioner.commissioning.record import Kind
+from positioner.commissioning.release import RAMP_MA_PER_S
+from positioner.commissioning.windows import releases, strokes
+from positioner.errors import PositionerError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from positioner.commissioning.fit import Fitted
+    from positioner.commissioning.noise import Noise
+    from positioner.commissioning.observed import Observed
+    from positioner.commissioning.procedure import ProcedureLimits
+    from positioner.commissioning.record import Stretch
+    from positioner.valve.parameters import ValveParameters
+
+    Array = NDArray[np.float64]
+
+_Z = 1.96
+_ONE_SIDED = 1.645
+_WIDE, _DOUBTFUL = 10.0, 0.7
+"""Relative σ before the experiment: of what it certainly shows, and of F_v and V_s."""
+_SEEN = 0.5
+"""F_v and V_s count as seen if the experiment halves their σ."""
+_LEAST_SCATTER, _ROUNDS = 5e-4, 4
+_MODEL_ERROR = {SPRING: 3e-4, STATIC: 1e-3, COULOMB: 1e-3, VISCOUS: 0.02, STRIBECK: 0.05}
+"""Relative errors of the model itself, which more readings do not reduce."""
+_MODEL_ERROR_PERIODS = 0.1
+"""That of the times, in sample periods."""
+_FEWEST = 4
+
+
+class IdentifyError(PositionerError):
+    """The record does not show what it should: the message names what is missing."""
+
+
+def identify(
+    stretches: Sequence[Stretch],
+    valve: ValveParameters,
+    limits: ProcedureLimits,
+    period_s: float,
+    report: Callable[[float], object] = lambda _part: None,
+) -> IdentifiedValve:
+    """Return the parameters that the record of an experiment shows; `report` receives the part that is done.
+
+    `valve` is the believed one. Its mass and force per mA are taken over, because a record of current and position
+    shows forces only as multiples of the current.
+
+    Raises:
+        IdentifyError: too few strokes, breakaways or steps.
+    """
+    noise = noise_of(stretches)
+    slow = strokes(stretches, noise, limits, period_s)
+    creep = valve.force_gain_n_per_ma * RAMP_MA_PER_S / valve.viscous_friction_n_s_per_m
+    ramps = releases(stretches, Kind.BREAKAWAY, noise, limits, period_s, creep)
+    steps = releases(stretches, Kind.STEP, noise, limits, period_s)
+    for what, found in (("strokes", slow), ("breakaways", ramps), ("steps", steps)):
+        if found is None or len(found.rest_m) < _FEWEST or not found.weight.any():
+            count = 0 if found is None else len(found.rest_m)
+            raise IdentifyError(f"too few {what} in this record to identify the valve: {count}, needed {_FEWEST}")
+    assert slow is not None and ramps is not None and steps is not None  # noqa: S101, PT018 - checked above
+    observed = (slow, ramps, steps)
+    gain, prior = valve.force_gain_n_per_ma, _prior(valve)
+    report(0.05)
+    theta, slips = first_guess(slow, ramps, steps, valve.mass_kg, gain, prior, RAMP_MA_PER_S)
+    report(0.3)
+    scatter = max(_LEAST_SCATTER, 1.48 * float(np.median(np.abs(slips[1]))))
+    slips[1] = np.clip(slips[1], -3.0 * scatter, 3.0 * scatter)
+    own: Sequence[Array] = [np.zeros((2, len(slow.rest_m))), slips, np.zeros((2, len(steps.rest_m)))]
+    for number in range(_ROUNDS):
+        fitted = fit(observed, valve.mass_kg, gain, prior, scatter, (theta, own))
+        theta, own, before = fitted.theta, fitted.own, scatter
+        scatter = max(fitted.friction_sigma, _LEAST_SCATTER)
+        report(0.3 + 0.7 * (number + 1) / _ROUNDS)
+        if abs(scatter - before) < 0.2 * before:
+            break
+    return _result(fitted, observed, noise, valve, limits, period_s)
+
+
+def _prior(valve: ValveParameters) -> Prior:
+    actuator = valve.actuator
+    theta = np.array(
+        [
+            valve.spring_rate_n_per_m,
+            valve.bench_set_n,
+            valve.static_friction_n,
+            valve.coulomb_friction_n,
+            valve.viscous_friction_n_s_per_m,
+            valve.stribeck_velocity_m_per_s,
+            actuator.fill_time_constant_s,
+            actuator.vent_time_constant_s,
+            actuator.dead_time_s,
+        ]
+    )
+    sigma = np.full(len(theta), _WIDE)
+    sigma[PRELOAD] = _WIDE * max(valve.static_friction_n, valve.force_gain_n_per_ma)
+    sigma[[VISCOUS, STRIBECK]] = _DOUBTFUL
+    return Prior(theta, sigma)
+
+
+def _result(
+    fitted: Fitted,
+    observed: Sequence[Observed],
+    noise: Noise,
+    valve: ValveParameters,
+    limits: ProcedureLimits,
+    period_s: float,
+) -> IdentifiedValve:
+    readings = sum(int(np.count_nonzero(each.weight[:, each.slips.begins :])) for each in observed)
+    misfit = fitted.cost / readings
+    covariance = fitted.covariance * max(misfit, 1.0)
+    sigma = np.sqrt(np.diag(covariance))
+    # too long a dead time is poison for a law, and too short a one nearly harmless
+    most_s = float(fitted.theta[DEAD])
+    dead_s = max(most_s - _ONE_SIDED * float(sigma[DEAD]), 0.0)
+    dead_s = dead_s if dead_s > _MODEL_ERROR_PERIODS * period_s else 0.0
+    # the others follow the dead time, as the readings bind them to it
+    bound = covariance[:, DEAD] / max(covariance[DEAD, DEAD], 1e-18) * (dead_s - most_s)
+
+    def relative(number: int, low: float = 0.0) -> Interval:
+        error = _Z * float(np.hypot(sigma[number], _MODEL_ERROR[number]))
+        value = float(fitted.theta[number] * np.exp(bound[number]))
+        seen = number not in {VISCOUS, STRIBECK} or bool(sigma[number] < _SEEN * _DOUBTFUL)
+        middle = float(fitted.theta[number])
+        ends = max(min(value, middle * np.exp(-error)), low), max(value, middle * np.exp(error))
+        believed = {VISCOUS: valve.viscous_friction_n_s_per_m, STRIBECK: valve.stribeck_velocity_m_per_s}
+        return Interval(value if seen else believed[number], float(ends[0]), float(ends[1]), seen)
+
+    def time(number: int) -> Interval:
+        error_s = _Z * float(np.hypot(sigma[number], _MODEL_ERROR_PERIODS * period_s))
+        middle_s = float(fitted.theta[number])
+        value_s = dead_s if number == DEAD else max(middle_s + float(bound[number]), 0.0)
+        return Interval(value_s, max(min(value_s, middle_s - error_s), 0.0), max(value_s, middle_s + error_s))
+
+    fill, vent = time(FILL), time(VENT)
+    if fill.low == 0.0 and vent.low == 0.0:  # a lag that is not certain is none
+        fill, vent = Interval(0.0, 0.0, fill.high), Interval(0.0, 0.0, vent.high)
+    else:
+        least_s = 0.1 * period_s
+        fill, vent = (Interval(max(each.value, least_s), each.low, each.high) for each in (fill, vent))
+    preload_n = float(fitted.theta[PRELOAD])
+    error_n = _Z * float(np.hypot(sigma[PRELOAD], 1e-3 * fitted.theta[STATIC]))
+    static = relative(STATIC)
+    coulomb = relative(COULOMB)
+    span_noise = noise.of_span_m / limits.span_m
+    wide = _Z * max(noise.error, 0.01)
+    return IdentifiedValve(
+        spring_rate_n_per_m=relative(SPRING),
+        bench_set_n=Interval(max(preload_n, 0.0), preload_n - error_n, preload_n + error_n),
+        static_friction_n=static,
+        coulomb_friction_n=coulomb,
+        viscous_friction_n_s_per_m=relative(VISCOUS),
+        stribeck_velocity_m_per_s=relative(STRIBECK),
+        fill_time_constant_s=fill,
+        vent_time_constant_s=vent,
+        dead_time_s=time(DEAD),
+        noise_of_reading=Interval(noise.of_reading, noise.of_reading * (1.0 - wide), noise.of_reading * (1.0 + wide)),
+        noise_of_span=Interval(span_noise, span_noise * (1.0 - wide), span_noise * (1.0 + wide)),
+        friction_scatter=fitted.friction_sigma,
+        noise_correlation=noise.correlation,
+        breakaways=len(observed[1].rest_m),
+        steps=len(observed[2].rest_m),
+        misfit=misfit,
+    )

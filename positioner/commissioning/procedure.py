@@ -1,0 +1,120 @@
+"""The interface of a test procedure, and the law that runs one inside `cycle.step`. Pure.
+
+A procedure is a state machine. In each cycle it receives an observation and answers with a current, as a law does; the
+guard limits that current as it limits a law's. It ends with recorded data. What the data show is computed afterwards,
+by a pure function, when no valve waits for a command.
+
+A procedure that moves the stem to setpoints holds a control law of its own and asks it for the current.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
+
+from positioner.laws.bounds import Bounds
+from positioner.laws.law import Decision, Estimate, Observation
+from positioner.values import dataclass, replace
+from positioner.valve.state import StemState
+
+if TYPE_CHECKING:
+    from positioner.cycle.state import Setup
+    from positioner.guard.settings import GuardSettings
+    from positioner.valve.parameters import ValveParameters
+    from positioner.valve.stiction import StictionTable
+
+M = TypeVar("M")
+
+
+@dataclass(frozen=True, slots=True)
+class ProcedureLimits:
+    """What a procedure may do to a valve: range and rate of the current, and the travel between the stops.
+
+    rate_ma_per_s is infinite where the configuration leaves the rate free.
+    """
+
+    current_low_ma: float
+    current_high_ma: float
+    rate_ma_per_s: float
+    travel_min_m: float
+    travel_max_m: float
+    span_m: float
+
+    @classmethod
+    def of(cls, valve: ValveParameters, guard: GuardSettings) -> ProcedureLimits:
+        """Return the limits of a configuration."""
+        return cls(
+            guard.current_low_ma,
+            guard.current_high_ma,
+            guard.max_rate_ma_per_s or math.inf,
+            valve.travel_min_m,
+            valve.travel_max_m,
+            valve.span_m,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a procedure is: the part that is done (0 to 1), what it does now, and whether it has ended.
+
+    aborted: why it has no result, empty while it has not been aborted.
+    """
+
+    part: float
+    doing: str
+    ended: bool = False
+    aborted: str = ""
+
+
+class Procedure(Protocol, Generic[M]):
+    """A test procedure with a memory of type M."""
+
+    @property
+    def name(self) -> str:
+        """The name of the procedure in messages."""
+
+    def begin(self, measured_m: float) -> M:
+        """Return the memory of a procedure that starts at this reading, in m."""
+
+    def advance(self, memory: M, observation: Observation) -> tuple[M, float]:
+        """Return the memory with this cycle's observation in it, and the current in mA that it asks for."""
+
+    def progress(self, memory: M) -> Progress:
+        """Return how far the procedure is."""
+
+    def abort(self, memory: M, why: str) -> M:
+        """Return the memory of a procedure that is to bring the stem back to its start and then end."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProcedureLaw(Generic[M]):
+    """A procedure in the place of a law: it believes every reading, and teaches the stiction table nothing."""
+
+    procedure: Procedure[M]
+    limits: ProcedureLimits
+
+    @property
+    def name(self) -> str:
+        """The name of the procedure."""
+        return self.procedure.name
+
+    def begin(self, measured_m: float) -> M:
+        """Return the memory of the procedure at its start."""
+        return self.procedure.begin(measured_m)
+
+    def estimate(self, memory: M, observation: Observation) -> tuple[M, Estimate]:
+        """Return the reading as the estimate."""
+        return memory, Estimate(StemState(observation.measured_m, 0.0, True, 1.0))
+
+    def decide(self, memory: M, stem: StemState, observation: Observation, table: StictionTable) -> tuple[M, Decision]:  # noqa: ARG002 - the interface's
+        """Return what the procedure asks for."""
+        memory, current_ma = self.procedure.advance(memory, observation)
+        limits = self.limits
+        return memory, Decision(current_ma, Bounds(-math.inf, math.inf, limits.current_low_ma, limits.current_high_ma))
+
+
+def commissioning_setup(setup: Setup, procedure: Procedure[M]) -> Setup:
+    """Return the setup in which `procedure` runs in place of the law: armed at once, without setpoints of a host."""
+    guard = replace(setup.guard, auto_arm=True, setpoint_hold_s=0.0, setpoint_failsafe_s=0.0, deviation_of_span=0.0)
+    law = ProcedureLaw(procedure, ProcedureLimits.of(setup.valve, setup.guard))
+    return replace(setup, guard=guard, law=law)

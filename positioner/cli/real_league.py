@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from positioner.studies.real_valves.bouts import RealLeagueSettings
 
-_ONLY_HERE = ("tau", "noise", "conditions")
+_ONLY_HERE = ("tau", "noise", "rival_plants", "conditions")
 
 
 def add_real_valves(parser: argparse.ArgumentParser) -> None:
@@ -23,6 +23,7 @@ def add_real_valves(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--real-valves", action="store_true", help="on valves whose actuator lags, parameters known")
     parser.add_argument("--tau", metavar="MS,MS,…", help="real valves: lags (default: 0,2,5,10,20,50,100,300 ms)")
     parser.add_argument("--noise", metavar="0.05,2", help="real valves: sensors, in %% of span and of reading")
+    parser.add_argument("--rival-plants", metavar="A,B,…", help="real valves: plants of the other laws than nmpc")
     parser.add_argument("--conditions", metavar="A,B,…", help="real valves: all, none, or names (default: all)")
 
 
@@ -34,7 +35,7 @@ def refuse_without(arguments: argparse.Namespace) -> None:
     """
     for name in _ONLY_HERE:
         if getattr(arguments, name) is not None:
-            raise UsageError(f"--{name} needs --real-valves")
+            raise UsageError(f"--{name.replace('_', '-')} needs --real-valves")
 
 
 def play(arguments: argparse.Namespace) -> ExitCode:
@@ -69,6 +70,7 @@ def _settings(arguments: argparse.Namespace) -> RealLeagueSettings:
     settings = RealLeagueSettings(
         laws=("nmpc", *RIVALS),
         plants=plants,
+        rival_plants=plants,
         lags_s=LAGS_S,
         noises=tuple(NOISES),
         seeds=SEEDS,
@@ -79,6 +81,7 @@ def _settings(arguments: argparse.Namespace) -> RealLeagueSettings:
             settings,
             laws=("nmpc", "two-move-retry"),
             plants=PLANTS[:1],
+            rival_plants=PLANTS[:1],
             lags_s=(0.0, 0.02),
             noises=("0.05",),
             seeds=(201,),
@@ -90,7 +93,9 @@ def _settings(arguments: argparse.Namespace) -> RealLeagueSettings:
     if arguments.laws:
         given["laws"] = names_in("law", arguments.laws, ENTRANTS)
     if arguments.plants:
-        given["plants"] = names_in("plant", arguments.plants, plants)
+        given["plants"] = given["rival_plants"] = names_in("plant", arguments.plants, plants)
+    if arguments.rival_plants:
+        given["rival_plants"] = names_in("plant", arguments.rival_plants, plants)
     if arguments.noise is not None:
         given["noises"] = names_in("noise", arguments.noise, tuple(NOISES))
     if arguments.tau is not None:

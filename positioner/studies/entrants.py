@@ -10,6 +10,7 @@ from positioner.laws.registry import LAWS
 if TYPE_CHECKING:
     from positioner.bench.scenario import Scenario
 
+OURS = "nmpc"
 WITHOUT_TABLE = "nmpc-without-table"
 """The same law, which learns but never uses what stands in the table."""
 ENTRANTS = (*LAWS, WITHOUT_TABLE)
@@ -20,4 +21,4 @@ def entered(scenario: Scenario) -> Scenario:
     """Return the scenario of an entrant as one that a positioner knows."""
     if scenario.law != WITHOUT_TABLE:
         return scenario
-    return replace(scenario, law="nmpc", table_from_s=_NEVER_S)
+    return replace(scenario, law=OURS, table_from_s=_NEVER_S)

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 FULL = RealLeagueSettings(
     laws=("nmpc", *RIVALS),
     plants=(*PLANTS, GRAPHITE),
+    rival_plants=(*PLANTS, GRAPHITE),
     lags_s=LAGS_S,
     noises=("0.05", "2"),
     seeds=(201, 202, 203),
@@ -132,6 +133,12 @@ def test_goals_are_judged_by_the_worst_lag_and_the_best_rival() -> None:
     assert found["lag 1 s"].is_met is None
 
 
+def test_the_other_laws_can_have_fewer_plants() -> None:
+    fewer = replace(FULL, laws=("nmpc", WITHOUT_TABLE, "pi"), rival_plants=(NOMINAL,))
+    plants = {law: {bout.plant for bout in fewer.bouts() if bout.law == law} for law in fewer.laws}
+    assert plants == {"nmpc": {*PLANTS, GRAPHITE}, WITHOUT_TABLE: {*PLANTS, GRAPHITE}, "pi": {NOMINAL}}
+
+
 def test_without_its_table_the_law_learns_and_never_uses_it() -> None:
     bout = RealBout(law=WITHOUT_TABLE, plant=NOMINAL, lag_s=0.0, noise="0.05", seed=1, condition=AS_TOLD, setpoints=1,
                     dwell_s=0.1, period_s=0.001)  # fmt: skip
@@ -160,6 +167,7 @@ def test_the_command_plays_a_part_and_resumes_it(tmp_path: Path, capsys: pytest.
     ("arguments", "expected"),
     [
         (["--tau", "5"], "--tau needs --real-valves"),
+        (["--rival-plants", "paper"], "--rival-plants needs --real-valves"),
         (["--real-valves", "--tau", "x"], "tau 'x' is no number"),
         (["--real-valves", "--noise", "3"], "noise '3' is unknown"),
         (["--real-valves", "--conditions", "untold"], "condition 'untold' is unknown"),

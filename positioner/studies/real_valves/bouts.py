@@ -15,7 +15,7 @@ from positioner.bench import metrics
 from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import Scenario
 from positioner.studies.direct import play_directly
-from positioner.studies.entrants import entered
+from positioner.studies.entrants import OURS, entered
 from positioner.studies.real_valves.conditions import AS_TOLD, CONDITIONS, Condition
 from positioner.studies.real_valves.tuned import rival_tables
 from positioner.studies.real_valves.valves import GRAPHITE, NOISES, NOMINAL, plant_tables, setpoints_mm, told
@@ -33,10 +33,14 @@ LONG_DWELL_S = 20.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RealLeagueSettings:
-    """What is played; the dwell is longer where the lag is."""
+    """What is played; the dwell is longer where the lag is.
+
+    rival_plants: the plants of the other laws. conditions: for `nmpc` alone.
+    """
 
     laws: tuple[str, ...]
     plants: tuple[str, ...]
+    rival_plants: tuple[str, ...]
     lags_s: tuple[float, ...]
     noises: tuple[str, ...]
     seeds: tuple[int, ...]
@@ -48,14 +52,14 @@ class RealLeagueSettings:
     def bouts(self) -> Iterator[RealBout]:
         """Yield every bout: the main part for all laws, the conditions for `nmpc` alone."""
         for law in self.laws:
-            for plant in self.plants:
+            for plant in self.plants if law.startswith(OURS) else self.rival_plants:
                 lags_s = (own_lag_s(plant),) if plant == GRAPHITE else self.lags_s
                 for lag_s in lags_s:
                     yield from self._each(law, plant, lag_s, AS_TOLD)
-        if "nmpc" in self.laws:
+        if OURS in self.laws:
             for name in self.conditions:
                 for lag_s in CONDITIONS[name].lags_s:
-                    yield from self._each("nmpc", NOMINAL, lag_s, name)
+                    yield from self._each(OURS, NOMINAL, lag_s, name)
 
     def _each(self, law: str, plant: str, lag_s: float, name: str) -> Iterator[RealBout]:
         condition = CONDITIONS.get(name)

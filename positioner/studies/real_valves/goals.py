@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from positioner.studies.entrants import WITHOUT_TABLE
+from positioner.studies.entrants import OURS, WITHOUT_TABLE
 from positioner.studies.real_valves.conditions import CONDITIONS
 from positioner.studies.real_valves.results import percentile_95
 from positioner.studies.real_valves.valves import GRAPHITE, NOISES, NOMINAL, STOCHASTIC
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from positioner.studies.real_valves.results import Cell, Choice, Results
 
-OURS = "nmpc"
 LOW, HIGH = tuple(NOISES)
 
 

@@ -57,24 +57,22 @@ def play(arguments: argparse.Namespace) -> ExitCode:
 
 
 def _settings(arguments: argparse.Namespace) -> RealLeagueSettings:
-    from positioner.studies.entrants import ENTRANTS  # noqa: PLC0415 - the plant
-    from positioner.studies.real_valves.bouts import RIVALS, SEEDS, RealLeagueSettings  # noqa: PLC0415
+    from positioner.studies.real_valves.bouts import RIVALS, SEEDS, RealLeagueSettings  # noqa: PLC0415 - the plant
     from positioner.studies.real_valves.conditions import CONDITIONS  # noqa: PLC0415
-    from positioner.studies.real_valves.valves import GRAPHITE, LAGS_S, NOISES, PLANTS  # noqa: PLC0415
+    from positioner.studies.real_valves.valves import ALL_PLANTS, LAGS_S, NOISES, PLANTS  # noqa: PLC0415
 
     if arguments.restart:
         raise UsageError("--restart does not go with --real-valves")
     if arguments.setpoints:
         raise UsageError("--setpoints does not go with --real-valves: they lie in the range of each plant")
-    plants, all_of_them = (*PLANTS, GRAPHITE), tuple(CONDITIONS)
     settings = RealLeagueSettings(
         laws=("nmpc", *RIVALS),
-        plants=plants,
-        rival_plants=plants,
+        plants=ALL_PLANTS,
+        rival_plants=ALL_PLANTS,
         lags_s=LAGS_S,
         noises=tuple(NOISES),
         seeds=SEEDS,
-        conditions=all_of_them,
+        conditions=tuple(CONDITIONS),
     )
     if arguments.short:
         settings = replace(
@@ -84,26 +82,39 @@ def _settings(arguments: argparse.Namespace) -> RealLeagueSettings:
             rival_plants=PLANTS[:1],
             lags_s=(0.0, 0.02),
             noises=("0.05",),
-            seeds=(201,),
+            seeds=SEEDS[:1],
             conditions=(),
             setpoints=4,
             dwell_s=2.0,
         )
-    given: dict[str, Any] = {"dwell_s": arguments.dwell, "period_s": arguments.period}
-    if arguments.laws:
-        given["laws"] = names_in("law", arguments.laws, ENTRANTS)
-    if arguments.plants:
-        given["plants"] = given["rival_plants"] = names_in("plant", arguments.plants, plants)
-    if arguments.rival_plants:
-        given["rival_plants"] = names_in("plant", arguments.rival_plants, plants)
-    if arguments.noise is not None:
-        given["noises"] = names_in("noise", arguments.noise, tuple(NOISES))
-    if arguments.tau is not None:
-        given["lags_s"] = tuple(dict.fromkeys(tau_ms / 1e3 for tau_ms in numbers_in("tau", arguments.tau)))
-    if arguments.seeds is not None:
-        given["seeds"] = tuple(dict.fromkeys(int(seed) for seed in numbers_in("seed", arguments.seeds, whole=True)))
-    if arguments.conditions is not None:
-        special = {"all": all_of_them, "none": ()}
-        named = special.get(arguments.conditions)
-        given["conditions"] = names_in("condition", arguments.conditions, all_of_them) if named is None else named
-    return replace(settings, **{name: value for name, value in given.items() if value is not None})
+    return replace(settings, **{name: value for name, value in _given(arguments).items() if value is not None})
+
+
+def _given(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the settings that the command line gives; None where it gives none."""
+    from positioner.studies.entrants import ENTRANTS  # noqa: PLC0415 - the plant
+    from positioner.studies.real_valves.conditions import CONDITIONS  # noqa: PLC0415
+    from positioner.studies.real_valves.valves import ALL_PLANTS, NOISES  # noqa: PLC0415
+
+    def names(what: str, text: str | None, known: tuple[str, ...]) -> tuple[str, ...] | None:
+        return None if text is None else names_in(what, text, known)
+
+    def numbers(what: str, text: str | None, *, whole: bool = False) -> tuple[float, ...] | None:
+        return None if text is None else tuple(dict.fromkeys(numbers_in(what, text, whole=whole)))
+
+    lags_ms, seeds = numbers("tau", arguments.tau), numbers("seed", arguments.seeds, whole=True)
+    plants = names("plant", arguments.plants, ALL_PLANTS)
+    special = {"all": tuple(CONDITIONS), "none": ()}
+    return {
+        "laws": names("law", arguments.laws, ENTRANTS),
+        "plants": plants,
+        "rival_plants": names("plant", arguments.rival_plants, ALL_PLANTS) or plants,
+        "lags_s": lags_ms and tuple(lag_ms / 1e3 for lag_ms in lags_ms),
+        "noises": names("noise", arguments.noise, tuple(NOISES)),
+        "seeds": seeds and tuple(int(seed) for seed in seeds),
+        "conditions": special[arguments.conditions]
+        if arguments.conditions in special
+        else names("condition", arguments.conditions, tuple(CONDITIONS)),
+        "dwell_s": arguments.dwell,
+        "period_s": arguments.period,
+    }

@@ -27,6 +27,7 @@ PACKAGED = (
     "paper-4",
     "paper-5",
     "paper-valve",
+    "real-valve",
     "spring-20",
     "stochastic",
 )
@@ -57,7 +58,8 @@ def test_the_emulator_and_the_model_accept_what_every_packaged_scenario_passes_o
     scenario = load_scenario(name)
     plant = plant_settings(overrides=scenario.plant)
     build({"id": "bench", **scenario.valve}, ValveParameters, name)
-    assert plant.sensor.noise_of_reading == (0.0 if name in NOISE_FREE else 0.02)
+    noises = {"real-valve": (0.0, 0.0005), **dict.fromkeys(NOISE_FREE, (0.0, 0.0))}
+    assert (plant.sensor.noise_of_reading, plant.sensor.noise_of_span) == noises.get(name, (0.02, 0.0))
 
 
 def test_the_packaged_mismatches_are_those_of_their_names() -> None:

@@ -26,6 +26,7 @@ PLANTS = (NOMINAL, "spring-20", "spring+20", "friction-20", "friction+20", STOCH
 """Presets of the emulator that are played at every lag."""
 GRAPHITE = "graphite"
 """A valve with a lag of its own, played at that one only."""
+ALL_PLANTS = (*PLANTS, GRAPHITE)
 
 LAGS_S = (0.0, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.3)
 """Time constants of filling and of venting."""

@@ -60,17 +60,20 @@ def moved(
 
     stop.terminal = True  # type: ignore[attr-defined]
     stop.direction = -1.0  # type: ignore[attr-defined]
+    lag_s = actuator.fill_time_constant_s or 1.0
+    is_stiff = lag_s < duration_s / 20.0 or load.viscous_n_s_per_m * duration_s > 20.0 * model.mass_kg
     p = u if is_immediate else start.p
     run = solve_ivp(
         rates,
         (0.0, duration_s),
         (start.x, start.v, p, start.w if converter_s else u),
-        method="LSODA",
+        method="Radau" if is_stiff else "DOP853",
         rtol=1e-9,
         atol=(1e-13, 1e-11, 1e-10, 1e-10),
         events=None if start.stopped else stop,
         max_step=duration_s / 4.0,
     )
+    assert run.success
     x, v, p, w = (float(value) for value in run.y[:, -1])
     if run.status != 1:
         return Moving(x, v, p, w, start.stopped)

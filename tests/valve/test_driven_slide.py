@@ -10,6 +10,7 @@ from actuator_reference import Moving, actuator_of, moved
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.brake import Brake
 from positioner.valve.course import Piece
 from positioner.valve.drive import drive_of
@@ -18,7 +19,6 @@ from positioner.valve.motion import Load, MotionModel
 from positioner.valve.parameters import ValveParameters
 
 if TYPE_CHECKING:
-    from positioner.valve.actuator import ActuatorParameters
     from positioner.valve.brake import Stop
 
 VALVE = ValveParameters(id="paper")
@@ -34,12 +34,21 @@ loads = st.builds(
     st.floats(300.0, 2000.0),
     st.floats(150.0, 1200.0) | st.just(CRITICAL_N_S_PER_M) | st.just(70000.0),
 )
+light_loads = st.builds(Load, st.floats(4e4, 7e4), st.floats(300.0, 2000.0), st.floats(150.0, 1200.0))
 actuators = st.builds(
     actuator_of,
     st.sampled_from((0.0, 1e-5, 0.003, 0.00868, 0.02, 0.3)),
     st.sampled_from((1.0, 0.6, 1.65)),
-    st.sampled_from((0.0, 0.0, 0.005, 0.02)),
+    st.sampled_from((0.0, 0.0, 0.005, 0.015)),
     st.sampled_from((0.0, 0.0, 40.0, 300.0)),
+)
+brakings = st.sampled_from((-0.4, 0.3, 0.9))
+slow_actuators = st.just(ActuatorParameters()) | st.builds(
+    actuator_of,
+    st.sampled_from((0.003, 0.00868, 0.02, 0.3)),
+    st.sampled_from((1.0, 0.6)),
+    st.sampled_from((0.0, 0.0, 0.01)),
+    st.sampled_from((0.0, 0.0, 40.0)),
 )
 signs = st.sampled_from((1.0, -1.0))
 
@@ -108,37 +117,37 @@ def test_a_stem_that_nearly_stops_in_a_long_piece_is_caught_at_the_dip_of_its_sp
     assert found.x == pytest.approx(end.x, abs=1e-9)
 
 
-@settings(max_examples=25, deadline=None)
-@given(actuators, loads, signs, st.floats(0.01, 0.4), st.floats(0.9, 1.4), st.floats(-3.0, 8.0))
+@settings(max_examples=15, deadline=None)
+@given(slow_actuators, light_loads, signs, st.floats(0.01, 0.4), st.floats(0.9, 1.4), st.floats(-3.0, 8.0), brakings)
 def test_the_predicted_stop_is_where_the_sampled_commands_stop_the_stem(
-    actuator: ActuatorParameters, load: Load, s: float, speed: float, push: float, more_ma: float
+    actuator: ActuatorParameters, load: Load, s: float, speed: float, push: float, more_ma: float, braking: float
 ) -> None:
     x, brake = 0.078, brake_of(actuator, load, s)
     p = pushing_ma(load, s, x, push)
     u = brake.drive.limited(p + s * more_ma)
-    brake_ma = pushing_ma(load, s, x + 0.005 * s, -0.4)
+    brake_ma = pushing_ma(load, s, x + 0.005 * s, braking)
     predicted_m = brake.stop_m(x, s * speed, p, p + s, u, brake_ma)
     state = moved(MODEL, load, actuator, s, Moving(x, s * speed, p, p + s), u, 1e-3)
     samples = 0
-    while not state.stopped and samples < 300:
+    while not state.stopped and samples < 25:
         u = brake.drive.command_ma(state.p, state.w, brake_ma)
         state = moved(MODEL, load, actuator, s, state, u, 1e-3)
         samples += 1
     if state.stopped:
         # behind a converter the last sample at the limit is not whole
-        within_m = 1e-4 if actuator.converter_time_constant_s else 1e-7
+        within_m = 2e-4 if actuator.converter_time_constant_s else 1e-7
         assert predicted_m == pytest.approx(state.x, abs=within_m)
 
 
 @settings(max_examples=60)
-@given(actuators, loads, signs, st.floats(0.01, 0.4), st.floats(0.9, 1.4), st.floats(-3.0, 8.0))
+@given(actuators, loads, signs, st.floats(0.01, 0.4), st.floats(0.9, 1.4), st.floats(-3.0, 8.0), brakings)
 def test_the_derivatives_of_the_predicted_stop_are_its_differences(
-    actuator: ActuatorParameters, load: Load, s: float, speed: float, push: float, more_ma: float
+    actuator: ActuatorParameters, load: Load, s: float, speed: float, push: float, more_ma: float, braking: float
 ) -> None:
     x, brake = 0.078, brake_of(actuator, load, s)
     p = pushing_ma(load, s, x, push)
     state = (x, s * speed, p, p + s, brake.drive.limited(p + s * more_ma))
-    brake_ma = pushing_ma(load, s, x + 0.005 * s, -0.4)
+    brake_ma = pushing_ma(load, s, x + 0.005 * s, braking)
     found = brake.stop(*state, brake_ma)
     assert found.x == brake.stop_m(*state, brake_ma)
     steps = (1e-7, 1e-6, 1e-5, 1e-5, 1e-5)
@@ -151,7 +160,7 @@ def test_the_derivatives_of_the_predicted_stop_are_its_differences(
             (found.x - place(brake, below, brake_ma)) / step,
         ]
         # a state at the edge of a phase has two slopes
-        margin = 2e-3 * abs(derivative) + 1e-6
+        margin = 2e-3 * abs(derivative) + 1e-9
         assert min(slopes) - margin <= derivative <= max(slopes) + margin
 
 

@@ -15,6 +15,7 @@ from positioner.cli import (
     doctor,
     host,
     league,
+    reach,
     replay,
     reproduce,
     run,
@@ -51,7 +52,21 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--version", action="version", version=version("positioner", positioner.__version__))
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for module in (run, host, bench, replay, league, campaign, reproduce, tune, table, check, doctor, conformance):
+    for module in (
+        run,
+        host,
+        bench,
+        replay,
+        league,
+        campaign,
+        reproduce,
+        tune,
+        table,
+        check,
+        reach,
+        doctor,
+        conformance,
+    ):
         module.add_parser(commands)
     return parser
 

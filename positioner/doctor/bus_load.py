@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 WARN_ABOVE = 0.6
 REFUSE_ABOVE = 0.9
-_FASTEST = 1_000_000
+FASTEST = 1_000_000
 _SUBJECT = "bus load"
 
 _EVERY_SAMPLE: tuple[type[Message], ...] = (StemPosition, CurrentCommand)
@@ -69,7 +69,7 @@ def findings(
 ) -> tuple[Finding, ...]:
     """Return the finding on the load; `bitrate` is None on a virtual bus, `source` the configuration's path."""
     if bitrate is None:
-        load = bus_load(codec, sample_period_s, _FASTEST)
+        load = bus_load(codec, sample_period_s, FASTEST)
         text = (
             f"{name} has no bitrate, so no limit; at 1 Mbit/s the load of this valve would be {100 * load.total:.0f} %"
         )
@@ -82,7 +82,7 @@ def findings(
         return (Finding(Level.FAIL, _SUBJECT, f"{text}: too slow for any sample period", _faster(name)),)
     shortest_s = rounded_up(load.shortest_period_s)
     slower = f"sudoedit {source}  # [control] sample_period_s, and the sensor's period with it"
-    fix = _faster(name) if bitrate < _FASTEST else slower
+    fix = _faster(name) if bitrate < FASTEST else slower
     if load.total <= REFUSE_ABOVE:
         text += f", above {100 * WARN_ABOVE:.0f} %: other nodes on this bus have to wait for this valve"
         return (Finding(Level.WARN, _SUBJECT, text, fix),)
@@ -90,7 +90,7 @@ def findings(
     return (Finding(Level.FAIL, _SUBJECT, text, slower),)
 
 
-def in_words(codec: Codec, sample_period_s: float, bitrate: int = _FASTEST) -> str:
+def in_words(codec: Codec, sample_period_s: float, bitrate: int = FASTEST) -> str:
     """Return the load at `bitrate` in words, with the shortest sample period that the bus can carry."""
     load = bus_load(codec, sample_period_s, bitrate)
     text = f"{100 * load.total:.0f} % of {bitrate / 1e6:g} Mbit/s at most"
@@ -101,7 +101,7 @@ def in_words(codec: Codec, sample_period_s: float, bitrate: int = _FASTEST) -> s
     return f"{text}; {fits}" if load.total <= REFUSE_ABOVE else f"{text}: more than the bus carries; {fits}"
 
 
-def of_several(name: str, valves: Sequence[tuple[Codec, float]], bitrate: int = _FASTEST) -> Finding:
+def of_several(name: str, valves: Sequence[tuple[Codec, float]], bitrate: int = FASTEST) -> Finding:
     """Return the finding on the load of a bus by several valves, each with its codec and its sample period in s."""
     load = sum(bus_load(codec, period_s, bitrate).total for codec, period_s in valves)
     text = f"{name} with {len(valves)} valves: {100 * load:.0f} % of {bitrate / 1e6:g} Mbit/s at most"
@@ -117,7 +117,7 @@ def rounded_up(period_s: float) -> float:
 
 
 def _faster(name: str) -> str:
-    up = f"sudo ip link set {name} up type can bitrate {_FASTEST}"
+    up = f"sudo ip link set {name} up type can bitrate {FASTEST}"
     return f"sudo ip link set {name} down && {up}  # and every other node on the bus alike"
 
 

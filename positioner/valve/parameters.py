@@ -80,6 +80,16 @@ class ValveParameters(SettingsTable):
         rate = self.spring_rate_n_per_m
         return max(low_n / rate, self.travel_min_m), min(high_n / rate, self.travel_max_m)
 
+    def restartable_m(self, low_ma: float, high_ma: float) -> tuple[float, float]:
+        """Return the range in m from which these currents free the stem both ways: K x + F_0 ± F_s within B·u.
+
+        The lowest is above the highest where there is no such place.
+        """
+        low_n = self.force_gain_n_per_ma * low_ma - self.bench_set_n + self.static_friction_n
+        high_n = self.force_gain_n_per_ma * high_ma - self.bench_set_n - self.static_friction_n
+        rate = self.spring_rate_n_per_m
+        return max(low_n / rate, self.travel_min_m), min(high_n / rate, self.travel_max_m)
+
     def net_force_n(self, position_m: float, current_ma: float) -> float:
         """Return F_e = F_pressure - F_spring in N (eqs 3 and 7)."""
         return self.force_gain_n_per_ma * (current_ma - self.balance_current_ma(position_m))

@@ -1,0 +1,116 @@
+"""The figures as text for people, and as a table for programs. Pure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from positioner.reach.figures import MOVE_OF_SPAN
+from positioner.reach.large_moves import SETTLED_OF_SPAN
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from positioner.reach.case import Case
+    from positioner.reach.figures import Figures
+    from positioner.reach.improvements import Improvement
+
+
+def as_table(case: Case, figures: Figures, changes: Sequence[Improvement]) -> dict[str, object]:
+    """Return everything in SI units; what has no finite value is None."""
+    return {
+        "valve": case.valve.id,
+        "sample_period_s": case.period_s,
+        "noise_m": case.sigma_m,
+        "tolerance_m": case.tolerance_m,
+        **_finite(figures),
+        "improvements": [{"change": each.change, **_finite(each.figures)} for each in changes],
+    }
+
+
+def _finite(figures: Figures) -> dict[str, float | None]:
+    values = {**asdict(figures), "resolution_m": figures.resolution_m}
+    return {key: value if math.isfinite(value) else None for key, value in values.items()}
+
+
+def as_text(case: Case, figures: Figures, changes: Sequence[Improvement], bus_load: str) -> str:
+    """Return the figures, a line each, with what would improve them."""
+    lines = [f"{case.valve.id}: what this valve can reach, computed from its configuration"]
+    for title, rows in _sections(case, figures, bus_load):
+        lines += ["", title, *(f"  {name:<30} {value}" for name, value in rows)]
+    lines += ["", "what would improve it, one change at a time"]
+    if not changes:
+        lines.append("  nothing of what was tried: noise, period, lags, dead time, packing")
+    width = max((len(each.change) for each in changes), default=0)
+    for each in changes:
+        lines.append(
+            f"  {each.change:<{width}}   resolution {_length(each.figures.resolution_m, case)}, "
+            f"mean error {_length(each.figures.error_m, case)}, duration {_duration(each.figures.law_s)}"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _sections(case: Case, found: Figures, bus_load: str) -> Iterator[tuple[str, list[tuple[str, str]]]]:
+    loop = f"{case.low_ma:g} to {case.high_ma:g} mA"
+    yield (
+        "where the stem can be",
+        [
+            (f"{loop} slide it to", _range(found.low_reach_m, found.high_reach_m)),
+            ("and free it both ways", _range(found.low_m, found.high_m)),
+        ],
+    )
+    yield (
+        "the smallest moves",
+        [
+            ("natural jump (F_s - F_c)/K", _length(found.natural_jump_m, case)),
+            (f"push of one period, {case.period_s * 1e3:g} ms", _length(found.push_m, case)),
+            (
+                "jump that the readings show",
+                f"{_length(found.jump_m, case)}, {_duration(found.noticed_s)} after the slip",
+            ),
+        ],
+    )
+    yield (
+        "the error that is left",
+        [
+            ("noise of a reading, 1 σ", _length(case.sigma_m, case)),
+            ("of an average", f"{_length(found.averaging_m, case)}, after {_duration(found.averaging_s)} at rest"),
+            ("repeatability of a landing", f"{_length(found.landing_m, case)}, once its friction is known"),
+            ("resolution, 1 σ of both", _length(found.resolution_m, case)),
+            (
+                "mean error to expect",
+                f"{_length(found.error_m, case)}; less than {_length(case.tolerance_m, case)} is not corrected",
+            ),
+        ],
+    )
+    yield (
+        f"a move by {MOVE_OF_SPAN:.0%} of span, to {SETTLED_OF_SPAN:.0%} of it",
+        [
+            ("shortest possible", _duration(found.shortest_s)),
+            ("of the law", _duration(found.law_s)),
+        ],
+    )
+    yield ("the bus", [("load", bus_load)])
+
+
+def _range(low_m: float, high_m: float) -> str:
+    if low_m > high_m:
+        return "nowhere"
+    return f"{low_m * 1e3:.1f} to {high_m * 1e3:.1f} mm"
+
+
+def _length(length_m: float, case: Case) -> str:
+    percent = 100.0 * length_m / case.valve.span_m
+    return f"{length_m * 1e3:.{_digits(length_m * 1e3)}f} mm ({percent:.{_digits(percent)}f} %)"
+
+
+def _duration(duration_s: float) -> str:
+    if not math.isfinite(duration_s):
+        return "never: the current is too weak"
+    return f"{duration_s * 1e3:.3g} ms" if duration_s < 1.0 else f"{duration_s:.3g} s"
+
+
+def _digits(value: float) -> int:
+    """Return how many decimals show two digits of a value."""
+    return min(max(1 - math.floor(math.log10(value)), 0), 4) if value > 0.0 else 0

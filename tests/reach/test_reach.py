@@ -1,0 +1,171 @@
+"""What a valve can reach: against closed forms, independent studies, and a closed loop with the emulated valve."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from positioner.bench.inprocess import run_in_process
+from positioner.bench.scenario import Scenario
+from positioner.cli.main import main
+from positioner.config.reader import parse_config
+from positioner.errors import ExitCode
+from positioner.reach.case import Case
+from positioner.reach.figures import figures_of
+from positioner.reach.improvements import improvements
+from positioner.reach.large_moves import durations
+from positioner.reach.small_moves import smallest_jump, smallest_push_m
+
+if TYPE_CHECKING:
+    from positioner.reach.figures import Figures
+
+LOW_NOISE, TWO_PERCENT = (0.0, 0.0005), (0.02, 0.0)
+
+
+def text_of(lag_s: float, noise: tuple[float, float] = LOW_NOISE, period_s: float = 1e-3, valve: str = "paper") -> str:
+    lags = f"[valve.actuator]\nfill_time_constant_s = {lag_s}\nvent_time_constant_s = {lag_s}\n"
+    sensor = f"[estimator]\nnoise_of_reading = {noise[0]}\nnoise_of_span = {noise[1]}\n"
+    return f'[valve]\nid = "v"\npreset = "{valve}"\n{lags}{sensor}[control]\nsample_period_s = {period_s}\n'
+
+
+def case_of(lag_s: float, noise: tuple[float, float] = LOW_NOISE, period_s: float = 1e-3, **valve: Any) -> Case:
+    return Case.of(parse_config(text_of(lag_s, noise, period_s), "valve.toml", Path())).with_valve(**valve)
+
+
+def test_the_range_and_the_natural_jump_are_the_closed_forms() -> None:
+    found = figures_of(case_of(0.05))
+    gain, rate = 0.06452 * 0.75 * 6894.757, 52538.0
+    assert found.low_m == pytest.approx((4.0 * gain + 1707.7) / rate)
+    assert found.high_m == pytest.approx((20.0 * gain - 1707.7) / rate)
+    assert found.low_reach_m == pytest.approx((4.0 * gain + 1423.0) / rate)
+    assert found.high_reach_m == pytest.approx((20.0 * gain - 1423.0) / rate)
+    assert found.natural_jump_m == pytest.approx(284.7 / rate)
+    assert found.resolution_m == pytest.approx(math.hypot(found.averaging_m, found.landing_m))
+
+
+@pytest.mark.parametrize(
+    ("lag_s", "low_noise_mm", "two_percent_mm"),
+    [(0.005, 0.5, 2.9), (0.01, 0.6, 3.1), (0.02, 0.8, 3.2), (0.05, 1.3, 3.5), (0.1, 1.8, 3.7), (0.3, 2.8, 4.1)],
+)
+def test_the_jump_that_the_readings_show_is_that_of_a_study_with_another_model(
+    lag_s: float, low_noise_mm: float, two_percent_mm: float
+) -> None:
+    # the study: a prototype with its own integrator, opening at 80 mm; rounded to 0.1 mm; here at 76 mm
+    for noise, expected_mm in ((LOW_NOISE, low_noise_mm), (TWO_PERCENT, two_percent_mm)):
+        found = smallest_jump(case_of(lag_s, noise), 1.0)
+        assert found.jump_m * 1e3 == pytest.approx(expected_mm, rel=0.13, abs=0.05)
+        assert 1e-3 <= found.noticed_s <= 0.012
+
+
+def test_a_push_of_one_period_without_lag_is_the_free_slip_of_the_plant_and_its_brake() -> None:
+    # 1 ms at F_s: 0.1 mm, measured on the emulated valve; a period as long as the slip: the natural jump
+    assert smallest_push_m(case_of(0.0), 1.0) == pytest.approx(1.0e-4, rel=0.1)
+    assert smallest_push_m(case_of(0.0, period_s=0.1), 1.0) == pytest.approx(284.7 / 52538.0, rel=0.01)
+
+
+def test_landings_repeat_better_with_less_noise_and_less_lag() -> None:
+    landings = [smallest_jump(case_of(lag_s, LOW_NOISE), 1.0).landing_m for lag_s in (0.005, 0.3)]
+    noisy = [smallest_jump(case_of(lag_s, TWO_PERCENT), 1.0).landing_m for lag_s in (0.005, 0.3)]
+    assert all(3e-5 < each < 1.1e-4 for each in landings)  # a prototype in closed loop: 0.03 to 0.11 mm
+    assert all(1.3e-4 < each < 5.7e-4 for each in noisy)  # and 0.13 to 0.56 mm
+    certain = smallest_jump(case_of(0.3, coulomb_friction_n=0.0, static_friction_n=284.7), 1.0).landing_m
+    assert certain < landings[1]  # no sliding friction that could be known wrongly
+
+
+@pytest.mark.parametrize(
+    ("lag_s", "expected_ms"),
+    [(0.0, 10.0), (0.005, 19.0), (0.01, 27.0), (0.02, 43.0), (0.05, 85.0), (0.1, 156.0), (0.3, 442.0)],
+)
+def test_the_shortest_move_is_that_of_a_study_with_another_model(lag_s: float, expected_ms: float) -> None:
+    # the study: 73 to 87 mm until the stem stops; here until it is within 1 % of span, which is 1.3 mm sooner
+    found = durations(replace(case_of(lag_s), low_ma=4.0), 0.014, 50.0)
+    assert 0.75 * expected_ms < found.shortest_s * 1e3 < 1.02 * expected_ms
+    assert 0.8 * found.shortest_s < found.law_s < found.shortest_s + 0.01
+
+
+def test_a_move_beyond_the_current_never_ends() -> None:
+    found = durations(case_of(0.05), 0.06, 50.0)
+    assert found.shortest_s == math.inf
+    assert figures_of(case_of(0.05, static_friction_n=3000.0)).low_m > 0.07
+
+
+@pytest.mark.parametrize("lag_s", [0.02, 0.1])
+def test_the_mean_error_and_the_duration_are_those_of_a_closed_loop(lag_s: float) -> None:
+    setpoints_mm, dwell_s = (72.0, 84.7, 78.0, 80.0, 83.0, 76.0), 1.2
+    lags = {"fill_time_constant_s": lag_s, "vent_time_constant_s": lag_s}
+    sensor = {"noise_of_reading": 0.0, "noise_of_span": 0.0005}
+    run = run_in_process(
+        Scenario(
+            name="reach",
+            title="t",
+            law="nmpc",
+            seed=7,
+            setpoints_mm=setpoints_mm,
+            dwell_s=dwell_s,
+            plant={"preset": "paper", "actuator": lags, "sensor": sensor},
+            valve={"actuator": lags},
+            estimator=sensor,
+        )
+    )
+    error_m = np.abs(run.recording.true_position_m - np.repeat(np.array(setpoints_mm) * 1e-3, round(dwell_s / 1e-3)))
+    dwells = error_m.reshape(len(setpoints_mm), -1)
+    found = figures_of(case_of(lag_s))
+    assert 0.4 * found.error_m < dwells[:, -300:].mean() < 2.0 * found.error_m
+    # the second dwell is a move by a tenth of the span
+    settled_s = (np.flatnonzero(dwells[1] > 0.00127)[-1] + 1) * 1e-3
+    assert 0.8 * found.law_s < settled_s < 1.4 * found.law_s
+
+
+def test_what_helps_is_named_with_its_figures_and_what_does_not_help_is_not() -> None:
+    case = case_of(0.05, TWO_PERCENT, period_s=0.005)
+    today = figures_of(case)
+    found = improvements(case, today)
+    changes = {each.change: each.figures for each in found}
+    assert {"a position sensor with half the noise", "a volume booster that halves the lag"} <= set(changes)
+    faster: Figures = changes["a volume booster that halves the lag"]
+    assert faster.law_s < 0.7 * today.law_s
+    assert [each.figures.resolution_m for each in found] == sorted(each.figures.resolution_m for each in found)
+    assert not [change for change in changes if "dead time" in change or "converter" in change]
+
+
+def test_the_command_prints_text_and_the_same_figures_as_json(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "valve.toml"
+    path.write_text(text_of(0.05), encoding="utf-8")
+    assert main(["reach", "--config", str(path)]) == ExitCode.OK
+    text = capsys.readouterr().out
+    assert "  natural jump (F_s - F_c)/K     5.4 mm (4.3 %)\n" in text
+    assert "  4 to 20 mA slide it to         52.5 to 99.9 mm\n" in text
+    assert max(len(line) for line in text.splitlines()) <= 150
+    assert main(["reach", "--config", str(path), "--json"]) == ExitCode.OK
+    table = json.loads(capsys.readouterr().out)
+    assert table["natural_jump_m"] == pytest.approx(284.7 / 52538.0)
+    assert table["law_s"] == pytest.approx(figures_of(case_of(0.05)).law_s)
+    assert all(each["change"] for each in table["improvements"])
+
+
+def test_a_valve_that_nothing_can_free_has_no_range_and_no_durations(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "valve.toml"
+    text = text_of(0.05).replace('"paper"\n', '"paper"\nstatic_friction_n = 6000.0\n')
+    path.write_text(text, encoding="utf-8")
+    assert main(["reach", "--config", str(path)]) == ExitCode.OK
+    out = capsys.readouterr().out
+    assert "and free it both ways          nowhere" in out
+    assert "never: the current is too weak" in out
+
+
+@pytest.mark.parametrize("valve", ["graphite", "real-valve"])
+def test_every_preset_has_figures(valve: str) -> None:
+    found = figures_of(Case.of(parse_config(text_of(0.1, valve=valve), "valve.toml", Path())))
+    assert 0.0 < found.push_m <= found.jump_m < found.natural_jump_m
+    assert 0.0 < found.landing_m < found.natural_jump_m
+    assert 0.05 < found.shortest_s <= found.law_s < 0.5

@@ -149,14 +149,15 @@ class OnsetBank:
     ) -> tuple[list[Onset], float]:
         """Return the hypotheses of a slip in the sample that has ended, and the prior probability up to its end.
 
-        The faster the force rises, the more parts of the sample have a hypothesis of their own.
+        The faster the force rises, and the longer the sample is, the more parts of it have a hypothesis of their own.
         """
         s, period_s = slip.direction, slip.drive.period_s
         begin_ma = before.pressure_ma
         end_ma, _ = slip.drive.after(begin_ma, before.converter_ma, current_ma)
         from_n = s * slip.model.net_n(begin_ma, slip.spring_n_per_m, x)
         rise_n = s * slip.model.gain_n_per_ma * (end_ma - begin_ma)
-        parts = min(max(math.ceil(abs(rise_n) / (_RISE_PER_PART * slip.static_n)), 1), _MOST_PARTS)
+        by_force = min(math.ceil(abs(rise_n) / (_RISE_PER_PART * slip.static_n)), _MOST_PARTS)
+        parts = max(by_force, min(math.ceil(period_s / _PART_S), _MOST_ONSETS // 2), 1)
         fresh, reached = list[Onset](), self.reached
         for part in range(parts):
             share = (part + 0.5) / parts
@@ -234,6 +235,8 @@ _EVEN_SHARE, _EVEN_FROM, _EVEN_RANGE = 0.1, 0.5, 1.1
 _LEAST_FORCE = 0.4
 _RISE_PER_PART, _MOST_PARTS = 0.04, 4
 """A sample has one hypothesis for each such rise of the force, as a part of F_s, and so many at most."""
+_PART_S = 0.001
+"""A long sample has one for each such time."""
 _REFUTED = 18.0
 """A hypothesis that is less likely by this exponent is deleted."""
 _STOPPED_OF_JUMP = 0.25

@@ -30,6 +30,8 @@ _SLIPPED, _BACKWARD = 5.0, 6.0
 """Smoothed displacement, in its own σ, that shows a slip which no hypothesis explains; against the ramp, more."""
 _LONGEST_S = 6.0
 _AT_LIMIT_MA = 0.02
+_SAME_MA = 2e-3
+"""Pressures that differ by less are the same, after the rounding of a current in its frame."""
 
 
 def begun(move: Move, rest: LaggedRest, pipeline: Pipeline) -> Ramp:
@@ -190,7 +192,7 @@ def command(valve: LaggedValve, memory: LaggedMemory, ramp: Ramp) -> tuple[Ramp,
     spring_n, margin = onsets.spring_n_per_m * ramp.rest.x, _PRESUMED * belief.doubt
     foot_ma = valve.model.pressure_ma(spring_n + s * onsets.static_n * (1.0 - margin))
     pressure_ma, converter_ma = after_pending(memory.pipeline, drive)
-    if s * (foot_ma - pressure_ma) > 0.0:
+    if s * (foot_ma - pressure_ma) > max(ramp.rate_ma_per_s * period_s, _SAME_MA):
         return replace(ramp, reference_ma=foot_ma), drive.command_ma(pressure_ma, converter_ma, foot_ma)
     rate = ramp.rate_ma_per_s
     now_n = s * valve.model.net_n(memory.pipeline.pressure_ma, onsets.spring_n_per_m, ramp.rest.x)

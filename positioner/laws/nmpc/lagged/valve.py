@@ -56,8 +56,8 @@ class LaggedValve:
 
     @property
     def has_lag(self) -> bool:
-        """Whether there is a lag to learn."""
-        return self.drive.fill_s > 0.0
+        """Whether there is a lag to learn: one that is not over within a sample."""
+        return self.drive.fill_s >= self.drive.period_s
 
     @property
     def longest_slip_s(self) -> float:

@@ -13,6 +13,7 @@ from positioner.config.reader import load_valves
 from positioner.config.several import by_bus
 from positioner.doctor import bus_load
 from positioner.errors import ExitCode
+from positioner.reach.expected import in_words
 
 if TYPE_CHECKING:
     import argparse
@@ -69,6 +70,7 @@ def summary(configuration: Configuration, state: Path) -> str:
         ("slip jump", f"{(friction_n - valve.coulomb_friction_n) / rate * 1e3:.2f} mm"),
         ("actuator", valve.actuator.in_words()),
         ("law", f"{configuration.control.law}, every {configuration.control.sample_period_s * 1e3:g} ms"),
+        *([("error to expect", expected)] if (expected := in_words(configuration)[0]) else []),
         ("actuator's deadman", _deadman(configuration)),
         ("bus", str(configuration.bus)),
         ("bus load", bus_load.in_words(configuration.make_codec(), configuration.control.sample_period_s)),

@@ -12,6 +12,7 @@ from positioner.config.several import by_bus
 from positioner.doctor import bus_load, feedback, link_findings, machine, real_time, scheduling, state_directory
 from positioner.doctor.finding import Finding, Level, worst
 from positioner.errors import ConfigurationError, ExitCode
+from positioner.reach.expected import in_words
 from positioner.store import lock
 from positioner.wire.messages import StemPosition
 
@@ -71,6 +72,7 @@ class Examination:
             if len(configurations) > 1:
                 yield Finding(Level.OK, "valve", f"{configuration.valve.id}:")
             yield Finding(Level.OK, "DBC", _frames(configuration))
+            yield from _law(configuration, self.config)
             yield from self._valve(configuration, self.config, links)
         yield from _shared_buses(configurations, links or ())
 
@@ -111,6 +113,14 @@ def _interfaces(links: tuple[Link, ...]) -> Iterator[Finding]:
     if not names:
         fix = f"{link_findings.add_vcan('vcan0')}  # a virtual one, for tests"
         yield Finding(Level.WARN, "interface", "this machine has no CAN interface", fix)
+
+
+def _law(configuration: Configuration, path: Path) -> Iterator[Finding]:
+    """Yield the error to expect of the law on this valve, and whether its period fits."""
+    text, fits = in_words(configuration)
+    if text:
+        fix = "" if fits else f"positioner reach --config {shlex.quote(str(path))}  # what would help"
+        yield Finding(Level.OK if fits else Level.WARN, "error", text, fix)
 
 
 def _frames(configuration: Configuration) -> str:

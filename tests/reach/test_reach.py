@@ -97,7 +97,7 @@ def test_a_move_beyond_the_current_never_ends() -> None:
 
 @pytest.mark.parametrize("lag_s", [0.02, 0.1])
 def test_the_mean_error_and_the_duration_are_those_of_a_closed_loop(lag_s: float) -> None:
-    setpoints_mm, dwell_s = (72.0, 84.7, 78.0, 80.0, 83.0, 76.0), 1.2
+    setpoints_mm, dwell_s = (70.0, 82.7, 70.0, 82.7, 70.0, 82.7, 70.0, 82.7), 1.2
     lags = {"fill_time_constant_s": lag_s, "vent_time_constant_s": lag_s}
     sensor = {"noise_of_reading": 0.0, "noise_of_span": 0.0005}
     run = run_in_process(
@@ -116,10 +116,10 @@ def test_the_mean_error_and_the_duration_are_those_of_a_closed_loop(lag_s: float
     error_m = np.abs(run.recording.true_position_m - np.repeat(np.array(setpoints_mm) * 1e-3, round(dwell_s / 1e-3)))
     dwells = error_m.reshape(len(setpoints_mm), -1)
     found = figures_of(case_of(lag_s))
-    assert 0.4 * found.error_m < dwells[:, -300:].mean() < 2.0 * found.error_m
-    # the second dwell is a move by a tenth of the span
-    settled_s = (np.flatnonzero(dwells[1] > 0.00127)[-1] + 1) * 1e-3
-    assert 0.8 * found.law_s < settled_s < 1.4 * found.law_s
+    assert 0.3 * found.error_m < np.median(dwells[:, -300:].mean(axis=1)) < 2.5 * found.error_m
+    # every second dwell is an opening by a tenth of the span
+    settled_s = [(np.flatnonzero(dwell > 0.00127)[-1] + 1) * 1e-3 for dwell in dwells[1::2]]
+    assert 0.8 * found.law_s < np.median(settled_s) < 1.6 * found.law_s
 
 
 def test_what_helps_is_named_with_its_figures_and_what_does_not_help_is_not() -> None:

@@ -15,15 +15,16 @@ if TYPE_CHECKING:
 
     from positioner.studies.real_valves.bouts import RealLeagueSettings
 
-_ONLY_HERE = ("tau", "noise", "rival_plants", "conditions")
+_ONLY_HERE = ("tau", "noise", "rival_plants", "exact", "conditions")
 
 
 def add_real_valves(parser: argparse.ArgumentParser) -> None:
     """Add `--real-valves` and its options."""
-    parser.add_argument("--real-valves", action="store_true", help="on valves whose actuator lags, parameters known")
+    parser.add_argument("--real-valves", action="store_true", help="on valves whose actuator lags, identified before")
     parser.add_argument("--tau", metavar="MS,MS,…", help="real valves: lags (default: 0,2,5,10,20,50,100,300 ms)")
     parser.add_argument("--noise", metavar="0.05,2", help="real valves: sensors, in %% of span and of reading")
     parser.add_argument("--rival-plants", metavar="A,B,…", help="real valves: plants of the other laws than nmpc")
+    parser.add_argument("--exact", action="store_true", help="real valves: exact parameters instead of identified ones")
     parser.add_argument("--conditions", metavar="A,B,…", help="real valves: all, none, or names (default: all)")
 
 
@@ -34,7 +35,7 @@ def refuse_without(arguments: argparse.Namespace) -> None:
         UsageError: one was given.
     """
     for name in _ONLY_HERE:
-        if getattr(arguments, name) is not None:
+        if getattr(arguments, name):
             raise UsageError(f"--{name.replace('_', '-')} needs --real-valves")
 
 
@@ -73,6 +74,7 @@ def _settings(arguments: argparse.Namespace) -> RealLeagueSettings:
         noises=tuple(NOISES),
         seeds=SEEDS,
         conditions=tuple(CONDITIONS),
+        identified=not arguments.exact,
     )
     if arguments.short:
         settings = replace(
@@ -85,6 +87,7 @@ def _settings(arguments: argparse.Namespace) -> RealLeagueSettings:
             seeds=SEEDS[:1],
             conditions=(),
             setpoints=4,
+            identified=False,
             dwell_s=2.0,
         )
     return replace(settings, **{name: value for name, value in _given(arguments).items() if value is not None})

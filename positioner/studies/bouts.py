@@ -1,6 +1,6 @@
-"""Bouts: runs of one law on one plant, spread over workers, each with its result in a file. Shell.
+"""Items of a study, spread over workers, each with its result in a file. Shell.
 
-A study that was interrupted continues where it stopped. A bout is played again when its code has changed.
+A study that was interrupted continues where it stopped. An item is computed again when its code has changed.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from positioner.studies.code_digest import code_digest
 from positioner.studies.pool import spread_out
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
     from positioner.studies.pool import Workers
 
 
 class Playable(Protocol):
-    """A bout: what is played, and the name of its result."""
+    """An item: what is played or computed, and the name of its result."""
 
     @property
     def law(self) -> str:
@@ -51,46 +51,62 @@ def played(
     Raises:
         StateError: `folder` cannot be written.
     """
-    code = {law: code_digest(law) for law in {bout.law for bout in bouts}}
+    found = computed(bouts, play, folder, workers, _as_json)
+    return {bout: tuple(DwellMetrics(**dwell) for dwell in dwells) for bout, dwells in found.items()}
+
+
+def _as_json(dwells: tuple[DwellMetrics, ...]) -> list[dict[str, Any]]:
+    return [asdict(dwell) for dwell in dwells]
+
+
+def computed(
+    items: Sequence[B],
+    function: Callable[[B], Any],
+    folder: Path,
+    workers: Workers,
+    as_json: Callable[[Any], Any] = lambda result: result,
+) -> dict[B, Any]:
+    """Return the result of every item as JSON has it, in their order; what the same code has stored is not repeated.
+
+    Raises:
+        StateError: `folder` cannot be written.
+    """
+    code = {law: code_digest(law) for law in {item.law for item in items}}
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        return _resumed(bouts, play, folder, code, workers)
+        return _resumed(items, function, folder, workers, as_json, code)
 
 
 def _resumed(
-    bouts: Sequence[B],
-    play: Callable[[B], tuple[DwellMetrics, ...]],
+    items: Sequence[B],
+    function: Callable[[B], Any],
     folder: Path,
-    code: dict[str, str],
     workers: Workers,
-) -> dict[B, tuple[DwellMetrics, ...]]:
-    found: dict[B, tuple[DwellMetrics, ...]] = {}
-    for bout in bouts:
-        known = _stored(folder / f"{bout.key}.json", code[bout.law])
+    as_json: Callable[[Any], Any],
+    code: Mapping[str, str],
+) -> dict[B, Any]:
+    found: dict[B, Any] = {}
+    for item in items:
+        known = _stored(folder / f"{item.key}.json", code[item.law])
         if known is not None:
-            found[bout] = known
-    missing = [bout for bout in bouts if bout not in found]
+            found[item] = known
+    missing = [item for item in items if item not in found]
     with (
-        tqdm(total=len(bouts), initial=len(found), unit=" bouts", disable=None) as bar,
-        closing(spread_out(play, missing, workers)) as results,
+        tqdm(total=len(items), initial=len(found), unit=" bouts", disable=None) as bar,
+        closing(spread_out(function, missing, workers)) as results,
     ):
-        for bout, dwells in results:
-            found[bout] = dwells
-            _store(folder / f"{bout.key}.json", code[bout.law], dwells)
-            bar.set_postfix_str(bout.title)
+        for item, result in results:
+            found[item] = as_json(result)
+            text = json.dumps({"code": code[item.law], "result": found[item]})
+            (folder / f"{item.key}.json").write_text(text, encoding="utf-8")
+            bar.set_postfix_str(item.title)
             bar.update()
-    return {bout: found[bout] for bout in bouts}
+    return {item: found[item] for item in items}
 
 
-def _stored(path: Path, code: str) -> tuple[DwellMetrics, ...] | None:
+def _stored(path: Path, code: str) -> Any:
     try:
         stored: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        if stored["code"] != code:
-            return None
-        return tuple(DwellMetrics(**dwell) for dwell in stored["dwells"])
+        return stored["result"] if stored["code"] == code else None
     except (OSError, ValueError, KeyError, TypeError):
-        return None  # not played yet, or cut off while it was written
-
-
-def _store(path: Path, code: str, dwells: tuple[DwellMetrics, ...]) -> None:
-    path.write_text(json.dumps({"code": code, "dwells": [asdict(dwell) for dwell in dwells]}), encoding="utf-8")
+        return None  # not computed yet, or cut off while it was written

@@ -18,7 +18,9 @@ UNUSED_ROOMS = frozenset(("campaign", "cli", "conformance", "doctor", "host", "r
 """Rooms whose code no bout runs."""
 USED_MODULES = {
     "bench": frozenset(("columns", "configure", "inprocess", "metrics", "modes", "playable", "recording", "scenario")),
-    "studies": frozenset(("bouts", "conditions", "direct", "entrants", "league", "tuned", "valves")),
+    "studies": frozenset(
+        ("bouts", "conditions", "direct", "entrants", "identification", "identified_plant", "league", "tuned", "valves")
+    ),
 }
 """Modules that a bout runs, for each room of which it runs only some."""
 

@@ -195,7 +195,7 @@ def test_an_interrupted_league_plays_only_the_missing_bouts(tmp_path: Path) -> N
     played = play_league(settings, tmp_path, Workers(1))
     (path,) = tmp_path.iterdir()
     stored = json.loads(path.read_text())
-    stored["dwells"][0]["reversals"] = 77
+    stored["result"][0]["reversals"] = 77
     path.write_text(json.dumps(stored))
     assert next(iter(play_league(settings, tmp_path, Workers(1)).values()))[0].reversals == 77
     stored["code"] = "of yesterday"

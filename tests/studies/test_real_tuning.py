@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
+from importlib import resources
 
 import pytest
 
@@ -10,9 +12,11 @@ from positioner.bench.inprocess import configure
 from positioner.bench.scenario import Scenario
 from positioner.cli.main import main
 from positioner.errors import ExitCode
+from positioner.laws.tuned import table_name
 from positioner.studies.real_valves import tuned, tuning
 from positioner.studies.real_valves.tuned import rival_tables
 from positioner.studies.real_valves.tuning import RANGES, Found, Task, control_table, searched, to_toml
+from positioner.studies.real_valves.valves import LAGS_S, NOISES
 from positioner.studies.tuning import cost_of
 
 
@@ -77,3 +81,24 @@ def test_what_cannot_be_tuned_is_refused(
 ) -> None:
     assert main(["tune", *arguments]) == ExitCode.USAGE
     assert expected in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("law", list(RANGES))
+def test_every_lag_and_noise_has_packaged_parameters_with_the_cost_in_their_file(law: str) -> None:
+    file = resources.files("positioner.laws.tuned").joinpath("real_valves", f"{table_name(law)}.toml")
+    text = file.read_text(encoding="utf-8")
+    assert text.startswith(f"# positioner tune {law} --real-valves --budget 60 --seed 1\n")
+    entries = tomllib.loads(text)["tuned"]
+    assert {(entry["lag_s"], entry["noise"]) for entry in entries} == {
+        (lag, noise) for lag in LAGS_S for noise in NOISES
+    }
+    entry = next(entry for entry in entries if (entry["lag_s"], entry["noise"]) == (0.005, "0.05"))
+    stored = entry[table_name(law)]
+    values = []
+    for each in RANGES[law]:
+        group, _, key = each.key.rpartition(".")
+        values.append((stored[group] if group else stored)[key])
+    task = Task(law, 0.005, "0.05", 60, 1)
+    assert control_table(task, values) == {table_name(law): stored}
+    cost = 0.5 * sum(tuning._cost(task, plant, values, math.inf) for plant in ("paper", "stochastic"))
+    assert cost == pytest.approx(entry["cost"], rel=0.02)

@@ -18,11 +18,23 @@ from positioner.errors import ExitCode
 from positioner.studies.entrants import WITHOUT_TABLE
 from positioner.studies.league import SETPOINTS_MM
 from positioner.studies.limit import optimal_move
+from positioner.studies.pool import Workers
+from positioner.studies.real_valves import league
 from positioner.studies.real_valves.bouts import RIVALS, RealBout, RealLeagueSettings, play
 from positioner.studies.real_valves.conditions import AS_TOLD, CONDITIONS
 from positioner.studies.real_valves.goals import judged
+from positioner.studies.real_valves.identification import Identification, identify
 from positioner.studies.real_valves.results import Cell, Results
-from positioner.studies.real_valves.valves import GRAPHITE, LAGS_S, NOMINAL, PLANTS, plant_tables, setpoints_mm, told
+from positioner.studies.real_valves.valves import (
+    GRAPHITE,
+    LAGS_S,
+    NOISES,
+    NOMINAL,
+    PLANTS,
+    plant_tables,
+    setpoints_mm,
+    told,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -181,3 +193,32 @@ def test_mistakes_of_the_command_line_get_one_clear_line(
 ) -> None:
     assert main(["league", *arguments, "--out", str(tmp_path)]) != ExitCode.OK
     assert expected in capsys.readouterr().err
+
+
+def test_an_identified_valve_is_what_every_law_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    known: object = {
+        "valve": {**told(plant_settings(NOMINAL)), "spring_rate_n_per_m": 51234.0},
+        "estimator": NOISES["2"],
+    }
+    bouts = [bout for bout in replace(FULL, laws=("pi",), lags_s=(0.02,)).bouts() if bout.noise == "2"]
+    asked: list[Identification] = []
+
+    def compute(items: list[Identification], *_others: object) -> dict[Identification, object]:
+        asked.extend(items)
+        return dict.fromkeys(items, known)
+
+    monkeypatch.setattr(league, "computed", compute)
+    for bout in league._identified(bouts, tmp_path, Workers(1)):
+        own = configure(bout.scenario)
+        assert own.valve.spring_rate_n_per_m == 51234.0
+        assert (own.estimator.noise_of_reading, own.estimator.noise_of_span) == (0.02, 0.0)
+    assert len(asked) == len(PLANTS) + 1  # once for all seeds
+
+
+@pytest.mark.slow
+def test_the_identification_of_the_league_finds_spring_friction_and_lag() -> None:
+    found = identify(Identification("spring-20", 0.02, "0.05", 0.004))
+    assert found["valve"]["spring_rate_n_per_m"] == pytest.approx(42030.4, rel=0.005)
+    assert found["valve"]["static_friction_n"] == pytest.approx(1707.7, rel=0.01)
+    assert found["valve"]["actuator"]["fill_time_constant_s"] == pytest.approx(0.02, rel=0.05)
+    assert found["estimator"]["noise_of_span"] == pytest.approx(0.0005, rel=0.1)

@@ -36,6 +36,8 @@ class RealLeagueSettings:
     """What is played; the dwell is longer where the lag is.
 
     rival_plants: the plants of the other laws. conditions: for `nmpc` alone.
+    identified: whether the laws have the parameters that an identification of each plant finds, and not the exact ones;
+        in a condition they always have exact ones.
     """
 
     laws: tuple[str, ...]
@@ -48,6 +50,7 @@ class RealLeagueSettings:
     setpoints: int = 8
     dwell_s: float = 6.0
     period_s: float = 0.001
+    identified: bool = False
 
     def bouts(self) -> Iterator[RealBout]:
         """Yield every bout: the main part for all laws, the conditions for `nmpc` alone."""
@@ -83,7 +86,10 @@ class RealLeagueSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RealBout:
-    """One law on one plant with one lag, noise and seed, under one condition."""
+    """One law on one plant with one lag, noise and seed, under one condition.
+
+    identified: what its identification found, as JSON; empty where the law has the plant's own parameters.
+    """
 
     law: str
     plant: str
@@ -94,6 +100,7 @@ class RealBout:
     setpoints: int
     dwell_s: float
     period_s: float
+    identified: str = ""
 
     @property
     def title(self) -> str:
@@ -113,6 +120,9 @@ class RealBout:
         condition = CONDITIONS.get(self.condition) or Condition(text=AS_TOLD, goal_pct={})
         true = plant_tables(self.plant, self.lag_s, self.noise, condition.true(self.lag_s))
         believed = plant_tables(self.plant, self.lag_s, self.noise, condition.believed(self.lag_s))
+        known = {"valve": told(plant_settings(overrides=believed)), "estimator": dict(NOISES[self.noise])}
+        if self.identified:
+            known = json.loads(self.identified)
         scenario = Scenario(
             name="real-valves",
             title=self.title[:80],
@@ -123,8 +133,8 @@ class RealBout:
             setpoints_mm=setpoints_mm(self.plant)[: self.setpoints],
             dwell_s=self.dwell_s,
             plant=true,
-            valve=told(plant_settings(overrides=believed)),
-            estimator=dict(NOISES[self.noise]),
+            valve=known["valve"],
+            estimator=known["estimator"],
             control=rival_tables(self.law, self.lag_s, self.noise),
         )
         return entered(scenario)

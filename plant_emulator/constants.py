@@ -50,6 +50,8 @@ class Constants:
     flat_again_m_per_s: float
     sticks: bool
     is_stochastic: bool
+    ages: bool
+    """Whether static friction grows at rest."""
 
 
 class _Latest:
@@ -83,5 +85,6 @@ def _computed(settings: PlantSettings) -> Constants:
         flat_m_per_s=max(band, _FLAT * valve.stribeck_velocity_m_per_s) if curved else band,
         flat_again_m_per_s=max(band, _FLAT_AGAIN * valve.stribeck_velocity_m_per_s),
         sticks=sticks,
+        ages=settings.packing.growth_per_decade > 0.0 or settings.packing.creep_fraction > 0.0,
         is_stochastic=settings.stochastic.friction_fraction > 0.0,
     )

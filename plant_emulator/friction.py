@@ -1,4 +1,4 @@
-"""Dry friction (paper eqs 3-5), and how it varies with the position and from stop to stop. Pure.
+"""Dry friction (paper eqs 3-5), and how it varies with the position, from stop to stop, with wear and rest. Pure.
 
 Deviation from the paper: its eq. 4 has e^(+(v/V_s)²), which grows without bound. Stribeck's curve is e^(-(v/V_s)²).
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from plant_emulator.ageing import growth
 from plant_emulator.draws import Stream, uniform
 from positioner.values import dataclass, replace
 
@@ -17,19 +18,30 @@ if TYPE_CHECKING:
 CELL_WIDTH_M = 0.00025
 """Friction is constant inside a cell, so that the motion there keeps its closed form."""
 
+_LEAST_WEAR = 0.05
+"""Wear leaves at least this part of the friction."""
+_HOUR_S = 3600.0
+
 _WAVELENGTHS_M = (0.011, 0.0037)
 """Of the two waves of the friction field; with their ratio no two strokes are alike."""
 
 
 @dataclass(frozen=True, slots=True)
 class Packing:
-    """Dry friction at the present position: F_s and F_c, the cell of the field, and the random numbers behind them."""
+    """Dry friction at the present position: F_s and F_c, the cell of the field, and what they follow from.
+
+    seed, draw: the random numbers behind them.
+    wear: the factor by which moves and time have changed both.
+    rested_s: the time of rest since the stem last left the zero-speed band.
+    """
 
     static_n: float
     coulomb_n: float
     cell: int
     seed: int
     draw: float
+    wear: float = 1.0
+    rested_s: float = 0.0
 
 
 def stribeck_n(speed_m_per_s: float, static_n: float, coulomb_n: float, stribeck_velocity_m_per_s: float) -> float:
@@ -50,19 +62,38 @@ def after_crossing(settings: PlantSettings, packing: Packing, direction: int) ->
     return _packed(settings, replace(packing, cell=packing.cell + direction))
 
 
-def after_stop(settings: PlantSettings, packing: Packing, stops: int) -> Packing:
-    """Return the friction after stop number `stops`, with a new random half."""
-    if settings.stochastic.friction_fraction == 0.0:
+def after_stop(settings: PlantSettings, packing: Packing, stops: int, time_s: float = 0.0) -> Packing:
+    """Return the friction after stop number `stops` at plant time `time_s`: a new random half, and more wear."""
+    drift = settings.packing.drift_per_move * stops + settings.packing.drift_per_hour * time_s / _HOUR_S
+    if settings.stochastic.friction_fraction == 0.0 and drift == 0.0:
         return packing
-    return _packed(settings, replace(packing, draw=uniform(packing.seed, Stream.FRICTION, stops + 1)))
+    draw, wear = uniform(packing.seed, Stream.FRICTION, stops + 1), max(1.0 + drift, _LEAST_WEAR)
+    return _packed(settings, replace(packing, draw=draw, wear=wear))
+
+
+def after_rest(settings: PlantSettings, packing: Packing, duration_s: float) -> Packing:
+    """Return the friction after `duration_s` more of rest."""
+    return _packed(settings, replace(packing, rested_s=packing.rested_s + duration_s))
+
+
+def after_leaving(settings: PlantSettings, packing: Packing) -> Packing:
+    """Return the friction of a stem that has left the zero-speed band, which ends the growth of F_s."""
+    return packing if packing.rested_s == 0.0 else _packed(settings, replace(packing, rested_s=0.0))
+
+
+def repacked(settings: PlantSettings, packing: Packing) -> Packing:
+    """Return the friction after the settings changed."""
+    return _packed(settings, packing)
 
 
 def _packed(settings: PlantSettings, packing: Packing) -> Packing:
     fraction = settings.stochastic.friction_fraction
     phase = math.pi * uniform(packing.seed, Stream.FRICTION, 0)
-    factor = 1.0 + fraction * 0.5 * (_field(packing.cell, phase) + packing.draw)
-    valve = settings.valve
-    return replace(packing, static_n=valve.static_friction_n * factor, coulomb_n=valve.coulomb_friction_n * factor)
+    factor = packing.wear * (1.0 + fraction * 0.5 * (_field(packing.cell, phase) + packing.draw))
+    static_n, coulomb_n = settings.valve.static_friction_n * factor, settings.valve.coulomb_friction_n * factor
+    if packing.rested_s > 0.0:
+        static_n *= 1.0 + growth(settings.packing, packing.rested_s)
+    return replace(packing, static_n=static_n, coulomb_n=coulomb_n)
 
 
 def _field(cell: int, phase: float) -> float:

@@ -11,9 +11,11 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from plant_emulator import friction
+from plant_emulator.ageing import Ageing, growth
 from plant_emulator.constants import FORCE_MARGIN_N, Constants, located_n
 from plant_emulator.feedback import Feedback, after_motion, after_rest
-from plant_emulator.friction import CELL_WIDTH_M, Packing, after_crossing, after_stop
+from plant_emulator.friction import CELL_WIDTH_M, Packing, after_crossing, after_leaving, after_stop
 from plant_emulator.path import Uniform
 from plant_emulator.roots import clear_time, first_event
 from plant_emulator.segment import Ending, Segment
@@ -34,12 +36,14 @@ _SETTLED_M_PER_S = 1e-10
 class MovingStem:
     """A stem, its packing and its feedback while one step is computed; mutable.
 
+    time_s: plant time.
     feedback: None where the sensor shows the stem as it is.
     """
 
     constants: Constants
     stem: Stem
     packing: Packing
+    time_s: float = 0.0
     feedback: Feedback | None = None
 
     def advance(self, force: PushingForce, duration_s: float) -> None:
@@ -48,8 +52,11 @@ class MovingStem:
         while left_s > 0.0:
             stem = self.stem
             if stem.direction == 0 and self._is_held(stem, force, left_s):
+                if self.constants.ages:
+                    self.packing = friction.after_rest(self.constants.settings, self.packing, left_s)
                 if self.feedback is not None:
                     self.feedback = after_rest(self._sensor, self.feedback, left_s)
+                self.time_s += left_s
                 return
             segment = self._segment(force, left_s)
             stem = self.stem
@@ -62,6 +69,7 @@ class MovingStem:
             if self.feedback is not None:
                 sensor, end_m, seconds = self._sensor, segment.position_m, segment.duration_s
                 self.feedback = after_motion(sensor, self.feedback, segment.path, end_m, seconds)
+            self.time_s += segment.duration_s
             if segment.ending is Ending.BORDER:
                 self._reach_border()
             elif segment.ending is Ending.BALANCE:
@@ -106,12 +114,16 @@ class MovingStem:
         balance_n = self.constants.preload_n + self.constants.spring_n_per_m * position_m
         hold_n = max(self.packing.static_n, FORCE_MARGIN_N) + FORCE_MARGIN_N
         # a pull that falls to the limit may be located a little above it, and must not start the stem again
-        tolerance_n = located_n(force.slope(0.0) if force.is_simple else force.slope_bound(0.0))
+        tolerance_n = located_n(force.slope(0.0))
         up_n, down_n = balance_n + hold_n + max(0.0, -tolerance_n), balance_n - hold_n - max(0.0, tolerance_n)
-        if not force.is_simple:
-            up_n += tolerance_n
+        if not force.is_simple or self.constants.ages:
+            either_n = located_n(force.slope_bound(0.0))
+            up_n, down_n = balance_n + hold_n + either_n, balance_n - hold_n - either_n
         opens, closes = position_m < valve.travel_max_m, position_m > valve.travel_min_m
-        along, slip_s = _slip(force, up_n if opens else math.inf, down_n if closes else -math.inf, left_s)
+        up_n, down_n = up_n if opens else math.inf, down_n if closes else -math.inf
+        along, slip_s = self._slip(force, up_n, down_n, left_s)
+        if self.constants.ages:
+            self.packing = friction.after_rest(self.constants.settings, self.packing, slip_s)
         path = Uniform(position_m, 0.0)
         if along == 0:
             return Segment(slip_s, position_m, 0.0, Ending.OPEN, path)
@@ -119,15 +131,35 @@ class MovingStem:
         self._turn(along)
         return Segment(slip_s, position_m, 0.0, Ending.OPEN, path)
 
+    def _slip(self, force: PushingForce, up_n: float, down_n: float, left_s: float) -> tuple[int, float]:
+        """Return +1 or -1 and the time in s at which `force` rises above `up_n` or falls below `down_n`.
+
+        If it does neither before `left_s`: 0, and a time up to which it does not. Both bounds move apart while static
+        friction grows.
+        """
+        if self.constants.ages:
+            return _first_slip(force, up_n, down_n, self._ageing(), left_s)
+        if not force.is_simple:
+            return _first_slip(force, up_n, down_n, None, left_s)
+        up_s, down_s = force.time_above(up_n), force.time_below(down_n)
+        if min(up_s, down_s) >= left_s:
+            return 0, left_s
+        return (1, up_s) if up_s < down_s else (-1, down_s)
+
+    def _ageing(self) -> Ageing:
+        settings, packing = self.constants.settings.packing, self.packing
+        return Ageing(settings, packing.static_n / (1.0 + growth(settings, packing.rested_s)), packing.rested_s)
+
     def _start(self, force: PushingForce, left_s: float, pull: float) -> Segment:
         """Return the segment inside the zero-speed band, or from its edge, of a stem that `pull` sets in motion."""
-        constants, packing, valve = self.constants, self.packing, self.constants.settings.valve
+        constants, valve = self.constants, self.constants.settings.valve
         band, along = constants.band_m_per_s, 1 if pull > 0.0 else -1
         if self.stem.velocity_m_per_s == 0.0:
             self._turn(along)
         stem, border_m = self.stem, self._border_m()
         if abs(stem.velocity_m_per_s) < band or along != stem.direction:
-            return break_away(constants, stem, packing, force, left_s, border_m, direction=along)
+            return break_away(constants, stem, self.packing, force, left_s, border_m, direction=along)
+        self.packing = packing = after_leaving(constants.settings, self.packing)
         edge_n = sliding_n(valve, packing, band)
         quickest_n_per_s = force.slope_bound(0.0) + constants.spring_n_per_m * band
         margin_n = max(FORCE_MARGIN_N, 2.0 * located_n(quickest_n_per_s))
@@ -173,29 +205,33 @@ class MovingStem:
     def _stop(self) -> None:
         stops = self.stem.stops + self.constants.sticks
         self.stem = replace(self.stem, direction=0, velocity_m_per_s=0.0, stops=stops)
-        self.packing = after_stop(self.constants.settings, self.packing, stops)
+        self.packing = after_stop(self.constants.settings, self.packing, stops, self.time_s)
 
     def _turn(self, direction: int) -> None:
         reversals = self.stem.reversals + (self.stem.last_direction == -direction)
         self.stem = replace(self.stem, direction=direction, last_direction=direction, reversals=reversals)
 
 
-def _slip(force: PushingForce, up_n: float, down_n: float, left_s: float) -> tuple[int, float]:
-    """Return +1 or -1 and the time in s at which `force` rises above `up_n` or falls below `down_n`.
+def _first_slip(
+    force: PushingForce, up_n: float, down_n: float, ageing: Ageing | None, left_s: float
+) -> tuple[int, float]:
+    """Return the direction and the time of the first slip, as `_slip`, under any force."""
 
-    If it does neither before `left_s`: 0, and a time up to which it does not.
-    """
-    if force.is_simple:
-        up_s, down_s = force.time_above(up_n), force.time_below(down_n)
-        if min(up_s, down_s) >= left_s:
-            return 0, left_s
-        return (1, up_s) if up_s < down_s else (-1, down_s)
+    def gaps(t: float) -> tuple[float, float]:
+        force_n, more_n = force.at(t), 0.0 if ageing is None else ageing.more_n(t)
+        return up_n + more_n - force_n, force_n - down_n + more_n
 
     def clear(t: float) -> float:
-        force_n, slope, bend = force.at(t), force.slope(t), force.bend_bound(t)
-        return min(clear_time(up_n - force_n, -slope, bend), clear_time(force_n - down_n, slope, bend))
+        (up_gap, down_gap), slope, bend, growing = gaps(t), force.slope(t), force.bend_bound(t), 0.0
+        if ageing is not None:
+            growing, bend = ageing.slope(t), bend + ageing.bend_bound(t)
+        return min(clear_time(up_gap, growing - slope, bend), clear_time(down_gap, growing + slope, bend))
 
+    up_gap, down_gap = gaps(0.0)
+    if min(up_gap, down_gap) < 0.0:
+        return (1 if up_gap < 0.0 else -1), 0.0
     slip_s, slips = first_event(clear, left_s)
     if not slips:
         return 0, slip_s
-    return (1 if up_n - force.at(slip_s) < force.at(slip_s) - down_n else -1), slip_s
+    up_gap, down_gap = gaps(slip_s)
+    return (1 if up_gap < down_gap else -1), slip_s

@@ -15,6 +15,8 @@ from annotated_types import Interval
 from positioner.inputs.table import SettingsTable
 
 _LOWEST_RATE_N_PER_M = 100.0
+_CHANGEABLE = ("valve", "actuator", "process", "sensor", "packing", "stochastic")
+_GEOMETRY = ("travel_min_m", "travel_max_m", "span_m", "initial_position_m")
 
 
 class FailPosition(StrEnum):
@@ -136,11 +138,48 @@ class ProcessSettings(SettingsTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PackingSettings(SettingsTable):
+    """How the dry friction of the packing changes with rest, moves and time."""
+
+    growth_per_decade: Annotated[float, Interval(ge=0.0, le=2.0)] = 0.0
+    """Growth of F_s at rest, as a fraction of F_s, by each decade of 1 s + the time of rest."""
+    creep_fraction: Annotated[float, Interval(ge=0.0, le=2.0)] = 0.0
+    """Growth of F_s soon after a stop, as a fraction of F_s."""
+    creep_time_constant_s: Annotated[float, Interval(ge=1e-3, le=1e5)] = 1.0
+    """Time in which F_s creeps to it."""
+    drift_per_move: Annotated[float, Interval(ge=-0.1, le=0.1)] = 0.0
+    """Change of F_s and F_c by each stop, as a fraction of both at the start."""
+    drift_per_hour: Annotated[float, Interval(ge=-100.0, le=100.0)] = 0.0
+    """Change of F_s and F_c by time, as a fraction of both at the start; it shows at the next stop."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StochasticSettings(SettingsTable):
     """Friction that varies: one half of the variation follows the position, the other is random at every stop."""
 
     friction_fraction: Annotated[float, Interval(ge=0.0, le=0.9)] = 0.0
     """Largest deviation of F_s and F_c, as a fraction of each."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScheduledChange(SettingsTable):
+    """A parameter of the plant that changes while it runs, such as a fault; one `[[schedule]]` table."""
+
+    at_s: Annotated[float, Interval(ge=0.0, le=1e9)]
+    """Plant time from which the value acts."""
+    key: str
+    """The parameter with its table, such as "valve.static_friction_n"."""
+    value: float
+
+    def __post_init__(self) -> None:
+        """Check that the key may change.
+
+        Raises:
+            ValueError: it is not in one of the tables that act, or is part of the geometry.
+        """
+        table, _, name = self.key.partition(".")
+        if table not in _CHANGEABLE or name in _GEOMETRY or "." in name:
+            raise ValueError(f"key '{self.key}' cannot change; name one such as valve.static_friction_n")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,7 +191,9 @@ class PlantSettings(SettingsTable):
     actuator: ActuatorSettings = field(default_factory=ActuatorSettings)
     process: ProcessSettings = field(default_factory=ProcessSettings)
     sensor: SensorSettings = field(default_factory=SensorSettings)
+    packing: PackingSettings = field(default_factory=PackingSettings)
     stochastic: StochasticSettings = field(default_factory=StochasticSettings)
+    schedule: tuple[ScheduledChange, ...] = ()
     fail_position: FailPosition = FailPosition.CLOSE
     fail_current_ma: Annotated[float, Interval(ge=0.0, le=25.0)] = 4.0
     """The current of `fail_position = "current"`."""

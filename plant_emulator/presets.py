@@ -57,7 +57,13 @@ def overridden(base: Mapping[str, Any], changes: Mapping[str, Any], source: str,
     Raises:
         ConfigurationError: an unknown preset, an unknown key, or a value outside its limits.
     """
-    return build(_resolved(laid_over(base, changes), source, text), PlantSettings, source, text)
+    values = _resolved(laid_over(base, changes), source, text)
+    settings = build(values, PlantSettings, source, text)
+    for change in sorted(settings.schedule, key=lambda each: each.at_s):
+        table, name = change.key.split(".")
+        values = laid_over(values, {table: {name: change.value}})
+        build(values, PlantSettings, f"{source}: schedule at {change.at_s:g} s", text)
+    return settings
 
 
 def _resolved(values: Mapping[str, Any], source: str, text: str) -> dict[str, Any]:

@@ -20,6 +20,8 @@ def clear_time(gap: float, slope: float, bend: float) -> float:
 
     `bend` bounds the size of its second derivative. The time is the positive zero of gap + slope·t - bend·t²/2.
     """
+    if gap == math.inf:
+        return math.inf
     if bend <= 0.0:
         return math.inf if slope >= 0.0 else max(gap, 0.0) / -slope
     spread = math.sqrt(slope * slope + 2.0 * bend * max(gap, 0.0))

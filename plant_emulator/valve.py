@@ -12,9 +12,10 @@ from plant_emulator import sensor
 from plant_emulator.actuator import Actuator, driven, held_actuator, initial_actuator
 from plant_emulator.constants import constants_of
 from plant_emulator.feedback import Feedback, is_direct
-from plant_emulator.friction import Packing, initial_packing
+from plant_emulator.friction import Packing, initial_packing, repacked
 from plant_emulator.moving_stem import MovingStem
 from plant_emulator.process import disturbed, initial_noise_n
+from plant_emulator.schedule import acting, stretches, timeline
 from plant_emulator.stem import Stem
 from plant_emulator.stem import friction_n as friction_on_stem_n
 from positioner.values import dataclass, replace
@@ -43,6 +44,7 @@ def initial_state(settings: PlantSettings, seed: int) -> PlantState:
     """Return a valve at rest at its initial position, with the pressure that balances its spring there."""
     valve, position_m = settings.valve, settings.valve.initial_position_m
     constants = constants_of(settings)
+    is_direct_always = all(is_direct(each.sensor) for _, each in timeline(settings))
     push_n = constants.preload_n + constants.spring_n_per_m * position_m
     return PlantState(
         time_s=0.0,
@@ -51,7 +53,7 @@ def initial_state(settings: PlantSettings, seed: int) -> PlantState:
         actuator=initial_actuator(settings, push_n / valve.diaphragm_area_m2),
         sensor=sensor.Sensor(seed=seed),
         disturbance_n=initial_noise_n(settings.process, seed),
-        feedback=None if is_direct(settings.sensor) else Feedback(position_m, position_m),
+        feedback=None if is_direct_always else Feedback(position_m, position_m),
     )
 
 
@@ -62,11 +64,21 @@ def held_state(settings: PlantSettings, seed: int, current_ma: float) -> PlantSt
 
 def step(settings: PlantSettings, state: PlantState, current_ma: float, duration_s: float) -> PlantState:
     """Return the valve `duration_s` later, its loop current held at `current_ma` meanwhile."""
+    if not settings.schedule:
+        return _stepped(settings, state, current_ma, duration_s)
+    for each, seconds, is_new in stretches(settings, state.time_s, duration_s):
+        if is_new:
+            state = replace(state, packing=repacked(each, state.packing))
+        state = _stepped(each, state, current_ma, seconds)
+    return state
+
+
+def _stepped(settings: PlantSettings, state: PlantState, current_ma: float, duration_s: float) -> PlantState:
     actuator, forces = driven(settings, state.actuator, current_ma, state.time_s, duration_s)
     disturbance_n = state.disturbance_n
     if settings.process.noise_n > 0.0:
         disturbance_n, forces = disturbed(settings.process, state.sensor.seed, disturbance_n, state.time_s, forces)
-    moving = MovingStem(constants_of(settings), state.stem, state.packing, state.feedback)
+    moving = MovingStem(constants_of(settings), state.stem, state.packing, state.time_s, state.feedback)
     for force, stretch_s in forces:
         moving.advance(force, stretch_s)
     return PlantState(
@@ -82,6 +94,7 @@ def step(settings: PlantSettings, state: PlantState, current_ma: float, duration
 
 def measure(settings: PlantSettings, state: PlantState) -> tuple[PlantState, float]:
     """Return the valve after its sensor took a sample, and the measured position in m."""
+    settings = acting(settings, state.time_s)
     shown_m = state.stem.position_m if state.feedback is None else state.feedback.shown_m
     measured, position_m = sensor.measure(settings, state.sensor, shown_m, state.time_s)
     after = PlantState(
@@ -98,5 +111,6 @@ def measure(settings: PlantSettings, state: PlantState) -> tuple[PlantState, flo
 
 def friction_n(settings: PlantSettings, state: PlantState) -> float:
     """Return the friction on the stem in N, positive against opening motion; at rest it is the pull, at most F_s."""
+    settings = acting(settings, state.time_s)
     push_n = state.actuator.pressure_pa * settings.valve.diaphragm_area_m2 - state.disturbance_n
     return friction_on_stem_n(constants_of(settings), state.stem, state.packing, push_n)

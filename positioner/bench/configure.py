@@ -31,7 +31,7 @@ def configuration_text(scenario: Scenario, address: BusAddress, state: Path) -> 
     if scenario.table_from_s is not None:
         control["table_from_s"] = scenario.table_from_s
     tables: dict[str, Any] = {
-        "valve": {"id": VALVE_ID, "preset": nominal, **scenario.valve},
+        "valve": {"id": VALVE_ID, "preset": nominal, **_preload(preset, nominal), **scenario.valve},
         "bus": {key: value for key, value in asdict(address).items() if value != {}},
         "control": {**control, **scenario.control},
         "estimator": {**_nominal_noise(nominal), **scenario.estimator},
@@ -39,6 +39,14 @@ def configuration_text(scenario: Scenario, address: BusAddress, state: Path) -> 
         "state": {"directory": str(state)},
     }
     return tomli_w.dumps(tables)
+
+
+def _preload(preset: str, nominal: str) -> dict[str, float]:
+    """Return the bench set of a preset that has another one than its nominal valve: it is known, as the travel is."""
+    if preset not in preset_names():
+        return {}
+    bench_set_n = plant_settings(preset).valve.bench_set_n
+    return {} if bench_set_n == plant_settings(nominal).valve.bench_set_n else {"bench_set_n": bench_set_n}
 
 
 def _nominal_noise(preset: str) -> dict[str, float]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from plant_emulator.presets import plant_settings, preset_names
+from plant_emulator.presets import plant_settings, preset_names, root_preset
 from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.playable import check_playable, restartable_mm
 from positioner.bench.scenario import Scenario, load_scenario, scenario_names
@@ -37,10 +37,12 @@ def refused(scenario: Scenario) -> list[str]:
 
 @pytest.mark.parametrize("name", preset_names())
 def test_without_parameters_the_controller_has_those_of_the_valve_that_the_plant_is_a_variant_of(name: str) -> None:
-    own = name if name in {"graphite", "real-valve"} else "paper"
+    own = root_preset(name)
+    assert own in {name, "paper", "graphite", "real-valve"}
     found = configure(replace(SCENARIO, plant={"preset": name}))
     actuator = ActuatorParameters(**PRESETS[own]["actuator"])
-    assert found.valve == ValveParameters(id="bench", **{**PRESETS[own], "actuator": actuator})
+    preload = {"bench_set_n": 3000.0} if name == "seated" else {}
+    assert found.valve == ValveParameters(id="bench", **{**PRESETS[own], "actuator": actuator, **preload})
     sensor = plant_settings(own).sensor
     assert found.estimator.noise_of_reading == sensor.noise_of_reading
     assert found.estimator.noise_of_span == sensor.noise_of_span

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import pytest
 
+from plant_emulator import valve
 from plant_emulator.parameters import FailPosition, PlantSettings
 from plant_emulator.presets import overridden, plant_settings, preset_names, preset_summary
 from positioner.errors import ConfigurationError
@@ -21,8 +22,9 @@ def plant_of(text: str) -> PlantSettings:
 
 def test_the_presets_are_these_and_all_can_be_read() -> None:
     assert preset_names() == (
-        "friction+10", "friction+20", "friction-10", "friction-20", "frictionless", "graphite", "noise-free", "paper",
-        "real-valve", "spring+20", "spring-10", "spring-20", "stochastic",
+        "ageing", "friction+10", "friction+20", "friction-10", "friction-20", "frictionless", "graphite", "noise-free",
+        "paper", "pneumatics", "process", "real-valve", "seated", "spring+20", "spring-10", "spring-20", "stochastic",
+        "wearing",
     )  # fmt: skip
     for name in preset_names():
         assert plant_settings(name).preset == name
@@ -80,6 +82,37 @@ def test_the_real_valve_is_the_papers_with_a_lag_of_50_ms_a_better_sensor_and_me
     assert (settings.actuator.fill_time_constant_s, settings.actuator.vent_time_constant_s) == (0.05, 0.05)
     assert (settings.sensor.noise_of_reading, settings.sensor.noise_of_span) == (0.0, 0.0005)
     assert settings.sensor.reports_pressure
+
+
+@pytest.mark.parametrize(
+    ("name", "tables"),
+    [
+        ("pneumatics", {"actuator", "sensor"}),
+        ("process", {"process"}),
+        ("ageing", {"packing"}),
+        ("wearing", {"packing"}),
+    ],
+)
+def test_a_variant_of_the_real_valve_differs_in_the_named_tables_only(name: str, tables: set[str]) -> None:
+    real, variant = plant_settings("real-valve"), plant_settings(name)
+    found = {each.name for each in fields(PlantSettings) if getattr(real, each.name) != getattr(variant, each.name)}
+    assert found == {"preset", *tables}
+
+
+def test_the_seated_valve_closes_inside_the_loop_and_opens_where_the_spring_and_static_friction_are_overcome() -> None:
+    seated = plant_settings("seated")
+    # so slowly that friction is F_s up to the stop
+    closes_ma, opens_ma = (3000.0 - 942.0) / 440.0, (3000.0 + 942.0) / 440.0
+    assert 4.0 < closes_ma < opens_ma < 20.0
+    state = valve.step(seated, valve.initial_state(seated, 0), closes_ma + 0.02, 60.0)
+    assert state.stem.position_m == pytest.approx(0.02 * 440.0 / 206941.0, rel=0.02)
+    state = valve.step(seated, state, closes_ma - 0.01, 60.0)
+    assert state.stem.position_m == 0.0
+    state = valve.step(seated, state, 4.0, 10.0)
+    assert state.stem.position_m == 0.0
+    assert valve.step(seated, state, opens_ma - 1e-6, 10.0).stem.position_m == 0.0
+    opened = valve.step(seated, state, opens_ma + 0.02, 60.0)
+    assert opened.stem.position_m == pytest.approx(0.02 * 440.0 / 206941.0, rel=0.02)
 
 
 def test_a_plant_file_replaces_values_of_its_preset() -> None:

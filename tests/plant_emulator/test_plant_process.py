@@ -75,6 +75,16 @@ def test_the_noise_of_a_seed_does_not_depend_on_the_steps() -> None:
     assert noise(10.0, 1e-3, 700)[69::70] == pytest.approx(noise(10.0, 0.07, 10), abs=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_a_force_that_jumps_above_static_friction_frees_the_stem_at_once_whichever_way_the_noise_goes(
+    seed: int,
+) -> None:
+    plant = plant_settings("paper", "process.noise_n = 100.0")
+    state = valve.step(plant, valve.initial_state(plant, seed), 1.5747, 1e-3)
+    assert state.stem.slips == 0
+    assert valve.step(plant, state, 7.6, 1e-9).stem.slips == 1
+
+
 commands = st.lists(st.tuples(st.floats(0.0, 24.0), st.sampled_from([1e-3, 5e-3, 0.05])), min_size=1, max_size=8)
 
 

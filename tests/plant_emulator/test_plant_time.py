@@ -77,21 +77,26 @@ def _plant(
     )
 
 
-plants = st.builds(
-    _plant,
-    st.sampled_from(preset_names()),
-    lags_s,
-    lags_s,
-    st.one_of(st.just(0.0), st.floats(1e-5, 0.02)),
-    st.sampled_from([1.0, 0.1, 50.0]),
-    st.sampled_from([1.0, 0.0, 8.0]),
-    st.sampled_from([1.0, 0.01, 20.0]),
-)
+def _plants(presets: tuple[str, ...]) -> st.SearchStrategy[PlantSettings]:
+    return st.builds(
+        _plant,
+        st.sampled_from(presets),
+        lags_s,
+        lags_s,
+        st.one_of(st.just(0.0), st.floats(1e-5, 0.02)),
+        st.sampled_from([1.0, 0.1, 50.0]),
+        st.sampled_from([1.0, 0.0, 8.0]),
+        st.sampled_from([1.0, 0.01, 20.0]),
+    )
+
+
+PLAIN = tuple(name for name in preset_names() if name not in {"pneumatics", "process", "ageing"})
+"""Presets whose stem slips where the lag of the chamber alone brings the force to F_s."""
 
 
 @pytest.mark.usefixtures("_counted_events")
 @settings(max_examples=400)
-@given(plants, commands, st.integers(0, 50))
+@given(_plants(preset_names()), commands, st.integers(0, 50))
 def test_time_passes_whatever_the_lags_the_dead_time_and_the_commands(
     plant: PlantSettings, sequence: list[tuple[float, float]], seed: int
 ) -> None:
@@ -103,7 +108,7 @@ def test_time_passes_whatever_the_lags_the_dead_time_and_the_commands(
 
 @pytest.mark.usefixtures("_counted_events")
 @settings(max_examples=300)
-@given(plants, st.sampled_from([(24.0, 0.0), (0.0, 24.0)]), st.floats(-9.0, -3.0), st.integers(0, 50))
+@given(_plants(PLAIN), st.sampled_from([(24.0, 0.0), (0.0, 24.0)]), st.floats(-9.0, -3.0), st.integers(0, 50))
 @example(_plant("paper", 0.00017, 0.00087, 0.0, 1.0, 1.0, 1.0), (24.0, 0.0), -6.7, 0)  # stops while the pull falls fast
 @example(_plant("graphite", 0.00068, 0.00744, 0.0, 1.0, 8.0, 1.0), (24.0, 0.0), -7.0, 0)  # creeps while it rises fast
 @example(_plant("graphite", 0.0001, 0.0001, 0.0, 1.0, 1.0, 0.01), (0.0, 24.0), -6.375, 0)  # slides for nanoseconds

@@ -83,6 +83,9 @@ def driven(
             decays = tuple([(area_m2 * deviation, rate) for deviation, rate in phase.decays])
             force = PushingForce(area_m2 * phase.final_pa, decays, area_m2 * phase.ramp_pa_per_s)
             forces.append((force, phase.duration_s))
+    is_settled = pressure_pa == actuator.pressure_pa and converter_pa == actuator.converter_pa
+    if is_settled and line is actuator.line and converted is actuator.converted:
+        return actuator, tuple(forces)
     after = Actuator(pressure_pa=pressure_pa, converter_pa=converter_pa, converted=converted, line=line)
     return after, tuple(forces)
 

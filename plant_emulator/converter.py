@@ -24,6 +24,8 @@ class Converted:
 
 def converted(settings: ActuatorSettings, before: Converted, current_ma: float) -> Converted:
     """Return what passes of a loop current of `current_ma`."""
+    if settings.hysteresis_ma == settings.dead_band_ma == settings.offset_ma == 0.0:
+        return before if before.passed_ma == current_ma else Converted(current_ma, current_ma)
     centre_ma, half_ma = shifted_ma(settings, current_ma), 0.5 * settings.hysteresis_ma
     played_ma = min(max(before.played_ma, centre_ma - half_ma), centre_ma + half_ma)
     if abs(played_ma - before.passed_ma) < settings.dead_band_ma:

@@ -63,6 +63,8 @@ class PushingForce:
     def range_n(self, duration_s: float) -> tuple[float, float]:
         """Return bounds in N, between which the force stays for `duration_s`; of a simple force, for ever."""
         low = high = self.final_n
+        if not self.decays and self.ramp_n_per_s == 0.0:
+            return low, high
         if self.ramp_n_per_s != 0.0:
             change_n = self.ramp_n_per_s * duration_s
             low, high = low + min(change_n, 0.0), high + max(change_n, 0.0)

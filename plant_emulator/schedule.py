@@ -24,9 +24,9 @@ class _Latest:
 
 
 def timeline(settings: PlantSettings) -> tuple[tuple[float, PlantSettings], ...]:
-    """Return the settings that act from each instant in s on, oldest first."""
+    """Return the settings that act from each instant in s on, oldest first; they have no schedule any more."""
     if _Latest.settings is not settings:
-        found = [(-math.inf, settings)]
+        found = [(-math.inf, replace(settings, schedule=()))]
         for change in sorted(settings.schedule, key=lambda each: each.at_s):
             table, name = change.key.split(".")
             before = found[-1][1]

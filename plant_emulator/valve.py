@@ -64,16 +64,8 @@ def held_state(settings: PlantSettings, seed: int, current_ma: float) -> PlantSt
 
 def step(settings: PlantSettings, state: PlantState, current_ma: float, duration_s: float) -> PlantState:
     """Return the valve `duration_s` later, its loop current held at `current_ma` meanwhile."""
-    if not settings.schedule:
-        return _stepped(settings, state, current_ma, duration_s)
-    for each, seconds, is_new in stretches(settings, state.time_s, duration_s):
-        if is_new:
-            state = replace(state, packing=repacked(each, state.packing))
-        state = _stepped(each, state, current_ma, seconds)
-    return state
-
-
-def _stepped(settings: PlantSettings, state: PlantState, current_ma: float, duration_s: float) -> PlantState:
+    if settings.schedule:
+        return _scheduled(settings, state, current_ma, duration_s)
     actuator, forces = driven(settings, state.actuator, current_ma, state.time_s, duration_s)
     disturbance_n = state.disturbance_n
     if settings.process.noise_n > 0.0:
@@ -92,9 +84,18 @@ def _stepped(settings: PlantSettings, state: PlantState, current_ma: float, dura
     )
 
 
+def _scheduled(settings: PlantSettings, state: PlantState, current_ma: float, duration_s: float) -> PlantState:
+    for each, seconds, is_new in stretches(settings, state.time_s, duration_s):
+        if is_new:
+            state = replace(state, packing=repacked(each, state.packing))
+        state = step(each, state, current_ma, seconds)
+    return state
+
+
 def measure(settings: PlantSettings, state: PlantState) -> tuple[PlantState, float]:
     """Return the valve after its sensor took a sample, and the measured position in m."""
-    settings = acting(settings, state.time_s)
+    if settings.schedule:
+        settings = acting(settings, state.time_s)
     shown_m = state.stem.position_m if state.feedback is None else state.feedback.shown_m
     measured, position_m = sensor.measure(settings, state.sensor, shown_m, state.time_s)
     after = PlantState(

@@ -23,12 +23,19 @@ _GEOMETRY = ("span_m", "travel_min_m", "travel_max_m")
 def restartable_mm(
     settings: PlantSettings, low_ma: float = LOOP_LOW_MA, high_ma: float = LOOP_HIGH_MA
 ) -> tuple[float, float]:
-    """Return the range in mm from which `low_ma` to `high_ma` move the stem both ways: K x + F_0 ± F_s within B·u."""
-    valve = settings.valve
+    """Return the range in mm from which `low_ma` to `high_ma` move the stem both ways: K x + F_0 ± F_s within B·u.
+
+    K and F_0 are those of spring and process together, and the supply may end below `high_ma`.
+    """
+    valve, process = settings.valve, settings.process
     gain = valve.diaphragm_area_m2 * valve.pressure_gain_pa_per_ma
+    if settings.actuator.supply_pa > 0.0:
+        high_ma = min(high_ma, settings.actuator.supply_pa / valve.pressure_gain_pa_per_ma)
+    preload_n = valve.bench_set_n + process.force_n
+    spring_n_per_m = valve.spring_rate_n_per_m + process.gradient_n_per_m
     friction_n = valve.static_friction_n * (1.0 + settings.stochastic.friction_fraction)
-    low = (gain * low_ma - valve.bench_set_n + friction_n) / valve.spring_rate_n_per_m
-    high = (gain * high_ma - valve.bench_set_n - friction_n) / valve.spring_rate_n_per_m
+    low = (gain * low_ma - preload_n + friction_n) / spring_n_per_m
+    high = (gain * high_ma - preload_n - friction_n) / spring_n_per_m
     return max(low, valve.travel_min_m) * 1e3, min(high, valve.travel_max_m) * 1e3
 
 

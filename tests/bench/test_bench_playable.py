@@ -120,3 +120,13 @@ def test_the_command_refuses_before_it_starts_anything_and_keeps_the_table_of_th
     assert "setpoints are in mm: 73?" in capsys.readouterr().err
     assert [entry.name for entry in (out / "state").iterdir()] == ["kept"]
     assert not (out / "positioner.log").exists()
+
+
+def test_process_and_supply_bound_the_places_from_which_a_stem_can_be_restarted() -> None:
+    free_mm = restartable_mm(plant_settings())
+    process = {"force_n": 300.0, "gradient_n_per_m": 5253.8}
+    low_mm, high_mm = restartable_mm(plant_settings(overrides={"process": process}))
+    push_mm = 300.0 / 52538.0 * 1e3
+    assert (low_mm, high_mm) == pytest.approx(tuple((free - push_mm) / 1.1 for free in free_mm), rel=1e-12)
+    supplied = plant_settings(overrides={"actuator": {"supply_pa": 17.0 * 5171.06775}})
+    assert restartable_mm(supplied) == pytest.approx(restartable_mm(plant_settings(), 4.0, 17.0), rel=1e-12)

@@ -1,6 +1,6 @@
 """The law `nmpc` on valves that are not as configured, and on sensors that are worse: a table of conditions.
 
-python -m benchmarks.other_valves [--dwells N] [--dwell S] [--seeds A,B] [--only NAME[,NAME...]] [--without-table]
+python -m benchmarks.other_valves [--dwells N] [--dwell S] [--seeds A,B] [--only "NAME[;NAME...]"] [--without-table]
 
 Each run plays the law and the plant without frames. The noise is made here, around a plant with a perfect sensor. The
 setpoints are drawn from the range in which the plant itself, not the believed valve, can be restarted both ways.
@@ -74,7 +74,8 @@ class Sensor:
 class Condition:
     """One row of the table: a plant, its sensor, and by how many samples its actuator is late.
 
-    late: each number of samples is as probable as the others; the echo tells which command acted.
+    late: each number of samples is as probable as the others; the echo tells which command acted. initial_m: where the
+    stem rests at first, None for the preset's place.
     """
 
     name: str
@@ -84,6 +85,7 @@ class Condition:
     noise: Noise = field(default_factory=Noise)
     late: tuple[int, ...] = (0,)
     period_s: float = 0.001
+    initial_m: float | None = None
 
     @property
     def plant(self) -> PlantSettings:
@@ -97,6 +99,7 @@ class Condition:
                 spring_rate_n_per_m=self.spring * stem.spring_rate_n_per_m,
                 static_friction_n=self.friction * stem.static_friction_n,
                 coulomb_friction_n=self.friction * stem.coulomb_friction_n,
+                initial_position_m=stem.initial_position_m if self.initial_m is None else self.initial_m,
             ),
             sensor=SensorSettings(),
         )
@@ -107,7 +110,9 @@ _SHORT_S = 1e-3
 CONDITIONS = (
     Condition("nominal"),
     Condition("spring -25 %", spring=0.75),
+    Condition("spring -25 %, 115 mm", spring=0.75, initial_m=0.115),
     Condition("spring +25 %", spring=1.25),
+    Condition("spring +25 %, 50 mm", spring=1.25, initial_m=0.05),
     Condition("friction -25 %", friction=0.75),
     Condition("friction +25 %", friction=1.25),
     Condition("stochastic", preset="stochastic"),
@@ -244,10 +249,10 @@ def main() -> None:
     parser.add_argument("--dwells", type=int, default=80)
     parser.add_argument("--dwell", type=float, default=1.5)
     parser.add_argument("--seeds", default="1,2")
-    parser.add_argument("--only", default=",".join(SHORT))
+    parser.add_argument("--only", default=";".join(SHORT))
     parser.add_argument("--without-table", action="store_true")
     given = parser.parse_args()
-    names = [name.strip() for name in given.only.split(",")]
+    names = [name.strip() for name in given.only.split(";")]
     seeds = tuple(int(seed) for seed in given.seeds.split(","))
     sys.stdout.write("condition             mean %   95 %   worst  unset cycles  moves  most\n")
     for condition in tqdm([each for each in CONDITIONS if each.name in names], leave=False, disable=None):

@@ -80,7 +80,7 @@ class AdaptiveFilter:
     def at_rest(self, x: float, variance_m2: float, load: Load, sigmas: Load) -> Resting:
         """Return the estimate of a stem that rests at x, with the load and its standard deviations."""
         covariance = of_states.independent(variance_m2, sigmas)
-        return self.rest(Sliding(x, 0.0, self._limited(load), covariance, direction=1.0, stopped=True))
+        return self.rest(Sliding(x, 0.0, self.limited(load), covariance, direction=1.0, stopped=True))
 
     def prior_sigmas(self) -> Load:
         """Return the standard deviations of the load before anything was learned."""
@@ -97,7 +97,7 @@ class AdaptiveFilter:
         known = of_states.reduced(before, (before.xx - rest.variance_m2) / (before.xx * before.xx))
         wander_n = self.settings.friction_per_move * self.nominal.friction_n
         covariance = of_states.departing(known, wander_n * wander_n)
-        return Sliding(rest.x, 0.0, self._limited(rest.load), covariance, direction)
+        return Sliding(rest.x, 0.0, self.limited(rest.load), covariance, direction)
 
     def advance(self, state: Sliding, current_ma: float, duration_s: float) -> Sliding:
         """Return the prediction after `duration_s` under `current_ma`; the stem may stop on the way."""
@@ -128,7 +128,7 @@ class AdaptiveFilter:
         return Sliding(
             state.x + change * p.xx,
             0.0 if stopped else v,
-            self._limited(corrected),
+            self.limited(corrected),
             of_states.reduced(p, by),
             state.direction,
             stopped,
@@ -141,7 +141,7 @@ class AdaptiveFilter:
         anchor = replace(state, v=0.0, covariance=p, stopped=True)
         return Resting(state.x, p.xx, anchor, Load(p.xk / p.xx, p.xf / p.xx, p.xc / p.xx))
 
-    def _limited(self, load: Load) -> Load:
+    def limited(self, load: Load) -> Load:
         """Return the load inside its limits."""
         least, most, by = self.settings.least, self.settings.most, self.nominal
         return Load(

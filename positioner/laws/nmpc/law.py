@@ -17,14 +17,15 @@ from positioner.laws.bounds import Bounds
 from positioner.laws.estimator_settings import measurement_sigma_m
 from positioner.laws.law import Decision
 from positioner.laws.move_reason import MoveReason
-from positioner.laws.nmpc.breakaway import breakaway, load_from_table
+from positioner.laws.nmpc.breakaway import load_from_table
+from positioner.laws.nmpc.departure import Departing
 from positioner.laws.nmpc.filter import Resting, Sliding, as_one_more_m2, average, believed_m
-from positioner.laws.nmpc.landing import Landing, landing_bias_m
+from positioner.laws.nmpc.landing import Landing
 from positioner.laws.nmpc.late_push import is_push_late, without_move
 from positioner.laws.nmpc.memory import NmpcMemory, report
 from positioner.laws.nmpc.move import move_of
 from positioner.laws.nmpc.plan import plan_move
-from positioner.laws.nmpc.rest import update_at_rest
+from positioner.laws.nmpc.rest import update_at_rest, without_trial
 from positioner.laws.nmpc.verification import RestMonitor, Verification
 from positioner.values import dataclass, replace
 from positioner.valve.stiction import LearnedSample, Quantity, StictionTable, direction_of
@@ -120,7 +121,8 @@ class NmpcLaw:
         # a first command that acts later, or late, must be one that holds the stem: no echo can tell yet what acts
         may = may and (memory.hold_ma is not None or not self.command_delay_s)
         if stem.stuck and may and memory.motion is Motion.REST and self._is_worth_a_move(memory, here, setpoint_m):
-            memory, decision = self._start(memory, here, observation, table)
+            memory, begin = without_trial(self.settings.watch, memory, here, observation.time_s)
+            memory, decision = self._start(memory, begin, observation, table)
         else:
             memory, decision = self._rest(memory, here)
         if memory.is_new and memory.motion is not Motion.SETTLE:
@@ -166,14 +168,19 @@ class NmpcLaw:
     def _is_worth_a_move(self, memory: NmpcMemory, here: Resting, setpoint_m: float) -> bool:
         """Whether the error is probably beyond the tolerance: a new setpoint is worth a move sooner than a correction.
 
-        A correction waits for the verification of the move before it; the first move to a setpoint does not.
+        While it is open whether the move before has happened, a correction must be right in both cases.
         """
-        own = self.settings
-        if memory.corrections and memory.monitor.verification is not None:
-            return False
+        own, error_m, tried = self.settings, setpoint_m - here.x, memory.monitor.verification
         patience = 1.0 + own.patience * min(memory.corrections, own.patience_limit)
         doubt_sigma = own.doubt_sigma_first if memory.is_new else own.doubt_sigma
-        return abs(setpoint_m - here.x) > patience * (own.tolerance_m + doubt_sigma * here.sigma_m)
+        if abs(error_m) <= patience * (own.tolerance_m + doubt_sigma * here.sigma_m):
+            return False
+        if tried is None or not memory.corrections:
+            return True
+        origin, s = tried.origin, math.copysign(1.0, error_m)
+        # two places far apart are soon told apart
+        is_near = abs(here.x - origin.x) < _NEAR * abs(error_m)
+        return is_near and s * (setpoint_m - origin.x) > patience * (own.tolerance_m + doubt_sigma * origin.sigma_m)
 
     def _rest(self, memory: NmpcMemory, here: Resting) -> tuple[NmpcMemory, Decision]:
         """Return the middle of the stick band; the current follows it in steps only."""
@@ -187,34 +194,23 @@ class NmpcLaw:
     def _start(
         self, memory: NmpcMemory, here: Resting, observation: Observation, table: StictionTable
     ) -> tuple[NmpcMemory, Decision]:
-        """Return the first current of a move, at least Γ, for one sample (eqs 25, 26; D8).
-
-        Where Γ is more than the loop can give, full current is tried, since Γ is an estimate. Where even the smallest
-        push would carry the stem as far beyond the setpoint as it is away from it now, the stem stays.
-        """
-        setpoint_m = observation.setpoint_m
-        error_m = setpoint_m - here.x
-        direction = math.copysign(1.0, error_m)
-        model, load = self.filter.model, here.load
-        static_n = memory.monitor.ratio * load.friction_n
-        gamma = breakaway(self.settings.breakaway, model, table, here.x, direction, load.spring_n_per_m, static_n)
-        release_ma = self._clamp(gamma.current_ma)
+        """Return the first current of a move, at least Γ, for one sample (eqs 25, 26; D8)."""
+        monitor, setpoint_m = memory.monitor, observation.setpoint_m
+        limits_ma = (self.current_low_ma, self.current_high_ma)
+        departing = Departing(self.settings, self.filter, limits_ma, self.period_s)
+        begun = departing.to(here, setpoint_m, monitor.ratio, table)
         fallback = ""
-        if direction * (gamma.current_ma - release_ma) > 0.0:
-            fallback = f"breakaway takes {gamma.current_ma:.2f} mA, more than the loop can give: full push"
-        aim_m = setpoint_m - landing_bias_m(table, setpoint_m, direction)
-        sliding = self.filter.depart(here, direction)
-        move = self._move(memory, sliding, aim_m, release_ma)
-        if direction * (move.smallest_m(move.slide(model, self.period_s)) - setpoint_m) >= abs(error_m):
-            return self._rest(memory, here)
+        if not begun.frees:
+            fallback = f"breakaway takes {begun.gamma.current_ma:.2f} mA, more than the loop can give: full push"
+        sliding, aim_m, direction = begun.sliding, begun.aim_m, begun.sliding.direction
         memory = replace(memory, stem=sliding, motion=Motion.MOVE, aim_m=aim_m, corrections=memory.corrections + 1)
-        decision = self._follow(move)
-        at_limit = direction * (decision.current_ma - release_ma) <= _SAME_MA
-        landing = Landing(here.x, aim_m, direction)
-        verification = Verification(here, direction, at_limit, aim_m - here.x)
-        monitor = replace(memory.monitor, verification=verification, landing=landing)
+        decision = self._follow(begun.move)
+        at_limit = direction * (decision.current_ma - begun.release_ma) <= _SAME_MA
+        verification = Verification(here, direction, at_limit, aim_m - here.x, was_expected=begun.frees)
+        monitor = replace(monitor, verification=verification, landing=Landing(here.x, aim_m, direction))
         memory = replace(memory, monitor=monitor, ends_s=observation.time_s + self.longest_move_s)
-        return memory, replace(decision, reason=MoveReason(error_m, gamma), fallback=fallback or decision.fallback)
+        reason = MoveReason(setpoint_m - here.x, begun.gamma)
+        return memory, replace(decision, reason=reason, fallback=fallback or decision.fallback)
 
     def _move(self, memory: NmpcMemory, here: Sliding, aim_m: float, release_ma: float | None = None) -> Move:
         """Return the move from `here` to the aim; `release_ma` is Γ while the stem still sticks."""
@@ -239,6 +235,8 @@ class NmpcLaw:
 
 _LEAST_NOISE = 1e-6
 """The least variance that is assumed of a sensor, as a part of the configured one."""
+_NEAR = 0.5
+"""Two possible places of the stem are near each other within this part of the error."""
 _INSTANT_S = 1e-9
 """Rounding of a sum of periods."""
 _SAME_MA = 0.05

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 from positioner.laws.nmpc.breakaway import breakaway_lesson
 from positioner.laws.nmpc.filter import as_one_more_m2, average, believed_m, spread_of
 from positioner.laws.nmpc.memory import NmpcMemory, report
-from positioner.laws.nmpc.verification import verify
+from positioner.laws.nmpc.verification import ended, verify
 from positioner.laws.pushes import MOST_FAILED
 from positioner.values import replace
 
 if TYPE_CHECKING:
     from positioner.laws.law import Estimate, Observation
     from positioner.laws.nmpc.filter import AdaptiveFilter, Resting
-    from positioner.laws.nmpc.settings import NmpcSettings
+    from positioner.laws.nmpc.settings import NmpcSettings, VerificationSettings
     from positioner.valve.stiction import LearnedSample
 
 
@@ -61,7 +61,7 @@ def update_at_rest(
     if tried is not None and (decided is not None or (monitor.verification is None and tried.has_failed(after))):
         origin, moved = tried.origin, decided is not None and decided.moved
         pushes = pushes.after_push(moved=moved, time_s=observation.time_s, rest_m=origin.x, sigma_m=origin.sigma_m)
-        if pushes.failed == MOST_FAILED:
+        if pushes.failed == MOST_FAILED and tried.was_expected:
             # the estimate of the load must be wrong: begin again with the configured one
             after = filtered.at_rest(after.x, after.variance_m2, filtered.nominal, filtered.prior_sigmas())
     memory = replace(memory, stem=after, monitor=monitor, pushes=pushes)
@@ -73,3 +73,20 @@ def update_at_rest(
     )
     stop = (decided.stop,) if decided.moved and decided.stop is not None else ()
     return memory, report(after, *stop, *landed, push)
+
+
+def without_trial(
+    settings: VerificationSettings, memory: NmpcMemory, here: Resting, time_s: float
+) -> tuple[NmpcMemory, Resting]:
+    """Return the memory for a move that begins at `time_s`, and where it begins: at the likelier place of the stem.
+
+    A trial that is still open ends by its evidence. A push that has probably failed counts as failed.
+    """
+    tried, pushes = memory.monitor.verification, memory.pushes
+    if tried is None:
+        return memory, here
+    origin = tried.origin
+    if tried.evidence < 0.0 or tried.has_failed(here):
+        pushes = pushes.after_push(moved=False, time_s=time_s, rest_m=origin.x, sigma_m=origin.sigma_m)
+    memory = replace(memory, monitor=ended(settings, memory.monitor, tried), pushes=pushes)
+    return memory, here if tried.evidence >= 0.0 else origin

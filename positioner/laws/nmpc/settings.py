@@ -109,7 +109,7 @@ class NmpcSettings(SettingsTable):
     """
 
     tolerance_m: Annotated[float, Interval(ge=1e-6, le=0.05)] = 5e-5
-    doubt_sigma: Annotated[float, Interval(ge=0.0, le=20.0)] = 2.5
+    doubt_sigma: Annotated[float, Interval(ge=0.0, le=20.0)] = 2.0
     doubt_sigma_first: Annotated[float, Interval(ge=0.0, le=20.0)] = 1.0
     patience: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.15
     patience_limit: Annotated[int, Interval(ge=0, le=1000)] = 10

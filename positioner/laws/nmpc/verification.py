@@ -30,6 +30,7 @@ class Verification:
     at_limit: the push was no stronger than Γ. distance_m: how far the stem was to go.
     stop: what the end of the move teaches of the stick speed, if it happened.
     evidence: log likelihood ratio, positive where the stem seems to have moved.
+    was_expected: whether the load let the push free the stem; else a failure teaches nothing.
     """
 
     origin: Resting
@@ -38,6 +39,7 @@ class Verification:
     distance_m: float = 0.0
     stop: LearnedSample | None = None
     evidence: float = 0.0
+    was_expected: bool = True
 
     @property
     def moved(self) -> bool:
@@ -125,27 +127,28 @@ def verify(
     if abs(evidence) < settings.verdict and not is_over:
         return replace(monitor, verification=replace(verification, origin=origin, evidence=evidence)), after, None
     decided = replace(verification, evidence=evidence)
-    ratio = _learned_ratio(settings, monitor.ratio, decided)
+    monitor = ended(settings, monitor, decided)
     if abs(evidence) < settings.verdict:
         stem = origin if evidence < 0.0 and not alike else after
-        return replace(monitor, verification=None, landing=None, ratio=ratio), stem, None
+        return replace(monitor, landing=None), stem, None
     after, landing = (after, monitor.landing) if decided.moved else (origin, None)
-    return replace(monitor, verification=None, landing=landing, ratio=ratio, drift=0.0), after, decided
+    return replace(monitor, landing=landing, drift=0.0), after, decided
 
 
-def _learned_ratio(settings: VerificationSettings, ratio: float, ended: Verification) -> float:
-    """Return F_s/F_c after a push that has freed the stem with the probability that its evidence gives.
+def ended(settings: VerificationSettings, monitor: RestMonitor, trial: Verification) -> RestMonitor:
+    """Return the monitor without the trial: F_s/F_c learns by the probability that its push has freed the stem.
 
     Before any evidence the probability is that at which rise and fall are in balance: no evidence teaches nothing. Only
-    a push of no more than Γ lowers the ratio.
+    a push of no more than Γ lowers the ratio, and only one that should have freed the stem raises it.
     """
     rise, fall = settings.ratio_rise, settings.ratio_fall
     before = rise / (rise + fall)
-    moved = before / (before + (1.0 - before) * math.exp(-min(max(ended.evidence, -_SURE), _SURE)))
+    moved = before / (before + (1.0 - before) * math.exp(-min(max(trial.evidence, -_SURE), _SURE)))
     change = (rise + fall) * (before - moved)
-    if change < 0.0 and not ended.at_limit:
-        return ratio
-    return max(1.0, min(ratio * (1.0 + change), max(settings.ratio_most, ratio)))
+    if not (trial.was_expected if change > 0.0 else trial.at_limit):
+        change = 0.0
+    ratio = max(1.0, min(monitor.ratio * (1.0 + change), max(settings.ratio_most, monitor.ratio)))
+    return replace(monitor, verification=None, ratio=ratio)
 
 
 _SURE = 50.0

@@ -86,11 +86,14 @@ class Slip:
             if fast < _SLIDING * stribeck2 and v != 0.0:
                 friction_n += excess_n * math.exp(-fast / stribeck2)
             force_n = model.gain_n_per_ma * pressure_ma - model.bench_set_n - rate * x - s * friction_n
-            v = (v + by_mass * force_n) / damping
-            if s * v <= 0.0:
+            speed = (v + by_mass * force_n) / damping
+            if s * speed <= 0.0:
+                # within this step, evenly braked
+                x += 0.5 * h * v * v / (v - speed) if v != speed else 0.0
                 v, stopped = 0.0, True
             else:
-                x += h * v
+                x += 0.5 * h * (v + speed)
+                v = speed
         return x, v, pressure_ma, converter_ma, stopped
 
     def begun(self, x: float, begin_ma: float, end_ma: float, duration_s: float) -> tuple[float, float]:
@@ -105,10 +108,11 @@ class Slip:
         for step in range(drive.steps):
             pressure_ma = begin_ma + (step + 0.5) / drive.steps * (end_ma - begin_ma)
             force_n = model.net_n(pressure_ma, self.spring_n_per_m, x) - s * self.sliding_n
-            v = (v + h * force_n / model.mass_kg) / damping
-            if s * v <= 0.0:
+            speed = (v + h * force_n / model.mass_kg) / damping
+            if s * speed <= 0.0:
                 return start_m, 0.0
-            x += h * v
+            x += 0.5 * h * (v + speed)
+            v = speed
         return x, v
 
     def stop_m(

@@ -17,6 +17,7 @@ examples:
   plant-emulator presets                                           the valves that come with the emulator
   plant-emulator simulate --input triangle --out signature.csv     a valve signature
   plant-emulator run --preset paper --bus socketcan:vcan0          the valve on a bus
+  plant-emulator run --config plant.toml                           a valve of your own, with faults: examples/plant.toml
 
 exit status: 0 done, 2 wrong command line, 69 bus not available, 74 result not written, 78 wrong plant or input file
 completion:  eval "$(register-python-argcomplete plant-emulator)"

@@ -17,8 +17,10 @@ if TYPE_CHECKING:
     from positioner.errors import ExitCode
 
 _EXAMPLE = """\
-example:
+examples:
   plant-emulator run --preset paper --bus socketcan:vcan0 --period 0.001
+  plant-emulator run --preset real-valve --set sensor.time_constant_s=0.005 --set actuator.slew_pa_per_s=4e5
+  plant-emulator run --config plant.toml     with every key and with faults that come later: examples/plant.toml
 """
 
 

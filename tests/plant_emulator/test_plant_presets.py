@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -123,6 +124,18 @@ def test_a_plant_file_replaces_values_of_its_preset() -> None:
     assert (settings.valve.mass_kg, settings.valve.spring_rate_n_per_m) == (2.0, 42030.4)
     assert (settings.sensor.resolution_m, settings.sensor.noise_of_reading) == (1e-5, 0.02)
     assert settings.fail_position is FailPosition.HOLD
+
+
+def test_the_example_shows_every_key_of_its_tables_but_three_of_the_sensor() -> None:
+    text = (Path(__file__).parents[2] / "examples" / "plant.toml").read_text(encoding="utf-8")
+    settings, shown = plant_of(text), tables(text, "plant.toml")
+    for table in ("actuator", "process", "packing"):
+        assert set(shown[table]) == {each.name for each in fields(getattr(settings, table))}
+    missing = {each.name for each in fields(settings.sensor)} - set(shown["sensor"])
+    assert missing == {"noise_of_reading", "noise_hold_s", "reports_pressure"}
+    assert [change.key for change in settings.schedule] == [
+        "sensor.zero_m", "actuator.supply_pa", "valve.static_friction_n",
+    ]  # fmt: skip
 
 
 def test_a_plant_file_without_a_preset_stands_alone() -> None:

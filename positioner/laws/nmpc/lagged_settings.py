@@ -18,7 +18,8 @@ class LaggedSettings(SettingsTable):
         reading, as a root of squares.
     patience: growth of the tolerance with every correction of the same setpoint, as a part of it.
     most_corrections: after so many corrections of one setpoint the stem stays.
-    certain_part: the stem is known well enough when σ of its average is below this part of the tolerance.
+    certain_part: the stem is known well enough when σ of its average is below this part of the tolerance; an error
+        that is to be corrected exceeds the tolerance by this part at least.
     spring_doubt, friction_doubt, lag_doubt: standard deviations of the configured K, F_s and lag, as parts of them.
     brake_share: distance of the braking pressure from the middle of the target's stick band, as a part of F_s.
     brake_limit: the strongest braking, as a part of F_c: inside the stick band, or the valve would reverse.
@@ -34,8 +35,8 @@ class LaggedSettings(SettingsTable):
     settle_s: time after a stop until the stem counts as resting.
     """
 
-    tolerance_of_span: Annotated[float, Interval(gt=0.0, le=0.1)] = 0.0008
-    tolerance_of_noise: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.2
+    tolerance_of_span: Annotated[float, Interval(gt=0.0, le=0.1)] = 0.0006
+    tolerance_of_noise: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.15
     patience: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.12
     most_corrections: Annotated[int, Interval(ge=0, le=1000)] = 10
     certain_part: Annotated[float, Interval(gt=0.0, le=1.0)] = 0.4

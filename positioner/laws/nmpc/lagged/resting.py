@@ -28,7 +28,7 @@ def considered(
     patient_m = tolerance_m * (1.0 + own.patience * memory.corrections)
     certain = rest.sigma_m < own.certain_part * patient_m
     error_m, corrections = setpoint_m - rest.x, memory.corrections
-    is_far = abs(error_m) > patient_m + _FAR * rest.sigma_m
+    is_far = abs(error_m) > patient_m + max(_FAR * rest.sigma_m, own.certain_part * patient_m)
     if certain or is_far:
         memory = judged(valve, memory, rest)
     go = False
@@ -37,7 +37,7 @@ def considered(
     elif not memory.is_final:
         go = certain or rest.sigma_m < _ASIDE * sigma_m
     elif corrections < own.most_corrections:
-        go = is_far or (certain and abs(error_m) > patient_m + rest.sigma_m)
+        go = is_far
         corrections += 1 if go else 0
     if memory.is_new and certain:
         memory = replace(memory, is_new=False)
@@ -69,8 +69,9 @@ def considered(
     return memory, MoveReason(error_m, Breakaway(free_ma))
 
 
-_FAR = 3.0
-"""An error that exceeds the tolerance by so many σ of the average is corrected before the average is good."""
+_FAR = 2.0
+"""An error is corrected when it exceeds the tolerance by so many σ of the average, and by a part of the tolerance: an
+average that only becomes better must not find a new error late."""
 _ASIDE = 0.25
 """A stem that has moved aside goes on when σ of the average is below this part of a reading's: it averages on."""
 _DOUBT = 2.0

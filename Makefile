@@ -194,6 +194,11 @@ crash-test: $(VENV)/installed
 fault-test: $(VENV)/installed
 	$(ENDURANCE).faults
 
+# How exactly `positioner identify` finds out what emulated valves are, and how often its intervals contain the truth
+.PHONY: identify-acceptance
+identify-acceptance: $(VENV)/installed
+	$(BIN)/python tests/commissioning/acceptance.py $(ARGS)
+
 # Stalls of the process: 10,000 on a virtual clock, 200 by SIGSTOP.
 .PHONY: stall-test
 stall-test: $(VENV)/installed

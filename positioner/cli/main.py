@@ -14,6 +14,7 @@ from positioner.cli import (
     conformance,
     doctor,
     host,
+    identify,
     league,
     reach,
     replay,
@@ -34,6 +35,7 @@ examples:
   positioner run --config fv101.toml               control the valve
   positioner host --config fv101.toml arm set 62%  arm the positioner, and move the valve to 62 %
   positioner replay bus.log --config fv101.toml    compute recorded commands again, and compare
+  positioner identify --config fv101.toml          measure spring, friction and lag of the valve
   positioner table dump --config fv101.toml        print what was learned about the valve's stiction
 
 exit status: 0 done, 1 failed, 2 wrong command line, 69 bus or valve not available, 70 internal error, 71 the system
@@ -55,6 +57,7 @@ def build_parser() -> Parser:
     for module in (
         run,
         host,
+        identify,
         bench,
         replay,
         league,

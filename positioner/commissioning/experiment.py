@@ -108,6 +108,11 @@ class Experiment:
         part = 1.0 if memory.ended else done_s / sum(lasts)
         return Progress(part, stages[memory.number].doing, memory.ended, memory.aborted)
 
+    def expected_s(self) -> float:
+        """Return how long the experiment is expected to last, in s."""
+        world = World(self.limits, self.period_s, Line.believed(self.valve), start_m=0.0)
+        return sum(stage.lasts_s(world) for stage in self.stages)
+
     def abort(self, memory: IdentifyMemory, why: str) -> IdentifyMemory:
         """Return the memory of an experiment that brings the stem back, and has no result."""
         if memory.aborted or memory.ended:

@@ -7,11 +7,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from positioner.commissioning.fit import Prior, fit
 from positioner.commissioning.observed import (
     COULOMB,
     DEAD,
@@ -30,7 +30,6 @@ from positioner.commissioning.slips import play
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from positioner.commissioning.fit import Prior
     from positioner.commissioning.observed import Observed
 
     Array = NDArray[np.float64]
@@ -39,7 +38,8 @@ _FIXED = 1e-6
 _TRIES = 81
 _WIDTHS = (0.4, 0.05, 0.008, 0.0015)
 _ROUNDS = 2
-_REFINED = 3
+_SCATTER = 5e-4
+_SLOW = 2.5
 
 
 def first_guess(
@@ -54,13 +54,38 @@ def first_guess(
         theta[[FILL, VENT]] = np.maximum(sums_s - theta[VISCOUS] / theta[SPRING], 0.0)
         for width in _WIDTHS:
             theta, own = _aligned(breakaways, mass_kg, gain, theta, width)
-    viscous, dead_s = theta[VISCOUS] * np.geomspace(0.2, 5.0, 17), np.r_[0.0, np.geomspace(0.0005, 0.05, 9)]
-    for _ in range(_REFINED):
-        theta = _divided(steps, mass_kg, gain, theta, ramp, sums_s, viscous, dead_s)
-        step, far_s = (viscous[1] / viscous[0]) ** 0.5, 0.5 * float(np.diff(dead_s).min() + theta[DEAD] * 0.6)
-        viscous = theta[VISCOUS] * np.geomspace(1.0 / step, step, 9)
-        dead_s = np.unique(np.maximum(theta[DEAD] + far_s * np.linspace(-1.0, 1.0, 9), 0.0))
+    starts = []
+    for dead_s in (np.zeros(1), np.r_[0.0, np.geomspace(0.0005, 0.05, 9)]):
+        start, factors = theta, np.geomspace(0.2, 5.0, 33)
+        for _ in range(_ROUNDS):
+            start = _divided(steps, mass_kg, gain, start, ramp, sums_s, start[VISCOUS] * factors, dead_s)
+            factors = np.geomspace(0.9, 1.1, 9)
+        starts.append(start)
+    seen = stribeck_is_seen(strokes, gain, theta)
+    still = [np.zeros((2, len(each.rest_m))) for each in (strokes, steps)]
+    for _ in range(_ROUNDS):
+        found = []
+        for start in starts:  # without a dead time, and with one: between the two lie hills that no descent crosses
+            held = bound(prior, start, [STATIC] if seen else [STATIC, STRIBECK])
+            found.append(fit([strokes, steps], mass_kg, gain, held, _SCATTER, (start, still)))
+        theta = min(found, key=lambda one: one.cost).theta
+        for width in _WIDTHS[1:]:
+            theta, own = _aligned(breakaways, mass_kg, gain, theta, width)
+        starts = [theta]
     return theta, own
+
+
+def bound(prior: Prior, theta: Array, numbers: list[int]) -> Prior:
+    """Return the prior in which some of the parameters are held at their values in θ."""
+    held, sigma = prior.theta.copy(), prior.sigma.copy()
+    held[numbers], sigma[numbers] = theta[numbers], _FIXED
+    return Prior(held, sigma)
+
+
+def stribeck_is_seen(strokes: Observed, gain: float, theta: Array) -> bool:
+    """Return whether a stroke is so slow that its friction depends on V_s; a slip alone is too short to show it."""
+    rows, _ = _sliding_rows(strokes, 0.0)
+    return bool(rows[:, 5].min() * gain / theta[SPRING] < _SLOW * theta[STRIBECK])
 
 
 def _lines(strokes: Observed, gain: float, theta: Array) -> tuple[Array, Array]:
@@ -156,10 +181,10 @@ def _divided(
 ) -> Array:
     """Return θ with the lags, the dead time and F_v that leave the strokes as they are and explain the steps best."""
     ways = []
-    for friction in viscous:
+    for friction in np.unique(np.minimum(viscous, sums_s.mean() * theta[SPRING])):
         for late_s in dead_s:
             rest_s = late_s + friction / theta[SPRING]
-            if late_s and sums_s.min() < rest_s:
+            if late_s and sums_s.mean() < rest_s:
                 continue
             way = theta.copy()
             way[[VISCOUS, DEAD]] = friction, late_s
@@ -171,10 +196,3 @@ def _divided(
     own = np.zeros((len(thetas), 2, len(steps.rest_m)))
     found = residuals(steps, play(steps.slips, sets_of(thetas, own, steps, mass_kg, gain)))
     return np.asarray(thetas[np.argmin(np.sum(found * found, axis=(0, 2)))])
-
-
-def fixed_dead_time(prior: Prior, dead_s: float) -> Prior:
-    """Return the prior with the dead time fixed."""
-    theta, sigma = prior.theta.copy(), prior.sigma.copy()
-    theta[DEAD], sigma[DEAD] = dead_s, _FIXED
-    return replace(prior, theta=theta, sigma=sigma)

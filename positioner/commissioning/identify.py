@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from positioner.commissioning.first_guess import first_guess
+from positioner.commissioning.first_guess import bound, first_guess, stribeck_is_seen
 from positioner.commissioning.fit import Prior, fit
 from positioner.commissioning.identified import IdentifiedValve, Interval
 from positioner.commissioning.noise import noise_of
@@ -42,6 +42,7 @@ _MODEL_ERROR = {SPRING: 3e-4, STATIC: 1e-3, COULOMB: 1e-3, VISCOUS: 0.02, STRIBE
 _MODEL_ERROR_PERIODS = 0.1
 """That of the times, in sample periods."""
 _FEWEST = 4
+_HELD = 1e-5
 
 
 class IdentifyError(PositionerError):
@@ -77,6 +78,8 @@ def identify(
     gain, prior = valve.force_gain_n_per_ma, _prior(valve)
     report(0.05)
     theta, slips = first_guess(slow, ramps, steps, valve.mass_kg, gain, prior, RAMP_MA_PER_S)
+    if not stribeck_is_seen(slow, gain, theta):
+        prior = bound(prior, prior.theta, [STRIBECK])
     report(0.3)
     scatter = max(_LEAST_SCATTER, 1.48 * float(np.median(np.abs(slips[1]))))
     slips[1] = np.clip(slips[1], -3.0 * scatter, 3.0 * scatter)
@@ -131,12 +134,15 @@ def _result(
     # the others follow the dead time, as the readings bind them to it
     bound = covariance[:, DEAD] / max(covariance[DEAD, DEAD], 1e-18) * (dead_s - most_s)
 
-    def relative(number: int, low: float = 0.0) -> Interval:
+    def relative(number: int) -> Interval:
+        if sigma[number] < _HELD:  # it was not looked for
+            value = valve.stribeck_velocity_m_per_s
+            return Interval(value, 0.0, np.inf, seen=False)
         error = _Z * float(np.hypot(sigma[number], _MODEL_ERROR[number]))
         value = float(fitted.theta[number] * np.exp(bound[number]))
         seen = number not in {VISCOUS, STRIBECK} or bool(sigma[number] < _SEEN * _DOUBTFUL)
         middle = float(fitted.theta[number])
-        ends = max(min(value, middle * np.exp(-error)), low), max(value, middle * np.exp(error))
+        ends = min(value, middle * np.exp(-error)), max(value, middle * np.exp(error))
         believed = {VISCOUS: valve.viscous_friction_n_s_per_m, STRIBECK: valve.stribeck_velocity_m_per_s}
         return Interval(value if seen else believed[number], float(ends[0]), float(ends[1]), seen)
 
@@ -160,7 +166,8 @@ def _result(
     wide = _Z * max(noise.error, 0.01)
     return IdentifiedValve(
         spring_rate_n_per_m=relative(SPRING),
-        bench_set_n=Interval(max(preload_n, 0.0), preload_n - error_n, preload_n + error_n),
+        # a preload that is not certain is none
+        bench_set_n=Interval(preload_n if preload_n > error_n else 0.0, preload_n - error_n, preload_n + error_n),
         static_friction_n=static,
         coulomb_friction_n=coulomb,
         viscous_friction_n_s_per_m=relative(VISCOUS),

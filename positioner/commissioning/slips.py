@@ -101,15 +101,17 @@ def play(slips: Slips, sets: Candidates) -> Array:
             rises = off < 0.0
             mean = target + off * np.where(rises, fill_mean, vent_mean)
             pressure = target + off * np.where(rises, fill, vent)
+            push_n = side * (gain * mean - load_n) - coulomb_n - spring * (way + 0.5 * step_s * speed)
             ratio = speed * inverse
-            drag_n = coulomb_n + excess_n * np.exp(-ratio * ratio)
-            push_n = side * (gain * mean - load_n) - spring * (way + 0.5 * step_s * speed) - drag_n
-            final = push_n / viscous
+            final = (push_n - excess_n * np.exp(-ratio * ratio)) / viscous
             after = final + (speed - final) * fade
-            gone = final * step_s + (speed - final) * lag_s
             goes = after > 0.0
-            way = way + np.where(goes, gone, np.maximum(gone, 0.0) * (speed > 0.0))
-            speed = np.where(goes, after, 0.0)
+            # again, with the friction of the middle of the step: a fast slip leaves F_s within microseconds
+            ratio = 0.5 * (speed + after) * inverse
+            final = (push_n - excess_n * np.exp(-ratio * ratio)) / viscous
+            after = final + (speed - final) * fade
+            way = way + np.maximum(final * step_s + (speed - final) * lag_s, 0.0) * (goes | (speed > 0.0))
+            speed = np.where(goes, np.maximum(after, 0.0), 0.0)
         found[k - slips.begins] = way
     return sets.rest_m + side * found
 

@@ -29,8 +29,9 @@ _LEAD_S = 1.5
 """So much of the stroke before is played first, for the pressure."""
 _SMOOTH_S = 0.1
 _SETTLED_S = 0.3
-_FLOOR_OF_SPAN = 3e-5
-"""The model itself is not more exact than this part of the span."""
+_FLOOR_OF_SPAN = {Kind.STROKE: 3e-5, Kind.STEP: 3e-4, Kind.BREAKAWAY: 3e-3}
+"""The model itself is not more exact than this part of the span. A slip under a slow ramp begins a millisecond earlier
+or later by the least change of force; its way is then no measure of the parameters."""
 _CREEP_OF_SPAN = 0.02
 _END_OF_SPAN = 0.02
 
@@ -70,7 +71,7 @@ def releases(
         rest_sigma_m[number] = max(sigma_m / np.sqrt(len(held)) * noise.correlation, 1e-6)
     slips = Slips(period_s, np.array([each.direction for each in found]), applied, measured, max(before - played, 1))
     places_m = np.broadcast_to(rest_m[:, None], measured.shape)
-    return Observed(slips, _weights(measured, places_m, noise, limits), rest_m, rest_sigma_m)
+    return Observed(slips, _weights(measured, places_m, kind, noise, limits), rest_m, rest_sigma_m)
 
 
 def strokes(stretches: Sequence[Stretch], noise: Noise, limits: ProcedureLimits, period_s: float) -> Observed | None:
@@ -97,7 +98,7 @@ def strokes(stretches: Sequence[Stretch], noise: Noise, limits: ProcedureLimits,
         measured[number, begin:] = readings
         rest_m[number] = np.nanmean(readings[: max(round(0.2 / block_s), 1)])
         smooth_m = _smooth(readings, max(round(_SMOOTH_S / block_s), 1))
-        weights = _weights(readings, smooth_m, noise, limits) * np.sqrt(size) / noise.correlation
+        weights = _weights(readings, smooth_m, Kind.STROKE, noise, limits) * np.sqrt(size) / noise.correlation
         weight[number, begin:] = np.where(
             _slides(each, smooth_m, currents, rest_m[number], limits, block_s), weights, 0.0
         )
@@ -125,12 +126,12 @@ def _slides(
     return slides
 
 
-def _weights(readings: Array, places_m: Array, noise: Noise, limits: ProcedureLimits) -> Array:
+def _weights(readings: Array, places_m: Array, kind: Kind, noise: Noise, limits: ProcedureLimits) -> Array:
     """Return 1/σ of each reading in 1/m; 0 for a lost one, and near a stop, which the model does not know.
 
     places_m: where the stem is, without the noise of the single reading, which must not decide its own weight.
     """
-    sigma_m = np.hypot(noise.sigma_m(places_m), _FLOOR_OF_SPAN * limits.span_m)
+    sigma_m = np.hypot(noise.sigma_m(places_m), _FLOOR_OF_SPAN[kind] * limits.span_m)
     margin_m = _END_OF_SPAN * limits.span_m
     inside = (places_m > limits.travel_min_m + margin_m) & (places_m < limits.travel_max_m - margin_m)
     return np.where(np.isnan(readings) | ~inside, 0.0, 1.0 / sigma_m)

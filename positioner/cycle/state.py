@@ -30,6 +30,7 @@ class Setup:
     """What never changes while a positioner runs. `learns` is off where commands never reach the valve (dry run).
 
     limits: the range of credible samples; None for the default range of spring and friction around those of `valve`.
+    testing: the law is a test procedure.
     """
 
     codec: Codec
@@ -39,6 +40,7 @@ class Setup:
     period_s: float
     learns: bool = True
     limits: Limits | None = None
+    testing: bool = False
 
 
 @dataclass(frozen=True, slots=True)

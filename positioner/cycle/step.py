@@ -114,6 +114,7 @@ def _supervise(
         no_effect=effect.fault if setup.learns else None,
         deviation=deviation.cause,
         period_wrong=link.feedback.frame_period.is_wrong(setup.period_s),
+        testing=setup.testing,
     )
     guard = supervise(setup.guard, before, received.guard_input, setup.period_s, cycle_input.now_ns, conditions)
     measured_m = reading.position_m if reading else None

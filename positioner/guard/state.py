@@ -46,6 +46,7 @@ class Conditions:
         period; answered: the law had answered in it.
     no_effect: why commands do not act on the valve; deviation: DEVIATION or SETPOINT_UNREACHABLE, where the error does
         not shrink; period_wrong: position frames come at another period than the configured one.
+    testing: a test procedure is in the place of the law.
     """
 
     stall_ns: int = 0
@@ -54,6 +55,7 @@ class Conditions:
     no_effect: Cause | None = None
     deviation: Cause = Cause.NONE
     period_wrong: bool = False
+    testing: bool = False
 
 
 NOTHING_WRONG = Conditions()
@@ -135,7 +137,7 @@ class GuardState:
         """Return the NAMUR NE 107 status signal."""
         if self.mode is Mode.FAILSAFE or self.last.foreign_ns is not None:
             return Health.FAILURE
-        if self.mode in {Mode.INIT, Mode.READY, Mode.MANUAL}:
+        if self.conditions.testing or self.mode in {Mode.INIT, Mode.READY, Mode.MANUAL}:
             return Health.FUNCTION_CHECK
         if self.conditions.no_effect is not None:
             return Health.FAILURE

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from positioner.wire.messages import Cause
+from positioner.wire.messages import Cause, Health
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -37,8 +37,10 @@ CAUSES: Mapping[Cause, str] = {
 
 def state_in_words(status: PositionerStatus) -> str:
     """Return mode, cause and NE 107 signal in one line."""
-    health = status.health.name.lower().replace("_", " ")
-    return f"{status.mode.name}: {CAUSES[status.cause]} (NE 107: {health})"
+    health, cause = status.health.name.lower().replace("_", " "), CAUSES[status.cause]
+    if status.cause is Cause.NONE and status.health is Health.FUNCTION_CHECK:
+        cause = "a test procedure moves the valve"
+    return f"{status.mode.name}: {cause} (NE 107: {health})"
 
 
 def in_mm(position_m: float, span_m: float) -> str:

@@ -29,7 +29,7 @@ def line_of(text: str, path: tuple[str, ...], element: int | None = None) -> int
     """
     nearest: int | None = None
     most_shared = 0
-    for number, key, found_element in _keys_in(text):
+    for number, key, found_element in keys_in(text):
         if element is not None and found_element != element:
             continue
         shared = len(tuple(takewhile(lambda pair: pair[0] == pair[1], zip(key, path, strict=False))))
@@ -39,7 +39,7 @@ def line_of(text: str, path: tuple[str, ...], element: int | None = None) -> int
 
 
 @lru_cache(maxsize=2)
-def _keys_in(text: str) -> tuple[tuple[int, tuple[str, ...], int | None], ...]:
+def keys_in(text: str) -> tuple[tuple[int, tuple[str, ...], int | None], ...]:
     """Return the keys and the headers in `text`, each with its line, and its element where it is in an array."""
     table: tuple[str, ...] = ()
     elements: Counter[str] = Counter()

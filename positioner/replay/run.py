@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from positioner.config.schema import Configuration
     from positioner.cycle.events import Event
+    from positioner.cycle.state import Setup
     from positioner.replay.recorded import RecordedCycle
     from positioner.valve.stiction import StictionTable
     from positioner.wire.codec import Codec
@@ -38,14 +39,19 @@ class ReplayedCycle:
 
 
 def replay_cycles(
-    configuration: Configuration, cycles: Iterable[RecordedCycle], table: StictionTable, *, follows: bool = False
+    configuration: Configuration,
+    cycles: Iterable[RecordedCycle],
+    table: StictionTable,
+    *,
+    follows: bool = False,
+    setup: Setup | None = None,
 ) -> Iterator[ReplayedCycle]:
     """Yield every cycle computed again; the first one starts with `table`.
 
     With `follows` the recorded command counts as sent after each cycle, instead of the computed one: another law then
-    observes the valve with the current that really moved it.
+    observes the valve with the current that really moved it. `setup` replaces that of the configuration.
     """
-    setup = configuration.make_setup()
+    setup = setup or configuration.make_setup()
     state = CycleState(table=table)
     for cycle in cycles:
         state, outbox, events = step(setup, state, _cycle_input(cycle, table_saved=state.table_saved))

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from positioner.commissioning.procedure import commissioning_setup
 from positioner.cycle.events import Learned
 from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from positioner.bus.port import BusPort
+    from positioner.commissioning.procedure import Procedure
     from positioner.config.schema import Configuration
     from positioner.errors import PositionerError
     from positioner.wire.messages import CanFrame
@@ -48,6 +50,7 @@ class RunOptions:
     setpoint_every: in lockstep, samples between two setpoint frames; 0 where the host keeps no such pace.
     dry_run: beside another controller; the daemon arms by itself, sends nothing and learns nothing.
     trace, record: their files; of several valves each has files of its own, with its name in theirs.
+    procedure: a test procedure in place of the law; the daemon then arms by itself.
     """
 
     lockstep: bool = False
@@ -55,6 +58,7 @@ class RunOptions:
     dry_run: bool = False
     trace: Path | None = None
     record: Path | None = None
+    procedure: Procedure[Any] | None = None
 
     def of(self, name: str) -> RunOptions:
         """Return the options of the valve `name` among several: `run.csv` becomes `run-FV-101.csv`."""
@@ -94,6 +98,8 @@ class Session:
         except Exception:
             self.table.close(CLOSE_TIMEOUT_S)
             raise
+        if options.procedure is not None:
+            self.setup = commissioning_setup(self.setup, options.procedure)
         if options.dry_run:
             self.setup = replace(self.setup, guard=replace(configuration.guard, auto_arm=True), learns=False)
         self.state = CycleState(table=self.table.initial)

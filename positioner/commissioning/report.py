@@ -1,0 +1,117 @@
+"""The result of an identification in words: one row for each quantity, with unit and 95 % interval. Pure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from positioner.commissioning.units import PASCALS
+
+if TYPE_CHECKING:
+    from positioner.commissioning.identified import IdentifiedValve, Interval
+    from positioner.valve.parameters import ValveParameters
+
+_SIGNAL_MA = 16.0
+_UNSEEN = "not shown by this experiment; the configured value is kept"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One line of the table: what it is, in which unit, value and ends of its interval."""
+
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    seen: bool = True
+
+    def __str__(self) -> str:
+        """Return the line."""
+        if not self.seen:
+            return f"  {self.name:<28} {self.value:>10.4g} {self.unit:<9} {_UNSEEN}"
+        return f"  {self.name:<28} {self.value:>10.4g} {self.unit:<9} {self.low:.4g} to {self.high:.4g}"
+
+
+def rows(found: IdentifiedValve, valve: ValveParameters, pressure_unit: str) -> tuple[Row, ...]:
+    """Return the quantities in SI units, and then those of a workshop."""
+    per_newton = 1.0 / (valve.diaphragm_area_m2 * PASCALS[pressure_unit])
+    signal = 100.0 / (valve.force_gain_n_per_ma * _SIGNAL_MA)
+    spring, preload = found.spring_rate_n_per_m, found.bench_set_n
+    width = (
+        100.0
+        * (found.static_friction_n.value + found.coulomb_friction_n.value)
+        / (valve.force_gain_n_per_ma * _SIGNAL_MA)
+    )
+
+    def row(name: str, unit: str, each: Interval, factor: float = 1.0) -> Row:
+        return Row(name, unit, each.value * factor, each.low * factor, each.high * factor, each.seen)
+
+    ends = [each.value + spring.value * valve.span_m for each in (preload,)]
+    off_n = math.hypot(preload.high - preload.low, (spring.high - spring.low) * valve.span_m) / 2.0
+    upper = Row(
+        "bench set, at 100 %",
+        pressure_unit,
+        ends[0] * per_newton,
+        (ends[0] - off_n) * per_newton,
+        (ends[0] + off_n) * per_newton,
+    )
+    return (
+        row("spring rate", "N/m", spring),
+        row("spring force at 0", "N", preload),
+        row("static friction", "N", found.static_friction_n),
+        row("sliding friction", "N", found.coulomb_friction_n),
+        row("viscous friction", "N s/m", found.viscous_friction_n_s_per_m),
+        row("Stribeck velocity", "mm/s", found.stribeck_velocity_m_per_s, 1e3),
+        row("lag, filling", "ms", found.fill_time_constant_s, 1e3),
+        row("lag, venting", "ms", found.vent_time_constant_s, 1e3),
+        row("dead time", "ms", found.dead_time_s, 1e3),
+        row("noise, part of the reading", "%", found.noise_of_reading, 100.0),
+        row("noise, part of the span", "%", found.noise_of_span, 100.0),
+        row("bench set, at 0 %", pressure_unit, preload, per_newton),
+        upper,
+        row("static friction", pressure_unit, found.static_friction_n, per_newton),
+        row("sliding friction", pressure_unit, found.coulomb_friction_n, per_newton),
+        row("static friction", "% signal", found.static_friction_n, signal),
+        row("sliding friction", "% signal", found.coulomb_friction_n, signal),
+        Row("stick band and dead band S", "% signal", width, width, width),
+    )
+
+
+def remarks(found: IdentifiedValve) -> tuple[str, ...]:
+    """Return what a person should know besides the values, a line each."""
+    lines = [f"from {found.breakaways} breakaways and {found.steps} steps"]
+    if found.friction_scatter > 0.01:  # noqa: PLR2004 - per cent
+        lines.append(f"the friction scatters by {100.0 * found.friction_scatter:.1f} % from slip to slip")
+    if found.noise_correlation > 1.0:
+        lines.append("the noise of neighbouring readings is alike: the position is known less well than it seems")
+    if found.misfit > 2.0:  # noqa: PLR2004 - 1 is a perfect fit
+        lines.append(
+            f"the readings differ from the fitted valve by {math.sqrt(found.misfit):.1f} times their noise: "
+            "look at the picture before you trust the values"
+        )
+    return tuple(lines)
+
+
+def as_json(found: IdentifiedValve, valve: ValveParameters, pressure_unit: str) -> dict[str, Any]:
+    """Return the result for a program: the keys of a configuration, the rows, and the remarks."""
+    return {
+        "valve": valve.id,
+        "configuration": found.tables(),
+        "rows": [
+            {
+                "name": row.name,
+                "unit": row.unit,
+                "value": row.value,
+                "low": row.low,
+                "high": row.high if math.isfinite(row.high) else None,
+                "seen": row.seen,
+            }
+            for row in rows(found, valve, pressure_unit)
+        ],
+        "remarks": list(remarks(found)),
+        "friction_scatter": found.friction_scatter,
+        "noise_correlation": found.noise_correlation,
+        "misfit": found.misfit,
+    }

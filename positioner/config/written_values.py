@@ -1,0 +1,89 @@
+"""New values in a configuration file: each in its line, with the comments around it left as they are. Shell."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from typing import TYPE_CHECKING, Any
+
+from positioner.config.reader import load_config
+from positioner.errors import ConfigurationError, UsageError, writing
+from positioner.inputs import toml_reader
+from positioner.inputs.toml_lines import keys_in
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+_VALUE = re.compile(r"(?P<key>[^=]*=\s*)(?P<value>[^#]*?)(?P<rest>\s*(?:#.*)?)$")
+
+
+def write_values(path: Path, tables: Mapping[str, Mapping[str, float]]) -> Path:
+    """Write `tables`, values by table and key, into the file of one valve, and return the backup that was made before.
+
+    Raises:
+        UsageError: the file has several valves, or a form in which the values cannot be replaced line by line.
+        StateError: the file cannot be written.
+    """
+    text = toml_reader.read_text(path)
+    if isinstance(toml_reader.tables(text, str(path)).get("valve"), list):
+        raise UsageError(f"{path}: has several valves; --write knows files of one valve: copy the values yourself")
+    changed = with_values(text, tables)
+    if not _holds(changed, tables):
+        raise UsageError(f"{path}: its form is beyond --write (inline tables?): copy the values yourself")
+    backup = _free_name(path)
+    with writing(path):
+        shutil.copy2(path, backup)
+        new = path.with_name(f".{path.name}.new")
+        new.write_text(changed, encoding="utf-8")
+        shutil.copymode(path, new)
+        os.replace(new, path)  # noqa: PTH105 - both names are in one folder
+    try:
+        load_config(path)
+    except Exception:
+        shutil.copy2(backup, path)
+        raise
+    return backup
+
+
+def with_values(text: str, tables: Mapping[str, Mapping[str, float]]) -> str:
+    """Return the TOML `text` with new values, in the line of their key, or after the last line of their table."""
+    lines = text.splitlines()
+    for table, values in tables.items():
+        for key, value in values.items():
+            _set(lines, (*table.split("."), key), repr(float(f"{value:.6g}")))
+    return "\n".join(lines) + "\n"
+
+
+def _set(lines: list[str], path: tuple[str, ...], value: str) -> None:
+    found = keys_in("\n".join(lines))
+    for number, key, _ in found:
+        if key == path and (match := _VALUE.match(lines[number - 1])):
+            lines[number - 1] = f"{match['key']}{value}{match['rest']}"
+            return
+    inside = [number for number, key, _ in found if key[: len(path) - 1] == path[:-1] and len(key) <= len(path)]
+    if not inside:
+        lines += ["", f"[{'.'.join(path[:-1])}]"]
+        inside = [len(lines)]
+    lines.insert(max(inside), f"{path[-1]} = {value}")
+
+
+def _holds(text: str, tables: Mapping[str, Mapping[str, float]]) -> bool:
+    """Return whether the TOML `text` has the values."""
+    try:
+        values: Any = toml_reader.tables(text, "")
+    except ConfigurationError:
+        return False
+    for table, wanted in tables.items():
+        here = values
+        for part in table.split("."):
+            here = here.get(part, {}) if isinstance(here, dict) else {}
+        if not isinstance(here, dict) or any(here.get(key) != float(f"{value:.6g}") for key, value in wanted.items()):
+            return False
+    return True
+
+
+def _free_name(path: Path) -> Path:
+    names = (path.with_name(f"{path.name}.backup{number or ''}") for number in range(1000))
+    return next(name for name in names if not name.exists())

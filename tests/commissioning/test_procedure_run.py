@@ -1,0 +1,151 @@
+"""A procedure inside the daemon's own loop and guard, in virtual time, with an emulated valve behind the ports."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from daemon_helpers import write_configuration
+from virtual_shell import World
+
+from plant_emulator.device import advance, initial_device, publish, take
+from plant_emulator.presets import plant_settings
+from positioner.bus.address import BusAddress
+from positioner.bus.port import Ports
+from positioner.commissioning.experiment import Experiment
+from positioner.commissioning.procedure import ProcedureLimits, Progress
+from positioner.config.reader import load_config
+from positioner.host.words import state_in_words
+from positioner.runtime.procedure_run import ProcedureError, ProcedureRun
+from positioner.runtime.session import RunOptions
+from positioner.wire.messages import CanFrame, CurrentCommand, Health, HostRequest, PositionerStatus, StemPosition
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+PERIOD_S = 0.02
+SPAN_M = 0.127
+
+
+class PlantWorld(World):
+    """The world in which the readings are those of an emulated valve that obeys the commands."""
+
+    settings = plant_settings("paper", {"valve": {"initial_position_m": 0.075}, "sensor": {"noise_of_reading": 0.0002}})
+    device = initial_device(settings, 1)
+
+    def send(self, message: Any, timeout: float | None = None) -> None:
+        super().send(message, timeout)
+        frame = CanFrame(message.arbitration_id, bytes(message.data))
+        self.device = take(self.codec, self.device, (frame,))
+
+    def _live_until(self, end_ns: int) -> None:
+        while self._next_ns <= end_ns:
+            self.now_ns = self._next_ns
+            self.device = advance(self.settings, self.device, PERIOD_S)
+            self.device, frames = publish(self.codec, self.settings, self.device)
+            if not self.plant_silent:
+                reading, counter = self.codec.decode(frames[-1])
+                self._deliver(reading, counter)
+            self.sample += 1
+        self.now_ns = end_ns
+
+
+class Run:
+    """One experiment in virtual time."""
+
+    def __init__(self, folder: Path, **tables: Any) -> None:
+        tables = {**tables, "control": {"sample_period_s": PERIOD_S}}
+        path = write_configuration(folder, BusAddress(interface="virtual", channel="none"), **tables)
+        configuration = load_config(path)
+        limits = ProcedureLimits.of(configuration.valve, configuration.guard)
+        experiment = Experiment.of(configuration.valve, limits, PERIOD_S)
+        self.world = PlantWorld(round(PERIOD_S * 1e9), configuration.make_codec())
+        self.progress: list[Progress] = []
+        self.run = ProcedureRun(
+            configuration, RunOptions(), experiment, self.progress.append, Ports(self.world, self.world.open)
+        )
+        self.start_m = self.where_m
+
+    @property
+    def where_m(self) -> float:
+        return self.world.device.plant.stem.position_m
+
+    def until_end(self, most: int = 400_000, each: Callable[[int], object] = lambda _: None) -> None:
+        for number in range(most):
+            each(number)
+            self.run._cycle()
+            if self.run._stopping:
+                break
+        assert self.run._stopping
+        self.run._close()
+
+    def messages(self, kind: type[Any]) -> list[Any]:
+        return [sent.message for sent in self.world.sent if isinstance(sent.message, kind)]
+
+
+def test_the_experiment_runs_in_the_loop_to_its_end_and_the_status_says_function_check(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    run.until_end()
+    memory = run.run.result()
+    assert len(memory.stretches) == 1 + 6 + 10 + 8
+    assert abs(run.where_m - run.start_m) < 0.005 * SPAN_M
+    statuses = run.messages(PositionerStatus)
+    assert {status.health for status in statuses} == {Health.FUNCTION_CHECK}
+    assert state_in_words(statuses[-1]) == "ACTIVE: a test procedure moves the valve (NE 107: function check)"
+    currents = [message.current_ma for message in run.messages(CurrentCommand)]
+    assert min(currents) == 4.0
+    assert max(currents) == 20.0
+    parts = [progress.part for progress in run.progress]
+    assert parts == sorted(parts)
+    assert parts[-1] == 1.0
+
+
+def test_an_interrupt_brings_the_stem_back_and_a_second_one_ends_it_at_once(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    run.until_end(each=lambda number: run.run._stop(2, None) if number == 2_000 else None)
+    assert abs(run.where_m - run.start_m) < 0.005 * SPAN_M
+    with pytest.raises(ProcedureError, match="stopped by a person; the stem was brought back"):
+        run.run.result()
+
+
+def test_a_second_interrupt_ends_it_at_once(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    run.until_end(2_010, each=lambda number: run.run._stop(2, None) if number in {2_000, 2_003} else None)
+    with pytest.raises(ProcedureError, match="stopped at once"):
+        run.run.result()
+
+
+def test_lost_feedback_ends_it_by_the_guard(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+
+    def silence(number: int) -> None:
+        run.world.plant_silent = run.world.plant_silent or number == 1_000
+
+    run.until_end(each=silence)
+    with pytest.raises(ProcedureError, match="FAILSAFE, feedback stale"):
+        run.run.result()
+
+
+def test_a_host_that_disarms_ends_it(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    codec = run.world.codec
+    from positioner.wire.messages import Setpoint  # noqa: PLC0415
+
+    def disarm(number: int) -> None:
+        if number in {1_000, 1_001}:
+            run.world._deliver(Setpoint(0.08, HostRequest.DISARM), number - 1_000)
+
+    run.until_end(each=disarm)
+    assert codec is not None
+    with pytest.raises(ProcedureError, match="ended by the guard: READY, disarmed"):
+        run.run.result()
+
+
+def test_without_feedback_it_does_not_begin_and_says_why(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    run.world.plant_silent = True
+    run.until_end()
+    with pytest.raises(ProcedureError, match="did not begin within 10 s: waiting for feedback"):
+        run.run.result()
+    assert run.messages(StemPosition) == []

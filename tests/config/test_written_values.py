@@ -1,0 +1,67 @@
+"""Values written into a configuration: their lines change, and nothing else."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from positioner.config.reader import load_config
+from positioner.config.written_values import write_values
+from positioner.errors import UsageError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+TEXT = """\
+# the valve behind pump 3
+[valve]
+id = "FV-101"     # identity
+preset = "paper"
+spring_rate_n_per_m = 60000.0   # from the datasheet
+
+[control]
+sample_period_s = 0.001 # fast
+"""
+TABLES = {
+    "valve": {"spring_rate_n_per_m": 52538.123456, "static_friction_n": 1700.0},
+    "valve.actuator": {"fill_time_constant_s": 0.05, "vent_time_constant_s": 0.04},
+    "estimator": {"noise_of_reading": 0.0},
+}
+
+
+def test_each_value_stands_in_its_table_and_comments_stay(tmp_path: Path) -> None:
+    path = tmp_path / "valve.toml"
+    path.write_text(TEXT, encoding="utf-8")
+    backup = write_values(path, TABLES)
+    assert backup.read_text(encoding="utf-8") == TEXT
+    written = path.read_text(encoding="utf-8")
+    assert "spring_rate_n_per_m = 52538.1   # from the datasheet" in written
+    for line in TEXT.splitlines():
+        assert line.startswith("spring") or line in written
+    configuration = load_config(path)
+    assert configuration.valve.static_friction_n == 1700.0
+    assert configuration.valve.actuator.vent_time_constant_s == 0.04
+    assert configuration.estimator.noise_of_reading == 0.0
+    assert configuration.control.sample_period_s == 0.001
+
+
+def test_a_second_backup_does_not_replace_the_first(tmp_path: Path) -> None:
+    path = tmp_path / "valve.toml"
+    path.write_text(TEXT, encoding="utf-8")
+    first, second = write_values(path, TABLES), write_values(path, TABLES)
+    assert first != second
+    assert first.read_text(encoding="utf-8") == TEXT
+
+
+def test_a_file_of_another_form_is_refused_and_stays(tmp_path: Path) -> None:
+    path = tmp_path / "valve.toml"
+    for text, why in (
+        ('valve = { id = "FV-101", preset = "paper" }\n', "beyond --write"),
+        ('[[valve]]\nid = "FV-101"\npreset = "paper"\n', "several valves"),
+    ):
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(UsageError, match=why):
+            write_values(path, TABLES)
+        assert path.read_text(encoding="utf-8") == text
+        assert not list(tmp_path.glob("*.backup*"))

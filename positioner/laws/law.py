@@ -36,6 +36,7 @@ class Observation:
     setpoint_m: the wanted position, inside the travel.
     time_s: time since control began.
     pressure_pa: the measured actuator pressure, None without a sensor.
+    pending_ma: the currents of commands that were sent after the one that acted, the oldest first: they may act yet.
     """
 
     measured_m: float
@@ -44,6 +45,7 @@ class Observation:
     setpoint_m: float
     time_s: float
     pressure_pa: float | None = None
+    pending_ma: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

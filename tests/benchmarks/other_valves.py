@@ -206,7 +206,8 @@ def play(
             measured_m = round(sensor.read(state.stem.position_m) / 1e-8) * 1e-8
             if memory is None:
                 memory = law.begin(measured_m)
-            observation = Observation(measured_m, applied_ma, period_s, setpoint_m, control_s)
+            pending_ma = tuple(sent[acting + 1 :])
+            observation = Observation(measured_m, applied_ma, period_s, setpoint_m, control_s, pending_ma=pending_ma)
             memory, estimate = law.estimate(memory, observation)
             for lesson in estimate.lessons:
                 if control_s and limits.allows(lesson, table.cell_width_m / 2.0):

@@ -21,7 +21,7 @@ from positioner.laws.nmpc.breakaway import load_from_table
 from positioner.laws.nmpc.departure import Departing
 from positioner.laws.nmpc.filter import Resting, Sliding, as_one_more_m2, average, believed_m
 from positioner.laws.nmpc.landing import Landing
-from positioner.laws.nmpc.late_push import is_push_late, without_move
+from positioner.laws.nmpc.late_commands import ahead, is_push_late, still_resting, with_lateness
 from positioner.laws.nmpc.memory import NmpcMemory, report
 from positioner.laws.nmpc.move import move_of
 from positioner.laws.nmpc.plan import plan_move
@@ -75,6 +75,7 @@ class NmpcLaw:
 
     def estimate(self, memory: NmpcMemory, observation: Observation) -> tuple[NmpcMemory, Estimate]:
         """Return the memory and the stem after this cycle's reading: a Kalman filter in motion, an average at rest."""
+        memory = with_lateness(memory, observation)
         stem = memory.stem
         # the place where a rest began: readings of one rest are compared in one unit
         place_m = stem.anchor.x if isinstance(stem, Resting) else stem.x
@@ -87,8 +88,8 @@ class NmpcLaw:
         hidden_m2 = monitor.resolution.hidden_m2(noise_m2)
         memory = replace(memory, monitor=replace(monitor, resolution=monitor.resolution.followed_by(measured_m)))
         if isinstance(stem, Sliding):
-            if self.command_delay_s and is_push_late(memory, stem, observation):
-                return without_move(memory, observation, variance_m2)
+            if is_push_late(memory, stem, observation):
+                return still_resting(self.filter, memory, stem, observation, variance_m2)
             return self._track(memory, stem, observation, variance_m2 + hidden_m2, noise_m2 + hidden_m2)
         if memory.motion is Motion.REST:
             own, cell_m = self.settings, self.table_cell_m
@@ -110,10 +111,14 @@ class NmpcLaw:
         if observation.setpoint_m != memory.setpoint_m:
             wanted_m = observation.setpoint_m
             pushes = memory.pushes.for_setpoint(wanted_m, self.valve.span_m)
-            memory = replace(memory, setpoint_m=wanted_m, is_new=True, aim_m=wanted_m, corrections=0, pushes=pushes)
+            is_new = memory.setpoint_m is not None
+            memory = replace(memory, setpoint_m=wanted_m, is_new=is_new, aim_m=wanted_m, corrections=0, pushes=pushes)
         here, setpoint_m = memory.stem, observation.setpoint_m
         if isinstance(here, Sliding):
-            return memory, self._follow(self._move(memory, here, memory.aim_m))
+            soon = ahead(self.filter, memory, here, observation, self.period_s)
+            if soon.stopped:
+                return memory, self._held(soon.load.spring_n_per_m * soon.x, Motion.MOVE)
+            return memory, self._follow(self._move(memory, soon, memory.aim_m))
         pushes = memory.pushes
         if pushes.unreported:
             memory = replace(memory, pushes=replace(pushes, unreported=False))
@@ -172,7 +177,9 @@ class NmpcLaw:
         """
         own, error_m, tried = self.settings, setpoint_m - here.x, memory.monitor.verification
         patience = 1.0 + own.patience * min(memory.corrections, own.patience_limit)
-        doubt_sigma = own.doubt_sigma_first if memory.is_new else own.doubt_sigma
+        doubt_sigma = own.doubt_sigma if memory.corrections else own.doubt_sigma_unasked
+        if memory.is_new:
+            doubt_sigma = own.doubt_sigma_first
         if abs(error_m) <= patience * (own.tolerance_m + doubt_sigma * here.sigma_m):
             return False
         if tried is None or not memory.corrections:
@@ -184,12 +191,15 @@ class NmpcLaw:
 
     def _rest(self, memory: NmpcMemory, here: Resting) -> tuple[NmpcMemory, Decision]:
         """Return the middle of the stick band; the current follows it in steps only."""
-        middle_ma = self._clamp(self.filter.model.current_ma(here.spring_n_per_m * here.x))
-        held_ma = memory.hold_ma
-        if held_ma is None or abs(middle_ma - held_ma) > self.settings.hold_step_ma:
-            memory, held_ma = replace(memory, hold_ma=middle_ma), middle_ma
-        bounds = Bounds(0.0, 0.0, self.current_low_ma, self.current_high_ma)
-        return memory, Decision(held_ma, bounds, memory.motion)
+        decision, held_ma = self._held(here.spring_n_per_m * here.x, memory.motion), memory.hold_ma
+        if held_ma is not None and abs(decision.current_ma - held_ma) <= self.settings.hold_step_ma:
+            return memory, replace(decision, current_ma=held_ma)
+        return replace(memory, hold_ma=decision.current_ma), decision
+
+    def _held(self, spring_n: float, motion: Motion) -> Decision:
+        """Return the middle of the stick band where the spring has this force."""
+        middle_ma = min(max(self.filter.model.current_ma(spring_n), self.current_low_ma), self.current_high_ma)
+        return Decision(middle_ma, Bounds(0.0, 0.0, self.current_low_ma, self.current_high_ma), motion)
 
     def _start(
         self, memory: NmpcMemory, here: Resting, observation: Observation, table: StictionTable
@@ -228,9 +238,6 @@ class NmpcLaw:
         return Decision(
             found.inputs_ma[0], Bounds(*speeds, low_ma, high_ma), Motion.MOVE, passes=found.passes, fallback=fallback
         )
-
-    def _clamp(self, current_ma: float) -> float:
-        return min(max(current_ma, self.current_low_ma), self.current_high_ma)
 
 
 _LEAST_NOISE = 1e-6

@@ -19,6 +19,28 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
+class Lateness:
+    """By how many samples commands act late, and a number that was seen instead in so many of the last cycles."""
+
+    samples: int = 0
+    seen: int = 0
+    times: int = 0
+
+    def is_just(self, late: int) -> bool:
+        """Whether commands that are `late` by so many samples are no news."""
+        return late == self.samples and self.times == 0
+
+    def followed_by(self, late: int) -> Lateness:
+        """Return the lateness after a cycle in which commands are `late` by so many samples."""
+        times = self.times + 1 if self.times and late == self.seen else 1
+        return Lateness(late) if times >= _SURE or late == self.samples else Lateness(self.samples, late, times)
+
+
+_SURE = 3
+"""In so many cycles in a row a number of pending commands is no accident."""
+
+
+@dataclass(frozen=True, slots=True)
 class NmpcMemory:
     """What the law carries.
 
@@ -26,7 +48,7 @@ class NmpcMemory:
     settle_s: remaining time in SETTLE. hold_ma: the current at rest, None to choose one.
     setpoint_m: the setpoint that the law pursues; is_new: whether the stem has not rested since it came; aim_m: where
         the move is to end for it; corrections: moves made for it so far; pushes: those that failed.
-    ends_s: when the move must be over, in the law's time.
+    ends_s: when the move must be over, in the law's time. lateness: of the commands.
     """
 
     stem: Resting | Sliding
@@ -40,6 +62,7 @@ class NmpcMemory:
     corrections: int = 0
     ends_s: float = math.inf
     pushes: Pushes = field(default_factory=Pushes)
+    lateness: Lateness = field(default_factory=Lateness)
 
 
 def report(stem: Resting | Sliding, *lessons: LearnedSample) -> Estimate:

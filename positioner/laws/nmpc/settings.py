@@ -98,7 +98,7 @@ class NmpcSettings(SettingsTable):
 
     tolerance_m: error that is not worth a correction, however certain it is.
     doubt_sigma: the law corrects an error once it exceeds the tolerance by so many σ of the average;
-        doubt_sigma_first: the same for the first move to a setpoint.
+        doubt_sigma_first: the same for a new setpoint; doubt_sigma_unasked: for a stem that nobody has moved yet.
     patience: growth of both with every correction of the same setpoint, as a part of them.
     patience_limit: the number of corrections at which they stop growing.
     brake_share: distance of the braking current from the middle of the target's stick band, as a part of F_s.
@@ -111,6 +111,7 @@ class NmpcSettings(SettingsTable):
     tolerance_m: Annotated[float, Interval(ge=1e-6, le=0.05)] = 5e-5
     doubt_sigma: Annotated[float, Interval(ge=0.0, le=20.0)] = 2.0
     doubt_sigma_first: Annotated[float, Interval(ge=0.0, le=20.0)] = 1.0
+    doubt_sigma_unasked: Annotated[float, Interval(ge=0.0, le=20.0)] = 3.5
     patience: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.15
     patience_limit: Annotated[int, Interval(ge=0, le=1000)] = 10
     brake_share: Annotated[float, Interval(ge=0.0, lt=1.0)] = 0.25

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -51,6 +52,13 @@ def test_a_sensor_with_two_percent_noise_lets_it_hold_three_thousandths(lag_s: f
 
     assert 0.01 < found.mean_abs_error_pct < 0.3
     assert found.limit_cycles == 0
+
+
+def test_a_setpoint_that_creeps_is_followed() -> None:
+    steps = tuple(73.0 + 0.05 * min(step, 60) for step in range(90))
+    found = list(play_directly(replace(scenario(0.01, QUIET, dwell_s=0.05), setpoints_mm=steps)))
+
+    assert 0.0 < found[-1].mean_abs_error_pct < 0.15
 
 
 def test_a_valve_without_lag_gets_the_law_of_the_quadratic_programme() -> None:

@@ -90,7 +90,8 @@ class LaggedMemory:
 
     stem: at rest, on the ramp, or sliding. pipeline: the pressure. drive: the actuator, with
     the learned lag. belief: the learned valve. noise: of the sensor.
-    setpoint_m: the one that the law pursues; is_new: whether no move has been made for it. corrections: made for it.
+    setpoint_m: the one that the law pursues; is_new: whether no move has been made for it; corrections: made for it.
+    anchor_m: the setpoint from which it has crept here; one that creeps farther than the tolerance is a new one.
     is_final: whether the last move went to the setpoint. attempt: the last move, None once it is judged.
     hold_ma: the current at rest, None to choose one.
     """
@@ -101,6 +102,7 @@ class LaggedMemory:
     belief: Belief
     noise: SensorNoise = field(default_factory=as_configured)
     setpoint_m: float | None = None
+    anchor_m: float = 0.0
     is_new: bool = False
     corrections: int = 0
     is_final: bool = True

@@ -69,7 +69,7 @@ def considered(
     return memory, MoveReason(error_m, Breakaway(free_ma))
 
 
-_FAR = 2.0
+_FAR = 2.5
 """An error is corrected when it exceeds the tolerance by so many σ of the average, and by a part of the tolerance: an
 average that only becomes better must not find a new error late."""
 _ASIDE = 0.25

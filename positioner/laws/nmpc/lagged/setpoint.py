@@ -17,10 +17,11 @@ def with_setpoint(memory: LaggedMemory, setpoint_m: float, tolerance_m: float, s
     before_m = memory.setpoint_m
     if setpoint_m == before_m:
         return memory
-    is_other = before_m is None or abs(setpoint_m - before_m) > tolerance_m
+    is_other = before_m is None or abs(setpoint_m - memory.anchor_m) > tolerance_m
     memory = replace(
         memory,
         setpoint_m=setpoint_m,
+        anchor_m=setpoint_m if is_other else memory.anchor_m,
         is_new=memory.is_new or is_other,
         corrections=0 if is_other else memory.corrections,
         pushes=memory.pushes.for_setpoint(setpoint_m, span_m),

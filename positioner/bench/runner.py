@@ -15,6 +15,7 @@ import tomli_w
 
 from plant_emulator.presets import DEFAULT_PRESET
 from positioner.bench import metrics
+from positioner.bench.commission import commission
 from positioner.bench.configure import configuration_text
 from positioner.bench.machine_load import machine
 from positioner.bench.modes import mode_spans
@@ -91,6 +92,9 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
     plant = check_playable(scenario, configuration)
     if options.state is None:
         _empty(state, say)
+    if scenario.commission:
+        commission(scenario, options, configuration, say)
+        configuration = parse_config((out / "valve.toml").read_text(encoding="utf-8"), str(out / "valve.toml"), out)
     started, begun_s = datetime.now(UTC), time.monotonic()
     before = _table(state, configuration)
     _copy_start(state, out / "state-before")

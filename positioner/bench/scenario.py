@@ -54,6 +54,8 @@ class Scenario(SettingsTable):
     """Duration of each setpoint."""
     table_from_s: Annotated[float, Interval(ge=0.0)] | None = None
     """When the law begins to use the stiction table; None: from the start. It always learns from the start."""
+    commission: bool = False
+    """Whether the valve is identified first, on the same bus, and what it can reach is computed."""
     plant: dict[str, Any] = field(default_factory=dict)
     valve: dict[str, Any] = field(default_factory=dict)
     control: dict[str, Any] = field(default_factory=dict)

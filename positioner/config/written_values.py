@@ -62,7 +62,12 @@ def _set(lines: list[str], path: tuple[str, ...], value: str) -> None:
         if key == path and (match := _VALUE.match(lines[number - 1])):
             lines[number - 1] = f"{match['key']}{value}{match['rest']}"
             return
-    inside = [number for number, key, _ in found if key[: len(path) - 1] == path[:-1] and len(key) <= len(path)]
+    inside = [
+        number
+        for number, key, _ in found
+        # the table's heading or one of its keys, but not the heading of a table inside it
+        if key == path[:-1] or (key[:-1] == path[:-1] and not lines[number - 1].lstrip().startswith("["))
+    ]
     if not inside:
         lines += ["", f"[{'.'.join(path[:-1])}]"]
         inside = [len(lines)]

@@ -65,3 +65,12 @@ def test_a_file_of_another_form_is_refused_and_stays(tmp_path: Path) -> None:
             write_values(path, TABLES)
         assert path.read_text(encoding="utf-8") == text
         assert not list(tmp_path.glob("*.backup*"))
+
+
+def test_a_new_key_of_a_table_stands_before_the_tables_inside_it(tmp_path: Path) -> None:
+    path = tmp_path / "valve.toml"
+    inside = "[valve.actuator]\nfill_time_constant_s = 0.1\nvent_time_constant_s = 0.1\n\n[control]"
+    path.write_text(TEXT.replace("[control]", inside), encoding="utf-8")
+    write_values(path, TABLES)
+    valve = load_config(path).valve
+    assert (valve.static_friction_n, valve.actuator.fill_time_constant_s) == (1700.0, 0.05)

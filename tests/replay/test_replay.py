@@ -61,10 +61,11 @@ def test_the_log_of_a_bench_in_lockstep_is_identical(law: str, tmp_path: Path, c
     log, config = runs.write_bench_log(tmp_path, runs.scenario(law))
     assert main(["replay", str(log), "--config", str(config)]) == 0
     output = capsys.readouterr().out.splitlines()
-    assert output[0] == f"{log}: the log of a lockstep bench, 933 frames, 300 position frames"
+    frames = len(log.read_text(encoding="ascii").splitlines())
+    assert output[0] == f"{log}: the log of a lockstep bench, {frames} frames, 300 position frames"
     assert output[1] == "CURRENT_COMMAND: 300 recorded, 300 computed, 300 equal to the bit"
     assert output[2] == "POSITIONER_STATUS: 3 recorded, 3 computed, 3 equal to the bit"
-    assert output[3] == "identical"
+    assert output[-1] == "identical"
 
 
 def test_a_period_of_no_whole_microseconds_is_as_exact(tmp_path: Path, capsys: Output) -> None:
@@ -93,14 +94,13 @@ def test_an_altered_command_is_reported_with_its_meaning(tmp_path: Path, capsys:
     assert main(["replay", str(log), "--config", str(config)]) == 1
     output = capsys.readouterr().out.splitlines()
     assert output[1] == "CURRENT_COMMAND: 300 recorded, 300 computed, 299 equal to the bit, 1 differ"
-    assert output[3] == f"first difference: CURRENT_COMMAND at 0.150000 s, frame {number}, id 100"
-    assert output[4].startswith("  recorded  ")
-    assert output[5].startswith("  computed  ")
-    words = output[6].split()
+    assert output[-4] == f"first difference: CURRENT_COMMAND at 0.150000 s, frame {number}, id 100"
+    assert output[-3].startswith("  recorded  ")
+    assert output[-2].startswith("  computed  ")
+    words = output[-1].split()
     assert words[0] == "current"
     assert words[2:] == ["mA", "recorded,", words[4], "mA", "computed"]
     assert round(abs(float(words[1]) - float(words[4])), 3) == 0.016
-    assert len(output) == 7
 
 
 def test_a_damaged_command_in_the_log_is_reported_as_damaged(tmp_path: Path, capsys: Output) -> None:

@@ -340,9 +340,9 @@ def test_a_bus_that_goes_and_comes_back_costs_a_failsafe_and_two_lines(
 def test_a_dry_run_never_transmits_and_never_learns(dry_run: bool, tmp_path: Path) -> None:
     with Loop(tmp_path, RunOptions(dry_run=dry_run), guard=AUTO) as loop:
         sent: list[Message] = []
-        for number in range(120):  # rest, a slide of 30 mm, rest: a stick and a slip to learn from
-            position_m = HERE_M + 0.001 * min(max(number - 40, 0), 30)
-            sent += loop.sample(position_m, setpoint_m=0.12)
+        for number in range(120):  # rest, a slide of 12 mm, rest: a stick and a slip to learn from
+            position_m = HERE_M + 0.006 * min(max(number - 40, 0), 2)
+            sent += loop.sample(position_m, setpoint_m=HERE_M + (0.012 if number >= 38 else 0.0))
         table = loop.session.state.table
         if dry_run:
             assert (sent, table.sequence) == ([], 0)

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.bus
 AUTO = {"auto_arm": True}
+LEARNING = {"law": "paper"}
+"""This law learns from every edge between sticking and sliding, whatever it had planned."""
 
 
 def teach(loop: Loop) -> None:
@@ -37,16 +39,16 @@ def wait_until_saved(loop: Loop) -> None:
 
 
 def test_what_is_learned_is_on_the_disk_while_the_daemon_runs_and_after_it(tmp_path: Path) -> None:
-    with Loop(tmp_path, guard=AUTO) as loop:
+    with Loop(tmp_path, guard=AUTO, control=LEARNING) as loop:
         teach(loop)
         wait_until_saved(loop)
     assert access.dump(tmp_path / "state").table == loop.session.state.table
 
 
 def test_the_next_daemon_starts_from_the_table(tmp_path: Path) -> None:
-    with Loop(tmp_path, guard=AUTO) as first:
+    with Loop(tmp_path, guard=AUTO, control=LEARNING) as first:
         teach(first)
-    with Loop(tmp_path, guard=AUTO) as second:
+    with Loop(tmp_path, guard=AUTO, control=LEARNING) as second:
         assert second.session.state.table == first.session.state.table
         held = sum(len(cell.samples) for _, cell in second.session.state.table)
         assert second.logged("table of FV-101") == [
@@ -55,7 +57,7 @@ def test_the_next_daemon_starts_from_the_table(tmp_path: Path) -> None:
 
 
 def test_a_reset_reaches_the_daemon_by_itself_and_is_not_undone(tmp_path: Path) -> None:
-    with Loop(tmp_path, guard=AUTO) as loop:
+    with Loop(tmp_path, guard=AUTO, control=LEARNING) as loop:
         teach(loop)
         wait_until_saved(loop)
         assert access.reset(loop.configuration.state_directory) is not None
@@ -75,7 +77,7 @@ def statuses(loop: Loop, count: int) -> list[PositionerStatus]:
 
 
 def test_a_full_disk_is_reported_once_and_shown_and_the_loop_goes_on(tmp_path: Path) -> None:
-    with Loop(tmp_path, guard=AUTO) as loop:
+    with Loop(tmp_path, guard=AUTO, control=LEARNING) as loop:
         teach(loop)
         wait_until_saved(loop)
         writer = loop.session.table.writer._child.process.pid
@@ -97,7 +99,7 @@ def test_a_full_disk_is_reported_once_and_shown_and_the_loop_goes_on(tmp_path: P
 
 def test_a_state_directory_that_becomes_a_file_is_reported_once_and_ends_in_a_status(tmp_path: Path) -> None:
     state = tmp_path / "state"
-    with Loop(tmp_path, guard=AUTO) as loop:
+    with Loop(tmp_path, guard=AUTO, control=LEARNING) as loop:
         teach(loop)
         wait_until_saved(loop)  # a rename in the middle of a commit is another error
         state.rename(tmp_path / "gone")
@@ -114,7 +116,7 @@ def test_a_state_directory_that_becomes_a_file_is_reported_once_and_ends_in_a_st
 
 
 def test_a_table_writer_that_dies_is_replaced_and_nothing_is_lost(tmp_path: Path) -> None:
-    with Loop(tmp_path, guard=AUTO) as loop:
+    with Loop(tmp_path, guard=AUTO, control=LEARNING) as loop:
         teach(loop)
         loop.session.table.writer._child.process.kill()
         teach(loop)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 from daemon_helpers import Loop
 from store_helpers import opened, series, taught, wait_for
-from test_daemon_state import AUTO, statuses, teach
+from test_daemon_state import AUTO, LEARNING, statuses, teach
 
 from positioner.store import child, database
 from positioner.store.messages import Saved, SavingFailed, SavingWorks
@@ -136,7 +136,7 @@ def sample_until(loop: Loop, done: Callable[[], bool]) -> None:
 def test_the_status_says_that_the_disk_fails_while_the_loop_goes_on_and_until_it_works(
     disk: Disk, tmp_path: Path, how: str
 ) -> None:
-    with Loop(tmp_path, guard=AUTO, state={"directory": str(disk.state)}) as loop:
+    with Loop(tmp_path, guard=AUTO, control=LEARNING, state={"directory": str(disk.state)}) as loop:
         teach(loop)
         sample_until(loop, lambda: loop.session.table.writer.saved)
         disk.fail(how)

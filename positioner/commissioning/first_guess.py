@@ -40,6 +40,7 @@ _WIDTHS = (0.4, 0.05, 0.008, 0.0015)
 _ROUNDS = 2
 _SCATTER = 5e-4
 _SLOW = 2.5
+_FACTORS = (0.4, 0.8, 1.6)
 
 
 def first_guess(
@@ -61,7 +62,9 @@ def first_guess(
             start = _divided(steps, mass_kg, gain, start, ramp, sums_s, start[VISCOUS] * factors, dead_s)
             factors = np.geomspace(0.9, 1.1, 9)
         starts.append(start)
-    seen = stribeck_is_seen(strokes, gain, theta)
+    seen = stribeck_is_seen(strokes, gain, theta, prior)
+    if seen:  # F_c and V_s explain slow strokes nearly alike: several beginnings, too
+        starts = [_with_stribeck(start, factor * prior.theta[STRIBECK]) for start in starts for factor in _FACTORS]
     still = [np.zeros((2, len(each.rest_m))) for each in (strokes, steps)]
     for _ in range(_ROUNDS):
         found = []
@@ -75,6 +78,12 @@ def first_guess(
     return theta, own
 
 
+def _with_stribeck(theta: Array, velocity: float) -> Array:
+    after = theta.copy()
+    after[STRIBECK] = velocity
+    return after
+
+
 def bound(prior: Prior, theta: Array, numbers: list[int]) -> Prior:
     """Return the prior in which some of the parameters are held at their values in θ."""
     held, sigma = prior.theta.copy(), prior.sigma.copy()
@@ -82,10 +91,10 @@ def bound(prior: Prior, theta: Array, numbers: list[int]) -> Prior:
     return Prior(held, sigma)
 
 
-def stribeck_is_seen(strokes: Observed, gain: float, theta: Array) -> bool:
+def stribeck_is_seen(strokes: Observed, gain: float, theta: Array, prior: Prior) -> bool:
     """Return whether a stroke is so slow that its friction depends on V_s; a slip alone is too short to show it."""
     rows, _ = _sliding_rows(strokes, 0.0)
-    return bool(rows[:, 5].min() * gain / theta[SPRING] < _SLOW * theta[STRIBECK])
+    return bool(rows[:, 5].min() * gain / theta[SPRING] < _SLOW * prior.theta[STRIBECK])
 
 
 def _lines(strokes: Observed, gain: float, theta: Array) -> tuple[Array, Array]:

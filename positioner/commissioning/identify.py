@@ -11,6 +11,7 @@ from positioner.commissioning.fit import Prior, fit
 from positioner.commissioning.identified import IdentifiedValve, Interval
 from positioner.commissioning.noise import noise_of
 from positioner.commissioning.observed import COULOMB, DEAD, FILL, PRELOAD, SPRING, STATIC, STRIBECK, VENT, VISCOUS
+from positioner.commissioning.pressure import times_of
 from positioner.commissioning.record import Kind
 from positioner.commissioning.release import RAMP_MA_PER_S
 from positioner.commissioning.windows import releases, strokes
@@ -42,6 +43,8 @@ _MODEL_ERROR = {SPRING: 3e-4, STATIC: 1e-3, COULOMB: 1e-3, VISCOUS: 0.02, STRIBE
 _MODEL_ERROR_PERIODS = 0.1
 """That of the times, in sample periods."""
 _FEWEST = 4
+_ROUGH = 2.0
+"""Factor on σ: the least change of force shifts a slip, so the cost is rough, and a descent ends near its least."""
 _HELD = 1e-5
 
 
@@ -78,9 +81,13 @@ def identify(
     gain, prior = valve.force_gain_n_per_ma, _prior(valve)
     report(0.05)
     theta, slips = first_guess(slow, ramps, steps, valve.mass_kg, gain, prior, RAMP_MA_PER_S)
-    if not stribeck_is_seen(slow, gain, theta):
+    if not stribeck_is_seen(slow, gain, theta, prior):
         prior = bound(prior, prior.theta, [STRIBECK])
     report(0.3)
+    if (shown := times_of(stretches, period_s)) is not None:
+        times = [FILL, VENT, DEAD]
+        theta[times] = prior.theta[times] = shown[0]
+        prior.sigma[times] = shown[1]
     scatter = max(_LEAST_SCATTER, 1.48 * float(np.median(np.abs(slips[1]))))
     slips[1] = np.clip(slips[1], -3.0 * scatter, 3.0 * scatter)
     own: Sequence[Array] = [np.zeros((2, len(slow.rest_m))), slips, np.zeros((2, len(steps.rest_m)))]
@@ -126,21 +133,21 @@ def _result(
     readings = sum(int(np.count_nonzero(each.weight[:, each.slips.begins :])) for each in observed)
     misfit = fitted.cost / readings
     covariance = fitted.covariance * max(misfit, 1.0)
-    sigma = np.sqrt(np.diag(covariance))
+    sigma = _ROUGH * np.sqrt(np.diag(covariance))
     # too long a dead time is poison for a law, and too short a one nearly harmless
     most_s = float(fitted.theta[DEAD])
-    dead_s = max(most_s - _ONE_SIDED * float(sigma[DEAD]), 0.0)
+    dead_s = max(most_s - _ONE_SIDED * float(sigma[DEAD]) / _ROUGH, 0.0)
     dead_s = dead_s if dead_s > _MODEL_ERROR_PERIODS * period_s else 0.0
     # the others follow the dead time, as the readings bind them to it
     bound = covariance[:, DEAD] / max(covariance[DEAD, DEAD], 1e-18) * (dead_s - most_s)
 
     def relative(number: int) -> Interval:
-        if sigma[number] < _HELD:  # it was not looked for
+        if sigma[number] < _ROUGH * _HELD:  # it was not looked for
             value = valve.stribeck_velocity_m_per_s
             return Interval(value, 0.0, np.inf, seen=False)
         error = _Z * float(np.hypot(sigma[number], _MODEL_ERROR[number]))
         value = float(fitted.theta[number] * np.exp(bound[number]))
-        seen = number not in {VISCOUS, STRIBECK} or bool(sigma[number] < _SEEN * _DOUBTFUL)
+        seen = number not in {VISCOUS, STRIBECK} or bool(sigma[number] < _ROUGH * _SEEN * _DOUBTFUL)
         middle = float(fitted.theta[number])
         ends = min(value, middle * np.exp(-error)), max(value, middle * np.exp(error))
         believed = {VISCOUS: valve.viscous_friction_n_s_per_m, STRIBECK: valve.stribeck_velocity_m_per_s}

@@ -13,6 +13,7 @@ from plant_emulator import valve as plant_valve
 from plant_emulator.presets import plant_settings
 from positioner.commissioning.experiment import Experiment
 from positioner.commissioning.identify import IdentifyError, identify
+from positioner.commissioning.pressure import times_of
 from positioner.commissioning.procedure import ProcedureLaw, ProcedureLimits
 from positioner.commissioning.record import Kind
 from positioner.commissioning.slips import Candidates, Slips, play
@@ -60,6 +61,7 @@ def test_the_experiment_has_strokes_breakaways_and_steps_and_ends(memory: Identi
     assert experiment.progress(memory).ended
 
 
+@pytest.mark.slow
 def test_the_fit_finds_spring_friction_lags_dead_time_and_noise(memory: IdentifyMemory) -> None:
     parts: list[float] = []
     found = identify(memory.stretches, BELIEVED, LIMITS, PERIOD_S, parts.append)
@@ -75,6 +77,20 @@ def test_the_fit_finds_spring_friction_lags_dead_time_and_noise(memory: Identify
     assert all(getattr(found, name).contains(truth) for name, truth in truths.items())
     assert parts == sorted(parts)
     assert 0.0 < parts[0] < parts[-1] <= 1.0
+
+
+def test_a_measured_pressure_shows_lags_and_dead_time_by_itself() -> None:
+    settings = plant(fill_time_constant_s=0.05, vent_time_constant_s=0.03, dead_time_s=0.006)
+    settings = replace(settings, sensor=replace(settings.sensor, reports_pressure=True))
+    memory, _ = experiment_on(settings, BELIEVED, LIMITS, 7, PERIOD_S)
+    shown = times_of(memory.stretches, PERIOD_S)
+    assert shown is not None
+    assert shown[0] == pytest.approx([0.05, 0.03, 0.006], abs=0.0003)
+    assert max(shown[1]) < 0.001
+
+
+def test_without_a_pressure_sensor_there_are_no_such_times(memory: IdentifyMemory) -> None:
+    assert times_of(memory.stretches, PERIOD_S) is None
 
 
 def test_a_record_without_breakaways_is_refused_with_what_is_missing(memory: IdentifyMemory) -> None:

@@ -10,9 +10,12 @@ import pytest
 from positioner.bench.inprocess import configure
 from positioner.bench.metrics import Totals, totals
 from positioner.bench.scenario import Scenario
+from positioner.laws.law import Observation
 from positioner.laws.nmpc.lagged.law import LaggedLaw
 from positioner.laws.nmpc.law import NmpcLaw
 from positioner.studies.direct import play_directly
+from positioner.valve.stiction import StictionTable
+from positioner.wire.messages import Motion
 
 QUIET = {"noise_of_reading": 0.0, "noise_of_span": 0.0005}
 NOISY = {"noise_of_reading": 0.02, "noise_of_span": 0.0}
@@ -52,6 +55,18 @@ def test_a_sensor_with_two_percent_noise_lets_it_hold_three_thousandths(lag_s: f
 
     assert 0.01 < found.mean_abs_error_pct < 0.3
     assert found.limit_cycles == 0
+
+
+def test_twenty_readings_show_the_noise_before_the_first_move() -> None:
+    law, table, motions = configure(scenario(0.02, QUIET)).make_law(), StictionTable(), list[Motion]()
+    memory = law.begin(0.073)
+    for sample in range(25):
+        seen = Observation(0.073, 11.5, 1e-3, 0.087, sample * 1e-3)
+        memory, estimate = law.estimate(memory, seen)
+        memory, decision = law.decide(memory, estimate.stem, seen, table)
+        motions.append(decision.motion)
+
+    assert motions == [Motion.REST] * 19 + [Motion.MOVE] * 6
 
 
 def test_a_setpoint_that_creeps_is_followed() -> None:

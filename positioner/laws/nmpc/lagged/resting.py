@@ -22,7 +22,8 @@ def considered(
 ) -> tuple[LaggedMemory, MoveReason | None]:
     """Return the memory, on a ramp if the error is worth a move, and why the move begins."""
     own, setpoint_m = valve.settings, observation.setpoint_m
-    if rest.settle_s > _INSTANT_S:
+    is_first = memory.belief.seen == 0 and rest.readings < _FIRST_READINGS
+    if rest.settle_s > _INSTANT_S or is_first:
         return memory, None
     tolerance_m = valve.tolerance_m(sigma_m)
     patient_m = tolerance_m * (1.0 + own.patience * memory.corrections)
@@ -76,5 +77,7 @@ _ASIDE = 0.25
 """A stem that has moved aside goes on when σ of the average is below this part of a reading's: it averages on."""
 _DOUBT = 2.0
 """A new setpoint is pursued when the error exceeds the tolerance by so many σ of the average."""
+_FIRST_READINGS = 20
+"""Readings before the first move: so many show whether the sensor is as noisy as configured."""
 _INSTANT_S = 1e-9
 """Rounding of a sum of periods."""

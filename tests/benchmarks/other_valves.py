@@ -1,6 +1,7 @@
 """The law `nmpc` on valves that are not as configured, and on sensors that are worse: a table of conditions.
 
-python -m benchmarks.other_valves [--dwells N] [--dwell S] [--seeds A,B] [--only "NAME[;NAME...]"] [--without-table]
+python -m benchmarks.other_valves [--dwells N] [--dwell S] [--seeds A,B] [--only "NAME[;NAME...]"]
+    [--without-table] [--restarts-every N]
 
 Each run plays the law and the plant without frames. The noise is made here, around a plant with a perfect sensor. The
 setpoints are drawn from the range in which the plant itself, not the believed valve, can be restarted both ways.
@@ -167,15 +168,9 @@ def setpoints_m(plant: PlantSettings, count: int, seed: int) -> tuple[float, ...
 
 
 def play(
-    condition: Condition,
-    seed: int,
-    dwells: int,
-    dwell_s: float,
-    table: StictionTable | None = None,
-    *,
-    uses_table: bool,
+    condition: Condition, seed: int, dwells: int, dwell_s: float, *, uses_table: bool, restarts_every: int = 0
 ) -> Iterator[tuple[DwellMetrics, int]]:
-    """Yield the figures of each dwell, and the moves in it."""
+    """Yield the figures of each dwell, and the moves in it; the law starts anew after so many dwells, 0 for never."""
     plant, period_s = condition.plant, condition.period_s
     control = {} if uses_table else {"table_from_s": 1e6}
     scenario = Scenario(
@@ -190,7 +185,7 @@ def play(
     )
     configuration = configure(scenario)
     law, limits, span_m = configuration.make_law(), configuration.limits, configuration.valve.span_m
-    table = table or StictionTable()
+    table = StictionTable()
     state, sensor, draw = valve.initial_state(plant, seed), Sensor(condition.noise, seed), np.random.default_rng(seed)
     memory: Any = None
     samples, begun_m = round(dwell_s / period_s), setpoints_m(plant, dwells, seed)
@@ -199,7 +194,9 @@ def play(
     acting, control_s = -1, 0.0
     applied_ma = configuration.valve.balance_current_ma(state.stem.position_m)
     here_m = state.stem.position_m
-    for setpoint_m in begun_m:
+    for dwell, setpoint_m in enumerate(begun_m):
+        if restarts_every and dwell % restarts_every == 0:
+            memory, control_s = None, 0.0
         positions, currents, moves = np.zeros(samples + 1), np.zeros(samples + 1), 0
         positions[0], currents[0] = here_m, applied_ma
         for sample in range(samples):
@@ -230,11 +227,14 @@ def play(
         yield dwell_metrics(trace, (0.0, dwell_s), span_m)[0], moves
 
 
-def row(condition: Condition, seeds: tuple[int, ...], dwells: int, dwell_s: float, *, uses_table: bool) -> str:
+def row(
+    condition: Condition, seeds: tuple[int, ...], dwells: int, dwell_s: float, *, uses_table: bool, restarts_every: int
+) -> str:
     """Return the figures of a condition."""
-    each = [
-        found for seed in seeds for found in play(condition, seed, dwells // len(seeds), dwell_s, uses_table=uses_table)
-    ]
+    each: list[tuple[DwellMetrics, int]] = []
+    for seed in seeds:
+        one = play(condition, seed, dwells // len(seeds), dwell_s, uses_table=uses_table, restarts_every=restarts_every)
+        each += one
     figures = [dwell for dwell, _ in each]
     errors = sorted(dwell.mean_abs_error_pct for dwell in figures)
     return (
@@ -252,12 +252,15 @@ def main() -> None:
     parser.add_argument("--seeds", default="1,2")
     parser.add_argument("--only", default=";".join(SHORT))
     parser.add_argument("--without-table", action="store_true")
+    parser.add_argument("--restarts-every", type=int, default=0)
     given = parser.parse_args()
     names = [name.strip() for name in given.only.split(";")]
     seeds = tuple(int(seed) for seed in given.seeds.split(","))
     sys.stdout.write("condition             mean %   95 %   worst  unset cycles  moves  most\n")
     for condition in tqdm([each for each in CONDITIONS if each.name in names], leave=False, disable=None):
-        sys.stdout.write(row(condition, seeds, given.dwells, given.dwell, uses_table=not given.without_table) + "\n")
+        uses_table, every = not given.without_table, given.restarts_every
+        figures = row(condition, seeds, given.dwells, given.dwell, uses_table=uses_table, restarts_every=every)
+        sys.stdout.write(figures + "\n")
         sys.stdout.flush()
 
 

@@ -64,10 +64,6 @@ def breakaway_lesson(
     return LearnedSample(Quantity.BREAKAWAY_CURRENT, centre_m, direction_of(direction), current_ma)
 
 
-_SAMPLES_PER_CELL = 4
-"""Samples that add to the weight of their cell's newest one; neighbours share most of their error."""
-
-
 def load_from_table(
     settings: BreakawaySettings, model: MotionModel, table: StictionTable, prior: Load, sigmas: Load, ratio: float
 ) -> tuple[Load, Load]:
@@ -75,8 +71,9 @@ def load_from_table(
 
     K and F_s are the least-squares solution of B·Γ = K·x ± F_s over the newest Γ of each breakaway cell, together with
     the prior; old and scattered cells are left out. F_c is F_s/`ratio`. Each Γ was computed from the K and F_s of its
-    time, so a newer one counts more. F_v changes in proportion to F_c, since packing that grips harder does so at every
-    speed. The table of a valve without friction is not used: there is nothing to break away from.
+    time, so a newer one counts more, and a cell counts once, however many samples it has. F_v changes in proportion to
+    F_c, since packing that grips harder does so at every speed. The table of a valve without friction is not used:
+    there is nothing to break away from.
     """
     static_n = ratio * prior.friction_n
     if static_n < _SURE:
@@ -95,8 +92,7 @@ def load_from_table(
             continue
         x, s = key.index * table.cell_width_m, key.direction.sign
         error_n = model.push_n(cell.samples[-1], s, static_n) - prior.spring_n_per_m * x
-        samples = min(len(cell.samples), _SAMPLES_PER_CELL) * math.pow(_FADING, table.age(cell))
-        weight = samples / (sure_n * sure_n)
+        weight = math.pow(_FADING, table.age(cell)) / (sure_n * sure_n)
         a, b, c = a + weight * x * x, b + weight * x * s, c + weight
         d, e = d + weight * x * error_n, e + weight * s * error_n
     det = a * c - b * b
@@ -115,5 +111,5 @@ _FADING = 0.9
 """Weight of a cell's newest sample for each sample learned since, anywhere."""
 _SURE = 1e-3
 """N/m or N: the least standard deviation of a prior or a sample; less static friction counts as none."""
-_LEAST_DOUBT = 0.005
-"""The least uncertainty of a sample as a part of F_s, however small the configured margin is."""
+_LEAST_DOUBT = 0.03
+"""The least uncertainty of a cell as a part of F_s: its samples and its neighbours share most of their error."""

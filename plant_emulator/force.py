@@ -41,14 +41,14 @@ class PushingForce:
         bound = abs(self.ramp_n_per_s)
         for deviation_n, rate_per_s in self.decays:
             bound += abs(rate_per_s * deviation_n * math.exp(-rate_per_s * time_s))
-        return bound
+        return min(bound, self._pair(time_s)[0]) if len(self.decays) > 1 else bound
 
     def bend_bound(self, time_s: float) -> float:
         """Return an upper bound in N/s² of the size of the second derivative, from `time_s` on."""
         bound = 0.0
         for deviation_n, rate_per_s in self.decays:
             bound += abs(rate_per_s * deviation_n * math.exp(-rate_per_s * time_s)) * rate_per_s
-        return bound
+        return min(bound, self._pair(time_s)[1]) if len(self.decays) > 1 else bound
 
     def change_bound(self, time_s: float, left_s: float) -> float:
         """Return an upper bound in N of how far the force can go to and fro, from `time_s` until `left_s` later."""
@@ -58,7 +58,25 @@ class PushingForce:
         for deviation_n, rate_per_s in self.decays:
             slope = abs(rate_per_s * deviation_n * math.exp(-rate_per_s * time_s))
             bound += slope * min(1.0 / rate_per_s, left_s)
-        return bound
+        return min(bound, self._pair(time_s)[0] * left_s) if len(self.decays) > 1 else bound
+
+    def _pair(self, time_s: float) -> tuple[float, float]:
+        """Return bounds of slope and second derivative that are good where the first two decays nearly cancel.
+
+        The slope s of two decays has ṡ + ρ₁·s = h, h = D₂·ρ₂·(ρ₂ - ρ₁)·e^(-ρ₂t), ρ₁ ≤ ρ₂. So s stays within
+        |s| + |h|/ρ₂ of now, and ṡ within ρ₁ times that and |h|.
+        """
+        first, second = self.decays[0], self.decays[1]
+        (slow_n, low), (fast_n, high) = (first, second) if first[1] <= second[1] else (second, first)
+        fast_slope = fast_n * high * math.exp(-high * time_s)
+        driving = abs(fast_slope * (high - low))
+        slope = abs(slow_n * low * math.exp(-low * time_s) + fast_slope) + driving / high
+        bend = low * slope + driving
+        slope += abs(self.ramp_n_per_s)
+        for deviation_n, rate_per_s in self.decays[2:]:
+            more = abs(rate_per_s * deviation_n * math.exp(-rate_per_s * time_s))
+            slope, bend = slope + more, bend + more * rate_per_s
+        return slope, bend
 
     def range_n(self, duration_s: float) -> tuple[float, float]:
         """Return bounds in N, between which the force stays for `duration_s`; of a simple force, for ever."""

@@ -100,7 +100,8 @@ def test_a_lagging_sensor_shows_the_matrix_exponential_of_motion_and_sensor(
 
 
 def test_jerk_and_snap_stay_within_their_bounds() -> None:
-    forces = (PushingForce(3000.0, ((-1800.0, 90.0),)), FORCES[-1])
+    equal = PushingForce(3000.0, ((-18e6, 90.0), (18e6 - 1800.0, 90.009)))
+    forces = (PushingForce(3000.0, ((-1800.0, 90.0),)), FORCES[-1], equal)
     for damping, force in itertools.product((0.0, 100.0, 612.9, 5000.0), forces):
         glide = Glide(Oscillator(MASS, damping, SPRING), 0.03, -0.4, force, 1423.0)
         for t in (0.0, 0.004, 0.02):

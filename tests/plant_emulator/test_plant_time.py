@@ -61,13 +61,27 @@ commands = st.lists(
 
 
 def _plant(
-    preset: str, fill_s: float, vent_s: float, dead_s: float, spring: float, viscous: float, band: float
+    preset: str,
+    fill_s: float,
+    vent_s: float,
+    dead_s: float,
+    spring: float,
+    viscous: float,
+    band: float,
+    converter: float | None = None,
 ) -> PlantSettings:
+    """Return a plant with these lags and multiples; `converter` is the lag of the I/P converter over `fill_s`."""
     base = plant_settings(preset).valve
+    lags = {} if converter is None else {"converter_time_constant_s": converter * fill_s}
     return plant_settings(
         preset,
         {
-            "actuator": {"fill_time_constant_s": fill_s, "vent_time_constant_s": vent_s, "dead_time_s": dead_s},
+            "actuator": {
+                "fill_time_constant_s": fill_s,
+                "vent_time_constant_s": vent_s,
+                "dead_time_s": dead_s,
+                **lags,
+            },
             "valve": {
                 "spring_rate_n_per_m": spring * base.spring_rate_n_per_m,
                 "viscous_friction_n_s_per_m": viscous * base.viscous_friction_n_s_per_m,
@@ -77,7 +91,7 @@ def _plant(
     )
 
 
-def _plants(presets: tuple[str, ...]) -> st.SearchStrategy[PlantSettings]:
+def _plants(presets: tuple[str, ...], converters: tuple[float | None, ...]) -> st.SearchStrategy[PlantSettings]:
     return st.builds(
         _plant,
         st.sampled_from(presets),
@@ -87,6 +101,7 @@ def _plants(presets: tuple[str, ...]) -> st.SearchStrategy[PlantSettings]:
         st.sampled_from([1.0, 0.1, 50.0]),
         st.sampled_from([1.0, 0.0, 8.0]),
         st.sampled_from([1.0, 0.01, 20.0]),
+        st.sampled_from(converters),
     )
 
 
@@ -96,7 +111,7 @@ PLAIN = tuple(name for name in preset_names() if name not in {"pneumatics", "pro
 
 @pytest.mark.usefixtures("_counted_events")
 @settings(max_examples=400)
-@given(_plants(preset_names()), commands, st.integers(0, 50))
+@given(_plants(preset_names(), (None, 1.0, 0.3)), commands, st.integers(0, 50))
 def test_time_passes_whatever_the_lags_the_dead_time_and_the_commands(
     plant: PlantSettings, sequence: list[tuple[float, float]], seed: int
 ) -> None:
@@ -108,7 +123,7 @@ def test_time_passes_whatever_the_lags_the_dead_time_and_the_commands(
 
 @pytest.mark.usefixtures("_counted_events")
 @settings(max_examples=300)
-@given(_plants(PLAIN), st.sampled_from([(24.0, 0.0), (0.0, 24.0)]), st.floats(-9.0, -3.0), st.integers(0, 50))
+@given(_plants(PLAIN, (None,)), st.sampled_from([(24.0, 0.0), (0.0, 24.0)]), st.floats(-9.0, -3.0), st.integers(0, 50))
 @example(_plant("paper", 0.00017, 0.00087, 0.0, 1.0, 1.0, 1.0), (24.0, 0.0), -6.7, 0)  # stops while the pull falls fast
 @example(_plant("graphite", 0.00068, 0.00744, 0.0, 1.0, 8.0, 1.0), (24.0, 0.0), -7.0, 0)  # creeps while it rises fast
 @example(_plant("graphite", 0.0001, 0.0001, 0.0, 1.0, 1.0, 0.01), (0.0, 24.0), -6.375, 0)  # slides for nanoseconds

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -282,6 +283,14 @@ def test_a_value_ends_the_fail_position_of_a_failure_signal() -> None:
     assert (state.failed, state.signal_failed, state.current_ma) == (False, False, 12.0)
 
 
+@pytest.mark.parametrize("offset_ma", [-0.5, 0.0, 0.5])
+def test_before_its_first_command_the_node_keeps_its_pressure_whatever_the_offset(offset_ma: float) -> None:
+    plant = plant_settings(overrides={"actuator": {"offset_ma": offset_ma}})
+    state = initial_device(plant, 0)
+    later = advance(plant, state, 0.5)
+    assert later.plant.actuator.pressure_pa == pytest.approx(state.plant.actuator.pressure_pa, rel=1e-14)
+
+
 def test_the_fail_position_hold_keeps_the_last_current_or_before_the_first_command_the_pressure() -> None:
     holding = replace(PAPER, fail_position=FailPosition.HOLD)
     after_a_value = advance(holding, taken(command(11.0, 0), command(3.6, 1)), PERIOD_S)
@@ -314,6 +323,18 @@ def test_the_log_has_one_line_for_the_fail_position_and_one_for_its_end(
         "plant-emulator: no command for 100 ms: fail position 'close'",
         "plant-emulator: a valid command: the valve obeys again",
     ]
+
+
+def test_the_noise_of_the_pressure_sensor_is_in_the_frame_of_the_sample() -> None:
+    settings = plant_settings(overrides={"sensor": {"reports_pressure": True, "pressure_noise": 0.01}})
+    state, shown = initial_device(settings, 1), []
+    for _ in range(400):
+        state, frames = publish(CODEC, settings, state)
+        (message, _), *_ = decoded(frames)
+        assert isinstance(message, ActuatorState)
+        shown.append(message.pressure_pa / state.plant.actuator.pressure_pa)
+    assert statistics.fmean(shown) == pytest.approx(1.0, abs=0.002)
+    assert statistics.stdev(shown) == pytest.approx(0.01, rel=0.15)
 
 
 def test_a_pressure_sensor_reports_the_true_pressure_in_the_first_frame() -> None:

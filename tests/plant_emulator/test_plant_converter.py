@@ -6,7 +6,6 @@ import pytest
 
 from plant_emulator import valve
 from plant_emulator.converter import Converted, converted
-from plant_emulator.device import advance, initial_device
 from plant_emulator.parameters import ActuatorSettings
 from plant_emulator.presets import plant_settings
 
@@ -50,11 +49,3 @@ def test_a_supply_that_is_too_low_bounds_the_lagging_pressure_too() -> None:
     plant = plant_settings("paper", "actuator.supply_pa = 60e3\nactuator.fill_time_constant_s = 0.02")
     state = valve.step(plant, valve.initial_state(plant, 0), 20.0, 1.0)
     assert state.actuator.pressure_pa == pytest.approx(60e3, rel=1e-12)
-
-
-@pytest.mark.parametrize("offset_ma", [-0.5, 0.0, 0.5])
-def test_before_its_first_command_the_node_keeps_its_pressure_whatever_the_offset(offset_ma: float) -> None:
-    plant = plant_settings("paper", {"actuator": {"offset_ma": offset_ma}})
-    state = initial_device(plant, 0)
-    later = advance(plant, state, 0.5)
-    assert later.plant.actuator.pressure_pa == pytest.approx(state.plant.actuator.pressure_pa, rel=1e-14)

@@ -36,12 +36,15 @@ class PushingForce:
             slope -= rate_per_s * deviation_n * math.exp(-rate_per_s * time_s)
         return slope
 
-    def slope_bound(self, time_s: float) -> float:
-        """Return an upper bound in N/s of the size of the slope, from `time_s` on."""
+    def slope_bound(self, time_s: float, left_s: float = math.inf) -> float:
+        """Return an upper bound in N/s of the size of the slope, from `time_s` until `left_s` later."""
         bound = abs(self.ramp_n_per_s)
         for deviation_n, rate_per_s in self.decays:
             bound += abs(rate_per_s * deviation_n * math.exp(-rate_per_s * time_s))
-        return min(bound, self._pair(time_s)[0]) if len(self.decays) > 1 else bound
+        if len(self.decays) <= 1:
+            return bound
+        slope, bend = self._pair(time_s)
+        return min(bound, slope, abs(self.slope(time_s)) + bend * left_s)
 
     def bend_bound(self, time_s: float) -> float:
         """Return an upper bound in N/s² of the size of the second derivative, from `time_s` on."""
@@ -58,7 +61,7 @@ class PushingForce:
         for deviation_n, rate_per_s in self.decays:
             slope = abs(rate_per_s * deviation_n * math.exp(-rate_per_s * time_s))
             bound += slope * min(1.0 / rate_per_s, left_s)
-        return min(bound, self._pair(time_s)[0] * left_s) if len(self.decays) > 1 else bound
+        return min(bound, self.slope_bound(time_s, left_s) * left_s) if len(self.decays) > 1 else bound
 
     def _pair(self, time_s: float) -> tuple[float, float]:
         """Return bounds of slope and second derivative that are good where the first two decays nearly cancel.

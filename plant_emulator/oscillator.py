@@ -178,13 +178,13 @@ class Glide:
     def jerk_bound(self, t: float, velocity_m_per_s: float, acceleration_m_per_s2: float, left_s: float) -> float:
         """Return an upper bound of the size of the jerk in m/s³, from `t` until `left_s` later."""
         swing = self._swing(t, velocity_m_per_s, acceleration_m_per_s2, left_s)
-        return (self.force.slope_bound(t) + swing * self.oscillator.wildness) / self.oscillator.mass
+        return (self.force.slope_bound(t, left_s) + swing * self.oscillator.wildness) / self.oscillator.mass
 
     def snap_bound(self, t: float, velocity_m_per_s: float, acceleration_m_per_s2: float, left_s: float) -> float:
         """Return an upper bound of the size of the jerk's derivative in m/s⁴, from `t` until `left_s` later."""
         oscillator = self.oscillator
         swing = self._swing(t, velocity_m_per_s, acceleration_m_per_s2, left_s)
-        jerk_bound = (self.force.slope_bound(t) + swing * oscillator.wildness) / oscillator.mass
+        jerk_bound = (self.force.slope_bound(t, left_s) + swing * oscillator.wildness) / oscillator.mass
         slowing = oscillator.spring * swing / math.sqrt(oscillator.mass) + oscillator.damping * jerk_bound
         return (self.force.bend_bound(t) + slowing) / oscillator.mass
 

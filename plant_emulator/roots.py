@@ -13,6 +13,8 @@ TIME_TOLERANCE_S = 1e-13
 
 _BISECTIONS = 200
 _MARCHES = 500
+_WIDER, _LONGER = 10.0, 1.5
+"""Of a stride: the window in which a longer one is looked for, and the gain that is worth the search."""
 
 
 def clear_time(gap: float, slope: float, bend: float) -> float:
@@ -27,6 +29,21 @@ def clear_time(gap: float, slope: float, bend: float) -> float:
     spread = math.sqrt(slope * slope + 2.0 * bend * max(gap, 0.0))
     # the two forms are equal; each avoids a loss of digits in the other
     return (slope + spread) / bend if slope >= 0.0 else 2.0 * max(gap, 0.0) / (spread - slope)
+
+
+def clear_within(gap: float, slope: float, stride_s: float, left_s: float, bend: Callable[[float], float]) -> float:
+    """Return a longer clear time than `stride_s`, that of the bound for all of `left_s`, where there is one.
+
+    `bend(window_s)` bounds the second derivative for that long only. So a quantity that will change quickly later does
+    not shorten the strides of now.
+    """
+    while stride_s < left_s:
+        window_s = min(_WIDER * stride_s, left_s)
+        longer_s = min(clear_time(gap, slope, bend(window_s)), window_s)
+        if longer_s <= _LONGER * stride_s:
+            break
+        stride_s = longer_s
+    return stride_s
 
 
 def first_event(clear: Callable[[float], float], horizon_s: float) -> tuple[float, bool]:

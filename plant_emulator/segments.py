@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from plant_emulator.oscillator import Glide
 from plant_emulator.path import Uniform
-from plant_emulator.roots import TIME_TOLERANCE_S, clear_time, crossing, first_event
+from plant_emulator.roots import TIME_TOLERANCE_S, clear_time, clear_within, crossing, first_event
 from plant_emulator.segment import Ending, Segment
 
 if TYPE_CHECKING:
@@ -31,7 +31,10 @@ def coast(
     def clear(t: float) -> float:
         at_x, at_v = glide.at(t) if t else (x, v)
         a = glide.acceleration(t, at_x, at_v)
-        stride = clear_time(direction * at_v - low, direction * a, glide.jerk_bound(t, at_v, a, horizon_s - t))
+        gap, slope, left_s = direction * at_v - low, direction * a, horizon_s - t
+        stride = clear_time(gap, slope, glide.jerk_bound(t, at_v, a, left_s))
+        if not force.is_simple:
+            stride = clear_within(gap, slope, stride, left_s, lambda window_s: glide.jerk_bound(t, at_v, a, window_s))
         # a stem that starts at the bound and accelerates has not fallen to it
         return max(stride, 2.0 * TIME_TOLERANCE_S) if t == 0.0 and direction * a > 0.0 else stride
 

@@ -151,3 +151,12 @@ def _slip_s(plant: PlantSettings, state: PlantState, push_n: float, *, filling: 
     actuator = plant.actuator
     lag_s = actuator.fill_time_constant_s if filling else actuator.vent_time_constant_s
     return actuator.dead_time_s + lag_s * math.log(push_n / (push_n - state.packing.static_n))
+
+
+@pytest.mark.usefixtures("_counted_events")
+@pytest.mark.parametrize("converter_s", [0.005, 0.0086701])
+def test_a_stem_without_friction_starts_behind_two_lags_in_few_events(converter_s: float) -> None:
+    lags = {"fill_time_constant_s": 0.0086701, "converter_time_constant_s": converter_s}
+    plant = plant_settings("frictionless", {"actuator": lags})
+    state = valve.step(plant, valve.initial_state(plant, 7), 21.1, 0.05)
+    assert state.stem.position_m > 0.1

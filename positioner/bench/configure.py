@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 import tomli_w
 
 from plant_emulator.presets import DEFAULT_PRESET, plant_settings, preset_names, root_preset
+from positioner.inputs.toml_reader import laid_over
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from plant_emulator.parameters import PlantSettings
     from positioner.bench.scenario import Scenario
     from positioner.bus.address import BusAddress
 
@@ -23,7 +25,7 @@ def configuration_text(scenario: Scenario, address: BusAddress, state: Path) -> 
     """Return the `valve.toml` of the daemon for `scenario`.
 
     Unless the scenario says otherwise, the daemon has the parameters of the nominal valve and sensor of which the plant
-    is a variant.
+    is a variant, with the preload, the lags and the backlash of the variant.
     """
     preset = scenario.plant.get("preset", DEFAULT_PRESET)
     nominal = root_preset(preset) if preset in preset_names() else DEFAULT_PRESET
@@ -31,7 +33,7 @@ def configuration_text(scenario: Scenario, address: BusAddress, state: Path) -> 
     if scenario.table_from_s is not None:
         control["table_from_s"] = scenario.table_from_s
     tables: dict[str, Any] = {
-        "valve": {"id": VALVE_ID, "preset": nominal, **_preload(preset, nominal), **scenario.valve},
+        "valve": {"id": VALVE_ID, "preset": nominal, **laid_over(_known(preset, nominal), scenario.valve)},
         "bus": {key: value for key, value in asdict(address).items() if value != {}},
         "control": {**control, **scenario.control},
         "estimator": {**_nominal_noise(nominal), **scenario.estimator},
@@ -41,12 +43,29 @@ def configuration_text(scenario: Scenario, address: BusAddress, state: Path) -> 
     return tomli_w.dumps(tables)
 
 
-def _preload(preset: str, nominal: str) -> dict[str, float]:
-    """Return the bench set of a preset that has another one than its nominal valve: it is known, as the travel is."""
+def pneumatics_of(settings: PlantSettings) -> dict[str, Any]:
+    """Return the part of the `[valve]` table that tells a positioner preload, lags and backlash of a plant."""
+    actuator = settings.actuator
+    return {
+        "bench_set_n": settings.valve.bench_set_n,
+        "actuator": {
+            "fill_time_constant_s": actuator.fill_time_constant_s,
+            "vent_time_constant_s": actuator.vent_time_constant_s,
+            "dead_time_s": actuator.dead_time_s,
+            "converter_time_constant_s": actuator.converter_time_constant_s,
+            "slew_ma_per_s": actuator.slew_pa_per_s / settings.valve.pressure_gain_pa_per_ma,
+        },
+        "sensor_time_constant_s": settings.sensor.time_constant_s,
+        "backlash_m": settings.sensor.backlash_m,
+    }
+
+
+def _known(preset: str, nominal: str) -> dict[str, Any]:
+    """Return what the daemon knows of a preset in which it differs from its nominal valve: not spring and friction."""
     if preset not in preset_names():
         return {}
-    bench_set_n = plant_settings(preset).valve.bench_set_n
-    return {} if bench_set_n == plant_settings(nominal).valve.bench_set_n else {"bench_set_n": bench_set_n}
+    usual = pneumatics_of(plant_settings(nominal))
+    return {key: value for key, value in pneumatics_of(plant_settings(preset)).items() if value != usual[key]}
 
 
 def _nominal_noise(preset: str) -> dict[str, float]:

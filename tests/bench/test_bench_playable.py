@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -41,8 +41,17 @@ def test_without_parameters_the_controller_has_those_of_the_valve_that_the_plant
     assert own in {name, "paper", "graphite", "real-valve"}
     found = configure(replace(SCENARIO, plant={"preset": name}))
     actuator = ActuatorParameters(**PRESETS[own]["actuator"])
-    preload = {"bench_set_n": 3000.0} if name == "seated" else {}
-    assert found.valve == ValveParameters(id="bench", **{**PRESETS[own], "actuator": actuator, **preload})
+    known: dict[str, Any] = {}
+    if name == "seated":
+        known = {"bench_set_n": 3000.0}
+    if name == "pneumatics":
+        slew_ma_per_s = 400e3 / 5171.06775
+        actuator = ActuatorParameters(
+            fill_time_constant_s=0.05, vent_time_constant_s=0.03, dead_time_s=0.002, slew_ma_per_s=slew_ma_per_s,
+            converter_time_constant_s=0.008,
+        )  # fmt: skip
+        known = {"sensor_time_constant_s": 0.005, "backlash_m": 0.0001}
+    assert found.valve == ValveParameters(id="bench", **{**PRESETS[own], "actuator": actuator, **known})
     sensor = plant_settings(own).sensor
     assert found.estimator.noise_of_reading == sensor.noise_of_reading
     assert found.estimator.noise_of_span == sensor.noise_of_span

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from plant_emulator.presets import plant_settings
+from positioner.bench.configure import pneumatics_of
 from positioner.bench.playable import within_reach
 from positioner.inputs.toml_reader import laid_over
 from positioner.valve.parameters import ValveParameters
@@ -73,16 +74,8 @@ def setpoints_mm(plant: str) -> tuple[float, ...]:
 
 def told(settings: PlantSettings) -> dict[str, Any]:
     """Return the `[valve]` table of a positioner that knows every parameter of the plant it has a word for."""
-    valve, actuator = settings.valve, settings.actuator
+    valve = settings.valve
     shared = {each.name for each in fields(valve)} & {each.name for each in fields(ValveParameters)}
     table: dict[str, Any] = {name: getattr(valve, name) for name in sorted(shared)}
-    table["actuator"] = {
-        "fill_time_constant_s": actuator.fill_time_constant_s,
-        "vent_time_constant_s": actuator.vent_time_constant_s,
-        "dead_time_s": actuator.dead_time_s,
-        "converter_time_constant_s": actuator.converter_time_constant_s,
-        "slew_ma_per_s": actuator.slew_pa_per_s / valve.pressure_gain_pa_per_ma,
-    }
-    table["sensor_time_constant_s"] = settings.sensor.time_constant_s
-    table["backlash_m"] = settings.sensor.backlash_m
+    table |= pneumatics_of(settings)
     return table

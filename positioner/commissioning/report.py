@@ -48,14 +48,14 @@ def rows(found: IdentifiedValve, valve: ValveParameters, pressure_unit: str) -> 
     def row(name: str, unit: str, each: Interval, factor: float = 1.0) -> Row:
         return Row(name, unit, each.value * factor, each.low * factor, each.high * factor, each.seen)
 
-    ends = [each.value + spring.value * valve.span_m for each in (preload,)]
+    end_n = preload.value + spring.value * valve.span_m
     off_n = math.hypot(preload.high - preload.low, (spring.high - spring.low) * valve.span_m) / 2.0
     upper = Row(
         "bench set, at 100 %",
         pressure_unit,
-        ends[0] * per_newton,
-        (ends[0] - off_n) * per_newton,
-        (ends[0] + off_n) * per_newton,
+        end_n * per_newton,
+        (end_n - off_n) * per_newton,
+        (end_n + off_n) * per_newton,
     )
     return (
         row("spring rate", "N/m", spring),

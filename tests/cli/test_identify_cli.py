@@ -1,0 +1,51 @@
+"""`positioner identify` on the command line: what it refuses before a valve can move, and workshop units."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from daemon_helpers import write_configuration
+
+from positioner.bus.address import BusAddress
+from positioner.cli.main import main
+from positioner.commissioning.units import area_m2, pressure_gain
+from positioner.errors import ExitCode, UsageError
+from positioner.store import lock
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_it_is_refused_while_the_daemon_runs_and_names_the_command_that_stops_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write_configuration(tmp_path, BusAddress(interface="virtual", channel="none"))
+    (tmp_path / "state").mkdir()
+    with lock.held(tmp_path / "state", timeout_s=0.0):
+        assert main(["identify", "--config", str(path), "--yes"]) == ExitCode.TEMPORARY
+    error = capsys.readouterr().err
+    assert "the positioner of FV-101 runs" in error
+    assert "kill " in error
+
+
+def test_without_a_person_and_without_yes_nothing_moves(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_configuration(tmp_path, BusAddress(interface="virtual", channel="none"), guard={"current_low_ma": 6.0})
+    monkeypatch.setattr("sys.stdin", None)
+    assert main(["identify", "--config", str(path)]) == ExitCode.USAGE
+    error = capsys.readouterr().err
+    assert "6 to 20 mA, rate free" in error
+    assert "add --yes" in error
+
+
+def test_workshop_units_are_read_exactly() -> None:
+    assert pressure_gain("3-15psi") == pytest.approx(0.75 * 6894.757293168, rel=1e-12)
+    assert pressure_gain("0.2 - 1 bar") == pytest.approx(5000.0, rel=1e-12)
+    assert area_m2("100in2") == pytest.approx(0.064516, rel=1e-12)
+    for text in ("15-3psi", "3psi", "3-15 furlongs"):
+        with pytest.raises(UsageError, match="write it like 3-15psi"):
+            pressure_gain(text)
+    with pytest.raises(UsageError, match="write it like 100in2"):
+        area_m2("0in2")

@@ -6,19 +6,25 @@ import math
 from typing import TYPE_CHECKING
 
 from positioner.laws.nmpc.lagged.valve import is_lagged
-from positioner.reach.case import Case
+from positioner.reach.case import Case, freeing_ma, slip_of
 from positioner.reach.small_moves import smallest_jump, smallest_push_m
 
 if TYPE_CHECKING:
     from positioner.config.schema import Configuration
+    from positioner.reach.small_moves import Jump
 
-_LOST = 0.3
-"""Of the natural jump: the mean error where the slip is over before its second reading, as benches show it."""
+_LOST_IN_NOISE = 0.25
+"""Of the natural jump: the mean error behind a lag where noise hides a slip until it is nearly over; from benches."""
 _WITHOUT_LAG = 0.15
 """Of the natural jump: the mean error of the paper's law, which knows no lag, on a valve that has one."""
-_TOO_LONG, _OF_SPAN = 0.5, 0.0025
-"""A period is too long where a push of one is beyond this part of the natural jump; of the span for the paper's law."""
+_HIDDEN, _NOISY = 0.8, 0.1
+"""Noise hides a slip where it is noticed after this part of the natural jump, and σ is beyond the other part."""
+_NEARLY = 0.95
+"""A slip is nearly over after this part of the natural jump; a longer period is too long."""
+_OF_SPAN = 0.0025
+"""A period is too long for the paper's law where a push of one moves the stem by more than this part of the span."""
 _PAPER = ("paper", "paper-plain")
+_LONGEST_SLIP_S = 60.0
 
 
 def natural_jump_m(case: Case) -> float:
@@ -33,60 +39,75 @@ def averaging_of(case: Case) -> tuple[float, int]:
     return case.sigma_m / math.sqrt(samples), samples
 
 
-def mean_error_m(case: Case, landing_m: float, push_m: float) -> float:
-    """Return the mean error of the law `nmpc`, in m.
+def mean_error_m(case: Case, jump: Jump) -> float:
+    """Return the mean error of the law `nmpc`, in m; `jump` is the smallest that the readings show.
 
     Landings with a standard deviation σ are repeated until one is within the tolerance, which leaves E|e| of a normal
-    distribution that is cut off there: σ √(2/π) (1 - e^(-t²/2σ²))/erf(t/√2σ). Where one period of a push is no small
-    part of a slip, the law sees too little of it.
+    distribution that is cut off there: σ √(2/π) (1 - e^(-t²/2σ²))/erf(t/√2σ).
     """
-    tolerance_m, jump_m = case.tolerance_m, natural_jump_m(case)
-    sigma_m = math.hypot(averaging_of(case)[0], landing_m)
-    left_m = tolerance_m / 2.0
-    if is_lagged(case.valve) and sigma_m > 0.0:
-        ratio = tolerance_m / sigma_m
-        left_m = (
-            sigma_m * math.sqrt(2.0 / math.pi) * -math.expm1(-ratio * ratio / 2.0) / math.erf(ratio / math.sqrt(2.0))
-        )
-    unseen = min(push_m / jump_m, 1.0) if jump_m > 0.0 else 0.0
-    return math.hypot(left_m, _LOST * jump_m * unseen * unseen * unseen)
+    if is_too_slow(case):
+        return natural_jump_m(case)
+    if is_too_noisy(case, jump):
+        return _LOST_IN_NOISE * natural_jump_m(case)
+    tolerance_m, sigma_m = case.tolerance_m, math.hypot(averaging_of(case)[0], jump.landing_m)
+    if not is_lagged(case.valve) or sigma_m == 0.0:
+        return tolerance_m / 2.0
+    ratio = tolerance_m / sigma_m
+    return sigma_m * math.sqrt(2.0 / math.pi) * -math.expm1(-ratio * ratio / 2.0) / math.erf(ratio / math.sqrt(2.0))
+
+
+def is_too_slow(case: Case) -> bool:
+    """Return whether a slip is nearly over before the next reading shows it."""
+    return case.period_s > slip_s(case)
+
+
+def is_too_noisy(case: Case, jump: Jump) -> bool:
+    """Return whether noise hides a slip until it is nearly over, so that a lag leaves no time to brake it."""
+    jump_m = natural_jump_m(case)
+    return is_lagged(case.valve) and jump.jump_m > _HIDDEN * jump_m and case.sigma_m > _NOISY * jump_m
+
+
+def slip_s(case: Case) -> float:
+    """Return after how long in s a slip is nearly over, under the pressure that freed the stem."""
+    own, start_m = case.lagged(_SLIP_STEP_S), case.middle_m
+    slip, over_m = slip_of(own, 1.0), start_m + _NEARLY * natural_jump_m(case)
+    pressure_ma = freeing_ma(slip, start_m)
+    x, v, t, stopped = start_m, 0.0, 0.0, False
+    while not stopped and x < over_m and t < _LONGEST_SLIP_S:
+        x, v, _, _, stopped = slip.after(x, v, pressure_ma, pressure_ma, pressure_ma)
+        t += _SLIP_STEP_S
+    return t
 
 
 def in_words(configuration: Configuration) -> tuple[str, bool]:
     """Return the error to expect of the configured law in one line, empty if unknown, and whether the law fits."""
     name, case = configuration.control.law, Case.of(configuration)
-    push_m = max(smallest_push_m(case, direction) for direction in (1.0, -1.0))
     period = f"{case.period_s * 1e3:g} ms"
     if name in _PAPER:
-        if is_lagged(case.valve):
-            lost = _percent(_WITHOUT_LAG * natural_jump_m(case), case)
-            return f"about {lost}: the law {name} knows no lag, and this valve has one; take nmpc", False
-        if push_m <= _OF_SPAN * case.valve.span_m:
-            return "", True
-        why = (
-            f"{period} are too long for the law {name}: in one period a push moves the stem so far; take nmpc, or less"
-        )
-        return f"above {_percent(push_m, case)}: {why}", False
+        return _paper_in_words(name, case)
     if name != "nmpc":
         return "", True
-    landing_m = max(smallest_jump(case, direction).landing_m for direction in (1.0, -1.0))
-    error = f"{_percent(mean_error_m(case, landing_m, push_m), case)} on average"
-    if push_m <= _TOO_LONG * natural_jump_m(case):
-        return error, True
-    share = f"{push_m * 1e3:.2g} of the {natural_jump_m(case) * 1e3:.2g} mm of its natural jump"
-    why = f"{period} are too long for this valve: in one period it slips {share}; {_fitting_ms(case):g} ms would do"
-    return f"{error}: {why}", False
+    jump = smallest_jump(case, 1.0)
+    error = _percent(mean_error_m(case, jump), case)
+    if is_too_slow(case):
+        why = f"{period} are too long for this valve, whose slip is nearly over after {slip_s(case) * 1e3:.2g} ms"
+        return f"about {error}: {why}; take a shorter period", False
+    if is_too_noisy(case, jump):
+        seen = f"{jump.jump_m * 1e3:.2g} of the {natural_jump_m(case) * 1e3:.2g} mm of its natural jump"
+        why = f"at {period} the noise hides a slip for {seen}, and the lag leaves no time to brake it"
+        return f"about {error}: {why}; take a shorter period, or a better sensor", False
+    return f"{error} on average", True
 
 
-def _fitting_ms(case: Case) -> float:
-    """Return the longest usual sample period in ms that is short enough."""
-    for period_ms in _USUAL_MS:
-        shorter = Case(
-            case.valve, case.estimator, case.settings, period_ms / 1e3, case.delay_s, case.low_ma, case.high_ma
-        )
-        if max(smallest_push_m(shorter, direction) for direction in (1.0, -1.0)) <= _TOO_LONG * natural_jump_m(case):
-            return period_ms
-    return _USUAL_MS[-1]
+def _paper_in_words(name: str, case: Case) -> tuple[str, bool]:
+    if is_lagged(case.valve):
+        lost = _percent(_WITHOUT_LAG * natural_jump_m(case), case)
+        return f"about {lost}: the law {name} knows no lag, and this valve has one; take nmpc", False
+    push_m, period = max(smallest_push_m(case, s) for s in (1.0, -1.0)), f"{case.period_s * 1e3:g} ms"
+    if push_m <= _OF_SPAN * case.valve.span_m:
+        return "", True
+    why = f"{period} are too long for the law {name}: in one period a push moves the stem so far; take nmpc, or less"
+    return f"above {_percent(push_m, case)}: {why}", False
 
 
 def _percent(error_m: float, case: Case) -> str:
@@ -94,4 +115,4 @@ def _percent(error_m: float, case: Case) -> str:
     return f"{percent:.{max(1 - math.floor(math.log10(max(percent, 1e-3))), 0)}f} % of span"
 
 
-_USUAL_MS = (50.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
+_SLIP_STEP_S = 1e-3

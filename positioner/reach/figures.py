@@ -75,7 +75,7 @@ def figures_of(case: Case) -> Figures:
         averaging_m=averaging_m,
         averaging_s=samples * case.period_s,
         landing_m=landing_m,
-        error_m=mean_error_m(case, landing_m, push_m),
+        error_m=mean_error_m(case, worst),
         shortest_s=move.shortest_s,
         law_s=max(move.law_s, move.shortest_s),
     )

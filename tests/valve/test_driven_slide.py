@@ -198,3 +198,24 @@ def test_the_current_for_a_target_leads_the_stop_there_or_is_at_its_bound(
         assert brake.stop_m(*state, current_ma, brake_ma) == pytest.approx(near, abs=2e-6)
     else:
         assert brake.stop_m(*state, current_ma, brake_ma) == pytest.approx(target_m, abs=2e-6)
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.02])
+@pytest.mark.parametrize(("low_ma", "s"), [(13.5, 1.0), (4.0, -1.0)])
+def test_a_braking_pressure_beyond_the_limits_of_the_loop_is_never_reached(
+    lag_s: float, low_ma: float, s: float
+) -> None:
+    x, high_ma = 0.078, 20.0 if s > 0.0 else 10.5
+    drive = drive_of(actuator_of(lag_s, 1.0, 0.0, 0.0), 1e-3, low_ma, high_ma)
+    brake = Brake(driven_slide(MODEL, NOMINAL, s), drive)
+    p = pushing_ma(NOMINAL, s, x, 1.1)
+    beyond_ma = pushing_ma(NOMINAL, s, x, -0.4)
+    assert not low_ma <= beyond_ma <= high_ma
+    predicted_m = brake.stop_m(x, s * 0.2, p, p, drive.limited(p), beyond_ma)
+    state = Moving(x, s * 0.2, p, p)
+    u = drive.limited(p)
+    actuator = actuator_of(lag_s, 1.0, 0.0, 0.0)
+    while not state.stopped:
+        state = moved(MODEL, NOMINAL, actuator, s, state, u, 1e-3)
+        u = drive.command_ma(state.p, state.w, beyond_ma)
+    assert predicted_m == pytest.approx(state.x, abs=1e-7)

@@ -27,7 +27,7 @@ def text_of(law: str, period_s: float, valve: str = "paper") -> str:
 
 PAPER_TOO_LONG = "are too long for the law paper: in one period a push moves the stem so far; take nmpc, or less"
 NO_LAG = "the law paper knows no lag, and this valve has one; take nmpc"
-SLIP = "50 ms are too long for this valve, whose slip is nearly over after 3"
+SLIP = "50 ms are too long for this valve, whose slip is nearly over after"
 
 
 @pytest.mark.parametrize(

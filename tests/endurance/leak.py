@@ -42,7 +42,7 @@ _MONTH_S = 30 * 86400.0
 _ABSENT = BusAddress(channel="vcan77")
 _WARM_UP = 0.2
 """Of the rounds: caches fill, the allocator finds its size."""
-_FREE_LISTS = 50
+_FREE_LISTS = 100
 """Blocks in which caches of the libraries fill slowly, and stay."""
 _MEMORY = Path("/proc/self/statm")
 _PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")

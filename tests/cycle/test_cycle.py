@@ -11,12 +11,20 @@ from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import load_scenario
 from positioner.cycle.counters import Counters
 from positioner.cycle.deviation import NO_DEVIATION, Deviates
-from positioner.cycle.events import Controlled, Event, ForeignCommand, LawFellBack, Learned, LinesDropped, ModeChanged
+from positioner.cycle.events import (
+    Controlled,
+    Event,
+    ForeignCommand,
+    LawFellBack,
+    Learned,
+    LinesDropped,
+    ModeChanged,
+)
 from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
 from positioner.cycle.timing_events import LawLate
-from positioner.cycle.trust_events import ActingChanged
+from positioner.cycle.trust_events import ActingChanged, PushFailed
 from positioner.guard.settings import FailsafeAction, GuardSettings
 from positioner.laws.bounds import Bounds
 from positioner.laws.law import Decision, Estimate, Observation
@@ -579,3 +587,20 @@ def test_the_same_frames_give_the_same_frames() -> None:
     assert len(recorded) > 450
     assert replayed == recorded
     assert state.table == first.table
+
+
+class FailedPusher(ScriptedLaw):
+    """A law that has found its third push in a row to have failed, and now rests."""
+
+    def decide(
+        self, memory: int, stem: StemState, observation: Observation, table: StictionTable
+    ) -> tuple[int, Decision]:
+        memory, decision = super().decide(memory, stem, observation, table)
+        return memory, replace(decision, failed_pushes=3, rest_s=2.0)
+
+
+def test_a_push_that_failed_is_reported_with_the_rest_that_follows_and_counted() -> None:
+    exchange = Exchange(FailedPusher())
+    exchange.sample()
+    assert exchange.events_of(PushFailed) == [PushFailed(3, 2.0)]
+    assert exchange.state.counters.by_cause[Counted.PUSH_FAILED] == 1

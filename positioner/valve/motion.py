@@ -95,7 +95,7 @@ class MotionModel:
         stiffness = rate / self.mass_kg
         omega2 = stiffness - half * half
         z = x - q / rate
-        stop_s = stop_time_s(z, v, half, omega2, stiffness, direction)
+        stop_s = _stop_time_s(z, v, half, omega2, stiffness, direction)
         stopped = stop_s <= duration_s
         t = stop_s if stopped else duration_s
         even, odd, odd_slope = modes(half, omega2, stiffness, t)
@@ -139,7 +139,7 @@ def modes(half: float, omega2: float, stiffness: float, t: float) -> tuple[float
     return even, odd, (t * even - odd) / (2.0 * omega2)
 
 
-def stop_time_s(z: float, v: float, half: float, omega2: float, stiffness: float, direction: float) -> float:
+def _stop_time_s(z: float, v: float, half: float, omega2: float, stiffness: float, direction: float) -> float:
     """Return when v(t) = e^(-ht) [v cos ωt - (h v + K/m z) sin(ωt)/ω] first reaches 0, infinity if never.
 
     0 for a stem that rests and is not pushed in `direction`, or that already moves against it.

@@ -10,7 +10,18 @@ from positioner.commissioning.first_guess import bound, first_guess, stribeck_is
 from positioner.commissioning.fit import Prior, fit
 from positioner.commissioning.identified import IdentifiedValve, Interval
 from positioner.commissioning.noise import noise_of
-from positioner.commissioning.observed import COULOMB, DEAD, FILL, PRELOAD, SPRING, STATIC, STRIBECK, VENT, VISCOUS
+from positioner.commissioning.observed import (
+    COULOMB,
+    DEAD,
+    FILL,
+    PRELOAD,
+    SPRING,
+    STATIC,
+    STRIBECK,
+    VENT,
+    VISCOUS,
+    theta_of,
+)
 from positioner.commissioning.pressure import times_of
 from positioner.commissioning.record import Kind
 from positioner.commissioning.release import RAMP_MA_PER_S
@@ -102,20 +113,7 @@ def identify(
 
 
 def _prior(valve: ValveParameters) -> Prior:
-    actuator = valve.actuator
-    theta = np.array(
-        [
-            valve.spring_rate_n_per_m,
-            valve.bench_set_n,
-            valve.static_friction_n,
-            valve.coulomb_friction_n,
-            valve.viscous_friction_n_s_per_m,
-            valve.stribeck_velocity_m_per_s,
-            actuator.fill_time_constant_s,
-            actuator.vent_time_constant_s,
-            actuator.dead_time_s,
-        ]
-    )
+    theta = theta_of(valve)
     sigma = np.full(len(theta), _WIDE)
     sigma[PRELOAD] = _WIDE * max(valve.static_friction_n, valve.force_gain_n_per_ma)
     sigma[[VISCOUS, STRIBECK]] = _DOUBTFUL

@@ -13,12 +13,31 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from positioner.commissioning.slips import Slips
+    from positioner.valve.parameters import ValveParameters
 
     Array = NDArray[np.float64]
 
 SPRING, PRELOAD, STATIC, COULOMB, VISCOUS, STRIBECK, FILL, VENT, DEAD = range(9)
 COUNT = 9
 """The places of the parameters in θ, and their number."""
+
+
+def theta_of(valve: ValveParameters) -> Array:
+    """Return θ, an array of COUNT, of a valve as it is configured."""
+    actuator = valve.actuator
+    return np.array(
+        [
+            valve.spring_rate_n_per_m,
+            valve.bench_set_n,
+            valve.static_friction_n,
+            valve.coulomb_friction_n,
+            valve.viscous_friction_n_s_per_m,
+            valve.stribeck_velocity_m_per_s,
+            actuator.fill_time_constant_s,
+            actuator.vent_time_constant_s,
+            actuator.dead_time_s,
+        ]
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from positioner.commissioning.observed import theta_of
 from positioner.commissioning.record import Kind
 from positioner.commissioning.slips import Candidates, Slips, play
 
@@ -26,19 +27,7 @@ def played_steps(
         if each.kind is not Kind.STEP:
             continue
         rest_m = float(np.nanmean(each.measured_m[each.held // 4 : each.held]))
-        values = (
-            valve.spring_rate_n_per_m,
-            valve.bench_set_n,
-            valve.static_friction_n,
-            valve.coulomb_friction_n,
-            valve.viscous_friction_n_s_per_m,
-            valve.stribeck_velocity_m_per_s,
-            valve.actuator.fill_time_constant_s,
-            valve.actuator.vent_time_constant_s,
-            valve.actuator.dead_time_s,
-            rest_m,
-            1.0,
-        )
+        values = (*theta_of(valve), rest_m, 1.0)
         sets = Candidates(valve.mass_kg, valve.force_gain_n_per_ma, *(np.full((1, 1), value) for value in values))
         applied, readings = np.asarray([each.applied_ma]), np.asarray([each.measured_m])
         yield each, play(Slips(period_s, np.array([each.direction]), applied, readings, 0), sets)[:, 0, 0]

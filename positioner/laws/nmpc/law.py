@@ -81,7 +81,7 @@ class NmpcLaw:
         place_m = stem.anchor.x if isinstance(stem, Resting) else stem.x
         sigma_m = measurement_sigma_m(self.estimator, self.valve, place_m)
         monitor, measured_m = memory.monitor, observation.measured_m
-        variance_m2 = max(monitor.noise.averaged, _LEAST_NOISE) * sigma_m * sigma_m
+        variance_m2 = monitor.noise.averaged_m2(sigma_m)
         noise_m2 = monitor.noise.of_reading * sigma_m * sigma_m
         if monitor.resolution.last_m is None:
             variance_m2 = noise_m2  # nothing came before the first reading that it could remember
@@ -240,8 +240,6 @@ class NmpcLaw:
         )
 
 
-_LEAST_NOISE = 1e-6
-"""The least variance that is assumed of a sensor, as a part of the configured one."""
 _NEAR = 0.5
 """Two possible places of the stem are near each other within this part of the error."""
 _INSTANT_S = 1e-9

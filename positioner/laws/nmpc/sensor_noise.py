@@ -25,6 +25,8 @@ _CONFIDENCE = 2.0
 """So many σ of its own error are subtracted from the variance of batches before it is compared."""
 _PAIRS_TO_COUNT = 16.0
 """Fewer pairs of batches do not count."""
+_LEAST_NOISE = 1e-6
+"""The least variance that is assumed of a sensor, as a part of the configured one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +107,10 @@ class SensorNoise:
     def at_new_place(self) -> SensorNoise:
         """Return the noise of a stem that rests at another place."""
         return SensorNoise(self.rests.at_new_place(), self.slow.at_new_place(), 0.0, 0, self.averaged, self.of_reading)
+
+    def averaged_m2(self, sigma_m: float) -> float:
+        """Return the variance of the mean of n readings, times n, in m²; `sigma_m` is the configured σ of one."""
+        return max(self.averaged, _LEAST_NOISE) * sigma_m * sigma_m
 
 
 def as_configured() -> SensorNoise:

@@ -141,7 +141,7 @@ class LaggedLaw:
     def _variance_m2(self, memory: LaggedMemory) -> float:
         """Return the variance of a reading in m²: the configured one, corrected by what was learned at rest."""
         sigma_m = measurement_sigma_m(self.estimator, self.valve, self._reported(memory).position_m)
-        return max(memory.noise.averaged, _LEAST_NOISE) * sigma_m * sigma_m
+        return memory.noise.averaged_m2(sigma_m)
 
     def _reported(self, memory: LaggedMemory) -> StemState:
         stem = memory.stem
@@ -191,7 +191,5 @@ class LaggedLaw:
 _EVEN_SIGMA = 0.58
 """The standard deviation of an even distribution, as a part of half its width: the pressure at the start is anywhere
 in the stick band."""
-_LEAST_NOISE = 1e-6
-"""The least variance that is assumed of a sensor, as a part of the configured one."""
 _INSTANT_S = 1e-9
 """Rounding of a sum of periods."""

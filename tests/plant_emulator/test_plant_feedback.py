@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plant_cuts import whole_and_cut
 
 from plant_emulator import valve
 from plant_emulator.feedback import Feedback, after_motion, after_rest
@@ -133,10 +134,6 @@ plants = st.builds(
 def test_no_cut_of_time_changes_the_reading(
     plant: PlantSettings, sequence: list[tuple[float, float]], pieces: int, seed: int
 ) -> None:
-    whole = cut = valve.initial_state(plant, seed)
-    for current, duration in sequence:
-        whole = valve.step(plant, whole, current, duration)
-        for _ in range(pieces):
-            cut = valve.step(plant, cut, current, duration / pieces)
+    for whole, cut in whole_and_cut(plant, seed, sequence, pieces):
         assert abs(shown_m(plant, whole) - shown_m(plant, cut)) < 1e-8
         assert (whole.stem.slips, whole.stem.stops) == (cut.stem.slips, cut.stem.stops)

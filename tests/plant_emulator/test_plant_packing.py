@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plant_cuts import whole_and_cut
 from scipy.optimize import brentq
 
 from plant_emulator import valve
@@ -155,10 +156,6 @@ def test_no_cut_of_time_changes_a_motion_with_growing_friction(
     packing = {"growth_per_decade": ageing[0], "creep_fraction": ageing[1], "creep_time_constant_s": 0.02}
     lags = {"fill_time_constant_s": lag_s, "vent_time_constant_s": lag_s}
     plant = plant_settings(preset, {"packing": {**packing, "drift_per_move": drift}, "actuator": lags})
-    whole = cut = valve.initial_state(plant, 2)
-    for current, duration in sequence:
-        whole = valve.step(plant, whole, current, duration)
-        for _ in range(pieces):
-            cut = valve.step(plant, cut, current, duration / pieces)
+    for whole, cut in whole_and_cut(plant, 2, sequence, pieces):
         assert abs(whole.stem.position_m - cut.stem.position_m) < 1e-8
         assert (whole.stem.slips, whole.stem.stops) == (cut.stem.slips, cut.stem.stops)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plant_cuts import whole_and_cut
 
 from plant_emulator import valve
 from plant_emulator.force import PushingForce
@@ -106,10 +107,6 @@ def test_no_cut_of_time_changes_a_motion_in_the_process(
             "actuator": {"converter_time_constant_s": lag_s, "hysteresis_ma": 0.1, "dead_band_ma": 0.02},
         },
     )
-    whole = cut = valve.initial_state(plant, 2)
-    for current, duration in sequence:
-        whole = valve.step(plant, whole, current, duration)
-        for _ in range(pieces):
-            cut = valve.step(plant, cut, current, duration / pieces)
+    for whole, cut in whole_and_cut(plant, 2, sequence, pieces):
         assert abs(whole.stem.position_m - cut.stem.position_m) < 1e-8
         assert (whole.stem.slips, whole.stem.stops) == (cut.stem.slips, cut.stem.stops)

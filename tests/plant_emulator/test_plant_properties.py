@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plant_cuts import whole_and_cut
 
 from plant_emulator import valve
 from plant_emulator.presets import plant_settings
@@ -80,11 +81,7 @@ def test_the_stem_stays_in_its_travel_and_rests_only_without_speed(
 def test_no_cut_of_time_changes_the_motion(
     plant: PlantSettings, sequence: list[tuple[float, float]], pieces: int, seed: int
 ) -> None:
-    whole = cut = valve.initial_state(plant, seed)
-    for current, duration in sequence:
-        whole = valve.step(plant, whole, current, duration)
-        for _ in range(pieces):
-            cut = valve.step(plant, cut, current, duration / pieces)
+    for whole, cut in whole_and_cut(plant, seed, sequence, pieces):
         assert abs(whole.stem.position_m - cut.stem.position_m) < 1e-9
         assert (whole.stem.slips, whole.stem.stops, whole.stem.reversals) == (
             cut.stem.slips,

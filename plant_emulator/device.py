@@ -43,7 +43,7 @@ _TRUTH_RANGE_M = (-0.01, 0.661)
 class DeviceState:
     """The node's state; each function here changes a copy of its own.
 
-    current_ma: the last command that is a value; None until the first one, while the actuator holds its pressure.
+    current_ma: the last command that is a value; None until the first one, while the actuator keeps its first current.
     commanded_s: plant time of the last command.
     signal_failed: the command in force is a failure signal.
     failed: the valve is on its way to its fail position, or there.
@@ -112,7 +112,7 @@ def advance(settings: PlantSettings, state: DeviceState, duration_s: float) -> D
     plant = state.plant
     held_ma = state.current_ma
     if held_ma is None:
-        held_ma = plant.actuator.pressure_pa / settings.valve.pressure_gain_pa_per_ma - settings.actuator.offset_ma
+        held_ma = plant.actuator.line.newest_ma
     alive_s = max(0.0, min(duration_s, state.commanded_s + settings.deadman_s - plant.time_s))
     if state.signal_failed:
         alive_s = 0.0

@@ -291,6 +291,18 @@ def test_before_its_first_command_the_node_keeps_its_pressure_whatever_the_offse
     assert later.plant.actuator.pressure_pa == pytest.approx(state.plant.actuator.pressure_pa, rel=1e-14)
 
 
+@pytest.mark.parametrize("pieces", [1, 4, 7])
+def test_before_its_first_command_a_converter_that_drifts_off_moves_the_pressure_once(pieces: int) -> None:
+    change = {"at_s": 0.25, "key": "actuator.offset_ma", "value": 0.5}
+    plant = plant_settings(overrides={"schedule": [change], "actuator": {"dead_time_s": 0.1}})
+    state = initial_device(plant, 0)
+    start_pa = state.plant.actuator.pressure_pa
+    for _ in range(pieces):
+        state = advance(plant, state, 1.0 / pieces)
+    drift_pa = 0.5 * plant.valve.pressure_gain_pa_per_ma
+    assert state.plant.actuator.pressure_pa == pytest.approx(start_pa + drift_pa, rel=1e-12)
+
+
 def test_the_fail_position_hold_keeps_the_last_current_or_before_the_first_command_the_pressure() -> None:
     holding = replace(PAPER, fail_position=FailPosition.HOLD)
     after_a_value = advance(holding, taken(command(11.0, 0), command(3.6, 1)), PERIOD_S)

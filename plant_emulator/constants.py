@@ -49,7 +49,7 @@ class Constants:
     """Sliding faster than this has a closed form."""
     flat_again_m_per_s: float
     sticks: bool
-    is_stochastic: bool
+    varies_by_place: bool
     ages: bool
     """Whether static friction grows at rest."""
 
@@ -86,5 +86,5 @@ def _computed(settings: PlantSettings) -> Constants:
         flat_again_m_per_s=max(band, _FLAT_AGAIN * valve.stribeck_velocity_m_per_s),
         sticks=sticks,
         ages=settings.packing.growth_per_decade > 0.0 or settings.packing.creep_fraction > 0.0,
-        is_stochastic=settings.stochastic.friction_fraction > 0.0,
+        varies_by_place=settings.stochastic.friction_fraction > 0.0 or settings.packing.varies_by_place,
     )

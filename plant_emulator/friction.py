@@ -33,6 +33,7 @@ class Packing:
     seed, draw: the random numbers behind them.
     wear: the factor by which moves and time have changed both.
     rested_s: the time of rest since the stem last left the zero-speed band.
+    one_way_n: by how much the friction of opening is larger than F_s or F_c, and that of closing smaller.
     """
 
     static_n: float
@@ -42,6 +43,7 @@ class Packing:
     draw: float
     wear: float = 1.0
     rested_s: float = 0.0
+    one_way_n: float = 0.0
 
 
 def stribeck_n(speed_m_per_s: float, static_n: float, coulomb_n: float, stribeck_velocity_m_per_s: float) -> float:
@@ -90,10 +92,15 @@ def _packed(settings: PlantSettings, packing: Packing) -> Packing:
     fraction = settings.stochastic.friction_fraction
     phase = math.pi * uniform(packing.seed, Stream.FRICTION, 0)
     factor = packing.wear * (1.0 + fraction * 0.5 * (_field(packing.cell, phase) + packing.draw))
+    one_way_n, waves = 0.0, settings.packing
+    if waves.varies_by_place:
+        phase = math.tau * (packing.cell + 0.5) * CELL_WIDTH_M / waves.place_period_m
+        factor *= 1.0 + waves.place_fraction * math.sin(phase)
+        one_way_n = waves.direction_fraction * settings.valve.static_friction_n * packing.wear * math.cos(phase)
     static_n, coulomb_n = settings.valve.static_friction_n * factor, settings.valve.coulomb_friction_n * factor
     if packing.rested_s > 0.0:
         static_n *= 1.0 + growth(settings.packing, packing.rested_s)
-    return replace(packing, static_n=static_n, coulomb_n=coulomb_n)
+    return replace(packing, static_n=static_n, coulomb_n=coulomb_n, one_way_n=one_way_n)
 
 
 def _field(cell: int, phase: float) -> float:

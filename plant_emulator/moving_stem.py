@@ -83,10 +83,14 @@ class MovingStem:
     def _sensor(self) -> SensorSettings:
         return self.constants.settings.sensor
 
+    @property
+    def _preload_n(self) -> float:
+        return self.constants.preload_n + self.packing.one_way_n
+
     def _is_held(self, stem: Stem, force: PushingForce, left_s: float) -> bool:
         """Return whether `force` surely leaves this stem at rest for `left_s`; most steps end here."""
         static_n = self.packing.static_n
-        balance_n = self.constants.preload_n + self.constants.spring_n_per_m * stem.position_m
+        balance_n = self._preload_n + self.constants.spring_n_per_m * stem.position_m
         low_n, high_n = force.range_n(left_s)
         return -static_n <= low_n - balance_n and high_n - balance_n <= static_n
 
@@ -95,7 +99,7 @@ class MovingStem:
         stem = self.stem
         if stem.is_at_rest:
             return self._rest(force, left_s)
-        pull = pull_n(self.constants, stem, force.at(0.0))
+        pull = pull_n(self.constants, stem, self.packing, force.at(0.0))
         if self._is_balanced(pull):
             return Segment(0.0, stem.position_m, 0.0, Ending.BALANCE, Uniform(stem.position_m, 0.0))
         if abs(stem.velocity_m_per_s) > self.constants.band_m_per_s:
@@ -111,7 +115,7 @@ class MovingStem:
     def _rest(self, force: PushingForce, left_s: float) -> Segment:
         """Return the rest until the pressure overcomes static friction; the travel stops hold any force."""
         valve, position_m = self.constants.settings.valve, self.stem.position_m
-        balance_n = self.constants.preload_n + self.constants.spring_n_per_m * position_m
+        balance_n = self._preload_n + self.constants.spring_n_per_m * position_m
         hold_n = max(self.packing.static_n, FORCE_MARGIN_N) + FORCE_MARGIN_N
         # a pull that falls to the limit may be located a little above it, and must not start the stem again
         tolerance_n = located_n(force.slope(0.0))
@@ -179,7 +183,7 @@ class MovingStem:
             mass_kg=valve.mass_kg,
             spring_n_per_m=constants.spring_n_per_m,
             viscous_n_s_per_m=valve.viscous_friction_n_s_per_m,
-            load_n=constants.preload_n + stem.direction * packing.coulomb_n,
+            load_n=self._preload_n + stem.direction * packing.coulomb_n,
             drop_n=packing.static_n - packing.coulomb_n,
             stribeck_velocity_m_per_s=valve.stribeck_velocity_m_per_s,
         )
@@ -190,7 +194,7 @@ class MovingStem:
         valve = self.constants.settings.valve
         opening = self.stem.direction > 0
         stop_m = valve.travel_max_m if opening else valve.travel_min_m
-        if not self.constants.is_stochastic:
+        if not self.constants.varies_by_place:
             return stop_m
         cell_m = (self.packing.cell + opening) * CELL_WIDTH_M
         return min(stop_m, cell_m) if opening else max(stop_m, cell_m)

@@ -151,6 +151,17 @@ class PackingSettings(SettingsTable):
     """Change of F_s and F_c by each stop, as a fraction of both at the start."""
     drift_per_hour: Annotated[float, Interval(ge=-100.0, le=100.0)] = 0.0
     """Change of F_s and F_c by time, as a fraction of both at the start; it shows at the next stop."""
+    place_fraction: Annotated[float, Interval(ge=0.0, le=0.9)] = 0.0
+    """Amplitude of a wave of F_s and F_c along the travel, as a fraction of both."""
+    direction_fraction: Annotated[float, Interval(ge=0.0, le=0.9)] = 0.0
+    """Amplitude of a wave by which friction is larger one way and smaller the other, as a fraction of F_s."""
+    place_period_m: Annotated[float, Interval(ge=1e-3, le=1.0)] = 0.02
+    """Length of both waves; the second one is a quarter ahead."""
+
+    @property
+    def varies_by_place(self) -> bool:
+        """Whether one of the waves is there."""
+        return self.place_fraction > 0.0 or self.direction_fraction > 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

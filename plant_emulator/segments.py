@@ -26,7 +26,9 @@ def coast(
     """Return the segment of fast sliding against F_c and F_v, down to the speed at which the Stribeck term begins."""
     x, v, direction = stem.position_m, stem.velocity_m_per_s, stem.direction
     low = constants.flat_m_per_s
-    glide = Glide(constants.sliding, x, v, force, constants.preload_n + direction * packing.coulomb_n)
+    glide = Glide(
+        constants.sliding, x, v, force, constants.preload_n + packing.one_way_n + direction * packing.coulomb_n
+    )
 
     def clear(t: float) -> float:
         at_x, at_v = glide.at(t) if t else (x, v)
@@ -62,7 +64,9 @@ def break_away(
     It ends at DV, or at zero speed when the stem still moves against `direction`, or where F_s can hold the stem.
     """
     x, v = stem.position_m, stem.velocity_m_per_s
-    glide = Glide(constants.breaking, x, v, force, constants.preload_n + direction * packing.static_n)
+    glide = Glide(
+        constants.breaking, x, v, force, constants.preload_n + packing.one_way_n + direction * packing.static_n
+    )
     turning = direction * v < 0.0
     level = 0.0 if turning else constants.band_m_per_s
 
@@ -104,10 +108,10 @@ def creep(
     x = stem.position_m
     v = direction * constants.band_m_per_s
     path = Uniform(x, v)
-    bend = force.bend_bound(0.0)
+    bend, preload_n = force.bend_bound(0.0), constants.preload_n + packing.one_way_n
 
     def clear(t: float) -> tuple[float, float]:
-        pull = direction * (force.at(t) - constants.preload_n - constants.spring_n_per_m * (x + v * t))
+        pull = direction * (force.at(t) - preload_n - constants.spring_n_per_m * (x + v * t))
         slope = direction * (force.slope(t) - constants.spring_n_per_m * v)
         return clear_time(pull - packing.static_n, slope, bend), clear_time(limit_n - pull, -slope, bend)
 

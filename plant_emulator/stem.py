@@ -35,9 +35,9 @@ class Stem:
         return self.direction == 0
 
 
-def pull_n(constants: Constants, stem: Stem, push_n: float) -> float:
-    """Return F_e of eq. 3 in N: the force `push_n` of the actuator less those of spring and process."""
-    return push_n - constants.preload_n - constants.spring_n_per_m * stem.position_m
+def pull_n(constants: Constants, stem: Stem, packing: Packing, push_n: float) -> float:
+    """Return F_e of eq. 3 in N: the force `push_n` of the actuator less those of spring, process and packing."""
+    return push_n - (constants.preload_n + packing.one_way_n) - constants.spring_n_per_m * stem.position_m
 
 
 def sliding_n(valve: ValveSettings, packing: Packing, speed_m_per_s: float) -> float:
@@ -49,7 +49,7 @@ def sliding_n(valve: ValveSettings, packing: Packing, speed_m_per_s: float) -> f
 def friction_n(constants: Constants, stem: Stem, packing: Packing, push_n: float) -> float:
     """Return the friction on the stem in N, positive against opening motion; at rest it is the pull, at most F_s."""
     valve, band = constants.settings.valve, constants.band_m_per_s
-    pull, speed = pull_n(constants, stem, push_n), abs(stem.velocity_m_per_s)
+    pull, speed = pull_n(constants, stem, packing, push_n), abs(stem.velocity_m_per_s)
     static_n = packing.static_n
     if stem.direction == 0:
         return min(max(pull, -static_n), static_n)

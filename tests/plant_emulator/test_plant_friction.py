@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -82,3 +83,47 @@ def test_a_seed_repeats_its_plant_to_the_bit_and_another_does_not() -> None:
 
     assert end(1) == end(1)
     assert abs(end(1) - end(2)) > 1e-6
+
+
+BY_PLACE = plant_settings(
+    "paper", "packing.place_fraction = 0.3\npacking.direction_fraction = 0.1\npacking.place_period_m = 0.02"
+)
+
+
+def waves(position_m: float) -> tuple[float, float]:
+    """Return the waves of size and direction in the middle of the friction cell at `position_m`."""
+    centre_m = (math.floor(position_m / CELL_WIDTH_M) + 0.5) * CELL_WIDTH_M
+    return 0.3 * math.sin(math.tau * centre_m / 0.02), 0.1 * math.cos(math.tau * centre_m / 0.02)
+
+
+@pytest.mark.parametrize("place_m", [0.0601, 0.0649, 0.0702, 0.0751])
+def test_friction_by_place_holds_the_stem_in_each_direction_as_the_waves_say(place_m: float) -> None:
+    plant = replace(BY_PLACE, valve=replace(BY_PLACE.valve, initial_position_m=place_m))
+    v, (size, one_way) = plant.valve, waves(place_m)
+    rested = valve.initial_state(plant, 0)
+    for direction in (1.0, -1.0):
+        pull_n = v.static_friction_n * (direction * (1.0 + size) + one_way)
+        for factor, slips in ((0.99999, 0), (1.00001, 1)):
+            current_ma = (v.spring_rate_n_per_m * place_m + factor * pull_n) / (
+                v.diaphragm_area_m2 * v.pressure_gain_pa_per_ma
+            )
+            assert valve.step(plant, rested, current_ma, 1e-6).stem.slips == slips
+
+
+def test_the_work_of_friction_by_place_is_the_integral_of_the_waves() -> None:
+    v = BY_PLACE.valve
+    gain = v.diaphragm_area_m2 * v.pressure_gain_pa_per_ma
+    plant = replace(BY_PLACE, valve=replace(v, viscous_friction_n_s_per_m=0.0))
+    for current_ma, direction in ((19.0, 1.0), (4.0, -1.0)):
+        begun = replace(plant, valve=replace(plant.valve, initial_position_m=0.07 - 0.01 * direction))
+        start = valve.initial_state(begun, 0)
+        moved = valve.step(plant, start, current_ma, 5e-3)
+        x0, x1, speed = start.stem.position_m, moved.stem.position_m, moved.stem.velocity_m_per_s
+        assert direction * (x1 - x0) > 2e-3
+        places = np.linspace(x0, x1, 20001)
+        middle = 0.5 * (places[1:] + places[:-1])
+        size, one_way = np.array([waves(x) for x in middle]).T
+        friction_n = v.coulomb_friction_n * (1.0 + size) + direction * v.static_friction_n * one_way
+        driven_j = gain * current_ma * (x1 - x0) - 0.5 * v.spring_rate_n_per_m * (x1 * x1 - x0 * x0)
+        work_j = float(friction_n.mean()) * abs(x1 - x0)
+        assert 0.5 * v.mass_kg * speed * speed == pytest.approx(driven_j - work_j, rel=2e-3)

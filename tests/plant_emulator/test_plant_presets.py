@@ -23,9 +23,9 @@ def plant_of(text: str) -> PlantSettings:
 
 def test_the_presets_are_these_and_all_can_be_read() -> None:
     assert preset_names() == (
-        "ageing", "friction+10", "friction+20", "friction-10", "friction-20", "frictionless", "graphite", "noise-free",
-        "paper", "pneumatics", "process", "real-valve", "seated", "spring+20", "spring-10", "spring-20", "stochastic",
-        "wearing",
+        "ageing", "friction+10", "friction+20", "friction-10", "friction-20", "friction-by-place", "frictionless",
+        "graphite", "noise-free", "paper", "pneumatics", "process", "real-valve", "seated", "spring+20", "spring-10",
+        "spring-20", "stochastic", "wearing",
     )  # fmt: skip
     for name in preset_names():
         assert plant_settings(name).preset == name

@@ -8,6 +8,7 @@ from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
     from positioner.laws.nmpc.lagged.regression import OnsetRegression
+    from positioner.laws.nmpc.lagged.sliding_friction import SlidingFriction
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,12 +38,17 @@ class LandingBiases:
 class Belief:
     """The learned valve.
 
-    onsets: K, F_s and the lag. sliding_n: F_c. doubt: the relative error to expect of F_s from one onset to the next.
+    onsets: K, F_s and the lag. sliding: F_c. doubt: the relative error to expect of F_s from one onset to the next.
     seen: onsets learned since one was wrong. biases: of the landings.
     """
 
     onsets: OnsetRegression
-    sliding_n: float
+    sliding: SlidingFriction
     doubt: float
     seen: int
     biases: LandingBiases
+
+    @property
+    def sliding_n(self) -> float:
+        """The mean of F_c in N."""
+        return self.sliding.mean_n

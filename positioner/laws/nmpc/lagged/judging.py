@@ -10,12 +10,18 @@ if TYPE_CHECKING:
     from positioner.laws.nmpc.lagged.belief import Belief
     from positioner.laws.nmpc.lagged.memory import Attempt, LaggedMemory
     from positioner.laws.nmpc.lagged.rest import LaggedRest
+    from positioner.laws.nmpc.lagged.sliding_friction import SlidingFriction
+    from positioner.laws.nmpc.lagged.slip_filter import SlipState
     from positioner.laws.nmpc.lagged.valve import LaggedValve
 
 _HAPPENED = 0.25
 """A stem that moved less than this part of the way has not been moved by the plan."""
 _MOST_OF_JUMP = 0.28
 """Of the natural jump: the largest landing bias."""
+_CERTAIN_M = 1.5e-4
+"""A landing whose place was less certain than this teaches less of the bias."""
+_MODEL = 0.02
+"""What the model itself errs in a landing, as a part of the natural jump."""
 
 
 def judged(valve: LaggedValve, memory: LaggedMemory, rest: LaggedRest) -> LaggedMemory:
@@ -32,11 +38,27 @@ def judged(valve: LaggedValve, memory: LaggedMemory, rest: LaggedRest) -> Lagged
         if belief.onsets.lag != memory.belief.onsets.lag:
             drive = drive.with_lag(belief.onsets.lag / memory.belief.onsets.lag)
         return replace(memory, belief=belief, drive=drive, attempt=None)
+    belief, landing = memory.belief, attempt.landing
+    trust = 1.0
+    if landing is not None:
+        belief = replace(belief, sliding=_with_landing(valve, belief.sliding, landing, rest))
+        spread_m2 = landing.covariance.xx + rest.xx
+        trust = _CERTAIN_M * _CERTAIN_M / (_CERTAIN_M * _CERTAIN_M + spread_m2)
     most_m = _MOST_OF_JUMP * valve.gap_n / valve.spring_n_per_m
     error_m = min(max(s * (rest.x - move.target_m), -most_m), most_m)
-    change_m = valve.settings.bias_gain * error_m
-    biases = memory.belief.biases.changed(s, change_m, most_m, near=move.near)
-    return replace(memory, belief=replace(memory.belief, biases=biases), attempt=None)
+    change_m = valve.settings.bias_gain * trust * error_m
+    biases = belief.biases.changed(s, change_m, most_m, near=move.near)
+    return replace(memory, belief=replace(belief, biases=biases), attempt=None)
+
+
+def _with_landing(
+    valve: LaggedValve, sliding: SlidingFriction, landing: SlipState, rest: LaggedRest
+) -> SlidingFriction:
+    """Return F_c after a slip: what its readings showed, and then where it ended."""
+    p, doubt_m = landing.covariance, _MODEL * valve.gap_n / valve.spring_n_per_m
+    by = p.xf / (p.xx + rest.xx + doubt_m * doubt_m)
+    found_n = landing.sliding_n + by * (rest.x - landing.x)
+    return sliding.after_slip(found_n, p.ff - by * p.xf)
 
 
 def _undone(valve: LaggedValve, belief: Belief, attempt: Attempt) -> Belief:

@@ -131,11 +131,11 @@ class LaggedLaw:
         own, before, stem = self.lagged, memory.pipeline, memory.stem
         after = before.after(memory.drive, current_ma)
         if isinstance(stem, LaggedRest):
-            later: LaggedRest | Ramp | Slipping = stem.later(own.sensor, own.period_s)
+            later: LaggedRest | Ramp = stem.later(own.sensor, own.period_s)
         elif isinstance(stem, Ramp):
             later = ramping.later(own, memory, stem, before, after)
         else:
-            later = sliding.later(own, memory, stem, before, after, sigma_m)
+            return sliding.later(own, memory, stem, before, after, sigma_m)
         return replace(memory, stem=later, pipeline=after)
 
     def _variance_m2(self, memory: LaggedMemory) -> float:

@@ -76,12 +76,14 @@ class Attempt:
     """A move whose landing is not yet known.
 
     before: K, F_s and the lag without its onset. peak_n: the largest force of its ramp. spring_n_per_m: K in it.
+    landing: the estimate of the slip when the model stopped it.
     """
 
     move: Move
     before: OnsetRegression
     peak_n: float
     spring_n_per_m: float
+    landing: SlipState | None = None
 
 
 @dataclass(frozen=True, slots=True)

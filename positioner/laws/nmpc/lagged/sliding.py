@@ -29,14 +29,15 @@ def _motion(valve: LaggedValve, memory: LaggedMemory, slipping: Slipping) -> Sli
 
 def later(
     valve: LaggedValve, memory: LaggedMemory, slipping: Slipping, before: Pipeline, after: Pipeline, sigma_m: float
-) -> Slipping | LaggedRest:
-    """Return the stem one sample later, in which the pressure went from `before` to `after`."""
+) -> LaggedMemory:
+    """Return the memory one sample later, in which the pressure went from `before` to `after`."""
     own, slip = valve.settings, _motion(valve, memory, slipping)
     wander_n = own.friction_per_m * slipping.state.sliding_n
     state, stopped = advanced(slipping.state, slip, valve.sensor, before, after.acting_ma, own.force_noise_n, wander_n)
     if stopped:
-        return landed(valve, state, sigma_m)
-    return replace(slipping, state=state)
+        attempt = None if memory.attempt is None else replace(memory.attempt, landing=state)
+        return replace(memory, stem=landed(valve, state, sigma_m), attempt=attempt, pipeline=after)
+    return replace(memory, stem=replace(slipping, state=state), pipeline=after)
 
 
 def landed(valve: LaggedValve, state: SlipState, sigma_m: float) -> LaggedRest:
@@ -65,13 +66,11 @@ def read(
     state = slipping.state.corrected(measured_m, variance_m2, s)
     slow = slipping.slow + 1 if s * state.v < valve.slowest_m_per_s else 0
     most_n = max(slipping.static_n, memory.belief.onsets.static_n) - 0.4 * valve.gap_n
-    sliding_n = min(max(state.sliding_n, 0.5 * valve.sliding_n), 1.5 * valve.sliding_n, most_n)
-    state = replace(state, sliding_n=sliding_n)
-    belief = replace(memory.belief, sliding_n=sliding_n)
+    state = replace(state, sliding_n=min(max(state.sliding_n, 0.5 * valve.sliding_n), 1.5 * valve.sliding_n, most_n))
     if slow >= _SLOW_SAMPLES or time_s - slipping.began_s > valve.longest_slip_s:
         rest = LaggedRest(state.x, _LOST_M * _LOST_M, settle_s=valve.settings.settle_s)
-        return replace(memory, stem=rest, belief=belief)
-    return replace(memory, stem=replace(slipping, state=state, slow=slow), belief=belief)
+        return replace(memory, stem=rest)
+    return replace(memory, stem=replace(slipping, state=state, slow=slow))
 
 
 _LOST_M = 5e-4

@@ -9,6 +9,7 @@ from positioner.laws.nmpc.lagged.belief import Belief, LandingBiases
 from positioner.laws.nmpc.lagged.drive import drive_of
 from positioner.laws.nmpc.lagged.regression import OnsetRegression
 from positioner.laws.nmpc.lagged.sensor_lag import sensor_lag
+from positioner.laws.nmpc.lagged.sliding_friction import sliding_friction
 from positioner.laws.nmpc.lagged.slip import Slip, StemModel
 from positioner.values import dataclass
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 _LEAST_STATIC_N = 1.0
 """A valve without friction is believed to have so much: a ramp needs an end."""
+_SLIDING_DOUBT, _SLIDING_SCATTER = 0.03, 0.03
+"""Before the first slip: relative standard deviations of the configured F_c, and of single slips from it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +84,8 @@ class LaggedValve:
         onsets = OnsetRegression(
             spring_n_per_m, static_n, 1.0, k * k, 0.0, 0.0, f * f, 0.0, t * t if self.has_lag else 0.0
         )
-        return Belief(onsets, sliding_n, 0.08, 0, LandingBiases())
+        sliding = sliding_friction(sliding_n, _SLIDING_DOUBT, _SLIDING_SCATTER)
+        return Belief(onsets, sliding, 0.08, 0, LandingBiases())
 
     def sliding_within(self, sliding_n: float, static_n: float) -> float:
         """Return F_c inside its limits, for this F_s."""

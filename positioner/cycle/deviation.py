@@ -5,8 +5,8 @@ a law that gives up. In each case the host sees a lasting error, and the status 
 deviation from the set value that an actuator finds by its own diagnosis *out of specification*. Control continues.
 
 A stem on its way is no deviation, however long the stroke: each step of the stem towards the setpoint starts the time
-again. A setpoint that the loop current cannot reach, by the believed spring and friction, is reported as unreachable,
-and from a smaller error on.
+again. A setpoint is reported as unreachable, and from a smaller error on, where the loop current cannot reach it by the
+believed spring and friction, or where all the current has been seen not to move the stem (`full_push`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from positioner.values import dataclass
+from positioner.cycle.full_push import NO_PUSH, FullPush, track_push
+from positioner.values import dataclass, replace
 from positioner.wire.messages import Cause
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ class Deviation:
     position_m: the mean reading. direction: of the setpoint from there, +1 or -1; 0 while the error is small.
     mark_m: the mean from which progress in `direction` is measured. from_m: the mean when the error became large, or at
         the last progress. waited_s: time without progress.
-    cause: NONE, DEVIATION or SETPOINT_UNREACHABLE.
+    cause: NONE, DEVIATION or SETPOINT_UNREACHABLE. push: with all the current.
     """
 
     position_m: float | None = None
@@ -47,6 +48,11 @@ class Deviation:
     from_m: float = 0.0
     waited_s: float = 0.0
     cause: Cause = Cause.NONE
+    push: FullPush = NO_PUSH
+
+    def after_failed(self, pushes: int, stem_m: float) -> Deviation:
+        """Return what is known after the law has found that its last `pushes` failed, and the stem is at `stem_m`."""
+        return replace(self, push=self.push.after_failed(pushes, stem_m))
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,33 +76,39 @@ def track_deviation(
     measured_m: float,
     setpoint_m: float,
     elapsed_s: float,
+    sent_ma: float | None,
 ) -> Deviation:
-    """Return the deviation from `setpoint_m` after the reading `measured_m`, which came `elapsed_s` after the last."""
+    """Return the deviation from `setpoint_m` after the reading `measured_m`, which came `elapsed_s` after the last.
+
+    `sent_ma` is the command that was in force meanwhile, None where there was none.
+    """
     if settings.deviation_of_span == 0.0:
         return NO_DEVIATION
     weight = 1.0 - math.exp(-elapsed_s / FILTER_S)
     mean_m = measured_m if known.position_m is None else known.position_m + weight * (measured_m - known.position_m)
     error_m = setpoint_m - mean_m
-    reachable = is_reachable(settings, valve, setpoint_m, mean_m)
+    limit_m = settings.deviation_of_span * valve.span_m
+    least_m = UNREACHABLE_OF_LIMIT * limit_m
+    side = round(math.copysign(1.0, error_m))
+    wanted = side if abs(error_m) > RETURN_OF_LIMIT * least_m else 0
+    progress_m = PROGRESS_OF_LIMIT * limit_m
+    push = track_push(settings, valve, known.push, mean_m, wanted, progress_m, sent_ma, elapsed_s)
+    reachable = is_reachable(settings, valve, setpoint_m, mean_m) and not push.is_in_vain
     if reachable and known.cause is Cause.SETPOINT_UNREACHABLE:
         known = NO_DEVIATION  # another setpoint: the time starts again
-    limit_m = settings.deviation_of_span * valve.span_m
-    threshold_m = limit_m * (1.0 if reachable else UNREACHABLE_OF_LIMIT)
+    threshold_m = limit_m if reachable else least_m
     if abs(error_m) <= threshold_m * (1.0 if known.cause is Cause.NONE else RETURN_OF_LIMIT):
-        return Deviation(position_m=mean_m)
-    direction = round(math.copysign(1.0, error_m))
+        return Deviation(position_m=mean_m, push=push)
     mark_m, from_m, waited_s = known.mark_m, known.from_m, known.waited_s + elapsed_s
-    if direction != known.direction:
+    if side != known.direction:
         mark_m = mean_m
         from_m = mean_m if known.direction == 0 else from_m
-    elif direction * (mean_m - mark_m) >= PROGRESS_OF_LIMIT * limit_m:
+    elif side * (mean_m - mark_m) >= progress_m:
         mark_m, from_m, waited_s = mean_m, mean_m, 0.0
     cause = known.cause
     if cause is not Cause.NONE or waited_s > settings.deviation_s:
         cause = Cause.DEVIATION if reachable else Cause.SETPOINT_UNREACHABLE
-    return Deviation(
-        position_m=mean_m, direction=direction, mark_m=mark_m, from_m=from_m, waited_s=waited_s, cause=cause
-    )
+    return Deviation(mean_m, side, mark_m, from_m, waited_s, cause, push)
 
 
 def is_reachable(settings: GuardSettings, valve: ValveParameters, setpoint_m: float, position_m: float) -> bool:
@@ -122,10 +134,14 @@ def description(settings: GuardSettings, valve: ValveParameters, known: Deviatio
     text = f"the stem is {abs(off_m) * 1e3:.1f} mm {'below' if off_m < 0.0 else 'above'} its setpoint"
     text += f" of {setpoint_m * 1e3:.1f} mm"
     if known.cause is Cause.SETPOINT_UNREACHABLE:
-        low_m, high_m = reach_m(settings, valve)
-        if off_m < 0.0:
-            return f"{text}, which is out of reach: {settings.current_high_ma:g} mA open it to {high_m * 1e3:.1f} mm"
-        return f"{text}, which is out of reach: {settings.current_low_ma:g} mA close it to {low_m * 1e3:.1f} mm"
+        opening = off_m < 0.0
+        limit = f"{settings.current_high_ma if opening else settings.current_low_ma:g} mA"
+        if is_reachable(settings, valve, setpoint_m, position_m):
+            spring = "stiffer" if opening else "softer"
+            why = f"a {spring} spring or more friction than configured"
+            return f"{text}, which is out of reach: {limit} do not move it from {position_m * 1e3:.1f} mm, by {why}"
+        end_m = reach_m(settings, valve)[1 if opening else 0]
+        return f"{text}, which is out of reach: {limit} {'open' if opening else 'close'} it to {end_m * 1e3:.1f} mm"
     away_m = -known.direction * (position_m - known.from_m)
     if away_m > PROGRESS_OF_LIMIT * settings.deviation_of_span * valve.span_m:
         return f"{text} and went {away_m * 1e3:.1f} mm the other way: is the action reversed?"

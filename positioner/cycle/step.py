@@ -61,6 +61,9 @@ def step(
     decision: Decision | None = None
     if state.guard.controls and reading is not None:
         decision = control(setup, state, reading, now_ns, events)
+        if decision is not None and decision.failed_pushes and state.control.stem is not None:
+            stem_m = state.control.stem.position_m
+            state.deviation = state.deviation.after_failed(decision.failed_pushes, stem_m)
     # admit, encode
     state.counters = state.counters.add(events)
     outbox: list[CanFrame] = []
@@ -145,7 +148,8 @@ def _deviation(setup: Setup, state: CycleState, reading: Reading | None, events:
     if reading is None or state.control.memory is None:
         return state.deviation
     elapsed_s, setpoint_m = reading.periods * setup.period_s, state.control.setpoint_m
-    known = track_deviation(setup.guard, setup.valve, state.deviation, reading.position_m, setpoint_m, elapsed_s)
+    measured_m, sent_ma = reading.position_m, state.output.last_ma
+    known = track_deviation(setup.guard, setup.valve, state.deviation, measured_m, setpoint_m, elapsed_s, sent_ma)
     if known.cause is not state.deviation.cause and known.cause is not Cause.NONE:
         events.append(Deviates(description(setup.guard, setup.valve, known, setpoint_m)))
     return known

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -15,27 +16,39 @@ from positioner.cycle.deviation import Deviates
 SENSOR = {"noise_of_reading": 0.0, "noise_of_span": 0.0005}
 
 
+def run_of(
+    monkeypatch: pytest.MonkeyPatch,
+    setpoints_mm: tuple[float, ...],
+    lag_s: float,
+    law: str = "nmpc",
+    spring_n_per_m: float = 52538.0,
+    dwell_s: float = 4.0,
+) -> inprocess.InProcessRun:
+    # a bench refuses such a setpoint; a host may send it
+    monkeypatch.setattr(inprocess, "check_playable", lambda scenario, _: plant_settings(overrides=scenario.plant))
+    lags: dict[str, Any] = {"fill_time_constant_s": lag_s, "vent_time_constant_s": lag_s}
+    spring = {"spring_rate_n_per_m": spring_n_per_m}
+    return inprocess.run_in_process(
+        Scenario(
+            name="unreachable",
+            title="t",
+            law=law,
+            seed=5,
+            setpoints_mm=setpoints_mm,
+            dwell_s=dwell_s,
+            plant={"preset": "paper", "valve": spring, "actuator": lags, "sensor": SENSOR},
+            valve={"actuator": lags},
+            estimator=SENSOR,
+        )
+    )
+
+
 @pytest.mark.parametrize("lag_s", [0.0, 0.05])
 @pytest.mark.parametrize(("setpoint_mm", "end_mm"), [(110.0, 99.9), (48.0, 52.5)])
 def test_the_stem_rests_at_the_end_of_its_reach_and_moves_on_from_there(
     lag_s: float, setpoint_mm: float, end_mm: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # a bench refuses such a setpoint; a host may send it
-    monkeypatch.setattr(inprocess, "check_playable", lambda scenario, _: plant_settings(overrides=scenario.plant))
-    lags: dict[str, Any] = {"fill_time_constant_s": lag_s, "vent_time_constant_s": lag_s}
-    run = inprocess.run_in_process(
-        Scenario(
-            name="unreachable",
-            title="t",
-            law="nmpc",
-            seed=5,
-            setpoints_mm=(80.0, setpoint_mm, 80.0),
-            dwell_s=4.0,
-            plant={"preset": "paper", "actuator": lags, "sensor": SENSOR},
-            valve={"actuator": lags},
-            estimator=SENSOR,
-        )
-    )
+    run = run_of(monkeypatch, (80.0, setpoint_mm, 80.0), lag_s)
     away, back = run.recording.true_position_m[4000:8000], run.recording.true_position_m[8000:]
     assert away[-1] * 1e3 == pytest.approx(end_mm, abs=1.5)
     assert np.abs(np.diff(away[2000:])).sum() < 1e-4
@@ -43,3 +56,28 @@ def test_the_stem_rests_at_the_end_of_its_reach_and_moves_on_from_there(
     told = [event.why for event in run.events if isinstance(event, Deviates)]
     assert len(told) == 1
     assert "which is out of reach: " in told[0]
+
+
+@pytest.mark.parametrize(("law", "lag_s"), [("nmpc", 0.0), ("nmpc", 0.05), ("pi", 0.0)])
+@pytest.mark.parametrize("setpoint_mm", [84.0, 92.0])
+def test_a_spring_stiffer_than_configured_ends_the_reach_sooner(
+    law: str, lag_s: float, setpoint_mm: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # it slides to (20 B - F_c)/K = 79.9 mm, and is freed up to (20 B - F_s)/K = 75.6 mm
+    run = run_of(monkeypatch, (70.0, setpoint_mm), lag_s, law, 1.25 * 52538.0, dwell_s=5.0)
+    away_m = run.recording.true_position_m[5000:]
+    assert 75.6 - 0.1 < away_m[-1] * 1e3 < 79.95
+    assert np.abs(np.diff(away_m[3000:])).sum() < 1e-4
+    told = [event.why for event in run.events if isinstance(event, Deviates)]
+    assert len(told) == 1
+    place = re.search(r"out of reach: 20 mA do not move it from ([\d.]+) mm, by a stiffer spring or more", told[0])
+    assert place is not None
+    assert float(place.group(1)) == pytest.approx(away_m[-1] * 1e3, abs=0.3)
+
+
+@pytest.mark.parametrize(("law", "lag_s"), [("nmpc", 0.0), ("nmpc", 0.3), ("pi", 0.3)])
+def test_a_long_move_on_a_valve_that_is_as_configured_is_no_deviation(
+    law: str, lag_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = run_of(monkeypatch, (60.0, 92.0, 60.0), lag_s, law)
+    assert not [event for event in run.events if isinstance(event, Deviates)]

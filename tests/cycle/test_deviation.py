@@ -38,8 +38,8 @@ class Watch:
     def __init__(self, settings: GuardSettings = SETTINGS, period_s: float = PERIOD_S) -> None:
         self.settings, self.period_s, self.known = settings, period_s, NO_DEVIATION
 
-    def sees(self, position_m: float, setpoint_m: float) -> Cause:
-        self.known = track_deviation(self.settings, VALVE, self.known, position_m, setpoint_m, self.period_s)
+    def sees(self, position_m: float, setpoint_m: float, sent_ma: float | None = None) -> Cause:
+        self.known = track_deviation(self.settings, VALVE, self.known, position_m, setpoint_m, self.period_s, sent_ma)
         return self.known.cause
 
     def reported_after_s(self, readings: Iterable[float], setpoint_m: float) -> float | None:
@@ -172,39 +172,67 @@ def test_the_next_setpoint_within_reach_starts_again() -> None:
     assert watch.sees(HERE_M, 0.127) is Cause.SETPOINT_UNREACHABLE
 
 
+def test_a_stem_that_all_the_current_does_not_move_is_at_the_end_of_its_reach_from_a_small_error_on() -> None:
+    for beyond_m, sent_ma, cause in (
+        (0.0011, 20.0, Cause.NONE),
+        (0.0014, 20.0, Cause.SETPOINT_UNREACHABLE),
+        (0.0014, 19.5, Cause.NONE),
+        (0.0100, 19.5, Cause.DEVIATION),
+        (0.0100, 20.0, Cause.SETPOINT_UNREACHABLE),
+        (-0.0100, 20.0, Cause.DEVIATION),
+    ):
+        watch = Watch()
+        for position_m in resting(2.0):
+            watch.sees(position_m, HERE_M + beyond_m, sent_ma)
+        assert watch.known.cause is cause, (beyond_m, sent_ma)
+
+
+def test_a_stem_that_moves_under_all_the_current_is_on_its_way() -> None:
+    watch = Watch()
+    for count in range(30_000):  # full travel would last 95 s
+        assert watch.sees(0.055 + 0.04 * count / 30_000, 0.095, 20.0) is Cause.NONE
+
+
+def test_a_stem_that_goes_on_after_all_has_reached_its_setpoint() -> None:
+    watch = Watch()
+    causes = [watch.sees(position_m, THERE_M, 20.0) for position_m in resting(2.0)]
+    causes += [watch.sees(position_m, THERE_M, 16.0) for position_m in resting(1.0, THERE_M - 0.002)]
+    assert (causes[1999], causes[-1]) == (Cause.SETPOINT_UNREACHABLE, Cause.NONE)
+
+
 # one reading at a time: without a mean, the reading is the mean
 
 
 def test_with_a_limit_of_zero_nothing_is_kept() -> None:
     off = GuardSettings(deviation_of_span=0.0)
-    assert track_deviation(off, VALVE, Deviation(HERE_M, 1), HERE_M, THERE_M, 1.0) is NO_DEVIATION
+    assert track_deviation(off, VALVE, Deviation(HERE_M, 1), HERE_M, THERE_M, 1.0, None) is NO_DEVIATION
 
 
 def test_an_error_of_the_limit_is_none() -> None:
     limit_m = SETTINGS.deviation_of_span * VALVE.span_m
-    assert track_deviation(SETTINGS, VALVE, NO_DEVIATION, 0.0, limit_m, 0.25) == Deviation(position_m=0.0)
+    assert track_deviation(SETTINGS, VALVE, NO_DEVIATION, 0.0, limit_m, 0.25, None) == Deviation(position_m=0.0)
     beyond_m = math.nextafter(limit_m, 1.0)
-    found = track_deviation(SETTINGS, VALVE, NO_DEVIATION, 0.0, beyond_m, 0.25)
+    found = track_deviation(SETTINGS, VALVE, NO_DEVIATION, 0.0, beyond_m, 0.25, None)
     assert found == Deviation(position_m=0.0, direction=1, mark_m=0.0, from_m=0.0, waited_s=0.25)
 
 
 def test_a_setpoint_on_the_other_side_keeps_the_time_and_the_place_from_which_the_stem_came() -> None:
     known = Deviation(direction=1, mark_m=0.07, from_m=0.06, waited_s=0.5)
-    found = track_deviation(SETTINGS, VALVE, known, HERE_M, HERE_M - 0.01, 0.25)
+    found = track_deviation(SETTINGS, VALVE, known, HERE_M, HERE_M - 0.01, 0.25, None)
     assert found == Deviation(position_m=HERE_M, direction=-1, mark_m=HERE_M, from_m=0.06, waited_s=0.75)
 
 
 def test_the_least_progress_starts_the_time_again_and_a_little_less_does_not() -> None:
     known = Deviation(direction=1, mark_m=0.0, from_m=0.0, waited_s=0.5)
-    assert track_deviation(SETTINGS, VALVE, known, LEAST_PROGRESS_M, 0.08, 0.25).waited_s == 0.0
+    assert track_deviation(SETTINGS, VALVE, known, LEAST_PROGRESS_M, 0.08, 0.25, None).waited_s == 0.0
     less_m = math.nextafter(LEAST_PROGRESS_M, 0.0)
-    assert track_deviation(SETTINGS, VALVE, known, less_m, 0.08, 0.25).waited_s == 0.75
+    assert track_deviation(SETTINGS, VALVE, known, less_m, 0.08, 0.25, None).waited_s == 0.75
 
 
 def test_the_cause_is_reported_only_after_the_time() -> None:
     known = Deviation(direction=1, mark_m=HERE_M, from_m=HERE_M, waited_s=SETTINGS.deviation_s - 0.25)
-    assert track_deviation(SETTINGS, VALVE, known, HERE_M, THERE_M, 0.25).cause is Cause.NONE
-    assert track_deviation(SETTINGS, VALVE, known, HERE_M, THERE_M, 0.26).cause is Cause.DEVIATION
+    assert track_deviation(SETTINGS, VALVE, known, HERE_M, THERE_M, 0.25, None).cause is Cause.NONE
+    assert track_deviation(SETTINGS, VALVE, known, HERE_M, THERE_M, 0.26, None).cause is Cause.DEVIATION
 
 
 def test_a_stem_at_a_setpoint_beyond_the_reach_of_opening_can_stay_there() -> None:
@@ -242,9 +270,28 @@ def test_a_stem_at_a_setpoint_beyond_the_reach_of_opening_can_stay_there() -> No
             "the stem is 32.5 mm above its setpoint of 20.0 mm, which is out of reach: 4 mA close it to 52.5 mm",
         ),
         (
+            Deviation(0.0799, 1, 0.0799, 0.0799, 1.5, Cause.SETPOINT_UNREACHABLE),
+            0.092,
+            (
+                "the stem is 12.1 mm below its setpoint of 92.0 mm, which is out of reach: "
+                "20 mA do not move it from 79.9 mm, by a stiffer spring or more friction than configured"
+            ),
+        ),
+        (
+            Deviation(0.0657, -1, 0.0657, 0.0657, 1.5, Cause.SETPOINT_UNREACHABLE),
+            0.06,
+            (
+                "the stem is 5.7 mm above its setpoint of 60.0 mm, which is out of reach: "
+                "4 mA do not move it from 65.7 mm, by a softer spring or more friction than configured"
+            ),
+        ),
+        (
             Deviation(cause=Cause.SETPOINT_UNREACHABLE),
             0.08,
-            "the stem is 0.0 mm above its setpoint of 80.0 mm, which is out of reach: 4 mA close it to 52.5 mm",
+            (
+                "the stem is 0.0 mm above its setpoint of 80.0 mm, which is out of reach: "
+                "4 mA do not move it from 80.0 mm, by a softer spring or more friction than configured"
+            ),
         ),
         (
             Deviation(1.25, -1, 0.25, 0.25, 1.5, Cause.DEVIATION),

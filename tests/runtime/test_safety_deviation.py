@@ -43,7 +43,8 @@ def trouble(status: PositionerStatus) -> tuple[Mode, Cause, Health]:
 @pytest.mark.parametrize(
     ("setpoint_m", "cause", "expected"),
     [
-        (HERE_M + 0.01, Cause.DEVIATION, "the stem is 10.0 mm below its setpoint of 90.0 mm and came no nearer"),
+        (HERE_M - 0.01, Cause.DEVIATION, "the stem is 10.0 mm above its setpoint of 70.0 mm and came no nearer"),
+        (HERE_M + 0.01, Cause.SETPOINT_UNREACHABLE, "out of reach: 20 mA do not move it from 80.0 mm, by a stiffer"),
         (0.127, Cause.SETPOINT_UNREACHABLE, "which is out of reach: 20 mA open it to 99.9 mm"),
     ],
 )

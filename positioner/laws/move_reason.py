@@ -19,10 +19,14 @@ class BreakawaySource(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Breakaway:
-    """Γ in mA, and the number of samples of the stiction table from which it was computed; 0 without the table."""
+    """Γ in mA, and the samples of the stiction table from which it was computed: their number, 0 without the table.
+
+    age: how many samples the table has learned since the newest of them.
+    """
 
     current_ma: float
     samples: int = 0
+    age: int = 0
 
     @property
     def source(self) -> BreakawaySource:
@@ -32,10 +36,14 @@ class Breakaway:
 
 @dataclass(frozen=True, slots=True)
 class MoveReason:
-    """The error in m that a move is to correct, and the breakaway current that the move begins with at least."""
+    """The error in m that a move is to correct, and the breakaway current that the move begins with at least.
+
+    aim_m: where the move is to end. It is not the setpoint where the move first backs off, or corrects a landing bias.
+    """
 
     error_m: float
     breakaway: Breakaway
+    aim_m: float
 
     def __str__(self) -> str:
         """One sentence for the log and the trace; `source_in` reads it."""

@@ -48,7 +48,7 @@ def breakaway(
     least_ma = model.current_ma(spring_n_per_m * centre_m + direction * _LEAST_OF_MODEL * static_n)
     carried_n = spring_n_per_m * (position_m - centre_m) + spare_n
     push_ma = max(*pushes, least_ma) if direction > 0.0 else min(*pushes, least_ma)
-    return Breakaway(push_ma + carried_n / model.gain_n_per_ma, len(cell.samples))
+    return Breakaway(push_ma + carried_n / model.gain_n_per_ma, len(cell.samples), table.age(cell))
 
 
 _LEAST_OF_MODEL = 0.9

@@ -219,7 +219,7 @@ class NmpcLaw:
         verification = Verification(here, direction, at_limit, aim_m - here.x, was_expected=begun.frees)
         monitor = replace(monitor, verification=verification, landing=Landing(here.x, aim_m, direction))
         memory = replace(memory, monitor=monitor, ends_s=observation.time_s + self.longest_move_s)
-        reason = MoveReason(setpoint_m - here.x, begun.gamma)
+        reason = MoveReason(setpoint_m - here.x, begun.gamma, aim_m)
         return memory, replace(decision, reason=reason, fallback=fallback or decision.fallback)
 
     def _move(self, memory: NmpcMemory, here: Sliding, aim_m: float, release_ma: float | None = None) -> Move:

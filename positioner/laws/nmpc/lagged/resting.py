@@ -67,7 +67,7 @@ def considered(
         noise=memory.noise.at_new_place(),
     )
     free_ma = valve.model.pressure_ma(onsets.spring_n_per_m * rest.x + s * onsets.static_n)
-    return memory, MoveReason(error_m, Breakaway(free_ma))
+    return memory, MoveReason(error_m, Breakaway(free_ma), move.aim_m)
 
 
 _FAR = 2.5

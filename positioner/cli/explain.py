@@ -1,0 +1,113 @@
+"""`positioner explain`: why each command in a log was what it was. Shell."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tqdm import tqdm
+
+from positioner.cli.command import add_command, add_config, add_state, add_valve
+from positioner.config.reader import load_config
+from positioner.diagnostics.explanation import Explainer
+from positioner.diagnostics.explanation_text import command_lines, counts_line, moves_table
+from positioner.errors import ExitCode, UsageError
+from positioner.replay.log import LogError
+from positioner.replay.prepare import prepare
+from positioner.replay.recorded import command_in
+from positioner.replay.report import headline
+from positioner.replay.run import replay_cycles
+
+if TYPE_CHECKING:
+    import argparse
+
+    from positioner.cli.command import Commands
+    from positioner.diagnostics.explanation import ExplainedCommand
+
+_EPILOG = """\
+examples:
+  positioner explain out/bench/bus.log --config out/bench/valve.toml              every move, and what bound it
+  positioner explain out/bench/bus.log --config out/bench/valve.toml --at 1.204   the command at this instant
+  positioner explain bus.log --config fv101.toml --state state-before --json
+
+The commands are computed again, as replay does it. The instants are seconds since the log's first cycle. Where a
+computed command differs from the recorded one, explain says so: then configuration, table or version are others.
+
+exit status: 0 done, 1 a recorded command differs from the explained one, 2 no command at that instant, 74 the log or
+the table cannot be read, or the log starts late, 78 the configuration is wrong.
+"""
+
+
+def add_parser(commands: Commands) -> None:
+    """Add `positioner explain`."""
+    parser = add_command(commands, "explain", _run, "tell why each command in a log was what it was", _EPILOG)
+    parser.add_argument("log", type=Path, metavar="LOG", help="the recorded bus")
+    add_config(parser)
+    add_valve(parser)
+    add_state(parser, "start from the table in DIR, which is only read")
+    parser.add_argument("--at", type=float, metavar="T", help="the newest command at this instant of the log, in s")
+    parser.add_argument("--json", action="store_true", help="print every explanation as JSON, one object a line")
+
+
+def _run(arguments: argparse.Namespace) -> ExitCode:
+    configuration = load_config(arguments.config, valve=arguments.valve)
+    prepared = prepare(arguments.log, configuration, arguments.state)
+    if prepared.late:
+        raise LogError(f"{arguments.log}: starts late: {prepared.late}: start the log before the positioner")
+    codec, explainer = configuration.make_codec(), Explainer()
+    chosen: ExplainedCommand | None = None
+    differ, begin_ns = 0, None
+    cycles = replay_cycles(configuration, prepared.cycles(), prepared.table)
+    for cycle in tqdm(cycles, "explain", prepared.cycle_count, unit=" cycles", delay=1, leave=False, disable=None):
+        begin_ns = cycle.recorded.time_ns if begin_ns is None else begin_ns
+        time_s = (cycle.recorded.time_ns - begin_ns) * 1e-9
+        computed = command_in(codec, cycle.computed)
+        recorded = command_in(codec, (logged.frame for logged in cycle.recorded.outbox))
+        differ += recorded is not None and computed != recorded
+        sent_ma = computed[0].current_ma if computed else None
+        command = explainer.add(time_s, cycle.mode, cycle.events, sent_ma)
+        if command is None:
+            continue
+        if arguments.json and arguments.at is None:
+            sys.stdout.write(f"{json.dumps(_as_json(command))}\n")
+        if arguments.at is not None and command.time_s <= arguments.at:
+            chosen = command
+    if arguments.at is not None:
+        if chosen is None:
+            raise UsageError(f"{arguments.log}: no command until {arguments.at:g} s")
+        cell_m = configuration.control.table_cell_m
+        lines = [json.dumps(_as_json(chosen))] if arguments.json else command_lines(chosen, cell_m)
+    elif arguments.json:
+        lines = [json.dumps({"moves": [asdict(move) for move in explainer.moves], "counts": explainer.counts})]
+    else:
+        lines = [headline(prepared), counts_line(explainer.counts), *moves_table(explainer.moves)]
+    sys.stdout.write("\n".join(lines) + "\n")
+    if differ:
+        sys.stderr.write(f"{differ} recorded commands differ from the explained ones: see positioner replay\n")
+    return ExitCode.FAILURE if differ else ExitCode.OK
+
+
+def _as_json(command: ExplainedCommand) -> dict[str, object]:
+    controlled, move = command.controlled, command.move
+    found: dict[str, object] = {
+        "time_s": round(command.time_s, 9),
+        "current_ma": command.current_ma,
+        "mode": command.mode.name,
+        "cause": command.cause.name,
+        "bound": command.bound.value if command.bound else None,
+        "fallback": command.fallback,
+        "move": move.number if move else None,
+    }
+    if controlled:
+        found |= {
+            "control_time_s": controlled.time_s,
+            "motion": controlled.decision.motion.name,
+            "setpoint_m": controlled.setpoint_m,
+            "measured_m": controlled.measured_m,
+            "position_m": controlled.stem.position_m,
+            "bounds": asdict(controlled.decision.bounds),
+        }
+    return found

@@ -1,0 +1,1 @@
+"""Findings about a valve, computed from records; they command nothing."""

@@ -1,0 +1,120 @@
+"""Explained commands and moves in words and numbers. Pure."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from positioner.diagnostics.explanation import ActiveBound
+from positioner.wire.messages import Motion
+
+if TYPE_CHECKING:
+    from collections import Counter
+    from collections.abc import Sequence
+
+    from positioner.diagnostics.explanation import ExplainedCommand, ExplainedMove
+
+_MM = 1e3
+_MOTIONS = {
+    Motion.NONE: "controls",
+    Motion.REST: "holds the stem at rest, in the middle of its stick band, and averages readings",
+    Motion.MOVE: "moves the stem",
+    Motion.SETTLE: "waits until the stem has certainly stopped",
+}
+
+
+def moves_table(moves: Sequence[ExplainedMove]) -> list[str]:
+    """Return a heading and a line for each move."""
+    head = (
+        f"{'move':>4} {'at, s':>10} {'lasts, ms':>9} {'from, mm':>9} {'setpoint':>9} {'aim':>9} {'landed':>9} "
+        f"{'off, mm':>8}  {'current, mA':>15}  breakaway current"
+    )
+    return [head, *(_move_row(move) for move in moves)]
+
+
+def command_lines(command: ExplainedCommand, cell_m: float) -> list[str]:
+    """Return the explanation of one command; `cell_m` is the width of the table's cells."""
+    mode = f"{command.mode.name} ({command.cause.name.lower().replace('_', ' ')})"
+    lines = [f"command   {command.current_ma:.3f} mA at {command.time_s:.6f} s", f"mode      {mode}"]
+    controlled, move = command.controlled, command.move
+    if controlled is None or command.bound is None:
+        return [*lines, "law       not asked: the guard decided"]
+    stem, decision = controlled.stem, controlled.decision
+    stuck = "at rest" if stem.stuck else f"sliding at {stem.velocity_m_per_s * _MM:+.2f} mm/s"
+    lines += [
+        f"law       {_MOTIONS[decision.motion]}",
+        f"stem      {_mm(stem.position_m)} mm, {stuck}; reading {_mm(controlled.measured_m)} mm",
+        f"setpoint  {_mm(controlled.setpoint_m)} mm",
+        f"bound     {command.bound}: {_bound_words(command)}",
+    ]
+    if command.fallback:
+        lines.append(f"fallback  {command.fallback}")
+    if move is not None:
+        lines += _move_lines(move, cell_m)
+    return lines
+
+
+def counts_line(counts: Counter[str]) -> str:
+    """Return how many commands met which bound."""
+    total = sum(counts.values())
+    parts = [f"{number} {name}" for name, number in counts.most_common()]
+    return f"{total} commands: {', '.join(parts)}"
+
+
+def _move_row(move: ExplainedMove) -> str:
+    lasts = "" if move.ended_s is None else f"{(move.ended_s - move.begun_s) * _MM:.1f}"
+    landed, off = ("", "") if move.landed_m is None else (_mm(move.landed_m), f"{_off_mm(move):+.3f}")
+    currents = f"{move.low_ma:.3f}–{move.high_ma:.3f}"
+    places = f"{_mm(move.origin_m):>9} {_mm(move.setpoint_m):>9} {_mm(move.reason.aim_m):>9} {landed:>9} {off:>8}"
+    row = f"{move.number:>4} {move.begun_s:>10.3f} {lasts:>9} {places}  {currents:>15}  {_gamma(move)}"
+    return f"{row}; fallback: {move.fallbacks[0]}" if move.fallbacks else row
+
+
+def _move_lines(move: ExplainedMove, cell_m: float) -> list[str]:
+    cell_mm = math.floor(move.origin_m / cell_m + 0.5) * cell_m * _MM
+    table = f", cell at {cell_mm:g} mm, newest sample {move.reason.breakaway.age} samples old"
+    where = table if move.reason.breakaway.samples else ""
+    lines = [
+        f"move      number {move.number}, begun at {move.begun_s:.6f} s at {_mm(move.origin_m)} mm",
+        f"error     {move.reason.error_m * _MM:+.3f} mm, which it is to correct",
+        f"Γ         {_gamma(move)}{where}",
+        f"aim       {_mm(move.reason.aim_m)} mm",
+    ]
+    if move.landed_m is None or move.ended_s is None:
+        return [*lines, "landing   the log ends before it"]
+    text = f"landing   {_mm(move.landed_m)} mm, {_off_mm(move):+.3f} mm from the aim, after "
+    return [*lines, f"{text}{(move.ended_s - move.begun_s) * _MM:.1f} ms; {move.low_ma:.3f} to {move.high_ma:.3f} mA"]
+
+
+def _bound_words(command: ExplainedCommand) -> str:
+    controlled = command.controlled
+    assert controlled is not None  # noqa: S101 - the caller has looked
+    decision, bounds = controlled.decision, controlled.decision.bounds
+    currents = f"{bounds.current_low_ma:.3f} to {bounds.current_high_ma:.3f} mA"
+    speeds = f"{bounds.speed_low_m_per_s * _MM:.1f} to {bounds.speed_high_m_per_s * _MM:.1f} mm/s"
+    match command.bound:
+        case ActiveBound.GUARD:
+            return f"the law wanted {decision.current_ma:.3f} mA"
+        case ActiveBound.REST:
+            return "no bound acts"
+        case ActiveBound.BREAKAWAY | ActiveBound.CURRENT:
+            return f"of {currents}"
+        case ActiveBound.SPEED:
+            return f"of {speeds}"
+        case _:
+            return f"the plan lies inside {currents} and {speeds}"
+
+
+def _gamma(move: ExplainedMove) -> str:
+    breakaway = move.reason.breakaway
+    samples = f" ({breakaway.samples} samples)" if breakaway.samples else ""
+    return f"{breakaway.current_ma:.3f} mA from {breakaway.source}{samples}"
+
+
+def _off_mm(move: ExplainedMove) -> float:
+    assert move.landed_m is not None  # noqa: S101 - the caller has looked
+    return (move.landed_m - move.reason.aim_m) * _MM
+
+
+def _mm(position_m: float) -> str:
+    return f"{position_m * _MM:.3f}"

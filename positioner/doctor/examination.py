@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING
 from positioner.config.locations import location_of
 from positioner.config.reader import load_valves
 from positioner.config.several import by_bus
-from positioner.doctor import bus_load, feedback, link_findings, machine, real_time, scheduling, state_directory
+from positioner.doctor import (
+    bus_load,
+    cycle_time,
+    feedback,
+    link_findings,
+    machine,
+    real_time,
+    scheduling,
+    state_directory,
+)
 from positioner.doctor.finding import Finding, Level, worst
 from positioner.errors import ConfigurationError, ExitCode
 from positioner.reach.expected import in_words
@@ -66,6 +75,7 @@ class Examination:
         links, missing = machine.links()
         yield from missing
         if not configurations or self.config is None:
+            yield from cycle_time.of_any_valve()
             yield from _interfaces(links) if links is not None else ()
             return
         for configuration in configurations:
@@ -73,6 +83,7 @@ class Examination:
                 yield Finding(Level.OK, "valve", f"{configuration.valve.id}:")
             yield Finding(Level.OK, "DBC", _frames(configuration))
             yield from _law(configuration, self.config)
+            yield from cycle_time.findings(configuration, self.config)
             yield from self._valve(configuration, self.config, links)
         yield from _shared_buses(configurations, links or ())
 

@@ -17,6 +17,9 @@ _OLDEST_SQLITE = (3, 12, 0)
 """The first version with `PRAGMA synchronous = EXTRA`, which protects the stiction table in a power cut."""
 _IP = ("ip", "-details", "-statistics", "-json", "link", "show")
 _IP_WAIT_S = 5.0
+INSTALL_COMPILED = (
+    "sudo apt install gcc python3-dev  # then install the positioner again, not as editable: it is compiled"
+)
 
 
 def timer() -> Finding:
@@ -47,8 +50,7 @@ def build() -> Finding:
     if is_compiled():
         return Finding(Level.OK, "build", "compiled")
     text = "interpreted, which takes several times as long for a cycle"
-    fix = "sudo apt install gcc python3-dev  # then install the positioner again, not as editable: it is compiled"
-    return Finding(Level.OK, "build", text, fix)
+    return Finding(Level.OK, "build", text, INSTALL_COMPILED)
 
 
 def links() -> tuple[tuple[link.Link, ...] | None, tuple[Finding, ...]]:

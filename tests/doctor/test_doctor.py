@@ -14,7 +14,7 @@ from link_answers import ALL, MCP251X, VCAN0
 
 from positioner.cli.main import main
 from positioner.config.reader import load_config
-from positioner.doctor import feedback, machine
+from positioner.doctor import cycle_time, feedback, machine
 from positioner.doctor.finding import Finding, Level
 from positioner.errors import ExitCode
 from positioner.store import lock
@@ -31,6 +31,12 @@ if TYPE_CHECKING:
 
 CODEC = make_codec()
 VALVE = '[valve]\nid = "FV-101"\npreset = "paper"\n'
+
+
+@pytest.fixture(autouse=True)
+def few_cycles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A few cycles are timed."""
+    monkeypatch.setattr(cycle_time, "CYCLES", 10)
 
 
 @pytest.fixture
@@ -73,7 +79,7 @@ def test_without_a_configuration_the_machine_alone_is_examined(answer: list[str]
     answer[0] = VCAN0
     status, found, report = examined(capsys)
     assert (status, report["exit_status"], report["level"]) == (0, 0, "OK")
-    assert list(found) == ["timer", "SQLite", "build", "scheduling", "interface"]
+    assert list(found) == ["timer", "SQLite", "build", "scheduling", "cycle", "interface"]
     assert found["interface"]["text"] == "vcan0 is up (vcan: no bitrate, no controller)"
 
 

@@ -10,6 +10,7 @@ import pytest
 from positioner.cli.check import summary
 from positioner.cli.main import main
 from positioner.config.reader import parse_config
+from positioner.doctor import cycle_time
 from positioner.doctor.examination import Examination
 from positioner.doctor.finding import Level
 from positioner.reach.expected import in_words
@@ -28,6 +29,12 @@ def text_of(law: str, period_s: float, valve: str = "paper") -> str:
 PAPER_TOO_LONG = "are too long for the law paper: in one period a push moves the stem so far; take nmpc, or less"
 NO_LAG = "the law paper knows no lag, and this valve has one; take nmpc"
 SLIP = "50 ms are too long for this valve, whose slip is nearly over after"
+
+
+@pytest.fixture(autouse=True)
+def few_cycles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The doctor times a few cycles only."""
+    monkeypatch.setattr(cycle_time, "CYCLES", 10)
 
 
 @pytest.mark.parametrize(

@@ -71,6 +71,7 @@ def _observation(setup: Setup, state: CycleState, before: ControlState, reading:
         time_s=before.time_s,
         pressure_pa=state.link.pressure_pa,
         pending_ma=_pending_ma(state),
+        pressure_is_new=reading.pressure_is_new,
     )
 
 

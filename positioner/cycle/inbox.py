@@ -18,6 +18,7 @@ from positioner.cycle.plausibility import check_reading
 from positioner.cycle.timing_events import PeriodWrong
 from positioner.guard.stall import Freshness
 from positioner.guard.state import GuardInput
+from positioner.values import replace
 from positioner.wire.e2e import CounterCheck, Sequence
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import (
@@ -100,6 +101,7 @@ class _Batch:
         self.periods_unread = link.feedback.periods_unread
         self.setpoint = link.setpoint
         self.pressure_pa = link.pressure_pa
+        self.pressure_is_new = link.pressure_is_new
         self.reading: Reading | None = None
         self.feedback_ns: int | None = None
         self.feedback_refused: Cause | None = None
@@ -115,6 +117,8 @@ class _Batch:
     def result(self) -> Received:
         """Return the result of the batch."""
         reading, now_ns = self.reading, self.fresh.now_ns
+        if reading is not None and self.pressure_is_new:
+            reading = replace(reading, pressure_is_new=True)
         feedback = FeedbackState(
             readings=self.readings,
             frame_period=self.frame_period,
@@ -132,7 +136,13 @@ class _Batch:
             manual=self.manual,
             foreign_command=self.foreign_command,
         )
-        link = LinkState(senders=self.senders, feedback=feedback, setpoint=self.setpoint, pressure_pa=self.pressure_pa)
+        link = LinkState(
+            senders=self.senders,
+            feedback=feedback,
+            setpoint=self.setpoint,
+            pressure_pa=self.pressure_pa,
+            pressure_is_new=self.pressure_is_new and self.feedback_ns is None,
+        )
         return Received(link, reading, guard_input, tuple(self.events))
 
     def in_sequence(self, message: Message, counter: int | None, modulus: int, data: bytes) -> int:
@@ -168,7 +178,7 @@ class _Batch:
             case ManualCurrent():
                 self._use_manual(message)
             case ActuatorState():
-                self.pressure_pa = message.pressure_pa
+                self.pressure_pa, self.pressure_is_new = message.pressure_pa, True
             case CurrentCommand():
                 self.foreign_command = True
                 self.events.append(ForeignCommand(message.current_ma, counter))

@@ -41,12 +41,16 @@ class LastSetpoint:
 
 @dataclass(frozen=True, slots=True)
 class LinkState:
-    """What is remembered of the other nodes between cycles."""
+    """What is remembered of the other nodes between cycles.
+
+    pressure_pa: the newest one; pressure_is_new: whether no reading has come with it or since.
+    """
 
     senders: Mapping[type[Message], Sender] = field(default_factory=dict)
     feedback: FeedbackState = field(default_factory=FeedbackState)
     setpoint: LastSetpoint = field(default_factory=LastSetpoint)
     pressure_pa: float | None = None
+    pressure_is_new: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +58,7 @@ class Reading:
     """A plausible position reading: its frame's counter, and how many sample periods lie between it and the last.
 
     command_counter: of the command that acted; obeys: whether the node's actuator obeys commands.
+    pressure_is_new: whether the newest pressure came with this reading, or since the one before.
     """
 
     position_m: float
@@ -61,6 +66,7 @@ class Reading:
     command_counter: int | None
     periods: int
     obeys: bool = True
+    pressure_is_new: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plant_emulator import valve
+from plant_emulator import sensor, valve
 from positioner.bench.inprocess import configure
 from positioner.bench.metrics import Trace, dwell_metrics
 from positioner.bench.playable import check_playable
 from positioner.laws.law import Observation
 from positioner.valve.stiction import StictionTable
-from positioner.wire.messages import CurrentCommand, PlantTruth, Setpoint, StemPosition
+from positioner.wire.messages import ActuatorState, CurrentCommand, PlantTruth, Setpoint, StemPosition
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -39,6 +39,7 @@ def play_directly(scenario: Scenario) -> Iterator[DwellMetrics]:
     codec = configuration.make_codec()
     as_reading, as_truth = _rounding(codec, StemPosition, "position_m"), _rounding(codec, PlantTruth, "position_m")
     as_setpoint, as_command = _rounding(codec, Setpoint, "setpoint_m"), _rounding(codec, CurrentCommand, "current_ma")
+    as_pressure = _rounding(codec, ActuatorState, "pressure_pa")
     low_ma, high_ma = configuration.guard.current_low_ma, configuration.guard.current_high_ma
     period_s = scenario.sample_period_s
     samples = scenario.samples_per_dwell * len(scenario.visited_mm)
@@ -58,7 +59,12 @@ def play_directly(scenario: Scenario) -> Iterator[DwellMetrics]:
             measured_m = as_reading(raw_m)
             if memory is None:
                 memory, applied_ma = law.begin(measured_m), configuration.valve.balance_current_ma(measured_m)
-            observation = Observation(measured_m, applied_ma, period_s, setpoint_m, control_s)
+            pressure_pa = None
+            if settings.sensor.reports_pressure:
+                pressure_pa = as_pressure(sensor.pressure_pa(settings, plant.sensor, plant.actuator.pressure_pa))
+            observation = Observation(
+                measured_m, applied_ma, period_s, setpoint_m, control_s, pressure_pa, (), pressure_pa is not None
+            )
             memory, estimate = law.estimate(memory, observation)
             memory, decision = law.decide(memory, estimate.stem, observation, table)
             applied_ma = min(max(decision.current_ma, low_ma), high_ma)

@@ -499,3 +499,19 @@ def test_a_stray_disarm_is_not_undone_by_another_frame_out_of_sequence() -> None
     link = take(setpoint(0.07, 100)).link
     received = take(setpoint(0.07, 50, HostRequest.DISARM), setpoint(0.07, 30), link=link)
     assert received.guard_input.stray_disarm
+
+
+def pressure(pressure_pa: float, counter: int) -> CanFrame:
+    return CODEC.encode(ActuatorState(pressure_pa), counter)
+
+
+def test_a_pressure_is_new_for_one_reading_only() -> None:
+    alone = take(pressure(5e4, 0))
+    first = take(position(0.08, 0), link=alone.link)
+    second = take(position(0.08, 1), link=first.link)
+    third = take(pressure(6e4, 1), position(0.08, 2), link=second.link)
+
+    assert alone.reading is None
+    readings = [each.reading for each in (first, second, third)]
+    assert [reading is not None and reading.pressure_is_new for reading in readings] == [True, False, True]
+    assert second.link.pressure_pa == pytest.approx(5e4)

@@ -47,10 +47,14 @@ class Drive:
 
     def with_lag(self, scale: float) -> Drive:
         """Return the drive with fill and vent lags of `scale` times those of this one."""
+        return self.with_lags(self.fill_s * scale, self.vent_s * scale)
+
+    def with_lags(self, fill_s: float, vent_s: float) -> Drive:
+        """Return the drive with these lags."""
         return _made(
             self.period_s,
-            self.fill_s * scale,
-            self.vent_s * scale,
+            fill_s,
+            vent_s,
             self.converter_s,
             self.most_ma / self.step_s,
             self.low_ma,
@@ -61,6 +65,15 @@ class Drive:
         """Return the drive that leaves this share of the current's range unused at each end."""
         reserve_ma = share * (self.high_ma - self.low_ma)
         return replace(self, low_ma=self.low_ma + reserve_ma, high_ma=self.high_ma - reserve_ma)
+
+    @property
+    def fill_sample(self) -> float:
+        """The part of its way that a rising pressure covers in a sample."""
+        return _covered(self.period_s, self.fill_s)
+
+    def with_limit(self, high_ma: float) -> Drive:
+        """Return the drive that gives no more than `high_ma`."""
+        return replace(self, high_ma=high_ma)
 
     def step(self, pressure_ma: float, converter_ma: float, current_ma: float) -> tuple[float, float]:
         """Return pressure and converter output after one step of a sample under `current_ma`."""

@@ -18,6 +18,7 @@ from positioner.laws.estimator_settings import measurement_sigma_m
 from positioner.laws.law import Decision, Estimate
 from positioner.laws.nmpc.breakaway import breakaway_lesson, load_from_table
 from positioner.laws.nmpc.lagged import ramping, sliding
+from positioner.laws.nmpc.lagged.measuring import with_pressure
 from positioner.laws.nmpc.lagged.memory import LaggedMemory, Ramp, Slipping
 from positioner.laws.nmpc.lagged.pipeline import pipeline_at
 from positioner.laws.nmpc.lagged.rest import LaggedRest
@@ -70,6 +71,8 @@ class LaggedLaw:
         sigma_m = math.sqrt(variance_m2)
         for _ in range(max(round(observation.elapsed_s / own.period_s), 1)):
             memory = self._later(memory, observation.applied_ma, sigma_m)
+        if observation.pressure_is_new and observation.pressure_pa is not None:
+            memory = with_pressure(own, memory, observation.pressure_pa / self.valve.pressure_gain_pa_per_ma)
         measured_m, time_s = observation.measured_m, observation.time_s
         stem = memory.stem
         if isinstance(stem, LaggedRest):
@@ -121,15 +124,23 @@ class LaggedLaw:
         failed, rest_s = (pushes.failed, pushes.rest_s) if pushes.unreported else (0, 0.0)
         if pushes.unreported:
             memory = replace(memory, pushes=replace(pushes, unreported=False))
+        notice = memory.notice
+        if notice:
+            memory = replace(memory, notice="")
         drive = self.lagged.drive
         bounds = Bounds(0.0, 0.0, drive.low_ma, drive.high_ma)
         motion = self._motion(memory)
-        return memory, Decision(current_ma, bounds, motion, reason=reason, failed_pushes=failed, rest_s=rest_s)
+        return memory, Decision(
+            current_ma, bounds, motion, fallback=notice, reason=reason, failed_pushes=failed, rest_s=rest_s
+        )
 
     def _later(self, memory: LaggedMemory, current_ma: float, sigma_m: float) -> LaggedMemory:
         """Return the memory one sample later, in which `current_ma` acted."""
         own, before, stem = self.lagged, memory.pipeline, memory.stem
         after = before.after(memory.drive, current_ma)
+        if memory.measured is not None:
+            measured = memory.measured.later(memory.drive, before.pressure_ma, after.pressure_ma)
+            memory = replace(memory, measured=measured)
         if isinstance(stem, LaggedRest):
             later: LaggedRest | Ramp = stem.later(own.sensor, own.period_s)
         elif isinstance(stem, Ramp):

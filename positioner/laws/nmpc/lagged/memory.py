@@ -12,6 +12,7 @@ from positioner.values import dataclass
 if TYPE_CHECKING:
     from positioner.laws.nmpc.lagged.belief import Belief
     from positioner.laws.nmpc.lagged.drive import Drive
+    from positioner.laws.nmpc.lagged.measured import MeasuredPressure
     from positioner.laws.nmpc.lagged.onset import OnsetBank
     from positioner.laws.nmpc.lagged.pipeline import Pipeline
     from positioner.laws.nmpc.lagged.regression import OnsetRegression
@@ -95,7 +96,8 @@ class LaggedMemory:
     setpoint_m: the one that the law pursues; is_new: whether no move has been made for it; corrections: made for it.
     anchor_m: the setpoint from which it has crept here; one that creeps farther than the tolerance is a new one.
     is_final: whether the last move went to the setpoint. attempt: the last move, None once it is judged.
-    hold_ma: the current at rest, None to choose one.
+    hold_ma: the current at rest, None to choose one. measured: the measured pressure, None without a sensor.
+    notice: what the log is to say, once.
     """
 
     stem: LaggedRest | Ramp | Slipping
@@ -111,3 +113,5 @@ class LaggedMemory:
     attempt: Attempt | None = None
     hold_ma: float | None = None
     pushes: Pushes = field(default_factory=Pushes)
+    measured: MeasuredPressure | None = None
+    notice: str = ""

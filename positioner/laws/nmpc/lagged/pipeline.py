@@ -41,6 +41,11 @@ class Pipeline:
             by_lag = left * (self.by_lag + (self.pressure_ma - acting_ma) * drive.period_s / (lag_s * lag_s))
         return Pipeline(pressure_ma, converter_ma, currents[1:], self.share, acting_ma, by_lag, left * self.doubt_ma)
 
+    def measured(self, pressure_ma: float, variance_ma2: float) -> Pipeline:
+        """Return the pipeline with a pressure that a sensor has corrected: what is left of its error is no lag's."""
+        doubt_ma = math.sqrt(max(variance_ma2, 0.0))
+        return Pipeline(pressure_ma, self.converter_ma, self.waiting, self.share, self.acting_ma, 0.0, doubt_ma)
+
     def pending(self) -> tuple[float, ...]:
         """Return the currents of the samples that the next command cannot change any more, the next one first."""
         waiting, share = self.waiting, self.share

@@ -9,7 +9,7 @@ from positioner.cycle.events import Event, LawFellBack, MoveBegan
 from positioner.cycle.handover import blend, start_m
 from positioner.cycle.learning import credible, learn
 from positioner.cycle.state import ControlState
-from positioner.cycle.trust_events import PushFailed
+from positioner.cycle.trust_events import ActuatorFound, PushFailed
 from positioner.laws.law import Decision, Observation
 from positioner.values import replace
 
@@ -38,6 +38,9 @@ def control(setup: Setup, state: CycleState, reading: Reading, now_ns: int, even
         return None
     state.table = state.credible_table = table
     events += _events(decision)
+    if decision.actuator is not None and state.actuator is None:
+        state.actuator = decision.actuator
+        events.append(ActuatorFound(decision.actuator, setup.valve.actuator))
     handover = state.handover
     if handover is not None and state.output.last_ma is not None:
         state.handover, decision = blend(handover, decision, state.output.last_ma, now_ns)
@@ -72,6 +75,7 @@ def _observation(setup: Setup, state: CycleState, before: ControlState, reading:
         pressure_pa=state.link.pressure_pa,
         pending_ma=_pending_ma(state),
         pressure_is_new=reading.pressure_is_new,
+        actuator=state.actuator,
     )
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from positioner.cycle.counted_event import CountedEvent
 from positioner.cycle.deviation import Deviates
 from positioner.cycle.timing_events import LawLate, PeriodWrong, Stalled
-from positioner.cycle.trust_events import ActingChanged, NotBelieved, PushFailed
+from positioner.cycle.trust_events import ActingChanged, ActuatorFound, NotBelieved, PushFailed
 from positioner.values import dataclass
 from positioner.wire.loop_current import LoopSignal, signal_of
 from positioner.wire.messages import Counted
@@ -184,6 +184,7 @@ Event = (
     | NotBelieved
     | PushFailed
     | ActingChanged
+    | ActuatorFound
     | LawFellBack
     | LawLate
     | LinesDropped

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from positioner.cycle.handover import Handover
     from positioner.guard.settings import GuardSettings
     from positioner.laws.law import Law
+    from positioner.valve.actuator import ActuatorParameters
     from positioner.valve.credible import Limits
     from positioner.valve.parameters import ValveParameters
     from positioner.valve.state import StemState
@@ -62,7 +63,8 @@ class CycleState:
     """Everything a positioner carries on. `step` changes its own copy; no other function changes one.
 
     credible_table: the last table that was checked; another `table` comes from outside, and is checked before its use.
-    answered: the law answered in the last cycle.
+    answered: the law answered in the last cycle. actuator: the one that the law has found, None where it is as
+        configured; kept when control ends.
     """
 
     table: StictionTable = field(default_factory=StictionTable)
@@ -76,5 +78,6 @@ class CycleState:
     handover: Handover | None = None
     control: ControlState = field(default_factory=ControlState)
     answered: bool = False
+    actuator: ActuatorParameters | None = None
     output: OutputState = field(default_factory=OutputState)
     counters: Counters = field(default_factory=Counters)

@@ -117,6 +117,7 @@ def _supervise(
         no_effect=effect.fault if setup.learns else None,
         deviation=deviation.cause,
         period_wrong=link.feedback.frame_period.is_wrong(setup.period_s),
+        actuator_differs=state.actuator is not None,
         testing=setup.testing,
     )
     guard = supervise(setup.guard, before, received.guard_input, setup.period_s, cycle_input.now_ns, conditions)

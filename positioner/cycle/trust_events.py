@@ -10,6 +10,7 @@ from positioner.values import dataclass
 from positioner.wire.messages import Cause, Counted
 
 if TYPE_CHECKING:
+    from positioner.valve.actuator import ActuatorParameters
     from positioner.valve.stiction import LearnedSample
 
 
@@ -52,6 +53,29 @@ class PushFailed(CountedEvent):
         if not self.rest_s:
             return text
         return f"{text}: the next one comes in {self.rest_s:g} s; look for a jammed stem, or an actuator without air"
+
+
+@dataclass(frozen=True, slots=True)
+class ActuatorFound:
+    """The moves show that the actuator is not as configured; the law plays with the one that they show."""
+
+    actuator: ActuatorParameters
+    configured: ActuatorParameters
+
+    def __str__(self) -> str:
+        """One line for the log."""
+        return (
+            f"the actuator is not as configured: the moves show {_in_words(self.actuator)}, and valve.actuator says "
+            f"{_in_words(self.configured)}; the law goes on with what they show; measure it: positioner identify"
+        )
+
+
+def _in_words(actuator: ActuatorParameters) -> str:
+    """Return lag and dead time to two digits, as precisely as moves can show them."""
+    dead_ms, lag_ms = actuator.dead_time_s * 1e3, actuator.fill_time_constant_s * 1e3
+    if lag_ms:
+        return f"a lag of about {lag_ms:.2g} ms"
+    return f"a dead time of about {dead_ms:.2g} ms" if dead_ms else "no lag"
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from positioner.bus.port import BusPort
 from positioner.doctor.finding import Finding, Level
 from positioner.errors import BusError
 from positioner.wire.formats import FrameRejectedError
-from positioner.wire.messages import CurrentCommand, Quality, StemPosition
+from positioner.wire.messages import Cause, CurrentCommand, PositionerStatus, Quality, StemPosition
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -33,12 +33,13 @@ _SUBJECT = "feedback"
 
 @dataclass(slots=True)
 class BusTraffic:
-    """The frames received: instants of valid position frames in ns, commands, and counts of the others by kind."""
+    """The frames received: instants of valid position frames in ns, commands, the last status, others by kind."""
 
     positions_ns: list[int] = field(default_factory=list)
     last_position_m: float | None = None
     commands: int = 0
     faults: int = 0
+    cause: Cause | None = None
     refused: Counter[str] = field(default_factory=Counter)
     others: Counter[str] = field(default_factory=Counter)
 
@@ -60,6 +61,8 @@ class BusTraffic:
                     self.last_position_m = message.position_m
             elif isinstance(message, CurrentCommand):
                 self.commands += 1
+            elif isinstance(message, PositionerStatus):
+                self.cause = message.cause
 
     @property
     def rate_per_s(self) -> float | None:
@@ -100,6 +103,9 @@ def findings(address: BusAddress, codec: Codec, period_s: float, *, daemon_runs:
     if traffic.commands and not daemon_runs:
         text = f"{traffic.commands} command frames came, and no daemon of this valve runs here"
         yield Finding(Level.WARN, "foreign", f"{text}: another controller commands the valve", _look(address))
+    if traffic.cause is Cause.ACTUATOR_DIFFERS:
+        text = "the running positioner says that the moves show another actuator than the configured one"
+        yield Finding(Level.WARN, "actuator", text, "positioner identify --config FILE --write")
 
 
 def assessed(traffic: BusTraffic, address: BusAddress, period_s: float) -> Finding:

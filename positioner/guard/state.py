@@ -12,7 +12,9 @@ from positioner.wire.messages import Cause, Health, HostRequest, ManualCurrent, 
 CONTROLLING = (Mode.ACTIVE, Mode.HOLD)
 """The modes in which the law's answer counts."""
 _SENDING = (*CONTROLLING, Mode.FAILSAFE, Mode.MANUAL)
-_OUT_OF_SPECIFICATION = frozenset({Cause.LAW_LATE, Cause.PERIOD_WRONG, Cause.DEVIATION, Cause.SETPOINT_UNREACHABLE})
+_OUT_OF_SPECIFICATION = frozenset(
+    {Cause.LAW_LATE, Cause.PERIOD_WRONG, Cause.ACTUATOR_DIFFERS, Cause.DEVIATION, Cause.SETPOINT_UNREACHABLE}
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,7 @@ class Conditions:
         period; answered: the law had answered in it.
     no_effect: why commands do not act on the valve; deviation: DEVIATION or SETPOINT_UNREACHABLE, where the error does
         not shrink; period_wrong: position frames come at another period than the configured one.
+    actuator_differs: the law has found another actuator than the configured one.
     testing: a test procedure is in the place of the law.
     """
 
@@ -55,6 +58,7 @@ class Conditions:
     no_effect: Cause | None = None
     deviation: Cause = Cause.NONE
     period_wrong: bool = False
+    actuator_differs: bool = False
     testing: bool = False
 
 

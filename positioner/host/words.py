@@ -32,6 +32,7 @@ CAUSES: Mapping[Cause, str] = {
     Cause.COMMAND_IGNORED: "the valve does not follow its commands",
     Cause.MANUAL: "the current is given by hand",
     Cause.PERIOD_WRONG: "position frames come at another period than the configured one",
+    Cause.ACTUATOR_DIFFERS: "the actuator follows its command later than configured; measure it: positioner identify",
 }
 
 

@@ -20,6 +20,7 @@ from positioner.wire.messages import Motion
 if TYPE_CHECKING:
     from positioner.laws.bounds import Bounds
     from positioner.laws.move_reason import MoveReason
+    from positioner.valve.actuator import ActuatorParameters
     from positioner.valve.state import StemState
     from positioner.valve.stiction import LearnedSample, StictionTable
 
@@ -38,6 +39,7 @@ class Observation:
     pressure_pa: the measured actuator pressure, None without a sensor.
     pressure_is_new: whether it was measured with this reading, and not before.
     pending_ma: the currents of commands that were sent after the one that acted, the oldest first: they may act yet.
+    actuator: the actuator that the law itself has found in place of the configured one, None while it has found none.
     """
 
     measured_m: float
@@ -48,6 +50,7 @@ class Observation:
     pressure_pa: float | None = None
     pending_ma: tuple[float, ...] = ()
     pressure_is_new: bool = False
+    actuator: ActuatorParameters | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +73,7 @@ class Decision:
     reason: why a move begins, None where none begins.
     failed_pushes: pushes in a row that did not free the stem, 0 unless this cycle has found one more; rest_s: for how
         long the law now leaves the stem alone.
+    actuator: the one that the law has found and plays with, None where it is the configured one.
     """
 
     current_ma: float
@@ -81,6 +85,7 @@ class Decision:
     reason: MoveReason | None = None
     failed_pushes: int = 0
     rest_s: float = 0.0
+    actuator: ActuatorParameters | None = None
 
 
 class Law(Protocol, Generic[M]):

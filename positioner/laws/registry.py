@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,8 @@ from positioner.laws.nmpc.filter import AdaptiveFilter
 from positioner.laws.nmpc.lagged.law import LaggedLaw
 from positioner.laws.nmpc.lagged.valve import is_lagged, lagged_valve
 from positioner.laws.nmpc.law import NmpcLaw
+from positioner.laws.nmpc.untold.law import UntoldLagLaw
+from positioner.laws.nmpc.untold.load import nominal_of
 from positioner.laws.paper.law import PaperLaw
 from positioner.laws.rivals.knocker import Knocker, KnockerMemory
 from positioner.laws.rivals.pi import NoCompensator, PiLaw
@@ -58,10 +60,20 @@ def _paper(name: str, parts: Ingredients, *, use_table: bool) -> PaperLaw:
     )
 
 
-def _nmpc(parts: Ingredients) -> NmpcLaw | LaggedLaw:
-    settings, valve = parts.control.nmpc, parts.valve
-    if is_lagged(valve):
+def _nmpc(parts: Ingredients) -> UntoldLagLaw | LaggedLaw:
+    if is_lagged(parts.valve):
         return _nmpc_lagged(parts)
+    return UntoldLagLaw(
+        "nmpc",
+        nmpc_immediate(parts),
+        lambda actuator: _nmpc_lagged(replace(parts, valve=replace(parts.valve, actuator=actuator))),
+        nominal_of(parts.valve),
+    )
+
+
+def nmpc_immediate(parts: Ingredients) -> NmpcLaw:
+    """Return the law `nmpc` of an actuator that acts at once."""
+    settings, valve = parts.control.nmpc, parts.valve
     steps = settings.approach
     return NmpcLaw(
         name="nmpc",

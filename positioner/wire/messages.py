@@ -111,6 +111,7 @@ class Cause(IntEnum):
     COMMAND_IGNORED = 20
     MANUAL = 21
     PERIOD_WRONG = 22
+    ACTUATOR_DIFFERS = 23
 
 
 class Counted(IntEnum):

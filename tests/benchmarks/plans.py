@@ -11,11 +11,13 @@ from benchmarks.case import Play
 from benchmarks.cycles import record, scenario
 from positioner.bench.inprocess import configure
 from positioner.laws.nmpc.filter import Sliding
-from positioner.laws.nmpc.law import NmpcLaw
 from positioner.laws.nmpc.plan import plan_move
 from positioner.laws.nmpc.start import fastest
+from positioner.laws.nmpc.untold.law import UntoldLagLaw
 
 if TYPE_CHECKING:
+    from positioner.config.schema import Configuration
+    from positioner.laws.nmpc.law import NmpcLaw
     from positioner.laws.nmpc.move import Move
     from positioner.laws.nmpc.settings import ApproachSettings
 
@@ -36,6 +38,13 @@ def one_pass(law: NmpcLaw) -> ApproachSettings:
     return replace(law.settings.approach, max_passes=1)
 
 
+def immediate(configuration: Configuration) -> NmpcLaw:
+    """Return the law that plans by quadratic programmes."""
+    law = configuration.make_law()
+    assert isinstance(law, UntoldLagLaw)
+    return law.believed
+
+
 def recorded_plans(horizon: int) -> tuple[NmpcLaw, list[Planned]]:
     """Return a fresh law with H_p = H_u = `horizon`, and every plan of a run for which a programme was solved.
 
@@ -43,12 +52,12 @@ def recorded_plans(horizon: int) -> tuple[NmpcLaw, list[Planned]]:
     """
     wanted = scenario(PERIOD_S, _SETPOINTS, _DWELL_S, _SEED, horizon)
     configuration = configure(wanted)
-    law = configuration.make_law()
-    assert isinstance(law, NmpcLaw)
+    law = immediate(configuration)
     planned: list[Planned] = []
     moving = False
     for cycle in record(wanted, configuration):
-        memory = cycle.after.control.memory
+        carried = cycle.after.control.memory
+        memory = None if carried is None else carried.inner
         if memory is None or not isinstance(memory.stem, Sliding):
             moving = False
             continue
@@ -74,8 +83,7 @@ class PlanCase:
 
     def play(self) -> Play:
         """Return the durations of all plans, and their first inputs in mA; None for a programme that was not solved."""
-        law = self._configuration.make_law()
-        assert isinstance(law, NmpcLaw)
+        law = immediate(self._configuration)
         durations_ns: list[int] = []
         first_ma: list[float | None] = []
         for planned in self._planned:

@@ -93,6 +93,7 @@ MEANING: dict[str, Callable[[GuardState], bool]] = {
         it.conditions.deviation is not Cause.NONE
     ),
     "position frames come at another period than `sample_period_s`, by a fifth": lambda it: it.conditions.period_wrong,
+    "the moves show another actuator than the configured one": lambda it: it.conditions.actuator_differs,
     "`law_failsafe_cycles` (10) cycles in a row longer than a period": lambda it: it.law.late_cycles >= 2,
     "otherwise": lambda _: True,
 }
@@ -118,6 +119,7 @@ AGES = st.one_of(st.none(), st.sampled_from([0, 3, 4, 5, 6, 10, 11, 20, 21]))
     no_effect=st.sampled_from((None, *NO_EFFECT)),
     deviation=st.sampled_from(DEVIATIONS),
     period_wrong=st.booleans(),
+    actuator_differs=st.booleans(),
 )
 @example(
     Mode.ACTIVE,
@@ -136,6 +138,7 @@ AGES = st.one_of(st.none(), st.sampled_from([0, 3, 4, 5, 6, 10, 11, 20, 21]))
     0,
     None,
     Cause.NONE,
+    False,
     False,
 )
 @settings(max_examples=600)
@@ -157,6 +160,7 @@ def test_the_first_row_that_holds_gives_mode_and_cause(
     no_effect: Cause | None,
     deviation: Cause,
     period_wrong: bool,
+    actuator_differs: bool,
 ) -> None:
     state = GuardState(
         mode=mode,
@@ -172,7 +176,11 @@ def test_the_first_row_that_holds_gives_mode_and_cause(
         law=LawRecord(failures=failures, late_cycles=late, late_answers=late_answers),
         manual=AUTOMATIC if manual_ms is None else Manual(9.5, NOW_NS - manual_ms * MS),
         conditions=Conditions(
-            stall_ns=stall_ms * MS, no_effect=no_effect, deviation=deviation, period_wrong=period_wrong
+            stall_ns=stall_ms * MS,
+            no_effect=no_effect,
+            deviation=deviation,
+            period_wrong=period_wrong,
+            actuator_differs=actuator_differs,
         ),
     )
     _, its_mode, its_cause = next(row for row in CONDITIONS if MEANING[row[0]](state))
@@ -220,6 +228,7 @@ def wander(steps: int) -> dict[tuple[Mode, Mode], set[Cause]]:
             answered=before.controls and chance.random() < 0.7,
             late=chance.random() < 0.4,
             period_wrong=chance.random() < 0.3,
+            actuator_differs=chance.random() < 0.3,
             deviation=chance.choice((*DEVIATIONS, Cause.NONE)) if before.controls else Cause.NONE,
             no_effect=chance.choice((None, None, None, *NO_EFFECT)),
         )

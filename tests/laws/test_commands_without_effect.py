@@ -97,5 +97,5 @@ def test_a_law_learns_nothing_while_its_commands_do_not_act_and_begins_anew_afte
         assert (causes[0], causes[-1]) == (cause, None)
     if law == "nmpc":
         # the estimate of the load from the time without effect is deleted
-        assert loop.state.control.memory.monitor.ratio < 1.2 * 1.03**3
+        assert loop.state.control.memory.inner.monitor.ratio < 1.2 * 1.03**3
         assert loop.position_m == pytest.approx(0.08, abs=1e-3)

@@ -22,9 +22,8 @@ from positioner.cycle.events import LawFellBack
 from positioner.laws.law import Observation
 from positioner.laws.move_reason import BreakawaySource
 from positioner.laws.nmpc.filter import Resting, Sliding
-from positioner.laws.nmpc.law import NmpcLaw
 from positioner.laws.pushes import MOST_FAILED
-from positioner.laws.registry import LAWS, Ingredients
+from positioner.laws.registry import Ingredients, nmpc_immediate
 from positioner.laws.settings import ControlSettings
 from positioner.optimization.solver import QpSolver
 from positioner.valve.parameters import ValveParameters
@@ -33,6 +32,7 @@ from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
     from positioner.laws.law import Decision
+    from positioner.laws.nmpc.law import NmpcLaw
     from positioner.laws.nmpc.memory import NmpcMemory
     from positioner.optimization.qp import Solver
 
@@ -49,9 +49,7 @@ def make_law(solver: Solver | None = None, command_delay_s: float = 0.0, **valve
         config.guard,
         lambda inputs, steps: solver or QpSolver(inputs, steps),
     )
-    law = LAWS["nmpc"][1](parts)
-    assert isinstance(law, NmpcLaw)
-    return law
+    return nmpc_immediate(parts)
 
 
 def cycle(

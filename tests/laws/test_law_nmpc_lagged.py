@@ -12,7 +12,7 @@ from positioner.bench.metrics import Totals, totals
 from positioner.bench.scenario import Scenario
 from positioner.laws.law import Observation
 from positioner.laws.nmpc.lagged.law import LaggedLaw
-from positioner.laws.nmpc.law import NmpcLaw
+from positioner.laws.nmpc.untold.law import UntoldLagLaw
 from positioner.studies.direct import play_directly
 from positioner.valve.stiction import StictionTable
 from positioner.wire.messages import Motion
@@ -76,7 +76,7 @@ def test_a_setpoint_that_creeps_is_followed() -> None:
     assert 0.0 < found[-1].mean_abs_error_pct < 0.15
 
 
-def test_a_valve_without_lag_gets_the_law_of_the_quadratic_programme() -> None:
-    assert isinstance(configure(scenario(0.0, QUIET)).make_law(), NmpcLaw)
+def test_a_valve_without_lag_gets_the_law_that_looks_for_one() -> None:
+    assert isinstance(configure(scenario(0.0, QUIET)).make_law(), UntoldLagLaw)
     assert isinstance(configure(scenario(0.01, QUIET)).make_law(), LaggedLaw)
     assert isinstance(configure(scenario(0.0, QUIET, sensor_time_constant_s=0.01)).make_law(), LaggedLaw)

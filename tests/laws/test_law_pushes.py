@@ -76,7 +76,7 @@ def test_a_stem_that_is_free_again_is_found_at_the_next_push() -> None:
     loop.run(3.0, 0.087)
     assert loop.position_m == pytest.approx(0.087, abs=1e-3)
     # a small correction may have failed since
-    assert loop.state.control.memory.pushes.failed <= 2
+    assert loop.state.control.memory.inner.pushes.failed <= 2
 
 
 def test_a_breakaway_of_the_papers_law_fails_twenty_times_at_most() -> None:

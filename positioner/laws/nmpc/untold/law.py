@@ -1,0 +1,136 @@
+"""The law `nmpc` where no actuator lag is configured: it looks for one that nobody has told. Pure, but for its solver.
+
+It plays as `NmpcLaw` does, to the bit, until its watch finds certain evidence of another actuator. Then `LaggedLaw`
+takes over at the next rest, with the lag and the load that explain the moves best, and refines them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from positioner.laws.estimator_settings import measurement_sigma_m
+from positioner.laws.nmpc.filter import Resting
+from positioner.laws.nmpc.lagged.pipeline import pipeline_at
+from positioner.laws.nmpc.lagged.rest import LaggedRest
+from positioner.laws.nmpc.memory import NmpcMemory
+from positioner.laws.nmpc.untold import watch as watching
+from positioner.laws.nmpc.untold.found import actuator_of
+from positioner.values import dataclass, replace
+from positioner.wire.messages import Motion
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from positioner.laws.law import Decision, Estimate, Observation
+    from positioner.laws.nmpc.lagged.law import LaggedLaw
+    from positioner.laws.nmpc.lagged.memory import LaggedMemory
+    from positioner.laws.nmpc.law import NmpcLaw
+    from positioner.laws.nmpc.untold.load import Nominal
+    from positioner.laws.nmpc.untold.watch import Watch
+    from positioner.valve.actuator import ActuatorParameters
+    from positioner.valve.state import StemState
+    from positioner.valve.stiction import StictionTable
+
+
+@dataclass(frozen=True, slots=True)
+class UntoldMemory:
+    """What the law carries: the memory of the law that plays, the watch, and once it is found the true actuator.
+
+    law: the law for that actuator.
+    """
+
+    inner: NmpcMemory | LaggedMemory
+    watch: Watch
+    actuator: ActuatorParameters | None = None
+    law: LaggedLaw | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class UntoldLagLaw:
+    """The law; `lagged` makes the one for another actuator."""
+
+    name: str
+    believed: NmpcLaw
+    lagged: Callable[[ActuatorParameters], LaggedLaw]
+    nominal: Nominal
+
+    def begin(self, measured_m: float) -> UntoldMemory:
+        """Return the memory of a stem that rests somewhere."""
+        return UntoldMemory(self.believed.begin(measured_m), watching.begun(self.believed.period_s))
+
+    def estimate(self, memory: UntoldMemory, observation: Observation) -> tuple[UntoldMemory, Estimate]:
+        """Return the memory and the stem after this cycle's reading."""
+        inner = memory.inner
+        if memory.law is not None:
+            assert not isinstance(inner, NmpcMemory)  # noqa: S101 - of the law that plays
+            lagged, estimate = memory.law.estimate(inner, observation)
+            return replace(memory, inner=lagged), estimate
+        assert isinstance(inner, NmpcMemory)  # noqa: S101 - of the law that plays
+        inner, estimate = self.believed.estimate(inner, observation)
+        watch = memory.watch
+        if not watch.is_over:
+            rests = inner.motion is Motion.REST
+            noise_m2 = self._noise_m2(inner)
+            for _ in range(max(round(observation.elapsed_s / self.believed.period_s), 1)):
+                watch = watching.read(watch, observation.applied_ma, observation.measured_m, noise_m2, rests=rests)
+            if rests:
+                watch = watching.worked(self.nominal, watch, self.believed.period_s)
+        return UntoldMemory(inner, watch), estimate
+
+    def decide(
+        self, memory: UntoldMemory, stem: StemState, observation: Observation, table: StictionTable
+    ) -> tuple[UntoldMemory, Decision]:
+        """Return the memory after the decision, and the decision."""
+        inner = memory.inner
+        if memory.law is None and observation.actuator is not None and isinstance(inner, NmpcMemory):
+            memory = self._with(memory, inner, observation.actuator)
+        elif memory.law is None and isinstance(inner, NmpcMemory) and inner.motion is Motion.REST:
+            leader = memory.watch.leader
+            if leader is not None:
+                memory = self._with(memory, inner, actuator_of(memory.watch, self.believed.period_s))
+        inner = memory.inner
+        if memory.law is not None:
+            assert not isinstance(inner, NmpcMemory)  # noqa: S101 - of the law that plays
+            lagged, decision = memory.law.decide(inner, stem, observation, table)
+            return replace(memory, inner=lagged), replace(decision, actuator=memory.actuator)
+        assert isinstance(inner, NmpcMemory)  # noqa: S101 - of the law that plays
+        inner, decision = self.believed.decide(inner, stem, observation, table)
+        watch = memory.watch
+        if decision.reason is not None and not watch.is_over:
+            assert not isinstance(inner.stem, Resting)  # noqa: S101 - a move has begun
+            watch = watching.pushed(watch, inner.stem.direction, self._noise_m2(inner))
+        return UntoldMemory(inner, watch), decision
+
+    def _noise_m2(self, inner: NmpcMemory) -> float:
+        """Return the variance of the mean of n readings, times n."""
+        stem, own = inner.stem, self.believed
+        place_m = stem.anchor.x if isinstance(stem, Resting) else stem.x
+        return inner.monitor.noise.averaged_m2(measurement_sigma_m(own.estimator, own.valve, place_m))
+
+    def _with(self, memory: UntoldMemory, inner: NmpcMemory, actuator: ActuatorParameters) -> UntoldMemory:
+        """Return the memory in which the law for `actuator` takes over the resting stem."""
+        law, stem = self.lagged(actuator), inner.stem
+        assert isinstance(stem, Resting)  # noqa: S101 - it takes over at rest
+        begun = law.begin(stem.x)
+        drive, model = begun.drive, self.nominal.model
+        leader = memory.watch.leader
+        belief, hold_ma = begun.belief, inner.hold_ma
+        if leader is not None:
+            load = leader.belief.load(self.nominal)
+            static_n = leader.belief.values[3] * self.nominal.static_n
+            belief = law.lagged.prior(load.spring_n_per_m, static_n, load.friction_n)
+        if hold_ma is None:
+            hold_ma = drive.limited(model.current_ma(belief.onsets.spring_n_per_m * stem.x))
+        lagged = replace(
+            begun,
+            stem=LaggedRest(stem.x, stem.variance_m2),
+            pipeline=pipeline_at(hold_ma, begun.pipeline.doubt_ma, law.lagged.dead_time_s, law.lagged.period_s),
+            belief=belief,
+            noise=inner.monitor.noise,
+            setpoint_m=inner.setpoint_m,
+            anchor_m=inner.setpoint_m if inner.setpoint_m is not None else 0.0,
+            is_new=True,
+            hold_ma=hold_ma,
+            pushes=inner.pushes,
+        )
+        return UntoldMemory(lagged, memory.watch, actuator, law)

@@ -1,0 +1,65 @@
+"""The law `nmpc` where the actuator is not as configured: it finds the lag that nobody has told, and none elsewhere."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from plant_emulator import valve
+from positioner.bench.inprocess import configure
+from positioner.bench.playable import check_playable
+from positioner.bench.scenario import Scenario
+from positioner.laws.law import Observation
+from positioner.laws.nmpc.untold.law import UntoldLagLaw, UntoldMemory
+from positioner.valve.stiction import StictionTable
+
+PERIOD_S = 1e-3
+QUIET = {"noise_of_reading": 0.0, "noise_of_span": 0.0005}
+
+
+def played(setpoints_mm: tuple[float, ...], sensor: dict[str, float], **actuator: float) -> tuple[UntoldMemory, int]:
+    """Return the memory after a second at each setpoint, and the number of moves until another actuator was found."""
+    scenario = Scenario(
+        name="untold",
+        title="a lag that nobody has told",
+        law="nmpc",
+        seed=5,
+        setpoints_mm=setpoints_mm,
+        dwell_s=1.0,
+        plant={"preset": "paper", "actuator": actuator, "sensor": sensor},
+        estimator=sensor,
+    )
+    configuration = configure(scenario)
+    law, settings = configuration.make_law(), check_playable(scenario, configuration)
+    assert isinstance(law, UntoldLagLaw)
+    plant = valve.initial_state(settings, scenario.seed)
+    applied_ma, time_s, moves = configuration.valve.balance_current_ma(plant.stem.position_m), 0.0, 0
+    memory: Any = None
+    for setpoint_mm in setpoints_mm:
+        for _ in range(round(scenario.dwell_s / PERIOD_S)):
+            plant, measured_m = valve.measure(settings, plant)
+            memory = memory or law.begin(measured_m)
+            seen = Observation(measured_m, applied_ma, PERIOD_S, setpoint_mm * 1e-3, time_s)
+            memory, estimate = law.estimate(memory, seen)
+            memory, decision = law.decide(memory, estimate.stem, seen, StictionTable())
+            moves += decision.reason is not None and decision.actuator is None
+            applied_ma, time_s = decision.current_ma, time_s + PERIOD_S
+            plant = valve.step(settings, plant, applied_ma, PERIOD_S)
+    return memory, moves
+
+
+def test_an_untold_lag_is_found_and_taken_over() -> None:
+    memory, _ = played((73.0, 87.0, 80.0), QUIET, fill_time_constant_s=0.002, vent_time_constant_s=0.002)
+
+    assert memory.actuator is not None
+    assert memory.actuator.fill_time_constant_s == memory.actuator.vent_time_constant_s
+    assert memory.actuator.fill_time_constant_s == pytest.approx(0.002, rel=0.4)
+
+
+def test_a_valve_without_lag_is_never_taken_for_one_and_soon_watched_no_more() -> None:
+    memory, moves = played((73.0, 87.0, 80.0), QUIET)
+
+    assert memory.actuator is None
+    assert memory.watch.is_over
+    assert moves < 10

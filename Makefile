@@ -199,6 +199,11 @@ fault-test: $(VENV)/installed
 identify-acceptance: $(VENV)/installed
 	$(BIN)/python tests/commissioning/acceptance.py $(ARGS)
 
+# How many sticking valves `positioner diagnose` finds in emulated loops, how exactly, and how many others it accuses
+.PHONY: diagnostics-test
+diagnostics-test: $(VENV)/installed
+	PYTHONPATH=tests $(BIN)/python tests/diagnostics/acceptance.py $(ARGS)
+
 # Stalls of the process: 10,000 on a virtual clock, 200 by SIGSTOP.
 .PHONY: stall-test
 stall-test: $(VENV)/installed

@@ -106,6 +106,12 @@ class StateError(PositionerError):
     exit_code = ExitCode.IO
 
 
+class RecordError(PositionerError):
+    """A record of a loop that cannot be diagnosed: it cannot be read, or what is needed is not in it."""
+
+    exit_code = ExitCode.IO
+
+
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
     """Turn an OSError of the `with` block into a StateError with the file's name, or `path` where it has none."""

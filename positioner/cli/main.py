@@ -12,6 +12,7 @@ from positioner.cli import (
     campaign,
     check,
     conformance,
+    diagnose,
     doctor,
     explain,
     host,
@@ -37,6 +38,7 @@ examples:
   positioner host --config fv101.toml arm set 62%  arm the positioner, and move the valve to 62 %
   positioner replay bus.log --config fv101.toml    compute recorded commands again, and compare
   positioner identify --config fv101.toml          measure spring, friction and lag of the valve
+  positioner diagnose loop.csv                     tell from OP and PV of a loop whether its valve sticks
   positioner table dump --config fv101.toml        print what was learned about the valve's stiction
 
 exit status: 0 done, 1 failed, 2 wrong command line, 69 bus or valve not available, 70 internal error, 71 the system
@@ -69,6 +71,7 @@ def build_parser() -> Parser:
         table,
         check,
         reach,
+        diagnose,
         doctor,
         conformance,
     ):

@@ -1,0 +1,102 @@
+"""`positioner diagnose`: whether a valve sticks, from a log of its frames or from OP and PV of any loop. Shell."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from positioner.cli.command import add_command, add_config, add_valve, numbers_in
+from positioner.diagnostics.finding import finding_of, percent
+from positioner.diagnostics.loop_table import OPTIONS, LoopTable, loop_of
+from positioner.diagnostics.report import as_text, as_values
+from positioner.diagnostics.verdict import Verdict
+from positioner.errors import ExitCode, RecordError, UsageError
+from positioner.inputs.csv_table import read_table, text_of
+
+if TYPE_CHECKING:
+    import argparse
+
+    from positioner.cli.command import Commands
+
+_EPILOG = """\
+examples:
+  positioner diagnose bus.log --config fv101.toml           from command and stem position of a log or record
+  positioner diagnose fic101.csv                            from OP and PV of any loop, columns by their names
+  positioner diagnose fic101.csv --op OUT --pv FLOW --sp SET --picture fic101.png
+  positioner diagnose fic101.csv --op 2 --pv 3 --period 5   without a header and without times
+  positioner diagnose fic101.csv --stem ZT101 --json        with the position of the stem, for programs
+
+S and J are in percent of the command's span. From OP and PV alone the published methods stand side by side; the verdict
+is "yes" where two of HAMM, ADD, YAM and CORR agree, one of them with a model of the valve, "no" where none of them says
+yes, else "undecided". Setpoint steps are left out. "No stiction" does not mean that a loop is healthy.
+
+exit status: 0 no stiction found, or undecided, 1 the valve sticks, 2 wrong command line, or a column is not named
+clearly, 74 the log cannot be read, or holds too little, 78 the configuration is wrong.
+"""
+
+
+def add_parser(commands: Commands) -> None:
+    """Add `positioner diagnose`."""
+    parser = add_command(commands, "diagnose", _run, "tell from a log whether a valve sticks, and how much", _EPILOG)
+    parser.add_argument("log", type=Path, metavar="LOG", help="CSV of a loop, or with --config a recorded bus")
+    add_config(parser, required=False)
+    add_valve(parser)
+    meanings = {
+        "op": "controller output",
+        "pv": "process value",
+        "sp": "setpoint",
+        "time": "time stamps",
+        "stem": "stem position",
+    }
+    for role, option in OPTIONS.items():
+        parser.add_argument(option, dest=role, metavar="COLUMN", help=f"column of the {meanings[role]}")
+    parser.add_argument("--period", type=float, metavar="S", help="sample period, where there are no time stamps")
+    parser.add_argument("--op-range", default="0,100", metavar="A,B", help="OP at 0 and 100 %% (default: %(default)s)")
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the trend and the evidence (PNG)")
+
+
+def _run(arguments: argparse.Namespace) -> ExitCode:
+    low, high = _op_range(arguments.op_range)
+    if arguments.period is not None and not 0.0 < arguments.period < 1e9:  # noqa: PLR2004
+        raise UsageError(f"--period {arguments.period:g} is no period: give seconds above 0")
+    table = _table(arguments)
+    finding = finding_of(str(arguments.log), table, low, high)
+    if arguments.json:
+        sys.stdout.write(json.dumps(as_values(finding), indent=2, ensure_ascii=False) + "\n")
+    else:
+        sys.stdout.write(as_text(finding))
+    if arguments.picture:
+        from positioner.cli.diagnose_picture import draw  # noqa: PLC0415 - matplotlib would slow every command down
+
+        draw(arguments.picture, table, finding, percent(table.op, low, high))
+        sys.stderr.write(f"picture: {arguments.picture}\n")
+    return ExitCode.FAILURE if finding.verdict is Verdict.YES else ExitCode.OK
+
+
+def _table(arguments: argparse.Namespace) -> LoopTable:
+    """Return the loop in a CSV file.
+
+    Raises:
+        RecordError: the file cannot be read.
+    """
+    try:
+        data = arguments.log.read_bytes()
+    except OSError as error:
+        raise RecordError(f"{arguments.log}: cannot be read: {error.strerror}") from error
+    table = read_table(str(arguments.log), text_of(str(arguments.log), data))
+    return loop_of(table, {role: getattr(arguments, role) for role in OPTIONS}, arguments.period)
+
+
+def _op_range(given: str) -> tuple[float, float]:
+    """Return OP at 0 and at 100 %.
+
+    Raises:
+        UsageError: they are not two different numbers.
+    """
+    numbers = numbers_in("--op-range", given)
+    if len(numbers) != 2 or numbers[0] == numbers[1]:  # noqa: PLR2004
+        raise UsageError(f"--op-range {given!r}: give OP at 0 and at 100 %, like 4,20")
+    return numbers[0], numbers[1]

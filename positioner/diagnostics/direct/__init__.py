@@ -1,0 +1,1 @@
+"""Stiction from the command and the stem position."""

@@ -1,0 +1,131 @@
+"""Whether a valve sticks, from its command and its stem position. Pure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from positioner.diagnostics.direct.estimate import Friction, friction_of
+from positioner.diagnostics.direct.slips import Slip, noise_of, slips_in
+from positioner.diagnostics.verdict import Verdict
+
+Array = NDArray[np.float64]
+
+LEAST_STICK_PERCENT = 0.7
+"""Of the command's span: a smaller S does no harm, and is no finding."""
+LEAST_SLIPS = 6
+_OVER_NOISE, _OVER_RESIDUAL = 4.0, 5.0
+_LEAST_JUMP = -0.25
+"""Of S: J lies between 0 and S where it is stick and slip."""
+_OUTER = 0.01
+"""The share of the samples that may lie outside the band of the commands, on either side."""
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """Command and stem position in percent of their spans, at equal distances of period_s.
+
+    slope: percent of command for a percent of travel, as far as it is known, and slope_sigma how well.
+    most_lag: samples by which the readings may follow the commands.
+    """
+
+    command: Array
+    position: Array
+    period_s: float
+    slope: float = 1.0
+    slope_sigma: float = 0.15
+    most_lag: int = 2
+
+
+@dataclass(frozen=True, slots=True)
+class DirectDiagnosis:
+    """S and J in percent of the command's span, None where too few slips show them; band: see `band_of`.
+
+    lag: samples by which the reading follows the command; noise: of a reading, in percent.
+    """
+
+    verdict: Verdict
+    reason: str
+    friction: Friction | None
+    slips: tuple[Slip, ...]
+    band: float
+    noise: float
+    lag: int
+
+    @property
+    def has_jump(self) -> bool:
+        """Whether the stem jumps; otherwise it has a dead band only."""
+        return self.friction is not None and self.friction.jump.low > 0.0
+
+
+def diagnose_stem(record: Record) -> DirectDiagnosis:
+    """Return the diagnosis of a record.
+
+    Its lag is the one at which the stem follows closely; else the one at which the slips agree best with each other.
+    """
+    found = [_with_lag(record, lag) for lag in range(record.most_lag + 1)]
+    for each in found:
+        if each.verdict is Verdict.NO and each.friction is None:
+            return each
+    return min(found, key=lambda each: each.friction.residual if each.friction else math.inf)
+
+
+def _with_lag(record: Record, lag: int) -> DirectDiagnosis:
+    command, position = record.command[: record.command.size - lag], record.position[lag:]
+    slope, offset = _line(command, position, record)
+    left = position - (command - offset) / slope
+    noise = min(noise_of(position), float(np.std(left)))
+    slips = slips_in(command, position, max(noise, 1e-6))
+    up = sum(slip.direction > 0.0 for slip in slips)
+    band = band_of(command - offset - slope * position)
+    bare = DirectDiagnosis(Verdict.UNDECIDED, "", None, tuple(slips), band, noise, lag)
+    if band - 2.0 * 2.33 * noise * abs(slope) < LEAST_STICK_PERCENT and np.ptp(command) > 2.0 * LEAST_STICK_PERCENT:
+        return replace(bare, verdict=Verdict.NO, reason=f"the stem follows the command within {band:.2f} %")
+    if len(slips) < LEAST_SLIPS or not 0 < up < len(slips):
+        count = f"{up} slips up and {len(slips) - up} down"
+        return replace(bare, reason=f"{count}: {LEAST_SLIPS} are needed, and both directions")
+    friction = friction_of(slips, max(noise, 1e-6), record.slope, record.slope_sigma)
+    band = band_of(command - friction.offset - friction.slope * position)
+    verdict, reason = _judged(friction, slips, band, noise)
+    return replace(bare, verdict=verdict, reason=reason, friction=friction, band=band)
+
+
+def _line(command: Array, position: Array, record: Record) -> tuple[float, float]:
+    """Return slope and offset of the line about which the commands lie: the known slope, if the record agrees."""
+    spread = float(np.std(position))
+    slope = record.slope
+    if spread > 0.0:
+        correlation = float(np.corrcoef(command, position)[0, 1]) if np.std(command) > 0.0 else 0.0
+        if correlation > 0.98:  # noqa: PLR2004 - the stem follows: the record knows the slope better
+            slope = float(np.std(command)) / spread / correlation
+    return slope, float(np.median(command - slope * position))
+
+
+def band_of(off: Array) -> float:
+    """Return the width of the band in which the commands lie about the line of the spring: 2·F_s/B, and the noise."""
+    return float(np.quantile(off, 1.0 - _OUTER) - np.quantile(off, _OUTER))
+
+
+def _judged(friction: Friction, slips: list[Slip], band: float, noise: float) -> tuple[Verdict, str]:
+    stick, jump = friction.stick, friction.jump
+    step = float(np.median([slip.half_step for slip in slips]))
+    if stick.high < LEAST_STICK_PERCENT:
+        return Verdict.NO, f"S is below {LEAST_STICK_PERCENT} %"
+    limits = (
+        (LEAST_STICK_PERCENT, f"{LEAST_STICK_PERCENT} %"),
+        (_OVER_NOISE * noise * friction.slope, "four times the noise of the position"),
+        (_OVER_RESIDUAL * friction.residual, "five times what the slips leave unexplained"),
+        (2.0 * step, "the steps of the command, which moves too fast to see a slip"),
+    )
+    for limit, what in limits:
+        if stick.value <= limit:
+            return Verdict.UNDECIDED, f"S of {stick.value:.2f} % is not above {what}"
+    if not _LEAST_JUMP * stick.value <= jump.value <= 1.25 * stick.value:
+        return Verdict.UNDECIDED, f"J of {jump.value:.2f} % does not lie between 0 and S: this is no stick and slip"
+    if stick.low > band:
+        return Verdict.UNDECIDED, f"the stem follows the command within {band:.2f} %, less than S"
+    what = "the stem sticks and jumps" if jump.low > 0.0 else "the valve has a dead band; no jump is seen"
+    return Verdict.YES, f"{what}, in {len(slips)} slips"

@@ -1,0 +1,119 @@
+"""All methods on one loop, and what they say together. Pure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from positioner.diagnostics.indirect import shapes
+from positioner.diagnostics.indirect.bicoherence import bicoherence, ellipse_width
+from positioner.diagnostics.indirect.correlation import correlation
+from positioner.diagnostics.indirect.hammerstein import models
+from positioner.diagnostics.indirect.loop import SAMPLES_PER_PERIOD, Loop, block_means, detrended, steady
+from positioner.diagnostics.indirect.oscillation import Oscillation, half_cycles, oscillation_of
+from positioner.diagnostics.indirect.pitfalls import Pitfalls, pitfalls_of
+from positioner.diagnostics.indirect.symbols import symbols
+from positioner.diagnostics.verdict import Estimate, Verdict
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from positioner.diagnostics.indirect.method import Answer
+
+_MODELS, _DECIDING = ("HAMM", "ADD"), ("HAMM", "ADD", "YAM", "CORR")
+_FEWEST = 400
+"""Samples that downsampling leaves, at least, where there are as many."""
+LEAST_SAMPLES = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """What OP and PV say about the valve.
+
+    answers: of the methods; reason: of the verdict; stick: S in the unit of OP with its interval, None where no model
+    found a valve that sticks; ellipse: the apparent S of PV over OP; factor: samples that one of the methods is the
+    mean of; oscillation: in samples of the record; notes: what a reader must know besides.
+    """
+
+    verdict: Verdict
+    reason: str
+    answers: tuple[Answer, ...]
+    stick: Estimate | None
+    ellipse: float
+    oscillation: Oscillation
+    factor: int
+    notes: tuple[str, ...]
+
+
+def diagnose_loop(loop: Loop) -> Diagnosis:
+    """Return the diagnosis of a loop of at least `LEAST_SAMPLES` samples."""
+    keep = steady(loop)
+    begin, end = _longest(keep)
+    oscillation = oscillation_of(loop.op[begin:end])
+    factor = max(min(int(oscillation.period / SAMPLES_PER_PERIOD), loop.op.size // _FEWEST), 1)
+    coarse = loop.coarser(factor)
+    kept = block_means(keep.astype(np.float64), factor) > 0.999  # noqa: PLR2004 - all of them
+    part = coarse.part(begin // factor, end // factor)
+    period, error = oscillation.period / factor, part.error
+    of_pv, of_op = half_cycles(error, period), half_cycles(part.op, period)
+    found = models(coarse.op, detrended(coarse.pv), kept)
+    answers = (
+        found.hammerstein,
+        found.ratio,
+        symbols(part.op, error),
+        correlation(part.op, error, period),
+        shapes.curve(of_op, "OP"),
+        shapes.relay(of_pv),
+        shapes.area(of_pv),
+        bicoherence(error),
+    )
+    pitfalls = pitfalls_of(loop, keep)
+    verdict, reason = combined(answers, pitfalls)
+    stick = found.stick if verdict is Verdict.YES and not math.isnan(found.stick.value) else None
+    ellipse = ellipse_width(part.op, error)
+    return Diagnosis(verdict, reason, answers, stick, ellipse, oscillation, factor, pitfalls.notes)
+
+
+def combined(answers: tuple[Answer, ...], pitfalls: Pitfalls) -> tuple[Verdict, str]:
+    """Return the verdict of all, and its reason.
+
+    Yes where PV stands still while OP moves, or where two of HAMM, ADD, YAM and CORR say yes, one of them with a model
+    of the valve: an external sinusoid fools the other two together. No where none of the four says yes.
+    """
+    if pitfalls.is_stuck:
+        return Verdict.YES, "OP moves for a persistent error, and PV does not answer: the valve is stuck, or cut off"
+    deciding = [each for each in answers if each.name in _DECIDING]
+    said = [each.name for each in deciding if each.verdict is Verdict.YES]
+    if said:
+        return _with(said, pitfalls.doubt)
+    if all(math.isnan(each.index) for each in deciding if each.name in _MODELS):
+        return Verdict.UNDECIDED, next(each.note for each in deciding if each.name in _MODELS)
+    if pitfalls.unexcited:
+        return Verdict.UNDECIDED, pitfalls.unexcited
+    return Verdict.NO, f"none of {_and(list(_DECIDING))} says yes"
+
+
+def _with(said: list[str], doubt: str) -> tuple[Verdict, str]:
+    """Return what follows from the methods that say yes."""
+    if len(said) == 1:
+        return Verdict.UNDECIDED, f"only {said[0]} says yes"
+    if not any(name in _MODELS for name in said):
+        return Verdict.UNDECIDED, f"{_and(said)} say yes, and no model of the valve does"
+    if doubt:
+        return Verdict.UNDECIDED, f"{_and(said)} say yes, but {doubt}"
+    return Verdict.YES, f"{_and(said)} say yes"
+
+
+def _and(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _longest(keep: NDArray[np.bool_]) -> tuple[int, int]:
+    """Return where the longest stretch without a gap begins and ends."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], keep.astype(np.int64), [0]])))
+    begins, ends = edges[::2], edges[1::2]
+    longest = int(np.argmax(ends - begins))
+    return int(begins[longest]), int(ends[longest])

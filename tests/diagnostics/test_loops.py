@@ -1,0 +1,88 @@
+"""Whole loops with an emulated valve: the short form of `make diagnostics-test`, and the pitfalls."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from emulated_loops import Kind, Loop, Played, play
+from numpy.typing import NDArray
+
+from positioner.diagnostics.direct.diagnosis import Record, diagnose_stem
+from positioner.diagnostics.indirect.diagnosis import diagnose_loop
+from positioner.diagnostics.indirect.loop import Loop as Recorded
+from positioner.diagnostics.indirect.loop import steady
+from positioner.diagnostics.verdict import Verdict
+
+Array = NDArray[np.float64]
+
+
+def recorded(played: Played) -> Recorded:
+    return Recorded(played.op, played.pv, played.sp, 1.0)
+
+
+@pytest.mark.parametrize(("stick", "jump", "seed"), [(1.5, 0.5, 11), (9.0, 3.0, 12), (16.0, 10.0, 13)])
+def test_a_sticking_valve_is_found(stick: float, jump: float, seed: int) -> None:
+    played = play(Loop(Kind.STICKING, stick, jump, seed))
+    direct = diagnose_stem(Record(played.op, played.stem, 1.0))
+    assert direct.verdict is Verdict.YES
+    assert direct.friction is not None
+    assert direct.friction.stick.value == pytest.approx(stick, rel=0.05)
+    assert direct.friction.jump.value == pytest.approx(jump, abs=0.5)
+    if stick >= 8.0:
+        indirect = diagnose_loop(recorded(played))
+        assert indirect.verdict is Verdict.YES
+        assert indirect.stick is not None
+        assert indirect.stick.value == pytest.approx(stick, rel=0.25)
+
+
+@pytest.mark.parametrize("kind", [Kind.HEALTHY, Kind.TIGHT, Kind.SINE, Kind.STEPS])
+def test_a_valve_that_does_not_stick_is_not_accused(kind: Kind) -> None:
+    played = play(Loop(kind, 0.1, 0.0, 21))
+    assert diagnose_stem(Record(played.op, played.stem, 1.0)).verdict is Verdict.NO
+    assert diagnose_loop(recorded(played)).verdict is not Verdict.YES
+
+
+def test_the_transients_after_setpoint_steps_are_left_out_and_nothing_else() -> None:
+    sp = np.repeat([50.0, 55.0, 52.0], 300)
+    time = np.arange(300)
+    draw = np.random.default_rng(1)
+    pv = np.concatenate([np.full(300, 50.0), 55.0 - 5.0 * np.exp(-time / 10.0), 52.0 + 3.0 * np.exp(-time / 10.0)])
+    keep = steady(Recorded(pv, pv + 0.02 * draw.standard_normal(900), sp, 1.0))
+    assert keep[:300].all()
+    for step in (300, 600):
+        assert not keep[step : step + 40].any()
+        assert keep[step + 120 : step + 300].all()
+
+
+def test_a_stuck_valve_is_told_where_a_setpoint_shows_that_the_error_stays() -> None:
+    draw = np.random.default_rng(2)
+    op: Array = 40.0 + 0.01 * np.arange(3000, dtype=np.float64)
+    pv = 45.0 + 0.1 * draw.standard_normal(3000)
+    stuck = diagnose_loop(Recorded(op, pv, np.full(3000, 50.0), 1.0))
+    assert (stuck.verdict, "stuck" in stuck.reason) == (Verdict.YES, True)
+    # the same ramp answers a load that drifts, where PV stays at its setpoint
+    assert diagnose_loop(Recorded(op, pv, np.full(3000, 45.0), 1.0)).verdict is not Verdict.YES
+
+
+def test_an_output_that_stands_still_shows_nothing() -> None:
+    pv = np.random.default_rng(3).standard_normal(1000)
+    found = diagnose_loop(Recorded(np.full(1000, 50.0), pv, np.zeros(0), 1.0))
+    assert found.verdict is Verdict.UNDECIDED
+
+
+def test_a_process_value_of_coarse_steps_makes_a_yes_doubtful() -> None:
+    played = play(Loop(Kind.STICKING, 16.0, 10.0, 13))
+    size = float(np.std(played.pv))
+    coarse = Recorded(played.op, np.round(played.pv / size) * size, played.sp, 1.0)
+    found = diagnose_loop(coarse)
+    assert found.verdict is Verdict.UNDECIDED
+    assert "too coarse" in found.reason
+
+
+def test_a_compressed_history_makes_a_yes_doubtful() -> None:
+    played = play(Loop(Kind.STICKING, 16.0, 10.0, 13))
+    kept = np.arange(0, played.pv.size, 5)
+    straight = np.interp(np.arange(played.pv.size), kept, played.pv[kept])
+    found = diagnose_loop(Recorded(played.op, straight, played.sp, 1.0))
+    assert found.verdict is Verdict.UNDECIDED
+    assert "compressed history" in found.reason

@@ -202,7 +202,7 @@ identify-acceptance: $(VENV)/installed
 # How many sticking valves `positioner diagnose` finds in emulated loops, how exactly, and how many others it accuses
 .PHONY: diagnostics-test
 diagnostics-test: $(VENV)/installed
-	PYTHONPATH=tests $(BIN)/python tests/diagnostics/acceptance.py $(ARGS)
+	PYTHONPATH=tests $(BIN)/python tests/diagnostics/loop_acceptance.py $(ARGS)
 
 # Stalls of the process: 10,000 on a virtual clock, 200 by SIGSTOP.
 .PHONY: stall-test

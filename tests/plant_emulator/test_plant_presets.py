@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -23,9 +24,9 @@ def plant_of(text: str) -> PlantSettings:
 
 def test_the_presets_are_these_and_all_can_be_read() -> None:
     assert preset_names() == (
-        "ageing", "friction+10", "friction+20", "friction-10", "friction-20", "friction-by-place", "frictionless",
-        "graphite", "noise-free", "paper", "pneumatics", "process", "real-valve", "seated", "spring+20", "spring-10",
-        "spring-20", "stochastic", "wearing",
+        "ageing", "creeping", "failing", "friction+10", "friction+20", "friction-10", "friction-20",
+        "friction-by-place", "frictionless", "graphite", "low-supply", "noise-free", "paper", "pneumatics", "process",
+        "real-valve", "seated", "spring+20", "spring-10", "spring-20", "stochastic", "wearing",
     )  # fmt: skip
     for name in preset_names():
         assert plant_settings(name).preset == name
@@ -92,12 +93,66 @@ def test_the_real_valve_is_the_papers_with_a_lag_of_50_ms_a_better_sensor_and_me
         ("process", {"process"}),
         ("ageing", {"packing"}),
         ("wearing", {"packing"}),
+        ("creeping", {"packing"}),
+        ("low-supply", {"actuator"}),
+        ("failing", {"schedule"}),
     ],
 )
 def test_a_variant_of_the_real_valve_differs_in_the_named_tables_only(name: str, tables: set[str]) -> None:
     real, variant = plant_settings("real-valve"), plant_settings(name)
     found = {each.name for each in fields(PlantSettings) if getattr(real, each.name) != getattr(variant, each.name)}
     assert found == {"preset", *tables}
+
+
+def test_a_low_supply_ends_the_reach_where_17_ma_end_it() -> None:
+    low, v = plant_settings("low-supply"), PAPER.valve
+    state = valve.step(low, valve.initial_state(low, 0), 20.0, 5.0)
+    assert state.actuator.pressure_pa == pytest.approx(17.0 * v.pressure_gain_pa_per_ma, abs=0.2)
+    # the lag leaves a little speed to the end, where friction rises to F_s within V_s
+    push_n = 17.0 * v.pressure_gain_pa_per_ma * v.diaphragm_area_m2
+    slid_m = (push_n - v.coulomb_friction_n) / v.spring_rate_n_per_m
+    assert state.stem.position_m == pytest.approx(slid_m, abs=1e-4)
+
+
+@pytest.mark.parametrize("rest_s", [0.1, 0.5, 2.0])
+def test_a_creeping_contact_holds_more_after_a_rest(rest_s: float) -> None:
+    creeping, v = plant_settings("creeping", {"actuator": lag_free()}), PAPER.valve
+    held_n = v.static_friction_n * (1.0 + 0.2 * (1.0 - math.exp(-rest_s / 0.5)))
+    balance_n = v.spring_rate_n_per_m * v.initial_position_m
+    for more, slips in ((0.999, 0), (1.001, 1)):
+        rested = valve.step(creeping, valve.initial_state(creeping, 0), balance_n / gain(creeping), rest_s)
+        state = valve.step(creeping, rested, (balance_n + more * held_n) / gain(creeping), 1e-6)
+        assert state.stem.slips == slips
+
+
+def test_the_failing_valve_has_each_fault_from_its_instant_on() -> None:
+    failing, v = plant_settings("failing", {"actuator": lag_free(), "sensor": {"noise_of_span": 0.0}}), PAPER.valve
+    state = valve.held_state(failing, 0, 2.0)
+    found = []
+    for _ in range(5):
+        state = valve.step(failing, state, 2.0, 59.0)
+        shown_m = valve.measure(failing, state)[1] - state.stem.position_m
+        full = valve.step(failing, state, 20.0, 1.0)
+        found.append((shown_m, full.actuator.pressure_pa / v.pressure_gain_pa_per_ma, full.stem.position_m > 0.06))
+        state = valve.step(failing, state, 2.0, 1.0)
+    low_ma = 80e3 / v.pressure_gain_pa_per_ma
+    expected = [
+        (0.0, 20.0, True),
+        (0.002, 20.0, True),
+        (0.002, 19.5, True),
+        (0.002, low_ma, True),
+        (0.002, low_ma, False),
+    ]
+    for each, wanted in zip(found, expected, strict=True):
+        assert each == pytest.approx(wanted, abs=1e-9)
+
+
+def lag_free() -> dict[str, float]:
+    return {"fill_time_constant_s": 0.0, "vent_time_constant_s": 0.0}
+
+
+def gain(settings: PlantSettings) -> float:
+    return settings.valve.pressure_gain_pa_per_ma * settings.valve.diaphragm_area_m2
 
 
 def test_the_seated_valve_closes_inside_the_loop_and_opens_where_the_spring_and_static_friction_are_overcome() -> None:

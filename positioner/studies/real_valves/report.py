@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from positioner.studies.markdown import table
@@ -13,7 +14,7 @@ from positioner.studies.real_valves.picture import draw
 from positioner.studies.real_valves.valves import GRAPHITE, NOISE_NAMES, NOMINAL
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
     from positioner.studies.real_valves.bouts import RealLeagueSettings
@@ -96,41 +97,39 @@ def _settling(cells: Sequence[Cell]) -> str:
 
 
 def _others(results: Results) -> list[str]:
-    """Return the tables of each plant apart, and of the conditions."""
+    """Return the tables of each plant apart, and of the conditions: a line for all lags of one."""
     main = sorted(results.chosen(), key=lambda cell: (cell.plant, cell.noise, cell.law))
     lines: list[str] = []
     for title, cells in (
         (f"`{GRAPHITE}`", [cell for cell in main if cell.plant == GRAPHITE]),
         ("Conditions", [cell for cell in results.cells if cell.condition != AS_TOLD]),
     ):
-        rows = [
-            (
-                f"`{cell.law}`" if cell.condition == AS_TOLD else CONDITIONS[cell.condition].text,
-                f"{cell.lag_s * 1e3:g}",
-                NOISE_NAMES[cell.noise],
-                f"{cell.mean_pct:.3f}",
-                f"{cell.worst_pct:.2f}",
-                _ms(cell.median_settle_1pct_s),
-                str(cell.unsettled),
-                str(cell.limit_cycles),
-                f"{cell.travel_ratio:.2f}",
-            )
-            for cell in cells
-        ]
+        groups: dict[tuple[str, str], list[Cell]] = {}
+        for cell in cells:
+            name = f"`{cell.law}`" if cell.condition == AS_TOLD else CONDITIONS[cell.condition].text
+            groups.setdefault((name, cell.noise), []).append(cell)
+        rows = [(name, NOISE_NAMES[noise], *_by_column(some)) for (name, noise), some in groups.items()]
         if rows:
-            head = (
-                "",
-                "lag, ms",
-                "noise",
-                "mean, %",
-                "worst, %",
-                "settles, ms",
-                "unsettled",
-                "cycles",
-                "travel / ideal",
-            )
-            lines += ["", f"**{title}**", "", *table(head, rows)]
+            lines += ["", f"**{title}**", "", *table(("", "noise", *_COLUMNS), rows)]
     return lines
+
+
+def _by_column(cells: Sequence[Cell]) -> list[str]:
+    """Return the text of each column, with the cells' lags side by side."""
+    return [" / ".join(text(cell) for cell in cells) for text in _COLUMNS.values()]
+
+
+_COLUMNS: Mapping[str, Callable[[Cell], str]] = MappingProxyType(
+    {
+        "lag, ms": lambda cell: f"{cell.lag_s * 1e3:g}",
+        "mean, %": lambda cell: f"{cell.mean_pct:.3f}",
+        "worst, %": lambda cell: f"{cell.worst_pct:.2f}",
+        "settles, ms": lambda cell: _ms(cell.median_settle_1pct_s),
+        "unsettled": lambda cell: str(cell.unsettled),
+        "cycles": lambda cell: str(cell.limit_cycles),
+        "travel / ideal": lambda cell: f"{cell.travel_ratio:.2f}",
+    }
+)
 
 
 def _ms(time_s: float | None) -> str:

@@ -43,7 +43,7 @@ def test_the_stem_is_planned_for_where_the_pending_commands_take_it() -> None:
     memory = replace(rested(law), lateness=Lateness(2))
     stem = memory.stem
     assert not isinstance(stem, Sliding)
-    sliding = law.filter.depart(stem, 1.0)
+    sliding = law.filter.depart(stem, 1.0, 1.0)
     seen = Observation(0.08, 12.6, PERIOD_S, 0.085, 1.0, pending_ma=(19.0, 18.5, 4.0))
     assert pending_ma(memory, seen) == (19.0, 18.5)
     soon = ahead(law.filter, memory, sliding, seen, PERIOD_S)

@@ -44,12 +44,16 @@ class Departure:
 
 @dataclass(frozen=True, slots=True)
 class Departing:
-    """What every start of a move needs: settings, filter, limits of the current in mA, and the period in s."""
+    """What every start of a move needs: settings, filter, limits of the current in mA, and the period in s.
+
+    unforeseen: the factor of the noise of a motion.
+    """
 
     settings: NmpcSettings
     filter: AdaptiveFilter
     limits_ma: tuple[float, float]
     period_s: float
+    unforeseen: float
 
     def to(self, here: Resting, setpoint_m: float, ratio: float, table: StictionTable) -> Departure:
         """Return the start of the move to the setpoint, or of the one that backs off before it; `ratio` is F_s/F_c."""
@@ -77,7 +81,7 @@ class Departing:
         gamma = breakaway(own.breakaway, model, table, here.x, direction, load.spring_n_per_m, static_n)
         low_ma, high_ma = self.limits_ma
         release_ma = min(max(gamma.current_ma, low_ma), high_ma)
-        sliding = self.filter.depart(here, direction)
+        sliding = self.filter.depart(here, direction, self.unforeseen)
         frees = direction * (gamma.current_ma - release_ma) <= 0.0
         if not frees:
             most_n = model.push_n(release_ma, 0.0, 0.0)

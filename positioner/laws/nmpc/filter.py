@@ -25,7 +25,7 @@ class Sliding:
     """The estimate while the stem slides.
 
     x in m, v in m/s, the load, and their covariance. `direction` is that of the move (±1), `stopped` whether friction
-    has ended it.
+    has ended it. `unforeseen`: the factor of the noise of this motion (`repeatability`), 0 where none was predicted.
     """
 
     x: float
@@ -34,6 +34,7 @@ class Sliding:
     covariance: Covariance
     direction: float
     stopped: bool = False
+    unforeseen: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,23 +92,30 @@ class AdaptiveFilter:
             own.viscous_sigma * nominal.viscous_n_s_per_m,
         )
 
-    def depart(self, rest: Resting, direction: float) -> Sliding:
-        """Return the estimate at the start of a move, with the average at rest, and friction a little less certain."""
+    def depart(self, rest: Resting, direction: float, unforeseen: float) -> Sliding:
+        """Return the estimate at the start of a move, with the average at rest, and friction a little less certain.
+
+        `unforeseen` is the factor of the noise of this motion.
+        """
         before = rest.anchor.covariance
         known = of_states.reduced(before, (before.xx - rest.variance_m2) / (before.xx * before.xx))
         wander_n = self.settings.friction_per_move * self.nominal.friction_n
-        covariance = of_states.departing(known, wander_n * wander_n)
-        return Sliding(rest.x, 0.0, self.limited(rest.load), covariance, direction)
+        covariance = of_states.departing(known, unforeseen * wander_n * wander_n)
+        return Sliding(rest.x, 0.0, self.limited(rest.load), covariance, direction, unforeseen=unforeseen)
 
     def advance(self, state: Sliding, current_ma: float, duration_s: float) -> Sliding:
         """Return the prediction after `duration_s` under `current_ma`; the stem may stop on the way."""
         s, own = state.direction, self.settings
         end = self.model.step(state.x, state.v, current_ma, state.load, s, duration_s)
-        kick_m_per_s = own.force_noise_n / self.model.mass_kg * duration_s
+        # what an unknown white force does to the speed, which forgets with the time m/F_v
+        mass_kg, viscous = self.model.mass_kg, state.load.viscous_n_s_per_m
+        kept = math.exp(-2.0 * viscous * duration_s / mass_kg)
+        kick_m2_per_s2 = own.force_noise_n * own.force_noise_n * _CHANGES_S * (1.0 - kept) / (2.0 * mass_kg * viscous)
         wander_n = own.friction_per_m * self.nominal.friction_n
         friction_n2 = wander_n * wander_n * abs(end.x - state.x)
-        covariance = of_states.propagated(state.covariance, end, s, kick_m_per_s * kick_m_per_s, friction_n2)
-        return Sliding(end.x, end.v, state.load, covariance, s, end.stopped)
+        part = state.unforeseen
+        covariance = of_states.propagated(state.covariance, end, s, part * kick_m2_per_s2, part * friction_n2)
+        return Sliding(end.x, end.v, state.load, covariance, s, end.stopped, part)
 
     def moved_m(self, state: Sliding, ahead: Sliding, current_ma: float, after_s: float) -> float:
         """Return how far in m the stem has moved when it is `ahead`, from `after_s` on, under `current_ma`."""
@@ -132,12 +140,13 @@ class AdaptiveFilter:
             of_states.reduced(p, by),
             state.direction,
             stopped,
+            state.unforeseen,
         )
 
     def rest(self, state: Sliding) -> Resting:
         """Return the estimate of a stem that has come to rest; its position is a little less certain."""
         doubt_m = max(self.settings.landing_noise_m, _SHARPEST_M)
-        p = of_states.at_rest(state.covariance, doubt_m * doubt_m)
+        p = of_states.at_rest(state.covariance, (state.unforeseen or 1.0) * doubt_m * doubt_m)
         anchor = replace(state, v=0.0, covariance=p, stopped=True)
         return Resting(state.x, p.xx, anchor, Load(p.xk / p.xx, p.xf / p.xx, p.xc / p.xx))
 
@@ -151,6 +160,8 @@ class AdaptiveFilter:
         )
 
 
+_CHANGES_S = 1e-3
+"""The unknown force changes once in this time."""
 _SHARPEST_M = 1e-9
 """The least uncertainty of a landing."""
 

@@ -58,7 +58,7 @@ def still_resting(
     pending, hold_ma = pending_ma(memory, observation), memory.hold_ma
     assert hold_ma is not None  # noqa: S101 - of the push that is late
     if pending and abs(pending[-1] - hold_ma) >= _SAME_MA:
-        begun = replace(filtered.depart(rest, stem.direction), load=stem.load)
+        begun = replace(filtered.depart(rest, stem.direction, stem.unforeseen), load=stem.load)
         monitor = replace(monitor, verification=replace(verification, origin=rest))
         return replace(memory, stem=begun, monitor=monitor), report(begun)
     monitor = replace(monitor, verification=None, landing=None)

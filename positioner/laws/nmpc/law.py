@@ -206,8 +206,9 @@ class NmpcLaw:
     ) -> tuple[NmpcMemory, Decision]:
         """Return the first current of a move, at least Γ, for one sample (eqs 25, 26; D8)."""
         monitor, setpoint_m = memory.monitor, observation.setpoint_m
+        monitor = replace(monitor, repeatability=monitor.repeatability.followed_by(here))
         limits_ma = (self.current_low_ma, self.current_high_ma)
-        departing = Departing(self.settings, self.filter, limits_ma, self.period_s)
+        departing = Departing(self.settings, self.filter, limits_ma, self.period_s, monitor.repeatability.factor)
         begun = departing.to(here, setpoint_m, monitor.ratio, table)
         fallback = ""
         if not begun.frees:
@@ -216,7 +217,8 @@ class NmpcLaw:
         memory = replace(memory, stem=sliding, motion=Motion.MOVE, aim_m=aim_m, corrections=memory.corrections + 1)
         decision = self._follow(begun.move)
         at_limit = direction * (decision.current_ma - begun.release_ma) <= _SAME_MA
-        verification = Verification(here, direction, at_limit, aim_m - here.x, was_expected=begun.frees)
+        origin = replace(here, anchor=replace(here.anchor, unforeseen=0.0))
+        verification = Verification(origin, direction, at_limit, aim_m - here.x, was_expected=begun.frees)
         monitor = replace(monitor, verification=verification, landing=Landing(here.x, aim_m, direction))
         memory = replace(memory, monitor=monitor, ends_s=observation.time_s + self.longest_move_s)
         reason = MoveReason(setpoint_m - here.x, begun.gamma, aim_m)

@@ -12,17 +12,21 @@ import math
 
 from positioner.values import dataclass
 
-_SURE = 4
-"""So many different steps in a row that are multiples of the smallest one make a quantised sensor."""
-_WHOLE = 0.02
-"""A ratio of two steps is a whole number within this."""
-_LARGEST_RATIO = 30.0
-"""Larger ratios are not looked at: the readings are rounded by the frame, too."""
+_SURE = 2
+"""So many changes in a row that are multiples of the step make a quantised sensor."""
+_ROUNDING_M = 5e-6
+"""Changes of the reading are equal within this: readings are rounded by the frame, too."""
+_FINEST_M = 2e-5
+"""A finer step is none: it hides nothing that matters."""
 
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """The last reading in m, the smallest step between two readings in m, and how many steps were multiples of it."""
+    """The last reading in m, the step in m, and how many changes since it was found were multiples of it.
+
+    The step is the greatest common divisor of all changes of the reading. That of a sensor which is not quantised is
+    none after two or three changes.
+    """
 
     last_m: float | None = None
     step_m: float = math.inf
@@ -32,17 +36,17 @@ class Resolution:
         """Return what is known after one more reading."""
         if self.last_m is None:
             return Resolution(measured_m)
-        change_m = abs(measured_m - self.last_m)
-        if change_m == 0.0:
+        if self.step_m < _FINEST_M or measured_m == self.last_m:
             return self
-        step_m, multiples = self.step_m, self.multiples
-        if change_m < step_m * (1.0 - _WHOLE):
+        change_m, step_m = abs(measured_m - self.last_m), self.step_m
+        if step_m == math.inf:
             return Resolution(measured_m, change_m)
-        ratio = change_m / step_m
-        if ratio > _LARGEST_RATIO:
-            return Resolution(measured_m, step_m, multiples)
-        is_whole = abs(ratio - math.floor(ratio + 0.5)) < _WHOLE
-        return Resolution(measured_m, step_m, multiples + 1 if is_whole else 0)
+        rest_m = _rest_m(change_m, step_m)
+        if rest_m < _ROUNDING_M:
+            return Resolution(measured_m, step_m, self.multiples + 1)
+        while rest_m >= _ROUNDING_M:
+            step_m, rest_m = rest_m, _rest_m(step_m, rest_m)
+        return Resolution(measured_m, step_m)
 
     def hidden_m2(self, noise_m2: float) -> float:
         """Return the variance in m² of what no average at rest can show, under white noise of that variance."""
@@ -50,3 +54,8 @@ class Resolution:
             return 0.0
         step_m2 = self.step_m * self.step_m
         return step_m2 / 12.0 * math.exp(-4.0 * math.pi * math.pi * noise_m2 / step_m2)
+
+
+def _rest_m(whole_m: float, part_m: float) -> float:
+    """Return how far in m the whole is from a multiple of the part."""
+    return abs(whole_m - math.floor(whole_m / part_m + 0.5) * part_m)

@@ -85,8 +85,10 @@ def without_trial(
     tried, pushes = memory.monitor.verification, memory.pushes
     if tried is None:
         return memory, here
-    origin = tried.origin
-    if tried.evidence < 0.0 or tried.has_failed(here):
+    origin, has_failed = tried.origin, tried.has_failed(here)
+    if tried.evidence < 0.0 or has_failed:
         pushes = pushes.after_push(moved=False, time_s=time_s, rest_m=origin.x, sigma_m=origin.sigma_m)
     memory = replace(memory, monitor=ended(settings, memory.monitor, tried), pushes=pushes)
-    return memory, here if tried.evidence >= 0.0 else origin
+    # a push at the limit of the current that moved nothing says nothing of the load it was planned with
+    is_unmoved = tried.evidence < 0.0 or (has_failed and not tried.was_expected)
+    return memory, origin if is_unmoved else here

@@ -41,7 +41,7 @@ class AdaptationSettings(SettingsTable):
 
     spring_sigma, friction_sigma, viscous_sigma: standard deviations of the configured values.
     friction_per_move, friction_per_m: how much F_c changes from move to move, and per metre.
-    force_noise_n: force that the model does not know, white per sample, while sliding.
+    force_noise_n: force that the model does not know while sliding; it changes every millisecond.
     landing_noise_m: error of a landing that none of the states explains.
     least, most: limits of the estimates.
     """
@@ -84,7 +84,7 @@ class VerificationSettings(SettingsTable):
         the weight of the newest innovation in it.
     """
 
-    verdict: Annotated[float, Interval(gt=0.0, le=100.0)] = 4.0
+    verdict: Annotated[float, Interval(gt=0.0, le=100.0)] = 6.0
     ratio_rise: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.03
     ratio_fall: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.003
     ratio_most: Annotated[float, Interval(ge=1.0, le=100.0)] = 2.0

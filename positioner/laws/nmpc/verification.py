@@ -11,6 +11,7 @@ from dataclasses import field
 from typing import TYPE_CHECKING
 
 from positioner.laws.nmpc.filter import average, believed_m
+from positioner.laws.nmpc.repeatability import Repeatability
 from positioner.laws.nmpc.resolution import Resolution
 from positioner.laws.nmpc.sensor_noise import SensorNoise
 from positioner.values import dataclass, replace
@@ -59,7 +60,7 @@ class RestMonitor:
 
     ratio: F_s/F_c. noise: variance of the sensor. drift: smoothed innovation of the resting stem, in σ.
     verification: of the last move, None once it is decided. landing: the last move, None once its end is known.
-    resolution: of the sensor.
+    resolution: of the sensor. repeatability: of landings.
     """
 
     ratio: float
@@ -68,6 +69,7 @@ class RestMonitor:
     verification: Verification | None = None
     landing: Landing | None = None
     resolution: Resolution = field(default_factory=Resolution)
+    repeatability: Repeatability = field(default_factory=Repeatability)
 
     def with_reading(
         self, settings: VerificationSettings, stem: Resting, measured_m: float, variance_m2: float, sigma_m: float
@@ -76,7 +78,9 @@ class RestMonitor:
         innovation = (measured_m - stem.x) / math.sqrt(stem.variance_m2 + self.scatter_m2(settings, variance_m2))
         drift = self.drift + settings.surprise_weight * (innovation - self.drift)
         noise = self.noise.followed_by(measured_m / sigma_m)
-        return RestMonitor(self.ratio, noise, drift, self.verification, self.landing, self.resolution)
+        return RestMonitor(
+            self.ratio, noise, drift, self.verification, self.landing, self.resolution, self.repeatability
+        )
 
     def scatter_m2(self, settings: VerificationSettings, variance_m2: float) -> float:
         """Return the variance of a reading for the smoothed innovation, where the average counts it with `variance_m2`.
@@ -129,7 +133,7 @@ def verify(
     decided = replace(verification, evidence=evidence)
     monitor = ended(settings, monitor, decided)
     if abs(evidence) < settings.verdict:
-        stem = origin if evidence < 0.0 and not alike else after
+        stem = origin if evidence < 0.0 or (alike and not verification.was_expected) else after
         return replace(monitor, landing=None), stem, None
     after, landing = (after, monitor.landing) if decided.moved else (origin, None)
     return replace(monitor, landing=landing, drift=0.0), after, decided

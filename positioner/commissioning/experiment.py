@@ -4,7 +4,8 @@
 - Strokes over the whole range of the current, at three rates: the spring, the friction of the sliding stem, and how
   the command leads the pressure.
 - Breakaways by a slow ramp from rest: the static friction. A stroke cannot show it, because its stem slides.
-- Steps well beyond the breakaway: lag and dead time of the actuator.
+- Steps well beyond the breakaway: lag and dead time of the actuator. A valve that answers within some hundredths of a
+  second makes many more of them.
 
 After a breakaway or a step the current returns to the middle of the stick band, where the friction stops the stem.
 """
@@ -33,6 +34,7 @@ RATES_MA_PER_S = (2.0, 4.0, 8.0)
 _BREAKAWAYS = 10
 _OVER = (0.3, 1.2, 0.6, 0.3, 1.2, 0.6, 0.3, 1.2)
 """How far beyond the breakaway the steps go, as a part of it."""
+_REPEATS, _REPEATED_OVER = 40, 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +133,10 @@ def stages_of(limits: ProcedureLimits) -> tuple[Stage, ...]:
     ]
     breakaways = [Release(direction=1.0 if number % 2 == 0 else -1.0, over=0.0) for number in range(_BREAKAWAYS)]
     steps = [Release(direction=1.0 if number % 2 == 0 else -1.0, over=over) for number, over in enumerate(_OVER)]
+    repeats = [
+        Release(direction=1.0 if number % 2 == 0 else -1.0, over=_REPEATED_OVER, repeats=True)
+        for number in range(_REPEATS)
+    ]
     return (
         Rest(_REST_S),
         Stroke(low_ma, min(_APPROACH_MA_PER_S, most), records=False),
@@ -138,5 +144,6 @@ def stages_of(limits: ProcedureLimits) -> tuple[Stage, ...]:
         ToMiddle(),
         *breakaways,
         *steps,
+        *repeats,
         Return(),
     )

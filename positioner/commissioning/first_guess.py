@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,8 +23,10 @@ from positioner.commissioning.observed import (
     STRIBECK,
     VENT,
     VISCOUS,
+    excess,
     residuals,
     sets_of,
+    weakened,
 )
 from positioner.commissioning.slips import play
 
@@ -39,8 +42,12 @@ _TRIES = 81
 _WIDTHS = (0.4, 0.05, 0.008, 0.0015)
 _ROUNDS = 2
 _SCATTER = 5e-4
+_DONE = 0.5
 _SLOW = 2.5
 _FACTORS = (0.4, 0.8, 1.6)
+_OFF_SIGMAS = np.linspace(-2.0, 2.0, 5)
+_BLOCK = 50
+"""Readings of a stroke, a quarter of a second, beyond which they say something new."""
 
 
 def first_guess(
@@ -50,18 +57,21 @@ def first_guess(
     theta = prior.theta.copy()
     theta[DEAD] = 0.0
     own = np.zeros((2, len(breakaways.rest_m)))
-    for _ in range(_ROUNDS):
-        theta, sums_s = _lines(strokes, gain, theta)
+    for widths in (_WIDTHS, ()):  # the lines once more with the static friction
+        theta, sums_s, sigma_s, wrong = _lines(strokes, gain, theta)
         theta[[FILL, VENT]] = np.maximum(sums_s - theta[VISCOUS] / theta[SPRING], 0.0)
-        for width in _WIDTHS:
+        for width in widths:
             theta, own = _aligned(breakaways, mass_kg, gain, theta, width)
-    starts = []
+    strokes = weakened(strokes, wrong)
+    starts: list[Array] = []
     for dead_s in (np.zeros(1), np.r_[0.0, np.geomspace(0.0005, 0.05, 9)]):
-        start, factors = theta, np.geomspace(0.2, 5.0, 33)
-        for _ in range(_ROUNDS):
-            start = _divided(steps, mass_kg, gain, start, ramp, sums_s, start[VISCOUS] * factors, dead_s)
-            factors = np.geomspace(0.9, 1.1, 9)
-        starts.append(start)
+        start, off_sigmas = theta, _OFF_SIGMAS
+        for factors in (np.geomspace(0.2, 5.0, 17), np.geomspace(0.8, 1.25, 9)):
+            sums = Sums(sums_s, sigma_s, off_sigmas)
+            start, nearest = _divided(steps, mass_kg, gain, start, ramp, sums, start[VISCOUS] * factors, dead_s)
+            off_sigmas = nearest + 0.25 * _OFF_SIGMAS
+        if not any(np.array_equal(start, other) for other in starts):
+            starts.append(start)
     seen = stribeck_is_seen(strokes, gain, theta, prior)
     if seen:  # F_c and V_s explain slow strokes nearly alike: several beginnings, too
         starts = [_with_stribeck(start, factor * prior.theta[STRIBECK]) for start in starts for factor in _FACTORS]
@@ -70,7 +80,7 @@ def first_guess(
         found = []
         for start in starts:  # without a dead time, and with one: between the two lie hills that no descent crosses
             held = bound(prior, start, [STATIC] if seen else [STATIC, STRIBECK])
-            found.append(fit([strokes, steps], mass_kg, gain, held, _SCATTER, (start, still)))
+            found.append(fit([strokes, steps], mass_kg, gain, held, _SCATTER, (start, still), _DONE))
         theta = min(found, key=lambda one: one.cost).theta
         for width in _WIDTHS[1:]:
             theta, own = _aligned(breakaways, mass_kg, gain, theta, width)
@@ -97,8 +107,17 @@ def stribeck_is_seen(strokes: Observed, gain: float, theta: Array, prior: Prior)
     return bool(rows[:, 5].min() * gain / theta[SPRING] < _SLOW * prior.theta[STRIBECK])
 
 
-def _lines(strokes: Observed, gain: float, theta: Array) -> tuple[Array, Array]:
-    """Return θ with the lines of the steadily sliding stem, and how long they follow the current: τ + T_d + F_v/K.
+@dataclass(frozen=True, slots=True)
+class Sums:
+    """τ + T_d + F_v/K up and down in s, their σ, and by how many σ it may be off."""
+
+    up_down_s: Array
+    sigma_s: float
+    off_sigmas: Array
+
+
+def _lines(strokes: Observed, gain: float, theta: Array) -> tuple[Array, Array, float, float]:
+    """Return θ with the lines of the sliding stem, how long they follow the current: τ + T_d + F_v/K, σ of it, excess.
 
     Then K·x = B·(u - s·r·S) - F_0 - s·F(v), with the ramp's rate r and v = B·r/K; each direction has its own S.
     """
@@ -116,15 +135,18 @@ def _lines(strokes: Observed, gain: float, theta: Array) -> tuple[Array, Array]:
             found, *_ = np.linalg.lstsq(columns, (wanted + fading) * rows[:, 6], rcond=None)
             off = (wanted + fading) * rows[:, 6] - columns @ found
             if float(off @ off) < 0.98 * best:
-                best, chosen, lines = float(off @ off), stribeck, found
+                best, chosen, lines, left = float(off @ off), stribeck, found, off
+                inverse = np.linalg.pinv(columns.T @ columns)
         after = theta.copy()
         after[SPRING] = gain / lines[0]
         after[PRELOAD] = -lines[1] * after[SPRING]
         after[COULOMB] = max(-lines[2] * after[SPRING], 0.01 * theta[COULOMB])
         after[STRIBECK] = chosen
         sums_s = np.maximum(-np.array([lines[3], -lines[4]]) / lines[0] + 0.5 * period_s, 0.0)
+        wrong = excess(left, _BLOCK)
+        sigma_s = float(np.sqrt(np.mean(np.diag(inverse)[3:]) * wrong) / abs(lines[0]))
         theta = after
-    return theta, sums_s
+    return theta, sums_s, sigma_s, wrong
 
 
 def _sliding_rows(strokes: Observed, settles_s: float) -> tuple[Array, Array]:
@@ -184,24 +206,33 @@ def _divided(
     gain: float,
     theta: Array,
     ramp: float,
-    sums_s: Array,
+    sums: Sums,
     viscous: Array,
     dead_s: Array,
-) -> Array:
-    """Return θ with the lags, the dead time and F_v that leave the strokes as they are and explain the steps best."""
-    ways = []
-    for friction in np.unique(np.minimum(viscous, sums_s.mean() * theta[SPRING])):
-        for late_s in dead_s:
-            rest_s = late_s + friction / theta[SPRING]
-            if late_s and sums_s.mean() < rest_s:
-                continue
-            way = theta.copy()
-            way[[VISCOUS, DEAD]] = friction, late_s
-            way[[FILL, VENT]] = np.maximum(sums_s - rest_s, 0.0)
-            later_s = float(np.mean(way[[FILL, VENT]] - theta[[FILL, VENT]])) + late_s - theta[DEAD]
-            way[STATIC] = max(way[STATIC] - gain * ramp * later_s, way[COULOMB])
-            ways.append(way)
+) -> tuple[Array, float]:
+    """Return θ with the lags, the dead time and F_v that explain the steps best, and by how many σ their sum is off."""
+    ways, offs = [], []
+    for off in sums.off_sigmas:
+        sums_s = np.maximum(sums.up_down_s + off * sums.sigma_s, 0.0)
+        for friction in viscous:
+            for late_s in dead_s:
+                rest_s = late_s + friction / theta[SPRING]
+                if late_s and sums_s.mean() < rest_s:
+                    continue
+                way = theta.copy()
+                way[[VISCOUS, DEAD]] = friction, late_s
+                way[[FILL, VENT]] = np.maximum(sums_s - rest_s, 0.0)
+                later_s = float(np.mean(way[[FILL, VENT]] - theta[[FILL, VENT]])) + late_s - theta[DEAD]
+                way[STATIC] = max(way[STATIC] - gain * ramp * later_s, way[COULOMB])
+                ways.append(way)
+                missing_s = min(float(sums_s.mean()) - rest_s, 0.0)
+                offs.append(abs(off) + abs(missing_s) / sums.sigma_s)
     thetas = np.stack(ways)
     own = np.zeros((len(thetas), 2, len(steps.rest_m)))
     found = residuals(steps, play(steps.slips, sets_of(thetas, own, steps, mass_kg, gain)))
-    return np.asarray(thetas[np.argmin(np.sum(found * found, axis=(0, 2)))])
+    costs = np.sum(found * found, axis=(0, 2))
+    readings = max(int(np.count_nonzero(found[:, 0, :])), 1)
+    costs /= max(float(costs.min()) / readings, 1.0)
+    best = int(np.argmin(costs + np.square(offs)))
+    nearest = float(np.mean(thetas[best][[FILL, VENT]]) + thetas[best][DEAD] + thetas[best][VISCOUS] / theta[SPRING])
+    return np.asarray(thetas[best]), (nearest - float(sums.up_down_s.mean())) / sums.sigma_s

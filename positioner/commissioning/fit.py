@@ -12,17 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from positioner.commissioning.derivatives import RELATIVE, first_changes, later_changes, variants
 from positioner.commissioning.observed import (
     COULOMB,
     COUNT,
     DEAD,
     FILL,
-    PRELOAD,
-    SPRING,
     STATIC,
-    STRIBECK,
     VENT,
-    VISCOUS,
     residuals,
     sets_of,
 )
@@ -37,13 +34,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-_RELATIVE = (SPRING, STATIC, COULOMB, VISCOUS, STRIBECK)
-_PASSES = 14
-_DONE = 1e-4
+_PASSES = 24
+_DONE = 0.05
+"""A twentieth of what one σ costs."""
 _DAMPINGS = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 3.0)
-_CHANGE = 3e-5
-"""Of a force, for its derivative: a slow ramp then slips a fraction of a millisecond later."""
-_CHANGES = {SPRING: _CHANGE, STATIC: _CHANGE, COULOMB: 1e-3, VISCOUS: 1e-2, STRIBECK: 1e-2}
 _LEAST_DIFFERENCE = 0.02
 """F_s exceeds F_c by at least this part."""
 
@@ -74,31 +68,43 @@ def fit(
     prior: Prior,
     friction_sigma: float,
     start: tuple[Array, Sequence[Array]] | None = None,
+    done: float = _DONE,
 ) -> Fitted:
     """Return the parameters that explain the readings best, from `start` or the values of `prior`.
 
     gain: B in N/mA; friction_sigma: the expected scatter of the friction between slips, as a part of it.
-    start: θ and the own unknowns of the slips.
+    start: θ and the own unknowns of the slips; done: it ends where a pass gains less of the cost.
     """
     theta = prior.theta.copy() if start is None else start[0].copy()
     own = tuple(start[1]) if start else tuple(np.zeros((2, len(each.rest_m))) for each in observed)
-    known = _normal(observed, mass_kg, gain, prior, theta, own, friction_sigma)
+    changes = first_changes(theta, observed)
+    known = _normal(observed, mass_kg, gain, prior, theta, own, friction_sigma, changes)
     for _ in range(_PASSES):
         trials = []
         for damping in _DAMPINGS:
             change = _step(known, theta, damping)
             trials.append(_moved(theta, own, change, observed))
         costs = _costs(observed, mass_kg, gain, prior, [trial[0] for trial in trials], trials, friction_sigma)
-        best = int(np.argmin(costs))
+        best = int(np.nanargmin(costs))
         if not costs[best] < known.cost:
             break
         gained = known.cost - costs[best]
         theta, own = trials[best]
-        known = _normal(observed, mass_kg, gain, prior, theta, own, friction_sigma)
-        if gained < _DONE * known.cost and gained < 0.5:  # noqa: PLR2004 - half a log-likelihood
+        changes = later_changes(np.diag(known.matrix), theta)
+        known = _normal(observed, mass_kg, gain, prior, theta, own, friction_sigma, changes)
+        if gained < done:
             break
     inverse: Array = np.linalg.pinv(known.matrix).astype(np.float64)
     return Fitted(theta, inverse[:COUNT, :COUNT], known.cost, _scatter(own, inverse, friction_sigma), own)
+
+
+def residuals_of(observed: Sequence[Observed], mass_kg: float, gain: float, fitted: Fitted) -> list[Array]:
+    """Return the weighted residuals of a fit for each of `observed`, as arrays of (reading, slip)."""
+    theta = fitted.theta[None, :]
+    return [
+        residuals(each, play(each.slips, sets_of(theta, own[None], each, mass_kg, gain)))[:, 0, :]
+        for each, own in zip(observed, fitted.own, strict=True)
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,26 +122,6 @@ def _scatter(own: Sequence[Array], inverse: Array, before: float) -> float:
     return float(np.sqrt(np.mean(estimates * estimates + left)))
 
 
-def _variants(theta: Array, own: Array, period_s: float) -> tuple[Array, Array, Array]:
-    """Return θ and own unknowns with one of them changed in each set, and the changes."""
-    change = np.empty(COUNT + 2)
-    for number in range(COUNT):
-        if number in _RELATIVE:
-            change[number] = _CHANGES[number]
-        elif number == PRELOAD:
-            change[number] = _CHANGE * theta[STATIC]
-        else:
-            change[number] = max(1e-3 * theta[number], 0.1 * min(period_s, 1e-3))
-    change[COUNT], change[COUNT + 1] = 1e-6, _CHANGE
-    thetas = np.tile(theta, (COUNT + 3, 1))
-    owns = np.tile(own, (COUNT + 3, 1, 1))
-    for number in range(COUNT):
-        thetas[number + 1, number] += change[number] * (theta[number] if number in _RELATIVE else 1.0)
-    owns[COUNT + 1, 0] += change[COUNT]
-    owns[COUNT + 2, 1] += change[COUNT + 1]
-    return thetas, owns, change
-
-
 def _normal(
     observed: Sequence[Observed],
     mass_kg: float,
@@ -144,15 +130,19 @@ def _normal(
     theta: Array,
     own: Sequence[Array],
     friction_sigma: float,
+    changes: Array,
 ) -> _Normal:
     """Return the normal equations at θ; the unknowns of the slips follow the parameters, two for each slip."""
-    total = COUNT + 2 * sum(len(each.rest_m) for each in observed)
+    total = len(changes)
     matrix, vector, cost, first = np.zeros((total, total)), np.zeros(total), 0.0, COUNT
     for each, mine in zip(observed, own, strict=True):
-        thetas, owns, change = _variants(theta, mine, each.slips.period_s)
+        own_changes = changes[first : first + mine.size].reshape(-1, 2).T
+        thetas, owns = variants(theta, mine, changes, own_changes)
         found = residuals(each, play(each.slips, sets_of(thetas, owns, each, mass_kg, gain)))
         base = found[:, 0, :]
-        slopes = (found[:, 1:, :] - base[:, None, :]) / change[None, :, None]
+        slopes = found[:, 1:, :] - base[:, None, :]
+        slopes[:, :COUNT] /= changes[:COUNT, None]
+        slopes[:, COUNT:] /= own_changes
         cost += float(np.sum(base * base))
         for slip in range(base.shape[1]):
             numbers = np.r_[np.arange(COUNT), first, first + 1]
@@ -175,7 +165,7 @@ def _normal(
 
 def _off(theta: Array, prior: Prior) -> Array:
     off = theta - prior.theta
-    for number in _RELATIVE:
+    for number in RELATIVE:
         off[number] = np.log(theta[number] / prior.theta[number])
     return off
 
@@ -200,7 +190,7 @@ def _moved(
     """Return θ and the slips' own unknowns after a step, inside what a valve can be."""
     after = theta.copy()
     for number in range(COUNT):
-        if number in _RELATIVE:
+        if number in RELATIVE:
             after[number] *= float(np.exp(np.clip(change[number], -0.7, 0.7)))
         else:
             after[number] += change[number]

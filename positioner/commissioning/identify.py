@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from positioner.commissioning.first_guess import bound, first_guess, stribeck_is_seen
-from positioner.commissioning.fit import Prior, fit
+from positioner.commissioning.fit import Prior, fit, residuals_of
 from positioner.commissioning.identified import IdentifiedValve, Interval
 from positioner.commissioning.noise import noise_of
 from positioner.commissioning.observed import (
@@ -20,7 +20,9 @@ from positioner.commissioning.observed import (
     STRIBECK,
     VENT,
     VISCOUS,
+    excess,
     theta_of,
+    weakened,
 )
 from positioner.commissioning.pressure import times_of
 from positioner.commissioning.record import Kind
@@ -54,8 +56,8 @@ _MODEL_ERROR = {SPRING: 3e-4, STATIC: 1e-3, COULOMB: 1e-3, VISCOUS: 0.02, STRIBE
 _MODEL_ERROR_PERIODS = 0.1
 """That of the times, in sample periods."""
 _FEWEST = 4
-_ROUGH = 2.0
-"""Factor on σ: the least change of force shifts a slip, so the cost is rough, and a descent ends near its least."""
+_ALIKE_S = 0.25
+"""Residuals that the model causes are alike for so long."""
 _HELD = 1e-5
 
 
@@ -102,14 +104,26 @@ def identify(
     scatter = max(_LEAST_SCATTER, 1.48 * float(np.median(np.abs(slips[1]))))
     slips[1] = np.clip(slips[1], -3.0 * scatter, 3.0 * scatter)
     own: Sequence[Array] = [np.zeros((2, len(slow.rest_m))), slips, np.zeros((2, len(steps.rest_m)))]
+    wrong = np.ones(len(observed))
     for number in range(_ROUNDS):
-        fitted = fit(observed, valve.mass_kg, gain, prior, scatter, (theta, own))
-        theta, own, before = fitted.theta, fitted.own, scatter
+        believed = [weakened(each, by) for each, by in zip(observed, wrong, strict=True)]
+        fitted = fit(believed, valve.mass_kg, gain, prior, scatter, (theta, own))
+        theta, own, before = fitted.theta, fitted.own, np.array([scatter * scatter, *wrong])
         scatter = max(fitted.friction_sigma, _LEAST_SCATTER)
+        left = residuals_of(observed, valve.mass_kg, gain, fitted)
+        wrong = np.array([_excess(each, off) for each, off in zip(observed, left, strict=True)])
         report(0.3 + 0.7 * (number + 1) / _ROUNDS)
-        if abs(scatter - before) < 0.2 * before:
+        if np.all(np.abs(np.array([scatter * scatter, *wrong]) - before) < 0.4 * before):
             break
-    return _result(fitted, observed, noise, valve, limits, period_s)
+    misfit = float(sum(np.sum(off * off) for off in left) / sum(np.count_nonzero(off) for off in left))
+    return _result(fitted, misfit, observed, noise, valve, limits, period_s)
+
+
+def _excess(observed: Observed, off: Array) -> float:
+    """Return by how much the variance of the residuals (reading, slip) exceeds that of the noise, in blocks of time."""
+    counts = observed.weight[:, observed.slips.begins :].T > 0.0
+    block = max(round(_ALIKE_S / observed.slips.period_s), 1)
+    return excess(np.concatenate([off[counts[:, slip], slip] for slip in range(off.shape[1])]), block)
 
 
 def _prior(valve: ValveParameters) -> Prior:
@@ -122,30 +136,29 @@ def _prior(valve: ValveParameters) -> Prior:
 
 def _result(
     fitted: Fitted,
+    misfit: float,
     observed: Sequence[Observed],
     noise: Noise,
     valve: ValveParameters,
     limits: ProcedureLimits,
     period_s: float,
 ) -> IdentifiedValve:
-    readings = sum(int(np.count_nonzero(each.weight[:, each.slips.begins :])) for each in observed)
-    misfit = fitted.cost / readings
-    covariance = fitted.covariance * max(misfit, 1.0)
-    sigma = _ROUGH * np.sqrt(np.diag(covariance))
+    covariance = fitted.covariance
+    sigma = np.sqrt(np.diag(covariance))
     # too long a dead time is poison for a law, and too short a one nearly harmless
     most_s = float(fitted.theta[DEAD])
-    dead_s = max(most_s - _ONE_SIDED * float(sigma[DEAD]) / _ROUGH, 0.0)
+    dead_s = max(most_s - _ONE_SIDED * float(sigma[DEAD]), 0.0)
     dead_s = dead_s if dead_s > _MODEL_ERROR_PERIODS * period_s else 0.0
     # the others follow the dead time, as the readings bind them to it
     bound = covariance[:, DEAD] / max(covariance[DEAD, DEAD], 1e-18) * (dead_s - most_s)
 
     def relative(number: int) -> Interval:
-        if sigma[number] < _ROUGH * _HELD:  # it was not looked for
+        if sigma[number] < _HELD:  # it was not looked for
             value = valve.stribeck_velocity_m_per_s
             return Interval(value, 0.0, np.inf, seen=False)
         error = _Z * float(np.hypot(sigma[number], _MODEL_ERROR[number]))
         value = float(fitted.theta[number] * np.exp(bound[number]))
-        seen = number not in {VISCOUS, STRIBECK} or bool(sigma[number] < _ROUGH * _SEEN * _DOUBTFUL)
+        seen = number not in {VISCOUS, STRIBECK} or bool(sigma[number] < _SEEN * _DOUBTFUL)
         middle = float(fitted.theta[number])
         ends = min(value, middle * np.exp(-error)), max(value, middle * np.exp(error))
         believed = {VISCOUS: valve.viscous_friction_n_s_per_m, STRIBECK: valve.stribeck_velocity_m_per_s}

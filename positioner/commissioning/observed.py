@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -76,3 +76,18 @@ def residuals(observed: Observed, positions_m: Array) -> Array:
     readings = observed.slips.measured_m[:, observed.slips.begins :].T[:, None, :]
     weight = observed.weight[:, observed.slips.begins :].T[:, None, :]
     return np.where(weight > 0.0, (np.nan_to_num(readings) - positions_m) * weight, 0.0)
+
+
+def excess(off: Array, block: int) -> float:
+    """Return the variance of the sums of `block` weighted residuals, over that of white noise of σ = 1; at least 1.
+
+    It exceeds 1 where the residuals are larger than the noise, or where neighbours are alike: where the model is wrong,
+    as with friction that varies along the stroke.
+    """
+    sums = off[: len(off) // block * block].reshape(-1, block).sum(axis=1)
+    return max(float(np.mean(sums * sums)) / block, 1.0) if len(sums) else 1.0
+
+
+def weakened(observed: Observed, by: float) -> Observed:
+    """Return the slips with the variance of each reading `by` times as large."""
+    return replace(observed, weight=observed.weight / np.sqrt(by))

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 _MOST_EXPONENT = 60.0
+_MOST_WITHIN = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +83,9 @@ def play(slips: Slips, sets: Candidates) -> Array:
     spring, inverse = sets.spring_n_per_m, 1.0 / sets.stribeck_m_per_s
     viscous = np.maximum(sets.viscous_n_s_per_m, 1e-3)
     damping = np.minimum(viscous * step_s / sets.mass_kg, _MOST_EXPONENT)
+    # with strong damping the speed follows the friction within microseconds
+    within = min(max(int(np.median(damping)), 1), _MOST_WITHIN)
+    damping, part_s = damping / within, step_s / within
     fade = np.exp(-damping)
     lag_s = (sets.mass_kg / viscous) * (1.0 - fade)
     load_n = sets.preload_n + spring * sets.rest_m
@@ -102,16 +106,17 @@ def play(slips: Slips, sets: Candidates) -> Array:
             mean = target + off * np.where(rises, fill_mean, vent_mean)
             pressure = target + off * np.where(rises, fill, vent)
             push_n = side * (gain * mean - load_n) - coulomb_n - spring * (way + 0.5 * step_s * speed)
-            ratio = speed * inverse
-            final = (push_n - excess_n * np.exp(-ratio * ratio)) / viscous
-            after = final + (speed - final) * fade
-            goes = after > 0.0
-            # again, with the friction of the middle of the step: a fast slip leaves F_s within microseconds
-            ratio = 0.5 * (speed + after) * inverse
-            final = (push_n - excess_n * np.exp(-ratio * ratio)) / viscous
-            after = final + (speed - final) * fade
-            way = way + np.maximum(final * step_s + (speed - final) * lag_s, 0.0) * (goes | (speed > 0.0))
-            speed = np.where(goes, np.maximum(after, 0.0), 0.0)
+            for _ in range(within):
+                ratio = speed * inverse
+                final = (push_n - excess_n * np.exp(-ratio * ratio)) / viscous
+                after = final + (speed - final) * fade
+                goes = after > 0.0
+                # again, with the friction of the middle of the step: a fast slip leaves F_s within microseconds
+                ratio = 0.5 * (speed + after) * inverse
+                final = (push_n - excess_n * np.exp(-ratio * ratio)) / viscous
+                after = final + (speed - final) * fade
+                way = way + np.maximum(final * part_s + (speed - final) * lag_s, 0.0) * (goes | (speed > 0.0))
+                speed = np.where(goes, np.maximum(after, 0.0), 0.0)
         found[k - slips.begins] = way
     return sets.rest_m + side * found
 

@@ -31,7 +31,7 @@ class World:
 
     line: of the sliding stem, believed at first and then measured; sigma_m: of a reading at rest; low_m, high_m: how
     far it slid down and up; up, down: the sums behind the line. static_ma: the largest
-    force at a breakaway so far.
+    force at a breakaway so far; answer_s: the longest time from a step until its slip was seen.
     """
 
     limits: ProcedureLimits
@@ -42,6 +42,7 @@ class World:
     low_m: float = math.inf
     high_m: float = -math.inf
     static_ma: float = 0.0
+    answer_s: float = 0.0
     up: Moments = Moments()
     down: Moments = Moments()
 

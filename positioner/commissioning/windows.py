@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,7 +27,7 @@ _AFTER_S = 0.4
 _STROKE_PERIOD_S = 0.005
 _STROKE_STEP_S = 0.0025
 _LEAD_S = 1.5
-"""So much of the stroke before is played first, for the pressure."""
+"""So much of the currents before is played first, for the pressure."""
 _SMOOTH_S = 0.1
 _SETTLED_S = 0.3
 _FLOOR_OF_SPAN = {Kind.STROKE: 3e-5, Kind.STEP: 3e-4, Kind.BREAKAWAY: 3e-3}
@@ -57,12 +58,16 @@ def releases(
     before_s = _BEFORE_S + 2.0 * np.sqrt(2.0 * max(1.5 * sigma_m, 1e-3 * limits.span_m) / creep_m_per_s2)
     longest = max(each.slip - each.held for each in found)
     played = max(longest + 1 if kind is Kind.STEP else min(round(before_s / period_s), longest), 2)
+    before += round(_LEAD_S / period_s)
     count = before + after
     applied, measured = np.empty((len(found), count)), np.full((len(found), count), np.nan)
     rest_m, rest_sigma_m = np.empty(len(found)), np.empty(len(found))
+    tails = _tails(stretches, kind, before)
     for number, each in enumerate(found):
         begin, end = before - each.slip, each.slip + after
         applied[number, :begin] = each.applied_ma[0]
+        tail = tails[number][-begin:]
+        applied[number, begin - len(tail) : begin] = tail
         applied[number, begin:] = each.applied_ma[:end]
         measured[number, begin:] = each.measured_m[:end]
         held = np.asarray(each.measured_m[each.held // 4 : each.held])
@@ -72,6 +77,15 @@ def releases(
     slips = Slips(period_s, np.array([each.direction for each in found]), applied, measured, max(before - played, 1))
     places_m = np.broadcast_to(rest_m[:, None], measured.shape)
     return Observed(slips, _weights(measured, places_m, kind, noise, limits), rest_m, rest_sigma_m)
+
+
+def _tails(stretches: Sequence[Stretch], kind: Kind, most: int) -> list[tuple[float, ...]]:
+    """Return the currents before each stretch of `kind`, where a release led to it: a long lag still remembers them."""
+    return [
+        before.applied_ma[-most:] if before and before.kind in {Kind.BREAKAWAY, Kind.STEP} else ()
+        for before, each in pairwise((None, *stretches))
+        if each and each.kind is kind
+    ]
 
 
 def strokes(stretches: Sequence[Stretch], noise: Noise, limits: ProcedureLimits, period_s: float) -> Observed | None:

@@ -13,6 +13,7 @@ from plant_emulator import valve as plant_valve
 from plant_emulator.presets import plant_settings
 from positioner.commissioning.experiment import Experiment
 from positioner.commissioning.identify import IdentifyError, identify
+from positioner.commissioning.observed import excess
 from positioner.commissioning.pressure import times_of
 from positioner.commissioning.procedure import ProcedureLaw, ProcedureLimits
 from positioner.commissioning.record import Kind
@@ -77,6 +78,47 @@ def test_the_fit_finds_spring_friction_lags_dead_time_and_noise(memory: Identify
     assert all(getattr(found, name).contains(truth) for name, truth in truths.items())
     assert parts == sorted(parts)
     assert 0.0 < parts[0] < parts[-1] <= 1.0
+
+
+def test_a_valve_that_answers_at_once_repeats_its_steps_within_180_s() -> None:
+    memory, time_s = experiment_on(plant(), BELIEVED, LIMITS, 7, PERIOD_S)
+    assert sum(each.kind is Kind.STEP for each in memory.stretches) == 8 + 40
+    assert time_s < 180.0
+
+
+def test_residuals_that_are_larger_or_alike_weaken_the_readings() -> None:
+    """Sums of n alike residuals of variance a have the variance n²·a; white noise has n."""
+    white = np.random.default_rng(4).standard_normal(20_000)
+    assert excess(white, 50) == pytest.approx(1.0, abs=0.15)
+    assert excess(3.0 * white, 50) == pytest.approx(9.0, rel=0.15)
+    assert excess(np.repeat(white, 50), 50) == pytest.approx(50.0, rel=0.05)
+    assert excess(0.1 * white, 50) == 1.0
+    assert excess(white[:10], 50) == 1.0
+
+
+def test_a_creeping_stem_with_strong_damping_is_played_alike_in_steps_of_any_length() -> None:
+    """m/F_v is 19 µs here, far below the step; a speed that follows in whole steps slips tens of milliseconds late."""
+    one = np.ones((1, 1))
+    sets = Candidates(
+        1.36,
+        440.0,
+        206_941.0 * one,
+        0.0 * one,
+        942.0 * one,
+        665.0 * one,
+        70_501.0 * one,
+        0.00326 * one,
+        *(0.0 * one, 0.0 * one, 0.0 * one),
+        0.015 * one,
+        one,
+    )
+    count, period_s = 900, 0.001
+    applied = (206_941.0 * 0.015 + 940.0) / 440.0 + 3e-3 * np.arange(count, dtype=np.float64)[None, :]
+    coarse, fine = (
+        play(Slips(period_s, np.ones(1), applied, applied, 0, step_s), sets)[:, 0, 0] for step_s in (2.5e-4, 2.5e-5)
+    )
+    assert fine[-1] > 0.016
+    assert coarse == pytest.approx(fine, abs=0.02e-3)
 
 
 def test_a_measured_pressure_shows_lags_and_dead_time_by_itself() -> None:

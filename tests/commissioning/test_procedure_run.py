@@ -88,7 +88,7 @@ def test_the_experiment_runs_in_the_loop_to_its_end_and_the_status_says_function
     run = Run(tmp_path)
     run.until_end()
     memory = run.run.result()
-    assert len(memory.stretches) == 1 + 6 + 10 + 8
+    assert len(memory.stretches) == 1 + 6 + 10 + 8 + 40
     assert abs(run.where_m - run.start_m) < 0.005 * SPAN_M
     statuses = run.messages(PositionerStatus)
     assert {status.health for status in statuses} == {Health.FUNCTION_CHECK}

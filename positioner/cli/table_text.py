@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import groupby
 from typing import TYPE_CHECKING
 
@@ -36,7 +37,22 @@ def table(stored: StoredTable) -> str:
     heads = [f"{title:>17} {'n':>5}" for _, title, _, _ in _COLUMNS]
     header = " | ".join([f"{'position, mm':>12} {'direction':<9}", *heads, f"{'age':>6} {'newest':<20}"])
     rule = "-+-".join("-" * len(part) for part in header.split(" | "))
-    return "\n".join([summary(stored), "", header, rule, *_lines(stored), "", _LEGEND, ""])
+    return "\n".join([summary(stored), *_fit(stored), "", header, rule, *_lines(stored), "", _LEGEND, ""])
+
+
+def _fit(stored: StoredTable) -> Iterator[str]:
+    """Yield K, F_s, F_c and the lags with their standard deviations, in one line, where the law has kept them."""
+    fit = stored.table.fit
+    if fit is None:
+        return
+    lag = math.sqrt(fit.tt)
+    parts = (
+        f"K {fit.spring_n_per_m:.0f} ± {math.sqrt(fit.kk):.0f} N/m",
+        f"F_s {fit.static_n:.0f} ± {math.sqrt(fit.ff):.0f} N",
+        f"F_c {fit.sliding_n:.0f} ± {math.sqrt(fit.sliding_n2):.0f} N",
+        f"fill {fit.fill_s * _MM:.3g} ms, vent {fit.vent_s * _MM:.3g} ms ± {100.0 * lag:.1f} %",
+    )
+    yield f"learned from all slips: {', '.join(parts)}; {utc_text(stored.fit_recorded_s)}"
 
 
 def csv_rows(stored: StoredTable) -> Iterator[tuple[str, ...]]:

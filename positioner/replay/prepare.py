@@ -60,7 +60,7 @@ def prepare(path: Path, configuration: Configuration, state: Path | None) -> Pre
             f"{path}: holds {log.count} frames, and no position frame among them: is it another valve's, or does "
             "[wire] describe other frames?"
         )
-    table = _table(configuration, state)
+    table = _table(configuration, state, int(log.begin_s))
     cycle_count = commands = 0
     first: LogFrame | None = None
     replaced: LogFrame | None = None
@@ -99,7 +99,7 @@ def _is_of_a_table(note: LogFrame) -> bool:
     return Note.of(note.frame.data).kind == KIND_TABLE
 
 
-def _table(configuration: Configuration, state: Path | None) -> StictionTable:
+def _table(configuration: Configuration, state: Path | None, now_s: int) -> StictionTable:
     cell_m = configuration.control.table_cell_m
     if state is None:
         return StictionTable(cell_width_m=cell_m)
@@ -110,4 +110,4 @@ def _table(configuration: Configuration, state: Path | None) -> StictionTable:
         raise StateError(
             f"{state}: the table has cells of {stored.table.cell_width_m:g} m, the configuration {cell_m:g} m"
         )
-    return stored.table
+    return stored.table_at(now_s)

@@ -84,7 +84,11 @@ class TableWriterClient:
         except (OSError, StateError) as error:
             os.close(descriptor)
             raise StateError(f"the stiction table cannot be opened: {error}") from error
-        return cls(directory, descriptor, process, opened.stored), opened.stored.table, opened.notices
+        return (
+            cls(directory, descriptor, process, opened.stored),
+            opened.stored.table_at(int(time.time())),
+            opened.notices,
+        )
 
     @property
     def saved(self) -> bool:

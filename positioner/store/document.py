@@ -1,17 +1,18 @@
 """The stiction table as plain values, checked by pydantic: the JSON document, and what rows and messages hold. Pure.
 
-    {"format": "positioner-stiction-table", "schema": 1, "valve": "FV-101", "cell_width_m": 0.005,
-     "generation": 0, "sequence": 12, "cells": [
+    {"format": "positioner-stiction-table", "schema": 2, "valve": "FV-101", "cell_width_m": 0.005,
+     "generation": 0, "sequence": 12, "fit": null, "cells": [
       {"quantity": "breakaway_current_ma", "index": 14, "direction": "opening", "samples": [8.91, 8.87],
        "count": 2, "sequence": 12, "recorded": "2026-05-09T07:35:25Z"}]}
 
 The centre of a cell is `index * cell_width_m`; `samples` has the newest last; `count` is how many the cell ever took.
+`fit` is null or an object with K, F_s, F_c and the lags, their covariance, and when it was kept. Schema 1 has none.
 """
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
@@ -21,6 +22,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, Valida
 from positioner.errors import ConfigurationError, Problem
 from positioner.inputs.table import SettingsTable
 from positioner.store.content import StoredTable
+from positioner.valve.fit import ValveFit
 from positioner.valve.stiction import (
     FARTHEST_M,
     MOST_CELLS,
@@ -102,18 +104,26 @@ class PlainCell(SettingsTable):
         return CellKey(self.quantity, self.index, self.direction)
 
 
+@dataclass(frozen=True, slots=True)
+class PlainFit(ValveFit):
+    """The fit of the document; `recorded` in seconds since 1970."""
+
+    recorded: Annotated[int, BeforeValidator(_seconds)]
+
+
 _Cells = tuple[Annotated[PlainCell, AfterValidator(_consistent)], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class _Document(SettingsTable):
     format: Literal["positioner-stiction-table"]
-    schema: Literal[1]
+    schema: Literal[1, 2]
     valve: Annotated[str, AfterValidator(_printable)]
     cell_width_m: Annotated[float, Field(strict=True, ge=1e-6, le=10.0)]
     generation: _Whole
     sequence: _Whole
     cells: Annotated[_Cells, Field(max_length=MOST_CELLS)]
+    fit: PlainFit | None = None
 
 
 _DOCUMENT = TypeAdapter(_Document)
@@ -130,12 +140,19 @@ def head(stored: StoredTable) -> dict[str, Any]:
     """Return all of the document but its cells, as `json.dumps` takes it."""
     return {
         "format": FORMAT,
-        "schema": 1,
+        "schema": 2,
         "valve": stored.valve_id,
         "cell_width_m": stored.table.cell_width_m,
         "generation": stored.generation,
         "sequence": stored.table.sequence,
+        "fit": fit_row(stored),
     }
+
+
+def fit_row(stored: StoredTable) -> dict[str, Any] | None:
+    """Return the fit, as `json.dumps` takes it, None where there is none."""
+    fit = stored.table.fit
+    return None if fit is None else {**asdict(fit), "recorded": utc_text(stored.fit_recorded_s)}
 
 
 def cells(stored: StoredTable) -> Iterator[dict[str, Any]]:
@@ -196,12 +213,15 @@ def from_plain(plain: Any, source: str, cells_before: Sequence[PlainCell] = ()) 
         problem = Problem("sequence", None, f"must be at least {least}, as the cells say, not {document.sequence}")
     if problem:
         raise ConfigurationError(source, (problem,))
+    kept = document.fit
+    fit = None if kept is None else ValveFit(*(getattr(kept, each.name) for each in fields(ValveFit)))
     table = {key: Cell(one.samples, one.count, one.sequence) for key, one in by_key.items()}
     return StoredTable(
         document.valve,
-        StictionTable(width_m, document.sequence, MappingProxyType(table)),
+        StictionTable(width_m, document.sequence, MappingProxyType(table), fit),
         document.generation,
         MappingProxyType({key: one.recorded for key, one in by_key.items()}),
+        0 if kept is None else kept.recorded,
     )
 
 

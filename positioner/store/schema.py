@@ -26,6 +26,12 @@ _SCHEMA = "SELECT type, name, tbl_name, sql FROM sqlite_master"
 
 _Row: TypeAlias = tuple[Any, ...]
 
+FIT_NAMES_2 = (
+    *("spring_n_per_m", "static_n", "fill_s", "vent_s"),
+    *("kk", "kf", "kt", "ff", "ft", "tt", "friction_doubt", "sliding_n", "sliding_n2"),
+)
+"""The columns of a fit in schema 2: a released schema never changes."""
+
 
 def _create_tables(connection: sqlite3.Connection) -> None:
     connection.execute(
@@ -40,7 +46,18 @@ def _create_tables(connection: sqlite3.Connection) -> None:
     connection.execute("CREATE TABLE digest (sha256 TEXT NOT NULL)")
 
 
-MIGRATIONS: tuple[Callable[[sqlite3.Connection], None], ...] = (_create_tables,)
+def _create_fit(connection: sqlite3.Connection) -> None:
+    """Schema 2: what the law has fitted to the moves of the valve, one row or none.
+
+    The digest is made anew, so that its page stays the last one, whose end is never empty: a file that was cut shows.
+    """
+    connection.execute("DROP TABLE digest")
+    numbers = ", ".join(f"{name} REAL NOT NULL" for name in FIT_NAMES_2)
+    connection.execute(f"CREATE TABLE fit ({numbers}, recorded_s INTEGER NOT NULL)")
+    connection.execute("CREATE TABLE digest (sha256 TEXT NOT NULL)")
+
+
+MIGRATIONS: tuple[Callable[[sqlite3.Connection], None], ...] = (_create_tables, _create_fit)
 """Step n takes schema n to n + 1; a new file takes all of them. `user_version` counts the steps taken."""
 
 
@@ -87,7 +104,14 @@ def stored_in(connection: sqlite3.Connection, source: str) -> StoredTable:
         for *start, samples, count, newest, seconds in rows
     ]
     head = dict(zip(("valve", "cell_width_m", "generation", "sequence"), meta, strict=True))
-    return document.from_plain({"format": document.FORMAT, "schema": 1, **head, "cells": cells}, source)
+    fits = [
+        {**dict(zip(FIT_NAMES_2, numbers, strict=True)), "recorded": document.utc_text(seconds)}
+        for *numbers, seconds in connection.execute("SELECT * FROM fit LIMIT 2")
+    ]
+    if len(fits) > 1:
+        raise ValueError("it holds two fits of one valve")
+    plain = {"format": document.FORMAT, "schema": 2, **head, "fit": fits[0] if fits else None, "cells": cells}
+    return document.from_plain(plain, source)
 
 
 def is_as_made(connection: sqlite3.Connection) -> bool:
@@ -111,8 +135,10 @@ def write(connection: sqlite3.Connection, before: StoredTable | None, after: Sto
         "INSERT OR REPLACE INTO cells VALUES (?, ?, ?, ?, ?, ?, ?)",
         [row for key, row in new.items() if row != old.get(key)],
     )
+    connection.execute("DELETE FROM fit")
+    connection.executemany("INSERT INTO fit VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", _fit_rows(after))
     # From memory, not read back: rows that decayed on the disk meanwhile must not get a digest that fits them.
-    digest = _digest(connection, {"meta": [_meta_row(after)], "cells": list(new.values())})
+    digest = _digest(connection, {"meta": [_meta_row(after)], "cells": list(new.values()), "fit": _fit_rows(after)})
     connection.execute("DELETE FROM digest")
     connection.execute("INSERT INTO digest VALUES (?)", (digest,))
 
@@ -134,6 +160,11 @@ def _digest(connection: sqlite3.Connection, rows: dict[str, list[_Row]]) -> str:
 
 def _meta_row(stored: StoredTable) -> _Row:
     return stored.valve_id, stored.table.cell_width_m, stored.generation, stored.table.sequence
+
+
+def _fit_rows(stored: StoredTable) -> list[_Row]:
+    fit = stored.table.fit
+    return [] if fit is None else [(*(float(getattr(fit, name)) for name in FIT_NAMES_2), stored.fit_recorded_s)]
 
 
 def _cell_rows(stored: StoredTable) -> dict[CellKey, _Row]:

@@ -14,6 +14,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from positioner.inputs.table import SettingsTable
+from positioner.valve.fit import ValveFit  # noqa: TC001 - pydantic reads it
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -78,12 +79,16 @@ class CellKey:
 
 @dataclass(frozen=True, slots=True)
 class LearnedSample(SettingsTable):
-    """One lesson from a stop or a slip: the quantity, its value in its unit, the position and the direction."""
+    """One lesson from a stop or a slip: the quantity, its value in its unit, the position and the direction.
+
+    fit: what the law knows of the whole valve with it, None where it keeps nothing but the table.
+    """
 
     quantity: Quantity
     position_m: float
     direction: Direction
     value: float
+    fit: ValveFit | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,17 +121,20 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class StictionTable:
-    """All cells of one valve; `sequence` counts every sample ever recorded."""
+    """All cells of one valve, and the newest fit; `sequence` counts every sample ever recorded."""
 
     cell_width_m: float = 0.005
     sequence: int = 0
     cells: MappingProxyType[CellKey, Cell] = field(default_factory=lambda: MappingProxyType({}))
+    fit: ValveFit | None = None
 
     def index_of(self, position_m: float) -> int:
         """Return the bin whose centre is nearest to `position_m`."""
         return math.floor(position_m / self.cell_width_m + 0.5)
 
-    def record(self, quantity: Quantity, position_m: float, direction: Direction, value: float) -> StictionTable:
+    def record(
+        self, quantity: Quantity, position_m: float, direction: Direction, value: float, fit: ValveFit | None = None
+    ) -> StictionTable:
         """Return the table with one more sample; the same table for an impossible value or for a cell too many."""
         low, high = quantity.limits
         if not (low <= value <= high and abs(position_m) <= FARTHEST_M):
@@ -138,7 +146,7 @@ class StictionTable:
         old = self.cells.get(key)
         samples = (*(old.samples if old else ()), value)[-SAMPLES_KEPT:]
         cell = Cell(samples, (old.count if old else 0) + 1, sequence)
-        return replace(self, sequence=sequence, cells=MappingProxyType(self.cells | {key: cell}))
+        return replace(self, sequence=sequence, cells=MappingProxyType(self.cells | {key: cell}), fit=fit or self.fit)
 
     def cell(self, quantity: Quantity, position_m: float, direction: Direction) -> Cell | None:
         """Return the cell that covers `position_m`, or None where nothing was learned."""

@@ -95,7 +95,7 @@ def noisy(fraction: float) -> Reported:
 def moved(variance_ma2: float) -> tuple[MeasuredPressure, MeasuredPressure, float]:
     """Return a filter whose pressure rises, the same after a reading of 9.1 for 9.0 mA, and the corrected pressure."""
     own = drive_of(ActuatorParameters(fill_time_constant_s=0.05, vent_time_constant_s=0.05), PERIOD_S, 4.0, 20.0)
-    measured = replace(unmeasured(0.2), pp=0.1, oo=0.0).later(own, 8.8, 9.0)
+    measured = replace(unmeasured(0.04), pp=0.1, oo=0.0).later(own, 8.8, 9.0)
     measured = replace(measured, oo=0.0)
     after, pressure_ma = measured.corrected(9.0, 9.1, variance_ma2, 0.0)
     return measured, after, pressure_ma

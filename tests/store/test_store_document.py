@@ -51,7 +51,7 @@ def _set(path: str, value: object) -> dict[str, Any]:
     ("path", "value", "line"),
     [
         ("format", "else", 'x: file: is not a stiction table: no "format": "positioner-stiction-table"'),
-        ("schema", 2, "x: schema: must be 1, not 2"),
+        ("schema", 3, "x: schema: must be 1 or 2, not 3"),
         ("valve", "", "x: valve: must be a printable text, not ''"),
         ("valve", "a\nb", "x: valve: must be a printable text, not 'a\\nb'"),
         ("cell_width_m", 0, "x: cell_width_m: must be greater than or equal to 0.000001, not 0"),

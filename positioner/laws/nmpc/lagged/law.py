@@ -18,6 +18,7 @@ from positioner.laws.estimator_settings import measurement_sigma_m
 from positioner.laws.law import Decision, Estimate
 from positioner.laws.nmpc.breakaway import breakaway_lesson, load_from_table
 from positioner.laws.nmpc.lagged import ramping, sliding
+from positioner.laws.nmpc.lagged.kept import fit_of, with_fit
 from positioner.laws.nmpc.lagged.measuring import with_pressure
 from positioner.laws.nmpc.lagged.memory import LaggedMemory, Ramp, Slipping
 from positioner.laws.nmpc.lagged.pipeline import pipeline_at
@@ -172,13 +173,16 @@ class LaggedLaw:
         """Return Γ for the table: the pressure that freed the stem."""
         model, move = MotionModel.of(self.valve), slipping.move
         spring_n_per_m = memory.belief.onsets.spring_n_per_m
-        return breakaway_lesson(
+        lesson = breakaway_lesson(
             model, self.table_cell_m, move.origin_m, move.direction, spring_n_per_m, slipping.static_n
         )
+        return replace(lesson, fit=fit_of(memory))
 
     def _with_load_of_table(self, memory: LaggedMemory, table: StictionTable) -> LaggedMemory:
         """Return the memory with K and friction from the table, so that a restart does not change the law."""
         own, nominal = self.lagged, Load.of(self.valve)
+        if table.fit is not None:
+            return with_fit(own, memory, table.fit)
         if len(table) == 0:
             return memory
         ratio = own.static_n / nominal.friction_n if nominal.friction_n else 1.0

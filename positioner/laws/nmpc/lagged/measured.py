@@ -67,6 +67,11 @@ class MeasuredPressure:
     noise: PressureNoise = PressureNoise()
     supply: Supply = NO_RISE
 
+    @property
+    def is_used(self) -> bool:
+        """Whether the readings count."""
+        return self.trusted and self.noise.is_known
+
     def later(self, drive: Drive, before_ma: float, after_ma: float) -> MeasuredPressure:
         """Return the filter one sample later, in which the model's pressure went from `before_ma` to `after_ma`."""
         change_ma = after_ma - before_ma
@@ -154,10 +159,9 @@ class MeasuredPressure:
         return replace(self, fill=1.0, ff=doubt * doubt, pf=0.0, fv=0.0, fo=0.0)
 
 
-def unmeasured(doubt: float) -> MeasuredPressure:
-    """Return the filter before the first reading, with this standard deviation of both lags, as a part of them."""
-    lag2 = doubt * doubt
-    return MeasuredPressure(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, lag2, 0.0, 0.0, lag2, 0.0, _OFFSET2)
+def unmeasured(lag2: float, fill: float = 1.0, vent: float = 1.0) -> MeasuredPressure:
+    """Return the filter before the first reading, with these multiples of the configured lags and their variance."""
+    return MeasuredPressure(fill, vent, 0.0, 0.0, 0.0, 0.0, 0.0, lag2, 0.0, 0.0, lag2, 0.0, _OFFSET2)
 
 
 _SLEWS = 0.999

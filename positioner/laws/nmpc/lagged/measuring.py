@@ -30,7 +30,10 @@ def with_pressure(valve: LaggedValve, memory: LaggedMemory, reading_ma: float) -
     if not valve.has_lag:
         return memory
     doubt, pipeline, drive = valve.settings.lag_doubt, memory.pipeline, memory.drive
-    measured = memory.measured or unmeasured(doubt)
+    measured = memory.measured
+    if measured is None:
+        fill, vent = drive.fill_s / valve.drive.fill_s, drive.vent_s / valve.drive.vent_s
+        measured = unmeasured(memory.belief.onsets.tt, fill, vent)
     noise = measured.noise.at_rest(reading_ma) if isinstance(memory.stem, LaggedRest) else measured.noise.in_motion()
     if not noise.is_known:
         return replace(memory, measured=measured.with_noise(noise, pipeline.doubt_ma))

@@ -81,7 +81,26 @@ class OnsetRegression:
             self.tt,
         )
 
+    def no_looser(self, kk: float, ff: float, tt: float) -> OnsetRegression:
+        """Return the regression with variances of at most these; the correlations stay."""
+        k, f, t = _share(self.kk, kk), _share(self.ff, ff), _share(self.tt, tt)
+        return OnsetRegression(
+            self.spring_n_per_m,
+            self.static_n,
+            self.lag,
+            k * k * self.kk,
+            k * f * self.kf,
+            k * t * self.kt,
+            f * f * self.ff,
+            f * t * self.ft,
+            t * t * self.tt,
+        )
+
     def sigma_n(self, x: float, direction: float) -> float:
         """Return the standard deviation in N of the force that frees a stem at x."""
         variance = x * x * self.kk + 2.0 * direction * x * self.kf + self.ff
         return math.sqrt(max(variance, 0.0))
+
+
+def _share(variance: float, most: float) -> float:
+    return math.sqrt(most / variance) if variance > most else 1.0

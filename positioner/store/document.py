@@ -138,6 +138,7 @@ def dumps(stored: StoredTable) -> str:
 
 def head(stored: StoredTable) -> dict[str, Any]:
     """Return all of the document but its cells, as `json.dumps` takes it."""
+    fit = stored.table.fit
     return {
         "format": FORMAT,
         "schema": 2,
@@ -145,14 +146,8 @@ def head(stored: StoredTable) -> dict[str, Any]:
         "cell_width_m": stored.table.cell_width_m,
         "generation": stored.generation,
         "sequence": stored.table.sequence,
-        "fit": fit_row(stored),
+        "fit": None if fit is None else {**asdict(fit), "recorded": utc_text(stored.fit_recorded_s)},
     }
-
-
-def fit_row(stored: StoredTable) -> dict[str, Any] | None:
-    """Return the fit, as `json.dumps` takes it, None where there is none."""
-    fit = stored.table.fit
-    return None if fit is None else {**asdict(fit), "recorded": utc_text(stored.fit_recorded_s)}
 
 
 def cells(stored: StoredTable) -> Iterator[dict[str, Any]]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command, add_config, add_valve, numbers_in
+from positioner.config.reader import load_config
 from positioner.diagnostics.finding import finding_of, percent
 from positioner.diagnostics.loop_table import OPTIONS, LoopTable, loop_of
 from positioner.diagnostics.report import as_text, as_values
@@ -59,7 +60,12 @@ def add_parser(commands: Commands) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
-    low, high = _op_range(arguments.op_range)
+    if arguments.config:
+        from positioner.replay.stem_log import CURRENT_AT_0_MA, CURRENT_AT_100_MA  # noqa: PLC0415 - see _table
+
+        low, high = CURRENT_AT_0_MA, CURRENT_AT_100_MA
+    else:
+        low, high = _op_range(arguments.op_range)
     if arguments.period is not None and not 0.0 < arguments.period < 1e9:  # noqa: PLR2004
         raise UsageError(f"--period {arguments.period:g} is no period: give seconds above 0")
     table = _table(arguments)
@@ -77,11 +83,15 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
 
 
 def _table(arguments: argparse.Namespace) -> LoopTable:
-    """Return the loop in a CSV file.
+    """Return the loop in a CSV file, or with a configuration that in the log of a bus.
 
     Raises:
         RecordError: the file cannot be read.
     """
+    if arguments.config:
+        from positioner.replay.stem_log import stem_table  # noqa: PLC0415 - a log library, for a log only
+
+        return stem_table(arguments.log, load_config(arguments.config, valve=arguments.valve))
     try:
         data = arguments.log.read_bytes()
     except OSError as error:

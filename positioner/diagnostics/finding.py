@@ -98,12 +98,24 @@ def finding_of(source: str, table: LoopTable, command_low: float, command_high: 
     if table.pv is not None and op.size >= LEAST_SAMPLES:
         sp = table.sp if table.sp is not None else np.zeros(0)
         indirect = diagnose_loop(Loop(op, table.pv, sp, table.period_s))
-    return Finding(source, direct, indirect, int(op.size), table.period_s, table.is_timed, table.notes)
+    notes = (*table.notes, *_of_range(table.op, op))
+    return Finding(source, direct, indirect, int(op.size), table.period_s, table.is_timed, notes)
+
+
+def _of_range(given: Array, op: Array) -> tuple[str, ...]:
+    """Return a note where OP is probably not in the unit of its range."""
+    lowest, highest = float(np.min(given)), float(np.max(given))
+    if float(np.max(op)) > _HIGHEST_PERCENT or float(np.min(op)) < _LOWEST_PERCENT or float(np.max(op)) <= 1.0:
+        text = f"OP goes from {lowest:.4g} to {highest:.4g}: give --op-range, if these are no percent"
+        return (f"{text}; S, J and their limits are in percent of that range",)
+    return ()
 
 
 def _record(op: Array, table: LoopTable) -> Record:
     """Return the record of the stem; a position in no percent tells its slope by its spread."""
     stem = table.stem if table.stem is not None else np.zeros(0)
+    if table.slope is not None:
+        return Record(op, stem, table.period_s, table.slope, table.slope_sigma, 0)
     lowest, highest = float(np.min(stem)), float(np.max(stem))
     if lowest >= _LOWEST_PERCENT and _NARROWEST_PERCENT < highest <= _HIGHEST_PERCENT:
         return Record(op, stem, table.period_s)

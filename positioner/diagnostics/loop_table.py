@@ -46,6 +46,8 @@ class LoopTable:
 
     names: of the columns by what they mean; is_timed: whether the period comes from time stamps or the user; notes:
     what was mended or left out, a line each.
+    slope, slope_sigma: percent of command for a percent of travel, and how well it is known; None where it is not.
+    Where it is known, the log also says which command acted on which reading.
     """
 
     op: Array
@@ -56,6 +58,8 @@ class LoopTable:
     is_timed: bool
     names: dict[str, str]
     notes: tuple[str, ...]
+    slope: float | None = None
+    slope_sigma: float = 0.0
 
 
 def loop_of(table: CsvTable, wanted: dict[str, str | None], period_s: float | None) -> LoopTable:

@@ -79,7 +79,9 @@ def read_table(source: str, text: str) -> CsvTable:
     full = [len(cells) == width and _numbers(cells) >= min(2, width) for _, cells in rows]
     begin = full.index(True) if any(full) else None
     if begin is None:
-        raise RecordError(f"{source}: holds no row of at least two numbers: is it a CSV file?")
+        raise RecordError(
+            f"{source}: holds no row of at least two numbers: is it a CSV file? (A bus log needs --config.)"
+        )
     heads = [cells for _, cells in rows[:begin] if len(cells) == width and any(cells)]
     names = heads[0] if heads else [str(number + 1) for number in range(width)]
     body = [(number, cells) for number, cells in rows[begin:] if len(cells) == width]

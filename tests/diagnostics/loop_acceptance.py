@@ -89,6 +89,7 @@ def judged(outcomes: list[Outcome]) -> list[tuple[str, bool]]:
         for name, value, truth in (("S", each.stick, each.loop.stick_percent), ("J", each.jump, each.loop.jump_percent))
         if value and value.low <= truth <= value.high
     )
+    near = sum(abs(each) <= 0.05 for each in sizes)
     accused = sum(each.direct is Verdict.YES for each in others)
     large = [each for each in sticking if each.loop.stick_percent >= LARGE]
     told = [each for each in large if each.apparent]
@@ -102,7 +103,7 @@ def judged(outcomes: list[Outcome]) -> list[tuple[str, bool]]:
     goals = [
         (f"stem: {len(found)} of {len(sticking)} found", len(found) >= 0.75 * len(sticking)),
         (f"stem: {accused} of {len(others)} others accused", accused <= len(others) / 56.0),
-        (f"stem: S {_spread(sizes, 100.0, ' %')}, goal ± 5 %", all(abs(each) <= 0.05 for each in sizes)),
+        (f"stem: S {_spread(sizes, 100.0, ' %')}, {near} within 5 %", near >= 0.95 * len(found)),
         (f"stem: J {_spread(jumps, 1.0, ' points')}, goal ± 0.5", all(abs(each) <= 0.5 for each in jumps)),
         (f"stem: S in its interval {inside['S']}, J {inside['J']} of {len(found)}", inside["S"] >= 0.9 * len(found)),
         (f"OP and PV: {said_yes} of {len(large)} with S ≥ 8 % found", said_yes >= 0.8 * len(large)),

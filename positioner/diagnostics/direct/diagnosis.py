@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from positioner.diagnostics.direct.estimate import Friction, friction_of
-from positioner.diagnostics.direct.slips import Slip, noise_of, slips_in
+from positioner.diagnostics.direct.slips import LEAST_REST, Slip, noise_of, slips_in
+from positioner.diagnostics.indirect.loop import block_means
 from positioner.diagnostics.verdict import Verdict
 
 Array = NDArray[np.float64]
@@ -17,9 +18,17 @@ Array = NDArray[np.float64]
 LEAST_STICK_PERCENT = 0.7
 """Of the command's span: a smaller S does no harm, and is no finding."""
 LEAST_SLIPS = 6
+LEAST_MOVES = 50
+_MOVES = 0.01
+"""Percent of the command by which it moves at least between two samples."""
+_SMALL_NOISE, _SHORT_S, _FEWEST = 0.1, 0.05, 300
+"""Percent of span, seconds, and the samples that averaging leaves."""
+_STOPS_S = 0.02
+"""A stem that creeps to its place within this time shows it; a shorter agreement of readings is no rest."""
 _OVER_NOISE, _OVER_RESIDUAL = 4.0, 5.0
 _LEAST_JUMP = -0.25
 """Of S: J lies between 0 and S where it is stick and slip."""
+_NORMAL_99 = 2.326
 _OUTER = 0.01
 """The share of the samples that may lie outside the band of the commands, on either side."""
 
@@ -70,26 +79,44 @@ def diagnose_stem(record: Record) -> DirectDiagnosis:
     for each in found:
         if each.verdict is Verdict.NO and each.friction is None:
             return each
-    return min(found, key=lambda each: each.friction.residual if each.friction else math.inf)
+    return min(found, key=_disagreement)
+
+
+def _disagreement(found: DirectDiagnosis) -> float:
+    """Return the residual of the slips, larger the fewer of them came at a command that was farther than before."""
+    if found.friction is None:
+        return math.inf
+    farther = sum(slip.half_step > 0.0 for slip in found.slips) / len(found.slips)
+    return found.friction.residual / max(farther * farther, 1e-6)
 
 
 def _with_lag(record: Record, lag: int) -> DirectDiagnosis:
     command, position = record.command[: record.command.size - lag], record.position[lag:]
+    factor = _factor(position, record.period_s)
+    every, position = command, block_means(position, factor)
+    command = block_means(command, factor)
     slope, offset = _line(command, position, record)
     left = position - (command - offset) / slope
     noise = min(noise_of(position), float(np.std(left)))
-    slips = slips_in(command, position, max(noise, 1e-6))
+    least = max(LEAST_REST, round(_STOPS_S / (record.period_s * factor)))
+    slips = slips_in(every, position, max(noise, 1e-6), factor, least)
     up = sum(slip.direction > 0.0 for slip in slips)
-    band = band_of(command - offset - slope * position)
+    band = band_of(command - offset - slope * position, command)
     bare = DirectDiagnosis(Verdict.UNDECIDED, "", None, tuple(slips), band, noise, lag)
-    if band - 2.0 * 2.33 * noise * abs(slope) < LEAST_STICK_PERCENT and np.ptp(command) > 2.0 * LEAST_STICK_PERCENT:
+    noise_band = 2.0 * _NORMAL_99 * noise * abs(slope)
+    quiet = math.sqrt(max(band * band - noise_band * noise_band, 0.0))
+    moves = int(np.sum(_moving(command)))
+    if quiet < LEAST_STICK_PERCENT and moves >= LEAST_MOVES and np.ptp(command) > 2.0 * LEAST_STICK_PERCENT:
         return replace(bare, verdict=Verdict.NO, reason=f"the stem follows the command within {band:.2f} %")
     if len(slips) < LEAST_SLIPS or not 0 < up < len(slips):
         count = f"{up} slips up and {len(slips) - up} down"
         return replace(bare, reason=f"{count}: {LEAST_SLIPS} are needed, and both directions")
     friction = friction_of(slips, max(noise, 1e-6), record.slope, record.slope_sigma)
-    band = band_of(command - friction.offset - friction.slope * position)
+    band = band_of(command - friction.offset - friction.slope * position, command)
     verdict, reason = _judged(friction, slips, band, noise)
+    if verdict is Verdict.YES and abs(friction.slope - record.slope) > 3.0 * record.slope_sigma:
+        reason = f"the slips show a slope of {friction.slope:.2f}, not the known {record.slope:.2f} %/%"
+        verdict = Verdict.UNDECIDED
     return replace(bare, verdict=verdict, reason=reason, friction=friction, band=band)
 
 
@@ -104,9 +131,24 @@ def _line(command: Array, position: Array, record: Record) -> tuple[float, float
     return slope, float(np.median(command - slope * position))
 
 
-def band_of(off: Array) -> float:
-    """Return the width of the band in which the commands lie about the line of the spring: 2·F_s/B, and the noise."""
+def _factor(position: Array, period_s: float) -> int:
+    """Return how many readings to average: as many as make the noise small, within a time that is short for a slip."""
+    wanted = math.ceil((noise_of(position) / _SMALL_NOISE) ** 2)
+    return max(min(wanted, int(_SHORT_S / period_s), position.size // _FEWEST), 1)
+
+
+def band_of(off: Array, command: Array) -> float:
+    """Return the width of the band in which the commands lie about the line of the spring: 2·F_s/B, and the noise.
+
+    Only samples count in which the command moves: a loop at rest shows nothing.
+    """
+    moves = _moving(command)
+    off = off[moves] if np.sum(moves) >= LEAST_MOVES else off
     return float(np.quantile(off, 1.0 - _OUTER) - np.quantile(off, _OUTER))
+
+
+def _moving(command: Array) -> NDArray[np.bool_]:
+    return np.asarray(np.abs(np.diff(command, prepend=command[0])) > _MOVES)
 
 
 def _judged(friction: Friction, slips: list[Slip], band: float, noise: float) -> tuple[Verdict, str]:

@@ -63,7 +63,7 @@ def friction_of(slips: Sequence[Slip], noise: float, slope: float, slope_sigma: 
     for slip in slips:
         rows += [(1.0, slip.before.place, slip.direction, 0.0), (1.0, slip.after.place, 0.0, slip.direction)]
         commands += [slip.command_at_slip, slip.command_at_stop]
-        places += [slip.half_step / math.sqrt(3.0), 0.0]
+        places += [slip.half_step / math.sqrt(3.0), slip.stop_step / math.sqrt(3.0)]
         lengths += [slip.before.end - slip.before.begin, slip.after.end - slip.after.begin]
     matrix, command, step = np.array(rows), np.array(commands), np.array(places)
     reading = noise * noise / np.array(lengths)

@@ -34,19 +34,18 @@ _JUMP = np.array([0.0, 0.35, 0.7, 1.0])
 _CHI_SQUARE_95 = 3.841
 _INFLATED = 4.0
 """The modelled stem is not the true one, so the likelihood is flatter than its formula says."""
-_MODEL_ERROR = 0.18
+_MODEL_ERROR = 0.22
 """Of S: what the model leaves open on emulated loops, besides the likelihood (docs/diagnostics.md)."""
 LEAST = 80
 
 
 @dataclass(frozen=True, slots=True)
 class Models:
-    """The answers of both methods, and the S and J of the stem that explains PV best, in the unit of OP."""
+    """The answers of both methods, and the S of the stem that explains PV best beside OP; J is hardly identifiable."""
 
     hammerstein: Answer
     ratio: Answer
     stick: Estimate
-    jump: float
 
 
 def models(op: Array, pv: Array, keep: NDArray[np.bool_]) -> Models:
@@ -57,7 +56,7 @@ def models(op: Array, pv: Array, keep: NDArray[np.bool_]) -> Models:
     nothing = Estimate(math.nan, math.nan)
     if count < LEAST or extent <= 0.0 or float(np.ptp(pv)) <= 0.0:
         note = f"{count} samples, {LEAST} needed" if count < LEAST else "OP or PV stands still"
-        return Models(_hamm(math.nan, 1, note), _add(math.nan, note), nothing, math.nan)
+        return Models(_hamm(math.nan, 1, note), _add(math.nan, note), nothing)
     stick, jump = (each.ravel() for each in np.meshgrid(extent * _STICK, _JUMP, indexing="ij"))
     stems = stem_positions(op, stick, stick * jump)
     past, inputs = lagged(pv, range(1, _PAST + 1), _PAST), lagged(op, range(1, _INPUTS + 1), _PAST)
@@ -77,13 +76,12 @@ def models(op: Array, pv: Array, keep: NDArray[np.bool_]) -> Models:
     )
     inside = extent * _STICK[profile <= likely]
     step = math.sqrt(float(_STICK[1] / _STICK[0]))
-    lowest = min(float(inside[0]), float(stick[best_low])) / step
-    highest = max(float(inside[-1]), float(stick[best_low])) * step
+    lowest, highest = float(inside[0]) / step, float(inside[-1]) * step
     middle = 0.5 * (lowest + highest)
     estimate = Estimate(middle, math.hypot(0.5 * (highest - lowest), _MODEL_ERROR * middle))
     note = f"S {stick[best_low]:.3g}"
     beside_note = f"S {stick[best]:.3g}"
-    return Models(_hamm(gain, count, note), _add(ratio, beside_note), estimate, float(stick[best] * jump[best]))
+    return Models(_hamm(gain, count, note), _add(ratio, beside_note), estimate)
 
 
 def _logarithm(count: int, before: float, after: float) -> float:

@@ -44,7 +44,7 @@ def pitfalls_of(loop: Loop, keep: NDArray[np.bool_]) -> Pitfalls:
     doubt = ""
     if step > _COARSE * float(np.std(loop.pv)):
         doubt = f"PV has steps of {step:.3g}, too coarse to see a shape"
-    straight = _straight(loop.pv)
+    straight = 0.0 if step > 0.0 else _straight(loop.pv)
     if straight > _INTERPOLATED:
         doubt = f"{straight:.0%} of PV lies on straight lines: a compressed history, not readings"
     still = float(np.ptp(loop.op)) <= 0.0

@@ -111,7 +111,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         for key, given in (("pressure_gain_pa_per_ma", arguments.ip_range), ("diaphragm_area_m2", arguments.area)):
             if given:
                 tables["valve"][key] = getattr(valve, key)
-        backup = write_values(arguments.config, tables)
+        backup = write_values(arguments.config, tables, valve.id)
         sys.stderr.write(f"{arguments.config}: written; before it was as in {backup}\n")
     return ExitCode.OK
 

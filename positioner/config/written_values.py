@@ -19,18 +19,23 @@ if TYPE_CHECKING:
 _VALUE = re.compile(r"(?P<key>[^=]*=\s*)(?P<value>[^#]*?)(?P<rest>\s*(?:#.*)?)$")
 
 
-def write_values(path: Path, tables: Mapping[str, Mapping[str, float]]) -> Path:
-    """Write `tables`, values by table and key, into the file of one valve, and return the backup that was made before.
+def write_values(path: Path, tables: Mapping[str, Mapping[str, float]], valve: str) -> Path:
+    """Write `tables`, values by table and key, for the valve with this id; return the backup that was made before.
+
+    In a file of several valves they stand in its `[[valve]]`.
 
     Raises:
-        UsageError: the file has several valves, or a form in which the values cannot be replaced line by line.
+        UsageError: the file has a form in which the values cannot be replaced line by line.
         StateError: the file cannot be written.
     """
     text = toml_reader.read_text(path)
-    if isinstance(toml_reader.tables(text, str(path)).get("valve"), list):
-        raise UsageError(f"{path}: has several valves; --write knows files of one valve: copy the values yourself")
-    changed = with_values(text, tables)
-    if not _holds(changed, tables):
+    valves = toml_reader.tables(text, str(path)).get("valve")
+    element = None
+    if isinstance(valves, list):
+        element = [each.get("id") for each in valves].index(valve)
+        tables = {name if name.split(".")[0] == "valve" else f"valve.{name}": tables[name] for name in tables}
+    changed = with_values(text, tables, element)
+    if not _holds(changed, tables, element):
         raise UsageError(f"{path}: its form is beyond --write (inline tables?): copy the values yourself")
     backup = _free_name(path)
     with writing(path):
@@ -40,24 +45,27 @@ def write_values(path: Path, tables: Mapping[str, Mapping[str, float]]) -> Path:
         shutil.copymode(path, new)
         os.replace(new, path)  # noqa: PTH105 - both names are in one folder
     try:
-        load_config(path)
+        load_config(path, valve=valve)
     except Exception:
         shutil.copy2(backup, path)
         raise
     return backup
 
 
-def with_values(text: str, tables: Mapping[str, Mapping[str, float]]) -> str:
-    """Return the TOML `text` with new values, in the line of their key, or after the last line of their table."""
+def with_values(text: str, tables: Mapping[str, Mapping[str, float]], element: int | None) -> str:
+    """Return the TOML `text` with new values, in the line of their key, or after the last line of their table.
+
+    element: the number of the `[[valve]]` from 0; None in a file of one valve.
+    """
     lines = text.splitlines()
     for table, values in tables.items():
         for key, value in values.items():
-            _set(lines, (*table.split("."), key), repr(float(f"{value:.6g}")))
+            _set(lines, (*table.split("."), key), repr(float(f"{value:.6g}")), element)
     return "\n".join(lines) + "\n"
 
 
-def _set(lines: list[str], path: tuple[str, ...], value: str) -> None:
-    found = keys_in("\n".join(lines))
+def _set(lines: list[str], path: tuple[str, ...], value: str, element: int | None) -> None:
+    found = [each for each in keys_in("\n".join(lines)) if element is None or each[2] == element]
     for number, key, _ in found:
         if key == path and (match := _VALUE.match(lines[number - 1])):
             lines[number - 1] = f"{match['key']}{value}{match['rest']}"
@@ -69,17 +77,20 @@ def _set(lines: list[str], path: tuple[str, ...], value: str) -> None:
         if key == path[:-1] or (key[:-1] == path[:-1] and not lines[number - 1].lstrip().startswith("["))
     ]
     if not inside:
-        lines += ["", f"[{'.'.join(path[:-1])}]"]
-        inside = [len(lines)]
+        end = len(lines) if element is None else max(number for number, _, _ in found)
+        lines[end:end] = ["", f"[{'.'.join(path[:-1])}]"]
+        inside = [end + 2]
     lines.insert(max(inside), f"{path[-1]} = {value}")
 
 
-def _holds(text: str, tables: Mapping[str, Mapping[str, float]]) -> bool:
+def _holds(text: str, tables: Mapping[str, Mapping[str, float]], element: int | None) -> bool:
     """Return whether the TOML `text` has the values."""
     try:
         values: Any = toml_reader.tables(text, "")
     except ConfigurationError:
         return False
+    if element is not None:
+        values = {"valve": values["valve"][element]}
     for table, wanted in tables.items():
         here = values
         for part in table.split("."):

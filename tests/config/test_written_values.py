@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from positioner.config.reader import load_config
+from positioner.config.reader import load_config, load_valves
 from positioner.config.written_values import write_values
 from positioner.errors import UsageError
 
@@ -33,7 +33,7 @@ TABLES = {
 def test_each_value_stands_in_its_table_and_comments_stay(tmp_path: Path) -> None:
     path = tmp_path / "valve.toml"
     path.write_text(TEXT, encoding="utf-8")
-    backup = write_values(path, TABLES)
+    backup = write_values(path, TABLES, "FV-101")
     assert backup.read_text(encoding="utf-8") == TEXT
     written = path.read_text(encoding="utf-8")
     assert "spring_rate_n_per_m = 52538.1   # from the datasheet" in written
@@ -49,28 +49,68 @@ def test_each_value_stands_in_its_table_and_comments_stay(tmp_path: Path) -> Non
 def test_a_second_backup_does_not_replace_the_first(tmp_path: Path) -> None:
     path = tmp_path / "valve.toml"
     path.write_text(TEXT, encoding="utf-8")
-    first, second = write_values(path, TABLES), write_values(path, TABLES)
+    first, second = write_values(path, TABLES, "FV-101"), write_values(path, TABLES, "FV-101")
     assert first != second
     assert first.read_text(encoding="utf-8") == TEXT
 
 
 def test_a_file_of_another_form_is_refused_and_stays(tmp_path: Path) -> None:
     path = tmp_path / "valve.toml"
-    for text, why in (
-        ('valve = { id = "FV-101", preset = "paper" }\n', "beyond --write"),
-        ('[[valve]]\nid = "FV-101"\npreset = "paper"\n', "several valves"),
-    ):
-        path.write_text(text, encoding="utf-8")
-        with pytest.raises(UsageError, match=why):
-            write_values(path, TABLES)
-        assert path.read_text(encoding="utf-8") == text
-        assert not list(tmp_path.glob("*.backup*"))
+    text = 'valve = { id = "FV-101", preset = "paper" }\n'
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(UsageError, match="beyond --write"):
+        write_values(path, TABLES, "FV-101")
+    assert path.read_text(encoding="utf-8") == text
+    assert not list(tmp_path.glob("*.backup*"))
+
+
+SEVERAL = """\
+[estimator]
+noise_of_reading = 0.02  # the same sensor everywhere
+
+[[valve]]
+id = "FV-101"
+preset = "paper"
+wire.id_offset = 128
+
+[[valve]]
+id = "FV-102"
+preset = "paper"   # the bigger one
+spring_rate_n_per_m = 60000.0
+[valve.wire]
+id_offset = 256
+
+[[valve]]
+id = "FV-103"
+preset = "paper"
+wire.id_offset = 384
+"""
+
+
+@pytest.mark.parametrize("name", ["FV-101", "FV-102", "FV-103"])
+def test_of_several_valves_only_the_named_one_changes(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "valves.toml"
+    path.write_text(SEVERAL, encoding="utf-8")
+    before = {each.valve.id: each for each in load_valves(path)}
+    write_values(path, TABLES, name)
+    after = {each.valve.id: each for each in load_valves(path)}
+    assert list(after) == list(before)
+    for other, settings in before.items():
+        if other != name:
+            assert after[other] == settings
+    assert after[name].valve.spring_rate_n_per_m == 52538.1
+    assert after[name].valve.actuator.vent_time_constant_s == 0.04
+    assert after[name].estimator.noise_of_reading == 0.0
+    assert after[name].wire == before[name].wire
+    written = path.read_text(encoding="utf-8")
+    for line in SEVERAL.splitlines():
+        assert line.startswith("spring") or line in written
 
 
 def test_a_new_key_of_a_table_stands_before_the_tables_inside_it(tmp_path: Path) -> None:
     path = tmp_path / "valve.toml"
     inside = "[valve.actuator]\nfill_time_constant_s = 0.1\nvent_time_constant_s = 0.1\n\n[control]"
     path.write_text(TEXT.replace("[control]", inside), encoding="utf-8")
-    write_values(path, TABLES)
+    write_values(path, TABLES, "FV-101")
     valve = load_config(path).valve
     assert (valve.static_friction_n, valve.actuator.fill_time_constant_s) == (1700.0, 0.05)

@@ -71,6 +71,7 @@ def summary(configuration: Configuration, state: Path) -> str:
         ("actuator", valve.actuator.in_words()),
         ("law", f"{configuration.control.law}, every {configuration.control.sample_period_s * 1e3:g} ms"),
         *([("error to expect", expected)] if (expected := in_words(configuration)[0]) else []),
+        *([("setpoint", configuration.setpoint.in_words())] if configuration.setpoint.shapes else []),
         ("actuator's deadman", _deadman(configuration)),
         ("bus", str(configuration.bus)),
         ("bus load", bus_load.in_words(configuration.make_codec(), configuration.control.sample_period_s)),

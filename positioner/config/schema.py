@@ -14,6 +14,7 @@ from positioner.inputs.table import SettingsTable
 from positioner.laws.estimator_settings import EstimatorSettings
 from positioner.laws.registry import LAWS, Ingredients
 from positioner.laws.settings import ControlSettings
+from positioner.setpoint.settings import SetpointSettings
 from positioner.valve.credible import Limits
 from positioner.valve.parameters import ValveParameters  # noqa: TC001 - pydantic reads this hint at run time
 from positioner.wire.codec import Codec, make_codec
@@ -45,6 +46,7 @@ class Configuration(SettingsTable):
     control: ControlSettings = field(default_factory=ControlSettings)
     estimator: EstimatorSettings = field(default_factory=EstimatorSettings)
     guard: GuardSettings = field(default_factory=GuardSettings)
+    setpoint: SetpointSettings = field(default_factory=SetpointSettings)
     state: StateSettings = field(default_factory=StateSettings)
 
     @property
@@ -83,7 +85,9 @@ class Configuration(SettingsTable):
             ConfigurationError: as `make_codec`.
         """
         codec = self.make_codec()
-        return Setup(codec, self.valve, self.guard, self.make_law(), self.control.sample_period_s, limits=self.limits)
+        setpoint = self.setpoint if self.setpoint.shapes else None
+        period_s, law = self.control.sample_period_s, self.make_law()
+        return Setup(codec, self.valve, self.guard, law, period_s, limits=self.limits, setpoint=setpoint)
 
     def make_law(self) -> Law[Any]:
         """Return a new instance of the chosen law, with a solver of its own."""

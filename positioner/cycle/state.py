@@ -12,6 +12,7 @@ from positioner.cycle.link import LinkState
 from positioner.cycle.second_daemon import NO_RETURNED_COMMANDS, ReturnedCommands
 from positioner.cycle.sent import OutputState
 from positioner.guard.state import GuardState
+from positioner.setpoint.path import NEW_PATH, SetpointPath
 from positioner.values import dataclass
 from positioner.valve.stiction import StictionTable
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from positioner.cycle.handover import Handover
     from positioner.guard.settings import GuardSettings
     from positioner.laws.law import Law
+    from positioner.setpoint.settings import SetpointSettings
     from positioner.valve.actuator import ActuatorParameters
     from positioner.valve.credible import Limits
     from positioner.valve.parameters import ValveParameters
@@ -32,6 +34,7 @@ class Setup:
 
     limits: the range of credible samples; None for the default range of spring and friction around those of `valve`.
     testing: the law is a test procedure.
+    setpoint: the setpoint functions, None where none is on.
     """
 
     codec: Codec
@@ -42,6 +45,7 @@ class Setup:
     learns: bool = True
     limits: Limits | None = None
     testing: bool = False
+    setpoint: SetpointSettings | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,13 +53,14 @@ class ControlState:
     """What the closed loop carries on.
 
     memory: the law's own, None while it does not control; stem: its last estimate; setpoint_m: its last setpoint.
-    time_s: for how long it has controlled since the start.
+    time_s: for how long it has controlled since the start. path: of the setpoint, through its functions.
     """
 
     memory: Any = None
     stem: StemState | None = None
     setpoint_m: float = 0.0
     time_s: float = 0.0
+    path: SetpointPath = NEW_PATH
 
 
 @dataclass(slots=True)

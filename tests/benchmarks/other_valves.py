@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
     from plant_emulator.parameters import PlantSettings
     from positioner.bench.metrics import DwellMetrics
+    from positioner.valve.actuator import ActuatorParameters
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,8 @@ class Condition:
     """One row of the table: a plant, its sensor, and by how many samples its actuator is late.
 
     late: each number of samples is as probable as the others; the echo tells which command acted. initial_m: where the
-    stem rests at first, None for the preset's place.
+    stem rests at first, None for the preset's place. lag_s: of the actuator, which nobody tells the law; told_of_span:
+    σ that the law is told of the sensor, as a part of the span, None for 2 % of the reading.
     """
 
     name: str
@@ -87,6 +89,8 @@ class Condition:
     late: tuple[int, ...] = (0,)
     period_s: float = 0.001
     initial_m: float | None = None
+    lag_s: float = 0.0
+    told_of_span: float | None = None
 
     @property
     def plant(self) -> PlantSettings:
@@ -102,8 +106,15 @@ class Condition:
                 coulomb_friction_n=self.friction * stem.coulomb_friction_n,
                 initial_position_m=stem.initial_position_m if self.initial_m is None else self.initial_m,
             ),
+            actuator=changed(own.actuator, fill_time_constant_s=self.lag_s, vent_time_constant_s=self.lag_s),
             sensor=SensorSettings(),
         )
+
+    @property
+    def told(self) -> dict[str, float]:
+        """The `[estimator]` table of the law."""
+        of_span = self.told_of_span
+        return {} if of_span is None else {"noise_of_reading": 0.0, "noise_of_span": of_span}
 
 
 _SHORT_S = 1e-3
@@ -169,8 +180,11 @@ def setpoints_m(plant: PlantSettings, count: int, seed: int) -> tuple[float, ...
 
 def play(
     condition: Condition, seed: int, dwells: int, dwell_s: float, *, uses_table: bool, restarts_every: int = 0
-) -> Iterator[tuple[DwellMetrics, int]]:
-    """Yield the figures of each dwell, and the moves in it; the law starts anew after so many dwells, 0 for never."""
+) -> Iterator[tuple[DwellMetrics, int, ActuatorParameters | None]]:
+    """Yield the figures of each dwell, the moves in it, and the actuator that the law has found, None for as told.
+
+    The law starts anew after so many dwells, 0 for never.
+    """
     plant, period_s = condition.plant, condition.period_s
     control = {} if uses_table else {"table_from_s": 1e6}
     scenario = Scenario(
@@ -182,6 +196,7 @@ def play(
         dwell_s=dwell_s,
         plant={"preset": condition.preset},
         control=control,
+        estimator=condition.told,
     )
     configuration = configure(scenario)
     law, limits, span_m = configuration.make_law(), configuration.limits, configuration.valve.span_m
@@ -197,7 +212,7 @@ def play(
     for dwell, setpoint_m in enumerate(begun_m):
         if restarts_every and dwell % restarts_every == 0:
             memory, control_s = None, 0.0
-        positions, currents, moves = np.zeros(samples + 1), np.zeros(samples + 1), 0
+        positions, currents, moves, found = np.zeros(samples + 1), np.zeros(samples + 1), 0, None
         positions[0], currents[0] = here_m, applied_ma
         for sample in range(samples):
             measured_m = round(sensor.read(state.stem.position_m) / 1e-8) * 1e-8
@@ -211,6 +226,7 @@ def play(
                     table = table.record(lesson.quantity, lesson.position_m, lesson.direction, lesson.value)
             memory, decision = law.decide(memory, estimate.stem, observation, table)
             moves += decision.reason is not None
+            found = decision.actuator
             sent.append(min(max(decision.current_ma, _LOW_MA), _HIGH_MA))
             control_s += period_s
             acting = max(acting, len(sent) - 1 - int(draw.choice(condition.late)))
@@ -224,23 +240,23 @@ def play(
             setpoint_m=np.full(samples + 1, setpoint_m),
             current_ma=currents,
         )
-        yield dwell_metrics(trace, (0.0, dwell_s), span_m)[0], moves
+        yield dwell_metrics(trace, (0.0, dwell_s), span_m)[0], moves, found
 
 
 def row(
     condition: Condition, seeds: tuple[int, ...], dwells: int, dwell_s: float, *, uses_table: bool, restarts_every: int
 ) -> str:
     """Return the figures of a condition."""
-    each: list[tuple[DwellMetrics, int]] = []
+    each: list[tuple[DwellMetrics, int, ActuatorParameters | None]] = []
     for seed in seeds:
         one = play(condition, seed, dwells // len(seeds), dwell_s, uses_table=uses_table, restarts_every=restarts_every)
         each += one
-    figures = [dwell for dwell, _ in each]
+    figures = [dwell for dwell, _, _ in each]
     errors = sorted(dwell.mean_abs_error_pct for dwell in figures)
     return (
         f"{condition.name:20} {fmean(errors):7.3f} {errors[int(0.95 * len(errors))]:7.3f} {errors[-1]:7.2f} "
         f"{sum(dwell.settle_1pct_s is None for dwell in figures):5d} {sum(dwell.limit_cycle for dwell in figures):6d} "
-        f"{fmean(moves for _, moves in each):6.2f} {max(moves for _, moves in each):5d}"
+        f"{fmean(moves for _, moves, _ in each):6.2f} {max(moves for _, moves, _ in each):5d}"
     )
 
 

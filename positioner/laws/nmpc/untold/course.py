@@ -12,8 +12,8 @@ _LONGER_EVERY = 4
 """A piece may have one sample more for so many samples under the same current."""
 _FAR, _FAR_M = 5.0, 2e-4
 """A stem has moved that is so many standard deviations, and so far, from its origin."""
-MOST_PIECES = 96
-"""A course with more pieces is too long to tell anything."""
+MOST_PIECES, _MOST_SAMPLES = 96, 600
+"""A course with more of either is too long to tell anything."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Course:
     """A push and what followed.
 
     origin_m: where the stem rested before it, with the variance in m². direction: ±1, of the push. pieces: since the
-    push. same: samples in a row under the present current.
+    push. same: samples in a row under the present current. samples: in all pieces.
     """
 
     origin_m: float
@@ -38,6 +38,12 @@ class Course:
     direction: float
     pieces: tuple[Piece, ...] = ()
     same: int = 0
+    samples: int = 0
+
+    @property
+    def is_too_long(self) -> bool:
+        """Whether so much has happened that it tells nothing."""
+        return len(self.pieces) >= MOST_PIECES or self.samples > _MOST_SAMPLES
 
     @property
     def moved_m(self) -> float:
@@ -47,7 +53,7 @@ class Course:
     def followed_by(self, current_ma: float, reading_m: float) -> Course:
         """Return the course one sample later."""
         pieces, same = joined(self.pieces, self.same, current_ma, reading_m)
-        return Course(self.origin_m, self.variance_m2, self.direction, pieces, same)
+        return Course(self.origin_m, self.variance_m2, self.direction, pieces, same, self.samples + 1)
 
 
 @dataclass(frozen=True, slots=True)

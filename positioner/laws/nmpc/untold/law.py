@@ -15,6 +15,7 @@ from positioner.laws.nmpc.lagged.rest import LaggedRest
 from positioner.laws.nmpc.memory import NmpcMemory
 from positioner.laws.nmpc.untold import watch as watching
 from positioner.laws.nmpc.untold.found import actuator_of
+from positioner.laws.pushes import Pushes
 from positioner.values import dataclass, replace
 from positioner.wire.messages import Motion
 
@@ -30,6 +31,10 @@ if TYPE_CHECKING:
     from positioner.valve.actuator import ActuatorParameters
     from positioner.valve.state import StemState
     from positioner.valve.stiction import StictionTable
+
+
+_MOST_NOISE = 200.0
+"""The variance of an average is believed to be at most so many times that of white noise: AR(0.99)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +78,7 @@ class UntoldLagLaw:
             noise_m2 = self._noise_m2(inner)
             for _ in range(max(round(observation.elapsed_s / self.believed.period_s), 1)):
                 watch = watching.read(watch, observation.applied_ma, observation.measured_m, noise_m2, rests=rests)
-            if rests:
+            if rests or watch.course is None:  # a move of a law that believes in no lag may have no end
                 watch = watching.worked(self.nominal, watch, self.believed.period_s)
         return UntoldMemory(inner, watch), estimate
 
@@ -105,7 +110,17 @@ class UntoldLagLaw:
         """Return the variance of the mean of n readings, times n."""
         stem, own = inner.stem, self.believed
         place_m = stem.anchor.x if isinstance(stem, Resting) else stem.x
-        return inner.monitor.noise.averaged_m2(measurement_sigma_m(own.estimator, own.valve, place_m))
+        sigma_m = measurement_sigma_m(own.estimator, own.valve, place_m)
+        # readings of a stem that moves, although it should rest, look like noise
+        return min(inner.monitor.noise.averaged, _MOST_NOISE) * sigma_m * sigma_m
+
+    def _rest(self, watch: Watch, stem: Resting) -> LaggedRest:
+        """Return the rest by the last readings: what the law believed of the stem need not be true."""
+        quiet, own = watch.quiet, self.believed
+        if quiet.readings == 0:
+            return LaggedRest(stem.x, own.valve.span_m * own.valve.span_m)
+        sigma_m = measurement_sigma_m(own.estimator, own.valve, quiet.mean_m)
+        return LaggedRest(quiet.mean_m, sigma_m * sigma_m / quiet.readings)
 
     def _with(self, memory: UntoldMemory, inner: NmpcMemory, actuator: ActuatorParameters) -> UntoldMemory:
         """Return the memory in which the law for `actuator` takes over the resting stem."""
@@ -117,20 +132,18 @@ class UntoldLagLaw:
         belief, hold_ma = begun.belief, inner.hold_ma
         if leader is not None:
             load = leader.belief.load(self.nominal)
-            static_n = leader.belief.values[3] * self.nominal.static_n
-            belief = law.lagged.prior(load.spring_n_per_m, static_n, load.friction_n)
+            belief = law.lagged.prior(load.spring_n_per_m, leader.belief.static_n(self.nominal), load.friction_n)
         if hold_ma is None:
             hold_ma = drive.limited(model.current_ma(belief.onsets.spring_n_per_m * stem.x))
         lagged = replace(
             begun,
-            stem=LaggedRest(stem.x, stem.variance_m2),
+            stem=self._rest(memory.watch, stem),
             pipeline=pipeline_at(hold_ma, begun.pipeline.doubt_ma, law.lagged.dead_time_s, law.lagged.period_s),
             belief=belief,
-            noise=inner.monitor.noise,
             setpoint_m=inner.setpoint_m,
             anchor_m=inner.setpoint_m if inner.setpoint_m is not None else 0.0,
             is_new=True,
             hold_ma=hold_ma,
-            pushes=inner.pushes,
+            pushes=Pushes(anchor_m=inner.setpoint_m),
         )
         return UntoldMemory(lagged, memory.watch, actuator, law)

@@ -29,6 +29,8 @@ _LEAST_PROBABILITY = 1e-12
 _LEAST_VARIANCE = 1e-6
 _FAR = 39.0
 """In standard deviations: beyond them a density is 0."""
+_LEAST_RATIO, _MOST_RATIO = 0.92, 1.3
+"""Limits of F_s/F_c, as multiples of the configured ratio."""
 LEAST, MOST = 0.5, 1.7
 """Limits of the multiples."""
 
@@ -64,6 +66,11 @@ class LoadBelief:
         p[1][1] += _WANDER * _WANDER
         p[3][3] += _WANDER * _WANDER
         return LoadBelief(self.values, p)
+
+    def static_n(self, nominal: Nominal) -> float:
+        """Return F_s in N, not far from where F_c puts it: one onset that was taken for another spoils F_s alone."""
+        by_sliding = self.values[1] * nominal.static_n
+        return min(max(self.values[3] * nominal.static_n, _LEAST_RATIO * by_sliding), _MOST_RATIO * by_sliding)
 
     def load(self, nominal: Nominal) -> Load:
         """Return the load in SI units."""

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 STATES = 4
 _MM = 1e-3
-_HUBER = 3.0
-"""Beyond so many standard deviations a residual counts by its size, not by its square."""
+_CAUCHY2 = 9.0
+"""The square of the residual, in its variance, from which on it counts less and less: outliers (Cauchy's weights)."""
 _FLOOR_M, _FLOOR_OF_MOVE = 3e-5, 0.02
 """The error of the model: a length, and a part of the way that the stem went."""
 _COST_OF_SLIDING = 8
@@ -144,9 +144,9 @@ def _compare(course: Course, noise_m2: float, index: int, now: Rollout) -> None:
     if piece.samples > 1:
         place_m, slopes = now.sum_m / now.steps, [total / now.steps for total in now.sums]
     error_m, variance = piece.reading_m - place_m, variance_m2(course, noise_m2, piece.samples)
-    size = abs(error_m) / math.sqrt(variance)
-    weight = (1.0 if size < _HUBER else _HUBER / size) / variance
-    now.cost += size * size if size < _HUBER else _HUBER * (2.0 * size - _HUBER)
+    stretch = 1.0 + error_m * error_m / (variance * _CAUCHY2)
+    weight = 1.0 / (variance * stretch)
+    now.cost += _CAUCHY2 * math.log(stretch)
     for i in range(STATES):
         by = weight * slopes[i]
         now.gradient[i] += by * error_m

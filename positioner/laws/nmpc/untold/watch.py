@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from positioner.laws.nmpc.filter import believed_m
 from positioner.laws.nmpc.untold.candidate import candidates
 from positioner.laws.nmpc.untold.course import MOST_PIECES, Course, Finished, joined
 from positioner.laws.nmpc.untold.load import prior
@@ -28,6 +29,8 @@ _RECENT = 16
 _UNSTEADY = 4.5
 """Standard deviations between recent readings and all of a rest: then it is none."""
 _CERTAIN = 20.0
+_FAILING, _LIKELY = 4, 11.0
+"""Where more pushes than this have failed in a row, a lag that has as much more evidence is played with."""
 _MOST_WAITING = 6
 _MOST_UNMOVED = 2
 _BUDGET = 90
@@ -49,6 +52,8 @@ class Quiet:
         count = self.readings + 1
         if count == 1:
             return Quiet(1, measured_m, measured_m)
+        if count > _QUIET:
+            measured_m = believed_m(self.recent_m, 0.0, measured_m, noise_m2)
         off_m = self.recent_m - self.mean_m
         if count > _QUIET + 2:
             doubt_m2 = noise_m2 * (1.0 / (2.0 * _RECENT - 1.0) + 1.0 / self.readings)
@@ -89,7 +94,8 @@ class Watch:
         for mind in self.minds:
             if mind.evidence > best.evidence:
                 best = mind
-        return best if best.evidence - self.minds[0].evidence > _CERTAIN else None
+        enough = _CERTAIN if self.unmoved <= _FAILING else _LIKELY
+        return best if best.evidence - self.minds[0].evidence > enough else None
 
 
 def begun(period_s: float) -> Watch:
@@ -109,7 +115,9 @@ def read(watch: Watch, current_ma: float, measured_m: float, noise_m2: float, *,
     else:
         course, rest = course.followed_by(current_ma, measured_m), watch.rest + 1 if rests else 0
     watch = Watch(watch.minds, quiet, course, rest, between, same, watch.work, watch.waiting, watch.unmoved)
-    return watch if course is None or rest < _LONGEST_REST else _ended(watch, course, noise_m2)
+    if course is None or (rest < _LONGEST_REST and not course.is_too_long):
+        return watch
+    return _ended(watch, course, noise_m2)
 
 
 def pushed(watch: Watch, direction: float, noise_m2: float) -> Watch:
@@ -147,7 +155,7 @@ def _ended(watch: Watch, course: Course, noise_m2: float) -> Watch:
     finished = Finished(course, watch.between, noise_m2)
     unmoved = 0 if finished.has_moved else watch.unmoved + 1
     waiting = watch.waiting
-    if unmoved > _MOST_UNMOVED or len(course.pieces) >= MOST_PIECES:
+    if unmoved > _MOST_UNMOVED or course.is_too_long:
         between = (*watch.between, *course.pieces)[-MOST_PIECES + 1 :]
         return replace(watch, course=None, rest=0, between=between, same=course.same, unmoved=unmoved)
     waiting = (*waiting, finished)

@@ -12,8 +12,10 @@ from positioner.bench.metrics import Totals, totals
 from positioner.bench.scenario import Scenario
 from positioner.laws.law import Observation
 from positioner.laws.nmpc.lagged.law import LaggedLaw
+from positioner.laws.nmpc.lagged.rest import LaggedRest
 from positioner.laws.nmpc.untold.law import UntoldLagLaw
 from positioner.studies.direct import play_directly
+from positioner.valve.state import StemState
 from positioner.valve.stiction import StictionTable
 from positioner.wire.messages import Motion
 
@@ -80,3 +82,40 @@ def test_a_valve_without_lag_gets_the_law_that_looks_for_one() -> None:
     assert isinstance(configure(scenario(0.0, QUIET)).make_law(), UntoldLagLaw)
     assert isinstance(configure(scenario(0.01, QUIET)).make_law(), LaggedLaw)
     assert isinstance(configure(scenario(0.0, QUIET, sensor_time_constant_s=0.01)).make_law(), LaggedLaw)
+
+
+@pytest.mark.parametrize(
+    ("tolerances", "sigma_m", "stays", "motion"),
+    [
+        (1.5, 1e-5, False, Motion.MOVE),
+        (0.9, 1e-5, False, Motion.REST),
+        (1.5, 2e-4, False, Motion.REST),
+        (5.0, 1e-4, False, Motion.MOVE),
+        (1.5, 1e-5, True, Motion.REST),
+        (2.5, 1e-5, True, Motion.MOVE),
+    ],
+)
+def test_an_error_is_judged_once_and_a_stem_that_stays_moves_for_a_far_larger_one_only(
+    tolerances: float, sigma_m: float, stays: bool, motion: Motion
+) -> None:
+    law = configure(scenario(0.02, QUIET)).make_law()
+    assert isinstance(law, LaggedLaw)
+    setpoint_m = 0.080
+    error_m = tolerances * law.lagged.tolerance_m(0.0005 * law.valve.span_m)
+    rest = LaggedRest(setpoint_m - error_m, sigma_m * sigma_m, readings=50, stays=stays)
+    memory = law.begin(rest.x)
+    belief = replace(memory.belief, seen=1)
+    memory = replace(memory, stem=rest, belief=belief, setpoint_m=setpoint_m, anchor_m=setpoint_m)
+
+    memory, decision = law.decide(
+        memory,
+        StemState(rest.x, 0.0, stuck=True, direction=1.0),
+        Observation(rest.x, 11.5, 1e-3, setpoint_m, 1.0),
+        StictionTable(),
+    )
+
+    assert decision.motion is motion
+    is_certain = sigma_m < 2e-5
+    if motion is Motion.REST:
+        assert isinstance(memory.stem, LaggedRest)
+        assert memory.stem.stays == is_certain

@@ -18,8 +18,7 @@ class LaggedSettings(SettingsTable):
         reading, as a root of squares.
     patience: growth of the tolerance with every correction of the same setpoint, as a part of it.
     most_corrections: after so many corrections of one setpoint the stem stays.
-    certain_part: the stem is known well enough when σ of its average is below this part of the tolerance; an error
-        that is to be corrected exceeds the tolerance by this part at least.
+    certain_part: the stem is known well enough when σ of its average is below this part of the tolerance.
     spring_doubt, friction_doubt, lag_doubt: standard deviations of the configured K, F_s and lag, as parts of them.
     brake_share: distance of the braking pressure from the middle of the target's stick band, as a part of F_s.
     brake_limit: the strongest braking, as a part of F_c: inside the stick band, or the valve would reverse.

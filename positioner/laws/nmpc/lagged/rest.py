@@ -22,7 +22,7 @@ class LaggedRest:
     """The estimate of a stem at rest at x (m).
 
     gap: what the sensor shows beyond x. xx, xg, gg: covariance of both in m². drift_m: the smoothed innovation;
-    readings: in it. settle_s: until the stem counts as resting.
+    readings: in it. settle_s: until the stem counts as resting. stays: its error was judged, and is not worth a move.
     """
 
     x: float
@@ -33,6 +33,7 @@ class LaggedRest:
     drift_m: float = 0.0
     readings: int = 0
     settle_s: float = 0.0
+    stays: bool = False
 
     @property
     def sigma_m(self) -> float:
@@ -51,6 +52,7 @@ class LaggedRest:
             self.drift_m,
             self.readings,
             max(self.settle_s - period_s, 0.0),
+            self.stays,
         )
 
     def averaged(self, measured_m: float, variance_m2: float) -> LaggedRest:
@@ -75,4 +77,5 @@ class LaggedRest:
             drift_m,
             readings,
             self.settle_s,
+            self.stays,
         )

@@ -29,7 +29,10 @@ def considered(
     patient_m = tolerance_m * (1.0 + own.patience * memory.corrections)
     certain = rest.sigma_m < own.certain_part * patient_m
     error_m, corrections = setpoint_m - rest.x, memory.corrections
-    is_far = abs(error_m) > patient_m + max(_FAR * rest.sigma_m, own.certain_part * patient_m)
+    beyond_m = patient_m + _FAR * rest.sigma_m
+    if certain:
+        beyond_m = (_STAYS if rest.stays else _WORTH) * patient_m
+    is_far = abs(error_m) > beyond_m
     if certain or is_far:
         memory = judged(valve, memory, rest)
     go = False
@@ -40,8 +43,8 @@ def considered(
     elif corrections < own.most_corrections:
         go = is_far
         corrections += 1 if go else 0
-    if memory.is_new and certain:
-        memory = replace(memory, is_new=False)
+    if certain and not go and (memory.is_new or not rest.stays):
+        memory = replace(memory, is_new=False, stem=replace(rest, stays=True))
     if not go or not memory.pushes.may_push(observation.time_s):
         return memory, None
     planner = Planner(own, valve.model, memory.drive, valve.sensor, valve.delay_samples, 0.7 * valve.gap_n)
@@ -71,8 +74,10 @@ def considered(
 
 
 _FAR = 2.5
-"""An error is corrected when it exceeds the tolerance by so many σ of the average, and by a part of the tolerance: an
-average that only becomes better must not find a new error late."""
+"""An error is corrected at once when it exceeds the tolerance by so many σ of the average."""
+_WORTH, _STAYS = 1.25, 2.0
+"""When the average is certain, the error is judged once: it is corrected where it exceeds so many tolerances. A stem
+that stays moves again for a far larger error only: an average that becomes better must not find a new error late."""
 _ASIDE = 0.25
 """A stem that has moved aside goes on when σ of the average is below this part of a reading's: it averages on."""
 _DOUBT = 2.0

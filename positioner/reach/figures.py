@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from positioner.reach.corrections import corrections
 from positioner.reach.expected import averaging_of, mean_error_m, natural_jump_m
 from positioner.reach.large_moves import durations
 from positioner.reach.small_moves import smallest_jump, smallest_push_m
@@ -28,7 +29,9 @@ class Figures:
     averaging_m, averaging_s: σ of the average of which the law decides, and the time that it takes.
     landing_m: σ of the place where a jump ends.
     error_m: the mean error that is left.
-    shortest_s, law_s: duration of a move by a tenth of the span, to 1 % of span: the shortest, and the law's.
+    shortest_s, law_s: duration of a move by a tenth of the span, to 1 % of span: the shortest, and the law's without a
+        correction. share: of the moves that need one; correction_s: what it adds; mean_s: the mean duration with them.
+    moves: until no error is left that is worth a correction.
     """
 
     low_m: float
@@ -45,6 +48,10 @@ class Figures:
     error_m: float
     shortest_s: float
     law_s: float
+    share: float
+    correction_s: float
+    mean_s: float
+    moves: float
 
     @property
     def resolution_m(self) -> float:
@@ -61,6 +68,7 @@ def figures_of(case: Case) -> Figures:
     push_m = max(smallest_push_m(case, direction) for direction in (1.0, -1.0))
     averaging_m, samples = averaging_of(case)
     move = durations(case, MOVE_OF_SPAN * valve.span_m, worst.rate_ma_per_s)
+    more = corrections(case, worst)
     low_m, high_m = valve.restartable_m(case.low_ma, case.high_ma)
     low_reach_m, high_reach_m = valve.reach_m(case.low_ma, case.high_ma)
     return Figures(
@@ -77,5 +85,9 @@ def figures_of(case: Case) -> Figures:
         landing_m=landing_m,
         error_m=mean_error_m(case, worst),
         shortest_s=move.shortest_s,
-        law_s=max(move.law_s, move.shortest_s),
+        law_s=move.law_s,
+        share=more.share,
+        correction_s=more.correction_s,
+        mean_s=more.mean_s(move.law_s),
+        moves=more.moves,
     )

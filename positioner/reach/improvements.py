@@ -31,11 +31,11 @@ def improvements(case: Case, today: Figures) -> tuple[Improvement, ...]:
     """Return the changes that improve resolution or duration, the best for the resolution first."""
     found = [Improvement(change, figures_of(changed)) for change, changed in _changes(case)]
     worth = [each for each in found if _gain(each.figures, today) < _WORTH]
-    return tuple(sorted(worth, key=lambda each: (each.figures.resolution_m, each.figures.law_s)))
+    return tuple(sorted(worth, key=lambda each: (each.figures.resolution_m, each.figures.mean_s)))
 
 
 def _gain(changed: Figures, today: Figures) -> float:
-    pairs = ((changed.resolution_m, today.resolution_m), (changed.law_s, today.law_s))
+    pairs = ((changed.resolution_m, today.resolution_m), (changed.mean_s, today.mean_s))
     return min(after / before if 0.0 < before < math.inf else 1.0 for after, before in pairs)
 
 

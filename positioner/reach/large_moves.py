@@ -1,8 +1,8 @@
-"""How long a move lasts: the shortest possible time, with everything known, and the law's, which must see a slip. Pure.
+"""How long one move lasts: the shortest time, with everything known, and the law's, which must see a slip. Pure.
 
 The shortest: all current in one direction, then all in the other, so that the stem stops at its target. The law's: to
 the foot of its ramp, up the ramp until the stem slips, on until the readings show it, and then as fast as the predicted
-stop allows.
+stop allows. Without lag the law pushes at once, and answers a new setpoint one period later.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from positioner.laws.nmpc.lagged.detectable import detectable_jump
+from positioner.laws.nmpc.lagged.valve import is_lagged
 from positioner.reach.case import brake_ma, freeing_ma, slip_of
 
 if TYPE_CHECKING:
@@ -43,8 +44,11 @@ def durations(case: Case, move_m: float, slowest_ma_per_s: float) -> Durations:
 
     `slowest_ma_per_s` is the slowest ramp of the law.
     """
-    start_m = case.middle_m - move_m / 2.0
-    return Durations(_shortest_s(case, start_m, move_m), _of_the_law_s(case, start_m, move_m, slowest_ma_per_s))
+    shortest_s = _shortest_s(case, case.middle_m - move_m / 2.0, move_m)
+    if not is_lagged(case.valve):
+        return Durations(shortest_s, shortest_s + case.period_s)
+    near_m = SETTLED_OF_SPAN * case.valve.span_m
+    return Durations(shortest_s, max(of_the_law_s(case, move_m, slowest_ma_per_s, near_m), shortest_s))
 
 
 def _shortest_s(case: Case, start_m: float, move_m: float) -> float:
@@ -85,8 +89,10 @@ def _thrown(case: Case, own: LaggedValve, x: float, target_m: float, until_s: fl
     return x, settled_s
 
 
-def _of_the_law_s(case: Case, start_m: float, move_m: float, slowest_ma_per_s: float) -> float:
-    own, target_m, near_m = case.lagged(), start_m + move_m, SETTLED_OF_SPAN * case.valve.span_m
+def of_the_law_s(case: Case, move_m: float, slowest_ma_per_s: float, near_m: float) -> float:
+    """Return how long the law takes behind a lag until an opening by `move_m` is within `near_m` of its target."""
+    start_m = case.middle_m - move_m / 2.0
+    own, target_m = case.lagged(), start_m + move_m
     slip, drive, sigma_m, x = slip_of(own, 1.0), own.drive, case.sigma_m, start_m
     rate = slowest_ma_per_s
     for multiple in _MULTIPLES:

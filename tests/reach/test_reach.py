@@ -123,13 +123,13 @@ def test_the_mean_error_and_the_duration_are_those_of_a_closed_loop(lag_s: float
 
 
 def test_what_helps_is_named_with_its_figures_and_what_does_not_help_is_not() -> None:
-    case = case_of(0.05, TWO_PERCENT, period_s=0.005)
+    case = case_of(0.05, LOW_NOISE, period_s=0.005)
     today = figures_of(case)
     found = improvements(case, today)
     changes = {each.change: each.figures for each in found}
     assert {"a position sensor with half the noise", "a volume booster that halves the lag"} <= set(changes)
     faster: Figures = changes["a volume booster that halves the lag"]
-    assert faster.law_s < 0.7 * today.law_s
+    assert faster.mean_s < 0.7 * today.mean_s
     assert [each.figures.resolution_m for each in found] == sorted(each.figures.resolution_m for each in found)
     assert not [change for change in changes if "dead time" in change or "converter" in change]
 

@@ -117,4 +117,4 @@ def commissioning_setup(setup: Setup, procedure: Procedure[M]) -> Setup:
     """Return the setup in which `procedure` runs in place of the law: armed at once, without setpoints of a host."""
     guard = replace(setup.guard, auto_arm=True, setpoint_hold_s=0.0, setpoint_failsafe_s=0.0, deviation_of_span=0.0)
     law = ProcedureLaw(procedure, ProcedureLimits.of(setup.valve, setup.guard))
-    return replace(setup, guard=guard, law=law, testing=True)
+    return replace(setup, guard=guard, law=law, testing=True, setpoint=None)

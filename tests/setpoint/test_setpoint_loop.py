@@ -14,7 +14,11 @@ from positioner.bench.configure import configuration_text
 from positioner.bench.scenario import Scenario
 from positioner.bus.address import BusAddress
 from positioner.cli.check import summary
+from positioner.cli.main import main
+from positioner.commissioning.experiment import Experiment
+from positioner.commissioning.procedure import ProcedureLimits, commissioning_setup
 from positioner.config.reader import parse_config
+from positioner.errors import ExitCode
 
 if TYPE_CHECKING:
     from positioner.config.schema import Configuration
@@ -77,6 +81,29 @@ def test_tight_shut_off_gives_the_full_closing_current_until_the_setpoint_comes_
     assert (current[1005:1999] == 4.0).all()
     assert run.recording.true_position_m[1999] * 1e3 == pytest.approx((4.0 * 333.637 + 1423.0) / 52.538, abs=0.5)
     assert run.recording.true_position_m[2999] * 1e3 == pytest.approx(75.0, abs=0.3)
+
+
+@pytest.mark.interpreted
+def test_a_log_replays_to_the_bit_with_its_functions_and_differs_without(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario = wanted((75.0, 60.0, 82.0))
+    functions = 'characteristic = "equal percentage"\nopening_per_s = 0.2\ntravel_low = 0.5\nclosed_below = 0.2'
+    log, config = tmp_path / "bus.log", tmp_path / "valve.toml"
+    played(scenario, functions, monkeypatch).recording.write_log(log)
+    plain = configuration_text(scenario, BusAddress(), tmp_path / "state")
+    config.write_text(f"{plain}\n[setpoint]\n{functions}\n", encoding="utf-8")
+    assert main(["replay", str(log), "--config", str(config)]) == ExitCode.OK
+    assert capsys.readouterr().out.splitlines()[-1] == "identical"
+    config.write_text(plain, encoding="utf-8")
+    assert main(["replay", str(log), "--config", str(config)]) == ExitCode.FAILURE
+
+
+def test_a_test_procedure_knows_no_setpoint_functions() -> None:
+    setup = configured(wanted((75.0,)), "closed_below = 0.1").make_setup()
+    assert setup.setpoint is not None
+    experiment = Experiment.of(setup.valve, ProcedureLimits.of(setup.valve, setup.guard), setup.period_s)
+    assert commissioning_setup(setup, experiment).setpoint is None
 
 
 def test_check_shows_the_functions_that_are_on() -> None:

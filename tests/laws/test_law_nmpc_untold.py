@@ -58,8 +58,8 @@ def test_an_untold_lag_is_found_and_taken_over() -> None:
 
 
 def test_a_valve_without_lag_is_never_taken_for_one_and_soon_watched_no_more() -> None:
-    memory, moves = played((73.0, 87.0, 80.0), QUIET)
+    memory, moves = played((73.0, 87.0, 80.0, 74.0, 83.0, 77.0), QUIET)
 
     assert memory.actuator is None
     assert memory.watch.is_over
-    assert moves < 10
+    assert moves < 15

@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 
 STATES = 4
 _MM = 1e-3
-_CAUCHY2 = 9.0
-"""The square of the residual, in its variance, from which on it counts less and less: outliers (Cauchy's weights)."""
+_FAR2 = 9.0
+"""The square of a residual, in its variance, from which on it costs less and less: it may be an outlier (Cauchy).
+The steps of the fit follow it by its size (Huber): by Cauchy's weights a fit that begins far off would stay there."""
 _FLOOR_M, _FLOOR_OF_MOVE = 3e-5, 0.02
 """The error of the model: a length, and a part of the way that the stem went."""
 _COST_OF_SLIDING = 8
@@ -144,9 +145,9 @@ def _compare(course: Course, noise_m2: float, index: int, now: Rollout) -> None:
     if piece.samples > 1:
         place_m, slopes = now.sum_m / now.steps, [total / now.steps for total in now.sums]
     error_m, variance = piece.reading_m - place_m, variance_m2(course, noise_m2, piece.samples)
-    stretch = 1.0 + error_m * error_m / (variance * _CAUCHY2)
-    weight = 1.0 / (variance * stretch)
-    now.cost += _CAUCHY2 * math.log(stretch)
+    stretch2 = error_m * error_m / (variance * _FAR2)
+    weight = (1.0 if stretch2 < 1.0 else 1.0 / math.sqrt(stretch2)) / variance
+    now.cost += _FAR2 * math.log(1.0 + stretch2)
     for i in range(STATES):
         by = weight * slopes[i]
         now.gradient[i] += by * error_m

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from positioner.laws.nmpc.untold.rollout import Rollout
 
 _MOST_ONSETS = 6
-_MOST_STEPS = 4
+_MOST_STEPS = 5
 _LONGEST = 0.25
 """The largest change of a multiple in one Gauss-Newton step."""
 _CONVERGED = 0.5

@@ -28,7 +28,8 @@ _LONGEST_REST = 64
 _RECENT = 16
 _UNSTEADY = 4.5
 """Standard deviations between recent readings and all of a rest: then it is none."""
-_CERTAIN = 20.0
+_CERTAIN, _CERTAIN_OF_DEAD_TIME = 20.0, 40.0
+"""A sample of dead time does little harm, and differs little from none."""
 _FAILING, _LIKELY = 4, 11.0
 """Where more pushes than this have failed in a row, a lag that has as much more evidence is played with."""
 _MOST_WAITING = 6
@@ -95,6 +96,8 @@ class Watch:
             if mind.evidence > best.evidence:
                 best = mind
         enough = _CERTAIN if self.unmoved <= _FAILING else _LIKELY
+        if best.candidate.late:
+            enough = _CERTAIN_OF_DEAD_TIME
         return best if best.evidence - self.minds[0].evidence > enough else None
 
 

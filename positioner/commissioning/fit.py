@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from positioner.commissioning.derivatives import RELATIVE, first_changes, later_changes, variants
+from positioner.commissioning.derivatives import RELATIVE, changes_at, least_changes, variants
 from positioner.commissioning.observed import (
     COULOMB,
     COUNT,
@@ -77,7 +77,7 @@ def fit(
     """
     theta = prior.theta.copy() if start is None else start[0].copy()
     own = tuple(start[1]) if start else tuple(np.zeros((2, len(each.rest_m))) for each in observed)
-    changes = first_changes(theta, observed)
+    changes = least = least_changes(theta, observed, gain)
     known = _normal(observed, mass_kg, gain, prior, theta, own, friction_sigma, changes)
     for _ in range(_PASSES):
         trials = []
@@ -90,11 +90,11 @@ def fit(
             break
         gained = known.cost - costs[best]
         theta, own = trials[best]
-        changes = later_changes(np.diag(known.matrix), theta)
+        changes = changes_at(np.diag(known.matrix), theta, least)
         known = _normal(observed, mass_kg, gain, prior, theta, own, friction_sigma, changes)
         if gained < done:
             break
-    inverse: Array = np.linalg.pinv(known.matrix).astype(np.float64)
+    inverse = _inverse(known.matrix)
     return Fitted(theta, inverse[:COUNT, :COUNT], known.cost, _scatter(own, inverse, friction_sigma), own)
 
 
@@ -112,6 +112,12 @@ class _Normal:
     matrix: Array
     vector: Array
     cost: float
+
+
+def _inverse(matrix: Array) -> Array:
+    """Return the inverse, scaled before: newtons and seconds side by side would hide the weakest direction."""
+    scale = 1.0 / np.sqrt(np.diag(matrix))
+    return np.asarray(np.linalg.pinv(matrix * scale * scale[:, None]) * scale * scale[:, None])
 
 
 def _scatter(own: Sequence[Array], inverse: Array, before: float) -> float:
@@ -176,7 +182,7 @@ def _step(known: _Normal, theta: Array, damping: float) -> Array:
     change, free = np.zeros(len(known.vector)), np.ones(len(known.vector), dtype=bool)
     while True:
         wanted = known.vector[free] - matrix[np.ix_(free, ~free)] @ change[~free]
-        change[free] = np.linalg.lstsq(matrix[np.ix_(free, free)], wanted, rcond=None)[0]
+        change[free] = _inverse(matrix[np.ix_(free, free)]) @ wanted
         beyond = [number for number in (FILL, VENT, DEAD) if free[number] and change[number] < -theta[number]]
         if not beyond:
             return change

@@ -30,7 +30,7 @@ class IdentifiedValve:
     friction_scatter: of the friction between slips, as a part of it (standard deviation).
     noise_correlation: 1 for white noise, more where neighbouring readings are alike.
     breakaways, steps: how many of each could be used.
-    misfit: mean square of the weighted residuals, 1 in a perfect fit.
+    misfit, step_misfit: mean square of the weighted residuals, of all and of the steps; 1 in a perfect fit.
     """
 
     spring_rate_n_per_m: Interval
@@ -49,6 +49,7 @@ class IdentifiedValve:
     breakaways: int
     steps: int
     misfit: float
+    step_misfit: float
 
     def tables(self) -> dict[str, dict[str, Any]]:
         """Return the values by table and key of a configuration; what could not be seen is left out."""

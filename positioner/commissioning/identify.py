@@ -115,8 +115,10 @@ def identify(
         report(0.3 + 0.7 * (number + 1) / _ROUNDS)
         if np.all(np.abs(np.array([scatter * scatter, *wrong]) - before) < 0.4 * before):
             break
-    misfit = float(sum(np.sum(off * off) for off in left) / sum(np.count_nonzero(off) for off in left))
-    return _result(fitted, misfit, observed, noise, valve, limits, period_s)
+    squares = np.array([[float(np.sum(off * off)), np.count_nonzero(off)] for off in left])
+    total = squares.sum(axis=0)
+    misfits = float(total[0] / total[1]), float(squares[-1, 0] / squares[-1, 1])
+    return _result(fitted, misfits, observed, noise, valve, limits, period_s)
 
 
 def _excess(observed: Observed, off: Array) -> float:
@@ -136,7 +138,7 @@ def _prior(valve: ValveParameters) -> Prior:
 
 def _result(
     fitted: Fitted,
-    misfit: float,
+    misfits: tuple[float, float],
     observed: Sequence[Observed],
     noise: Noise,
     valve: ValveParameters,
@@ -199,5 +201,6 @@ def _result(
         noise_correlation=noise.correlation,
         breakaways=len(observed[1].rest_m),
         steps=len(observed[2].rest_m),
-        misfit=misfit,
+        misfit=misfits[0],
+        step_misfit=misfits[1],
     )

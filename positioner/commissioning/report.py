@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters
 
 _SIGNAL_MA = 16.0
+_OTHER_RESPONSE = 1.2
+"""Mean square of the steps' residuals, over that of the noise."""
 _UNSEEN = "not shown by this experiment; the configured value is kept"
 
 
@@ -86,6 +88,14 @@ def remarks(found: IdentifiedValve) -> tuple[str, ...]:
         lines.append(f"the friction scatters by {100.0 * found.friction_scatter:.1f} % from slip to slip")
     if found.noise_correlation > 1.0:
         lines.append("the noise of neighbouring readings is alike: the position is known less well than it seems")
+    if found.fill_time_constant_s.value == 0.0:
+        most_ms = 1e3 * max(found.fill_time_constant_s.high, found.vent_time_constant_s.high)
+        lines.append(f"no lag was seen; one of more than {most_ms:.2g} ms would have been")
+    if found.step_misfit > _OTHER_RESPONSE:
+        lines.append(
+            "the response to a step is not that of one lag and a dead time: a slew limit, a lag of the I/P converter "
+            "or the sensor, backlash, or friction that depends on the place look so; the intervals do not hold then"
+        )
     if found.misfit > 2.0:  # noqa: PLR2004 - 1 is a perfect fit
         lines.append(
             f"the readings differ from the fitted valve by {math.sqrt(found.misfit):.1f} times their noise: "
@@ -114,4 +124,5 @@ def as_json(found: IdentifiedValve, valve: ValveParameters, pressure_unit: str) 
         "friction_scatter": found.friction_scatter,
         "noise_correlation": found.noise_correlation,
         "misfit": found.misfit,
+        "step_misfit": found.step_misfit,
     }

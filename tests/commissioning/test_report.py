@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -28,6 +29,7 @@ FOUND = IdentifiedValve(
     breakaways=10,
     steps=8,
     misfit=1.0,
+    step_misfit=1.0,
 )
 
 
@@ -57,3 +59,15 @@ def test_the_json_is_json_and_the_scatter_of_the_friction_is_told() -> None:
     text = json.dumps(as_json(FOUND, VALVE, "bar"), allow_nan=False)
     assert json.loads(text)["valve"] == "FV-101"
     assert "the friction scatters by 3.0 % from slip to slip" in remarks(FOUND)
+
+
+def test_a_lag_that_was_not_seen_has_its_bound_told() -> None:
+    none = Interval(0.0, 0.0, 0.0005)
+    found = replace(FOUND, fill_time_constant_s=none, vent_time_constant_s=replace(none, high=0.0007))
+    assert "no lag was seen; one of more than 0.7 ms would have been" in remarks(found)
+    assert not any("no lag" in line for line in remarks(FOUND))
+
+
+def test_steps_that_one_lag_does_not_explain_are_told() -> None:
+    assert not any("slew limit" in line for line in remarks(replace(FOUND, step_misfit=1.1)))
+    assert any("slew limit" in line for line in remarks(replace(FOUND, step_misfit=1.3)))

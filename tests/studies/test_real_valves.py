@@ -99,9 +99,9 @@ def test_every_bout_can_be_played_by_a_law_that_knows_the_plant_or_is_told_other
 
 
 def test_the_nominal_valve_visits_the_setpoints_of_the_league_and_others_the_same_places_of_their_range() -> None:
-    assert setpoints_mm(NOMINAL) == pytest.approx(SETPOINTS_MM, abs=0.06)
+    assert setpoints_mm(plant_settings(NOMINAL)) == pytest.approx(SETPOINTS_MM, abs=0.06)
     # K x ± F_s = B u at 4 and 20 mA: a spring 20 % stronger can be restarted from 48.3 to 78.8 mm
-    first = setpoints_mm("spring+20")[0]
+    first = setpoints_mm(plant_settings("spring+20"))[0]
     assert first == pytest.approx(48.25 + 0.413 * (78.75 - 48.25), abs=0.1)
 
 

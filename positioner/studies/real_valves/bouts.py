@@ -130,7 +130,7 @@ class RealBout:
             seed=self.seed,
             sample_period_s=self.period_s,
             setpoint_period_s=10.0 * self.period_s,
-            setpoints_mm=setpoints_mm(self.plant)[: self.setpoints],
+            setpoints_mm=setpoints_mm(plant_settings(overrides=true))[: self.setpoints],
             dwell_s=self.dwell_s,
             plant=true,
             valve=known["valve"],

@@ -19,6 +19,8 @@ AS_TOLD = "as told"
 TYPICAL_S = (0.01, 0.1)
 """Lags at which most conditions are played."""
 
+_PA_PER_MA = 5171.06775
+"""K_p of the nominal valve."""
 _UNTOLD = "not told: lag ± 30 %, vent 0.6 of fill, one sample of dead time"
 
 
@@ -95,6 +97,16 @@ def _all() -> dict[str, Condition]:
         "untold-lag-30": _untold("lag 30 % shorter than told", _lag_times(0.7, 0.7)),
         "untold-vent-0.6": _untold("vents in 0.6 of the time told", _lag_times(1.0, 0.6)),
         "untold-dead-time-1": _untold("a dead time of one sample, not told", _actuator(dead_time_s=0.001)),
+        "supply-17": Condition(
+            text="an air supply that ends at 17 mA",
+            true=_actuator(supply_pa=17.0 * _PA_PER_MA),
+            goal_pct={"0.05": 0.06},
+        ),
+        "growing-friction": Condition(
+            text="static friction that grows at rest by 10 % in a decade",
+            true=lambda _lag_s: {"packing": {"growth_per_decade": 0.1}},
+            goal_pct={"0.05": 0.06},
+        ),
         "told-dead-time-10": _told("dead time 10 ms", _actuator(dead_time_s=0.01), 0.06),
         "told-dead-time-30": _told("dead time 30 ms", _actuator(dead_time_s=0.03), 0.15),
         "told-converter-5": _told("I/P lag 5 ms", _actuator(converter_time_constant_s=0.005), 0.06),
@@ -104,7 +116,7 @@ def _all() -> dict[str, Condition]:
         # half the play is the error that no law can see
         "told-backlash-0.1": _told("backlash 0.1 % of span", _sensor(backlash_m=0.000127), 0.10),
         "told-backlash-0.5": _told("backlash 0.5 % of span", _sensor(backlash_m=0.000635), 0.30),
-        "told-slew-40": _told("slew limit 40 mA/s", _actuator(slew_pa_per_s=40.0 * 5171.06775), 0.06),
+        "told-slew-40": _told("slew limit 40 mA/s", _actuator(slew_pa_per_s=40.0 * _PA_PER_MA), 0.06),
         "no-lag-told": Condition(
             text="no lag configured, true lag up to 2 ms",
             believed=_no_lag_told,

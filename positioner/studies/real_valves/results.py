@@ -109,6 +109,9 @@ def percentile_95(values: Iterable[float]) -> float:
 def optimal_settle_s(lag_s: float, setpoints: int) -> float:
     """Return the median over the moves of the nominal valve of the time-optimal time until the 1 % band, in s."""
     settings = plant_settings(overrides=plant_tables(NOMINAL, lag_s, "0.05", {}))
-    places_m = [settings.valve.initial_position_m, *(place * 1e-3 for place in setpoints_mm(NOMINAL)[:setpoints])]
+    places_m = [
+        settings.valve.initial_position_m,
+        *(place * 1e-3 for place in setpoints_mm(plant_settings(NOMINAL))[:setpoints]),
+    ]
     moves = (optimal_move(settings, start_m, end_m) for start_m, end_m in pairwise(places_m))
     return median(move.settle_1pct_s for move in moves)

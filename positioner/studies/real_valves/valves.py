@@ -67,9 +67,9 @@ def lag_table(lag_s: float) -> dict[str, float]:
     return {"fill_time_constant_s": lag_s, "vent_time_constant_s": lag_s}
 
 
-def setpoints_mm(plant: str) -> tuple[float, ...]:
+def setpoints_mm(plant: PlantSettings) -> tuple[float, ...]:
     """Return eight setpoints in mm: those of the league, at the same parts of the range of `plant`."""
-    return within_reach(plant_settings(plant), _PLACES)
+    return within_reach(plant, _PLACES)
 
 
 def told(settings: PlantSettings) -> dict[str, Any]:

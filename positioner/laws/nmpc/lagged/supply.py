@@ -22,6 +22,9 @@ _APART_MA = 1.0
 """Two rates are compared where the pressure has risen by so much between them."""
 _LEAST_KAPPA, _MOST_KAPPA = 0.5, 2.0
 _BELOW_MA, _SIGMAS = 0.5, 4.0
+_SPARE_MA, _SPARE_SIGMAS = 0.2, 2.0
+"""So much is added to the end: a highest current that is too low would keep places out of reach, and a little too much
+does no harm."""
 """A rise that is to end so much, and so many σ, below its current has no supply for more."""
 
 
@@ -41,7 +44,7 @@ class Supply:
     first_sigma_ma: float = 0.0
 
     def after(self, drive: Drive, measured_ma: float, acting_ma: float, sigma_ma: float) -> tuple[Supply, float | None]:
-        """Return the rise after a reading, and the pressure in mA at which it ends, None where none is seen."""
+        """Return the rise after a reading, and the highest current in mA that has an effect, None without a limit."""
         ahead_ma = acting_ma - measured_ma
         if ahead_ma < _ABOVE_MA or acting_ma != self.current_ma:
             return Supply(acting_ma, 0.0, measured_ma), None
@@ -62,7 +65,7 @@ class Supply:
                 doubt_ma = ((1.0 + weight) * rate_sigma_ma + weight * self.first_sigma_ma) / kappa
                 end_ma = here_ma + left_ma
                 if end_ma + max(_BELOW_MA, _SIGMAS * doubt_ma) < acting_ma:
-                    return NO_RISE, end_ma
+                    return NO_RISE, min(end_ma + _SPARE_MA + _SPARE_SIGMAS * doubt_ma, acting_ma)
         return self._going_on(0.0, measured_ma), None
 
     def _going_on(self, expected_ma: float, begin_ma: float) -> Supply:

@@ -61,7 +61,7 @@ lock: $(VENV)/installed
 # Then a bench must give the same frames to the bit as interpreted.
 COMPILED = build/compiled
 RUN_COMPILED = PYTHONSAFEPATH=1 PYTHONPATH=$(COMPILED) $(BIN)
-COMPILED_TESTS = tests/replay tests/cycle tests/guard tests/laws tests/valve tests/wire tests/optimization \
+COMPILED_TESTS = tests/replay tests/cycle tests/setpoint tests/guard tests/laws tests/valve tests/wire tests/optimization \
 	tests/plant_emulator tests/config tests/machine tests/store
 SHORT_COMPILED_TESTS = tests/replay/test_replay_logs.py tests/cycle tests/guard tests/valve tests/optimization
 

@@ -22,6 +22,7 @@ from positioner.cli import (
     replay,
     reproduce,
     run,
+    signature,
     table,
     tune,
 )
@@ -61,6 +62,7 @@ def build_parser() -> Parser:
         run,
         host,
         identify,
+        signature,
         bench,
         replay,
         explain,

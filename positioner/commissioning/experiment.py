@@ -19,7 +19,7 @@ from positioner.commissioning.homing import Return
 from positioner.commissioning.known import Line
 from positioner.commissioning.procedure import Progress
 from positioner.commissioning.release import Release
-from positioner.commissioning.stages import Rest, Stage, StageState, Stroke, ToMiddle, World
+from positioner.commissioning.stages import Rest, SlideUp, Stage, StageState, Stroke, World
 from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
@@ -51,23 +51,19 @@ class IdentifyMemory:
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """The procedure of `identify`, for one valve and one period."""
+    """A procedure of stages, for one valve and one period: that of `identify`, or of `signature`."""
 
     valve: ValveParameters
     limits: ProcedureLimits
     period_s: float
     stages: tuple[Stage, ...]
     """In their order; the last one brings the stem back."""
+    name: str = "identify"
 
     @classmethod
     def of(cls, valve: ValveParameters, limits: ProcedureLimits, period_s: float) -> Experiment:
         """Return the experiment for the valve as it is configured, within the limits."""
         return cls(valve, limits, period_s, stages_of(limits))
-
-    @property
-    def name(self) -> str:
-        """The name of the procedure."""
-        return "identify"
 
     def begin(self, measured_m: float) -> IdentifyMemory:
         """Return the memory at the start, at a reading in m."""
@@ -141,7 +137,7 @@ def stages_of(limits: ProcedureLimits) -> tuple[Stage, ...]:
         Rest(_REST_S),
         Stroke(low_ma, min(_APPROACH_MA_PER_S, most), records=False),
         *strokes,
-        ToMiddle(),
+        SlideUp(0.5),
         *breakaways,
         *steps,
         *repeats,

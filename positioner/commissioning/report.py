@@ -33,7 +33,8 @@ class Row:
         """Return the line."""
         if not self.seen:
             return f"  {self.name:<28} {self.value:>10.4g} {self.unit:<9} {_UNSEEN}"
-        return f"  {self.name:<28} {self.value:>10.4g} {self.unit:<9} {self.low:.4g} to {self.high:.4g}"
+        interval = "" if self.low == self.value == self.high else f" {self.low:.4g} to {self.high:.4g}"
+        return f"  {self.name:<28} {self.value:>10.4g} {self.unit:<9}{interval}".rstrip()
 
 
 def rows(found: IdentifiedValve, valve: ValveParameters, pressure_unit: str) -> tuple[Row, ...]:

@@ -29,7 +29,7 @@ class Slips:
     """Slips of one experiment, side by side in arrays of (slip, sample), NaN where there is no reading.
 
     direction: ±1 of each; begins: the sample from which on a slip is played; before it the stem rests.
-    step_s: of the integration, at most.
+    step_s: of the integration, at most. seen: the sample in which the procedure saw each of them slip, where it did.
     """
 
     period_s: float
@@ -38,6 +38,7 @@ class Slips:
     measured_m: Array
     begins: int
     step_s: float = 2.5e-4
+    seen: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,9 +29,9 @@ _MIDDLE_MA_PER_S = 2.0
 class World:
     """What the stages share.
 
-    line: of the sliding stem, believed at first and then measured; sigma_m: of a reading at rest; low_m, high_m: how
-    far it slid down and up; up, down: the sums behind the line. static_ma: the largest
-    force at a breakaway so far; answer_s: the longest time from a step until its slip was seen.
+    line: of the sliding stem, believed at first, then measured; sigma_m: of a reading at rest; low_m, high_m: the ends
+    of its way; up, down: the sums behind the line. static_ma: the largest force at a breakaway so far; answer_s: the
+    longest time from a step until its slip was seen.
     """
 
     limits: ProcedureLimits
@@ -208,9 +208,8 @@ class Stroke:
         if direction > 0.0:
             high_m = max(world.high_m, block.mean_m)
             return replace(world, up=world.up.add(current_ma, block.mean_m), high_m=high_m), state
-        return replace(
-            world, down=world.down.add(current_ma, block.mean_m), low_m=min(world.low_m, block.mean_m)
-        ), state
+        low_m = min(world.low_m, block.mean_m)
+        return replace(world, down=world.down.add(current_ma, block.mean_m), low_m=low_m), state
 
     def recorded(self, state: StageState) -> tuple[Stretch, ...]:
         """Return the stroke."""
@@ -221,13 +220,15 @@ class Stroke:
 
 
 @dataclass(frozen=True, slots=True)
-class ToMiddle:
-    """From the lower end of the strokes to the middle of the places that they reached."""
+class SlideUp:
+    """From below, slowly to a part of the way between the lowest and the highest place that the strokes reached."""
+
+    part: float
 
     @property
     def doing(self) -> str:
         """What the stage does."""
-        return "moving to the middle"
+        return f"moving to {self.part:.0%} of the way"
 
     def lasts_s(self, world: World) -> float:
         """Return the time of half a stroke."""
@@ -237,8 +238,8 @@ class ToMiddle:
         """Return world and state after an observation."""
         state = state.observed(observation)
         assert state.smooth_m is not None  # noqa: S101 - it has been observed
-        middle_m = 0.5 * (world.low_m + world.high_m)
-        if state.smooth_m < middle_m and state.current_ma < world.limits.current_high_ma:
+        place_m = world.low_m + self.part * (world.high_m - world.low_m)
+        if state.smooth_m < place_m and state.current_ma < world.limits.current_high_ma:
             high_ma = world.limits.current_high_ma
             current_ma = world.towards(state.current_ma, high_ma, _MIDDLE_MA_PER_S, observation.elapsed_s)
             return world, replace(state, current_ma=current_ma)

@@ -74,7 +74,9 @@ def releases(
         rest_m[number] = np.nanmean(held)
         sigma_m = float(noise.sigma_m(rest_m[number]))
         rest_sigma_m[number] = max(sigma_m / np.sqrt(len(held)) * noise.correlation, 1e-6)
-    slips = Slips(period_s, np.array([each.direction for each in found]), applied, measured, max(before - played, 1))
+    slips = Slips(
+        period_s, np.array([each.direction for each in found]), applied, measured, max(before - played, 1), seen=before
+    )
     places_m = np.broadcast_to(rest_m[:, None], measured.shape)
     return Observed(slips, _weights(measured, places_m, kind, noise, limits), rest_m, rest_sigma_m)
 

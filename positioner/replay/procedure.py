@@ -59,7 +59,9 @@ def stretches_in(path: Path, configuration: Configuration, experiment: Experimen
         comparison.add(cycle)
     memory: IdentifyMemory | None = kept.memory
     if memory is None or not comparison.identical:
-        raise LogError(f"{path}: holds other commands than identify gives with this configuration: not its record")
+        raise LogError(
+            f"{path}: holds other commands than {experiment.name} gives with this configuration: not its record"
+        )
     progress = experiment.progress(memory)
     if progress.aborted or not progress.ended:
         reason = progress.aborted or f"it ends while {progress.doing}"

@@ -31,21 +31,19 @@ def identify_plant(
         IdentifyError: the experiment was aborted, or shows too little.
     """
     limits = ProcedureLimits.of(believed, GuardSettings())
-    memory, _ = experiment_on(settings, believed, limits, seed, period_s)
+    memory, _ = experiment_on(settings, Experiment.of(believed, limits, period_s), seed)
     if memory.aborted:
         raise IdentifyError(memory.aborted)
     return identify(memory.stretches, believed, limits, period_s)
 
 
-def experiment_on(
-    settings: PlantSettings, believed: ValveParameters, limits: ProcedureLimits, seed: int, period_s: float
-) -> tuple[IdentifyMemory, float]:
+def experiment_on(settings: PlantSettings, experiment: Experiment, seed: int) -> tuple[IdentifyMemory, float]:
     """Return the memory of the experiment at its end, and the plant time in s that it took.
 
     Raises:
         IdentifyError: it does not end.
     """
-    experiment = Experiment.of(believed, limits, period_s)
+    period_s = experiment.period_s
     plant, measured_m = valve.measure(settings, valve.initial_state(settings, seed))
     memory = experiment.begin(measured_m)
     applied_ma, time_s = memory.state.current_ma, 0.0

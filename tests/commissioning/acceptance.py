@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from tqdm import tqdm
 
 from plant_emulator.presets import plant_settings
+from positioner.commissioning.experiment import Experiment
 from positioner.commissioning.identify import identify
 from positioner.commissioning.procedure import ProcedureLimits
 from positioner.guard.settings import GuardSettings
@@ -58,7 +59,7 @@ def run(case: Case) -> tuple[Case, float, dict[str, tuple[float, float, bool]]]:
     settings = plant_settings(case.preset, {"actuator": actuator, "sensor": sensor})
     valve = believed(case.preset)
     limits = ProcedureLimits.of(valve, GuardSettings())
-    memory, time_s = experiment_on(settings, valve, limits, case.seed, PERIOD_S)
+    memory, time_s = experiment_on(settings, Experiment.of(valve, limits, PERIOD_S), case.seed)
     found = identify(memory.stretches, valve, limits, PERIOD_S)
     noise = found.noise_of_span if case.is_low else found.noise_of_reading
     truths = {

@@ -49,7 +49,7 @@ def plant(start_m: float = 0.075, **actuator: float) -> PlantSettings:
 @pytest.fixture(scope="module")
 def memory() -> IdentifyMemory:
     settings = plant(fill_time_constant_s=0.05, vent_time_constant_s=0.03, dead_time_s=0.008)
-    memory, time_s = experiment_on(settings, BELIEVED, LIMITS, 7, PERIOD_S)
+    memory, time_s = experiment_on(settings, Experiment.of(BELIEVED, LIMITS, PERIOD_S), 7)
     assert 60.0 < time_s < 180.0
     return memory
 
@@ -81,7 +81,7 @@ def test_the_fit_finds_spring_friction_lags_dead_time_and_noise(memory: Identify
 
 
 def test_a_valve_that_answers_at_once_repeats_its_steps_within_180_s() -> None:
-    memory, time_s = experiment_on(plant(), BELIEVED, LIMITS, 7, PERIOD_S)
+    memory, time_s = experiment_on(plant(), Experiment.of(BELIEVED, LIMITS, PERIOD_S), 7)
     assert sum(each.kind is Kind.STEP for each in memory.stretches) == 8 + 40
     assert time_s < 180.0
 
@@ -124,7 +124,7 @@ def test_a_creeping_stem_with_strong_damping_is_played_alike_in_steps_of_any_len
 def test_a_measured_pressure_shows_lags_and_dead_time_by_itself() -> None:
     settings = plant(fill_time_constant_s=0.05, vent_time_constant_s=0.03, dead_time_s=0.006)
     settings = replace(settings, sensor=replace(settings.sensor, reports_pressure=True))
-    memory, _ = experiment_on(settings, BELIEVED, LIMITS, 7, PERIOD_S)
+    memory, _ = experiment_on(settings, Experiment.of(BELIEVED, LIMITS, PERIOD_S), 7)
     shown = times_of(memory.stretches, PERIOD_S)
     assert shown is not None
     assert shown[0] == pytest.approx([0.05, 0.03, 0.006], abs=0.0003)

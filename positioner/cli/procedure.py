@@ -1,0 +1,145 @@
+"""A test procedure on the command line: options, the question before it, its run on the bus, progress. Shell."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tqdm import tqdm
+
+from positioner.bus.address import parse_address
+from positioner.cli.command import add_config, add_state, add_valve
+from positioner.config.locations import location_of
+from positioner.config.reader import load_config
+from positioner.config.schema import StateSettings
+from positioner.errors import AlreadyRunningError, UsageError
+from positioner.machine.journal import set_up
+from positioner.machine.memory_lock import lock_memory
+from positioner.store import lock
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Callable, Iterator, Sequence
+
+    from positioner.commissioning.experiment import Experiment
+    from positioner.commissioning.procedure import Progress
+    from positioner.commissioning.record import Stretch
+    from positioner.config.schema import Configuration
+
+
+def add_procedure(parser: argparse.ArgumentParser) -> None:
+    """Add the options that every test procedure has."""
+    add_config(parser)
+    add_valve(parser)
+    add_state(parser)
+    parser.add_argument("--bus", metavar="INTERFACE:CHANNEL", help="bus instead of the configuration's")
+    parser.add_argument("--yes", action="store_true", help="move the valve without a question, for scripts")
+    parser.add_argument("--from", type=Path, metavar="LOG", dest="log", help="use the record of such a test")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="record the test, for --from and replay")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    parser.add_argument(
+        "--clock",
+        choices=("realtime", "lockstep"),
+        default="realtime",
+        help="lockstep: one period for each position frame of an emulator (default: %(default)s)",
+    )
+
+
+def procedure_configuration(arguments: argparse.Namespace) -> Configuration:
+    """Return the configuration, with the bus and the state directory of the command line."""
+    configuration = load_config(arguments.config, valve=arguments.valve)
+    if arguments.bus:
+        configuration = replace(configuration, bus=parse_address(arguments.bus))
+    if arguments.state:
+        configuration = replace(configuration, state=StateSettings(directory=arguments.state))
+    return configuration
+
+
+def stretches_of(
+    arguments: argparse.Namespace, configuration: Configuration, experiment: Experiment
+) -> Sequence[Stretch]:
+    """Return what the experiment recorded: from the log of --from, or on the bus after the person has agreed."""
+    if arguments.log:
+        from positioner.replay.procedure import stretches_in  # noqa: PLC0415 - a log library, for a log only
+
+        return stretches_in(arguments.log, configuration, experiment)
+    return _experiment(arguments, configuration, experiment)
+
+
+def _experiment(
+    arguments: argparse.Namespace, configuration: Configuration, experiment: Experiment
+) -> Sequence[Stretch]:
+    """Return what the experiment on the bus recorded, after the person has agreed to it."""
+    from positioner.runtime.procedure_run import ProcedureRun  # noqa: PLC0415 - the bus, for an experiment only
+    from positioner.runtime.session import RunOptions  # noqa: PLC0415
+
+    _refuse_beside_a_daemon(arguments, configuration)
+    sys.stderr.write(_announcement(configuration, experiment))
+    if not arguments.yes:
+        _ask()
+    set_up(verbose=False)
+    options = RunOptions(lockstep=arguments.clock == "lockstep", record=arguments.record)
+    with bar("experiment") as show:
+
+        def shown(progress: Progress) -> None:
+            show(progress.part, progress.doing)
+
+        lock_memory()
+        run = ProcedureRun(configuration, options, experiment, shown)
+        run.run()
+    stretches: Sequence[Stretch] = run.result().stretches
+    return stretches
+
+
+def _refuse_beside_a_daemon(arguments: argparse.Namespace, configuration: Configuration) -> None:
+    """Refuse while another process has the valve's state directory.
+
+    Raises:
+        AlreadyRunningError: a daemon of this valve runs; the message has the command that stops it.
+    """
+    location = location_of(configuration, arguments.config, arguments.state)
+    pid = lock.holder(location.state)
+    if pid is not None:
+        stop = f"systemctl stop {location.unit}" if location.unit else f"kill {pid}"
+        raise AlreadyRunningError(f"the positioner of {configuration.valve.id} runs (process {pid}): stop it: {stop}")
+
+
+def _announcement(configuration: Configuration, experiment: Experiment) -> str:
+    limits, valve = experiment.limits, configuration.valve
+    rate = "free" if limits.rate_ma_per_s == float("inf") else f"{limits.rate_ma_per_s:g} mA/s at most"
+    seconds = experiment.expected_s()
+    return (
+        f"{experiment.name} {valve.id} on {configuration.bus}: the valve will move, for about {seconds:.0f} s\n"
+        f"  current  {limits.current_low_ma:g} to {limits.current_high_ma:g} mA, rate {rate} ([guard])\n"
+        f"  travel   between the stops, {limits.travel_min_m * 1e3:g} to {limits.travel_max_m * 1e3:g} mm\n"
+    )
+
+
+def _ask() -> None:
+    """Ask whether the valve may be moved.
+
+    Raises:
+        UsageError: it may not, or there is nobody to ask.
+    """
+    if sys.stdin is None or not sys.stdin.isatty():
+        raise UsageError("nobody is there to confirm it: add --yes, if the valve may be moved")
+    sys.stderr.write("May it move? Type yes: ")
+    sys.stderr.flush()
+    if sys.stdin.readline().strip().lower() not in {"y", "yes"}:
+        raise UsageError("not confirmed: nothing was moved")
+
+
+@contextmanager
+def bar(name: str) -> Iterator[Callable[..., None]]:
+    """Yield a function that shows the part that is done, and what is done now."""
+    with tqdm(total=1.0, desc=name, bar_format="{l_bar}{bar}| {postfix}", leave=False, disable=None) as shown:
+
+        def show(part: float, doing: str = "") -> None:
+            shown.set_postfix_str(doing, refresh=False)
+            shown.n = min(part, 1.0)
+            shown.refresh()
+
+        yield show

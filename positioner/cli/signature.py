@@ -1,0 +1,96 @@
+"""`positioner signature`: spring, friction by place, hysteresis, bench set and seat load of a valve. Shell."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from positioner.cli.command import add_command
+from positioner.cli.procedure import add_procedure, procedure_configuration, stretches_of
+from positioner.commissioning.procedure import ProcedureLimits
+from positioner.commissioning.signature import signature
+from positioner.commissioning.signature_report import as_json, changes, remarks, rows
+from positioner.commissioning.signature_stages import signature_experiment
+from positioner.commissioning.units import PASCALS
+from positioner.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    import argparse
+
+    from positioner.cli.command import Commands
+
+_EPILOG = """\
+examples:
+  positioner signature --config fv101.toml --picture signature.png
+  positioner signature --config fv101.toml --json > first.json         keep it as the reference
+  positioner signature --config fv101.toml --reference first.json      show what has changed
+  positioner signature --config fv101.toml --yes --record fv101.log
+  positioner signature --config fv101.toml --from fv101.log            the same values from the record
+
+It takes about three minutes, and moves the valve slowly over the whole range that the guard's currents allow: isolate
+the valve, or the process must bear it. The daemon of this valve must be stopped. Ctrl-C brings the stem back to
+where it was; a second one ends it at once. Lag and viscous friction are the configured ones: identify measures them.
+
+exit status: 0 done, 1 aborted, or the strokes show too little, 2 wrong command line, or not confirmed, 69 no bus, or
+another controller, 74 a file cannot be written, 75 the daemon of this valve runs, 78 the configuration is wrong.
+"""
+
+
+def add_parser(commands: Commands) -> None:
+    """Add `positioner signature`."""
+    parser = add_command(
+        commands, "signature", _run, "measure a valve's signature: spring, friction by place, bench set", _EPILOG
+    )
+    add_procedure(parser)
+    parser.add_argument("--rate", type=float, default=0.0, metavar="MA_PER_S", help="of the strokes, in mA/s")
+    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the loop, friction and breakaways (PNG)")
+    parser.add_argument("--reference", type=Path, metavar="FILE", help="an earlier --json, to compare with")
+    parser.add_argument(
+        "--pressure-unit", choices=tuple(PASCALS), default="bar", help="of the bench set (default: %(default)s)"
+    )
+
+
+def _run(arguments: argparse.Namespace) -> ExitCode:
+    if arguments.rate < 0.0:
+        raise UsageError(f"--rate {arguments.rate:g}: must be more than 0 mA/s")
+    reference = _reference(arguments.reference)
+    configuration = procedure_configuration(arguments)
+    valve, period_s = configuration.valve, configuration.control.sample_period_s
+    limits = ProcedureLimits.of(valve, configuration.guard)
+    experiment = signature_experiment(valve, limits, period_s, arguments.rate)
+    stretches = stretches_of(arguments, configuration, experiment)
+    found = signature(stretches, valve, limits, period_s)
+    if arguments.json:
+        sys.stdout.write(f"{json.dumps(as_json(found, valve, arguments.pressure_unit), indent=2)}\n")
+    else:
+        lines = [f"{valve.id}: signature, with 95 % intervals:"]
+        lines += [str(row) for row in rows(found, valve, arguments.pressure_unit)]
+        lines += changes(found, reference) if reference else ()
+        sys.stdout.write("\n".join([*lines, *(f"  {line}" for line in remarks(found, valve))]) + "\n")
+    if arguments.picture:
+        from positioner.cli.signature_picture import draw  # noqa: PLC0415 - matplotlib would slow every command down
+
+        draw(arguments.picture, stretches, found, configuration, reference)
+        sys.stderr.write(f"picture: {arguments.picture}\n")
+    return ExitCode.OK
+
+
+def _reference(path: Path | None) -> dict[str, Any] | None:
+    """Return an earlier signature.
+
+    Raises:
+        UsageError: the file is none.
+    """
+    if path is None:
+        return None
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        known = all(isinstance(each, float | int) for each in found["quantities"].values())
+        places = [[float(x), float(f)] for x, f in found["sliding_friction_by_place"]]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UsageError(f"--reference {path}: is no signature ({error}): write one with --json") from error
+    if not known or not places:
+        raise UsageError(f"--reference {path}: is no signature: write one with --json")
+    return dict(found)

@@ -1,0 +1,110 @@
+"""A signature in words: a row for each quantity, what was not reached, the change since a reference. Pure."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from positioner.commissioning.report import Row
+from positioner.commissioning.units import PASCALS
+
+if TYPE_CHECKING:
+    from positioner.commissioning.identified import Interval
+    from positioner.commissioning.signature import Signature
+    from positioner.valve.parameters import ValveParameters
+
+_MM = 1e3
+_NAMES = {
+    "spring_n_per_m": "spring rate",
+    "sliding_n": "sliding friction",
+    "static_n": "static friction",
+    "hysteresis_m": "hysteresis",
+}
+"""The quantities that are compared with a reference."""
+
+
+def rows(found: Signature, valve: ValveParameters, pressure_unit: str) -> tuple[Row, ...]:
+    """Return the quantities, with a 95 % interval where there is one."""
+    per_newton = 1.0 / (valve.diaphragm_area_m2 * PASCALS[pressure_unit])
+    of_span = 100.0 / valve.span_m
+    closed_n, open_n = found.bench_set_n(valve.span_m)
+    friction = [each.friction_n for each in found.by_place]
+
+    def row(name: str, unit: str, each: Interval, factor: float = 1.0) -> Row:
+        return Row(name, unit, each.value * factor, each.low * factor, each.high * factor, each.seen)
+
+    def plain(name: str, unit: str, value: float) -> Row:
+        return Row(name, unit, value, value, value)
+
+    return (
+        row("spring rate", "N/m", found.spring_n_per_m),
+        row("spring force at 0", "N", found.preload_n),
+        row("sliding friction", "N", found.sliding_n),
+        plain("sliding friction, least", "N", min(friction)),
+        plain("sliding friction, largest", "N", max(friction)),
+        row("static friction", "N", found.static_n),
+        plain("hysteresis", "% of span", found.hysteresis_m * of_span),
+        plain("dynamic error band", "% of span", found.dynamic_error_band_m * of_span),
+        plain("bench set, at 0 %", pressure_unit, closed_n * per_newton),
+        plain("bench set, at 100 %", pressure_unit, open_n * per_newton),
+        plain("seat load", "N", found.seat_load_n),
+    )
+
+
+def remarks(found: Signature, valve: ValveParameters) -> tuple[str, ...]:
+    """Return what a person should know besides the values, a line each."""
+    low_m, high_m = found.reached_m
+    lines = [
+        f"strokes at {found.rate_ma_per_s:.3g} mA/s: the stem slid at {found.speed_m_per_s * _MM:.2f} mm/s",
+        f"from {len(found.by_place)} places of the travel, and {len(found.breakaways)} breakaways",
+    ]
+    for name, begin_m, end_m in (("closed", valve.travel_min_m, low_m), ("open", high_m, valve.travel_max_m)):
+        stop_m = found.closed_m if name == "closed" else found.open_m
+        if not math.isnan(stop_m):
+            lines.append(f"the stem met the {name} stop, at {stop_m * _MM:.2f} mm")
+        elif end_m - begin_m > 0.0:
+            lines.append(
+                f"not reached: {begin_m * _MM:.1f} to {end_m * _MM:.1f} mm; bench set and stop there are extrapolated"
+            )
+    if found.seat_load_n == 0.0 and math.isnan(found.closed_m):
+        lines.append("seat load: not measured, the stem did not meet the closed stop")
+    return tuple(lines)
+
+
+def as_json(found: Signature, valve: ValveParameters, pressure_unit: str) -> dict[str, Any]:
+    """Return the result for a program, and for a later comparison."""
+    return {
+        "valve": valve.id,
+        "quantities": {name: _number(found, name) for name in _NAMES},
+        "rows": [
+            {"name": row.name, "unit": row.unit, "value": row.value, "low": row.low, "high": _finite(row.high)}
+            for row in rows(found, valve, pressure_unit)
+        ],
+        "sliding_friction_by_place": [[each.position_m, each.friction_n] for each in found.by_place],
+        "breakaways": [[each.position_m, each.direction, each.static_n] for each in found.breakaways],
+        "reached_m": list(found.reached_m),
+        "remarks": list(remarks(found, valve)),
+    }
+
+
+def changes(found: Signature, reference: dict[str, Any]) -> tuple[str, ...]:
+    """Return a line for each quantity of a reference, the JSON of an earlier signature, with the change in percent.
+
+    Raises:
+        KeyError: the reference is no signature.
+    """
+    lines = []
+    for name, text in _NAMES.items():
+        before, now = float(reference["quantities"][name]), _number(found, name)
+        change = f"{100.0 * (now / before - 1.0):+.1f} %" if before else "was 0"
+        lines.append(f"  {text:<28} {change:>10} since the reference")
+    return tuple(lines)
+
+
+def _number(found: Signature, name: str) -> float:
+    value = getattr(found, name)
+    return float(value if isinstance(value, float) else value.value)
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

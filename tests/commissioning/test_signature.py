@@ -1,0 +1,169 @@
+"""The signature of emulated valves: the plant's parameters are the truth."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from daemon_helpers import write_configuration
+
+from plant_emulator.presets import plant_settings
+from positioner.bus.address import BusAddress
+from positioner.cli.main import main
+from positioner.commissioning.loop_branches import lagged, smooth
+from positioner.commissioning.procedure import ProcedureLimits
+from positioner.commissioning.record import Kind
+from positioner.commissioning.signature import SignatureError, signature
+from positioner.commissioning.signature_report import as_json, changes, remarks
+from positioner.commissioning.signature_stages import signature_experiment
+from positioner.errors import ExitCode
+from positioner.guard.settings import GuardSettings
+from positioner.studies.identified_plant import experiment_on
+from positioner.valve.actuator import ActuatorParameters
+from positioner.valve.parameters import ValveParameters
+from positioner.valve.presets import PRESETS
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from plant_emulator.parameters import PlantSettings
+    from positioner.commissioning.signature import Signature
+
+PERIOD_S = 0.004
+LOW = {"noise_of_reading": 0.0, "noise_of_span": 0.0005}
+HIGH = {"noise_of_reading": 0.02, "noise_of_span": 0.0}
+
+
+def believed(preset: str) -> ValveParameters:
+    keys: dict[str, Any] = dict(PRESETS["graphite" if preset == "seated" else preset])
+    return ValveParameters(id="FV-101", **{**keys, "actuator": ActuatorParameters(**keys.get("actuator", {}))})
+
+
+def limits_of(valve: ValveParameters) -> ProcedureLimits:
+    return ProcedureLimits.of(valve, GuardSettings())
+
+
+def measured(
+    preset: str, sensor: dict[str, float], known: ValveParameters | None = None, seed: int = 5, **plant: Any
+) -> tuple[Signature, PlantSettings]:
+    settings = plant_settings(preset, {"sensor": sensor, **plant})
+    valve = known or believed(preset)
+    limits = limits_of(valve)
+    memory, time_s = experiment_on(settings, signature_experiment(valve, limits, PERIOD_S), seed)
+    assert not memory.aborted
+    assert 60.0 < time_s < 240.0
+    return signature(memory.stretches, valve, limits, PERIOD_S), settings
+
+
+@cache
+def well_measured(preset: str) -> tuple[Signature, PlantSettings]:
+    return measured(preset, LOW)
+
+
+@pytest.mark.parametrize("exact", [1.0, 5.0], ids=["0.05 % of span", "2 % of reading"])
+@pytest.mark.parametrize("preset", ["paper", "graphite", "seated"])
+def test_it_shows_the_plant_s_parameters(preset: str, exact: float) -> None:
+    found, settings = well_measured(preset) if exact == 1.0 else measured(preset, HIGH)
+    truth = settings.valve
+    assert found.spring_n_per_m.value == pytest.approx(truth.spring_rate_n_per_m, rel=0.002 * exact)
+    assert found.sliding_n.value == pytest.approx(truth.coulomb_friction_n, rel=0.005 * exact)
+    assert found.static_n.value == pytest.approx(truth.static_friction_n, rel=0.005 * exact)
+    worst = max(abs(each.friction_n / truth.coulomb_friction_n - 1.0) for each in found.by_place)
+    assert worst < 0.02 * exact
+    hysteresis_m = 2.0 * truth.coulomb_friction_n / truth.spring_rate_n_per_m
+    assert found.hysteresis_m == pytest.approx(hysteresis_m, rel=0.005 * exact)
+    closed_n, open_n = found.bench_set_n(truth.span_m)
+    upper_n = truth.bench_set_n + truth.spring_rate_n_per_m * truth.span_m
+    assert open_n == pytest.approx(upper_n, rel=0.002 * exact)
+    assert closed_n == pytest.approx(truth.bench_set_n, abs=0.005 * exact * upper_n)
+    assert len(found.breakaways) >= 9
+
+
+def test_the_error_band_is_that_of_the_loop_that_4_to_20_ma_drive() -> None:
+    found, settings = well_measured("paper")
+    truth, gain = settings.valve, 333.637
+    low_m = (4.0 * gain + truth.coulomb_friction_n) / truth.spring_rate_n_per_m
+    high_m = (20.0 * gain - truth.coulomb_friction_n) / truth.spring_rate_n_per_m
+    # the stem stands at one end still while it already stands at the other: the whole loop, less its lag
+    assert found.dynamic_error_band_m == pytest.approx(high_m - low_m, rel=0.02)
+    assert found.reached_m[0] == pytest.approx(low_m, abs=2e-4)
+    assert found.reached_m[1] == pytest.approx(high_m, abs=3e-4)
+
+
+def test_stops_are_found_and_the_seat_load_is_preload_less_pressure() -> None:
+    found, settings = well_measured("seated")
+    truth, valve = settings.valve, believed("seated")
+    assert found.closed_m == pytest.approx(0.0, abs=5e-5)
+    assert math.isnan(found.open_m)
+    assert found.seat_load_n == pytest.approx(truth.bench_set_n - 4.0 * valve.force_gain_n_per_ma, rel=0.03)
+    graphite, _ = well_measured("graphite")
+    assert graphite.open_m == pytest.approx(0.03, abs=5e-5)
+    assert math.isnan(graphite.closed_m)
+    assert graphite.seat_load_n == 0.0
+    assert any("met the open stop, at 30.0" in line for line in remarks(graphite, believed("graphite")))
+
+
+def test_a_lag_that_is_configured_or_a_pressure_that_is_measured_does_not_look_like_friction() -> None:
+    lag = {"fill_time_constant_s": 0.1, "vent_time_constant_s": 0.1}
+    told = replace(believed("paper"), actuator=ActuatorParameters(**lag))
+    exact, settings = measured("paper", LOW, told, actuator=lag)
+    blind, _ = measured("paper", LOW, actuator=lag)
+    seen, _ = measured("paper", {**LOW, "reports_pressure": True}, actuator=lag)
+    truth_n = settings.valve.coulomb_friction_n
+    assert exact.sliding_n.value == pytest.approx(truth_n, rel=0.01)
+    assert seen.sliding_n.value == pytest.approx(truth_n, rel=0.01)
+    # 1 mA/s for 0.1 s
+    assert blind.sliding_n.value == pytest.approx(truth_n + 0.1 * 333.637, rel=0.01)
+
+
+def test_friction_by_place_follows_the_friction_of_the_place() -> None:
+    found, settings = measured(
+        "friction-by-place", LOW, believed("paper"), packing={"place_fraction": 0.05, "direction_fraction": 0.0}
+    )
+    values = np.array([each.friction_n for each in found.by_place])
+    assert values.std() > 0.02 * values.mean()
+    other, _ = measured(
+        "friction-by-place", LOW, believed("paper"), 9, packing={"place_fraction": 0.05, "direction_fraction": 0.0}
+    )
+    again = np.array([each.friction_n for each in other.by_place])
+    assert settings.valve.coulomb_friction_n == pytest.approx(values.mean(), rel=0.2)
+    assert np.corrcoef(values, again)[0, 1] > 0.95
+
+
+def test_a_valve_that_does_not_move_shows_no_signature() -> None:
+    valve = believed("paper")
+    limits = limits_of(valve)
+    settings = plant_settings("paper", {"sensor": LOW})
+    memory, _ = experiment_on(settings, signature_experiment(valve, limits, PERIOD_S), 1)
+    short = [each for each in memory.stretches if each.kind is not Kind.STROKE or each.direction > 0.0]
+    with pytest.raises(SignatureError, match=r"over 0 bins of 5 mm only"):
+        signature(short, valve, limits, PERIOD_S)
+
+
+def test_a_change_since_the_reference_is_told() -> None:
+    valve = believed("paper")
+    before, _ = well_measured("paper")
+    after, _ = measured("paper", LOW, valve={"coulomb_friction_n": 1.2 * 1423.0, "static_friction_n": 1.2 * 1707.7})
+    lines = changes(after, json.loads(json.dumps(as_json(before, valve, "bar"))))
+    assert [line.split()[-5] for line in lines[1:3]] == ["+20.0", "+20.0"]
+
+
+def test_a_reference_that_is_none_is_refused_before_anything_moves(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write_configuration(tmp_path, BusAddress(interface="virtual", channel="none"))
+    (tmp_path / "bad.json").write_text("{}", encoding="utf-8")
+    arguments = ["signature", "--config", str(path), "--yes", "--reference", str(tmp_path / "bad.json")]
+    assert main(arguments) == ExitCode.USAGE
+    assert "is no signature" in capsys.readouterr().err
+
+
+def test_a_lag_is_exact_and_a_mean_skips_lost_readings() -> None:
+    step = np.r_[0.0, np.ones(20)]
+    assert lagged(step, 0.1, 0.1, 0.01)[10] == pytest.approx(1.0 - math.exp(-1.0), rel=1e-9)
+    assert smooth(np.array([1.0, math.nan, 3.0]), 3).tolist() == [1.0, 2.0, 3.0]

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from positioner.diagnostics.finding import Finding
+    from positioner.diagnostics.indirect.method import Answer
     from positioner.diagnostics.loop_table import LoopTable
 
     Array = NDArray[np.float64]
@@ -36,7 +37,7 @@ def draw(path: Path, table: LoopTable, finding: Finding, command: Array) -> None
     figure = plt.figure(figsize=(15.0, 7.5), layout="constrained")
     grid = figure.add_gridspec(2, 3, width_ratios=(1.0, 1.0, 1.15))
     first, second = figure.add_subplot(grid[0, :2]), figure.add_subplot(grid[1, :2])
-    right, below = figure.add_subplot(grid[0, 2]), figure.add_subplot(grid[1, 2])
+    right = figure.add_subplot(grid[0, 2] if finding.indirect else grid[:, 2])
     second.sharex(first)
     time: Array = np.arange(command.size, dtype=np.float64) * (table.period_s if table.is_timed else 1.0)
     begin, end = _shown(finding, command.size)
@@ -45,7 +46,8 @@ def draw(path: Path, table: LoopTable, finding: Finding, command: Array) -> None
         _stem_loop(right, table.stem, command, finding)
     elif table.pv is not None:
         _pv_loop(right, table.pv, command, slice(begin, end))
-    _answers(below, finding)
+    if finding.indirect:
+        _answers(figure.add_subplot(grid[1, 2]), finding.indirect.answers)
     unit = "s" if table.is_timed else "samples"
     second.set_xlabel(f"time, {unit}: {begin} to {end} of {command.size} samples")
     stick = finding.stick
@@ -141,11 +143,7 @@ def _pv_loop(axes: Axes, pv: Array, command: Array, part: slice) -> None:
     axes.set(xlabel="OP, %", ylabel="PV", title="PV over OP, the stretch on the left")
 
 
-def _answers(axes: Axes, finding: Finding) -> None:
-    if finding.indirect is None:
-        axes.set_axis_off()
-        return
-    answers = finding.indirect.answers
+def _answers(axes: Axes, answers: tuple[Answer, ...]) -> None:
     for row, each in enumerate(answers):
         index = "no index" if math.isnan(each.index) else f"{each.index:.3g}"
         limits = f"(yes > {each.yes_above:.3g})"

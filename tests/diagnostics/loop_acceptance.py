@@ -130,7 +130,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sticking", type=int, default=60, help="loops with a sticking valve (default: %(default)s)")
     parser.add_argument("--others", type=int, default=14, help="of each other kind (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=5000, help="of the first loop (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=40000, help="of the first loop (default: %(default)s)")
     parser.add_argument("--workers", type=int, default=multiprocessing.cpu_count())
     arguments = parser.parse_args()
     loops = sticking_loops(arguments.sticking, 0.8, 23.0, arguments.seed)

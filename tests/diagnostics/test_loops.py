@@ -8,9 +8,11 @@ from emulated_loops import Kind, Loop, Played, play
 from numpy.typing import NDArray
 
 from positioner.diagnostics.direct.diagnosis import Record, diagnose_stem
-from positioner.diagnostics.indirect.diagnosis import diagnose_loop
+from positioner.diagnostics.indirect.diagnosis import combined, diagnose_loop
 from positioner.diagnostics.indirect.loop import Loop as Recorded
 from positioner.diagnostics.indirect.loop import steady
+from positioner.diagnostics.indirect.method import Answer
+from positioner.diagnostics.indirect.pitfalls import Pitfalls
 from positioner.diagnostics.verdict import Verdict
 
 Array = NDArray[np.float64]
@@ -54,6 +56,37 @@ def test_the_transients_after_setpoint_steps_are_left_out_and_nothing_else() -> 
         assert keep[step + 120 : step + 300].all()
 
 
+def test_a_sinusoid_in_both_signals_is_no_proof() -> None:
+    answers = tuple(
+        Answer(name, "", index, 0.6, 0.4)
+        for name, index in (("HAMM", 0.9), ("ADD", 0.9), ("YAM", 0.9), ("CORR", 0.9), ("CURVE", 0.1), ("RELAY", 0.1))
+    )
+    pitfalls = Pitfalls(is_stuck=False, doubt="", unexcited="", notes=())
+    verdict, reason = combined(answers, pitfalls)
+    assert verdict is Verdict.UNDECIDED
+    assert reason.endswith("OP and PV are both sinusoids, as under an external oscillation")
+    triangles = (*answers[:-2], Answer("CURVE", "", 0.5, 0.6, 0.4), answers[-1])
+    assert combined(triangles, pitfalls)[0] is Verdict.YES
+
+
+@pytest.mark.parametrize(
+    ("yes", "verdict"),
+    [
+        ((), Verdict.NO),
+        (("CURVE", "RELAY", "AREA", "BIC"), Verdict.NO),
+        (("ADD",), Verdict.UNDECIDED),
+        (("YAM", "CORR"), Verdict.UNDECIDED),
+        (("HAMM", "YAM"), Verdict.YES),
+        (("HAMM", "ADD"), Verdict.YES),
+    ],
+)
+def test_two_of_four_decide_and_one_of_them_is_a_model(yes: tuple[str, ...], verdict: Verdict) -> None:
+    names = ("HAMM", "ADD", "YAM", "CORR", "CURVE", "RELAY", "AREA", "BIC")
+    otherwise = dict.fromkeys(names, 0.1) | {"CURVE": 0.5}
+    answers = tuple(Answer(name, "", 0.9 if name in yes else otherwise[name], 0.6, 0.4) for name in names)
+    assert combined(answers, Pitfalls(is_stuck=False, doubt="", unexcited="", notes=()))[0] is verdict
+
+
 def test_a_stuck_valve_is_told_where_a_setpoint_shows_that_the_error_stays() -> None:
     draw = np.random.default_rng(2)
     op: Array = 40.0 + 0.01 * np.arange(3000, dtype=np.float64)
@@ -77,6 +110,14 @@ def test_a_process_value_of_coarse_steps_makes_a_yes_doubtful() -> None:
     found = diagnose_loop(coarse)
     assert found.verdict is Verdict.UNDECIDED
     assert "too coarse" in found.reason
+
+
+def test_an_output_between_two_limits_makes_a_yes_doubtful() -> None:
+    played = play(Loop(Kind.STICKING, 16.0, 10.0, 13))
+    low, high = np.quantile(played.op, [0.1, 0.9])
+    found = diagnose_loop(Recorded(np.clip(played.op, low, high), played.pv, played.sp, 1.0))
+    assert found.verdict is Verdict.UNDECIDED
+    assert "between two limits" in found.reason
 
 
 def test_a_compressed_history_makes_a_yes_doubtful() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from positioner.diagnostics.indirect.method import Answer
 
 _MODELS, _DECIDING = ("HAMM", "ADD"), ("HAMM", "ADD", "YAM", "CORR")
+_SHAPES = ("CURVE", "RELAY")
 _FEWEST = 400
 """Samples that downsampling leaves, at least, where there are as many."""
 LEAST_SAMPLES = 200
@@ -71,6 +72,8 @@ def diagnose_loop(loop: Loop) -> Diagnosis:
         bicoherence(error),
     )
     pitfalls = pitfalls_of(loop, keep)
+    if found.is_smallest and not pitfalls.doubt:
+        pitfalls = replace(pitfalls, doubt="the S that fits best is the smallest that was tried")
     verdict, reason = combined(answers, pitfalls)
     stick = found.stick if verdict is Verdict.YES and not math.isnan(found.stick.value) else None
     ellipse = ellipse_width(part.op, error)
@@ -81,14 +84,15 @@ def combined(answers: tuple[Answer, ...], pitfalls: Pitfalls) -> tuple[Verdict, 
     """Return the verdict of all, and its reason.
 
     Yes where PV stands still while OP moves, or where two of HAMM, ADD, YAM and CORR say yes, one of them with a model
-    of the valve: an external sinusoid fools the other two together. No where none of the four says yes.
+    of the valve: an external sinusoid fools the other two together, and now and then all four, so where the half cycles
+    of OP and of PV are both sines the answer is undecided. No where none of the four says yes.
     """
     if pitfalls.is_stuck:
         return Verdict.YES, "OP moves for a persistent error, and PV does not answer: the valve is stuck, or cut off"
     deciding = [each for each in answers if each.name in _DECIDING]
     said = [each.name for each in deciding if each.verdict is Verdict.YES]
     if said:
-        return _with(said, pitfalls.doubt)
+        return _with(said, pitfalls.doubt or _sinusoidal(answers))
     if all(math.isnan(each.index) for each in deciding if each.name in _MODELS):
         return Verdict.UNDECIDED, next(each.note for each in deciding if each.name in _MODELS)
     if pitfalls.unexcited:
@@ -105,6 +109,12 @@ def _with(said: list[str], doubt: str) -> tuple[Verdict, str]:
     if doubt:
         return Verdict.UNDECIDED, f"{_and(said)} say yes, but {doubt}"
     return Verdict.YES, f"{_and(said)} say yes"
+
+
+def _sinusoidal(answers: tuple[Answer, ...]) -> str:
+    """Return a doubt where the half cycles of OP (CURVE) and of PV (RELAY) are both sines."""
+    sines = {each.name for each in answers if each.name in _SHAPES and each.verdict is Verdict.NO}
+    return "OP and PV are both sinusoids, as under an external oscillation" if sines == set(_SHAPES) else ""
 
 
 def _and(names: list[str]) -> str:

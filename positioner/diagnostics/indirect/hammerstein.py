@@ -34,18 +34,22 @@ _JUMP = np.array([0.0, 0.35, 0.7, 1.0])
 _CHI_SQUARE_95 = 3.841
 _INFLATED = 4.0
 """The modelled stem is not the true one, so the likelihood is flatter than its formula says."""
-_MODEL_ERROR = 0.22
+_MODEL_ERROR = 0.28
 """Of S: what the model leaves open on emulated loops, besides the likelihood (docs/diagnostics.md)."""
 LEAST = 80
 
 
 @dataclass(frozen=True, slots=True)
 class Models:
-    """The answers of both methods, and the S of the stem that explains PV best beside OP; J is hardly identifiable."""
+    """The answers of both methods, and the S of the stem that explains PV best beside OP; J is hardly identifiable.
+
+    is_smallest: whether no smaller S was tried.
+    """
 
     hammerstein: Answer
     ratio: Answer
     stick: Estimate
+    is_smallest: bool = False
 
 
 def models(op: Array, pv: Array, keep: NDArray[np.bool_]) -> Models:
@@ -81,7 +85,7 @@ def models(op: Array, pv: Array, keep: NDArray[np.bool_]) -> Models:
     estimate = Estimate(middle, math.hypot(0.5 * (highest - lowest), _MODEL_ERROR * middle))
     note = f"S {stick[best_low]:.3g}"
     beside_note = f"S {stick[best]:.3g}"
-    return Models(_hamm(gain, count, note), _add(ratio, beside_note), estimate)
+    return Models(_hamm(gain, count, note), _add(ratio, beside_note), estimate, is_smallest=best < _JUMP.size)
 
 
 def _logarithm(count: int, before: float, after: float) -> float:

@@ -15,6 +15,8 @@ _COARSE = 0.5
 """Of the standard deviation of PV: a larger step of its values hides its shape."""
 _INTERPOLATED = 0.5
 """Of the samples: as many that lie on a straight line with their neighbours come from a compressed history."""
+_SATURATED = 0.05
+"""Of the samples, at either limit."""
 _BLOCKS = 20
 _STUCK_MOVES = 5.0
 """Percent of OP that it moves at least while PV does nothing."""
@@ -47,9 +49,18 @@ def pitfalls_of(loop: Loop, keep: NDArray[np.bool_]) -> Pitfalls:
     straight = 0.0 if step > 0.0 else _straight(loop.pv)
     if straight > _INTERPOLATED:
         doubt = f"{straight:.0%} of PV lies on straight lines: a compressed history, not readings"
+    if _saturates(loop.op):
+        doubt = "OP swings between two limits, which makes a cycle of its own"
     still = float(np.ptp(loop.op)) <= 0.0
     unexcited = "OP stands still: nothing shows what the valve does" if still else ""
     return Pitfalls(_is_stuck(loop), doubt, unexcited, tuple(notes))
+
+
+def _saturates(op: Array) -> bool:
+    """Return whether OP stays at its lowest and at its highest value for a good part of the time."""
+    return (
+        all(float(np.mean(op == limit)) > _SATURATED for limit in (np.min(op), np.max(op))) and float(np.ptp(op)) > 0.0
+    )
 
 
 def _quantum(values: Array) -> float:

@@ -26,7 +26,7 @@ _ROLES = {
     "pv": ("pv", "process", "processvalue", "processvariable", "measurement", "meas", "y"),
     "sp": ("sp", "setpoint", "set", "wsp", "ref", "reference", "r"),
     "time": ("time", "timestamp", "datetime", "date", "t", "time_s", "seconds", "zeit"),
-    "stem": ("measured_m", "stem", "travel", "position", "valveposition", "vp", "zt", "mv"),
+    "stem": ("measured_m", "stem", "travel", "position", "pos", "valveposition", "vp", "zt", "mv"),
 }
 """Names of columns by what they mean; where OP has no other name, MV (manipulated variable) is OP."""
 OPTIONS = {"op": "--op", "pv": "--pv", "sp": "--sp", "time": "--time", "stem": "--stem"}

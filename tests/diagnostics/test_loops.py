@@ -97,6 +97,19 @@ def test_a_stuck_valve_is_told_where_a_setpoint_shows_that_the_error_stays() -> 
     assert diagnose_loop(Recorded(op, pv, np.full(3000, 45.0), 1.0)).verdict is not Verdict.YES
 
 
+def test_a_linear_process_under_an_output_that_drifts_shows_no_valve() -> None:
+    """No trend is taken from PV for the models: OP keeps its own, and the difference would look like a slow stem."""
+    draw = np.random.default_rng(1)
+    op = 50.0 + 5.0 * np.sin(np.arange(20000) / 8.0) + np.cumsum(0.05 * draw.standard_normal(20000))
+    pv = [0.0]
+    for each in op[:-1].tolist():
+        pv.append(0.8 * pv[-1] + 0.2 * each + 0.05 * draw.standard_normal())
+    found = diagnose_loop(Recorded(op, np.array(pv), np.zeros(0), 1.0))
+    models = {each.name: each for each in found.answers if each.name in {"HAMM", "ADD"}}
+    assert models["ADD"].index < 40.0
+    assert Verdict.YES not in {each.verdict for each in models.values()}
+
+
 def test_an_output_that_stands_still_shows_nothing() -> None:
     pv = np.random.default_rng(3).standard_normal(1000)
     found = diagnose_loop(Recorded(np.full(1000, 50.0), pv, np.zeros(0), 1.0))

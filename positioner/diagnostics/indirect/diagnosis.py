@@ -12,7 +12,7 @@ from positioner.diagnostics.indirect import shapes
 from positioner.diagnostics.indirect.bicoherence import bicoherence, ellipse_width
 from positioner.diagnostics.indirect.correlation import correlation
 from positioner.diagnostics.indirect.hammerstein import models
-from positioner.diagnostics.indirect.loop import SAMPLES_PER_PERIOD, Loop, block_means, detrended, steady
+from positioner.diagnostics.indirect.loop import SAMPLES_PER_PERIOD, Loop, block_means, steady
 from positioner.diagnostics.indirect.oscillation import Oscillation, half_cycles, oscillation_of
 from positioner.diagnostics.indirect.pitfalls import Pitfalls, pitfalls_of
 from positioner.diagnostics.indirect.symbols import symbols
@@ -27,6 +27,9 @@ _MODELS, _DECIDING = ("HAMM", "ADD"), ("HAMM", "ADD", "YAM", "CORR")
 _SHAPES = ("CURVE", "RELAY")
 _FEWEST = 400
 """Samples that downsampling leaves, at least, where there are as many."""
+_MOST = 8000
+"""Samples, after downsampling, in which the methods look."""
+_MOST_FOR_PERIOD = 50_000
 LEAST_SAMPLES = 200
 
 
@@ -53,14 +56,17 @@ def diagnose_loop(loop: Loop) -> Diagnosis:
     """Return the diagnosis of a loop of at least `LEAST_SAMPLES` samples."""
     keep = steady(loop)
     begin, end = _longest(keep)
+    end = min(end, begin + _MOST_FOR_PERIOD)
     oscillation = oscillation_of(loop.op[begin:end])
     factor = max(min(int(oscillation.period / SAMPLES_PER_PERIOD), loop.op.size // _FEWEST), 1)
     coarse = loop.coarser(factor)
     kept = block_means(keep.astype(np.float64), factor) > 0.999  # noqa: PLR2004 - all of them
-    part = coarse.part(begin // factor, end // factor)
+    part = coarse.part(begin // factor, min(end // factor, begin // factor + _MOST))
     period, error = oscillation.period / factor, part.error
     of_pv, of_op = half_cycles(error, period), half_cycles(part.op, period)
-    found = models(coarse.op, detrended(coarse.pv), kept)
+    first = max((coarse.op.size - _MOST) // 2, 0)
+    middle = coarse.part(first, first + _MOST)
+    found = models(middle.op, middle.pv - float(np.mean(middle.pv)), kept[first : first + _MOST])
     answers = (
         found.hammerstein,
         found.ratio,

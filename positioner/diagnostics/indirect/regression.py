@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_RIDGE = 1e-10
+_RIDGE = 1e-6
 
 
 def lagged(values: Array, lags: range, longest: int) -> Array:
@@ -21,31 +21,33 @@ def lagged(values: Array, lags: range, longest: int) -> Array:
 
 def residual_sum(target: Array, regressors: Array, weight: Array) -> float:
     """Return the sum of squares that a regression leaves, with a constant; weight is 0 for samples to leave out."""
-    matrix = _with_constant(regressors) * weight[:, None]
-    wanted = target * weight
-    normal = matrix.T @ matrix
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    normal = normal / np.outer(scale, scale) + _RIDGE * np.eye(scale.size)
-    right = (matrix.T @ wanted) / scale
-    return float(wanted @ wanted - right @ np.linalg.solve(normal, right))
+    _, left = _without(target, regressors, weight)
+    return float(left @ left)
 
 
 def added_sums(target: Array, base: Array, added: Array, weight: Array) -> Array:
     """Return what each set of further regressors, of (set, sample, lag), leaves beside those of `base`."""
-    first = _with_constant(base) * weight[:, None]
-    orthogonal, _ = np.linalg.qr(first)
-    wanted = target * weight
-    left = wanted - orthogonal @ (orthogonal.T @ wanted)
+    orthogonal, left = _without(target, base, weight)
     found = np.empty(added.shape[0])
     for number in range(added.shape[0]):
         more = added[number] * weight[:, None]
         more = more - orthogonal @ (orthogonal.T @ more)
         size = np.sqrt(np.maximum(np.sum(more * more, axis=0), 1e-300))
         more = more / size
-        normal = more.T @ more + 1e-6 * np.eye(more.shape[1])
+        normal = more.T @ more + _RIDGE * np.eye(more.shape[1])
         right = more.T @ left
         found[number] = float(left @ left - right @ np.linalg.solve(normal, right))
     return found
+
+
+def _without(target: Array, regressors: Array, weight: Array) -> tuple[Array, Array]:
+    """Return an orthogonal basis of the regressors and a constant, and what they leave of the target.
+
+    By QR: neighbouring lags of a slow OP are almost equal, and normal equations would lose what tells them apart.
+    """
+    orthogonal, _ = np.linalg.qr(_with_constant(regressors) * weight[:, None])
+    wanted = target * weight
+    return orthogonal, np.asarray(wanted - orthogonal @ (orthogonal.T @ wanted))
 
 
 def _with_constant(regressors: Array) -> Array:

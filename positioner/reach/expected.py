@@ -17,8 +17,9 @@ _LOST_IN_NOISE = 0.25
 """Of the natural jump: the mean error behind a lag where noise hides a slip until it is nearly over; from benches."""
 _WITHOUT_LAG = 0.15
 """Of the natural jump: the mean error of the paper's law, which knows no lag, on a valve that has one."""
-_HIDDEN, _NOISY = 0.8, 0.1
-"""Noise hides a slip where it is noticed after this part of the natural jump, and σ is beyond the other part."""
+_HIDDEN, _NOISY, _FEWEST = 0.8, 0.1, 1.5
+"""Noise hides a slip where it is noticed after this part of the natural jump and in fewer periods, and σ is beyond
+`_NOISY` of that jump."""
 _NEARLY = 0.95
 """A slip is nearly over after this part of the natural jump; a longer period is too long."""
 _OF_SPAN = 0.0025
@@ -62,9 +63,10 @@ def is_too_slow(case: Case) -> bool:
 
 
 def is_too_noisy(case: Case, jump: Jump) -> bool:
-    """Return whether noise hides a slip until it is nearly over, so that a lag leaves no time to brake it."""
+    """Return whether noise hides a slip until it is nearly over and a single reading has shown it, behind a lag."""
     jump_m = natural_jump_m(case)
-    return is_lagged(case.valve) and jump.jump_m > _HIDDEN * jump_m and case.sigma_m > _NOISY * jump_m
+    is_hidden = jump.jump_m > _HIDDEN * jump_m and jump.noticed_s < _FEWEST * case.period_s
+    return is_lagged(case.valve) and is_hidden and case.sigma_m > _NOISY * jump_m
 
 
 def slip_s(case: Case) -> float:

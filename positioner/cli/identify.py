@@ -16,7 +16,7 @@ from positioner.commissioning.procedure import ProcedureLimits
 from positioner.commissioning.report import as_json, remarks, rows
 from positioner.commissioning.units import PASCALS, area_m2, pressure_gain
 from positioner.config.written_values import write_values
-from positioner.errors import ExitCode
+from positioner.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     import argparse
@@ -58,6 +58,8 @@ def add_parser(commands: Commands) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
+    if arguments.picture and not arguments.picture.parent.is_dir():
+        raise UsageError(f"--picture {arguments.picture}: there is no folder {arguments.picture.parent}")
     configuration = _configuration(arguments)
     valve, period_s = configuration.valve, configuration.control.sample_period_s
     limits = ProcedureLimits.of(valve, configuration.guard)

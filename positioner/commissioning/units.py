@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 PASCALS: Mapping[str, float] = MappingProxyType({"psi": 6894.757293168, "bar": 1e5, "kPa": 1e3, "Pa": 1.0})
 _SQUARE_METRES = MappingProxyType({"in2": 0.0254 * 0.0254, "cm2": 1e-4, "m2": 1.0})
-_NUMBER = r"(\d+(?:\.\d*)?)"
+_NUMBER = r"(\d+(?:[.,]\d*)?)"
 _SPAN_MA = 16.0
 
 
@@ -23,10 +23,10 @@ def pressure_gain(text: str) -> float:
     Raises:
         UsageError: the text is no range of pressure.
     """
-    found = re.fullmatch(rf"\s*{_NUMBER}\s*-\s*{_NUMBER}\s*({'|'.join(PASCALS)})\s*", text)
-    if found is None or float(found[2]) <= float(found[1]):
+    found = re.fullmatch(rf"\s*{_NUMBER}\s*-\s*{_NUMBER}\s*({'|'.join(PASCALS)})\s*", text, re.IGNORECASE)
+    if found is None or _number(found[2]) <= _number(found[1]):
         raise UsageError(f"--ip-range {text!r} is no range of pressure: write it like 3-15psi or 0.2-1bar")
-    return (float(found[2]) - float(found[1])) * PASCALS[found[3]] / _SPAN_MA
+    return (_number(found[2]) - _number(found[1])) * _unit(found[3], PASCALS) / _SPAN_MA
 
 
 def area_m2(text: str) -> float:
@@ -35,7 +35,16 @@ def area_m2(text: str) -> float:
     Raises:
         UsageError: the text is no area.
     """
-    found = re.fullmatch(rf"\s*{_NUMBER}\s*({'|'.join(_SQUARE_METRES)})\s*", text)
-    if found is None or float(found[1]) == 0.0:
+    found = re.fullmatch(rf"\s*{_NUMBER}\s*({'|'.join(_SQUARE_METRES)})\s*", text, re.IGNORECASE)
+    if found is None or _number(found[1]) == 0.0:
         raise UsageError(f"--area {text!r} is no area: write it like 100in2 or 645cm2")
-    return float(found[1]) * _SQUARE_METRES[found[2]]
+    return _number(found[1]) * _unit(found[2], _SQUARE_METRES)
+
+
+def _number(text: str) -> float:
+    return float(text.replace(",", "."))
+
+
+def _unit(name: str, units: Mapping[str, float]) -> float:
+    """Return the unit of this name, large or small letters alike."""
+    return next(value for key, value in units.items() if key.lower() == name.lower())

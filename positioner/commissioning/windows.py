@@ -125,9 +125,10 @@ def strokes(stretches: Sequence[Stretch], noise: Noise, limits: ProcedureLimits,
 
 
 def _blocks(samples: Sequence[float], size: int) -> Array:
-    """Return the means of whole blocks."""
+    """Return the means of whole blocks; NaN where all readings of one were lost."""
     values = np.asarray(samples[: len(samples) // size * size]).reshape(-1, size)
-    return np.asarray(np.nanmean(values, axis=1))
+    counts = np.count_nonzero(~np.isnan(values), axis=1)
+    return np.asarray(np.where(counts > 0, np.nansum(values, axis=1) / np.maximum(counts, 1), np.nan))
 
 
 def _slides(

@@ -40,10 +40,21 @@ def test_without_a_person_and_without_yes_nothing_moves(
     assert "add --yes" in error
 
 
+def test_a_picture_that_cannot_be_written_is_refused_before_the_valve_moves(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write_configuration(tmp_path, BusAddress(interface="virtual", channel="none"))
+    arguments = ["identify", "--config", str(path), "--yes", "--picture", str(tmp_path / "nowhere" / "a.png")]
+    assert main(arguments) == ExitCode.USAGE
+    assert "there is no folder" in capsys.readouterr().err
+
+
 def test_workshop_units_are_read_exactly() -> None:
     assert pressure_gain("3-15psi") == pytest.approx(0.75 * 6894.757293168, rel=1e-12)
     assert pressure_gain("0.2 - 1 bar") == pytest.approx(5000.0, rel=1e-12)
     assert area_m2("100in2") == pytest.approx(0.064516, rel=1e-12)
+    assert pressure_gain("0,2-1 BAR") == pytest.approx(5000.0, rel=1e-12)
+    assert area_m2("645,16 CM2") == pytest.approx(0.064516, rel=1e-12)
     for text in ("15-3psi", "3psi", "3-15 furlongs"):
         with pytest.raises(UsageError, match="write it like 3-15psi"):
             pressure_gain(text)

@@ -22,7 +22,7 @@ from positioner.laws.nmpc.departure import Departing
 from positioner.laws.nmpc.filter import Resting, Sliding, as_one_more_m2, average, believed_m
 from positioner.laws.nmpc.landing import Landing
 from positioner.laws.nmpc.late_commands import ahead, is_push_late, still_resting, with_lateness
-from positioner.laws.nmpc.memory import NmpcMemory, report
+from positioner.laws.nmpc.memory import NmpcMemory, report, with_resolution
 from positioner.laws.nmpc.move import move_of
 from positioner.laws.nmpc.plan import plan_move
 from positioner.laws.nmpc.rest import update_at_rest, without_trial
@@ -86,7 +86,7 @@ class NmpcLaw:
         if monitor.resolution.last_m is None:
             variance_m2 = noise_m2  # nothing came before the first reading that it could remember
         hidden_m2 = monitor.resolution.hidden_m2(noise_m2)
-        memory = replace(memory, monitor=replace(monitor, resolution=monitor.resolution.followed_by(measured_m)))
+        memory = with_resolution(memory, measured_m)
         if isinstance(stem, Sliding):
             if is_push_late(memory, stem, observation):
                 return still_resting(self.filter, memory, stem, observation, variance_m2)

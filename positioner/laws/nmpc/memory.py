@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from positioner.laws.law import Estimate
 from positioner.laws.nmpc.filter import Resting, Sliding
 from positioner.laws.pushes import Pushes
-from positioner.values import dataclass
+from positioner.values import dataclass, replace
 from positioner.valve.state import StemState
 from positioner.wire.messages import Motion
 
@@ -63,6 +63,15 @@ class NmpcMemory:
     ends_s: float = math.inf
     pushes: Pushes = field(default_factory=Pushes)
     lateness: Lateness = field(default_factory=Lateness)
+
+
+def with_resolution(memory: NmpcMemory, measured_m: float) -> NmpcMemory:
+    """Return the memory with what this reading tells of the sensor's resolution; of a clean sensor nothing more."""
+    known = memory.monitor.resolution
+    resolution = known.followed_by(measured_m)
+    if resolution is known:
+        return memory
+    return replace(memory, monitor=replace(memory.monitor, resolution=resolution))
 
 
 def report(stem: Resting | Sliding, *lessons: LearnedSample) -> Estimate:

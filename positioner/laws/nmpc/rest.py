@@ -42,7 +42,6 @@ def update_at_rest(
     hidden_m2 = monitor.resolution.hidden_m2(noise_m2)
     measured_m = believed_m(before.x, before.variance_m2, observation.measured_m, noise_m2 + hidden_m2)
     monitor = monitor.with_reading(own, before, measured_m, variance_m2 + hidden_m2, sigma_m)
-    scatter_m2 = monitor.scatter_m2(own, variance_m2 + hidden_m2)
     alone_m2, variance_m2 = variance_m2 + hidden_m2, as_one_more_m2(before, variance_m2, hidden_m2)
     after = average(before, measured_m, variance_m2)
     monitor, after, decided = verify(
@@ -50,6 +49,7 @@ def update_at_rest(
     )
     if monitor.finds_unexpected_move(own):
         # begin the average anew from where the innovations point
+        scatter_m2 = monitor.scatter_m2(own, alone_m2)
         shift_m = monitor.drift * math.sqrt(before.variance_m2 + scatter_m2)
         spread = spread_of(before)
         after = filtered.at_rest(before.x + shift_m, shift_m * shift_m + scatter_m2, before.load, spread)

@@ -571,7 +571,7 @@ def test_the_same_frames_give_the_same_frames() -> None:
     setup = Setup(codec, configuration.valve, configuration.guard, configuration.make_law(), scenario.sample_period_s)
     state = CycleState(table=StictionTable(cell_width_m=configuration.control.table_cell_m))
     replayed: list[CanFrame] = []
-    recorded = [frame for frame in frames if frame.arbitration_id in {0x100, 0x140}]
+    recorded = [frame for frame in frames if frame.arbitration_id in {0x100, 0x140, 0x141}]
     inbox: list[CanFrame] = []
     sample = 0
     for frame in frames:

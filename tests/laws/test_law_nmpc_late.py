@@ -86,3 +86,17 @@ def test_the_commands_after_the_one_that_the_reading_names_are_pending(
     state = CycleState(table=StictionTable())
     state.effect, state.output = CommandEffect(echo=echo), OutputState(sent=sent)
     assert _pending_ma(state) == expected
+
+
+def test_the_first_command_of_all_has_not_freed_the_stem_while_another_current_acts() -> None:
+    law = make_law()
+    memory = replace(rested(law), hold_ma=None)
+    memory, push = cycle(law, memory, 12.6, (), 0.09)
+    assert push.motion is Motion.MOVE
+    late, again = cycle(law, memory, 12.6, (push.current_ma,), 0.09)
+    assert again.reason is not None
+    assert late.corrections == 1
+    memory, second = cycle(law, memory, push.current_ma, (), 0.09)
+    assert second.reason is None
+    assert isinstance(memory.stem, Sliding)
+    assert memory.stem.v > 0.0

@@ -166,6 +166,11 @@ _SHARPEST_M = 1e-9
 """The least uncertainty of a landing."""
 
 
+def taught(rest: Resting) -> Resting:
+    """Return the same rest, whose landing has taught how well landings repeat."""
+    return replace(rest, anchor=replace(rest.anchor, unforeseen=0.0))
+
+
 def spread_of(rest: Resting) -> Load:
     """Return the standard deviations of the load when the stem came to rest."""
     p = rest.anchor.covariance

@@ -39,6 +39,11 @@ def pending_ma(memory: NmpcMemory, observation: Observation) -> tuple[float, ...
     return observation.pending_ma[: memory.lateness.samples]
 
 
+def with_current_of_rest(memory: NmpcMemory, observation: Observation) -> NmpcMemory:
+    """Return the memory with the current under which the stem rests; before the first command of all, what acts."""
+    return replace(memory, hold_ma=observation.applied_ma) if memory.hold_ma is None else memory
+
+
 def is_push_late(memory: NmpcMemory, stem: Sliding, observation: Observation) -> bool:
     """Return whether the move of `stem` has begun for the law alone: what acted is the current of the rest before."""
     begins = memory.monitor.verification is not None and stem.v == 0.0

@@ -19,9 +19,9 @@ from positioner.laws.law import Decision
 from positioner.laws.move_reason import MoveReason
 from positioner.laws.nmpc.breakaway import load_from_table
 from positioner.laws.nmpc.departure import Departing
-from positioner.laws.nmpc.filter import Resting, Sliding, as_one_more_m2, average, believed_m
+from positioner.laws.nmpc.filter import Resting, Sliding, as_one_more_m2, average, believed_m, taught
 from positioner.laws.nmpc.landing import Landing
-from positioner.laws.nmpc.late_commands import ahead, is_push_late, still_resting, with_lateness
+from positioner.laws.nmpc.late_commands import ahead, is_push_late, still_resting, with_current_of_rest, with_lateness
 from positioner.laws.nmpc.memory import NmpcMemory, report, with_resolution
 from positioner.laws.nmpc.move import move_of
 from positioner.laws.nmpc.plan import plan_move
@@ -209,18 +209,17 @@ class NmpcLaw:
         monitor = replace(monitor, repeatability=monitor.repeatability.followed_by(here))
         limits_ma = (self.current_low_ma, self.current_high_ma)
         departing = Departing(self.settings, self.filter, limits_ma, self.period_s, monitor.repeatability.factor)
-        begun = departing.to(here, setpoint_m, monitor.ratio, table)
-        fallback = ""
+        begun, fallback = departing.to(here, setpoint_m, monitor.ratio, table), ""
         if not begun.frees:
             fallback = f"breakaway takes {begun.gamma.current_ma:.2f} mA, more than the loop can give: full push"
         sliding, aim_m, direction = begun.sliding, begun.aim_m, begun.sliding.direction
-        memory = replace(memory, stem=sliding, motion=Motion.MOVE, aim_m=aim_m, corrections=memory.corrections + 1)
         decision = self._follow(begun.move)
         at_limit = direction * (decision.current_ma - begun.release_ma) <= _SAME_MA
-        origin = replace(here, anchor=replace(here.anchor, unforeseen=0.0))
-        verification = Verification(origin, direction, at_limit, aim_m - here.x, was_expected=begun.frees)
+        verification = Verification(taught(here), direction, at_limit, aim_m - here.x, was_expected=begun.frees)
         monitor = replace(monitor, verification=verification, landing=Landing(here.x, aim_m, direction))
-        memory = replace(memory, monitor=monitor, ends_s=observation.time_s + self.longest_move_s)
+        ends_s, count = observation.time_s + self.longest_move_s, memory.corrections + 1
+        memory = replace(memory, stem=sliding, motion=Motion.MOVE, aim_m=aim_m, monitor=monitor, ends_s=ends_s)
+        memory = replace(with_current_of_rest(memory, observation), corrections=count)
         reason = MoveReason(setpoint_m - here.x, begun.gamma, aim_m)
         return memory, replace(decision, reason=reason, fallback=fallback or decision.fallback)
 

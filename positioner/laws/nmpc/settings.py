@@ -84,7 +84,7 @@ class VerificationSettings(SettingsTable):
         the weight of the newest innovation in it.
     """
 
-    verdict: Annotated[float, Interval(gt=0.0, le=100.0)] = 6.0
+    verdict: Annotated[float, Interval(gt=0.0, le=100.0)] = 5.0
     ratio_rise: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.03
     ratio_fall: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.003
     ratio_most: Annotated[float, Interval(ge=1.0, le=100.0)] = 2.0

@@ -58,15 +58,19 @@ def test_the_stem_rests_at_the_end_of_its_reach_and_moves_on_from_there(
     assert "which is out of reach: " in told[0]
 
 
-@pytest.mark.parametrize(("law", "lag_s"), [("nmpc", 0.0), ("nmpc", 0.05), ("pi", 0.0)])
-@pytest.mark.parametrize("setpoint_mm", [84.0, 92.0])
+@pytest.mark.parametrize(
+    ("law", "lag_s", "stiffer", "setpoint_mm"),
+    [("nmpc", 0.0, 1.25, 84.0), ("nmpc", 0.0, 1.25, 92.0), ("nmpc", 0.05, 1.15, 92.0), ("pi", 0.0, 1.25, 84.0)],
+)
 def test_a_spring_stiffer_than_configured_ends_the_reach_sooner(
-    law: str, lag_s: float, setpoint_mm: float, monkeypatch: pytest.MonkeyPatch
+    law: str, lag_s: float, stiffer: float, setpoint_mm: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # it slides to (20 B - F_c)/K = 79.9 mm, and is freed up to (20 B - F_s)/K = 75.6 mm
-    run = run_of(monkeypatch, (70.0, setpoint_mm), lag_s, law, 1.25 * 52538.0, dwell_s=5.0)
+    # at 1.25 it slides to (20 B - F_c)/K = 79.9 mm, and is freed up to (20 B - F_s)/K = 75.6 mm
+    spring = stiffer * 52538.0
+    freed_mm, slides_mm = ((20.0 * 333.637 - friction_n) / spring * 1e3 for friction_n in (1707.7, 1423.0))
+    run = run_of(monkeypatch, (70.0, setpoint_mm), lag_s, law, spring, dwell_s=5.0)
     away_m = run.recording.true_position_m[5000:]
-    assert 75.6 - 0.1 < away_m[-1] * 1e3 < 79.95
+    assert freed_mm - 0.1 < away_m[-1] * 1e3 < slides_mm + 0.05
     assert np.abs(np.diff(away_m[3000:])).sum() < 1e-4
     told = [event.why for event in run.events if isinstance(event, Deviates)]
     assert len(told) == 1

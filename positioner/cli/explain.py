@@ -15,11 +15,13 @@ from positioner.config.reader import load_config
 from positioner.diagnostics.explanation import Explainer
 from positioner.diagnostics.explanation_text import command_lines, counts_line, moves_table
 from positioner.errors import ExitCode, UsageError
+from positioner.replay.compare import Comparison, FrameCounters
 from positioner.replay.log import LogError
 from positioner.replay.prepare import prepare
 from positioner.replay.recorded import command_in
 from positioner.replay.report import headline
 from positioner.replay.run import replay_cycles
+from positioner.wire.messages import CurrentCommand
 
 if TYPE_CHECKING:
     import argparse
@@ -59,14 +61,13 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         raise LogError(f"{arguments.log}: starts late: {prepared.late}: start the log before the positioner")
     codec, explainer = configuration.make_codec(), Explainer()
     chosen: ExplainedCommand | None = None
-    differ, begin_ns = 0, None
+    comparison, begin_ns = Comparison(codec, prepared.kind.has_instants), None
     cycles = replay_cycles(configuration, prepared.cycles(), prepared.table)
     for cycle in tqdm(cycles, "explain", prepared.cycle_count, unit=" cycles", delay=1, leave=False, disable=None):
         begin_ns = cycle.recorded.time_ns if begin_ns is None else begin_ns
         time_s = (cycle.recorded.time_ns - begin_ns) * 1e-9
+        comparison.add(cycle)
         computed = command_in(codec, cycle.computed)
-        recorded = command_in(codec, (logged.frame for logged in cycle.recorded.outbox))
-        differ += recorded is not None and computed != recorded
         sent_ma = computed[0].current_ma if computed else None
         command = explainer.add(time_s, cycle.mode, cycle.events, sent_ma)
         if command is None:
@@ -85,6 +86,8 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     else:
         lines = [headline(prepared), counts_line(explainer.counts), *moves_table(explainer.moves)]
     sys.stdout.write("\n".join(lines) + "\n")
+    commands = comparison.counters.get(codec.by_kind[CurrentCommand].dbc.name, FrameCounters())
+    differ = commands.recorded - commands.equal
     if differ:
         sys.stderr.write(f"{differ} recorded commands differ from the explained ones: see positioner replay\n")
     return ExitCode.FAILURE if differ else ExitCode.OK

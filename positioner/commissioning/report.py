@@ -36,6 +36,17 @@ class Row:
         interval = "" if self.low == self.value == self.high else f" {self.low:.4g} to {self.high:.4g}"
         return f"  {self.name:<28} {self.value:>10.4g} {self.unit:<9}{interval}".rstrip()
 
+    @classmethod
+    def of(cls, name: str, unit: str, each: Interval, factor: float = 1.0) -> Row:
+        """Return the row of an interval, `factor` times as large in this unit."""
+        return cls(name, unit, each.value * factor, each.low * factor, each.high * factor, each.seen)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the row for a program; an end that is not known is None."""
+        ends = {"low": self.low, "high": self.high}
+        finite = {name: end if math.isfinite(end) else None for name, end in ends.items()}
+        return {"name": self.name, "unit": self.unit, "value": self.value, **finite, "seen": self.seen}
+
 
 def rows(found: IdentifiedValve, valve: ValveParameters, pressure_unit: str) -> tuple[Row, ...]:
     """Return the quantities in SI units, and then those of a workshop."""
@@ -48,9 +59,6 @@ def rows(found: IdentifiedValve, valve: ValveParameters, pressure_unit: str) -> 
         / (valve.force_gain_n_per_ma * _SIGNAL_MA)
     )
 
-    def row(name: str, unit: str, each: Interval, factor: float = 1.0) -> Row:
-        return Row(name, unit, each.value * factor, each.low * factor, each.high * factor, each.seen)
-
     end_n = preload.value + spring.value * valve.span_m
     off_n = math.hypot(preload.high - preload.low, (spring.high - spring.low) * valve.span_m) / 2.0
     upper = Row(
@@ -61,23 +69,23 @@ def rows(found: IdentifiedValve, valve: ValveParameters, pressure_unit: str) -> 
         (end_n + off_n) * per_newton,
     )
     return (
-        row("spring rate", "N/m", spring),
-        row("spring force at 0", "N", preload),
-        row("static friction", "N", found.static_friction_n),
-        row("sliding friction", "N", found.coulomb_friction_n),
-        row("viscous friction", "N s/m", found.viscous_friction_n_s_per_m),
-        row("Stribeck velocity", "mm/s", found.stribeck_velocity_m_per_s, 1e3),
-        row("lag, filling", "ms", found.fill_time_constant_s, 1e3),
-        row("lag, venting", "ms", found.vent_time_constant_s, 1e3),
-        row("dead time", "ms", found.dead_time_s, 1e3),
-        row("noise, part of the reading", "%", found.noise_of_reading, 100.0),
-        row("noise, part of the span", "%", found.noise_of_span, 100.0),
-        row("bench set, at 0 %", pressure_unit, preload, per_newton),
+        Row.of("spring rate", "N/m", spring),
+        Row.of("spring force at 0", "N", preload),
+        Row.of("static friction", "N", found.static_friction_n),
+        Row.of("sliding friction", "N", found.coulomb_friction_n),
+        Row.of("viscous friction", "N s/m", found.viscous_friction_n_s_per_m),
+        Row.of("Stribeck velocity", "mm/s", found.stribeck_velocity_m_per_s, 1e3),
+        Row.of("lag, filling", "ms", found.fill_time_constant_s, 1e3),
+        Row.of("lag, venting", "ms", found.vent_time_constant_s, 1e3),
+        Row.of("dead time", "ms", found.dead_time_s, 1e3),
+        Row.of("noise, part of the reading", "%", found.noise_of_reading, 100.0),
+        Row.of("noise, part of the span", "%", found.noise_of_span, 100.0),
+        Row.of("bench set, at 0 %", pressure_unit, preload, per_newton),
         upper,
-        row("static friction", pressure_unit, found.static_friction_n, per_newton),
-        row("sliding friction", pressure_unit, found.coulomb_friction_n, per_newton),
-        row("static friction", "% signal", found.static_friction_n, signal),
-        row("sliding friction", "% signal", found.coulomb_friction_n, signal),
+        Row.of("static friction", pressure_unit, found.static_friction_n, per_newton),
+        Row.of("sliding friction", pressure_unit, found.coulomb_friction_n, per_newton),
+        Row.of("static friction", "% signal", found.static_friction_n, signal),
+        Row.of("sliding friction", "% signal", found.coulomb_friction_n, signal),
         Row("stick band and dead band S", "% signal", width, width, width),
     )
 
@@ -110,17 +118,7 @@ def as_json(found: IdentifiedValve, valve: ValveParameters, pressure_unit: str) 
     return {
         "valve": valve.id,
         "configuration": found.tables(),
-        "rows": [
-            {
-                "name": row.name,
-                "unit": row.unit,
-                "value": row.value,
-                "low": row.low,
-                "high": row.high if math.isfinite(row.high) else None,
-                "seen": row.seen,
-            }
-            for row in rows(found, valve, pressure_unit)
-        ],
+        "rows": [row.as_json() for row in rows(found, valve, pressure_unit)],
         "remarks": list(remarks(found)),
         "friction_scatter": found.friction_scatter,
         "noise_correlation": found.noise_correlation,

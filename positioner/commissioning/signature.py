@@ -59,8 +59,7 @@ class Signature:
 
     spring_n_per_m, preload_n: K, and F_0, the spring's force at position 0.
     sliding_n: F_c, the mean over the travel; by_place: in bins; static_n: F_s; breakaways: each one.
-    hysteresis_m: difference of the branches at equal pressure, 2 F_c/K; dynamic_error_band_m: its largest value over
-    the current, at this ramp.
+    dynamic_error_band_m: the largest difference of the branches over the current, at this ramp.
     reached_m: the lowest and the highest place of the strokes.
     closed_m, open_m: stops that it met, NaN where it met none; seat_load_n: force of the spring on the closed
     stop beyond that of the pressure, without friction.
@@ -73,7 +72,6 @@ class Signature:
     static_n: Interval
     by_place: tuple[FrictionAt, ...]
     breakaways: tuple[Breakaway, ...]
-    hysteresis_m: float
     dynamic_error_band_m: float
     rate_ma_per_s: float
     speed_m_per_s: float
@@ -81,6 +79,11 @@ class Signature:
     closed_m: float
     open_m: float
     seat_load_n: float
+
+    @property
+    def hysteresis_m(self) -> float:
+        """The difference of the branches at equal pressure in m, 2 F_c/K."""
+        return 2.0 * self.sliding_n.value / self.spring_n_per_m.value
 
     def bench_set_n(self, span_m: float) -> tuple[float, float]:
         """Return the force of the spring at 0 and at 100 % of the travel, in N."""
@@ -127,7 +130,6 @@ def signature(
         _mean([each.static_n for each in breakaways], valve.static_friction_n),
         tuple(FrictionAt(float(x), float(f)) for x, f in zip(places_m, widths_n, strict=True)),
         breakaways,
-        hysteresis_m=2.0 * sliding_n / spring.value,
         dynamic_error_band_m=_error_band_m(loop),
         rate_ma_per_s=rate,
         speed_m_per_s=speed,

@@ -9,7 +9,6 @@ from positioner.commissioning.report import Row
 from positioner.commissioning.units import PASCALS
 
 if TYPE_CHECKING:
-    from positioner.commissioning.identified import Interval
     from positioner.commissioning.signature import Signature
     from positioner.valve.parameters import ValveParameters
 
@@ -30,19 +29,16 @@ def rows(found: Signature, valve: ValveParameters, pressure_unit: str) -> tuple[
     closed_n, open_n = found.bench_set_n(valve.span_m)
     friction = [each.friction_n for each in found.by_place]
 
-    def row(name: str, unit: str, each: Interval, factor: float = 1.0) -> Row:
-        return Row(name, unit, each.value * factor, each.low * factor, each.high * factor, each.seen)
-
     def plain(name: str, unit: str, value: float) -> Row:
         return Row(name, unit, value, value, value)
 
     return (
-        row("spring rate", "N/m", found.spring_n_per_m),
-        row("spring force at 0", "N", found.preload_n),
-        row("sliding friction", "N", found.sliding_n),
+        Row.of("spring rate", "N/m", found.spring_n_per_m),
+        Row.of("spring force at 0", "N", found.preload_n),
+        Row.of("sliding friction", "N", found.sliding_n),
         plain("sliding friction, least", "N", min(friction)),
         plain("sliding friction, largest", "N", max(friction)),
-        row("static friction", "N", found.static_n),
+        Row.of("static friction", "N", found.static_n),
         plain("hysteresis", "% of span", found.hysteresis_m * of_span),
         plain("dynamic error band", "% of span", found.dynamic_error_band_m * of_span),
         plain("bench set, at 0 %", pressure_unit, closed_n * per_newton),
@@ -76,10 +72,7 @@ def as_json(found: Signature, valve: ValveParameters, pressure_unit: str) -> dic
     return {
         "valve": valve.id,
         "quantities": {name: _number(found, name) for name in _NAMES},
-        "rows": [
-            {"name": row.name, "unit": row.unit, "value": row.value, "low": row.low, "high": _finite(row.high)}
-            for row in rows(found, valve, pressure_unit)
-        ],
+        "rows": [row.as_json() for row in rows(found, valve, pressure_unit)],
         "sliding_friction_by_place": [[each.position_m, each.friction_n] for each in found.by_place],
         "breakaways": [[each.position_m, each.direction, each.static_n] for each in found.breakaways],
         "reached_m": list(found.reached_m),
@@ -104,7 +97,3 @@ def changes(found: Signature, reference: dict[str, Any]) -> tuple[str, ...]:
 def _number(found: Signature, name: str) -> float:
     value = getattr(found, name)
     return float(value if isinstance(value, float) else value.value)
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command
-from positioner.cli.procedure import add_procedure, bar, procedure_configuration, stretches_of
+from positioner.cli.procedure import add_procedure, bar, keep_result, procedure_configuration, stretches_of
 from positioner.commissioning.experiment import Experiment
 from positioner.commissioning.identify import identify
 from positioner.commissioning.procedure import ProcedureLimits
@@ -35,7 +35,8 @@ examples:
 It takes about two minutes, and moves the valve over the whole range that the guard's currents allow: isolate the valve,
 or the process must bear it. The daemon of this valve must be stopped. No host is needed: it arms itself, and the status
 says FUNCTION_CHECK meanwhile. Ctrl-C brings the stem back to where it was; a second Ctrl-C ends it at once. Afterwards
-no commands are sent, and the actuator does what it does without them, as before.
+no commands are sent, and the actuator does what it does without them, as before. The result is kept in the state
+directory of the valve.
 
 exit status: 0 done, 1 aborted, or the record shows too little, 2 wrong command line, or not confirmed, 69 no bus, or
 another controller, 74 a file cannot be written, 75 the daemon of this valve runs, 78 the configuration is wrong.
@@ -67,8 +68,9 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     stretches = stretches_of(arguments, configuration, experiment)
     with bar("fit") as show:
         found = identify(stretches, valve, limits, period_s, show)
+    document = as_json(found, valve, arguments.pressure_unit)
     if arguments.json:
-        sys.stdout.write(f"{json.dumps(as_json(found, valve, arguments.pressure_unit), indent=2)}\n")
+        sys.stdout.write(f"{json.dumps(document, indent=2)}\n")
     else:
         lines = [str(row) for row in rows(found, valve, arguments.pressure_unit)]
         head = f"{valve.id}, with 95 % intervals:"
@@ -85,6 +87,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
                 tables["valve"][key] = getattr(valve, key)
         backup = write_values(arguments.config, tables, valve.id)
         sys.stderr.write(f"{arguments.config}: written; before it was as in {backup}\n")
+    keep_result(arguments, configuration, "identify", document)
     return ExitCode.OK
 
 

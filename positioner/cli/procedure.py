@@ -6,12 +6,13 @@ import sys
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
 from positioner.bus.address import parse_address
 from positioner.cli.command import add_config, add_state, add_valve
+from positioner.commissioning import results
 from positioner.config.locations import location_of
 from positioner.config.reader import load_config
 from positioner.config.schema import StateSettings
@@ -41,6 +42,9 @@ def add_procedure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--record", type=Path, metavar="FILE", help="record the test, for --from and replay")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.add_argument(
+        "--as-reference", action="store_true", help="compare later results with this one; without it, with the first"
+    )
+    parser.add_argument(
         "--clock",
         choices=("realtime", "lockstep"),
         default="realtime",
@@ -69,6 +73,35 @@ def stretches_of(
     return _experiment(arguments, configuration, experiment)
 
 
+def keep_result(
+    arguments: argparse.Namespace, configuration: Configuration, kind: str, document: dict[str, Any]
+) -> None:
+    """Keep the document of a finished procedure in the valve's state directory.
+
+    The evaluation of an older record is kept only as the reference.
+
+    Raises:
+        StateError: it cannot be kept.
+    """
+    if arguments.log is None or arguments.as_reference:
+        path = results.keep(_state_of(arguments, configuration), kind, document, as_reference=arguments.as_reference)
+        sys.stderr.write(f"kept: {path}\n")
+
+
+def reference_of(arguments: argparse.Namespace, configuration: Configuration, kind: str) -> dict[str, Any] | None:
+    """Return the kept document with which a new one of this kind is compared, None where there is none.
+
+    Raises:
+        StateError: the state directory cannot be read.
+    """
+    kept = results.reference(_state_of(arguments, configuration), kind)
+    return kept.document if kept else None
+
+
+def _state_of(arguments: argparse.Namespace, configuration: Configuration) -> Path:
+    return location_of(configuration, arguments.config, arguments.state).state
+
+
 def _experiment(
     arguments: argparse.Namespace, configuration: Configuration, experiment: Experiment
 ) -> Sequence[Stretch]:
@@ -77,6 +110,7 @@ def _experiment(
     from positioner.runtime.session import RunOptions  # noqa: PLC0415
 
     _refuse_beside_a_daemon(arguments, configuration)
+    results.check_writable(_state_of(arguments, configuration))
     sys.stderr.write(_announcement(configuration, experiment))
     if not arguments.yes:
         _ask()

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from positioner.cli.command import add_command
-from positioner.cli.procedure import add_procedure, procedure_configuration, stretches_of
+from positioner.cli.procedure import add_procedure, keep_result, procedure_configuration, reference_of, stretches_of
 from positioner.commissioning.procedure import ProcedureLimits
 from positioner.commissioning.signature import signature
 from positioner.commissioning.signature_report import as_json, changes, remarks, rows
@@ -24,14 +24,15 @@ if TYPE_CHECKING:
 _EPILOG = """\
 examples:
   positioner signature --config fv101.toml --picture signature.png
-  positioner signature --config fv101.toml --json > first.json         keep it as the reference
-  positioner signature --config fv101.toml --reference first.json      show what has changed
+  positioner signature --config fv101.toml --as-reference              compare later signatures with this one
+  positioner signature --config fv101.toml --reference first.json      compare with a file of --json
   positioner signature --config fv101.toml --yes --record fv101.log
   positioner signature --config fv101.toml --from fv101.log            the same values from the record
 
 It takes about three minutes, and moves the valve slowly over the whole range that the guard's currents allow: isolate
 the valve, or the process must bear it. The daemon of this valve must be stopped. Ctrl-C brings the stem back to
 where it was; a second one ends it at once. Lag and viscous friction are the configured ones: identify measures them.
+The result is kept in the valve's state directory; the first one is the reference, which shows what has changed.
 
 exit status: 0 done, 1 aborted, or the strokes show too little, 2 wrong command line, or not confirmed, 69 no bus, or
 another controller, 74 a file cannot be written, 75 the daemon of this valve runs, 78 the configuration is wrong.
@@ -46,7 +47,9 @@ def add_parser(commands: Commands) -> None:
     add_procedure(parser)
     parser.add_argument("--rate", type=float, default=0.0, metavar="MA_PER_S", help="of the strokes, in mA/s")
     parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the loop, friction and breakaways (PNG)")
-    parser.add_argument("--reference", type=Path, metavar="FILE", help="an earlier --json, to compare with")
+    parser.add_argument(
+        "--reference", type=Path, metavar="FILE", help="an earlier --json, instead of the kept reference"
+    )
     parser.add_argument(
         "--pressure-unit", choices=tuple(PASCALS), default="bar", help="of the bench set (default: %(default)s)"
     )
@@ -55,15 +58,17 @@ def add_parser(commands: Commands) -> None:
 def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.rate < 0.0:
         raise UsageError(f"--rate {arguments.rate:g}: must be more than 0 mA/s")
-    reference = _reference(arguments.reference)
+    given = _reference(arguments.reference)
     configuration = procedure_configuration(arguments)
+    reference = given or reference_of(arguments, configuration, "signature")
     valve, period_s = configuration.valve, configuration.control.sample_period_s
     limits = ProcedureLimits.of(valve, configuration.guard)
     experiment = signature_experiment(valve, limits, period_s, arguments.rate)
     stretches = stretches_of(arguments, configuration, experiment)
     found = signature(stretches, valve, limits, period_s)
+    document = as_json(found, valve, arguments.pressure_unit)
     if arguments.json:
-        sys.stdout.write(f"{json.dumps(as_json(found, valve, arguments.pressure_unit), indent=2)}\n")
+        sys.stdout.write(f"{json.dumps(document, indent=2)}\n")
     else:
         lines = [f"{valve.id}: signature, with 95 % intervals:"]
         lines += [str(row) for row in rows(found, valve, arguments.pressure_unit)]
@@ -74,6 +79,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
 
         draw(arguments.picture, stretches, found, configuration, reference)
         sys.stderr.write(f"picture: {arguments.picture}\n")
+    keep_result(arguments, configuration, "signature", document)
     return ExitCode.OK
 
 

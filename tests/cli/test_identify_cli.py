@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -9,6 +10,7 @@ from daemon_helpers import write_configuration
 
 from positioner.bus.address import BusAddress
 from positioner.cli.main import main
+from positioner.cli.procedure import keep_result, procedure_configuration, reference_of
 from positioner.commissioning.units import area_m2, pressure_gain
 from positioner.errors import ExitCode, UsageError
 from positioner.store import lock
@@ -60,3 +62,19 @@ def test_workshop_units_are_read_exactly() -> None:
             pressure_gain(text)
     with pytest.raises(UsageError, match="write it like 100in2"):
         area_m2("0in2")
+
+
+def test_a_result_is_kept_but_not_that_of_an_older_record_unless_it_is_to_be_the_reference(tmp_path: Path) -> None:
+    path = write_configuration(tmp_path, BusAddress(interface="virtual", channel="none"))
+    given = {"config": path, "valve": None, "bus": None, "state": None}
+    live, older, named = (
+        Namespace(**given, log=log, as_reference=as_reference)
+        for log, as_reference in ((None, False), (path, False), (path, True))
+    )
+    configuration = procedure_configuration(live)
+    for number, arguments in enumerate((older, live, live, older)):
+        keep_result(arguments, configuration, "signature", {"valve": "FV-101", "number": number})
+    assert reference_of(live, configuration, "signature") == {"valve": "FV-101", "number": 1}
+    assert len(list((tmp_path / "state" / "results").iterdir())) == 2
+    keep_result(named, configuration, "signature", {"valve": "FV-101", "number": 4})
+    assert reference_of(live, configuration, "signature") == {"valve": "FV-101", "number": 4}

@@ -5,12 +5,18 @@ from __future__ import annotations
 
 import argparse
 import sys
+from typing import TYPE_CHECKING
 
-from plant_emulator.cli import presets, run, simulate
 from positioner import __version__
 from positioner.machine.build import version
+from positioner.machine.commands import add_commands, words_given
 from positioner.machine.console import Parser, run_command
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_COMMANDS = ("run", "simulate", "presets")
+"""Each is a module of this package, in the order of the help."""
 _DESCRIPTION = "A sticking control valve: Karnopp friction, simulated event by event, alone or on a CAN bus."
 _EPILOG = """\
 examples:
@@ -24,8 +30,8 @@ completion:  eval "$(register-python-argcomplete plant-emulator)"
 """
 
 
-def build_parser() -> Parser:
-    """Return the parser with every command."""
+def build_parser(words: Sequence[str] | None = None) -> Parser:
+    """Return the parser with every command, or with what the `words` of a command line need."""
     parser = Parser(
         prog="plant-emulator",
         description=_DESCRIPTION,
@@ -34,14 +40,13 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--version", action="version", version=version("plant-emulator", __version__))
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (run, simulate, presets):
-        command.add_parser(subparsers)
+    add_commands(subparsers, __package__, _COMMANDS, words)
     return parser
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return its exit status."""
-    return run_command(build_parser(), arguments)
+    return run_command(build_parser(words_given(arguments)), arguments)
 
 
 if __name__ == "__main__":

@@ -5,30 +5,36 @@ from __future__ import annotations
 
 import argparse
 import sys
+from typing import TYPE_CHECKING
 
 import positioner
-from positioner.cli import (
-    bench,
-    campaign,
-    check,
-    conformance,
-    diagnose,
-    doctor,
-    explain,
-    host,
-    identify,
-    league,
-    reach,
-    replay,
-    reproduce,
-    run,
-    signature,
-    table,
-    tune,
-)
 from positioner.machine.build import version
+from positioner.machine.commands import add_commands, words_given
 from positioner.machine.console import Parser, run_command
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_COMMANDS = (
+    "run",
+    "host",
+    "identify",
+    "signature",
+    "bench",
+    "replay",
+    "explain",
+    "league",
+    "campaign",
+    "reproduce",
+    "tune",
+    "table",
+    "check",
+    "reach",
+    "diagnose",
+    "doctor",
+    "conformance",
+)
+"""Each is a module of this package, in the order of the help."""
 _DESCRIPTION = "A positioner for sticking control valves: predictive control with a learned stiction table, over CAN."
 _EPILOG = """\
 examples:
@@ -48,8 +54,8 @@ completion:  eval "$(register-python-argcomplete positioner)"
 """
 
 
-def build_parser() -> Parser:
-    """Return the parser with every command."""
+def build_parser(words: Sequence[str] | None = None) -> Parser:
+    """Return the parser with every command, or with what the `words` of a command line need."""
     parser = Parser(
         prog="positioner",
         description=_DESCRIPTION,
@@ -58,32 +64,13 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--version", action="version", version=version("positioner", positioner.__version__))
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for module in (
-        run,
-        host,
-        identify,
-        signature,
-        bench,
-        replay,
-        explain,
-        league,
-        campaign,
-        reproduce,
-        tune,
-        table,
-        check,
-        reach,
-        diagnose,
-        doctor,
-        conformance,
-    ):
-        module.add_parser(commands)
+    add_commands(commands, __package__, _COMMANDS, words)
     return parser
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return its exit status."""
-    return run_command(build_parser(), arguments)
+    return run_command(build_parser(words_given(arguments)), arguments)
 
 
 if __name__ == "__main__":

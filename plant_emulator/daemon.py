@@ -9,6 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from plant_emulator.device import advance, failure, initial_device, publish, take
+from plant_emulator.schedule import begun
 from positioner.bus.port import BusPort
 from positioner.errors import BenchError, ExitCode
 from positioner.machine.line_sink import LineSink
@@ -162,7 +163,11 @@ class EmulatorDaemon:
             self._advance(duration_s)
 
     def _advance(self, duration_s: float) -> None:
-        """Advance the valve, and report when it goes to its fail position and when it obeys again."""
+        """Advance the valve; report a scheduled change, a way to the fail position, and when the valve obeys again."""
+        if self._settings.schedule:
+            now_s = self._state.plant.time_s
+            for line in begun(self._settings, now_s, now_s + duration_s):
+                self._report(line)
         self._state = advance(self._settings, self._state, duration_s)
         text = failure(self._settings, self._state)
         if text != self._failure:

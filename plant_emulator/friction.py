@@ -27,6 +27,18 @@ _WAVELENGTHS_M = (0.011, 0.0037)
 
 
 @dataclass(frozen=True, slots=True)
+class Drifted:
+    """The drift of F_s and F_c that had come together, as a fraction of both, after so many stops, at a plant time."""
+
+    fraction: float
+    stops: int
+    time_s: float
+
+
+NOT_DRIFTED = Drifted(0.0, 0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
 class Packing:
     """Dry friction at the present position: F_s and F_c, the cell of the field, and what they follow from.
 
@@ -34,6 +46,7 @@ class Packing:
     wear: the factor by which moves and time have changed both.
     rested_s: the time of rest since the stem last left the zero-speed band.
     one_way_n: by how much the friction of opening is larger than F_s or F_c, and that of closing smaller.
+    drifted: the drift up to the last change of the settings.
     """
 
     static_n: float
@@ -44,6 +57,7 @@ class Packing:
     wear: float = 1.0
     rested_s: float = 0.0
     one_way_n: float = 0.0
+    drifted: Drifted = NOT_DRIFTED
 
 
 def stribeck_n(speed_m_per_s: float, static_n: float, coulomb_n: float, stribeck_velocity_m_per_s: float) -> float:
@@ -66,7 +80,7 @@ def after_crossing(settings: PlantSettings, packing: Packing, direction: int) ->
 
 def after_stop(settings: PlantSettings, packing: Packing, stops: int, time_s: float = 0.0) -> Packing:
     """Return the friction after stop number `stops` at plant time `time_s`: a new random half, and more wear."""
-    drift = settings.packing.drift_per_move * stops + settings.packing.drift_per_hour * time_s / _HOUR_S
+    drift = _drift(settings, packing.drifted, stops, time_s)
     if settings.stochastic.friction_fraction == 0.0 and drift == 0.0:
         return packing
     draw, wear = uniform(packing.seed, Stream.FRICTION, stops + 1), max(1.0 + drift, _LEAST_WEAR)
@@ -83,20 +97,28 @@ def after_leaving(settings: PlantSettings, packing: Packing) -> Packing:
     return packing if packing.rested_s == 0.0 else _packed(settings, replace(packing, rested_s=0.0))
 
 
-def repacked(settings: PlantSettings, packing: Packing) -> Packing:
-    """Return the friction after the settings changed."""
-    return _packed(settings, packing)
+def repacked(before: PlantSettings, after: PlantSettings, packing: Packing, stops: int, time_s: float) -> Packing:
+    """Return the friction after the settings changed at `time_s`, after `stops` stops; the drift goes on from there."""
+    fraction = _drift(before, packing.drifted, stops, time_s)
+    return _packed(after, replace(packing, drifted=Drifted(fraction, stops, time_s)))
+
+
+def _drift(settings: PlantSettings, since: Drifted, stops: int, time_s: float) -> float:
+    """Return the drift as a fraction of F_s and F_c."""
+    moved = settings.packing.drift_per_move * (stops - since.stops)
+    return since.fraction + moved + settings.packing.drift_per_hour * (time_s - since.time_s) / _HOUR_S
 
 
 def _packed(settings: PlantSettings, packing: Packing) -> Packing:
     fraction = settings.stochastic.friction_fraction
     phase = math.pi * uniform(packing.seed, Stream.FRICTION, 0)
-    factor = packing.wear * (1.0 + fraction * 0.5 * (_field(packing.cell, phase) + packing.draw))
+    common = settings.packing.friction_factor * packing.wear
+    factor = common * (1.0 + fraction * 0.5 * (_field(packing.cell, phase) + packing.draw))
     one_way_n, waves = 0.0, settings.packing
     if waves.varies_by_place:
         phase = math.tau * (packing.cell + 0.5) * CELL_WIDTH_M / waves.place_period_m
         factor *= 1.0 + waves.place_fraction * math.sin(phase)
-        one_way_n = waves.direction_fraction * settings.valve.static_friction_n * packing.wear * math.cos(phase)
+        one_way_n = waves.direction_fraction * settings.valve.static_friction_n * common * math.cos(phase)
     static_n, coulomb_n = settings.valve.static_friction_n * factor, settings.valve.coulomb_friction_n * factor
     if packing.rested_s > 0.0:
         static_n *= 1.0 + growth(settings.packing, packing.rested_s)

@@ -6,16 +6,16 @@ unit or decimal point, such as a mass of 1361 kg.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from typing import Annotated
 
 from annotated_types import Interval
 
+from positioner.inputs.nearest import nearest
 from positioner.inputs.table import SettingsTable
 
 _LOWEST_RATE_N_PER_M = 100.0
-_CHANGEABLE = ("valve", "actuator", "process", "sensor", "packing", "stochastic")
 _GEOMETRY = ("travel_min_m", "travel_max_m", "span_m", "initial_position_m")
 
 
@@ -147,8 +147,10 @@ class PackingSettings(SettingsTable):
     """Growth of F_s soon after a stop, as a fraction of F_s."""
     creep_time_constant_s: Annotated[float, Interval(ge=1e-3, le=1e5)] = 1.0
     """Time in which F_s creeps to it."""
+    friction_factor: Annotated[float, Interval(ge=0.0, le=100.0)] = 1.0
+    """Of F_s and F_c: 2 is a packing drawn too tight, 0.5 a loose one, 100 a stem that sticks fast."""
     drift_per_move: Annotated[float, Interval(ge=-0.1, le=0.1)] = 0.0
-    """Change of F_s and F_c by each stop, as a fraction of both at the start."""
+    """Change of F_s and F_c by each stop, as a fraction of both at the start; a scheduled one acts from then on."""
     drift_per_hour: Annotated[float, Interval(ge=-100.0, le=100.0)] = 0.0
     """Change of F_s and F_c by time, as a fraction of both at the start; it shows at the next stop."""
     place_fraction: Annotated[float, Interval(ge=0.0, le=0.9)] = 0.0
@@ -172,25 +174,45 @@ class StochasticSettings(SettingsTable):
     """Largest deviation of F_s and F_c, as a fraction of each."""
 
 
+_TABLES = {
+    "valve": fields(ValveSettings),
+    "actuator": fields(ActuatorSettings),
+    "process": fields(ProcessSettings),
+    "sensor": fields(SensorSettings),
+    "packing": fields(PackingSettings),
+    "stochastic": fields(StochasticSettings),
+}
+_CHANGEABLE = {table: tuple(each.name for each in found) for table, found in _TABLES.items()}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScheduledChange(SettingsTable):
     """A parameter of the plant that changes while it runs, such as a fault; one `[[schedule]]` table."""
 
     at_s: Annotated[float, Interval(ge=0.0, le=1e9)]
-    """Plant time from which the value acts."""
+    """Plant time at which the change begins."""
     key: str
     """The parameter with its table, such as "valve.static_friction_n"."""
-    value: float
+    value: float | None = None
+    """The new value; either this or the factor."""
+    factor: float | None = None
+    """The new value as a multiple of the one before."""
+    over_s: Annotated[float, Interval(ge=0.0, le=1e9)] = 0.0
+    """Duration of the change: a drift, in 100 equal steps; 0 is a sudden one."""
 
     def __post_init__(self) -> None:
         """Check that the key may change.
 
         Raises:
-            ValueError: it is not in one of the tables that act, or is part of the geometry.
+            ValueError: it is not in one of the tables that act, or is part of the geometry; not one new value.
         """
         table, _, name = self.key.partition(".")
         if table not in _CHANGEABLE or name in _GEOMETRY or "." in name:
             raise ValueError(f"key '{self.key}' cannot change; name one such as valve.static_friction_n")
+        if name not in _CHANGEABLE[table]:
+            raise ValueError(f"key '{self.key}': no such key; {nearest(name, _CHANGEABLE[table])}")
+        if (self.value is None) == (self.factor is None):
+            raise ValueError(f"change of {self.key}: give either its value or a factor")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,11 +234,17 @@ class PlantSettings(SettingsTable):
     """Age of the last command at which the valve goes to its `fail_position`."""
 
     def __post_init__(self) -> None:
-        """Check the relation between the process and the spring.
+        """Check the relation between the process and the spring, and the order of the changes.
 
         Raises:
-            ValueError: the process pushes the stem away faster than the spring pulls it back.
+            ValueError: the process is stronger than the spring, or two changes of one parameter overlap.
         """
+        ends_s: dict[str, float] = {}
+        for change in sorted(self.schedule, key=lambda each: each.at_s):
+            until_s = ends_s.get(change.key, 0.0)
+            if change.at_s < until_s:
+                raise ValueError(f"schedule at {change.at_s:g} s: {change.key} still changes until {until_s:g} s")
+            ends_s[change.key] = change.at_s + change.over_s
         if self.valve.spring_rate_n_per_m + self.process.gradient_n_per_m < _LOWEST_RATE_N_PER_M:
             least = _LOWEST_RATE_N_PER_M - self.valve.spring_rate_n_per_m
             raise ValueError(f"process.gradient_n_per_m must be at least {least:g}: else the spring holds no position")

@@ -9,6 +9,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from plant_emulator.parameters import PlantSettings
+from plant_emulator.schedule import changes as scheduled
 from positioner.errors import ConfigurationError
 from positioner.inputs.nearest import nearest
 from positioner.inputs.toml_lines import problem_at
@@ -59,7 +60,7 @@ def overridden(base: Mapping[str, Any], changes: Mapping[str, Any], source: str,
     """
     values = _resolved(laid_over(base, changes), source, text)
     settings = build(values, PlantSettings, source, text)
-    for change in sorted(settings.schedule, key=lambda each: each.at_s):
+    for change in scheduled(settings):
         table, name = change.key.split(".")
         values = laid_over(values, {table: {name: change.value}})
         build(values, PlantSettings, f"{source}: schedule at {change.at_s:g} s", text)

@@ -15,7 +15,7 @@ from plant_emulator.feedback import Feedback, is_direct
 from plant_emulator.friction import Packing, initial_packing, repacked
 from plant_emulator.moving_stem import MovingStem
 from plant_emulator.process import disturbed, initial_noise_n
-from plant_emulator.schedule import acting, stretches, timeline
+from plant_emulator.schedule import acting, every_settings, stretches
 from plant_emulator.stem import Stem
 from plant_emulator.stem import friction_n as friction_on_stem_n
 from positioner.values import dataclass, replace
@@ -44,7 +44,7 @@ def initial_state(settings: PlantSettings, seed: int) -> PlantState:
     """Return a valve at rest at its initial position, with the pressure that balances its spring there."""
     valve, position_m = settings.valve, settings.valve.initial_position_m
     constants = constants_of(settings)
-    is_direct_always = all(is_direct(each.sensor) for _, each in timeline(settings))
+    is_direct_always = all(is_direct(each.sensor) for each in every_settings(settings))
     push_n = constants.preload_n + constants.spring_n_per_m * position_m
     return PlantState(
         time_s=0.0,
@@ -85,10 +85,11 @@ def step(settings: PlantSettings, state: PlantState, current_ma: float, duration
 
 
 def _scheduled(settings: PlantSettings, state: PlantState, current_ma: float, duration_s: float) -> PlantState:
-    for each, seconds, is_new in stretches(settings, state.time_s, duration_s):
-        if is_new:
-            state = replace(state, packing=repacked(each, state.packing))
-        state = step(each, state, current_ma, seconds)
+    for each in stretches(settings, state.time_s, duration_s):
+        if each.before is not None:
+            packing = repacked(each.before, each.settings, state.packing, state.stem.stops, state.time_s)
+            state = replace(state, packing=packing)
+        state = step(each.settings, state, current_ma, each.duration_s)
     return state
 
 

@@ -189,7 +189,8 @@ def test_the_example_shows_every_key_of_its_tables_but_three_of_the_sensor() -> 
     missing = {each.name for each in fields(settings.sensor)} - set(shown["sensor"])
     assert missing == {"noise_of_reading", "noise_hold_s", "reports_pressure"}
     assert [change.key for change in settings.schedule] == [
-        "sensor.zero_m", "actuator.supply_pa", "valve.static_friction_n",
+        "sensor.zero_m", "actuator.offset_ma", "actuator.supply_pa", "valve.spring_rate_n_per_m",
+        "actuator.vent_time_constant_s", "packing.drift_per_move", "packing.friction_factor",
     ]  # fmt: skip
 
 

@@ -163,7 +163,13 @@ class SeveralLoop:
     """The daemon, whose valves are named; `on_other_bus` are those of them that are on a second bus."""
 
     def __init__(
-        self, folder: Path, names: Sequence[str], on_other_bus: Sequence[str] = (), *, lockstep: bool = True
+        self,
+        folder: Path,
+        names: Sequence[str],
+        on_other_bus: Sequence[str] = (),
+        *,
+        lockstep: bool = True,
+        record: Path | None = None,
     ) -> None:
         self.folder = folder
         self.time = VirtualTime()
@@ -192,7 +198,7 @@ class SeveralLoop:
         self.logged_ns: list[int] = []
         self._handler.emit = self._keep  # type: ignore[method-assign]
         logger.addHandler(self._handler)
-        options = RunOptions(lockstep=lockstep, setpoint_every=_EVERY if lockstep else 0)
+        options = RunOptions(lockstep=lockstep, setpoint_every=_EVERY if lockstep else 0, record=record)
         try:
             self.daemon = Daemon(load_valves(path), options, Ports(self.time, self._open))
         except BaseException:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 from positioner.bus.address import BusAddress
 from positioner.cycle.state import Setup
 from positioner.guard.settings import GuardSettings
+from positioner.health.counters import counter_settings
+from positioner.health.monitor import HealthSettings
 from positioner.inputs.table import SettingsTable
 from positioner.laws.estimator_settings import EstimatorSettings
 from positioner.laws.registry import LAWS, Ingredients
@@ -69,6 +71,11 @@ class Configuration(SettingsTable):
         """The values that its law can learn; other values in a stiction table of this valve are not credible."""
         own = self.control.nmpc
         return Limits(self.valve, own.adaptation.least, own.adaptation.most, own.watch.ratio_most)
+
+    @property
+    def health_settings(self) -> HealthSettings:
+        """What the health of this valve is computed with."""
+        return HealthSettings(counter_settings(self.valve, self.estimator, self.control.sample_period_s))
 
     def make_codec(self) -> Codec:
         """Return the codec of this valve's bus.

@@ -9,6 +9,7 @@ from positioner.cycle.input import CycleInput
 from positioner.cycle.sent import SentCommand
 from positioner.cycle.state import CycleState
 from positioner.cycle.step import step
+from positioner.health.observed import observed_cycle
 from positioner.replay.recorded import command_in
 from positioner.runtime.record import KIND_AGE, NOTE_ID, NOTED_FIELDS, Note
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from positioner.config.schema import Configuration
     from positioner.cycle.events import Event
     from positioner.cycle.state import Setup
+    from positioner.health.observed import ObservedCycle
     from positioner.replay.recorded import RecordedCycle
     from positioner.valve.stiction import StictionTable
     from positioner.wire.codec import Codec
@@ -30,12 +32,13 @@ _NS_PER_US = 1000
 
 @dataclass(frozen=True, slots=True)
 class ReplayedCycle:
-    """One cycle computed again: the recorded one, the computed frames and events, and the mode at its end."""
+    """One cycle computed again: the recorded one, the computed frames and events, what health sees."""
 
     recorded: RecordedCycle
     computed: tuple[CanFrame, ...]
     events: tuple[Event, ...]
     mode: Mode
+    observed: ObservedCycle | None
 
 
 def replay_cycles(
@@ -54,10 +57,12 @@ def replay_cycles(
     setup = setup or configuration.make_setup()
     state = CycleState(table=table)
     for cycle in cycles:
-        state, outbox, events = step(setup, state, _cycle_input(cycle, table_saved=state.table_saved))
+        before, cycle_input = state, _cycle_input(cycle, table_saved=state.table_saved)
+        state, outbox, events = step(setup, before, cycle_input)
+        observed = observed_cycle(cycle_input, before, state, outbox, events)
         if follows:
             state = _followed(setup.codec, state, cycle, outbox)
-        yield ReplayedCycle(cycle, outbox, events, state.guard.mode)
+        yield ReplayedCycle(cycle, outbox, events, state.guard.mode, observed)
 
 
 def _inbox(cycle: RecordedCycle, now_ns: int) -> tuple[CanFrame, ...]:

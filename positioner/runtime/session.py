@@ -21,6 +21,7 @@ from positioner.runtime.lockstep import LockstepCheck, LockstepClock, LockstepGa
 from positioner.runtime.other_controller import OtherController
 from positioner.runtime.record import BusRecorder
 from positioner.runtime.trace import TraceWriter
+from positioner.runtime.valve_health import ValveHealth
 from positioner.start import unexpected
 from positioner.wire.messages import ActuatorState, CurrentCommand, ManualCurrent, Setpoint, StemPosition
 
@@ -103,6 +104,7 @@ class Session:
         if options.dry_run:
             self.setup = replace(self.setup, guard=replace(configuration.guard, auto_arm=True), learns=False)
         self.state = CycleState(table=self.table.initial)
+        self.health = ValveHealth(configuration)
         codec, self._period_s = self.setup.codec, self.setup.period_s
         # a dry run runs beside a controller: the commands of that controller are not foreign to it
         kinds = RECEIVED if options.dry_run else (*RECEIVED, CurrentCommand)
@@ -130,7 +132,8 @@ class Session:
         if not self.clock.is_real:  # when a frame arrived means nothing to a virtual clock
             frames = tuple(replace(frame, received_ns=0) for frame in frames)
         cycle_input = self._input(frames, now_ns, self._late_ns(gap_ns))
-        self.state, outbox, events = step(self.setup, self.state, cycle_input)
+        before = self.state
+        self.state, outbox, events = step(self.setup, before, cycle_input)
         if not self._options.dry_run:
             self._send(outbox, now_ns)
         if self._options.lockstep:
@@ -138,6 +141,8 @@ class Session:
         self.announcer.cycle(events)  # before the table may log that it was replaced
         self._recorder.cycle(cycle_input, outbox, self.state.guard)
         self._trace.cycle(events)
+        if not self._options.dry_run:
+            self.health.cycle(cycle_input, before, self.state, outbox, events)
         self.table.record([event.sample for event in events if isinstance(event, Learned)])
         self._pass_time()
         self._other.check(events, now_ns, ever_armed=self.state.guard.arming.ever_armed)

@@ -208,7 +208,9 @@ def test_every_row_of_a_long_trace_is_written(tmp_path: Path) -> None:
 def test_fallbacks_of_ever_new_reasons_are_counted_and_not_all_remembered() -> None:
     other = OtherLaw(CODEC)
     for number in range(5000):
-        other.add(ReplayedCycle(RecordedCycle(number, ()), (), (LawFellBack(f"gap of {number} mm"),), Mode.ACTIVE))
+        other.add(
+            ReplayedCycle(RecordedCycle(number, ()), (), (LawFellBack(f"gap of {number} mm"),), Mode.ACTIVE, None)
+        )
     lines = other.in_words().splitlines()
     assert "fallbacks: 5000" in lines
     assert len(other.fallbacks) <= 1001

@@ -1,0 +1,52 @@
+"""The health of one valve: each part of it is computed from the same observed cycles, live and from a log. Pure.
+
+A saved document has one section for each part, by its name.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from positioner.health.counters_document import COUNTERS, counters_from, counters_in
+from positioner.health.counting import Counting, begin, count
+from positioner.values import dataclass
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from positioner.health.counters import CounterSettings
+    from positioner.health.observed import ObservedCycle
+
+
+@dataclass(frozen=True, slots=True)
+class HealthSettings:
+    """What health knows of the valve."""
+
+    counters: CounterSettings
+
+
+@dataclass(frozen=True, slots=True)
+class HealthState:
+    """What health carries on from cycle to cycle."""
+
+    counting: Counting
+
+
+def begin_health(settings: HealthSettings, sections: Mapping[str, Any]) -> HealthState:
+    """Return the health of a positioner that starts, from the sections that were kept.
+
+    Raises:
+        ValueError: a section is not as it was written.
+    """
+    del settings
+    return HealthState(begin(counters_from(sections.get(COUNTERS))))
+
+
+def observe(settings: HealthSettings, health: HealthState, cycle: ObservedCycle) -> HealthState:
+    """Return the health after one more cycle."""
+    return HealthState(count(settings.counters, health.counting, cycle))
+
+
+def sections_of(health: HealthState) -> dict[str, Any]:
+    """Return the sections to keep, as `json.dumps` takes them."""
+    return {COUNTERS: counters_in(health.counting.so_far)}

@@ -1,0 +1,211 @@
+"""What the counters count, by hand: turning points, travel, time, histograms and events."""
+
+from __future__ import annotations
+
+import math
+import random
+from dataclasses import replace
+
+import pytest
+
+from positioner.cycle.events import Controlled, Event, MoveBegan
+from positioner.cycle.trust_events import PushFailed
+from positioner.health.classes import DEVIATION_EDGES_PERCENT, TRAVEL_EDGES_PERCENT, counted, empty
+from positioner.health.counters import Counters, CounterSettings
+from positioner.health.counters_document import counters_from, counters_in
+from positioner.health.counting import Counting, begin, count
+from positioner.health.observed import ObservedCycle
+from positioner.health.turns import Turns
+from positioner.laws.bounds import Bounds
+from positioner.laws.law import Decision
+from positioner.laws.move_reason import Breakaway, MoveReason
+from positioner.valve.state import StemState
+from positioner.wire.messages import Cause, Mode
+
+SETTINGS = CounterSettings(
+    span_m=0.1, travel_min_m=0.0, sample_period_s=0.01, noise_of_reading=0.0, noise_of_span=0.0005
+)
+PERIOD_US = 10_000
+
+
+def cycle(
+    number: int,
+    position_m: float | None = None,
+    *,
+    mode: Mode = Mode.ACTIVE,
+    stuck: bool | None = None,
+    setpoint_m: float = 0.05,
+    events: tuple[Event, ...] = (),
+) -> ObservedCycle:
+    controlled = None
+    if stuck is not None and position_m is not None:
+        stem = StemState(position_m, 0.0, stuck, 1.0)
+        decision = Decision(12.0, Bounds(0.0, 0.0, 4.0, 20.0))
+        controlled = Controlled(0.0, setpoint_m, position_m, stem, decision, 12.0, mode, 0)
+        events = (*events, controlled)
+    return ObservedCycle(number * PERIOD_US, mode, Cause.NONE, position_m, None, None, controlled, events)
+
+
+def played(positions_m: list[float], settings: CounterSettings = SETTINGS) -> Counters:
+    """Return the counters after readings of a stem that rests for 0.4 s at each position."""
+    counting = begin(Counters())
+    readings = [position_m for position_m in positions_m for _ in range(40)]
+    for number, position_m in enumerate(readings):
+        counting = count(settings, counting, cycle(number, position_m))
+    return counting.so_far
+
+
+@pytest.mark.parametrize(
+    ("positions", "reversals", "spans"),
+    [
+        ([0.0, 5.0, 2.0, 8.0], 2, [5.0, 3.0]),
+        ([0.0, 0.9, 0.0], 0, []),
+        ([0.0, 3.0, 2.5, 4.0, 3.5, 6.0], 0, []),
+        ([5.0, 0.0, 1.1, 0.0], 2, [5.0, 1.1]),
+    ],
+)
+def test_a_reversal_is_counted_at_the_farthest_place_and_only_beyond_the_dead_band(
+    positions: list[float], reversals: int, spans: list[float]
+) -> None:
+    turns, found = Turns(positions[0], positions[0]), []
+    for position in positions:
+        turns, span = turns.moved(position, 1.0)
+        found += [] if span is None else [span]
+    assert len(found) == reversals
+    assert found == pytest.approx(spans)
+
+
+def test_travel_is_the_way_of_the_stem_and_two_spans_are_a_full_stroke() -> None:
+    counters = played([0.02, 0.05, 0.03, 0.07])
+    # a stretch may hold readings from before and after a move: it lies between, and loses at most one dead band
+    assert counters.travel_m == pytest.approx(0.03 + 0.02 + 0.04, abs=2.5e-4)
+    assert counters.full_strokes(0.1) == pytest.approx(0.45, abs=0.002)
+    assert (counters.reversals, counters.cycles) == (2, 2)
+
+
+def test_a_cycle_needs_one_percent_of_the_span_and_a_change_of_direction_a_quarter() -> None:
+    counters = played([0.02, 0.05, 0.0495, 0.0501, 0.04])
+    assert counters.reversals == 3
+    assert counters.cycles == 1
+    assert sum(counters.spans) == 1
+    assert counters.spans[6] == 1, "30 % of the span"
+
+
+@pytest.mark.parametrize(("noise_of_reading", "noise_of_span"), [(0.02, 0.0), (0.0, 0.0005)])
+def test_noise_alone_counts_nothing(noise_of_reading: float, noise_of_span: float) -> None:
+    settings = replace(SETTINGS, noise_of_reading=noise_of_reading, noise_of_span=noise_of_span)
+    sigma_m = noise_of_reading * 0.08 + noise_of_span * 0.1
+    chance = random.Random(7)  # noqa: S311 - no secret
+    counting = begin(Counters())
+    for number in range(60_000):
+        counting = count(settings, counting, cycle(number, chance.gauss(0.08, sigma_m)))
+    counters = counting.so_far
+    assert (counters.travel_m, counters.reversals, counters.cycles) == (0.0, 0, 0)
+    assert settings.dead_band_m(0.01, 0.08) == pytest.approx(max(0.001, 4.0 * sigma_m))
+
+
+def test_time_is_counted_under_the_mode_that_held_and_in_whole_microseconds() -> None:
+    counting = begin(Counters())
+    modes = [Mode.READY] * 5 + [Mode.ACTIVE] * 30 + [Mode.HOLD] * 3 + [Mode.ACTIVE] * 10
+    for number, mode in enumerate(modes):
+        counting = count(SETTINGS, counting, cycle(number, 0.05, mode=mode, events=()))
+    mode_us = counting.so_far.mode_us
+    assert mode_us[Mode.READY] == 5 * PERIOD_US
+    assert mode_us[Mode.HOLD] == 3 * PERIOD_US
+    assert mode_us[Mode.ACTIVE] == 30 * PERIOD_US, "what came after HOLD is counted when the next tenth is over"
+    assert counting.so_far.total_us == 38 * PERIOD_US
+
+
+def test_empty_cycles_in_between_change_no_time() -> None:
+    dense = sparse = begin(Counters())
+    for number in range(200):
+        one = cycle(number, 0.05 if number % 50 == 0 else None, mode=Mode.FAILSAFE)
+        dense = count(SETTINGS, dense, one)
+        sparse = count(SETTINGS, sparse, one) if number in {0, 199} else sparse
+    assert dense.counters.mode_us[Mode.FAILSAFE] == pytest.approx(199 * PERIOD_US, abs=100_000)
+    assert sparse.counters.mode_us[Mode.FAILSAFE] == 199 * PERIOD_US
+
+
+def test_slips_sticks_and_the_time_stuck_are_counted_where_a_law_knows_them() -> None:
+    counting = begin(Counters())
+    states = [True] * 40 + [False] * 10 + [True] * 50 + [None] * 20 + [False] * 10
+    for number, stuck in enumerate(states):
+        mode = Mode.READY if stuck is None else Mode.ACTIVE
+        counting = count(SETTINGS, counting, cycle(number, 0.05, mode=mode, stuck=stuck))
+    counting = count(SETTINGS, counting, cycle(len(states), 0.05, mode=Mode.READY))
+    counters = counting.so_far
+    assert (counters.slips, counters.sticks) == (1, 1), "nobody knows how the stem went from rest to sliding in READY"
+    assert counters.stuck_us == 90 * PERIOD_US
+    assert counters.controlled_us == 110 * PERIOD_US
+
+
+def test_moves_pushes_from_the_table_and_failed_pushes_are_counted() -> None:
+    from_model, from_table = Breakaway(12.0), Breakaway(12.0, samples=3, age=1)
+    events = (MoveBegan(MoveReason(0.01, from_model, 0.06)), MoveBegan(MoveReason(0.01, from_table, 0.06)))
+    counting = begin(Counters())
+    counting = count(SETTINGS, counting, cycle(0, 0.05, stuck=True, events=events))
+    counting = count(SETTINGS, counting, cycle(1, 0.05, stuck=True, events=(PushFailed(2, 1.0),)))
+    counters = counting.so_far
+    assert (counters.moves, counters.table_moves, counters.failed_pushes) == (2, 1, 1)
+
+
+def test_the_histograms_are_sampled_once_a_second() -> None:
+    counting = begin(Counters())
+    for number in range(1020):
+        counting = count(SETTINGS, counting, cycle(number, 0.0512, stuck=True, setpoint_m=0.05))
+    counters = counting.so_far
+    assert sum(counters.travel) == sum(counters.deviation) == 10
+    assert counters.travel[11] == 10, "50 to 55 %"
+    assert counters.deviation[DEVIATION_EDGES_PERCENT.index(-1.0)] == 10, "-2 to -1 %"
+
+
+def test_time_at_the_ends_of_the_travel_is_counted() -> None:
+    counters = played([0.0] * 10 + [0.03] * 10 + [0.003] * 10 + [0.1] * 10)
+    tenths = [each // 100_000 for each in (counters.closed_us, counters.near_closed_us, counters.open_us)]
+    assert tenths == pytest.approx([40, 40, 38], abs=3)
+
+
+@pytest.mark.parametrize(("value", "at"), [(-1.0, 0), (0.0, 1), (4.999, 1), (5.0, 2), (100.0, 21), (1e9, 21)])
+def test_a_class_holds_its_lower_edge(value: float, at: int) -> None:
+    histogram = counted(empty(TRAVEL_EDGES_PERCENT), TRAVEL_EDGES_PERCENT, value)
+    assert histogram.index(1) == at
+    assert sum(histogram) == 1
+
+
+def some() -> Counters:
+    return played([0.02, 0.05, 0.03, 0.07])
+
+
+def test_the_document_gives_the_counters_back_to_the_bit() -> None:
+    assert counters_from(counters_in(some())) == some()
+    assert counters_from(counters_in(Counters())) == counters_from(None) == Counters()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("slips", -1), ("slips", 1.0), ("slips", True), ("travel_m", "1"), ("travel", [1]), ("turns", [0.0, 0.0, 2])],
+)
+def test_a_section_that_was_not_written_so_is_refused(name: str, value: object) -> None:
+    with pytest.raises(ValueError, match=name):
+        counters_from({**counters_in(some()), name: value})
+    with pytest.raises(ValueError, match="not as this version"):
+        counters_from({name: value})
+
+
+def test_a_start_goes_on_where_the_last_one_was_saved() -> None:
+    """Cut anywhere: what was counted before is kept, and only the open stretch and its time are lost."""
+    readings = [0.05 + 0.03 * math.sin(number / 60.0) for number in range(3000)]
+    whole = cut = begin(Counters())
+    for number, position_m in enumerate(readings):
+        whole = count(SETTINGS, whole, cycle(number, position_m))
+        if number % 160 == 0:
+            cut = _restarted(cut)
+        cut = count(SETTINGS, cut, cycle(number, position_m))
+    assert cut.so_far.observed == whole.so_far.observed == 3000
+    assert cut.so_far.starts == 20
+    assert cut.so_far.cycles == whole.so_far.cycles > 10
+    assert cut.so_far.travel_m == pytest.approx(whole.so_far.travel_m, rel=0.01)
+
+
+def _restarted(counting: Counting) -> Counting:
+    return begin(counters_from(counters_in(counting.so_far)))

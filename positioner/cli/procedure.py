@@ -6,13 +6,14 @@ import sys
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from tqdm import tqdm
 
 from positioner.bus.address import parse_address
 from positioner.cli.command import add_config, add_state, add_valve
 from positioner.commissioning import results
+from positioner.commissioning.procedure import Procedure
 from positioner.config.locations import location_of
 from positioner.config.reader import load_config
 from positioner.config.schema import StateSettings
@@ -26,9 +27,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from positioner.commissioning.experiment import Experiment
-    from positioner.commissioning.procedure import Progress
+    from positioner.commissioning.procedure import ProcedureLimits, Progress
     from positioner.commissioning.record import Stretch
     from positioner.config.schema import Configuration
+
+M = TypeVar("M")
 
 
 def add_procedure(parser: argparse.ArgumentParser) -> None:
@@ -62,15 +65,31 @@ def procedure_configuration(arguments: argparse.Namespace) -> Configuration:
     return configuration
 
 
+class OfferedProcedure(Procedure[M], Protocol):
+    """A procedure that a person is asked about: its limits, and how long it is expected to last."""
+
+    @property
+    def limits(self) -> ProcedureLimits:
+        """What it may do to the valve."""
+
+    def expected_s(self) -> float:
+        """Return how long it is expected to last, in s."""
+
+
+def memory_of(arguments: argparse.Namespace, configuration: Configuration, procedure: OfferedProcedure[M]) -> M:
+    """Return the procedure's memory at its end: from the log of --from, or on the bus after the person has agreed."""
+    if arguments.log:
+        from positioner.replay.procedure import memory_in  # noqa: PLC0415 - a log library, for a log only
+
+        return memory_in(arguments.log, configuration, procedure)
+    return _moved(arguments, configuration, procedure)
+
+
 def stretches_of(
     arguments: argparse.Namespace, configuration: Configuration, experiment: Experiment
 ) -> Sequence[Stretch]:
-    """Return what the experiment recorded: from the log of --from, or on the bus after the person has agreed."""
-    if arguments.log:
-        from positioner.replay.procedure import stretches_in  # noqa: PLC0415 - a log library, for a log only
-
-        return stretches_in(arguments.log, configuration, experiment)
-    return _experiment(arguments, configuration, experiment)
+    """Return what the experiment recorded, as `memory_of`."""
+    return memory_of(arguments, configuration, experiment).stretches
 
 
 def keep_result(
@@ -102,30 +121,28 @@ def _state_of(arguments: argparse.Namespace, configuration: Configuration) -> Pa
     return location_of(configuration, arguments.config, arguments.state).state
 
 
-def _experiment(
-    arguments: argparse.Namespace, configuration: Configuration, experiment: Experiment
-) -> Sequence[Stretch]:
-    """Return what the experiment on the bus recorded, after the person has agreed to it."""
+def _moved(arguments: argparse.Namespace, configuration: Configuration, procedure: OfferedProcedure[M]) -> M:
+    """Return the memory of the procedure after it has moved the valve on the bus, when the person has agreed to it."""
     from positioner.runtime.procedure_run import ProcedureRun  # noqa: PLC0415 - the bus, for an experiment only
     from positioner.runtime.session import RunOptions  # noqa: PLC0415
 
     _refuse_beside_a_daemon(arguments, configuration)
     results.check_writable(_state_of(arguments, configuration))
-    sys.stderr.write(_announcement(configuration, experiment))
+    sys.stderr.write(_announcement(configuration, procedure))
     if not arguments.yes:
         _ask()
     set_up(verbose=False)
     options = RunOptions(lockstep=arguments.clock == "lockstep", record=arguments.record)
-    with bar("experiment") as show:
+    with bar(procedure.name) as show:
 
         def shown(progress: Progress) -> None:
             show(progress.part, progress.doing)
 
         lock_memory()
-        run = ProcedureRun(configuration, options, experiment, shown)
+        run = ProcedureRun(configuration, options, procedure, shown)
         run.run()
-    stretches: Sequence[Stretch] = run.result().stretches
-    return stretches
+    memory: M = run.result()
+    return memory
 
 
 def _refuse_beside_a_daemon(arguments: argparse.Namespace, configuration: Configuration) -> None:
@@ -141,12 +158,12 @@ def _refuse_beside_a_daemon(arguments: argparse.Namespace, configuration: Config
         raise AlreadyRunningError(f"the positioner of {configuration.valve.id} runs (process {pid}): stop it: {stop}")
 
 
-def _announcement(configuration: Configuration, experiment: Experiment) -> str:
-    limits, valve = experiment.limits, configuration.valve
+def _announcement(configuration: Configuration, procedure: OfferedProcedure[M]) -> str:
+    limits, valve = procedure.limits, configuration.valve
     rate = "free" if limits.rate_ma_per_s == float("inf") else f"{limits.rate_ma_per_s:g} mA/s at most"
-    seconds = experiment.expected_s()
+    seconds = procedure.expected_s()
     return (
-        f"{experiment.name} {valve.id} on {configuration.bus}: the valve will move, for about {seconds:.0f} s\n"
+        f"{procedure.name} {valve.id} on {configuration.bus}: the valve will move, for about {seconds:.0f} s\n"
         f"  current  {limits.current_low_ma:g} to {limits.current_high_ma:g} mA, rate {rate} ([guard])\n"
         f"  travel   between the stops, {limits.travel_min_m * 1e3:g} to {limits.travel_max_m * 1e3:g} mm\n"
     )

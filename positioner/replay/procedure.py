@@ -1,8 +1,8 @@
-"""A test procedure run again on its own record: the same observations, and so the same recorded stretches. Shell."""
+"""A test procedure run again on its own record: the same observations, and so the same memory at its end. Shell."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from tqdm import tqdm
 
@@ -13,14 +13,13 @@ from positioner.replay.prepare import prepare
 from positioner.replay.run import replay_cycles
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from pathlib import Path
 
-    from positioner.commissioning.experiment import Experiment, IdentifyMemory
     from positioner.commissioning.procedure import Procedure, Progress
-    from positioner.commissioning.record import Stretch
     from positioner.config.schema import Configuration
     from positioner.laws.law import Observation
+
+M = TypeVar("M")
 
 
 class _Kept:
@@ -45,25 +44,25 @@ class _Kept:
         return self._procedure.abort(memory, why)
 
 
-def stretches_in(path: Path, configuration: Configuration, experiment: Experiment) -> Sequence[Stretch]:
-    """Return what the experiment recorded whose frames are in the log at `path`.
+def memory_in(path: Path, configuration: Configuration, procedure: Procedure[M]) -> M:
+    """Return the memory at its end of the procedure whose frames are in the log at `path`.
 
     Raises:
-        LogError: the log cannot be read, or is no complete record of this experiment with this configuration.
+        LogError: the log cannot be read, or is no complete record of this procedure with this configuration.
     """
-    prepared, kept = prepare(path, configuration, None), _Kept(experiment)
+    prepared, kept = prepare(path, configuration, None), _Kept(procedure)
     comparison = Comparison(configuration.make_codec(), prepared.kind.has_instants)
     setup = commissioning_setup(configuration.make_setup(), kept)
     cycles = replay_cycles(configuration, prepared.cycles(), prepared.table, setup=setup)
     for cycle in tqdm(cycles, "log", prepared.cycle_count, unit=" cycles", delay=1, leave=False, disable=None):
         comparison.add(cycle)
-    memory: IdentifyMemory | None = kept.memory
+    memory: M | None = kept.memory
     if memory is None or not comparison.identical:
         raise LogError(
-            f"{path}: holds other commands than {experiment.name} gives with this configuration: not its record"
+            f"{path}: holds other commands than {procedure.name} gives with this configuration: not its record"
         )
-    progress = experiment.progress(memory)
+    progress = procedure.progress(memory)
     if progress.aborted or not progress.ended:
         reason = progress.aborted or f"it ends while {progress.doing}"
-        raise LogError(f"{path}: the experiment in it was not completed: {reason}")
-    return memory.stretches
+        raise LogError(f"{path}: the {procedure.name} in it was not completed: {reason}")
+    return memory

@@ -19,6 +19,11 @@ test: $(VENV)/installed
 test-kernel: $(VENV)/installed
 	$(BIN)/pytest tests/kernel
 
+# the report of a valve in a headless browser (apt-get install chromium): requests, load time, print, pictures of it
+.PHONY: test-browser
+test-browser: $(VENV)/installed
+	$(BIN)/pytest --capture=no tests/browser
+
 # the short form, which runs by itself where user-mode Linux cannot: QEMU for every test, slowly
 test-kernel-short: $(VENV)/installed
 	$(BIN)/pytest tests/kernel --kernel=qemu

@@ -17,7 +17,7 @@ from positioner.commissioning.procedure import Procedure
 from positioner.config.locations import location_of
 from positioner.config.reader import load_config
 from positioner.config.schema import StateSettings
-from positioner.errors import AlreadyRunningError, UsageError
+from positioner.errors import AlreadyRunningError, UsageError, writing
 from positioner.machine.journal import set_up
 from positioner.machine.memory_lock import lock_memory
 from positioner.store import lock
@@ -43,6 +43,7 @@ def add_procedure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--yes", action="store_true", help="move the valve without a question, for scripts")
     parser.add_argument("--from", type=Path, metavar="LOG", dest="log", help="use the record of such a test")
     parser.add_argument("--record", type=Path, metavar="FILE", help="record the test, for --from and replay")
+    parser.add_argument("--report", type=Path, metavar="FILE", help="write the result as an HTML page")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.add_argument(
         "--as-reference", action="store_true", help="compare later results with this one; without it, with the first"
@@ -57,6 +58,8 @@ def add_procedure(parser: argparse.ArgumentParser) -> None:
 
 def procedure_configuration(arguments: argparse.Namespace) -> Configuration:
     """Return the configuration, with the bus and the state directory of the command line."""
+    if arguments.report and not arguments.report.absolute().parent.is_dir():
+        raise UsageError(f"--report {arguments.report}: there is no folder {arguments.report.absolute().parent}")
     configuration = load_config(arguments.config, valve=arguments.valve)
     if arguments.bus:
         configuration = replace(configuration, bus=parse_address(arguments.bus))
@@ -95,16 +98,38 @@ def stretches_of(
 def keep_result(
     arguments: argparse.Namespace, configuration: Configuration, kind: str, document: dict[str, Any]
 ) -> None:
-    """Keep the document of a finished procedure in the valve's state directory.
+    """Write the report of a finished procedure, and keep its document in the valve's state directory.
 
     The evaluation of an older record is kept only as the reference.
 
     Raises:
-        StateError: it cannot be kept.
+        StateError: a file cannot be written.
     """
+    if arguments.report:
+        _write_report(arguments, configuration, kind, document)
     if arguments.log is None or arguments.as_reference:
         path = results.keep(_state_of(arguments, configuration), kind, document, as_reference=arguments.as_reference)
         sys.stderr.write(f"kept: {path}\n")
+
+
+def _write_report(
+    arguments: argparse.Namespace, configuration: Configuration, kind: str, document: dict[str, Any]
+) -> None:
+    from positioner.report.page import html  # noqa: PLC0415 - Jinja2 for a report only
+    from positioner.report.procedure_page import procedure_page  # noqa: PLC0415
+
+    reference = results.reference(_state_of(arguments, configuration), kind)
+    guard = configuration.guard
+    facts = (
+        ("configuration", str(arguments.config)),
+        ("record", str(arguments.log or arguments.record or "none")),
+        ("current", f"{guard.current_low_ma:g} to {guard.current_high_ma:g} mA"),
+        ("sample period", f"{configuration.control.sample_period_s * 1e3:g} ms"),
+    )
+    with writing(arguments.report):
+        page = procedure_page(results.new_result(kind, document), reference, facts)
+        arguments.report.write_text(html(page), encoding="utf-8")
+    sys.stderr.write(f"report: {arguments.report}\n")
 
 
 def reference_of(arguments: argparse.Namespace, configuration: Configuration, kind: str) -> dict[str, Any] | None:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from positioner.cli.command import add_command
 from positioner.cli.procedure import add_procedure, keep_result, procedure_configuration, reference_of, stretches_of
+from positioner.commissioning.loop_branches import branches
 from positioner.commissioning.procedure import ProcedureLimits
 from positioner.commissioning.signature import signature
-from positioner.commissioning.signature_report import as_json, changes, remarks, rows
+from positioner.commissioning.signature_report import as_json, changes, loop_points, remarks, rows
 from positioner.commissioning.signature_stages import signature_experiment
 from positioner.commissioning.units import PASCALS
 from positioner.errors import ExitCode, UsageError
@@ -66,7 +67,8 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     experiment = signature_experiment(valve, limits, period_s, arguments.rate)
     stretches = stretches_of(arguments, configuration, experiment)
     found = signature(stretches, valve, limits, period_s)
-    document = as_json(found, valve, arguments.pressure_unit)
+    loop = loop_points(branches(stretches, valve, limits, period_s))
+    document = {**as_json(found, valve, arguments.pressure_unit), "loop": loop}
     if arguments.json:
         sys.stdout.write(f"{json.dumps(document, indent=2)}\n")
     else:

@@ -42,6 +42,11 @@ class KeptResult:
     document: dict[str, Any]
 
 
+def new_result(kind: str, document: dict[str, Any]) -> KeptResult:
+    """Return a result of this moment that is not kept; `document["valve"]` names the valve."""
+    return KeptResult(_checked(kind), "", str(document["valve"]), datetime.now(UTC), versions(), document)
+
+
 def keep(directory: Path, kind: str, document: dict[str, Any], *, as_reference: bool = False) -> Path:
     """Keep the document of a procedure in the state directory, and return its file.
 
@@ -50,18 +55,18 @@ def keep(directory: Path, kind: str, document: dict[str, Any], *, as_reference: 
     Raises:
         StateError: it cannot be written.
     """
-    now = datetime.now(UTC)
+    made = new_result(kind, document)
     whole = {
         "format": _FORMAT,
         "schema": _SCHEMA,
-        "kind": _checked(kind),
-        "valve": str(document["valve"]),
-        "recorded": now.strftime(_TIME),
-        "versions": versions(),
+        "kind": made.kind,
+        "valve": made.valve,
+        "recorded": made.recorded.strftime(_TIME),
+        "versions": made.versions,
         "document": document,
     }
     with kept_files.writable(directory, FOLDER) as folder:
-        name = kept_files.free_name(folder, f"{kind}-{now.strftime(_NAME_TIME)}")
+        name = kept_files.free_name(folder, f"{kind}-{made.recorded.strftime(_NAME_TIME)}")
         kept_files.write(folder, name, whole)
         if as_reference:
             kept_files.write(folder, f"reference-{kind}.json", {"file": name})

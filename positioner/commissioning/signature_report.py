@@ -9,10 +9,14 @@ from positioner.commissioning.report import Row
 from positioner.commissioning.units import PASCALS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from positioner.commissioning.loop_branches import Branch
     from positioner.commissioning.signature import Signature
     from positioner.valve.parameters import ValveParameters
 
 _MM = 1e3
+_LOOP_POINTS = 150
 _NAMES = {
     "spring_n_per_m": "spring rate",
     "sliding_n": "sliding friction",
@@ -78,6 +82,22 @@ def as_json(found: Signature, valve: ValveParameters, pressure_unit: str) -> dic
         "reached_m": list(found.reached_m),
         "remarks": list(remarks(found, valve)),
     }
+
+
+def loop_points(loop: Sequence[Branch]) -> list[dict[str, Any]]:
+    """Return the last two branches for a figure: pressure in mA and place in m, of some readings each."""
+    return [
+        {
+            "direction": each.direction,
+            "pressure_ma": [round(float(p), 4) for p in each.pressure_ma[:: _step(each)]],
+            "position_m": [round(float(x), 6) for x in each.position_m[:: _step(each)]],
+        }
+        for each in loop[-2:]
+    ]
+
+
+def _step(branch: Branch) -> int:
+    return max(len(branch.pressure_ma) // _LOOP_POINTS, 1)
 
 
 def changes(found: Signature, reference: dict[str, Any]) -> tuple[str, ...]:

@@ -51,6 +51,15 @@ def test_a_picture_that_cannot_be_written_is_refused_before_the_valve_moves(
     assert "there is no folder" in capsys.readouterr().err
 
 
+def test_a_report_that_cannot_be_written_is_refused_before_the_valve_moves(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write_configuration(tmp_path, BusAddress(interface="virtual", channel="none"))
+    arguments = ["signature", "--config", str(path), "--yes", "--report", str(tmp_path / "nowhere" / "a.html")]
+    assert main(arguments) == ExitCode.USAGE
+    assert "there is no folder" in capsys.readouterr().err
+
+
 def test_workshop_units_are_read_exactly() -> None:
     assert pressure_gain("3-15psi") == pytest.approx(0.75 * 6894.757293168, rel=1e-12)
     assert pressure_gain("0.2 - 1 bar") == pytest.approx(5000.0, rel=1e-12)
@@ -66,15 +75,17 @@ def test_workshop_units_are_read_exactly() -> None:
 
 def test_a_result_is_kept_but_not_that_of_an_older_record_unless_it_is_to_be_the_reference(tmp_path: Path) -> None:
     path = write_configuration(tmp_path, BusAddress(interface="virtual", channel="none"))
-    given = {"config": path, "valve": None, "bus": None, "state": None}
+    report = tmp_path / "report.html"
+    given = {"config": path, "valve": None, "bus": None, "state": None, "record": None, "report": report}
     live, older, named = (
         Namespace(**given, log=log, as_reference=as_reference)
         for log, as_reference in ((None, False), (path, False), (path, True))
     )
     configuration = procedure_configuration(live)
     for number, arguments in enumerate((older, live, live, older)):
-        keep_result(arguments, configuration, "signature", {"valve": "FV-101", "number": number})
-    assert reference_of(live, configuration, "signature") == {"valve": "FV-101", "number": 1}
+        keep_result(arguments, configuration, "trial", {"valve": "FV-101", "number": number})
+    assert reference_of(live, configuration, "trial") == {"valve": "FV-101", "number": 1}
     assert len(list((tmp_path / "state" / "results").iterdir())) == 2
-    keep_result(named, configuration, "signature", {"valve": "FV-101", "number": 4})
-    assert reference_of(live, configuration, "signature") == {"valve": "FV-101", "number": 4}
+    assert "<h2>Trial <small>measured" in report.read_text(encoding="utf-8")
+    keep_result(named, configuration, "trial", {"valve": "FV-101", "number": 4})
+    assert reference_of(live, configuration, "trial") == {"valve": "FV-101", "number": 4}

@@ -1,0 +1,261 @@
+"""Moves of the stem from rest to rest, seen in the stem position and the current that acted; their friction. Pure.
+
+Between two rests the work of the pressure is that of spring and friction, whatever the path between them:
+    ∫B·p dx = F_0·Δx + K·Δx·x̄ + F_c·|Δx| + F_v·∫v² dt,    x̄ = (x_before + x_after)/2.
+So y = (∫B·p dx - F_v·∫v² dt)/Δx = F_0 + K·x̄ ± F_c. The current is constant between two readings, so its work is exact;
+the noise of a reading counts only where the current changes. The Stribeck term works only at the ends; it is left out.
+
+The stem slips from rest at B·u = F_0 + K·x ± F_s, which shows F_s where the current rose slowly.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from positioner.values import dataclass
+
+if TYPE_CHECKING:
+    from positioner.valve.parameters import ValveParameters
+
+_STANDS_OUT, _CONFIRMS = 4.0, 3.0
+"""Standard deviations by which a reading leaves a rest, and by which the next one confirms it."""
+_AGREE = 5.0
+"""Standard deviations of the spread of readings that agree."""
+_TURNS = 8.0
+"""Standard deviations by which a stem that turned back has come back: its path is longer than its way."""
+_FEW, _ENOUGH = 8, 24
+"""Readings that agree before a stem counts as at rest, and those that a known place of rest needs."""
+_REMEMBERED = 256
+"""Readings in the mean of a rest, at most."""
+_CREEPS = 4.0
+_UNSEEN = 3
+"""Readings in which a stem may slide before it stands out."""
+_LOST_S = 1.5
+"""Sample periods between two readings, beyond which a move between them shows nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """A move from rest to rest.
+
+    at_s: the instant of its first reading; rest_s: for how long the stem had rested.
+    before_m, after_m: the places of rest. direction: ±1.
+    force_n: y above, F_0 + K·x̄ ± F_c; force_sigma_n: its standard deviation by the noise of the readings.
+    slip_n: B·u at the slip, the middle between the farthest current that held the stem and the one that freed it;
+    slip_half_n: half of their distance. lowest_n, highest_n: B·u of the currents under which it rested.
+    complete: that force_n is known; otherwise the stem turned, crept, or a reading was missing.
+    """
+
+    at_s: float
+    rest_s: float
+    before_m: float
+    after_m: float
+    direction: float
+    force_n: float
+    force_sigma_n: float
+    slip_n: float
+    slip_half_n: float
+    lowest_n: float
+    highest_n: float
+    complete: bool
+
+    @property
+    def middle_m(self) -> float:
+        """The middle of the way in m, x̄."""
+        return 0.5 * (self.before_m + self.after_m)
+
+
+@dataclass(frozen=True, slots=True)
+class MoveSettings:
+    """What a move is measured with, in SI units; period_s: of the readings."""
+
+    gain_n_per_ma: float
+    viscous_n_s_per_m: float
+    noise_of_reading: float
+    noise_of_span_m: float
+    period_s: float
+
+    @classmethod
+    def of(cls, valve: ValveParameters, noise_of_reading: float, noise_of_span: float, period_s: float) -> MoveSettings:
+        """Return the settings of a configured valve and its sensor's noise."""
+        return cls(
+            valve.force_gain_n_per_ma,
+            valve.viscous_friction_n_s_per_m,
+            noise_of_reading,
+            max(noise_of_span * valve.span_m, 1e-6),
+            period_s,
+        )
+
+    def sigma_m(self, position_m: float) -> float:
+        """Return the standard deviation of a reading in m."""
+        return self.noise_of_reading * abs(position_m) + self.noise_of_span_m
+
+
+@dataclass(slots=True)
+class MoveTracker:
+    """The rest or the move that is under way; `follow` changes it in place.
+
+    rest: `count` readings with the mean rest_m; first_m: the mean of its first readings; low_ma, high_ma: the currents
+    under which it lasted, but for the newest ones; suspect_m: a reading that may begin a move, NaN without one.
+    moving: work in mA·m, ∫v² dt, readings, path ends and the newest readings.
+    """
+
+    count: int = 0
+    rest_m: float = 0.0
+    first_m: float = 0.0
+    rest_s: float = 0.0
+    low_ma: float = math.inf
+    high_ma: float = -math.inf
+    newest_ma: tuple[float, ...] = ()
+    suspect_m: float = math.nan
+    suspect_ma: float = 0.0
+    moving: bool = False
+    open: bool = False
+    at_s: float = 0.0
+    begun_s: float = 0.0
+    begun_m: float = 0.0
+    begun_count: int = 0
+    slip_ma: float = 0.0
+    held_ma: float = 0.0
+    held_low_ma: float = 0.0
+    held_high_ma: float = 0.0
+    direction: float = 0.0
+    whole: bool = True
+    work: float = 0.0
+    square: float = 0.0
+    readings: int = 0
+    swing: float = 0.0
+    farthest_m: float = 0.0
+    last_m: float = 0.0
+    last_ma: float = 0.0
+    before_m: float = 0.0
+    recent: tuple[float, ...] = ()
+
+
+def follow(
+    settings: MoveSettings, state: MoveTracker, at_s: float, elapsed_s: float, x_m: float, ma: float
+) -> Move | None:
+    """Take in a reading at `at_s`, `elapsed_s` after the last one, and return a move that is over.
+
+    `ma` is the current that acted between the two readings. The move is returned when the rest after it is known.
+    """
+    late = elapsed_s > _LOST_S * settings.period_s
+    if state.moving:
+        _slide(settings, state, elapsed_s, x_m, ma, late=late)
+        return None
+    state.rest_s += elapsed_s
+    sigma = settings.sigma_m(state.rest_m)
+    if not math.isnan(state.suspect_m):
+        side = math.copysign(1.0, state.suspect_m - state.rest_m)
+        if side * (x_m - state.rest_m) > _CONFIRMS * sigma:
+            _begin(settings, state, at_s, elapsed_s, x_m, ma, side, late=late)
+            return None
+        _rest(state, state.suspect_m, state.suspect_ma)
+        state.suspect_m = math.nan
+    if state.count >= _FEW and abs(x_m - state.rest_m) > _STANDS_OUT * sigma * math.sqrt(1.0 + 1.0 / state.count):
+        state.suspect_m, state.suspect_ma = x_m, ma
+        return None
+    _rest(state, x_m, ma)
+    return _ended(settings, state) if state.open and state.count == _ENOUGH else None
+
+
+def _rest(state: MoveTracker, x_m: float, ma: float) -> None:
+    state.count = min(state.count + 1, _REMEMBERED)
+    state.rest_m += (x_m - state.rest_m) / state.count
+    if state.count == _ENOUGH // 2:
+        state.first_m = state.rest_m
+    if len(state.newest_ma) == _UNSEEN:
+        oldest_ma = state.newest_ma[0]
+        state.low_ma, state.high_ma = min(state.low_ma, oldest_ma), max(state.high_ma, oldest_ma)
+    state.newest_ma = (*state.newest_ma, ma)[-_UNSEEN:]
+
+
+def _begin(
+    settings: MoveSettings,
+    state: MoveTracker,
+    at_s: float,
+    elapsed_s: float,
+    x_m: float,
+    ma: float,
+    side: float,
+    *,
+    late: bool,
+) -> None:
+    """Begin a move with the two readings that left the rest; the first of them slid under its own current alone."""
+    known = state.count >= _ENOUGH and not _creeps(settings, state)
+    first_m, first_ma = state.suspect_m, state.suspect_ma
+    state.moving, state.open, state.whole = True, False, known and not late
+    state.begun_m, state.begun_count, state.begun_s, state.at_s = state.rest_m, state.count, state.rest_s, at_s
+    state.direction = side
+    state.held_low_ma, state.held_high_ma = state.low_ma, state.high_ma
+    state.held_ma = state.high_ma if side > 0.0 else state.low_ma
+    freed_ma = max([side * each for each in (*state.newest_ma, first_ma)])
+    state.slip_ma = side * max(freed_ma, side * state.held_ma)
+    step_m = first_m - state.rest_m
+    state.work, state.square, state.readings, state.swing = (
+        first_ma * step_m,
+        step_m * step_m / settings.period_s,
+        1,
+        0.0,
+    )
+    state.before_m, state.last_m, state.last_ma, state.farthest_m = state.rest_m, first_m, first_ma, first_m
+    state.recent = (first_m,)
+    state.suspect_m = math.nan
+    _slide(settings, state, elapsed_s, x_m, ma, late=late)
+
+
+def _slide(settings: MoveSettings, state: MoveTracker, elapsed_s: float, x_m: float, ma: float, *, late: bool) -> None:
+    step_m, change = x_m - state.last_m, x_m - 2.0 * state.last_m + state.before_m
+    state.work += ma * step_m
+    state.square += (step_m * step_m + change * change / 12.0) / elapsed_s
+    state.swing += (ma - state.last_ma) * (ma - state.last_ma)
+    state.readings += 1
+    state.farthest_m = state.direction * max(state.direction * state.farthest_m, state.direction * x_m)
+    state.before_m, state.last_m, state.last_ma = state.last_m, x_m, ma
+    state.whole = state.whole and not late
+    state.recent = (*state.recent, x_m)[-_FEW:]
+    sigma = settings.sigma_m(x_m)
+    if state.direction * (state.farthest_m - x_m) > _TURNS * sigma:
+        state.whole = False
+    if len(state.recent) == _FEW and max(state.recent) - min(state.recent) <= _AGREE * sigma:
+        state.moving, state.open = False, True
+        state.count, state.rest_m, state.rest_s = 0, 0.0, _FEW * settings.period_s
+        state.low_ma, state.high_ma, state.newest_ma = math.inf, -math.inf, ()
+        for each in state.recent:
+            _rest(state, each, ma)
+
+
+def _creeps(settings: MoveSettings, state: MoveTracker) -> bool:
+    """Return whether the second half of a rest lies elsewhere than the first."""
+    half = _ENOUGH // 2
+    scatter = settings.sigma_m(state.rest_m) * math.sqrt(1.0 / half + 1.0 / state.count)
+    return abs(state.rest_m - state.first_m) > _CREEPS * scatter
+
+
+def _ended(settings: MoveSettings, state: MoveTracker) -> Move:
+    state.open = False
+    gain, sigma = settings.gain_n_per_ma, settings.sigma_m(state.rest_m)
+    way_m = state.rest_m - state.begun_m
+    work = state.work + state.last_ma * (state.rest_m - state.last_m)
+    # noise makes each square larger: by 2 σ², and by 6 σ²/12 of the second difference
+    square = state.square - 2.5 * sigma * sigma * state.readings / settings.period_s
+    noise = state.swing * sigma * sigma + state.last_ma * state.last_ma * sigma * sigma * (
+        1.0 / _ENOUGH + 1.0 / state.begun_count
+    )
+    whole = state.whole and state.direction * way_m > _TURNS * sigma and not _creeps(settings, state)
+    force_n = (gain * work - settings.viscous_n_s_per_m * max(square, 0.0)) / way_m if whole else math.nan
+    return Move(
+        at_s=state.at_s,
+        rest_s=state.begun_s,
+        before_m=state.begun_m,
+        after_m=state.rest_m,
+        direction=state.direction,
+        force_n=force_n,
+        force_sigma_n=gain * math.sqrt(noise) / abs(way_m) if whole else math.inf,
+        slip_n=0.5 * gain * (state.slip_ma + state.held_ma),
+        slip_half_n=0.5 * gain * abs(state.slip_ma - state.held_ma),
+        lowest_n=gain * state.held_low_ma,
+        highest_n=gain * state.held_high_ma,
+        complete=whole,
+    )

@@ -1,0 +1,211 @@
+"""What health watches in each cycle: moves, friction, end positions, deviation, a stuck stem; and the alarms. Pure.
+
+Everything follows from the instant, the position, the current that acted and the setpoint of each cycle, so that a
+record gives the same digits as the live valve.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import field
+from typing import TYPE_CHECKING
+
+from positioner.health.alarms import Alarm, Changed, Watched, judged
+from positioner.health.causes import AlarmCause, Limits
+from positioner.health.friction_trend import Changes, FrictionTrend, after_move, changes
+from positioner.health.moves import MoveSettings, MoveTracker, follow
+from positioner.health.reference import CONFIGURED, Reference
+from positioner.values import dataclass, replace
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from positioner.health.moves import Move
+    from positioner.health.settings import HealthSettings
+
+_JUDGED_EVERY_S = 0.5
+_NEAR_END = 0.05
+"""Of the span: a stem so near to a stop may stand on it."""
+_AT_END = 0.02
+"""Of the span: a move that ends so near to a stop may have struck it."""
+_PRESSED = 1.5
+"""Of F_s: a stem that rests under more force stands on a stop, or is stuck."""
+_NEWEST_END = 0.2
+"""The weight of the newest closing in the mean end position."""
+_MOST_FRICTION = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class WatchSettings:
+    """What the watch knows: how moves are measured, the reference, λ, and the limits by cause."""
+
+    moves: MoveSettings
+    reference: Reference
+    averaging: float
+    limits: Mapping[AlarmCause, Limits]
+
+    @classmethod
+    def of(cls, moves: MoveSettings, reference: Reference, settings: HealthSettings) -> WatchSettings:
+        """Return the settings of a configured valve."""
+        limits = {cause: settings.limits_of(cause) for cause in AlarmCause}
+        return cls(moves, reference, settings.averaging, limits)
+
+
+@dataclass(frozen=True, slots=True)
+class Trends:
+    """What is kept from one start to the next.
+
+    ends: how far the stem rested from the closed and the open stop, as parts of the span, and how often that was seen.
+    alarms: by cause; their instants are of the clock of `now_s`.
+    """
+
+    friction: FrictionTrend = field(default_factory=FrictionTrend)
+    closed: float = 0.0
+    closings: int = 0
+    open: float = 0.0
+    openings: int = 0
+    alarms: tuple[Alarm, ...] = ()
+
+
+@dataclass(slots=True)
+class Watch:
+    """The trends, and what is under way. `observe` changes it in place.
+
+    changed: what happened to the alarms in the last cycle. last_us, judged_us: of the last reading and judgement.
+    """
+
+    trends: Trends = field(default_factory=Trends)
+    tracker: MoveTracker = field(default_factory=MoveTracker)
+    changed: tuple[Changed, ...] = ()
+    last_us: int = -1
+    judged_us: int = -1
+    last_move: Move | None = None
+
+
+def observe(
+    settings: WatchSettings,
+    watch: Watch,
+    now_us: int,
+    now_s: float,
+    position_m: float | None,
+    applied_ma: float | None,
+    setpoint_m: float | None,
+) -> bool:
+    """Take in a cycle, and return whether the alarms were judged.
+
+    now_us: its instant in µs of the monotonic clock; now_s: the same instant by which alarms are dated. A cycle without
+    a reading or without a current that is known to act ends the move that was under way.
+    """
+    watch.changed = ()
+    moved = False
+    if position_m is None:
+        return False
+    if applied_ma is None:
+        watch.tracker, watch.last_us = MoveTracker(), -1
+    else:
+        period_s = settings.moves.period_s
+        elapsed_s = (
+            period_s if watch.last_us < 0 else max(round((now_us - watch.last_us) * 1e-6 / period_s), 1) * period_s
+        )
+        watch.last_us = now_us
+        move = follow(settings.moves, watch.tracker, now_us * 1e-6, elapsed_s, position_m, applied_ma)
+        if move is not None:
+            moved = True
+            watch.last_move = move
+            _add_move(settings, watch, move)
+    if not moved and 0 <= now_us - watch.judged_us < _JUDGED_EVERY_S * 1e6:
+        return False
+    watch.judged_us = now_us
+    watched = _watched(settings, watch, position_m, applied_ma, setpoint_m)
+    alarms, watch.changed = judged(watch.trends.alarms, settings.limits, watched, now_s)
+    if alarms or watch.trends.alarms:
+        watch.trends = replace(watch.trends, alarms=alarms)
+    return True
+
+
+def _add_move(settings: WatchSettings, watch: Watch, move: Move) -> None:
+    trends, reference = watch.trends, settings.reference
+    balance_n, pressed_n = reference.balance_n(move.before_m), _PRESSED * reference.static_n
+    closed, opened = ((move.before_m - stop_m) / reference.span_m for stop_m in (reference.closed_m, reference.open_m))
+    if abs(closed) < _NEAR_END and move.lowest_n < balance_n - pressed_n:
+        count = trends.closings + 1
+        mean = trends.closed + max(_NEWEST_END, 1.0 / count) * (closed - trends.closed)
+        trends = replace(trends, closed=mean, closings=count)
+    if abs(opened) < _NEAR_END and move.highest_n > balance_n + pressed_n:
+        count = trends.openings + 1
+        mean = trends.open + max(_NEWEST_END, 1.0 / count) * (opened - trends.open)
+        trends = replace(trends, open=mean, openings=count)
+    lands_m = min(abs(move.after_m - reference.closed_m), abs(move.after_m - reference.open_m))
+    if lands_m > _AT_END * reference.span_m:  # a stop would take energy that counts as friction
+        trends = replace(trends, friction=after_move(trends.friction, reference, settings.averaging, move))
+    watch.trends = trends
+
+
+def changes_of(settings: WatchSettings, trends: Trends) -> Changes:
+    """Return what has changed since the reference."""
+    return changes(trends.friction, settings.reference, settings.averaging)
+
+
+def _watched(
+    settings: WatchSettings, watch: Watch, position_m: float, applied_ma: float | None, setpoint_m: float | None
+) -> list[Watched]:
+    """Return the values of the causes that this cycle shows."""
+    reference, trends = settings.reference, watch.trends
+    deviation = 0.0 if setpoint_m is None else abs(setpoint_m - position_m) / reference.span_m
+    found = [Watched(AlarmCause.TRAVEL_DEVIATION, deviation, 0.0, f"the stem stands at {position_m * 1e3:.2f} mm")]
+    found.append(_stuck(settings, watch, applied_ma))
+    found += _ends(trends)
+    if reference.source != CONFIGURED and trends.friction.moves:
+        found += friction_watched(changes_of(settings, trends), trends.friction)
+    return found
+
+
+def friction_watched(found: Changes, trend: FrictionTrend) -> list[Watched]:
+    """Return the values of friction and spring; friction that one direction alone shows is none."""
+    moves = f"{trend.moves} moves, {trend.moves_up} of them opening"
+    friction, what = found.friction, "sliding friction"
+    if found.static is not None and abs(found.static.value) > abs(friction.value):
+        friction, what = found.static, "static friction"
+    apart = 0.0 if found.one_sided else friction.value
+    text = f"{what} in {moves}"
+    common = abs(found.friction.value) if found.one_sided else 0.0
+    watched = [
+        Watched(AlarmCause.FRICTION_HIGH, apart, friction.sigma, text),
+        Watched(AlarmCause.FRICTION_LOW, -apart, friction.sigma, text),
+        Watched(
+            AlarmCause.SPRING_RATE, abs(found.spring.value), found.spring.sigma, _signed(found.spring.value, moves)
+        ),
+        Watched(
+            AlarmCause.SPRING_FORCE, abs(found.offset.value), found.offset.sigma, _signed(found.offset.value, moves)
+        ),
+        Watched(AlarmCause.ONE_SIDED, 2.0 * common, 2.0 * friction.sigma, moves),
+    ]
+    if found.jump is not None:
+        watched.append(Watched(AlarmCause.SLIP_JUMP, found.jump.value, found.jump.sigma, moves))
+    return watched
+
+
+def _signed(value: float, moves: str) -> str:
+    return f"{'higher' if value > 0.0 else 'lower'} than the reference, in {moves}"
+
+
+def _ends(trends: Trends) -> list[Watched]:
+    """Return the end positions, one value for both: the one that has moved farther."""
+    if not (trends.closings or trends.openings):
+        return []
+    at, count, name = max((abs(trends.closed), trends.closings, "closed"), (abs(trends.open), trends.openings, "open"))
+    return [Watched(AlarmCause.END_POSITION, at, 0.0, f"the {name} end, seen {count} times")]
+
+
+def _stuck(settings: WatchSettings, watch: Watch, applied_ma: float | None) -> Watched:
+    """Return the force beyond the spring's on a stem that rests, over the friction that it has now."""
+    tracker, reference = watch.tracker, settings.reference
+    ratio = 0.0
+    if applied_ma is not None and not tracker.moving and tracker.count > 0:
+        friction = changes_of(settings, watch.trends).friction.value
+        static_n = reference.static_at_n(tracker.rest_m) * min(max(1.0 + friction, 1.0), _MOST_FRICTION)
+        push_n = settings.moves.gain_n_per_ma * applied_ma - reference.balance_n(tracker.rest_m)
+        stop_m = reference.open_m if push_n > 0.0 else reference.closed_m
+        if math.copysign(1.0, push_n) * (stop_m - tracker.rest_m) > _NEAR_END * reference.span_m:
+            ratio = abs(push_n) / static_n
+    return Watched(AlarmCause.STUCK, ratio, 0.0, f"at {tracker.rest_m * 1e3:.2f} mm")

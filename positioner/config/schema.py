@@ -12,6 +12,10 @@ from positioner.cycle.state import Setup
 from positioner.guard.settings import GuardSettings
 from positioner.health.counters import counter_settings
 from positioner.health.monitor import HealthSettings
+from positioner.health.move import MoveSettings
+from positioner.health.reference import Reference
+from positioner.health.settings import HealthTable
+from positioner.health.watch import WatchSettings
 from positioner.inputs.table import SettingsTable
 from positioner.laws.estimator_settings import EstimatorSettings
 from positioner.laws.registry import LAWS, Ingredients
@@ -49,6 +53,7 @@ class Configuration(SettingsTable):
     estimator: EstimatorSettings = field(default_factory=EstimatorSettings)
     guard: GuardSettings = field(default_factory=GuardSettings)
     setpoint: SetpointSettings = field(default_factory=SetpointSettings)
+    health: HealthTable = field(default_factory=HealthTable)
     state: StateSettings = field(default_factory=StateSettings)
 
     @property
@@ -74,8 +79,11 @@ class Configuration(SettingsTable):
 
     @property
     def health_settings(self) -> HealthSettings:
-        """What the health of this valve is computed with."""
-        return HealthSettings(counter_settings(self.valve, self.estimator, self.control.sample_period_s))
+        """What the health of this valve is computed with, against the configured valve as reference."""
+        own, period_s = self.estimator, self.control.sample_period_s
+        moves = MoveSettings.of(self.valve, own.noise_of_reading, own.noise_of_span, period_s)
+        watch = WatchSettings.of(moves, Reference.configured(self.valve), self.health)
+        return HealthSettings(counter_settings(self.valve, own, period_s), watch)
 
     def make_codec(self) -> Codec:
         """Return the codec of this valve's bus.

@@ -36,9 +36,9 @@ class Alarm:
     """One cause that is or was beyond its limit.
 
     level: 0 while it is not (yet, or no longer) an alarm, 1 beyond the limit, 2 beyond the serious one.
-    since_s: the instant at which it came, of the same clock as that of the judgement; limit: the one that it is beyond.
+    since_s: the time of operation at which it came; limit: the one that it is beyond.
     beyond_s: since when the value is beyond the limit of a higher level, NaN while it is not.
-    acknowledged: a person has seen it.
+    acknowledged: a person has seen it. since: the date at which it came, empty while the shell has not given one.
     """
 
     cause: AlarmCause
@@ -51,6 +51,7 @@ class Alarm:
     evidence: str
     beyond_s: float = math.nan
     acknowledged: bool = False
+    since: str = ""
 
     @property
     def is_active(self) -> bool:
@@ -114,13 +115,24 @@ def _judged(before: Alarm | None, limits: Limits, watched: Watched, now_s: float
         return None
     rises = level > before.level
     since_s = now_s if rises and before.level == 0 else before.since_s
+    since = "" if rises and before.level == 0 else before.since
     acknowledged = before.acknowledged and not rises
     if level == 0:
         return replace(before, level=0, value=value, sigma=watched.sigma, beyond_s=beyond_s, acknowledged=acknowledged)
     category = limits.serious_category if level > 1 else limits.category
     limit = _limit(limits, level)
     return Alarm(
-        watched.cause, level, category, since_s, value, watched.sigma, limit, watched.evidence, beyond_s, acknowledged
+        watched.cause,
+        level,
+        category,
+        since_s,
+        value,
+        watched.sigma,
+        limit,
+        watched.evidence,
+        beyond_s,
+        acknowledged,
+        since,
     )
 
 
@@ -143,6 +155,11 @@ def acknowledged(alarms: tuple[Alarm, ...], causes: Iterable[AlarmCause]) -> tup
     seen = set(causes)
     after = [replace(each, acknowledged=True) if each.cause in seen else each for each in alarms]
     return tuple([each for each in after if each.is_active or not each.acknowledged or not math.isnan(each.beyond_s)])
+
+
+def dated(alarms: tuple[Alarm, ...], date: str) -> tuple[Alarm, ...]:
+    """Return the alarms, those that have come and have no date yet with this one."""
+    return tuple([replace(each, since=date) if each.is_active and not each.since else each for each in alarms])
 
 
 def worst(alarms: Iterable[Alarm]) -> Health:

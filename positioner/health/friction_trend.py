@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
-    from positioner.health.moves import Move
+    from positioner.health.move import Move
     from positioner.health.reference import Reference
 
 _SCATTER = 0.05

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from positioner.health.counters_document import COUNTERS, counters_from, counters_in
 from positioner.health.counting import Counting, begin, count
+from positioner.health.trends_document import TRENDS, trends_from, trends_in
+from positioner.health.watch import Watch, watch_cycle
 from positioner.values import dataclass
 
 if TYPE_CHECKING:
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
 
     from positioner.health.counters import CounterSettings
     from positioner.health.observed import ObservedCycle
+    from positioner.health.watch import WatchSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +26,7 @@ class HealthSettings:
     """What health knows of the valve."""
 
     counters: CounterSettings
+    watch: WatchSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +34,7 @@ class HealthState:
     """What health carries on from cycle to cycle."""
 
     counting: Counting
+    watch: Watch
 
 
 def begin_health(settings: HealthSettings, sections: Mapping[str, Any]) -> HealthState:
@@ -38,15 +43,17 @@ def begin_health(settings: HealthSettings, sections: Mapping[str, Any]) -> Healt
     Raises:
         ValueError: a section is not as it was written.
     """
-    del settings
-    return HealthState(begin(counters_from(sections.get(COUNTERS))))
+    trends = trends_from(sections.get(TRENDS), settings.watch.reference)
+    return HealthState(begin(counters_from(sections.get(COUNTERS))), Watch(trends))
 
 
 def observe(settings: HealthSettings, health: HealthState, cycle: ObservedCycle) -> HealthState:
-    """Return the health after one more cycle."""
-    return HealthState(count(settings.counters, health.counting, cycle))
+    """Return the health after one more cycle; the watch is changed in place."""
+    counting = count(settings.counters, health.counting, cycle)
+    watch_cycle(settings.watch, health.watch, cycle, counting.counters.total_us * 1e-6)
+    return HealthState(counting, health.watch)
 
 
 def sections_of(health: HealthState) -> dict[str, Any]:
     """Return the sections to keep, as `json.dumps` takes them."""
-    return {COUNTERS: counters_in(health.counting.so_far)}
+    return {COUNTERS: counters_in(health.counting.so_far), TRENDS: trends_in(health.watch.trends)}

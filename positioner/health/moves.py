@@ -13,10 +13,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from positioner.health.move import Move
 from positioner.values import dataclass
 
 if TYPE_CHECKING:
-    from positioner.valve.parameters import ValveParameters
+    from positioner.health.move import MoveSettings
 
 _STANDS_OUT, _CONFIRMS = 4.0, 3.0
 """Standard deviations by which a reading leaves a rest, and by which the next one confirms it."""
@@ -33,63 +34,6 @@ _UNSEEN = 3
 """Readings in which a stem may slide before it stands out."""
 _LOST_S = 1.5
 """Sample periods between two readings, beyond which a move between them shows nothing."""
-
-
-@dataclass(frozen=True, slots=True)
-class Move:
-    """A move from rest to rest.
-
-    at_s: the instant of its first reading; rest_s: for how long the stem had rested.
-    before_m, after_m: the places of rest. direction: ±1.
-    force_n: y above, F_0 + K·x̄ ± F_c; force_sigma_n: its standard deviation by the noise of the readings.
-    slip_n: B·u at the slip, the middle between the farthest current that held the stem and the one that freed it;
-    slip_half_n: half of their distance. lowest_n, highest_n: B·u of the currents under which it rested.
-    complete: that force_n is known; otherwise the stem turned, crept, or a reading was missing.
-    """
-
-    at_s: float
-    rest_s: float
-    before_m: float
-    after_m: float
-    direction: float
-    force_n: float
-    force_sigma_n: float
-    slip_n: float
-    slip_half_n: float
-    lowest_n: float
-    highest_n: float
-    complete: bool
-
-    @property
-    def middle_m(self) -> float:
-        """The middle of the way in m, x̄."""
-        return 0.5 * (self.before_m + self.after_m)
-
-
-@dataclass(frozen=True, slots=True)
-class MoveSettings:
-    """What a move is measured with, in SI units; period_s: of the readings."""
-
-    gain_n_per_ma: float
-    viscous_n_s_per_m: float
-    noise_of_reading: float
-    noise_of_span_m: float
-    period_s: float
-
-    @classmethod
-    def of(cls, valve: ValveParameters, noise_of_reading: float, noise_of_span: float, period_s: float) -> MoveSettings:
-        """Return the settings of a configured valve and its sensor's noise."""
-        return cls(
-            valve.force_gain_n_per_ma,
-            valve.viscous_friction_n_s_per_m,
-            noise_of_reading,
-            max(noise_of_span * valve.span_m, 1e-6),
-            period_s,
-        )
-
-    def sigma_m(self, position_m: float) -> float:
-        """Return the standard deviation of a reading in m."""
-        return self.noise_of_reading * abs(position_m) + self.noise_of_span_m
 
 
 @dataclass(slots=True)

@@ -67,7 +67,7 @@ _USUAL = AlarmSettings()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HealthSettings(SettingsTable):
+class HealthTable(SettingsTable):
     """The `[health]` table, with a table for each cause of an alarm.
 
     averaging: λ of the trends, the weight of the newest move. cycle_limit: cycles after which the packing is due;

@@ -1,4 +1,4 @@
-"""What health watches in each cycle: moves, friction, end positions, deviation, a stuck stem; and the alarms. Pure.
+"""What is watched in each cycle: moves, friction, end positions, deviation, a stuck stem; and the alarms. Pure.
 
 Everything follows from the instant, the position, the current that acted and the setpoint of each cycle, so that a
 record gives the same digits as the live valve.
@@ -13,17 +13,18 @@ from typing import TYPE_CHECKING
 from positioner.health.alarms import Alarm, Changed, Watched, judged
 from positioner.health.causes import AlarmCause, Limits
 from positioner.health.friction_trend import Changes, FrictionTrend, after_move, changes
-from positioner.health.moves import MoveSettings, MoveTracker, follow
+from positioner.health.moves import MoveTracker, follow
 from positioner.health.reference import CONFIGURED, Reference
 from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from positioner.health.moves import Move
-    from positioner.health.settings import HealthSettings
+    from positioner.health.move import Move, MoveSettings
+    from positioner.health.observed import ObservedCycle
+    from positioner.health.settings import HealthTable
 
-_JUDGED_EVERY_S = 0.5
+_JUDGED_EVERY_US = 500_000
 _NEAR_END = 0.05
 """Of the span: a stem so near to a stop may stand on it."""
 _AT_END = 0.02
@@ -45,7 +46,7 @@ class WatchSettings:
     limits: Mapping[AlarmCause, Limits]
 
     @classmethod
-    def of(cls, moves: MoveSettings, reference: Reference, settings: HealthSettings) -> WatchSettings:
+    def of(cls, moves: MoveSettings, reference: Reference, settings: HealthTable) -> WatchSettings:
         """Return the settings of a configured valve."""
         limits = {cause: settings.limits_of(cause) for cause in AlarmCause}
         return cls(moves, reference, settings.averaging, limits)
@@ -55,10 +56,13 @@ class WatchSettings:
 class Trends:
     """What is kept from one start to the next.
 
-    ends: how far the stem rested from the closed and the open stop, as parts of the span, and how often that was seen.
-    alarms: by cause; their instants are of the clock of `now_s`.
+    against: source and date of the reference.
+    closed, open: how far the stem rested from the closed and the open stop, as parts of the span; closings, openings:
+    how often.
+    alarms: by cause; their instants are seconds of operation.
     """
 
+    against: tuple[str, str] = (CONFIGURED, "")
     friction: FrictionTrend = field(default_factory=FrictionTrend)
     closed: float = 0.0
     closings: int = 0
@@ -69,7 +73,7 @@ class Trends:
 
 @dataclass(slots=True)
 class Watch:
-    """The trends, and what is under way. `observe` changes it in place.
+    """The trends, and what is under way. `watch_cycle` changes it in place.
 
     changed: what happened to the alarms in the last cycle. last_us, judged_us: of the last reading and judgement.
     """
@@ -82,24 +86,12 @@ class Watch:
     last_move: Move | None = None
 
 
-def observe(
-    settings: WatchSettings,
-    watch: Watch,
-    now_us: int,
-    now_s: float,
-    position_m: float | None,
-    applied_ma: float | None,
-    setpoint_m: float | None,
-) -> bool:
-    """Take in a cycle, and return whether the alarms were judged.
-
-    now_us: its instant in µs of the monotonic clock; now_s: the same instant by which alarms are dated. A cycle without
-    a reading or without a current that is known to act ends the move that was under way.
-    """
+def watch_cycle(settings: WatchSettings, watch: Watch, cycle: ObservedCycle, now_s: float) -> None:
+    """Take in a cycle at `now_s`, the time of operation; where no current is known to act, a move under way is lost."""
     watch.changed = ()
-    moved = False
+    moved, now_us, position_m, applied_ma = False, cycle.now_us, cycle.position_m, cycle.applied_ma
     if position_m is None:
-        return False
+        return
     if applied_ma is None:
         watch.tracker, watch.last_us = MoveTracker(), -1
     else:
@@ -113,14 +105,14 @@ def observe(
             moved = True
             watch.last_move = move
             _add_move(settings, watch, move)
-    if not moved and 0 <= now_us - watch.judged_us < _JUDGED_EVERY_S * 1e6:
-        return False
+    if not moved and 0 <= now_us - watch.judged_us < _JUDGED_EVERY_US:
+        return
     watch.judged_us = now_us
+    setpoint_m = None if cycle.controlled is None else cycle.controlled.setpoint_m
     watched = _watched(settings, watch, position_m, applied_ma, setpoint_m)
     alarms, watch.changed = judged(watch.trends.alarms, settings.limits, watched, now_s)
     if alarms or watch.trends.alarms:
         watch.trends = replace(watch.trends, alarms=alarms)
-    return True
 
 
 def _add_move(settings: WatchSettings, watch: Watch, move: Move) -> None:

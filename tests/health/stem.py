@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from positioner.health.moves import Move, MoveSettings, MoveTracker, follow
+from positioner.health.move import Move, MoveSettings
+from positioner.health.moves import MoveTracker, follow
 from positioner.health.reference import Reference
 
 GAIN, SPRING, SLIDING, STATIC, VISCOUS, MASS, SPAN = 333.637, 52538.0, 1423.0, 1707.7, 612.9, 1.361, 0.127

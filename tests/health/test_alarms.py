@@ -4,7 +4,7 @@ import pytest
 
 from positioner.health.alarms import Alarm, Changed, Watched, acknowledged, bits, judged, worst
 from positioner.health.causes import LIMITS, TEXTS, AlarmCause, Limits
-from positioner.health.settings import AlarmSettings, Category, HealthSettings
+from positioner.health.settings import AlarmSettings, Category, HealthTable
 from positioner.wire.messages import Health
 
 RISEN = AlarmCause.FRICTION_HIGH
@@ -82,22 +82,22 @@ def test_the_worst_category_and_the_bits_are_of_the_active_alarms() -> None:
 
 
 def test_every_cause_has_limits_a_text_and_a_table_in_the_configuration() -> None:
-    settings = HealthSettings()
+    settings = HealthTable()
     for cause in AlarmCause:
         assert settings.limits_of(cause) == LIMITS[cause]
         assert TEXTS[cause].remedy
 
 
 def test_a_table_of_a_cause_changes_only_what_it_names() -> None:
-    own = HealthSettings(friction_high=AlarmSettings(limit=0.3, serious_category=Category.FAILURE))
+    own = HealthTable(friction_high=AlarmSettings(limit=0.3, serious_category=Category.FAILURE))
     limits = own.limits_of(RISEN)
     assert (limits.limit, limits.serious_limit, limits.delay_s) == (0.3, 0.4, LIMITS[RISEN].delay_s)
     assert (limits.category, limits.serious_category) == (Health.MAINTENANCE_REQUIRED, Health.FAILURE)
     with pytest.raises(ValueError, match="friction_high: serious_limit must not be below limit"):
-        HealthSettings(friction_high=AlarmSettings(limit=0.5))
+        HealthTable(friction_high=AlarmSettings(limit=0.5))
 
 
 def test_a_cause_that_is_off_is_no_alarm() -> None:
     off = AlarmSettings(category=Category.OFF, serious_category=Category.OFF)
-    limits = {RISEN: HealthSettings(friction_high=off).limits_of(RISEN)}
+    limits = {RISEN: HealthTable(friction_high=off).limits_of(RISEN)}
     assert judged((), limits, [Watched(RISEN, 9.0)], 0.0) == ((), ())

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, assert_never
 
 from positioner.machine.journal import logger
 from positioner.store.client import TableWriterClient
+from positioner.store.health_messages import HealthReplaced
 from positioner.store.messages import Notice, Replaced, Saved, SavingFailed, SavingWorks
 
 if TYPE_CHECKING:
@@ -40,10 +41,17 @@ class LearnedTable:
         logger.info("table of %s: %d samples in %d cells", configuration.valve.id, held, len(self.initial))
         self.saved = True
         self._replaced: StictionTable | None = None
+        self.health = self.writer.health.found.sections
+        self._replaced_health: HealthReplaced | None = None
 
     def take_replaced(self) -> StictionTable | None:
         """Return the table that somebody has put in the place of this one since the last call, if there is one."""
         replaced, self._replaced = self._replaced, None
+        return replaced
+
+    def take_replaced_health(self) -> HealthReplaced | None:
+        """Return the health that somebody has reset since the last call, if somebody has."""
+        replaced, self._replaced_health = self._replaced_health, None
         return replaced
 
     def record(self, samples: Sequence[LearnedSample]) -> None:
@@ -61,6 +69,9 @@ class LearnedTable:
             case Replaced():
                 self._replaced = event.stored.table
                 self._log.info("the stiction table was replaced: %s", event.reason)
+            case HealthReplaced():
+                self._replaced_health = event
+                self._log.info("the counters of the valve begin anew: reset by command")
             case SavingFailed():
                 self._log.error("%s", event.reason)
             case SavingWorks():

@@ -104,7 +104,7 @@ class Session:
         if options.dry_run:
             self.setup = replace(self.setup, guard=replace(configuration.guard, auto_arm=True), learns=False)
         self.state = CycleState(table=self.table.initial)
-        self.health = ValveHealth(configuration)
+        self.health = ValveHealth(configuration, self.table, log)
         codec, self._period_s = self.setup.codec, self.setup.period_s
         # a dry run runs beside a controller: the commands of that controller are not foreign to it
         kinds = RECEIVED if options.dry_run else (*RECEIVED, CurrentCommand)
@@ -202,6 +202,12 @@ class Session:
         self.announcer.log.error("%s; this valve is not controlled any more", error)
         self.announcer.tell(f"ended: {error}")
 
+    def begin_close(self) -> None:
+        """Have the table and the health saved; `close` waits for it."""
+        if not self._options.dry_run:
+            self.health.hand_over()
+        self.table.writer.begin_close()
+
     def close(self, timeout_s: float) -> str | None:
         """Save the table and end record and trace; return the error of the table, if there is one."""
         problem = self.table.close(timeout_s)
@@ -232,7 +238,7 @@ def open_sessions(configurations: Sequence[Configuration], options: RunOptions, 
 def close_sessions(sessions: Sequence[Session]) -> tuple[tuple[Session, str], ...]:
     """Save all tables, at the same time, and end all files; return each session whose table has an error, with it."""
     for session in sessions:
-        session.table.writer.begin_close()
+        session.begin_close()
     time = MachineTime()
     end_s = time.monotonic_s() + CLOSE_TIMEOUT_S
     problems = [(session, session.close(max(end_s - time.monotonic_s(), _LEAST_CLOSE_S))) for session in sessions]

@@ -1,10 +1,13 @@
-"""The health of one valve in the daemon: computed after each cycle has sent its frames. Shell."""
+"""The health of one valve in the daemon: computed after each cycle has sent its frames, handed over to be kept. Shell.
+
+It changes no command: an error in it ends the counting with one line of the log, and the valve is controlled as before.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from positioner.health.monitor import begin_health, observe
+from positioner.health.monitor import begin_health, observe, sections_of
 from positioner.health.observed import observed_cycle
 
 if TYPE_CHECKING:
@@ -12,15 +15,23 @@ if TYPE_CHECKING:
     from positioner.cycle.events import Event
     from positioner.cycle.input import CycleInput
     from positioner.cycle.state import CycleState
+    from positioner.health.monitor import HealthState
+    from positioner.machine.journal import Log
+    from positioner.runtime.learned_table import LearnedTable
     from positioner.wire.messages import CanFrame
+
+HAND_OVER_US = 5_000_000
+"""A daemon that is killed has counted so much that nobody keeps, at most."""
 
 
 class ValveHealth:
-    """The health of the valve; `state` is it after the last cycle."""
+    """The health of the valve; `state` is it after the last cycle, None where an error has ended it."""
 
-    def __init__(self, configuration: Configuration) -> None:
+    def __init__(self, configuration: Configuration, table: LearnedTable, log: Log) -> None:
         self._settings = configuration.health_settings
-        self.state = begin_health(self._settings, {})
+        self._table, self._log = table, log
+        self._due_us: int | None = None
+        self.state: HealthState | None = self._begun(table.health)
 
     def cycle(
         self,
@@ -32,5 +43,28 @@ class ValveHealth:
     ) -> None:
         """Add one cycle."""
         observed = observed_cycle(cycle_input, before, after, outbox, events)
-        if observed is not None:
+        if observed is None or self.state is None:
+            return
+        try:
             self.state = observe(self._settings, self.state, observed)
+            if self._due_us is None or observed.now_us >= self._due_us:
+                self._due_us = observed.now_us + HAND_OVER_US
+                self.hand_over()
+        except Exception as error:  # noqa: BLE001 - a defect here must never end a control loop
+            self._log.error("health: not counted any more: %s: %s", type(error).__name__, error)
+            self.state = None
+
+    def hand_over(self) -> None:
+        """Hand the health over to the table writer, or go on from what a reset has left."""
+        if (replaced := self._table.take_replaced_health()) is not None:
+            self.state = self._begun(replaced.sections)
+        elif self.state is not None:
+            self._table.writer.keep_health(sections_of(self.state))
+
+    def _begun(self, sections: dict[str, object]) -> HealthState:
+        """Return the health as it is kept, else a new one."""
+        try:
+            return begin_health(self._settings, sections)
+        except (ValueError, KeyError, TypeError) as error:
+            self._log.warning("the health that was kept cannot be used: %s; it begins anew", error)
+            return begin_health(self._settings, {})

@@ -11,11 +11,14 @@ from positioner.errors import AlreadyRunningError, StateError
 from positioner.store import as_owner, commands, control, lock, messages
 from positioner.store.channel import Channel
 from positioner.store.file_check import Fault, TableRejectedError
+from positioner.store.health_document import from_plain
+from positioner.store.health_messages import HealthDumped, HealthRequest, HealthResetRequest
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from positioner.store.content import StoredTable
+    from positioner.store.health_document import HealthDocument
 
 T = TypeVar("T")
 
@@ -54,6 +57,24 @@ def replace(directory: Path, stored: StoredTable, *, force: bool) -> str | None:
     return _ask(directory, messages.ImportRequest(stored, force), messages.Done).backup
 
 
+def health(directory: Path) -> HealthDocument:
+    """Return the health of the valve in the state directory, which need only be readable; the daemon's newest one.
+
+    Raises:
+        StateError: there is none, or it cannot be read.
+    """
+    return from_plain(_ask(directory, HealthRequest(), HealthDumped).document)
+
+
+def reset_health(directory: Path, sections: tuple[str, ...]) -> str:
+    """Begin sections of the health of the valve anew; return the path of the backup.
+
+    Raises:
+        StateError: nothing was changed; the message says why.
+    """
+    return str(_ask(directory, HealthResetRequest(sections), messages.Done).backup)
+
+
 def _ask(directory: Path, request: messages.Request, expected: type[T]) -> T:
     match answer := _answer(directory, request):
         case messages.Refused(reason):
@@ -75,7 +96,7 @@ def _answer(directory: Path, request: messages.Request) -> messages.Message:
             try:
                 return _of_writer(directory, request)
             except (FileNotFoundError, ConnectionError, PermissionError) as error:
-                if isinstance(request, messages.DumpRequest):  # a user who may only read cannot connect
+                if isinstance(request, messages.DumpRequest | HealthRequest):  # who may only read cannot connect
                     return _of_files(directory, request)
                 if isinstance(error, PermissionError):
                     message = f"{directory / control.NAME}: {error.strerror}; become the daemon's user or its group's"

@@ -20,6 +20,24 @@ from positioner.store.interpreter import command, environment
 _ANSWER_S = 30.0
 
 
+def own_directory(directory: Path) -> Path:
+    """Return the directory, made where it is missing.
+
+    Raises:
+        StateError: it cannot be made, or belongs to another user.
+    """
+    try:
+        directory.mkdir(mode=0o750, parents=True, exist_ok=True)
+    except OSError as error:
+        message = f"{directory}: the state directory cannot be made: {error.strerror}; choose another or make it"
+        raise StateError(message) from error
+    if is_needed(directory):
+        owner = directory.stat().st_uid
+        message = f"{directory}: belongs to user {owner}; start the positioner as that user, or choose another"
+        raise StateError(message)
+    return directory
+
+
 def is_needed(directory: Path) -> bool:
     """Return whether this process is root's and the directory belongs to another user."""
     return os.geteuid() == 0 and directory.stat().st_uid != 0

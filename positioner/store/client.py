@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import subprocess
 import time
-from typing import TYPE_CHECKING, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 from positioner.errors import StateError
 from positioner.store import as_owner, child, lock, messages
+from positioner.store.health_client import HealthClient
+from positioner.store.health_messages import HealthReplaced
 from positioner.store.messages import Notice, Replaced, Saved, SavingFailed, SavingWorks
 
 if TYPE_CHECKING:
@@ -16,10 +18,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from positioner.store.child import Child
-    from positioner.store.content import StoredTable
     from positioner.valve.stiction import LearnedSample, StictionTable
 
-WriterEvent: TypeAlias = Saved | Replaced | SavingFailed | SavingWorks | Notice
+WriterEvent: TypeAlias = Saved | Replaced | HealthReplaced | SavingFailed | SavingWorks | Notice
 
 _LOCK_TIMEOUT_S = 10.0
 """How long to wait for the lock: an earlier daemon's table writer, or a command, is done by then."""
@@ -37,11 +38,12 @@ class TableWriterClient:
     In each cycle call `record` before `poll`: then samples learned before a reset go to the table that was reset.
     """
 
-    def __init__(self, directory: Path, lock_descriptor: int, process: Child, stored: StoredTable) -> None:
+    def __init__(self, directory: Path, lock_descriptor: int, process: Child, opened: messages.Opened) -> None:
         self._directory = directory
         self._lock = lock_descriptor
         self._child = process
-        self._stored = stored
+        self._stored = opened.stored
+        self.health = HealthClient(opened.health)
         self._saved = Saved(-1, -1)
         self._behind = False
         self._restart_s = _RESTART_FIRST_S
@@ -67,16 +69,7 @@ class TableWriterClient:
                 `report` has been called at once with the process that it waits for.
             StateError: the directory or its table cannot be used.
         """
-        directory = state_dir.absolute()
-        try:
-            directory.mkdir(mode=0o750, parents=True, exist_ok=True)
-        except OSError as error:
-            message = f"{directory}: the state directory cannot be made: {error.strerror}; choose another or make it"
-            raise StateError(message) from error
-        if as_owner.is_needed(directory):
-            owner = directory.stat().st_uid
-            message = f"{directory}: belongs to user {owner}; start the positioner as that user, or choose another"
-            raise StateError(message)
+        directory = as_owner.own_directory(state_dir.absolute())
         descriptor = lock.acquire(directory, timeout_s, report)
         try:
             process = child.start(descriptor, messages.Open(str(directory), valve_id, cell_width_m, restarted=False))
@@ -85,7 +78,7 @@ class TableWriterClient:
             os.close(descriptor)
             raise StateError(f"the stiction table cannot be opened: {error}") from error
         return (
-            cls(directory, descriptor, process, opened.stored),
+            cls(directory, descriptor, process, opened),
             opened.stored.table_at(int(time.time())),
             opened.notices,
         )
@@ -115,6 +108,10 @@ class TableWriterClient:
             channel.send(messages.Learn(self._stored.generation, tuple(learned)))
             channel.flush()
 
+    def keep_health(self, sections: dict[str, Any]) -> None:
+        """Hand over the health of the valve as it is now; never waits, never raises."""
+        self.health.keep(sections, self._child.channel)
+
     def poll(self, now_s: float | None = None) -> tuple[WriterEvent, ...]:
         """Return what has happened since the last call; never waits. `now_s` is monotonic, by default the present."""
         now_s = time.monotonic() if now_s is None else now_s
@@ -140,6 +137,7 @@ class TableWriterClient:
                 self._start_again()
             if self._behind:
                 self._child.channel.send(messages.Adopt(self._stored))
+            self.health.resend(self._child.channel)
             self._child.channel.send(messages.Close())
             self._child.channel.flush()
         except OSError as error:
@@ -190,13 +188,20 @@ class TableWriterClient:
                     yield SavingFailed(reason)
             case Notice():
                 yield message
-            case messages.Opened(stored, notices):
-                yield from map(Notice, notices)
-                if stored.generation > self._stored.generation:
-                    self._stored, self._behind = stored, False
-                    yield Replaced(stored, "reset or import, just before the table writer ended")
+            case HealthReplaced():
+                yield from self.health.replaced(message)
+            case messages.Opened():
+                yield from self._adopted(message)
             case messages.Unreadable():
                 self._child.process.kill()  # it is not this program's; the next one gets the whole table
+
+    def _adopted(self, opened: messages.Opened) -> Iterator[WriterEvent]:
+        """Take what a new table writer found on the disk, where it is of a later generation."""
+        yield from map(Notice, opened.notices)
+        yield from self.health.replaced(opened.health)
+        if opened.stored.generation > self._stored.generation:
+            self._stored, self._behind = opened.stored, False
+            yield Replaced(opened.stored, "reset or import, just before the table writer ended")
 
     def _watch(self, now_s: float, *, silent: bool) -> Iterator[WriterEvent]:
         """Report that the table writer has not saved its samples, and end it when it has been silent for long."""
@@ -237,4 +242,5 @@ class TableWriterClient:
         table = self._stored.table
         opening = messages.Open(str(self._directory), self._stored.valve_id, table.cell_width_m, restarted=True)
         self._child = child.start(self._lock, opening)
+        self.health.resend(self._child.channel)
         self._behind, self._silent_since_s = True, None

@@ -6,9 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from positioner.errors import StateError
-from positioner.store import database, messages
+from positioner.store import database, health_file, messages
 from positioner.store.content import StoredTable
 from positioner.store.file_check import Fault, TableRejectedError
+from positioner.store.health_document import to_plain
+from positioner.store.health_file import HealthFile
+from positioner.store.health_keeper import HealthKeeper
+from positioner.store.health_messages import HealthDumped, HealthRequest, HealthResetRequest
 from positioner.store.table_directory import GOOD_COPY, TABLE, WRITING_FAILED, TableDirectory, remedy
 from positioner.valve.stiction import StictionTable
 
@@ -58,6 +62,12 @@ def on_files(directory: Path, request: messages.Message) -> messages.Answer:
     """
     if isinstance(request, messages.DumpRequest):
         return messages.Dumped(_readable(directory))
+    if isinstance(request, HealthRequest):
+        return HealthDumped(to_plain(health_file.read(directory)))
+    if isinstance(request, HealthResetRequest):
+        document = health_file.read(directory)
+        file = HealthFile(directory, document.valve_id)
+        return messages.Done(HealthKeeper(file, file.load()).reset(request.sections))
     owner = _owner(directory, request)
     tables = TableDirectory(directory, owner.valve_id, owner.table.cell_width_m)
     try:

@@ -13,6 +13,14 @@ from positioner.errors import ConfigurationError, StateError
 from positioner.inputs.table import SettingsTable
 from positioner.store import document
 from positioner.store.content import StoredTable
+from positioner.store.health_messages import (
+    NO_HEALTH,
+    HealthDumped,
+    HealthReplaced,
+    HealthRequest,
+    HealthResetRequest,
+    KeepHealth,
+)
 from positioner.valve.stiction import MOST_CELLS, LearnedSample
 
 if TYPE_CHECKING:
@@ -41,10 +49,11 @@ class Open(SettingsTable):
 
 @dataclass(frozen=True, slots=True)
 class Opened(SettingsTable):
-    """Table writer → daemon: the table that was found, and notices about it."""
+    """Table writer → daemon: the table that was found, notices about it, and the health of the valve."""
 
     stored: Stored
     notices: tuple[str, ...]
+    health: HealthReplaced = NO_HEALTH
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,10 +173,10 @@ class Unreadable(SettingsTable):
     reason: str
 
 
-FromWriter: TypeAlias = Opened | Closed | Saved | Replaced | SavingFailed | SavingWorks | Notice
-Request: TypeAlias = DumpRequest | ResetRequest | ImportRequest
-Answer: TypeAlias = Dumped | Done | Refused | Rejected
-Message: TypeAlias = Open | Learn | Adopt | Close | FromWriter | Request | Answer | Unreadable
+FromWriter: TypeAlias = Opened | Closed | Saved | Replaced | HealthReplaced | SavingFailed | SavingWorks | Notice
+Request: TypeAlias = DumpRequest | ResetRequest | ImportRequest | HealthRequest | HealthResetRequest
+Answer: TypeAlias = Dumped | HealthDumped | Done | Refused | Rejected
+Message: TypeAlias = Open | Learn | Adopt | KeepHealth | Close | FromWriter | Request | Answer | Unreadable
 
 _ADAPTERS: dict[str, TypeAdapter[Message]] = {kind.__name__: TypeAdapter(kind) for kind in Message.__args__}
 _CELLS = "Cells"

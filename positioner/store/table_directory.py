@@ -87,7 +87,7 @@ class TableDirectory:
         """Return the path of a new backup of the table, made before a reset or an import (`occasion`)."""
         place = self._directory / BACKUPS
         place.mkdir(exist_ok=True)
-        path = _unused(place, f"before-{occasion}", ".json")
+        path = unused(place, f"before-{occasion}", ".json")
         with path.open("x", encoding="utf-8") as file:
             file.write(document.dumps(stored))
             file.flush()
@@ -147,7 +147,7 @@ class TableDirectory:
         self._inode = self._path.stat().st_ino
 
     def _set_aside(self, rejected: TableRejectedError) -> None:
-        aside = _unused(self._directory, f"stiction.{rejected.fault}", ".sqlite")
+        aside = unused(self._directory, f"stiction.{rejected.fault}", ".sqlite")
         for suffix in ("", *file_check.SIDECARS):  # a journal left behind would be rolled back into the next table
             path = rejected.path.with_name(f"{rejected.path.name}{suffix}")
             if path.exists():
@@ -170,7 +170,8 @@ def remedy(error: Exception) -> str:
     return f"{why}; check the disk"
 
 
-def _unused(directory: Path, stem: str, suffix: str) -> Path:
+def unused(directory: Path, stem: str, suffix: str) -> Path:
+    """Return a path in the directory that no file has: `stem`, the UTC time, a number, `suffix`."""
     stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
     names = {path.name for path in directory.iterdir()}
     number = 1

@@ -21,6 +21,9 @@ from positioner.errors import PositionerError, StateError
 from positioner.store import commands, messages
 from positioner.store.channel import Channel
 from positioner.store.control import ControlSocket
+from positioner.store.health_file import HealthFile
+from positioner.store.health_keeper import HealthKeeper
+from positioner.store.health_messages import HealthRequest, HealthResetRequest, KeepHealth
 from positioner.store.table_directory import WRITING_FAILED, TableDirectory, remedy
 
 if TYPE_CHECKING:
@@ -41,9 +44,16 @@ class TableWriter:
     """
 
     def __init__(
-        self, channel: Channel, tables: TableDirectory, stored: StoredTable, now_s: float, problem: str | None
+        self,
+        channel: Channel,
+        tables: TableDirectory,
+        stored: StoredTable,
+        health: HealthKeeper,
+        now_s: float,
+        problem: str | None,
     ) -> None:
         self.stored = stored
+        self.health = health
         self._channel = channel
         self._tables = tables
         self._acknowledged = (-1, -1)
@@ -54,7 +64,8 @@ class TableWriter:
 
     def due_in(self, now_s: float) -> float | None:
         """Return the seconds until `work` has something to do, or None."""
-        return None if self._commit_at_s is None else max(0.0, self._commit_at_s - now_s)
+        due_s = [self.health.due_in(now_s), None if self._commit_at_s is None else self._commit_at_s - now_s]
+        return min((max(0.0, each) for each in due_s if each is not None), default=None)
 
     def handle(self, message: messages.Message, now_s: float) -> None:
         """Take samples from the daemon into memory; samples of another generation are dropped."""
@@ -65,15 +76,18 @@ class TableWriter:
                 self.stored = self.stored.learned(sample, seconds)
         elif isinstance(message, messages.Adopt) and message.stored.generation >= self.stored.generation:
             self.stored = message.stored
+        elif isinstance(message, KeepHealth):
+            self.health.take(message)
         elif isinstance(message, messages.Unreadable):
             raise StateError(message.reason)
         if self.stored is not before and self._commit_at_s is None:
             self._commit_at_s = now_s + COMMIT_AFTER_S
 
     def work(self, now_s: float) -> None:
-        """Save the table, if that is due."""
+        """Save the table and the health of the valve, if that is due."""
         if self._commit_at_s is not None and now_s >= self._commit_at_s:
             self.save(now_s)
+        self._send_lines(self.health.work(now_s))
 
     def save(self, now_s: float) -> None:
         """Commit the table, and copy it from time to time; report to the daemon when this fails or works again."""
@@ -95,6 +109,9 @@ class TableWriter:
         if isinstance(request, messages.DumpRequest):
             return messages.Dumped(self.stored)
         try:
+            if isinstance(request, HealthRequest | HealthResetRequest):
+                answer = self.health.answer(request, self._send)
+                return messages.Done(answer) if isinstance(answer, str) else answer
             replaced = commands.replaced(self._tables, self.stored, request)
         except StateError as error:
             return messages.Refused(str(error))
@@ -108,16 +125,20 @@ class TableWriter:
         """Save a last time, trying again for a while."""
         deadline_s = time.monotonic() + _LAST_TRIES_S
         while True:
+            self._send_lines(self.health.finish())
             self._copy_at_s = 0.0
             self.save(time.monotonic())
-            if self.problem is None or time.monotonic() >= deadline_s:
+            if (self.problem is None and self.health.problem is None) or time.monotonic() >= deadline_s:
                 self._tables.close()
                 return
             time.sleep(_RETRY_FIRST_S)
 
     def _send_notices(self) -> None:
-        for notice in self._tables.take_notices():
-            self._send(messages.Notice(notice))
+        self._send_lines(self._tables.take_notices())
+
+    def _send_lines(self, lines: tuple[str, ...]) -> None:
+        for line in lines:
+            self._send(messages.Notice(line))
 
     def _acknowledge(self) -> None:
         saved = (self.stored.generation, self.stored.table.sequence)
@@ -151,7 +172,7 @@ def serve(channel: Channel, writer: TableWriter, control: ControlSocket) -> None
         for message in channel.receive():
             if isinstance(message, messages.Close):
                 writer.finish()
-                channel.send(messages.Closed(writer.problem))
+                channel.send(messages.Closed(writer.problem or writer.health.problem))
                 return
             writer.handle(message, time.monotonic())
         channel.flush()
@@ -178,15 +199,18 @@ def run(channel: Channel, lock: int) -> None:
     if not isinstance(first, messages.Open):
         raise StateError(f"not an opening message: {first}")
     tables = TableDirectory(Path(first.directory), first.valve_id, first.cell_width_m)
+    health_file = HealthFile(Path(first.directory), first.valve_id)
     try:
         stored = tables.load()
+        health = HealthKeeper(health_file, health_file.load())
     except (PositionerError, OSError) as error:
         channel.send(messages.Closed(str(error)))
     else:
         with closing(ControlSocket(lock)) as control:
-            channel.send(messages.Opened(stored, (*tables.take_notices(), *control.notices)))
+            notices = (*tables.take_notices(), *control.notices, *health_file.take_notices())
+            channel.send(messages.Opened(stored, notices, health.present))
             problem = _RESTARTED if first.restarted else None
-            serve(channel, TableWriter(channel, tables, stored, time.monotonic(), problem), control)
+            serve(channel, TableWriter(channel, tables, stored, health, time.monotonic(), problem), control)
     channel.flush()
     while channel.pending and not channel.ended:
         channel.wait(_LAST_TRIES_S)

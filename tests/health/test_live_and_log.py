@@ -36,7 +36,9 @@ def test_the_counters_of_a_daemon_are_those_of_its_record_exactly(tmp_path: Path
         loop.plants["FV-1"].is_silent = not lockstep
         for _ in range(0 if lockstep else 300):
             loop.daemon._cycle()
-        live = loop.sessions["FV-1"].health.state.counting.so_far
+        state = loop.sessions["FV-1"].health.state
+        assert state is not None
+        live = state.counting.so_far
     counters = recounted(log, tmp_path / "plant.toml")
     assert live == counters
     assert counters.slips > 10

@@ -9,14 +9,17 @@ import subprocess
 from typing import TYPE_CHECKING, cast
 
 import pytest
-from store_helpers import series, taught
+from store_helpers import VALVE, series, taught
 
 from positioner.errors import StateError
 from positioner.store import messages
 from positioner.store.channel import Channel
 from positioner.store.child import Child
 from positioner.store.client import TableWriterClient
-from positioner.store.messages import Saved, SavingFailed, SavingWorks
+from positioner.store.health_document import HealthDocument
+from positioner.store.health_file import HealthFile
+from positioner.store.health_keeper import HealthKeeper
+from positioner.store.messages import Opened, Saved, SavingFailed, SavingWorks
 from positioner.store.writer import TableWriter
 
 if TYPE_CHECKING:
@@ -75,7 +78,9 @@ def test_a_save_that_fails_is_reported_once_and_tried_again_ever_less_often_up_t
     error: Exception, tmp_path: Path
 ) -> None:
     sent, disk, now_s = Sent(), Disk(error), 1000.0
-    writer = TableWriter(cast("Channel", sent), cast("TableDirectory", disk), taught(series(7)), now_s, None)
+    health = HealthKeeper(HealthFile(tmp_path, VALVE), HealthDocument(VALVE, ""))
+    tables = cast("TableDirectory", disk)
+    writer = TableWriter(cast("Channel", sent), tables, taught(series(7)), health, now_s, None)
     waits_s = []
     for tries in range(1, 13):
         writer.work(now_s)
@@ -93,7 +98,9 @@ def test_a_save_that_fails_is_reported_once_and_tried_again_ever_less_often_up_t
     assert isinstance(reported, SavingFailed)
     ours, theirs = socket.socketpair()
     theirs.sendall(b"".join(messages.encode(each) + b"\n" for each in sent.messages))
-    daemon = TableWriterClient(tmp_path, -1, Child(subprocess.Popen(["true"]), Channel(ours)), taught(series(7)))
+    daemon = TableWriterClient(
+        tmp_path, -1, Child(subprocess.Popen(["true"]), Channel(ours)), Opened(taught(series(7)), ())
+    )
     assert [event for _ in range(12) for event in daemon.poll(now_s)] == [reported]
     daemon._child.end()
     theirs.close()

@@ -57,13 +57,18 @@ def example_text() -> str:
 
 def summary(configuration: Configuration, state: Path) -> str:
     """Return the main properties of the configured valve in mm, % and ms, a line each; `state` holds its table."""
+    return "".join(f"  {name:<22} {value}\n" for name, value in summary_rows(configuration, state))
+
+
+def summary_rows(configuration: Configuration, state: Path) -> tuple[tuple[str, str], ...]:
+    """Return the main properties of the configured valve: names, and values with their units."""
     valve, guard = configuration.valve, configuration.guard
     gain, rate = valve.force_gain_n_per_ma, valve.spring_rate_n_per_m
     low_n = gain * guard.current_low_ma - valve.bench_set_n
     high_n = gain * guard.current_high_ma - valve.bench_set_n
     friction_n = valve.static_friction_n
     span_force_n = gain * (guard.current_high_ma - guard.current_low_ma)
-    rows = (
+    return (
         ("valve", f"{valve.id}, span {valve.span_m * 1e3:g} mm"),
         ("restartable both ways", _range((low_n + friction_n) / rate, (high_n - friction_n) / rate, valve)),
         ("stiction", f"F_s {100 * friction_n / span_force_n:.1f} % of the span force"),
@@ -77,7 +82,6 @@ def summary(configuration: Configuration, state: Path) -> str:
         ("bus load", bus_load.in_words(configuration.make_codec(), configuration.control.sample_period_s)),
         ("state", str(state)),
     )
-    return "".join(f"  {name:<22} {value}\n" for name, value in rows)
 
 
 def shared_buses(configurations: Sequence[Configuration]) -> str:

@@ -31,6 +31,7 @@ _COMMANDS = (
     "check",
     "reach",
     "diagnose",
+    "report",
     "doctor",
     "conformance",
 )
@@ -46,6 +47,7 @@ examples:
   positioner replay bus.log --config fv101.toml    compute recorded commands again, and compare
   positioner identify --config fv101.toml          measure spring, friction and lag of the valve
   positioner diagnose loop.csv                     tell from OP and PV of a loop whether its valve sticks
+  positioner report --config fv101.toml            write one page about the valve, for the screen and for paper
   positioner table dump --config fv101.toml        print what was learned about the valve's stiction
 
 exit status: 0 done, 1 failed, 2 wrong command line, 69 bus or valve not available, 70 internal error, 71 the system

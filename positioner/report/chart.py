@@ -17,7 +17,8 @@ from positioner.report.scale import Scale, scale
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-_HEIGHT, _HALF, _WIDE = 214.0, 372.0, 768.0
+_HEIGHT = 214.0
+_WIDTHS = {"half": 372.0, "wide": 768.0, "third": 246.0}
 _LEFT, _RIGHT, _TOP, _BOTTOM = 50.0, 10.0, 24.0, 36.0
 _TICK_EVERY_X, _TICK_EVERY_Y = 62.0, 34.0
 _LETTER, _SWATCH = 5.8, 20.0
@@ -76,27 +77,33 @@ Layer: TypeAlias = Line | Marks | Band | Bars | Limit
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """The layers, the first one at the back; `names` stand below the axis in place of numbers, at 0, 1, 2."""
+    """The layers, the first one at the back; `size` is `half`, `third` or `wide`, a part of the column.
+
+    `names` stand below the axis in place of numbers, at 0, 1, 2.
+    """
 
     title: str
     x_label: str
     y_label: str
     layers: tuple[Layer, ...]
     from_zero: bool = False
-    wide: bool = False
+    size: str = "half"
     names: tuple[str, ...] = ()
 
     def svg(self) -> Markup:
         """Return the SVG element."""
-        width = _WIDE if self.wide else _HALF
-        x = scale(_xs(self.layers), _LEFT, width - _RIGHT, round((width - _LEFT) / _TICK_EVERY_X))
+        width = _WIDTHS[self.size]
+        is_histogram = any(isinstance(layer, Bars) for layer in self.layers)
+        across = round((width - _LEFT) / _TICK_EVERY_X)
+        x = scale(_xs(self.layers), _LEFT, width - _RIGHT, across, tight=is_histogram)
         if self.names:
             x = Scale(-0.5, len(self.names) - 0.5, _LEFT, width - _RIGHT, 1.0)
         plot = _HEIGHT - _BOTTOM - _TOP
         y = scale(_ys(self.layers), _HEIGHT - _BOTTOM, _TOP, round(plot / _TICK_EVERY_Y), from_zero=self.from_zero)
         content = [*_axes(self, x, y), *(part for layer in self.layers for part in _drawn(layer, x, y))]
         content += _legend(self.layers, len(self.y_label) * _LETTER + 14.0)
-        head = f'<svg class="chart" viewBox="0 0 {width:g} {_HEIGHT:g}" role="img" aria-label="{escape(self.title)}">'
+        place = f'viewBox="0 0 {width:g} {_HEIGHT:g}" preserveAspectRatio="xMinYMid"'
+        head = f'<svg class="chart" {place} role="img" aria-label="{escape(self.title)}">'
         return Markup("\n".join([head, *content, "</svg>"]))  # noqa: S704 - every text in it is escaped
 
 

@@ -5,7 +5,7 @@ The page needs no network and no script. What it shows is in `page.html.j2`, how
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 from functools import cache
 from typing import TYPE_CHECKING
@@ -66,7 +66,10 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """One part of the page; `since` says when it was measured, `missing` what to run where there is nothing to show."""
+    """One part of the page; `since` says when it was measured, `missing` what to run where there is nothing to show.
+
+    The charts stand in rows, `facts` are names and values in several columns.
+    """
 
     title: str
     since: str = ""
@@ -74,6 +77,7 @@ class Section:
     tables: tuple[Table, ...] = ()
     remarks: tuple[str, ...] = ()
     missing: str = ""
+    facts: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +88,7 @@ class Page:
     subtitle: str
     sections: tuple[Section, ...]
     verdict: Verdict | None = None
-    facts: tuple[tuple[str, str], ...] = field(default=())
+    facts: tuple[tuple[str, str], ...] = ()
 
 
 def html(page: Page) -> str:

@@ -1,63 +1,84 @@
 """The page of one test procedure, for its `--report`, and the section that the report of the valve takes from it. Pure.
 
-A document holds `rows` (`commissioning/report.Row`), `remarks`, and, where the procedure judges the valve, `verdict`:
-an object with `status` (a name of NE 107, like MAINTENANCE_REQUIRED), `sentence` and `action`. A kind with figures of
-its own has a function in `_CHARTS`.
+A document holds `rows` (`commissioning/report.Row`) and `remarks`. A kind with figures, a table or a verdict of its own
+has them in `_PARTS`.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from positioner.report import words
-from positioner.report.page import Page, Section, Status, Verdict
-from positioner.report.procedure_section import procedure_section
+from positioner.report.page import Page, Section
+from positioner.report.procedure_section import procedure_section, rows_in
 from positioner.report.signature_charts import signature_charts
+from positioner.report.step_parts import step_charts, step_table
+from positioner.report.stroke_parts import stroke_charts, stroke_rows, stroke_verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from positioner.commissioning.results import KeptResult
     from positioner.report.chart import Chart
+    from positioner.report.page import Table, Verdict
 
-_TITLES = {
-    "identify": "Identification",
-    "signature": "Signature",
-    "step-test": "Step response",
-    "stroke-test": "Partial stroke test",
+    Document = dict[str, Any]
+
+_UNREADABLE = (KeyError, TypeError, ValueError, AttributeError, IndexError)
+"""What a document of another version, or a damaged one, leads to."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What a kind of result shows besides its rows and remarks; `rows` makes rows of a document that has none."""
+
+    title: str
+    charts: Callable[[Document, Document | None], tuple[Chart, ...]] | None = None
+    table: Callable[[Document], Table] | None = None
+    rows: Callable[[Document], list[dict[str, Any]]] = rows_in
+    verdict: Callable[[Document], Verdict] | None = None
+
+
+_PARTS = {
+    "identify": Parts("Identification"),
+    "signature": Parts("Signature", signature_charts),
+    "step-test": Parts("Step response", step_charts, step_table),
+    "stroke-test": Parts("Partial stroke test", stroke_charts, rows=stroke_rows, verdict=stroke_verdict),
 }
-_CHARTS: dict[str, Callable[[dict[str, Any], dict[str, Any] | None], tuple[Chart, ...]]] = {
-    "signature": signature_charts,
-}
+KINDS = tuple(_PARTS)
+"""The kinds of results that a report shows."""
 
 
-def title_of(kind: str) -> str:
-    """Return what a kind of result is called."""
-    return _TITLES.get(kind, kind.replace("-", " ").capitalize())
+def parts_of(kind: str) -> Parts:
+    """Return what a kind of result shows."""
+    return _PARTS.get(kind, Parts(kind.replace("-", " ").capitalize()))
 
 
 def section_of(result: KeptResult, reference: KeptResult | None) -> Section:
     """Return the section of a result, over the reference of its kind; a damaged one says so."""
-    draw = _CHARTS.get(result.kind)
+    parts = parts_of(result.kind)
     before = reference.document if reference is not None and reference.name != result.name else None
     try:
-        charts = draw(result.document, before) if draw else ()
-        return procedure_section(title_of(result.kind), result, reference, charts)
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError):
+        charts = parts.charts(result.document, before) if parts.charts else ()
+        tables = (parts.table(result.document),) if parts.table else ()
+        return procedure_section(parts.title, result, reference, charts, tables, parts.rows)
+    except _UNREADABLE:
         what = f"The result of {words.date(result.recorded)} or its reference lacks something"
-        return Section(title_of(result.kind), missing=f"{what}: run positioner {result.kind} --as-reference again.")
+        return Section(parts.title, missing=f"{what}: run positioner {result.kind} --as-reference again.")
 
 
 def verdict_of(result: KeptResult) -> Verdict | None:
     """Return the verdict of a procedure that judges the valve, None for others."""
-    told = result.document.get("verdict")
-    if not isinstance(told, dict) or told.get("status") not in Status.__members__:
+    judge = parts_of(result.kind).verdict
+    try:
+        return judge(result.document) if judge else None
+    except _UNREADABLE:
         return None
-    return Verdict(Status[str(told["status"])], str(told.get("sentence", "")), str(told.get("action", "")))
 
 
 def procedure_page(result: KeptResult, reference: KeptResult | None, facts: tuple[tuple[str, str], ...]) -> Page:
     """Return the page of one result; `facts` are the settings that it depends on."""
-    subtitle = f"{title_of(result.kind)}, {words.date(result.recorded)}"
+    subtitle = f"{parts_of(result.kind).title}, {words.date(result.recorded)}"
     told = (*facts, *(result.versions.items()))
     return Page(result.valve, subtitle, (section_of(result, reference),), verdict_of(result), told)

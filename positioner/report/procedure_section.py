@@ -8,28 +8,43 @@ from positioner.report import words
 from positioner.report.page import Section, Table
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from positioner.commissioning.results import KeptResult
     from positioner.report.chart import Chart
 
+    Row = dict[str, Any]
+
 _UNSEEN = "not shown by this experiment"
+_INTERVAL, _REFERENCE = "95 % interval", "reference"
+
+
+def rows_in(document: dict[str, Any]) -> list[Row]:
+    """Return the rows of a document."""
+    rows: list[Row] = document.get("rows", [])
+    return rows
 
 
 def procedure_section(
-    title: str, result: KeptResult, before: KeptResult | None, charts: tuple[Chart, ...] = ()
+    title: str,
+    result: KeptResult,
+    before: KeptResult | None,
+    charts: tuple[Chart, ...] = (),
+    tables: tuple[Table, ...] = (),
+    rows_of: Callable[[dict[str, Any]], list[Row]] = rows_in,
 ) -> Section:
     """Return the section of a result; `before` is the reference of its kind, which may be the result itself."""
-    rows = tuple(result.document.get("rows", ()))
+    rows = rows_of(result.document)
     compared = before if before is not None and before.name != result.name else None
     since = f"measured {words.date(result.recorded)}"
     since += f"; reference {words.date(compared.recorded)}" if compared else "; this is the reference" if before else ""
-    earlier = {_key(row): row for row in compared.document.get("rows", ())} if compared else {}
-    head = ("", "unit", "value", "95 % interval") + (("reference", "change") if compared else ())
+    earlier = {_key(row): row for row in rows_of(compared.document)} if compared else {}
+    between = (_INTERVAL,) if any(row.get("low") is not None for row in rows) else ()
+    head = ("", "unit", "value", *between, *((_REFERENCE, "change") if compared else ()))
     decimals = _decimals(rows)
-    cells = tuple(
-        _cells(row, earlier.get(_key(row)), decimals[row["unit"]], is_compared=bool(compared)) for row in rows
-    )
-    table = (Table(head, cells),) if cells else ()
-    return Section(title, since, charts, table, tuple(result.document.get("remarks", ())))
+    cells = tuple([_cells(row, earlier.get(_key(row)), decimals[row["unit"]], head) for row in rows])
+    own = (Table(head, cells),) if cells else ()
+    return Section(title, since, charts, (*tables, *own), tuple(result.document.get("remarks", ())))
 
 
 def missing_section(title: str, command: str, what: str) -> Section:
@@ -37,25 +52,30 @@ def missing_section(title: str, command: str, what: str) -> Section:
     return Section(title, missing=f"Not measured yet. Run {command}: it {what}.")
 
 
-def _key(row: dict[str, Any]) -> tuple[str, str]:
+def _key(row: Row) -> tuple[str, str]:
     return str(row["name"]), str(row["unit"])
 
 
-def _decimals(rows: tuple[dict[str, Any], ...]) -> dict[str, int]:
-    """Return by unit the decimals that give its largest value four digits: a smaller one is not known better."""
+def _decimals(rows: list[Row]) -> dict[str, int]:
+    """Return by unit the decimals that give its largest value four digits, or three below 1."""
     largest: dict[str, float] = {}
     for row in rows:
         largest[row["unit"]] = max(largest.get(row["unit"], 0.0), abs(row["value"] or 0.0))
-    return {unit: words.decimals_of(value) for unit, value in largest.items()}
+    return {unit: words.decimals_of(value, 4 if value >= 1.0 else 3) for unit, value in largest.items()}
 
 
-def _cells(row: dict[str, Any], before: dict[str, Any] | None, decimals: int, *, is_compared: bool) -> tuple[str, ...]:
-    shown = row.get("seen", True)
-    between = words.interval(row.get("low"), row.get("high"), decimals) if shown else _UNSEEN
-    cells = (str(row["name"]), str(row["unit"]), words.number(row["value"], decimals), between)
-    if not is_compared:
+def _cells(row: Row, before: Row | None, decimals: int, head: tuple[str, ...]) -> tuple[str, ...]:
+    is_seen = row.get("seen", True)
+    cells: tuple[str, ...] = (
+        str(row["name"]),
+        str(row["unit"]),
+        words.number(row["value"] if is_seen else None, decimals),
+    )
+    if _INTERVAL in head:
+        cells = (*cells, words.interval(row.get("low"), row.get("high"), decimals) if is_seen else _UNSEEN)
+    if _REFERENCE not in head:
         return cells
-    if before is None:
+    if before is None or not is_seen:
         return (*cells, words.NONE, words.NONE)
     was = words.number(before["value"], decimals)
     return (*cells, was, words.NONE if was == "0" else words.change(before["value"], row["value"]))

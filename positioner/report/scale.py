@@ -42,8 +42,10 @@ class Scale:
         return f"\N{MINUS SIGN}{text}" if tick < -0.5 * 10.0**-decimals else text
 
 
-def scale(values: Iterable[float], begin: float, end: float, ticks: int, *, from_zero: bool = False) -> Scale:
-    """Return a scale that holds all values, with about as many ticks; it ends at ticks."""
+def scale(
+    values: Iterable[float], begin: float, end: float, ticks: int, *, from_zero: bool = False, tight: bool = False
+) -> Scale:
+    """Return a scale that holds all values, with about as many ticks; it ends at ticks, or `tight` at the values."""
     finite = [each for each in values if math.isfinite(each)]
     low, high = (min(finite), max(finite)) if finite else (0.0, 1.0)
     if from_zero:
@@ -52,6 +54,8 @@ def scale(values: Iterable[float], begin: float, end: float, ticks: int, *, from
         half = 0.5 * abs(low) or 0.5
         low, high = (low - half, high + half) if not from_zero else (low, high or 1.0)
     step = _round_step((high - low) / max(ticks, 1))
+    if tight:
+        return Scale(low, high, begin, end, step)
     return Scale(math.floor(low / step + 1e-9) * step, math.ceil(high / step - 1e-9) * step, begin, end, step)
 
 

@@ -34,9 +34,7 @@ def signature_charts(document: dict[str, Any], reference: dict[str, Any] | None)
     )
     return (
         *loop,
-        Chart(
-            "Friction: sliding, and static at the breakaways", "travel, mm", "force, N", tuple(friction), from_zero=True
-        ),
+        Chart("Friction, sliding and at breakaways", "travel, mm", "force, N", tuple(friction), from_zero=True),
     )
 
 

@@ -1,4 +1,4 @@
-"""Documents as procedures give them, small ones."""
+"""Documents as procedures give them, of the paper's valve; `later` is with a quarter more friction."""
 
 from __future__ import annotations
 
@@ -6,32 +6,159 @@ from datetime import UTC, datetime
 from typing import Any
 
 from positioner.commissioning.results import KeptResult
+from positioner.health.counters import Counters
 
 HOSTILE = '<b onclick="x()">&"\''
 MOMENT = datetime(2026, 3, 9, 14, 5, tzinfo=UTC)
+LATER = datetime(2026, 9, 21, 6, 40, tzinfo=UTC)
 
 
 def row(name: str, unit: str, value: float, off: float = 0.0) -> dict[str, Any]:
     return {"name": name, "unit": unit, "value": value, "low": value - off, "high": value + off, "seen": True}
 
 
-SIGNATURE: dict[str, Any] = {
+def signature(more: float = 1.0) -> dict[str, Any]:
+    """Return a signature with `more` times the friction of the paper's valve, as the closed forms give it."""
+    gain, spring, sliding, static = 333.637, 52538.0, 1423.0 * more, 1707.7 * more
+    low, high = (4.0 * gain + sliding) / spring, (20.0 * gain - sliding) / spring
+    steps = [low + (high - low) * number / 40.0 for number in range(41)]
+    loop = [
+        {
+            "direction": side,
+            "pressure_ma": [
+                *((spring * x + side * sliding) / gain for x in way),
+                (spring * end - side * sliding) / gain,
+            ],
+            "position_m": [*way, end],
+        }
+        for side, way, end in ((1.0, steps, high), (-1.0, steps[::-1], low))
+    ]
+    inside = steps[6:35:4]
+    return {
+        "valve": "FV-101",
+        "rows": [
+            row("spring rate", "N/m", spring, 40.0),
+            row("spring force at 0", "N", -0.25, 3.0),
+            row("sliding friction", "N", sliding, 7.0),
+            row("sliding friction, least", "N", 0.98 * sliding),
+            row("sliding friction, largest", "N", 1.03 * sliding),
+            row("static friction", "N", static, 9.0),
+            row("hysteresis", "% of span", 100.0 * 2.0 * sliding / spring / 0.127),
+            row("dynamic error band", "% of span", 25.9),
+            row("bench set, at 0 %", "bar", 0.0),
+            row("bench set, at 100 %", "bar", 1.034),
+            row("seat load", "N", 0.0),
+        ],
+        "sliding_friction_by_place": [
+            [x, sliding * (1.0 + 0.03 * (-1) ** number * number / 8)] for number, x in enumerate(inside)
+        ],
+        "breakaways": [[x, side, static * (1.0 + 0.01 * side)] for x in inside[::2] for side in (1.0, -1.0)],
+        "loop": loop,
+        "remarks": [
+            "strokes at 1 mA/s: the stem slid at 6.35 mm/s",
+            "from 8 places of the travel, and 8 breakaways",
+            f"not reached: 0.0 to {low * 1e3:.1f} mm; bench set and stop there are extrapolated",
+        ],
+    }
+
+
+SIGNATURE = signature()
+
+
+def _spread(median: float | None) -> dict[str, Any]:
+    if median is None:
+        return {"median": None, "low": None, "high": None, "count": 0}
+    return {"median": median, "low": 0.9 * median, "high": 1.1 * median, "count": 3}
+
+
+def step_test(slower: float = 1.0) -> dict[str, Any]:
+    sizes = []
+    for size in (0.002, 0.005, 0.01, 0.02, 0.05, 0.1):
+        for side in ("up", "down"):
+            moves = size > 0.002
+            figures = {
+                "dead_time_s": _spread(0.0028 * slower if moves else None),
+                "t63_s": _spread((0.012 + 0.02 * size) * slower if moves else None),
+                "t86_s": _spread((0.021 + 0.03 * size) * slower if moves else None),
+                "t98_s": _spread((0.038 + 0.04 * size) * slower if moves else None),
+                "overshoot": _spread(0.02 if moves else None),
+                "gain": _spread(1.0 - 0.0005 / size if moves else None),
+            }
+            region = "A" if not moves else "B" if size < 0.01 else "C"
+            head = {"size": size, "direction": side, "responses": 3, "moved": 3 if moves else 0, "region": region}
+            sizes.append({**head, **figures})
+    return {
+        "valve": "FV-101",
+        "sizes": sizes,
+        "rows": [row("dead band, up", "% span", 0.31, 0.05), row("resolution, up", "% span", 0.22, 0.05)],
+        "remarks": ["wait 2 s, 3 repeats, at 60 % of the span, period 4 ms, noise 0.05 % of span"],
+    }
+
+
+def stroke_test(verdict: str = "passed", cause: str = "", why: str = "", friction: float = 1.0) -> dict[str, Any]:
+    ways = [min(max(number - 8, 0), max(100 - number, 0), 40) / 40.0 for number in range(101)]
+    trace = [[0.25 * number, 0.0762 - 0.0127 * way, 12.0 - 3.2 * way] for number, way in enumerate(ways)]
+    rows = {
+        "stroke": ("mm", 12.7),
+        "breakaway, out": ("N", 1712.0 * friction),
+        "breakaway, back": ("N", 1704.0 * friction),
+        "lag": ("ms", 52.0),
+        "lag, expected": ("ms", 50.0),
+        "time out": ("s", 10.1),
+        "time back": ("s", 10.3),
+    }
+    return {
+        "valve": "FV-101",
+        "verdict": verdict,
+        "cause": cause,
+        "stop": {"cause": cause, "why": why} if why else None,
+        "findings": [],
+        "quantities": {name: value for name, (_, value) in rows.items()},
+        "units": {name: unit for name, (unit, _) in rows.items()},
+        "trace": trace,
+        "remarks": ["This test shows the condition of the valve. It earns no safety integrity level."],
+    }
+
+
+IDENTIFY: dict[str, Any] = {
     "valve": "FV-101",
     "rows": [
-        row("spring rate", "N/m", 52538.0, 40.0),
-        row("spring force at 0", "N", -0.25, 3.0),
-        row("sliding friction", "N", 1807.2, 7.0),
-        row("hysteresis", "% of span", 54.15),
+        row("spring rate", "N/m", 52538.0, 60.0),
+        row("static friction", "N", 1707.7, 6.0),
+        row("sliding friction", "N", 1423.0, 4.0),
+        row("lag, filling", "ms", 50.2, 0.9),
+        row("dead time", "ms", 2.1, 0.8),
+        row("noise, part of the span", "%", 0.05, 0.002),
     ],
-    "sliding_friction_by_place": [[0.06, 1800.0], [0.07, 1810.0], [0.08, 1812.0]],
-    "breakaways": [[0.061, 1.0, 2150.0], [0.075, -1.0, 2170.0]],
-    "loop": [
-        {"direction": 1.0, "pressure_ma": [15.0, 16.0, 20.0], "position_m": [0.06, 0.067, 0.0926]},
-        {"direction": -1.0, "pressure_ma": [20.0, None, 4.0], "position_m": [0.0926, 0.08, 0.06]},
-    ],
-    "remarks": ["from 4 places of the travel, and 9 breakaways"],
+    "remarks": ["from 12 breakaways and 8 steps"],
 }
 
 
-def result(kind: str, document: dict[str, Any], name: str = "a") -> KeptResult:
-    return KeptResult(kind, name, "FV-101", MOMENT, {"positioner": "0.1.0 (interpreted)"}, document)
+def counters() -> Counters:
+    travel = tuple(int(2000 * max(0.02, 1.0 - ((number - 13) / 4.0) ** 2)) for number in range(22))
+    deviation = (12, 30, 90, 140, 410, 900, 2600, 52000, 2500, 820, 400, 150, 80, 25, 9)
+    spans = tuple(int(900 / (1 + number) ** 2) for number in range(21))
+    hour_us = 3_600_000_000
+    return Counters(
+        observed=1_700_000_000,
+        starts=7,
+        mode_us=(40_000_000, 3 * hour_us, 4690 * hour_us, 900_000_000, 20_000_000, hour_us),
+        controlled_us=4690 * hour_us,
+        stuck_us=4410 * hour_us,
+        open_us=3 * hour_us,
+        slips=48_212,
+        sticks=48_212,
+        moves=48_300,
+        table_moves=47_950,
+        failed_pushes=88,
+        travel_m=612.4,
+        reversals=31_009,
+        cycles=12_404,
+        travel=travel,
+        deviation=deviation,
+        spans=spans,
+    )
+
+
+def result(kind: str, document: dict[str, Any], name: str = "a", moment: datetime = MOMENT) -> KeptResult:
+    return KeptResult(kind, name, "FV-101", moment, {"positioner": "0.1.0 (interpreted)"}, document)

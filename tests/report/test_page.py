@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from report_samples import HOSTILE, SIGNATURE, result
+from report_samples import HOSTILE, SIGNATURE, result, signature
 
 from positioner.report.chart import Chart, Limit, Line
 from positioner.report.page import Page, Section, Status, Table, Verdict, html
@@ -62,11 +62,11 @@ def test_what_is_not_measured_names_the_command_that_measures_it() -> None:
 
 
 def test_a_result_is_compared_with_the_reference_of_its_kind_and_not_with_itself() -> None:
-    first, later = result("signature", SIGNATURE, "a"), result("signature", SIGNATURE, "b")
+    first, later = result("signature", SIGNATURE, "a"), result("signature", signature(1.27), "b")
     assert section_of(later, first).tables[0].head == ("", "unit", "value", "95 % interval", "reference", "change")
     assert section_of(first, first).tables[0].head == ("", "unit", "value", "95 % interval")
     assert "this is the reference" in section_of(first, first).since
     rows = {row[0]: row for row in section_of(later, first).tables[0].rows}
     cells = [cell.replace("\N{NARROW NO-BREAK SPACE}", "") for cell in rows["sliding friction"][2:]]
-    assert cells == ["1807", "1800 to 1814", "1807", "0.0%"]
+    assert cells == ["1807", "1800 to 1814", "1423", "+27.0%"]
     assert rows["spring force at 0"][-2:] == ("0", "–")

@@ -1,0 +1,96 @@
+"""`positioner report`: one HTML page about a valve: verdict, measurements, use, settings. Shell."""
+
+from __future__ import annotations
+
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from positioner.cli.check import summary_rows
+from positioner.cli.command import add_command, add_config, add_state, add_valve
+from positioner.commissioning import results
+from positioner.config.locations import location_of
+from positioner.config.reader import load_config
+from positioner.errors import ExitCode, writing
+from positioner.report.page import html
+from positioner.report.procedure_page import KINDS
+from positioner.report.valve_page import ValveReport, valve_page
+from positioner.store import lock
+
+if TYPE_CHECKING:
+    import argparse
+
+    from positioner.cli.command import Commands
+    from positioner.commissioning.results import KeptResult
+
+_EPILOG = """\
+examples:
+  positioner report --config fv101.toml                        write FV-101.html into this folder
+  positioner report --config fv101.toml --out /tmp/fv101.html
+  positioner report --config fv101.toml --state copy           of a copy of the state directory
+
+The page needs no network, opens in any browser and prints on two sheets of A4. It shows the newest kept result of each
+test procedure over the reference, which is the first one, unless --as-reference of that procedure named another. It may
+be made while the daemon runs. A part that was not measured yet names the command that measures it.
+
+exit status: 0 done, 2 wrong command line, 74 a file cannot be read or written, 78 the configuration is wrong.
+"""
+
+
+def add_parser(commands: Commands) -> None:
+    """Add `positioner report`."""
+    summary = "write one HTML page about a valve: verdict, signature, step response, use, settings"
+    parser = add_command(commands, "report", _run, summary, _EPILOG)
+    add_config(parser)
+    add_valve(parser)
+    add_state(parser)
+    parser.add_argument("--out", type=Path, metavar="FILE", help="the page (default: the valve's name, in this folder)")
+
+
+def _run(arguments: argparse.Namespace) -> ExitCode:
+    configuration = load_config(arguments.config, valve=arguments.valve)
+    state = location_of(configuration, arguments.config, arguments.state).state
+    options = f"--config {arguments.config}" + (f" --valve {arguments.valve}" if arguments.valve else "")
+    told = [(name, text) for name, text in summary_rows(configuration, state) if name != "valve"]
+    report = ValveReport(
+        valve=configuration.valve.id,
+        span_m=configuration.valve.span_m,
+        made=datetime.now(UTC),
+        results=_results(state, configuration.valve.id),
+        usage=None,
+        facts=(*told, *results.versions().items()),
+        options=options,
+        running=_running(state),
+    )
+    path = arguments.out or Path(f"{configuration.valve.id}.html")
+    with writing(path):
+        path.write_text(html(valve_page(report)), encoding="utf-8")
+    sys.stdout.write(f"{path}\n")
+    return ExitCode.OK
+
+
+def _results(state: Path, valve: str) -> dict[str, tuple[KeptResult, KeptResult]]:
+    """Return the newest result and the reference of each kind; results of another valve are told and left out."""
+    found = {}
+    for kind in KINDS:
+        kept = results.kept(state, kind)
+        own = tuple(each for each in kept if each.valve == valve)
+        for other in sorted({each.valve for each in kept} - {valve}):
+            sys.stderr.write(f"{state}: {kind} of valve {other} is left out\n")
+        reference = results.reference_of(state, own)
+        if reference is not None:
+            found[kind] = (own[-1], reference)
+    return found
+
+
+def _running(state: Path) -> str:
+    """Return the test procedure that has the state directory now, empty where none has it."""
+    pid = lock.holder(state)
+    if pid is None:
+        return ""
+    try:
+        words = Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
+    except OSError:
+        return ""
+    return next((f"positioner {word}" for word in words if word in KINDS), "")

@@ -1,0 +1,80 @@
+"""The report of a valve: its verdict, what was measured, how it has been used, and how it is set. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from positioner.report import words
+from positioner.report.counter_sections import counter_section, histogram_section
+from positioner.report.page import Page, Section
+from positioner.report.procedure_page import section_of
+from positioner.report.procedure_section import missing_section
+from positioner.report.valve_verdict import verdict_of_valve
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from datetime import datetime
+
+    from positioner.commissioning.results import KeptResult
+    from positioner.health.counters import Counters
+    from positioner.report.page import Verdict
+
+_PURPOSES = {
+    "signature": ("Signature", "measures spring, friction along the travel, hysteresis and bench set"),
+    "step-test": ("Step response", "measures dead time, response times, overshoot and dead band"),
+    "stroke-test": ("Partial stroke test", "moves the valve partly and back, and judges it"),
+    "identify": ("Identification", "measures spring, friction, lag and noise"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Usage:
+    """What was counted in service, with its dates, and what the alarms say; `sections` are the trends and alarms."""
+
+    counters: Counters
+    since: str
+    verdicts: tuple[Verdict, ...] = ()
+    trends: tuple[Section, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ValveReport:
+    """All that the report shows.
+
+    results: by kind, the newest result and the reference, which may be the same. usage: None where nothing was counted.
+    running: the test procedure that runs on the valve now, empty without one. options: of the commands that it names.
+    """
+
+    valve: str
+    span_m: float
+    made: datetime
+    results: Mapping[str, tuple[KeptResult, KeptResult]]
+    usage: Usage | None
+    facts: tuple[tuple[str, str], ...]
+    options: str
+    running: str = ""
+
+
+def valve_page(report: ValveReport) -> Page:
+    """Return the page."""
+    usage = report.usage
+    sections = [_measured(report, "signature"), _measured(report, "step-test")]
+    if usage is None:
+        what = "Nothing was counted yet: the counters begin when the valve is in service, with positioner run"
+        sections.append(Section("Friction trend, histograms and counters", missing=f"{what} {report.options}."))
+    else:
+        sections += [*usage.trends, histogram_section(usage.counters, usage.since)]
+        sections.append(counter_section(usage.counters, report.span_m, usage.since))
+    sections.append(_measured(report, "stroke-test"))
+    if "signature" not in report.results:
+        sections.append(_measured(report, "identify"))
+    verdict = verdict_of_valve(report.results, usage.verdicts if usage else (), report.running, report.options)
+    return Page(report.valve, f"Valve report, {words.date(report.made)}", tuple(sections), verdict, report.facts)
+
+
+def _measured(report: ValveReport, kind: str) -> Section:
+    if kind in report.results:
+        return section_of(*report.results[kind])
+    title, purpose = _PURPOSES[kind]
+    return missing_section(title, f"positioner {kind} {report.options}", purpose)

@@ -26,10 +26,13 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-_SMOOTH_S = 0.1
+_SMOOTH_S, _SMOOTH_M = 0.1, 0.001
+"""Position and pressure are means over this time, and at most over this way."""
 _SLID_OF_SPAN = 0.01
-"""The stem slides steadily when it has gone so far from its rest, and lags have passed."""
-_STEADY_S = 0.3
+"""The stem slides steadily when it has gone so far from its rest, and what came before has faded."""
+_STEADY_S, _SOON_S, _TIME_CONSTANTS = 0.3, 0.02, 5.0
+_WATCHED_MA, _STANDS, _STANDING = 0.3, 0.25, 0.1
+"""A stem slides by stick-slip where it is slower than a quarter of its mean speed, for a tenth of the way."""
 _END_OF_SPAN = 0.005
 """A stem that is so near to its end may stand at a stop already."""
 
@@ -39,14 +42,18 @@ class Branch:
     """One stroke: pressure in mA and smoothed reading in m, shape (samples,) each; slides: where it slides steadily.
 
     static_ma: the part of the pressure that spring and Coulomb friction take, where it slides: without F_v·v and the
-    Stribeck part. direction: ±1. end_ma, end_m: pressure and place at the end, after the pause.
+    Stribeck part. direction: ±1. end_ma, end_m: pressure and place at the end, after the pause. current_ma: the loop
+    current. sticks: whether the stem stood again and again.
     """
 
     direction: float
+    rate_ma_per_s: float
+    current_ma: Array
     pressure_ma: Array
     static_ma: Array
     position_m: Array
     slides: NDArray[np.bool_]
+    sticks: bool
     end_ma: float
     end_m: float
 
@@ -80,12 +87,21 @@ def lagged(drive: Array, fill_s: float, vent_s: float, period_s: float) -> Array
 def branches(
     stretches: Sequence[Stretch], valve: ValveParameters, limits: ProcedureLimits, period_s: float
 ) -> tuple[Branch, ...]:
-    """Return a branch for each recorded stroke."""
+    """Return a branch for each recorded stroke, slow and quick ones."""
     return tuple(_branch(each, valve, limits, period_s) for each in stretches if each.kind is Kind.STROKE)
 
 
+def slow_and_sliding(found: Sequence[Branch]) -> tuple[tuple[Branch, ...], tuple[Branch, ...]]:
+    """Return the slow strokes, and those that show the sliding stem: the quick ones if it stuck in the slow ones."""
+    rates = sorted({each.rate_ma_per_s for each in found})
+    slow, quick = (tuple(each for each in found if each.rate_ma_per_s == rate) for rate in (rates[0], rates[-1]))
+    return slow, quick if any(each.sticks for each in slow) else slow
+
+
 def _branch(each: Stretch, valve: ValveParameters, limits: ProcedureLimits, period_s: float) -> Branch:
-    width = max(round(_SMOOTH_S / period_s), 1)
+    rate = each.rate_ma_per_s
+    expected_m_per_s = rate * valve.force_gain_n_per_ma / valve.spring_rate_n_per_m
+    width = max(round(min(_SMOOTH_S, _SMOOTH_M / expected_m_per_s) / period_s), 1)
     position_m = smooth(np.asarray(each.measured_m), width)
     pressure = smooth(pressures_ma(each, valve, period_s), width)
     currents = np.asarray(each.applied_ma)
@@ -96,10 +112,23 @@ def _branch(each: Stretch, valve: ValveParameters, limits: ProcedureLimits, peri
     ended = np.flatnonzero(each.direction * (end_m - position_m) < _END_OF_SPAN * limits.span_m)
     slides = np.zeros(len(position_m), dtype=bool)
     if len(moved):
-        begin = moved[0] + round(_STEADY_S / period_s)
+        fades_s = _SOON_S + _TIME_CONSTANTS * valve.viscous_friction_n_s_per_m / valve.spring_rate_n_per_m
+        begin = moved[0] + round(min(_STEADY_S, fades_s) / period_s)
         slides[begin : min(ramp_end, int(ended[0])) - width] = True
     static_ma = pressure - each.direction * _of_speed_ma(position_m, width, valve, period_s)
-    return Branch(each.direction, pressure, static_ma, position_m, slides, float(pressure[-1]), end_m)
+    ways_m = np.abs(np.diff(position_m[slides][:: max(round(_WATCHED_MA / rate / period_s), 1)]))
+    return Branch(
+        each.direction,
+        rate,
+        currents,
+        pressure,
+        static_ma,
+        position_m,
+        slides,
+        bool(len(ways_m)) and float(np.mean(ways_m < _STANDS * np.mean(ways_m))) > _STANDING,
+        float(pressure[-1]),
+        end_m,
+    )
 
 
 def _of_speed_ma(position_m: Array, width: int, valve: ValveParameters, period_s: float) -> Array:

@@ -15,8 +15,7 @@ import numpy as np
 
 from positioner.commissioning.breakaways import Breakaway, breakaways_of
 from positioner.commissioning.identified import Interval
-from positioner.commissioning.loop_branches import branches
-from positioner.commissioning.record import Kind
+from positioner.commissioning.loop_branches import branches, slow_and_sliding
 from positioner.errors import PositionerError
 
 if TYPE_CHECKING:
@@ -98,7 +97,7 @@ def signature(
     Raises:
         SignatureError: the stem has not slid over some bins of the travel in both directions.
     """
-    loop = branches(stretches, valve, limits, period_s)
+    slow, loop = slow_and_sliding(branches(stretches, valve, limits, period_s))
     width_m = min(_BIN_M, _BIN_OF_SPAN * limits.span_m)
     numbers, up_ma, down_ma = _bins(loop, width_m)
     if len(numbers) < _FEWEST_BINS:
@@ -108,7 +107,7 @@ def signature(
         )
     gain, places_m = valve.force_gain_n_per_ma, (numbers + 0.5) * width_m
     spring, preload = _line(places_m, 0.5 * gain * (up_ma + down_ma))
-    rate = next(each.rate_ma_per_s for each in stretches if each.kind is Kind.STROKE)
+    rate = loop[0].rate_ma_per_s
     speed = gain * rate / spring.value
     widths_n = 0.5 * gain * (up_ma - down_ma)
     scatter_n = float(np.std(widths_n, ddof=1)) / math.sqrt(len(widths_n))
@@ -130,7 +129,7 @@ def signature(
         _mean([each.static_n for each in breakaways], valve.static_friction_n),
         tuple(FrictionAt(float(x), float(f)) for x, f in zip(places_m, widths_n, strict=True)),
         breakaways,
-        dynamic_error_band_m=_error_band_m(loop),
+        dynamic_error_band_m=_error_band_m(slow),
         rate_ma_per_s=rate,
         speed_m_per_s=speed,
         reached_m=(
@@ -200,14 +199,14 @@ def _mean(values: Sequence[float], believed: float) -> Interval:
 
 
 def _error_band_m(loop: Sequence[Branch]) -> float:
-    """Return the largest difference between the branches at one pressure, over the pressures that both have, in m."""
+    """Return the largest difference between the branches at one current, over the currents that both have, in m."""
     largest_m = 0.0
     ups, downs = ([each for each in loop if each.direction == side] for side in (1.0, -1.0))
     for up, down in zip(ups, downs, strict=False):
-        low, high = max(up.pressure_ma.min(), down.pressure_ma.min()), min(up.pressure_ma.max(), down.pressure_ma.max())
+        low, high = max(up.current_ma.min(), down.current_ma.min()), min(up.current_ma.max(), down.current_ma.max())
         at = np.linspace(low, high, _BAND_POINTS)
-        rising = np.interp(at, up.pressure_ma, up.position_m)
-        falling = np.interp(at, down.pressure_ma[::-1], down.position_m[::-1])
+        rising = np.interp(at, up.current_ma, up.position_m)
+        falling = np.interp(at, down.current_ma[::-1], down.position_m[::-1])
         largest_m = max(largest_m, float(np.max(falling - rising)))
     return largest_m
 

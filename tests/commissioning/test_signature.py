@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from acceptance_signature import Case, run
 from daemon_helpers import write_configuration
 
 from plant_emulator.presets import plant_settings
@@ -21,6 +22,7 @@ from positioner.commissioning.record import Kind
 from positioner.commissioning.signature import SignatureError, signature
 from positioner.commissioning.signature_report import as_json, changes, remarks
 from positioner.commissioning.signature_stages import signature_experiment
+from positioner.commissioning.stages import Stroke
 from positioner.errors import ExitCode
 from positioner.guard.settings import GuardSettings
 from positioner.studies.identified_plant import experiment_on
@@ -133,6 +135,22 @@ def test_friction_by_place_follows_the_friction_of_the_place() -> None:
     again = np.array([each.friction_n for each in other.by_place])
     assert settings.valve.coulomb_friction_n == pytest.approx(values.mean(), rel=0.2)
     assert np.corrcoef(values, again)[0, 1] > 0.95
+
+
+def test_where_a_stem_sticks_again_and_again_quick_strokes_show_the_friction_by_place() -> None:
+    _, errors, _ = run(Case("stochastic", 240))
+    assert errors["correlation"] > 0.9
+    valve = believed("graphite")
+    stages = signature_experiment(valve, limits_of(valve), PERIOD_S).stages
+    # strong damping: a quick stroke would show viscous friction only
+    assert len({each.rate_ma_per_s for each in stages if isinstance(each, Stroke) and each.records}) == 1
+
+
+def test_the_error_band_contains_the_lag_and_the_friction_does_not() -> None:
+    # 100 ms of lag make the band 1.3 mm of 10 mm wider; over the pressure it would be missing
+    _, errors, _ = run(Case("graphite", 210))
+    assert abs(errors["dynamic error band"]) < 1.0
+    assert abs(errors["sliding friction"]) < 1.0
 
 
 def test_a_valve_that_does_not_move_shows_no_signature() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from positioner.bus.address import BusAddress
+from positioner.commissioning.stroke.settings import StrokeSettings
 from positioner.cycle.state import Setup
 from positioner.guard.settings import GuardSettings
 from positioner.health.counters import counter_settings
@@ -54,6 +55,7 @@ class Configuration(SettingsTable):
     guard: GuardSettings = field(default_factory=GuardSettings)
     setpoint: SetpointSettings = field(default_factory=SetpointSettings)
     health: HealthTable = field(default_factory=HealthTable)
+    stroke_test: StrokeSettings = field(default_factory=StrokeSettings)
     state: StateSettings = field(default_factory=StateSettings)
 
     @property

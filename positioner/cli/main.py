@@ -20,6 +20,7 @@ _COMMANDS = (
     "host",
     "identify",
     "signature",
+    "stroke-test",
     "bench",
     "replay",
     "explain",
@@ -46,6 +47,7 @@ examples:
   positioner host --config fv101.toml arm set 62%  arm the positioner, and move the valve to 62 %
   positioner replay bus.log --config fv101.toml    compute recorded commands again, and compare
   positioner identify --config fv101.toml          measure spring, friction and lag of the valve
+  positioner stroke-test --config fv101.toml       stroke the valve by a tenth, and tell whether it moves as it should
   positioner diagnose loop.csv                     tell from OP and PV of a loop whether its valve sticks
   positioner report --config fv101.toml            write one page about the valve, for the screen and for paper
   positioner table dump --config fv101.toml        print what was learned about the valve's stiction

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from positioner.commissioning.procedure import ProcedureLimits, Progress
     from positioner.commissioning.record import Stretch
     from positioner.config.schema import Configuration
+    from positioner.runtime.procedure_run import ProcedureRun
 
 M = TypeVar("M")
 
@@ -85,7 +86,24 @@ def memory_of(arguments: argparse.Namespace, configuration: Configuration, proce
         from positioner.replay.procedure import memory_in  # noqa: PLC0415 - a log library, for a log only
 
         return memory_in(arguments.log, configuration, procedure)
-    return _moved(arguments, configuration, procedure)
+    memory: M = _moved(arguments, configuration, procedure).result()
+    return memory
+
+
+def outcome_of(
+    arguments: argparse.Namespace, configuration: Configuration, procedure: OfferedProcedure[M]
+) -> tuple[M, str]:
+    """Return the procedure's memory as `memory_of`, also where it was ended before its time, and how the guard ended it.
+
+    Raises:
+        ProcedureError: it did not begin.
+    """
+    if arguments.log:
+        from positioner.replay.procedure import outcome_in  # noqa: PLC0415 - a log library, for a log only
+
+        return outcome_in(arguments.log, configuration, procedure)
+    run = _moved(arguments, configuration, procedure)
+    return (run.result() if run.memory is None else run.memory), run.ended_because
 
 
 def stretches_of(
@@ -146,8 +164,10 @@ def _state_of(arguments: argparse.Namespace, configuration: Configuration) -> Pa
     return location_of(configuration, arguments.config, arguments.state).state
 
 
-def _moved(arguments: argparse.Namespace, configuration: Configuration, procedure: OfferedProcedure[M]) -> M:
-    """Return the memory of the procedure after it has moved the valve on the bus, when the person has agreed to it."""
+def _moved(
+    arguments: argparse.Namespace, configuration: Configuration, procedure: OfferedProcedure[M]
+) -> ProcedureRun:
+    """Return the run of the procedure after it has moved the valve on the bus, when the person has agreed to it."""
     from positioner.runtime.procedure_run import ProcedureRun  # noqa: PLC0415 - the bus, for an experiment only
     from positioner.runtime.session import RunOptions  # noqa: PLC0415
 
@@ -166,8 +186,7 @@ def _moved(arguments: argparse.Namespace, configuration: Configuration, procedur
         lock_memory()
         run = ProcedureRun(configuration, options, procedure, shown)
         run.run()
-    memory: M = run.result()
-    return memory
+    return run
 
 
 def _refuse_beside_a_daemon(arguments: argparse.Namespace, configuration: Configuration) -> None:

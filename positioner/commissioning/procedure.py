@@ -16,6 +16,7 @@ from positioner.laws.bounds import Bounds
 from positioner.laws.law import Decision, Estimate, Observation
 from positioner.values import dataclass, replace
 from positioner.valve.state import StemState
+from positioner.wire.messages import Cause, Mode
 
 if TYPE_CHECKING:
     from positioner.cycle.state import Setup
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from positioner.valve.stiction import StictionTable
 
 M = TypeVar("M")
+TOLERATED = frozenset({Cause.NONE, Cause.LAW_LATE, Cause.PERIOD_WRONG})
+"""What the guard may report while a procedure goes on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,3 +121,25 @@ def commissioning_setup(setup: Setup, procedure: Procedure[M]) -> Setup:
     guard = replace(setup.guard, auto_arm=True, setpoint_hold_s=0.0, setpoint_failsafe_s=0.0, deviation_of_span=0.0)
     law = ProcedureLaw(procedure, ProcedureLimits.of(setup.valve, setup.guard))
     return replace(setup, guard=guard, law=law, testing=True, setpoint=None)
+
+
+def ended_by(mode: Mode, cause: Cause) -> str:
+    """Return that the guard has ended a procedure that had begun, and why; empty while it may go on."""
+    if mode is Mode.HOLD or (mode is Mode.ACTIVE and cause in TOLERATED):
+        return ""
+    return f"ended by the guard: {mode.name}, {cause_in_words(cause)}"
+
+
+def aborted_by(mode: Mode, cause: Cause) -> str:
+    """Return why a procedure that may go on is to be aborted; empty where it is not.
+
+    A stall of this process loses some readings, and no more.
+    """
+    if cause is Cause.PERIOD_WRONG or (mode is Mode.HOLD and cause is not Cause.STALLED):
+        return f"the guard reports: {cause_in_words(cause)}; the stem was brought back to its start"
+    return ""
+
+
+def cause_in_words(cause: Cause) -> str:
+    """Return the cause in small letters."""
+    return cause.name.lower().replace("_", " ")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from tqdm import tqdm
 
-from positioner.commissioning.procedure import commissioning_setup
+from positioner.commissioning.procedure import aborted_by, commissioning_setup, ended_by
 from positioner.replay.compare import Comparison
 from positioner.replay.log import LogError
 from positioner.replay.prepare import prepare
@@ -23,17 +23,20 @@ M = TypeVar("M")
 
 
 class _Kept:
-    """A procedure whose newest memory is kept."""
+    """A procedure whose newest memory is kept, and which is aborted before its next observation where `why` is set."""
 
     def __init__(self, procedure: Procedure[Any]) -> None:
         self._procedure = procedure
         self.name = procedure.name
         self.memory: Any = None
+        self.why = ""
 
     def begin(self, measured_m: float) -> Any:
         return self._procedure.begin(measured_m)
 
     def advance(self, memory: Any, observation: Observation) -> tuple[Any, float]:
+        if self.why:
+            memory = self._procedure.abort(memory, self.why)
         self.memory, current_ma = self._procedure.advance(memory, observation)
         return self.memory, current_ma
 
@@ -50,19 +53,32 @@ def memory_in(path: Path, configuration: Configuration, procedure: Procedure[M])
     Raises:
         LogError: the log cannot be read, or is no complete record of this procedure with this configuration.
     """
-    prepared, kept = prepare(path, configuration, None), _Kept(procedure)
-    comparison = Comparison(configuration.make_codec(), prepared.kind.has_instants)
-    setup = commissioning_setup(configuration.make_setup(), kept)
-    cycles = replay_cycles(configuration, prepared.cycles(), prepared.table, setup=setup)
-    for cycle in tqdm(cycles, "log", prepared.cycle_count, unit=" cycles", delay=1, leave=False, disable=None):
-        comparison.add(cycle)
-    memory: M | None = kept.memory
-    if memory is None or not comparison.identical:
-        raise LogError(
-            f"{path}: holds other commands than {procedure.name} gives with this configuration: not its record"
-        )
+    memory, _ = outcome_in(path, configuration, procedure)
     progress = procedure.progress(memory)
     if progress.aborted or not progress.ended:
         reason = progress.aborted or f"it ends while {progress.doing}"
         raise LogError(f"{path}: the {procedure.name} in it was not completed: {reason}")
     return memory
+
+
+def outcome_in(path: Path, configuration: Configuration, procedure: Procedure[M]) -> tuple[M, str]:
+    """Return the memory as `memory_in`, also where it was ended before its time, and how the guard ended it.
+
+    Raises:
+        LogError: the log cannot be read, or is no record of this procedure with this configuration.
+    """
+    prepared, kept, ended = prepare(path, configuration, None), _Kept(procedure), ""
+    comparison = Comparison(configuration.make_codec(), prepared.kind.has_instants)
+    setup = commissioning_setup(configuration.make_setup(), kept)
+    cycles = replay_cycles(configuration, prepared.cycles(), prepared.table, setup=setup)
+    for cycle in tqdm(cycles, "log", prepared.cycle_count, unit=" cycles", delay=1, leave=False, disable=None):
+        comparison.add(cycle)
+        if kept.memory is not None and not ended:
+            ended = ended_by(cycle.mode, cycle.cause)
+            kept.why = kept.why or aborted_by(cycle.mode, cycle.cause)
+    memory: M | None = kept.memory
+    if memory is None or not comparison.identical:
+        raise LogError(
+            f"{path}: holds other commands than {procedure.name} gives with this configuration: not its record"
+        )
+    return (procedure.abort(memory, kept.why) if kept.why else memory), ended

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from positioner.replay.recorded import RecordedCycle
     from positioner.valve.stiction import StictionTable
     from positioner.wire.codec import Codec
-    from positioner.wire.messages import CanFrame, Mode
+    from positioner.wire.messages import CanFrame, Cause, Mode
 
 _BEGIN_NS = 10**15
 """The instant of a log's first frame: so late that the arrival of a frame that waited before it is not negative."""
@@ -32,12 +32,13 @@ _NS_PER_US = 1000
 
 @dataclass(frozen=True, slots=True)
 class ReplayedCycle:
-    """One cycle computed again: the recorded one, the computed frames and events, what health sees."""
+    """One cycle computed again: the recorded one, its frames and events, mode and cause, what health sees."""
 
     recorded: RecordedCycle
     computed: tuple[CanFrame, ...]
     events: tuple[Event, ...]
     mode: Mode
+    cause: Cause
     observed: ObservedCycle | None
 
 
@@ -62,7 +63,7 @@ def replay_cycles(
         observed = observed_cycle(cycle_input, before, state, outbox, events)
         if follows:
             state = _followed(setup.codec, state, cycle, outbox)
-        yield ReplayedCycle(cycle, outbox, events, state.guard.mode, observed)
+        yield ReplayedCycle(cycle, outbox, events, state.guard.mode, state.guard.cause, observed)
 
 
 def _inbox(cycle: RecordedCycle, now_ns: int) -> tuple[CanFrame, ...]:

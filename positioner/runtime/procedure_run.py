@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from positioner.commissioning.procedure import aborted_by, cause_in_words, ended_by
 from positioner.errors import PositionerError
 from positioner.runtime.daemon import Daemon
 from positioner.values import replace
-from positioner.wire.messages import Cause, Mode
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from positioner.commissioning.procedure import Procedure, Progress
     from positioner.config.schema import Configuration
     from positioner.runtime.session import RunOptions
+    from positioner.wire.messages import Cause, Mode
 
 _BEGINS_WITHIN_S = 10.0
-_TOLERATED = frozenset({Cause.NONE, Cause.LAW_LATE, Cause.PERIOD_WRONG})
 _LOOK_EVERY_S = 0.1
 """Between two reports of the progress."""
 
@@ -81,11 +81,11 @@ class ProcedureRun(Daemon):
             return
         self._begun, self.memory = True, state.control.memory
         mode, cause = state.guard.mode, state.guard.cause
-        if mode not in {Mode.ACTIVE, Mode.HOLD} or (mode is Mode.ACTIVE and cause not in _TOLERATED):
-            self._end(mode, cause)
+        if ended := ended_by(mode, cause):
+            self._end(ended)
             return
-        if (mode is Mode.HOLD and cause is not Cause.STALLED) or cause is Cause.PERIOD_WRONG:
-            self._abort(f"the guard reports: {_words(cause)}; the stem was brought back to its start")
+        if why := aborted_by(mode, cause):
+            self._abort(why)
         now_s = self._time.monotonic_s()
         progress = self._procedure.progress(self.memory)
         if progress.ended or now_s >= self._shown_s:
@@ -96,13 +96,13 @@ class ProcedureRun(Daemon):
     def _look_before(self, mode: Mode, cause: Cause) -> None:
         """Look at a positioner that does not control: not yet, or not any more."""
         if self._begun:
-            self._end(mode, cause)
+            self._end(ended_by(mode, cause))
         elif self._time.monotonic_s() > self._wait_until_s:
-            self.ended_because = f"did not begin within {_BEGINS_WITHIN_S:g} s: {_words(cause)}"
+            self.ended_because = f"did not begin within {_BEGINS_WITHIN_S:g} s: {cause_in_words(cause)}"
             self._stopping = True
 
-    def _end(self, mode: Mode, cause: Cause) -> None:
-        self.ended_because = f"ended by the guard: {mode.name}, {_words(cause)}"
+    def _end(self, because: str) -> None:
+        self.ended_because = because
         self._stopping = True
 
     def _abort(self, why: str) -> None:
@@ -118,7 +118,3 @@ class ProcedureRun(Daemon):
             return
         self._interrupted = True
         self._abort("stopped by a person; the stem was brought back to its start")
-
-
-def _words(cause: Cause) -> str:
-    return cause.name.lower().replace("_", " ")

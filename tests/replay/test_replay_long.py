@@ -25,7 +25,7 @@ from positioner.replay.run import ReplayedCycle
 from positioner.replay.survey import LogKind, Survey
 from positioner.runtime.record import NOTE_ID
 from positioner.wire.codec import make_codec
-from positioner.wire.messages import CanFrame, CurrentCommand, Mode, Setpoint, StemPosition
+from positioner.wire.messages import CanFrame, Cause, CurrentCommand, Mode, Setpoint, StemPosition
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -209,7 +209,9 @@ def test_fallbacks_of_ever_new_reasons_are_counted_and_not_all_remembered() -> N
     other = OtherLaw(CODEC)
     for number in range(5000):
         other.add(
-            ReplayedCycle(RecordedCycle(number, ()), (), (LawFellBack(f"gap of {number} mm"),), Mode.ACTIVE, None)
+            ReplayedCycle(
+                RecordedCycle(number, ()), (), (LawFellBack(f"gap of {number} mm"),), Mode.ACTIVE, Cause.NONE, None
+            )
         )
     lines = other.in_words().splitlines()
     assert "fallbacks: 5000" in lines

@@ -1,6 +1,7 @@
 """What ends a stroke test before its time: the first criterion that holds. Pure.
 
-A disarming, another mode and a trip of the guard come before all of these: then the law has no say any more.
+Before all of these come what the guard decides (a disarming, another mode, a trip, missing feedback), and a new
+setpoint.
 """
 
 from __future__ import annotations
@@ -21,45 +22,39 @@ _SETTLES_S = 0.3
 _MM = 1e3
 
 
-def first_broken(
-    settings: StrokeSettings, memory: StrokeMemory, plan: Plan, missing_s: float
-) -> Stop | None:
-    """Return why the test must end now, None where it may go on.
-
-    missing_s: for how long readings were missing before this one, 0 where they were not.
-    """
+def first_broken(settings: StrokeSettings, memory: StrokeMemory, plan: Plan) -> Stop | None:
+    """Return why the test must end now, None where it may go on."""
     gone_m = plan.gone_m(memory.smooth_m)
-    at_mm = memory.smooth_m * _MM
-
-    def stop(cause: Cause, why: str) -> Stop:
-        return Stop(cause, why, memory.current_ma, memory.smooth_m, memory.time_s)
-
-    if missing_s > 0.0:
-        return stop(Cause.FEEDBACK, f"no reading was accepted for {missing_s * _MM:.0f} ms")
+    broken: tuple[Cause, str] | None = None
     if gone_m > plan.furthest_m:
         most_mm = plan.furthest_m * _MM
-        return stop(Cause.BEYOND, f"the stem is {gone_m * _MM:.1f} mm from its start, the limit is {most_mm:.1f} mm")
+        broken = Cause.BEYOND, f"the stem is {gone_m * _MM:.1f} mm from its start, the limit is {most_mm:.1f} mm"
+    elif memory.phase in {Phase.OUT, Phase.BACK}:
+        broken = _stuck(settings, memory, plan)
+    if broken is None and off_course_m(plan, memory) > 0.0:
+        at_mm, most_mm = memory.smooth_m * _MM, plan.tolerance_m * _MM
+        broken = Cause.OFF_COURSE, f"the stem is at {at_mm:.1f} mm, more than {most_mm:.2f} mm from its course"
+    if broken is None and memory.time_s > settings.total_s:
+        broken = Cause.TOO_LONG, f"the test has not ended after {memory.time_s:.1f} s, in: {memory.phase}"
+    return Stop(*broken, memory.current_ma, memory.smooth_m, memory.time_s) if broken else None
+
+
+def _stuck(settings: StrokeSettings, memory: StrokeMemory, plan: Plan) -> tuple[Cause, str] | None:
+    """Return why a pushed stem counts as stuck, None where it moves, or may still begin to."""
     moved = memory.breakaway
-    pushes = memory.phase in {Phase.OUT, Phase.BACK}
-    stands = moved is None or (memory.still_s >= _STANDS_S and memory.time_s - moved.time_s >= _STANDS_S)
-    place_m = memory.from_m if moved is None else memory.still_m
+    if moved and (memory.still_s < _STANDS_S or memory.time_s - moved.time_s < _STANDS_S):
+        return None
+    place_m = memory.still_m if moved else memory.from_m
     push_ma = abs(memory.current_ma - plan.balance_ma(place_m))
-    if pushes and stands and push_ma > settings.stuck_of_reference * plan.static_ma:
-        way = "to move" if moved is None else "again"
+    if push_ma > settings.stuck_of_reference * plan.static_ma:
         why = (
-            f"the stem is stuck at {at_mm:.1f} mm: {push_ma:.2f} mA beyond the middle of its stick band, "
-            f"{push_ma / plan.static_ma:.2f} times its static friction, do not bring it {way}"
+            f"stuck at {place_m * _MM:.1f} mm: {push_ma:.2f} mA beyond the middle of the stick band, "
+            f"{push_ma / plan.static_ma:.2f} times the static friction, do not move the stem"
         )
-        return stop(Cause.STUCK, why)
-    if pushes and moved is None and memory.phase_s > settings.breakaway_s:
+        return Cause.STUCK, why
+    if moved is None and memory.phase_s > settings.breakaway_s:
         why = f"no motion for {memory.phase_s:.1f} s, up to {push_ma:.2f} mA beyond the middle of the stick band"
-        return stop(Cause.NO_MOTION, why)
-    off_m = off_course_m(plan, memory)
-    if off_m > 0.0:
-        most_mm = plan.tolerance_m * _MM
-        return stop(Cause.OFF_COURSE, f"the stem is at {at_mm:.1f} mm, more than {most_mm:.2f} mm from its course")
-    if memory.time_s > settings.total_s:
-        return stop(Cause.TOO_LONG, f"the test has not ended after {memory.time_s:.1f} s, in: {memory.phase}")
+        return Cause.NO_MOTION, why
     return None
 
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+_POINTS = 400
 _SMOOTH_S = 0.05
 _SLID_S = 0.3
 _REST_OF_COAST = 0.3
@@ -60,6 +61,14 @@ class Record:
     def lasted_s(self) -> float:
         """The length of the record in s."""
         return len(self.measured_m) * self.period_s
+
+    def trace(self) -> tuple[tuple[float, float, float], ...]:
+        """Return time in s, mean reading in m and current in mA of some samples, at equal distances."""
+        every = -(-len(self.measured_m) // _POINTS)
+        return tuple(
+            (round(number * self.period_s, 6), float(self.smooth_m[number]), self.whole.applied_ma[number])
+            for number in range(0, len(self.measured_m), every)
+        )
 
     def rested_m(self, phase: Phase) -> float:
         """Return the mean reading in m in the second half of a phase, NaN where there was none."""
@@ -126,6 +135,8 @@ def lag_s(record: Record, plan: Plan, out: Moved | None) -> float:
 
 def _time_constant_s(way_s: float, held_s: float) -> float:
     """Return τ in s with τ·(1 - exp(-held_s/τ)) = way_s; 0 for no way, and 60 s where none is so long."""
+    if way_s <= 0.0:
+        return 0.0
     low_s, high_s = 0.0, _SLOWEST_S
     for _ in range(_HALVINGS):
         middle_s = 0.5 * (low_s + high_s)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from positioner.commissioning.known import SMOOTHING_S, Mean
 from positioner.commissioning.record import longer
 from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
+    from positioner.commissioning.closed_loop import LoopState
     from positioner.commissioning.record import Trail
     from positioner.commissioning.stroke.plan import Plan
     from positioner.laws.law import Observation
@@ -33,15 +34,14 @@ class Phase(StrEnum):
 class Cause(StrEnum):
     """Why a test was ended before its time; in the order in which they are looked for."""
 
+    STOPPED = "stopped by the guard or a person"
     NEW_SETPOINT = "new setpoint"
-    FEEDBACK = "feedback missing"
     BEYOND = "beyond the stroke"
     STUCK = "breakaway too high"
     NO_MOTION = "no motion in time"
     OFF_COURSE = "off its course"
     TOO_LONG = "total time"
     NOT_POSSIBLE = "not possible here"
-    PERSON = "stopped by a person"
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,8 @@ class StrokeMemory:
 
     began: the first sample of each phase, in their order; moved: the breakaways. from_m: where the stem rested before
     the present ramp. still_m, still_s: the place that it has not left since.
-    asked_m: the setpoint at the start, NaN before a host has sent one. law: the memory of the law, behind a demand.
+    asked_m: the setpoint at the start, NaN before a host has sent one. loop: of the law that
+    pursues a new setpoint.
     """
 
     phase: Phase
@@ -95,7 +96,7 @@ class StrokeMemory:
     began: tuple[tuple[Phase, int], ...] = ()
     moved: tuple[Moved, ...] = ()
     stop: Stop | None = None
-    law: Any = None
+    loop: LoopState | None = None
 
     def observed(self, observation: Observation, period_s: float) -> StrokeMemory:
         """Return the memory with time, smoothed reading and record brought forward."""

@@ -11,7 +11,7 @@ A new setpoint ends the test at once. The law of the valve then takes the stem t
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from positioner.commissioning.procedure import Progress
 from positioner.commissioning.stroke.aborts import first_broken
@@ -19,13 +19,13 @@ from positioner.commissioning.stroke.memory import Cause, Phase, Stop, StrokeMem
 from positioner.commissioning.stroke.plan import plan_of
 from positioner.commissioning.stroke.way_back import back, freed, settled
 from positioner.values import dataclass, replace
-from positioner.valve.stiction import StictionTable
 
 if TYPE_CHECKING:
+    from positioner.commissioning.closed_loop import ClosedLoop
     from positioner.commissioning.procedure import ProcedureLimits
     from positioner.commissioning.stroke.plan import Plan
     from positioner.commissioning.stroke.settings import StrokeSettings
-    from positioner.laws.law import Law, Observation
+    from positioner.laws.law import Observation
     from positioner.valve.parameters import ValveParameters
 
 _REST_S = 2.0
@@ -40,16 +40,14 @@ _MM = 1e3
 class StrokeTest:
     """The procedure, for one valve and one period.
 
-    law: the one that takes the stem to a new setpoint. hold_periods: more sample periods than these without a reading
-    end the test.
+    loop: takes the stem to a new setpoint.
     """
 
     valve: ValveParameters
     limits: ProcedureLimits
     settings: StrokeSettings
     period_s: float
-    hold_periods: int
-    law: Law[Any]
+    loop: ClosedLoop
     name: str = "stroke-test"
 
     def begin(self, measured_m: float) -> StrokeMemory:
@@ -68,7 +66,8 @@ class StrokeTest:
         if memory.phase is Phase.DEMAND:
             memory = self._demanded(memory, observation)
         else:
-            memory = self._tested(self._looked_at(memory, observation), observation)
+            memory = self._looked_at(memory)
+            memory = memory if memory.phase is Phase.ENDED else self._tested(memory, observation)
         step_ma = self.limits.rate_ma_per_s * observation.elapsed_s
         current_ma = self._within(min(max(memory.current_ma, before_ma - step_ma), before_ma + step_ma))
         return replace(memory, current_ma=current_ma), current_ma
@@ -85,10 +84,10 @@ class StrokeTest:
         return _REST_S + 2.0 * stroke_s + plan.coast_s + self.settings.pause_s + 1.0
 
     def abort(self, memory: StrokeMemory, why: str) -> StrokeMemory:
-        """Return the memory of a test that brings the stem back because a person wants it."""
+        """Return the memory of a test that brings the stem back because it was stopped from outside."""
         if memory.stop or memory.phase is Phase.ENDED:
             return memory
-        return self._stopped(memory, Stop(Cause.PERSON, why, memory.current_ma, memory.smooth_m, memory.time_s))
+        return self._stopped(memory, Stop(Cause.STOPPED, why, memory.current_ma, memory.smooth_m, memory.time_s))
 
     def _within(self, current_ma: float) -> float:
         return min(max(current_ma, self.limits.current_low_ma), self.limits.current_high_ma)
@@ -107,31 +106,28 @@ class StrokeTest:
         why = f"the host asks for {setpoint_m * _MM:.1f} mm"
         stop = Stop(Cause.NEW_SETPOINT, why, memory.current_ma, memory.smooth_m, memory.time_s)
         memory = replace(memory, stop=memory.stop or stop, asked_m=setpoint_m)
-        return replace(memory.then(Phase.DEMAND), law=self.law.begin(observation.measured_m))
+        return replace(memory.then(Phase.DEMAND), loop=self.loop.begin(observation.measured_m))
 
     def _demanded(self, memory: StrokeMemory, observation: Observation) -> StrokeMemory:
         """Return the memory with the current that takes the stem to the setpoint: an end of the travel at once."""
         setpoint_m, valve = observation.setpoint_m, self.valve
-        law, estimate = self.law.estimate(memory.law, observation)
-        law, decision = self.law.decide(law, estimate.stem, observation, StictionTable())
+        assert memory.loop is not None  # noqa: S101 - it begins with the demand
+        loop, current_ma = self.loop.current_ma(memory.loop, observation, setpoint_m)
         part = (setpoint_m - valve.travel_min_m) / valve.span_m
-        current_ma = decision.current_ma
         if part <= _FULL_OF_SPAN or part >= 1.0 - _FULL_OF_SPAN:
             current_ma = self.limits.current_low_ma if part <= _FULL_OF_SPAN else self.limits.current_high_ma
         near = abs(memory.smooth_m - setpoint_m) <= _DEMAND_REACHED_OF_SPAN * self.limits.span_m
-        memory = replace(memory, law=law, current_ma=current_ma)
+        memory = replace(memory, loop=loop, current_ma=current_ma)
         if memory.phase_s > _DEMAND_S or (near and memory.still_s > _DEMAND_REST_S):
             return memory.then(Phase.ENDED)
         return memory
 
-    def _looked_at(self, memory: StrokeMemory, observation: Observation) -> StrokeMemory:
+    def _looked_at(self, memory: StrokeMemory) -> StrokeMemory:
         """Return the memory, stopped where a criterion holds."""
         if memory.stop:
             return memory
-        periods = round(observation.elapsed_s / self.period_s)
-        missing_s = observation.elapsed_s if periods > self.hold_periods else 0.0
         plan = memory.plan or self._plan(memory, 0.0)
-        stop = first_broken(self.settings, memory, plan, missing_s)
+        stop = first_broken(self.settings, memory, plan)
         return self._stopped(memory, stop) if stop else memory
 
     def _stopped(self, memory: StrokeMemory, stop: Stop) -> StrokeMemory:
@@ -159,8 +155,6 @@ class StrokeTest:
                 return self._paused(memory, plan, observation)
             case Phase.SETTLE:
                 return settled(memory, plan, self.limits, observation)
-            case Phase.ENDED:
-                return memory
             case _:
                 return back(memory, plan, self.limits, self.settings, observation)
 
@@ -184,6 +178,10 @@ class StrokeTest:
         end_m = plan.start_m + plan.way * plan.aim_m
         if not limits.travel_min_m <= end_m <= limits.travel_max_m:
             return f"the stroke from {plan.start_m * _MM:.1f} mm would end at a stop: begin elsewhere"
+        low_m, high_m = valve.reach_m(limits.current_low_ma, limits.current_high_ma)
+        if not low_m <= end_m <= high_m:
+            text = f"the current ([guard]) cannot take the stem to {end_m * _MM:.1f} mm: it reaches "
+            return text + f"{low_m * _MM:.1f} to {high_m * _MM:.1f} mm: begin elsewhere"
         low_m, high_m = valve.restartable_m(limits.current_low_ma, limits.current_high_ma)
         for place_m, way in ((plan.start_m, plan.way), (end_m, -plan.way)):
             if (way < 0.0 and place_m < low_m) or (way > 0.0 and place_m > high_m):

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters
 
 _MM = 1e3
-_SAYS_NOTHING = frozenset({Cause.NEW_SETPOINT, Cause.FEEDBACK, Cause.NOT_POSSIBLE, Cause.PERSON})
+_SAYS_NOTHING = frozenset({Cause.STOPPED, Cause.NEW_SETPOINT, Cause.NOT_POSSIBLE})
 """What ends a test without a word about the valve."""
 
 
@@ -53,11 +53,13 @@ class StrokeResult:
     """The result, in SI units; NaN where the test did not come so far.
 
     stop: why it was ended before its time, None where it was not; ended_by: the words of the guard where that ended it.
+    reference_n: the configured F_s. stroke_m: the wanted stroke.
     start_m, reached_m, furthest_m, back_m: where the stem began, rested at the end of the stroke, was at most, and
-    ended. out_n, back_n: the forces at the breakaways; reference_n: the configured F_s.
+    ended. out_n, back_n: the forces at the breakaways.
     jump_m, jumped_m: the natural jump that was predicted, and the one that was seen.
     lag_s, expected_lag_s: how late the sliding stem follows the current, and how late it should.
     out_s, home_s: from the begin of each ramp until the stem was at its end. sigma_m: the noise of a reading.
+    trace: time in s, mean reading in m and current in mA, at most some hundred points for a picture.
     """
 
     stop: Stop | None
@@ -65,6 +67,7 @@ class StrokeResult:
     reference_n: float
     lasted_s: float
     start_m: float
+    stroke_m: float
     verdict: Verdict = Verdict.ABORTED
     findings: tuple[Finding, ...] = ()
     reached_m: float = math.nan
@@ -79,6 +82,7 @@ class StrokeResult:
     out_s: float = math.nan
     home_s: float = math.nan
     sigma_m: float = math.nan
+    trace: tuple[tuple[float, float, float], ...] = ()
 
     @property
     def cause(self) -> str:
@@ -113,6 +117,8 @@ def stroke_result(
         reference_n=valve.static_friction_n,
         lasted_s=record.lasted_s,
         start_m=plan.start_m if plan else memory.first_m,
+        stroke_m=settings.stroke_of_span * valve.span_m,
+        trace=record.trace(),
     )
     if plan is None:
         return result

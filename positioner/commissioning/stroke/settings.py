@@ -26,7 +26,8 @@ class StrokeSettings(SettingsTable):
         from its course, and beyond the stroke.
     rate_ma_per_s: of the ramp that frees the stem. pause_s: for how long the stem stays at the end of the stroke.
     stuck_of_reference: the stem is stuck where this part of the configured static friction does not free it.
-    breakaway_high, breakaway_low: the valve fails where its static friction is beyond these parts of the configured one.
+    breakaway_high, breakaway_low: the valve fails where its static friction is beyond these parts of the configured
+        one.
     breakaway_s, total_s: the longest time without motion, and of the test until the stem is back.
     slow_s: the valve fails where it follows the current later than its configured lags explain by more than this.
     demand_of_span: a setpoint that differs by more than this from the one at the start ends the test.
@@ -51,3 +52,7 @@ class StrokeSettings(SettingsTable):
             raise ValueError("breakaway_high must not exceed stuck_of_reference: the test ends there")
         if self.total_s <= self.breakaway_s:
             raise ValueError("total_s must exceed breakaway_s")
+
+    def as_json(self) -> dict[str, str | float]:
+        """Return the settings for a program."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}

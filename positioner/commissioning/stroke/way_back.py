@@ -1,7 +1,7 @@
 """The way of the stem back to its start, in a stroke test and after one that was ended. Pure.
 
 The stem slides onto the start from the side of the stroke, and the friction stops it there. Where it is too near for
-that, or beyond the start, it first goes away to that side, farther than its natural jump. So it stays within the stroke.
+that, or beyond the start, it first goes away to that side, farther than its natural jump.
 """
 
 from __future__ import annotations

@@ -1,0 +1,78 @@
+"""`positioner stroke-test`: a partial stroke of the valve, and whether it moves as it should. Shell."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import TYPE_CHECKING
+
+from positioner.cli.command import add_command
+from positioner.cli.procedure import add_procedure, keep_result, outcome_of, procedure_configuration, reference_of
+from positioner.commissioning.closed_loop import ClosedLoop
+from positioner.commissioning.procedure import ProcedureLimits
+from positioner.commissioning.stroke.procedure import StrokeTest
+from positioner.commissioning.stroke.report import as_json, changes, remarks, rows, verdict_line
+from positioner.commissioning.stroke.result import Verdict, stroke_result
+from positioner.errors import ExitCode
+
+if TYPE_CHECKING:
+    import argparse
+
+    from positioner.cli.command import Commands
+    from positioner.config.schema import Configuration
+
+KIND = "stroke-test"
+_EPILOG = """\
+examples:
+  positioner stroke-test --config fv101.toml                       after a question
+  positioner stroke-test --config fv101.toml --yes --json
+  positioner stroke-test --config fv101.toml --yes --record fv101.log
+  positioner stroke-test --config fv101.toml --from fv101.log      the same result from the record
+
+The test moves the valve from where it is by a tenth of its span, and back, within half a minute: the process must bear
+it. [stroke_test] sets stroke, direction and limits; the static friction that identify has written into [valve] is the
+reference. A new setpoint of the host, a disarming and a trip end the test at once; the stem then goes where it is told.
+Any other end brings it back to where it was, Ctrl-C too; a second Ctrl-C ends it at once. The daemon of this valve must
+be stopped. Results are kept in the state directory of the valve, and compared with the first one.
+
+The test shows the condition of the valve. It earns no safety integrity level: the positioner is no safety device.
+
+exit status: 0 passed, 1 failed or aborted, 2 wrong command line, or not confirmed, 69 no bus, or another controller,
+74 a file cannot be written, 75 the daemon of this valve runs, 78 the configuration is wrong.
+"""
+
+
+def add_parser(commands: Commands) -> None:
+    """Add `positioner stroke-test`."""
+    summary = "stroke a valve partly and back, and tell whether it sticks or is slow"
+    add_procedure(add_command(commands, KIND, _run, summary, _EPILOG))
+
+
+def stroke_test_of(configuration: Configuration) -> StrokeTest:
+    """Return the procedure of a configuration."""
+    control = configuration.control
+    return StrokeTest(
+        configuration.valve,
+        ProcedureLimits.of(configuration.valve, configuration.guard),
+        configuration.stroke_test,
+        control.sample_period_s,
+        ClosedLoop(configuration.make_law(), configuration.limits, control.table_cell_m),
+    )
+
+
+def _run(arguments: argparse.Namespace) -> ExitCode:
+    configuration = procedure_configuration(arguments)
+    valve, settings = configuration.valve, configuration.stroke_test
+    reference = reference_of(arguments, configuration, KIND)
+    memory, ended_by = outcome_of(arguments, configuration, stroke_test_of(configuration))
+    found = stroke_result(memory, ended_by, valve, settings, configuration.control.sample_period_s)
+    document = as_json(found, valve, settings)
+    if arguments.json:
+        sys.stdout.write(f"{json.dumps(document, indent=2)}\n")
+    else:
+        lines = [verdict_line(found, valve), *(str(row) for row in rows(found) if row.seen)]
+        lines += changes(found, reference) if reference else ()
+        sys.stdout.write("\n".join([*lines, *(f"  {line}" for line in remarks(found))]) + "\n")
+    if found.verdict is not Verdict.ABORTED:
+        keep_result(arguments, configuration, KIND, document)
+    return ExitCode.OK if found.verdict is Verdict.PASSED else ExitCode.FAILURE

@@ -48,7 +48,7 @@ class Played:
     stopped: int | None = None
 
 
-def configured(valve: dict[str, Any] | None = None, period_s: float = 0.005, **tables: Any) -> Configuration:
+def configured(valve: dict[str, Any] | None = None, period_s: float = 0.01, **tables: Any) -> Configuration:
     """Return the configuration of a valve, the paper's if nothing else is said."""
     tables = {"control": {"sample_period_s": period_s}, "guard": {"frozen_s": 0.0}, **tables}
     text = tomli_w.dumps({"valve": {"id": "FV-101", "preset": "paper", **(valve or {})}, **tables})

@@ -93,7 +93,7 @@ def memory_of(arguments: argparse.Namespace, configuration: Configuration, proce
 def outcome_of(
     arguments: argparse.Namespace, configuration: Configuration, procedure: OfferedProcedure[M]
 ) -> tuple[M, str]:
-    """Return the procedure's memory as `memory_of`, also where it was ended before its time, and how the guard ended it.
+    """Return the memory as `memory_of`, also where the procedure was ended early, and how the guard ended it.
 
     Raises:
         ProcedureError: it did not begin.
@@ -164,9 +164,7 @@ def _state_of(arguments: argparse.Namespace, configuration: Configuration) -> Pa
     return location_of(configuration, arguments.config, arguments.state).state
 
 
-def _moved(
-    arguments: argparse.Namespace, configuration: Configuration, procedure: OfferedProcedure[M]
-) -> ProcedureRun:
+def _moved(arguments: argparse.Namespace, configuration: Configuration, procedure: OfferedProcedure[M]) -> ProcedureRun:
     """Return the run of the procedure after it has moved the valve on the bus, when the person has agreed to it."""
     from positioner.runtime.procedure_run import ProcedureRun  # noqa: PLC0415 - the bus, for an experiment only
     from positioner.runtime.session import RunOptions  # noqa: PLC0415

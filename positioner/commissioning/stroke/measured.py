@@ -30,6 +30,11 @@ _SMOOTH_S = 0.05
 _SLID_S = 0.3
 _REST_OF_COAST = 0.3
 _SLOWEST_S = 60.0
+_SHORTEST_S = 0.05
+_FEWEST = 4
+_OTHER_SPEED = 0.4
+_FASTEST = 1.15
+"""A stem that goes on faster than it slid does so by a jump, and shows no lag."""
 _HALVINGS = 60
 
 
@@ -69,6 +74,11 @@ class Record:
             (round(number * self.period_s, 6), float(self.smooth_m[number]), self.whole.applied_ma[number])
             for number in range(0, len(self.measured_m), every)
         )
+
+    def furthest_m(self, plan: Plan) -> float:
+        """Return the place in m that is farthest from the start, by means that leave little of the noise."""
+        width = max(round(3.0 * max(plan.smoothing_s, _SMOOTH_S) / self.period_s), 1)
+        return plan.start_m + plan.way * float(np.max(plan.way * (smooth(self.measured_m, width) - plan.start_m)))
 
     def rested_m(self, phase: Phase) -> float:
         """Return the mean reading in m in the second half of a phase, NaN where there was none."""
@@ -120,17 +130,28 @@ def lag_s(record: Record, plan: Plan, out: Moved | None) -> float:
     When the current is held, a stem that slides at v goes on for v·τ·(1 - exp(-t/τ)).
     """
     begin, end = record.phases.get(Phase.COAST, (0, 0))
-    if out is None or end - begin < 2:  # noqa: PLR2004 - no fewer show a way
+    if out is None or (end - begin) * record.period_s < _SHORTEST_S:
         return math.nan
     onset = onset_of(record, out, plan.start_m)
-    from_ = min(max(begin - round(_SLID_S / record.period_s), onset + 1), begin - 1)
+    from_ = max(begin - round(_SLID_S / record.period_s), onset + 1)
     gone_m = plan.way * (record.measured_m - plan.start_m)
-    early_s = (begin - 0.5 - np.arange(from_, begin)) * record.period_s
-    began_m = float(np.nanmean(gone_m[from_:begin] + plan.speed_m_per_s * early_s))
+    early_s: Array = (begin - 0.5 - np.arange(from_, begin, dtype=np.float64)) * record.period_s
+    began_m = gone_m[from_:begin] + plan.speed_m_per_s * early_s
+    if len(early_s) < _FEWEST or not _steady(began_m, early_s, plan):
+        return math.nan
     last = max(begin, end - max(round(_REST_OF_COAST * (end - begin)), 1))
     held_s = (0.5 * (last + end) - begin) * record.period_s
-    way_s = (float(np.nanmean(gone_m[last:end])) - began_m) / plan.speed_m_per_s
-    return _time_constant_s(way_s, held_s)
+    way_s = float(np.nanmean(gone_m[last:end]) - np.nanmean(began_m)) / plan.speed_m_per_s
+    return _time_constant_s(way_s, held_s) if way_s < _FASTEST * held_s else math.nan
+
+
+def _steady(left_m: Array, early_s: Array, plan: Plan) -> bool:
+    """Return whether the stem slid at its expected speed: without it, its place does not change."""
+    known = ~np.isnan(left_m)
+    times = early_s[known] - early_s[known].mean()
+    squares = float(times @ times)
+    off = abs(float(times @ left_m[known]) / squares)
+    return off < _OTHER_SPEED * plan.speed_m_per_s + 3.0 * plan.sigma_m / math.sqrt(squares)
 
 
 def _time_constant_s(way_s: float, held_s: float) -> float:

@@ -101,7 +101,8 @@ class StrokeMemory:
     def observed(self, observation: Observation, period_s: float) -> StrokeMemory:
         """Return the memory with time, smoothed reading and record brought forward."""
         elapsed_s, measured_m = observation.elapsed_s, observation.measured_m
-        smooth_m = self.smooth_m + elapsed_s / (SMOOTHING_S + elapsed_s) * (measured_m - self.smooth_m)
+        smoothing_s = self.plan.smoothing_s if self.plan else SMOOTHING_S
+        smooth_m = self.smooth_m + elapsed_s / (smoothing_s + elapsed_s) * (measured_m - self.smooth_m)
         seen_m = self.plan.seen_m if self.plan else 0.0
         left = abs(smooth_m - self.still_m) > seen_m
         return replace(

@@ -20,6 +20,9 @@ _COAST_OF_TOLERANCE = 0.8
 _COASTS = 4.0
 _SIGMA = 6.0
 _LEAST_OF_SPAN = 0.0012
+_SEEN_OF_TOLERANCE = 0.25
+"""The readings are smoothed until a motion of this part of the tolerance is more than their noise."""
+_LONGEST_SMOOTHING_S = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +35,8 @@ class Plan:
     stroke_m: the wanted stroke; aim_m: the one to expect, the jump where that is longer; furthest_m: the limit.
     tolerance_m: from the course. rate_ma_per_s, speed_m_per_s: of the stem that slides; steadily: without jumps.
     lag_s: from the current to the sliding stem; slow_s: what it may take in addition.
-    seen_m: the motion that is more than noise.
+    smoothing_s: time constant of the smoothed reading; seen_m: the motion that is more than its noise; sigma_m: the
+    noise of a reading.
     """
 
     start_m: float
@@ -50,13 +54,19 @@ class Plan:
     steadily: bool
     lag_s: float
     slow_s: float
+    smoothing_s: float
     seen_m: float
     sigma_m: float
 
     @property
     def coast_from_m(self) -> float:
-        """Where the current is held, so that a healthy stem comes to rest at the end of the stroke."""
-        return self.aim_m - self.speed_m_per_s * self.lag_s
+        """Where the smoothed reading is when the current is to be held, to end at the end of the stroke."""
+        return self.aim_m - self.speed_m_per_s * self.lag_s - self.late_m
+
+    @property
+    def late_m(self) -> float:
+        """How far in m the smoothed reading is behind a stem that slides."""
+        return self.speed_m_per_s * self.smoothing_s
 
     @property
     def coast_s(self) -> float:
@@ -95,8 +105,10 @@ def plan_of(
     aim_m = max(stroke_m, jump_m)
     fastest = _COAST_OF_STROKE * aim_m / max(lag_s, period_s) / m_per_ma
     rate = min(max(settings.rate_ma_per_s, slides_ma_per_s), fastest, limits.rate_ma_per_s)
-    weight = period_s / (SMOOTHING_S + period_s)
     tolerance_m = settings.tolerance_of_span * limits.span_m
+    ratio = _SIGMA * sigma_m / (_SEEN_OF_TOLERANCE * tolerance_m)
+    smoothing_s = min(max(0.5 * period_s * (ratio * ratio - 1.0), SMOOTHING_S), _LONGEST_SMOOTHING_S)
+    left = math.sqrt(period_s / (2.0 * smoothing_s + period_s))
     return Plan(
         start_m=start_m,
         way=-1.0 if settings.direction is Direction.CLOSING else 1.0,
@@ -113,7 +125,8 @@ def plan_of(
         steadily=rate >= slides_ma_per_s,
         lag_s=lag_s,
         slow_s=settings.slow_s,
-        seen_m=max(_SIGMA * sigma_m * math.sqrt(weight / (2.0 - weight)), _LEAST_OF_SPAN * limits.span_m),
+        smoothing_s=smoothing_s,
+        seen_m=max(_SIGMA * sigma_m * left, _LEAST_OF_SPAN * limits.span_m),
         sigma_m=sigma_m,
     )
 

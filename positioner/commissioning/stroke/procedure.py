@@ -166,7 +166,7 @@ class StrokeTest:
         if memory.phase_s < _REST_S:
             return memory
         plan = self._plan(memory, memory.mean.sigma_m)
-        memory = replace(memory, plan=plan)
+        memory = replace(memory, plan=plan, smooth_m=plan.start_m)
         if why := self._impossible(plan):
             stop = Stop(Cause.NOT_POSSIBLE, why, memory.current_ma, memory.smooth_m, memory.time_s)
             return replace(memory, stop=stop).then(Phase.ENDED)

@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from positioner.commissioning.stroke.measured import Record, breakaway_n, jumped_m, lag_s
 from positioner.commissioning.stroke.memory import Cause, Phase
 
@@ -129,7 +127,7 @@ def stroke_result(
     result = replace(
         result,
         reached_m=record.rested_m(Phase.PAUSE),
-        furthest_m=plan.start_m + plan.way * float(np.max(plan.way * (record.smooth_m - plan.start_m))),
+        furthest_m=record.furthest_m(plan),
         back_m=memory.mean.mean_m if memory.mean.count else memory.smooth_m,
         out_n=breakaway_n(record, valve, plan, out, slow_s) if out else math.nan,
         back_n=breakaway_n(record, valve, plan, home, slow_s) if home else math.nan,

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from positioner.commissioning.known import SMOOTHING_S
 from positioner.commissioning.stroke.memory import Moved, Phase
 from positioner.values import replace
 
@@ -44,12 +43,11 @@ def back(
     away = memory.phase is Phase.AWAY
     memory = freed(memory, plan)
     gone_m, way = plan.gone_m(memory.smooth_m), plan.way if away else -plan.way
-    early_m = plan.speed_m_per_s * SMOOTHING_S
     if away and gone_m >= _JUMPS * plan.jump_m + memory.tries * _NEAR_OF_SPAN * limits.span_m:
         return replace(memory.then(Phase.RETURN), current_ma=plan.balance_ma(memory.smooth_m))
     end_ma = limits.current_low_ma if way < 0.0 else limits.current_high_ma
     fails = memory.current_ma == end_ma and memory.still_s > _GIVE_UP_S + 3.0 * plan.lag_s
-    if fails or (not away and memory.breakaway and gone_m <= early_m):
+    if fails or (not away and memory.breakaway and gone_m <= plan.late_m):
         return replace(memory.then(Phase.SETTLE), current_ma=plan.balance_ma(plan.start_m))
     rate = plan.rate_ma_per_s
     if memory.breakaway is None:

@@ -33,6 +33,7 @@ _COMMANDS = (
     "reach",
     "diagnose",
     "report",
+    "health",
     "doctor",
     "conformance",
 )
@@ -50,6 +51,7 @@ examples:
   positioner stroke-test --config fv101.toml       stroke the valve by a tenth, and tell whether it moves as it should
   positioner diagnose loop.csv                     tell from OP and PV of a loop whether its valve sticks
   positioner report --config fv101.toml            write one page about the valve, for the screen and for paper
+  positioner health --config fv101.toml            show counters, trends and alarms of the valve
   positioner table dump --config fv101.toml        print what was learned about the valve's stiction
 
 exit status: 0 done, 1 failed, 2 wrong command line, 69 bus or valve not available, 70 internal error, 71 the system

@@ -11,7 +11,7 @@ from positioner.health.counters_document import COUNTERS, counters_from, counter
 from positioner.health.counting import Counting, begin, count
 from positioner.health.trends_document import TRENDS, trends_from, trends_in
 from positioner.health.watch import Watch, watch_cycle
-from positioner.values import dataclass
+from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -31,10 +31,14 @@ class HealthSettings:
 
 @dataclass(frozen=True, slots=True)
 class HealthState:
-    """What health carries on from cycle to cycle."""
+    """What health carries on from cycle to cycle; `begin_us` is the instant of the first one, None before it.
+
+    Each part gets its instants from there: then their roundings are those of a log, too.
+    """
 
     counting: Counting
     watch: Watch
+    begin_us: int | None = None
 
 
 def begin_health(settings: HealthSettings, sections: Mapping[str, Any]) -> HealthState:
@@ -49,9 +53,11 @@ def begin_health(settings: HealthSettings, sections: Mapping[str, Any]) -> Healt
 
 def observe(settings: HealthSettings, health: HealthState, cycle: ObservedCycle) -> HealthState:
     """Return the health after one more cycle; the watch is changed in place."""
+    begin_us = cycle.now_us if health.begin_us is None else health.begin_us
+    cycle = replace(cycle, now_us=cycle.now_us - begin_us)
     counting = count(settings.counters, health.counting, cycle)
     watch_cycle(settings.watch, health.watch, cycle, counting.counters.total_us * 1e-6)
-    return HealthState(counting, health.watch)
+    return HealthState(counting, health.watch, begin_us)
 
 
 def sections_of(health: HealthState) -> dict[str, Any]:

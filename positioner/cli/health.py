@@ -1,0 +1,140 @@
+"""`positioner health`: what the valve has done and how it changes, from its state directory or a log. Shell."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from positioner.cli.command import add_command, add_config, add_state, add_valve
+from positioner.config.locations import location_of
+from positioner.config.reader import load_config
+from positioner.errors import ExitCode, StateError, UsageError
+from positioner.health.counters_document import COUNTERS, counters_from
+from positioner.health.counters_report import as_lines, as_values
+from positioner.health.monitor import sections_of
+from positioner.store import access
+
+if TYPE_CHECKING:
+    import argparse
+
+    from positioner.cli.command import Commands
+    from positioner.config.schema import Configuration
+    from positioner.health.counters import Counters
+
+_EPILOG = """\
+examples:
+  positioner health --config fv101.toml                       counters, histograms, trends and alarms
+  positioner health --config fv101.toml --json                the same for programs
+  positioner health --config fv101.toml --from bus.log        counted again from the record of a run
+  positioner health --config fv101.toml --reset               begin the counters anew, after a backup
+
+Of a daemon that runs, the counters are at most 5 s old. A record of `positioner run --record` gives exactly the
+counters of that run, from a new start; with --state, a copy of the state directory from before the run, it goes on from
+the table and the counters there.
+
+exit status: 0 done, 1 an alarm is active, 2 wrong command line, 74 nothing is kept yet, or it cannot be read, or the
+log cannot, 78 the configuration is wrong.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """The sections of the health, since when and until when, and where they were found."""
+
+    counters: Counters
+    sections: dict[str, Any]
+    source: str
+    started: str = ""
+    saved: str = ""
+
+
+def add_parser(commands: Commands) -> None:
+    """Add `positioner health`."""
+    summary = "show what the valve has done, how it changes, and its alarms"
+    parser = add_command(commands, "health", _run, summary, _EPILOG)
+    add_config(parser)
+    add_valve(parser)
+    add_state(parser)
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+    parser.add_argument("--from", type=Path, metavar="LOG", dest="log", help="compute it again from a recorded run")
+    parser.add_argument("--reset", action="store_true", help="begin the counters anew; the trends stay")
+    parser.add_argument("--yes", action="store_true", help="reset without a question")
+
+
+def _run(arguments: argparse.Namespace) -> ExitCode:
+    if arguments.reset and (arguments.log or arguments.json):
+        raise UsageError("--reset goes neither with --from nor with --json: it changes what the daemon keeps")
+    configuration = load_config(arguments.config, valve=arguments.valve)
+    if arguments.reset:
+        return _reset(arguments, configuration)
+    found = _from_log(arguments, configuration) if arguments.log else _kept(arguments, configuration)
+    if arguments.json:
+        sys.stdout.write(json.dumps(_values(configuration, found), indent=2, ensure_ascii=False) + "\n")
+    else:
+        sys.stdout.write("\n".join(_lines(configuration, found)) + "\n")
+    return ExitCode.OK
+
+
+def _directory(arguments: argparse.Namespace, configuration: Configuration) -> Path:
+    return location_of(configuration, arguments.config, arguments.state).state
+
+
+def _kept(arguments: argparse.Namespace, configuration: Configuration) -> _Found:
+    directory = _directory(arguments, configuration)
+    document = access.health(directory)
+    if document.valve_id != configuration.valve.id:
+        raise StateError(f"{directory}: the health there is of valve {document.valve_id!r}, not of this one")
+    return _found(document.sections, directory, document.started, document.saved)
+
+
+def _found(sections: dict[str, Any], source: Path, started: str = "", saved: str = "") -> _Found:
+    try:
+        return _Found(counters_from(sections.get(COUNTERS)), sections, str(source), started, saved)
+    except (ValueError, KeyError, TypeError) as error:
+        raise StateError(f"{source}: the health there cannot be used: {error}") from error
+
+
+def _from_log(arguments: argparse.Namespace, configuration: Configuration) -> _Found:
+    from positioner.replay.health_log import health_in  # noqa: PLC0415 - a log library, for a log only
+
+    before = _kept(arguments, configuration).sections if arguments.state else {}
+    state = _directory(arguments, configuration) if arguments.state else None
+    health, notices = health_in(arguments.log, configuration, state, before)
+    for notice in notices:
+        sys.stderr.write(f"{arguments.log}: {notice}\n")
+    return _found(sections_of(health), arguments.log)
+
+
+def _values(configuration: Configuration, found: _Found) -> dict[str, Any]:
+    return {
+        "valve": configuration.valve.id,
+        "source": found.source,
+        "started": found.started or None,
+        "saved": found.saved or None,
+        "counters": as_values(configuration.health_settings.counters, found.counters),
+        **{name: section for name, section in found.sections.items() if name != COUNTERS},
+    }
+
+
+def _lines(configuration: Configuration, found: _Found) -> list[str]:
+    settings = configuration.health_settings
+    since = f"counted since {found.started}" if found.started else "counted from the log"
+    return [f"{configuration.valve.id}: {since}, in {found.source}", "", *as_lines(settings.counters, found.counters)]
+
+
+def _reset(arguments: argparse.Namespace, configuration: Configuration) -> ExitCode:
+    found, directory = _kept(arguments, configuration), _directory(arguments, configuration)
+    if not arguments.yes:
+        if not sys.stdin.isatty():
+            raise StateError("--reset asks before it begins anew, and there is no terminal to ask on; give --yes")
+        held = f"{configuration.valve.id}, {found.counters.cycles} cycles since {found.started}"
+        if input(f"Begin the counters anew? {held} [y/N] ").strip().lower() not in {"y", "yes"}:
+            sys.stdout.write("nothing was changed\n")
+            return ExitCode.OK
+    backup = access.reset_health(directory, (COUNTERS,))
+    sys.stdout.write(f"the counters begin anew; the former ones are in {shlex.quote(backup)}\n")
+    return ExitCode.OK

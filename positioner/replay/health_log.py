@@ -1,0 +1,52 @@
+"""The health of a valve computed again from a log, cycle by cycle as the daemon computed it. Shell."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tqdm import tqdm
+
+from positioner.health.monitor import begin_health, observe
+from positioner.replay.compare import Comparison
+from positioner.replay.log import LogError
+from positioner.replay.prepare import prepare
+from positioner.replay.run import replay_cycles
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+    from typing import Any
+
+    from positioner.config.schema import Configuration
+    from positioner.health.monitor import HealthState
+
+
+def health_in(
+    path: Path, configuration: Configuration, state: Path | None, sections: Mapping[str, Any]
+) -> tuple[HealthState, tuple[str, ...]]:
+    """Return the health after the log, and lines about what makes it inexact.
+
+    It begins with the table in `state`, which is only read, and with the kept `sections`.
+
+    Raises:
+        LogError: the log cannot be read, or begins after the positioner.
+        StateError: the table cannot be read.
+        ValueError: the sections are not as they were written.
+    """
+    prepared = prepare(path, configuration, state)
+    if prepared.late:
+        raise LogError(f"{path}: starts late: {prepared.late}: start the log before the positioner")
+    settings = configuration.health_settings
+    health = begin_health(settings, sections)
+    comparison = Comparison(configuration.make_codec(), prepared.kind.has_instants)
+    cycles = replay_cycles(configuration, prepared.cycles(), prepared.table)
+    for cycle in tqdm(cycles, "health", prepared.cycle_count, unit=" cycles", delay=1, leave=False, disable=None):
+        comparison.add(cycle)
+        if cycle.observed is not None:
+            health = observe(settings, health, cycle.observed)
+    lines = list(prepared.warnings)
+    if not comparison.identical:
+        lines.append("computed frames differ from the recorded ones, so counts may, too: see positioner replay")
+    if not prepared.kind.has_instants:
+        lines.append("a log of the bus has no instants of the cycles: times are nearly those of the positioner")
+    return health, tuple(lines)

@@ -1,0 +1,119 @@
+"""`positioner health` on a state directory and on a record; the numbers of both are the same."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import pytest
+from several_loop import SeveralLoop
+
+from positioner.cli.main import main
+from positioner.health.counters import Counters, CounterSettings
+from positioner.health.counters_report import as_lines, as_values
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    Output = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the state and the record of a run, and its configuration."""
+    folder = tmp_path_factory.mktemp("run")
+    with SeveralLoop(folder, ["FV-1"], record=folder / "bus.log") as loop:
+        loop.run_to(2500)
+    return folder
+
+
+def values(run: Path, capsys: Output, *arguments: str) -> dict[str, object]:
+    assert main(["health", "--config", str(run / "plant.toml"), "--json", *arguments]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert isinstance(found, dict)
+    return found
+
+
+def test_what_is_kept_is_what_the_record_gives_to_the_last_digit(run: Path, capsys: Output) -> None:
+    kept, counted = values(run, capsys), values(run, capsys, "--from", str(run / "bus.log"))
+    assert kept["counters"] == counted["counters"]
+    assert kept["trends"] == counted["trends"]
+    assert kept["valve"] == "FV-1"
+    assert str(kept["started"]).endswith("Z")
+    assert counted["started"] is None
+
+
+def test_a_replay_and_a_recount_leave_the_kept_counters_as_they_are(run: Path, capsys: Output) -> None:
+    before = values(run, capsys)
+    assert main(["replay", str(run / "bus.log"), "--config", str(run / "plant.toml")]) == 0
+    capsys.readouterr()
+    values(run, capsys, "--from", str(run / "bus.log"))
+    assert values(run, capsys) == before
+
+
+def test_with_a_state_directory_a_record_goes_on_from_there(run: Path, capsys: Output) -> None:
+    once = values(run, capsys)["counters"]
+    assert isinstance(once, dict)
+    state = str(run / "state")
+    twice = values(run, capsys, "--from", str(run / "bus.log"), "--state", state)["counters"]
+    assert isinstance(twice, dict)
+    assert twice["observed_cycles"] == 2 * once["observed_cycles"]
+    assert twice["starts"] == 2
+
+
+def test_the_text_names_each_counter_and_draws_the_histograms(run: Path, capsys: Output) -> None:
+    assert main(["health", "--config", str(run / "plant.toml")]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith("FV-1: counted since 20")
+    for word in ("hours of operation", "ACTIVE", "cycles", "strokes", "failed pushes", "seconds"):
+        assert word in text
+    assert "  ####" in text
+
+
+def test_a_reset_asks_backs_up_and_begins_anew(run: Path, capsys: Output, monkeypatch: pytest.MonkeyPatch) -> None:
+    reset = ["health", "--config", str(run / "plant.toml"), "--reset"]
+    assert main(reset) == 74, "nobody to ask"
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+    monkeypatch.setattr("builtins.input", lambda _question: "n")
+    before = values(run, capsys)
+    assert main(reset) == 0
+    capsys.readouterr()
+    assert values(run, capsys) == before
+    assert main([*reset, "--yes"]) == 0
+    assert "before-health-reset" in capsys.readouterr().out
+    after = values(run, capsys)
+    assert after["trends"] == before["trends"]
+    counters = after["counters"]
+    assert isinstance(counters, dict)
+    assert (counters["slips"], counters["hours"]) == (0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "why"),
+    [
+        (["--reset", "--from", "x.log"], 2, "goes neither with"),
+        (["--state", "elsewhere"], 74, "holds no health of a valve yet"),
+        (["--from", "missing.log"], 74, "missing.log"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_one_line(
+    tmp_path: Path,
+    run: Path,
+    capsys: Output,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str],
+    code: int,
+    why: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "elsewhere" / "FV-1").mkdir(parents=True)
+    assert main(["health", "--config", str(run / "plant.toml"), *arguments]) == code
+    error = capsys.readouterr().err
+    assert why in error
+    assert error.count("\n") == 1
+
+
+def test_a_valve_that_has_done_nothing_can_be_shown() -> None:
+    settings = CounterSettings(0.1, 0.0, 0.01, 0.0, 0.0005)
+    assert as_values(settings, Counters())["stuck_share"] is None
+    assert "  none yet" in as_lines(settings, Counters())

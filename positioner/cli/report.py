@@ -12,17 +12,23 @@ from positioner.cli.command import add_command, add_config, add_state, add_valve
 from positioner.commissioning import results
 from positioner.config.locations import location_of
 from positioner.config.reader import load_config
-from positioner.errors import ExitCode, writing
+from positioner.errors import ExitCode, StateError, writing
+from positioner.health.counters_document import COUNTERS, counters_from
+from positioner.health.trends_document import TRENDS, trends_from
+from positioner.report import words
 from positioner.report.page import html
 from positioner.report.procedure_page import KINDS
+from positioner.report.trend_sections import Service
 from positioner.report.valve_page import ValveReport, valve_page
-from positioner.store import lock
+from positioner.store import access, lock
+from positioner.store.health_file import HEALTH
 
 if TYPE_CHECKING:
     import argparse
 
     from positioner.cli.command import Commands
     from positioner.commissioning.results import KeptResult
+    from positioner.config.schema import Configuration
 
 _EPILOG = """\
 examples:
@@ -53,12 +59,14 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     state = location_of(configuration, arguments.config, arguments.state).state
     options = f"--config {arguments.config}" + (f" --valve {arguments.valve}" if arguments.valve else "")
     told = [(name, text) for name, text in summary_rows(configuration, state) if name != "valve"]
+    signatures = tuple(each for each in results.kept(state, "signature") if each.valve == configuration.valve.id)
     report = ValveReport(
         valve=configuration.valve.id,
         span_m=configuration.valve.span_m,
         made=datetime.now(UTC),
         results=_results(state, configuration.valve.id),
-        usage=None,
+        signatures=signatures,
+        service=_service(state, configuration),
         facts=(*told, *results.versions().items()),
         options=options,
         running=_running(state),
@@ -68,6 +76,25 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         path.write_text(html(valve_page(report)), encoding="utf-8")
     sys.stdout.write(f"{path}\n")
     return ExitCode.OK
+
+
+def _service(state: Path, configuration: Configuration) -> Service | None:
+    """Return what was counted, None where there is nothing; what cannot be used is told and left out."""
+    if not (state / HEALTH).exists():
+        return None
+    watch, valve = configuration.health_settings.watch, configuration.valve.id
+    try:
+        document = access.health(state)
+        counters = counters_from(document.sections.get(COUNTERS))
+        trends = trends_from(document.sections.get(TRENDS), watch.reference)
+    except (StateError, ValueError, KeyError, TypeError) as error:
+        sys.stderr.write(f"{error}; the report goes without it\n")
+        return None
+    if document.valve_id != valve:
+        sys.stderr.write(f"{state}: the health of valve {document.valve_id} is left out\n")
+        return None
+    until = datetime.fromisoformat(document.saved) if document.saved else None
+    return Service(counters, trends, watch, words.date(datetime.fromisoformat(document.started)), until)
 
 
 def _results(state: Path, valve: str) -> dict[str, tuple[KeptResult, KeptResult]]:

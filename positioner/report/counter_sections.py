@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from positioner.health.classes import SPAN_EDGES_PERCENT, TRAVEL_EDGES_PERCENT
 from positioner.report import words
-from positioner.report.chart import Bars, Chart
+from positioner.report.chart import Chart
+from positioner.report.layers import Bars
 from positioner.report.page import Section
 from positioner.wire.messages import Mode
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from positioner.report import words
 from positioner.report.page import Page, Section
-from positioner.report.procedure_section import procedure_section, rows_in
+from positioner.report.procedure_section import procedure_section
 from positioner.report.signature_charts import signature_charts
 from positioner.report.step_parts import step_charts, step_table
-from positioner.report.stroke_parts import stroke_charts, stroke_rows, stroke_verdict
+from positioner.report.stroke_parts import stroke_charts, stroke_facts, stroke_verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -31,12 +31,12 @@ _UNREADABLE = (KeyError, TypeError, ValueError, AttributeError, IndexError)
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """What a kind of result shows besides its rows and remarks; `rows` makes rows of a document that has none."""
+    """What a kind of result shows besides its rows and remarks."""
 
     title: str
     charts: Callable[[Document, Document | None], tuple[Chart, ...]] | None = None
     table: Callable[[Document], Table] | None = None
-    rows: Callable[[Document], list[dict[str, Any]]] = rows_in
+    facts: Callable[[Document, Document | None], tuple[tuple[str, str], ...]] | None = None
     verdict: Callable[[Document], Verdict] | None = None
 
 
@@ -44,7 +44,7 @@ _PARTS = {
     "identify": Parts("Identification"),
     "signature": Parts("Signature", signature_charts),
     "step-test": Parts("Step response", step_charts, step_table),
-    "stroke-test": Parts("Partial stroke test", stroke_charts, rows=stroke_rows, verdict=stroke_verdict),
+    "stroke-test": Parts("Partial stroke test", stroke_charts, facts=stroke_facts, verdict=stroke_verdict),
 }
 KINDS = tuple(_PARTS)
 """The kinds of results that a report shows."""
@@ -62,7 +62,8 @@ def section_of(result: KeptResult, reference: KeptResult | None) -> Section:
     try:
         charts = parts.charts(result.document, before) if parts.charts else ()
         tables = (parts.table(result.document),) if parts.table else ()
-        return procedure_section(parts.title, result, reference, charts, tables, parts.rows)
+        facts = parts.facts(result.document, before) if parts.facts else ()
+        return procedure_section(parts.title, result, reference, charts, tables, facts)
     except _UNREADABLE:
         what = f"The result of {words.date(result.recorded)} or its reference lacks something"
         return Section(parts.title, missing=f"{what}: run positioner {result.kind} --as-reference again.")

@@ -8,8 +8,6 @@ from positioner.report import words
 from positioner.report.page import Section, Table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from positioner.commissioning.results import KeptResult
     from positioner.report.chart import Chart
 
@@ -19,32 +17,26 @@ _UNSEEN = "not shown by this experiment"
 _INTERVAL, _REFERENCE = "95 % interval", "reference"
 
 
-def rows_in(document: dict[str, Any]) -> list[Row]:
-    """Return the rows of a document."""
-    rows: list[Row] = document.get("rows", [])
-    return rows
-
-
 def procedure_section(
     title: str,
     result: KeptResult,
     before: KeptResult | None,
     charts: tuple[Chart, ...] = (),
     tables: tuple[Table, ...] = (),
-    rows_of: Callable[[dict[str, Any]], list[Row]] = rows_in,
+    facts: tuple[tuple[str, str], ...] = (),
 ) -> Section:
     """Return the section of a result; `before` is the reference of its kind, which may be the result itself."""
-    rows = rows_of(result.document)
+    rows: list[Row] = result.document.get("rows", [])
     compared = before if before is not None and before.name != result.name else None
     since = f"measured {words.date(result.recorded)}"
     since += f"; reference {words.date(compared.recorded)}" if compared else "; this is the reference" if before else ""
-    earlier = {_key(row): row for row in rows_of(compared.document)} if compared else {}
+    earlier = {_key(row): row for row in compared.document.get("rows", [])} if compared else {}
     between = (_INTERVAL,) if any(row.get("low") is not None for row in rows) else ()
     head = ("", "unit", "value", *between, *((_REFERENCE, "change") if compared else ()))
     decimals = _decimals(rows)
     cells = tuple([_cells(row, earlier.get(_key(row)), decimals[row["unit"]], head) for row in rows])
     own = (Table(head, cells),) if cells else ()
-    return Section(title, since, charts, (*tables, *own), tuple(result.document.get("remarks", ())))
+    return Section(title, since, charts, (*tables, *own), tuple(result.document.get("remarks", ())), facts=facts)
 
 
 def missing_section(title: str, command: str, what: str) -> Section:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from positioner.report.chart import Chart, Layer, Line, Marks
+from positioner.report.chart import Chart
+from positioner.report.layers import Line, Marks
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from positioner.report.layers import Layer
 
 _MM = 1e3
 

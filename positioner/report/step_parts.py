@@ -5,11 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from positioner.report import words
-from positioner.report.chart import Chart, Layer, Line
+from positioner.report.chart import Chart
+from positioner.report.layers import Line
 from positioner.report.page import Table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from positioner.report.layers import Layer
 
 _FIGURES = (
     ("dead_time_s", "Td, ms", 1e3),
@@ -21,16 +24,28 @@ _FIGURES = (
 
 
 def step_table(document: dict[str, Any]) -> Table:
-    """Return a row for each size and direction: medians of the responses."""
+    """Return a row for each size: medians of the responses, up and down."""
+    by_size: dict[float, list[dict[str, Any]]] = {}
+    for each in document["sizes"]:
+        by_size.setdefault(each["size"], []).append(each)
     head = ("step", "region", "moved", *(name for _, name, _ in _FIGURES))
-    return Table(head, tuple(_row(each) for each in document["sizes"]), "Medians by step size and direction")
+    rows = tuple([_row(size, sides) for size, sides in by_size.items()])
+    return Table(head, rows, "Medians by step size, up and down where they differ")
 
 
-def _row(size: dict[str, Any]) -> tuple[str, ...]:
-    name = f"{100.0 * size['size']:g} % {size['direction']}"
-    medians = (_scaled(size[key]["median"], factor) for key, _, factor in _FIGURES)
-    figures = (words.number(each, min(words.decimals_of(each or 0.0, 3), 2)) for each in medians)
-    return (name, str(size["region"]), f"{size['moved']} of {size['responses']}", *figures)
+def _row(size: float, sides: list[dict[str, Any]]) -> tuple[str, ...]:
+    moved, responses = (sum(each[key] for each in sides) for key in ("moved", "responses"))
+    figures = (_of_sides([_figure(each[key]["median"], factor) for each in sides]) for key, _, factor in _FIGURES)
+    return (f"{100.0 * size:g} %", str(sides[0]["region"]), f"{moved} of {responses}", *figures)
+
+
+def _figure(value: float | None, factor: float) -> str:
+    scaled = None if value is None else value * factor
+    return words.number(scaled, min(words.decimals_of(scaled or 0.0, 3), 2))
+
+
+def _of_sides(texts: list[str]) -> str:
+    return texts[0] if len(set(texts)) == 1 else " / ".join(texts)
 
 
 def step_charts(document: dict[str, Any], reference: dict[str, Any] | None) -> tuple[Chart, ...]:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from positioner.report.chart import Chart, Line
+from positioner.report import words
+from positioner.report.chart import Chart
+from positioner.report.layers import Line
 from positioner.report.page import Status, Verdict
 
 if TYPE_CHECKING:
@@ -13,10 +15,15 @@ if TYPE_CHECKING:
 _STUCK = "stuck"
 
 
-def stroke_rows(document: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the quantities of the test as rows."""
-    units = document["units"]
-    return [{"name": name, "unit": units[name], "value": value} for name, value in document["quantities"].items()]
+def stroke_facts(document: dict[str, Any], reference: dict[str, Any] | None) -> tuple[tuple[str, str], ...]:
+    """Return the quantities with their units, and the change since an earlier test."""
+    earlier = reference["quantities"] if reference else {}
+    facts = []
+    for name, value in document["quantities"].items():
+        change = words.change(earlier.get(name), value)
+        told = f"{words.number(value)} {document['units'][name]}" if value is not None else words.NONE
+        facts.append((name, told if change == words.NONE else f"{told} ({change})"))
+    return tuple(facts)
 
 
 def stroke_charts(document: dict[str, Any], reference: dict[str, Any] | None) -> tuple[Chart, ...]:

@@ -10,6 +10,7 @@ from positioner.report.counter_sections import counter_section, histogram_sectio
 from positioner.report.page import Page, Section
 from positioner.report.procedure_page import section_of
 from positioner.report.procedure_section import missing_section
+from positioner.report.trend_sections import alarm_section, trend_section
 from positioner.report.valve_verdict import verdict_of_valve
 
 if TYPE_CHECKING:
@@ -17,8 +18,7 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from positioner.commissioning.results import KeptResult
-    from positioner.health.counters import Counters
-    from positioner.report.page import Verdict
+    from positioner.report.trend_sections import Service
 
 _PURPOSES = {
     "signature": ("Signature", "measures spring, friction along the travel, hysteresis and bench set"),
@@ -29,28 +29,20 @@ _PURPOSES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Usage:
-    """What was counted in service, with its dates, and what the alarms say; `sections` are the trends and alarms."""
-
-    counters: Counters
-    since: str
-    verdicts: tuple[Verdict, ...] = ()
-    trends: tuple[Section, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
 class ValveReport:
     """All that the report shows.
 
-    results: by kind, the newest result and the reference, which may be the same. usage: None where nothing was counted.
-    running: the test procedure that runs on the valve now, empty without one. options: of the commands that it names.
+    results: by kind, the newest result and the reference, which may be the same. signatures: all, oldest first.
+    service: None where nothing was counted. running: the test procedure that moves the valve now, empty without one.
+    options: of the commands that it names.
     """
 
     valve: str
     span_m: float
     made: datetime
     results: Mapping[str, tuple[KeptResult, KeptResult]]
-    usage: Usage | None
+    signatures: tuple[KeptResult, ...]
+    service: Service | None
     facts: tuple[tuple[str, str], ...]
     options: str
     running: str = ""
@@ -58,18 +50,21 @@ class ValveReport:
 
 def valve_page(report: ValveReport) -> Page:
     """Return the page."""
-    usage = report.usage
-    sections = [_measured(report, "signature"), _measured(report, "step-test")]
-    if usage is None:
+    service = report.service
+    sections = [alarm_section(service.trends.alarms)] if service and service.trends.alarms else []
+    sections += [_measured(report, "signature"), _measured(report, "step-test")]
+    if service is None:
         what = "Nothing was counted yet: the counters begin when the valve is in service, with positioner run"
         sections.append(Section("Friction trend, histograms and counters", missing=f"{what} {report.options}."))
     else:
-        sections += [*usage.trends, histogram_section(usage.counters, usage.since)]
-        sections.append(counter_section(usage.counters, report.span_m, usage.since))
+        since = f"since {service.started}" if service.started else "counted from the log"
+        sections.append(trend_section(service, report.signatures))
+        sections.append(histogram_section(service.counters, since))
+        sections.append(counter_section(service.counters, report.span_m, since))
     sections.append(_measured(report, "stroke-test"))
     if "signature" not in report.results:
         sections.append(_measured(report, "identify"))
-    verdict = verdict_of_valve(report.results, usage.verdicts if usage else (), report.running, report.options)
+    verdict = verdict_of_valve(report.results, service, report.running, report.options)
     return Page(report.valve, f"Valve report, {words.date(report.made)}", tuple(sections), verdict, report.facts)
 
 

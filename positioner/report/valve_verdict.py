@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from positioner.health.reference import CONFIGURED
+from positioner.health.watch import changes_of
 from positioner.report.page import Status, Verdict
 from positioner.report.procedure_page import verdict_of
+from positioner.report.trend_sections import verdict_of_alarm
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from positioner.commissioning.results import KeptResult
+    from positioner.report.trend_sections import Service
 
 _WORST_FIRST = (
     Status.FAILURE,
@@ -19,21 +23,23 @@ _WORST_FIRST = (
     Status.MAINTENANCE_REQUIRED,
     Status.GOOD,
 )
+_TEST = "a stroke test shows more:"
 
 
 def verdict_of_valve(
     results: Mapping[str, tuple[KeptResult, KeptResult]],
-    alarms: tuple[Verdict, ...],
+    service: Service | None,
     running: str,
     options: str,
 ) -> Verdict:
     """Return one verdict: of the alarms, of the tests that judge, and of a test that runs now."""
-    found = [*alarms, *filter(None, (verdict_of(newest) for newest, _ in results.values()))]
+    alarms = [each for each in service.trends.alarms if each.is_active] if service else []
+    found = [*map(verdict_of_alarm, alarms), *filter(None, (verdict_of(newest) for newest, _ in results.values()))]
     if running:
         sentence = f"{running} moves the valve now; what follows is of before."
         found.append(Verdict(Status.FUNCTION_CHECK, sentence, "Wait until it has ended, and make the report again."))
     if not found:
-        return _unknown(results, options)
+        return _no_judgement(results, service, options)
     worst = min(found, key=lambda each: _WORST_FIRST.index(each.status))
     others = sum(each.status is not Status.GOOD for each in found) - 1
     if others > 0:
@@ -42,9 +48,17 @@ def verdict_of_valve(
     return worst
 
 
-def _unknown(results: Mapping[str, tuple[KeptResult, KeptResult]], options: str) -> Verdict:
+def _no_judgement(
+    results: Mapping[str, tuple[KeptResult, KeptResult]], service: Service | None, options: str
+) -> Verdict:
+    if service and service.watch.reference.source != CONFIGURED and service.trends.friction.moves:
+        friction = f"{100.0 * changes_of(service.watch, service.trends).friction.value:+.0f} %"
+        sentence = f"No alarm is active; friction in service is {friction} against the reference."
+        return Verdict(Status.GOOD, sentence.replace("-", "\N{MINUS SIGN}"), "Nothing.")
+    if service and results:
+        return Verdict(Status.GOOD, "No alarm is active.", f"Nothing; {_TEST} positioner stroke-test {options}.")
     if results:
-        sentence = "The valve was measured, and nothing has judged it yet: there are no counters and no stroke test."
+        sentence = "The valve was measured, and nothing has judged it yet."
         return Verdict(Status.UNKNOWN, sentence, f"Run positioner stroke-test {options}, or put it in service.")
     action = f"Run positioner identify {options} --write, then positioner signature {options}."
     return Verdict(Status.UNKNOWN, "Nothing was measured on this valve yet.", action)

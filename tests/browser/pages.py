@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import report_samples as samples
 
-from positioner.report.page import Page, Status, Verdict
 from positioner.report.procedure_page import procedure_page
-from positioner.report.valve_page import Usage, ValveReport, valve_page
+from positioner.report.valve_page import ValveReport, valve_page
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from positioner.commissioning.results import KeptResult
+    from positioner.health.alarms import Alarm
+    from positioner.report.page import Page
 
 FACTS = (
     ("restartable both ways", "57.9 to 94.5 mm"),
@@ -35,7 +36,7 @@ def both(kind: str, first: dict[str, Any], later: dict[str, Any]) -> tuple[KeptR
     return samples.result(kind, later, "b", samples.LATER), samples.result(kind, first, "a")
 
 
-def whole(more: float, stroke: dict[str, Any], verdicts: tuple[Verdict, ...] = (), running: str = "") -> Page:
+def whole(more: float, stroke: dict[str, Any], alarms: tuple[Alarm, ...] = (), running: str = "") -> Page:
     """Return the report of a valve of which everything is known, with `more` times the friction at the reference."""
     results = {
         "signature": both("signature", samples.signature(), samples.signature(more)),
@@ -43,13 +44,16 @@ def whole(more: float, stroke: dict[str, Any], verdicts: tuple[Verdict, ...] = (
         "stroke-test": both("stroke-test", samples.stroke_test(), stroke),
         "identify": (samples.result("identify", samples.IDENTIFY),) * 2,
     }
-    usage = Usage(samples.counters(), "since 9 Mar 2026, 14:05 UTC", verdicts)
+    service = samples.service(more - 1.0, alarms)
+    signatures = samples.signatures(more)
     options = "--config fv101.toml"
-    return valve_page(ValveReport("FV-101", 0.127, samples.LATER, results, usage, FACTS, options, running))
+    return valve_page(
+        ValveReport("FV-101", 0.127, samples.LATER, results, signatures, service, FACTS, options, running)
+    )
 
 
 def empty() -> Page:
-    return valve_page(ValveReport("FV-101", 0.127, samples.LATER, {}, None, FACTS, "--config fv101.toml"))
+    return valve_page(ValveReport("FV-101", 0.127, samples.LATER, {}, (), None, FACTS, "--config fv101.toml"))
 
 
 def signature() -> Page:
@@ -57,12 +61,8 @@ def signature() -> Page:
     return procedure_page(newest, first, FACTS)
 
 
-FRICTION = "Friction has risen by 27 % (24 to 30 %) since the reference; the limit is 20 %."
-PACKING = "Look at the packing: too tight, dry, corroded or dirty. Then repeat the signature."
-MAINTENANCE = Verdict(Status.MAINTENANCE_REQUIRED, FRICTION, PACKING)
-BEYOND = Verdict(
-    Status.OUT_OF_SPECIFICATION, FRICTION.replace("27", "44").replace("(24 to 30 %)", "(41 to 47 %)"), PACKING
-)
+MAINTENANCE = samples.friction_alarm(0.27)
+BEYOND = samples.friction_alarm(0.44)
 STUCK = samples.stroke_test("failed", "stuck", "no motion at 12.4 mA, 1.3 times the friction of the reference", 1.3)
 
 PAGES: dict[str, Callable[[], Page]] = {

@@ -6,7 +6,17 @@ from datetime import UTC, datetime
 from typing import Any
 
 from positioner.commissioning.results import KeptResult
+from positioner.config.schema import Configuration
+from positioner.health.alarms import Alarm
+from positioner.health.causes import AlarmCause
 from positioner.health.counters import Counters
+from positioner.health.friction_trend import FrictionTrend
+from positioner.health.reference import reference_of
+from positioner.health.watch import Trends
+from positioner.report.trend_sections import Service
+from positioner.values import replace
+from positioner.valve.parameters import ValveParameters
+from positioner.wire.messages import Health
 
 HOSTILE = '<b onclick="x()">&"\''
 MOMENT = datetime(2026, 3, 9, 14, 5, tzinfo=UTC)
@@ -36,6 +46,12 @@ def signature(more: float = 1.0) -> dict[str, Any]:
     inside = steps[6:35:4]
     return {
         "valve": "FV-101",
+        "quantities": {
+            "spring_n_per_m": spring,
+            "sliding_n": sliding,
+            "static_n": static,
+            "hysteresis_m": 2.0 * sliding / spring,
+        },
         "rows": [
             row("spring rate", "N/m", spring, 40.0),
             row("spring force at 0", "N", -0.25, 3.0),
@@ -162,3 +178,33 @@ def counters() -> Counters:
 
 def result(kind: str, document: dict[str, Any], name: str = "a", moment: datetime = MOMENT) -> KeptResult:
     return KeptResult(kind, name, "FV-101", moment, {"positioner": "0.1.0 (interpreted)"}, document)
+
+
+def signatures(more: float) -> tuple[KeptResult, ...]:
+    """Return three signatures between the first and the last moment, on the way to `more` times the friction."""
+    whole = LATER - MOMENT
+    parts = ((0.0, 1.0), (0.45, 1.0 + 0.3 * (more - 1.0)), (1.0, more))
+    return tuple(result("signature", signature(each), f"{part}", MOMENT + part * whole) for part, each in parts)
+
+
+def friction_alarm(change: float) -> Alarm:
+    beyond = change > 0.4
+    category = Health.OUT_OF_SPECIFICATION if beyond else Health.MAINTENANCE_REQUIRED
+    evidence = "sliding friction in 300 moves, 148 of them opening"
+    limit = 0.4 if beyond else 0.2
+    since = "2026-08-30T04:12:00Z"
+    return Alarm(
+        AlarmCause.FRICTION_HIGH, 2 if beyond else 1, category, 3.6e6, change, 0.01, limit, evidence, since=since
+    )
+
+
+def service(change: float, alarms: tuple[Alarm, ...] = ()) -> Service:
+    """Return the service of a valve whose friction has changed by this part."""
+    own = Configuration(valve=ValveParameters(id="FV-101")).health_settings.watch
+    watch = replace(
+        own, reference=reference_of(ValveParameters(id="FV-101"), signature=("2026-03-09T14:05:00Z", SIGNATURE))
+    )
+    normal, moves = (2e4, 0.0, 0.0, 1e4, 0.0, 2e4), 300
+    trend = FrictionTrend(normal, (80.0, 60.0, 2e4 * change), 1.2, 0.5 * change, 40, moves, 148, 9e5)
+    against = (watch.reference.source, watch.reference.recorded)
+    return Service(counters(), Trends(against, trend, alarms=alarms), watch, "9 Mar 2026, 14:05 UTC", LATER)

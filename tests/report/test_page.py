@@ -7,7 +7,8 @@ import re
 import pytest
 from report_samples import HOSTILE, SIGNATURE, result, signature
 
-from positioner.report.chart import Chart, Limit, Line
+from positioner.report.chart import Chart
+from positioner.report.layers import Limit, Line
 from positioner.report.page import Page, Section, Status, Table, Verdict, html
 from positioner.report.procedure_page import procedure_page, section_of
 from positioner.report.procedure_section import missing_section

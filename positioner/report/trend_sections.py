@@ -1,0 +1,172 @@
+"""Alarms, and how friction and spring have changed since the reference, as sections and verdicts. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from positioner.health.causes import TEXTS, AlarmCause
+from positioner.health.reference import CONFIGURED
+from positioner.health.watch import changes_of
+from positioner.report import words
+from positioner.report.chart import Chart
+from positioner.report.layers import Limit, Line, Marks, Whiskers
+from positioner.report.page import Section, Status, Table, Verdict
+from positioner.wire.messages import Health
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from positioner.commissioning.results import KeptResult
+    from positioner.health.alarms import Alarm
+    from positioner.health.causes import Limits
+    from positioner.health.counters import Counters
+    from positioner.health.friction_trend import Share
+    from positioner.health.watch import Trends, WatchSettings
+    from positioner.report.layers import Layer
+
+_PERCENT, _Z = 100.0, 1.96
+_DAY_S = 86_400.0
+_FRICTION = "sliding friction"
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """What was counted and watched in service, since and until when, empty where that is not known."""
+
+    counters: Counters
+    trends: Trends
+    watch: WatchSettings
+    started: str
+    until: datetime | None
+
+
+def verdict_of_alarm(alarm: Alarm) -> Verdict:
+    """Return what an active alarm says of the valve."""
+    text = TEXTS[alarm.cause]
+    since = f" since {_date(alarm.since)}" if alarm.since else ""
+    sentence = f"{text.what}{since}: {_value(alarm)}, the limit is {_limit(alarm)}; {alarm.evidence}."
+    return Verdict(Status[alarm.category.name], _sentence(sentence), _sentence(f"{text.remedy}."))
+
+
+def alarm_section(alarms: Sequence[Alarm]) -> Section:
+    """Return the alarms that are active, or that nobody has acknowledged yet."""
+    head = ("alarm", "status", "value", "limit", "since", "how sure", "seen")
+    shown = sorted((each for each in alarms if each.is_active or not each.acknowledged), key=lambda each: -each.level)
+    rows = tuple([_alarm_row(each) for each in shown])
+    if not rows:
+        return Section("Alarms", remarks=("No alarm is active, and none waits to be acknowledged.",))
+    if len(shown) == 1:  # the verdict tells what to do
+        return Section("Alarms", tables=(Table(head, rows),))
+    remarks = tuple([_sentence(f"{TEXTS[each.cause].what}: {TEXTS[each.cause].remedy}.") for each in shown])
+    return Section("Alarms", tables=(Table(head, rows),), remarks=remarks)
+
+
+def _alarm_row(alarm: Alarm) -> tuple[str, ...]:
+    status = Status[alarm.category.name].words if alarm.is_active else "has ended"
+    sure = f"{_PERCENT * alarm.sure:.0f} %" if alarm.is_active else words.NONE
+    seen = "yes" if alarm.acknowledged else "no"
+    return (TEXTS[alarm.cause].what, status, _value(alarm), _limit(alarm), _date(alarm.since), sure, seen)
+
+
+def _value(alarm: Alarm) -> str:
+    return _in_words(alarm.cause, alarm.value)
+
+
+def _limit(alarm: Alarm) -> str:
+    return _in_words(alarm.cause, alarm.limit)
+
+
+def _in_words(cause: AlarmCause, value: float) -> str:
+    text = TEXTS[cause]
+    return f"{words.number(value * text.factor, 1 if abs(text.factor) > 1.0 else 2)} {text.unit}".rstrip()
+
+
+def trend_section(service: Service, signatures: Sequence[KeptResult]) -> Section:
+    """Return what has changed since the reference; `signatures` are the kept ones, oldest first."""
+    settings, trends, reference = service.watch, service.trends, service.watch.reference
+    title = "Friction trend"
+    if reference.source == CONFIGURED:
+        return Section(
+            title, missing="There is no reference yet: positioner signature or positioner identify gives one."
+        )
+    if not trends.friction.moves:
+        return Section(title, missing="No move in service has shown the friction yet: it takes full slips of the stem.")
+    found = changes_of(settings, trends)
+    shares: list[tuple[str, Share, tuple[AlarmCause, ...]]] = [
+        (_FRICTION, found.friction, (AlarmCause.FRICTION_LOW, AlarmCause.FRICTION_HIGH)),
+        ("spring rate", found.spring, (AlarmCause.SPRING_RATE,)),
+        ("spring force", found.offset, (AlarmCause.SPRING_FORCE,)),
+    ]
+    if found.static is not None:
+        shares.insert(1, ("static friction", found.static, (AlarmCause.FRICTION_LOW, AlarmCause.FRICTION_HIGH)))
+    if found.jump is not None:
+        shares.append(("slip jump, of the span", found.jump, (AlarmCause.SLIP_JUMP,)))
+    limits = settings.limits
+    rows = tuple([_share_row(name, share, [limits[cause] for cause in causes]) for name, share, causes in shares])
+    head = ("change in service", "value", "95 % interval", "maintenance at", "out of spec. at")
+    moves = f"from {trends.friction.moves} moves, {trends.friction.moves_up} of them opening"
+    one_sided = ("One direction alone has changed: this is no friction, but air supply or converter.",)
+    remarks = (*(one_sided if found.one_sided else ()), f"In service: {moves}; λ = {settings.averaging:g}.")
+    since = f"against the {reference.source} of {_date(reference.recorded)}"
+    newest = (service.until, found.friction) if service.until else None
+    chart = friction_chart(signatures, newest, limits)
+    return Section(title, since, (chart,) if chart else (), (Table(head, rows),), remarks)
+
+
+def _share_row(name: str, share: Share, limits: Sequence[Limits]) -> tuple[str, ...]:
+    low, high = (f"{_PERCENT * end:+.1f}".replace("-", "\N{MINUS SIGN}") for end in (share.low, share.high))
+    value = f"{_PERCENT * share.value:+.1f} %".replace("-", "\N{MINUS SIGN}")
+    ends = (min(getattr(each, key) for each in limits) for key in ("limit", "serious_limit"))
+    return (name, value, f"{low} to {high}", *(f"±{_PERCENT * end:g} %" if end else words.NONE for end in ends))
+
+
+def friction_chart(
+    signatures: Sequence[KeptResult], service: tuple[datetime, Share] | None, limits: Any
+) -> Chart | None:
+    """Return the sliding friction of each signature over that of the first one, and that in service, by days."""
+    points = [(each.recorded, each.document["quantities"]["sliding_n"], _half(each.document)) for each in signatures]
+    if not points or len(points) + (service is not None) < 2:  # noqa: PLR2004 - one point is no trend
+        return None
+    first, reference_n, _ = points[0]
+    days = [(moment - first).total_seconds() / _DAY_S for moment, _, _ in points]
+    values = [_PERCENT * (value / reference_n - 1.0) for _, value, _ in points]
+    halves = [_PERCENT * half / reference_n for _, _, half in points]
+    low = [value - half for value, half in zip(values, halves, strict=True)]
+    high = [value + half for value, half in zip(values, halves, strict=True)]
+    own = limits[AlarmCause.FRICTION_HIGH], limits[AlarmCause.FRICTION_LOW]
+    layers = [
+        Limit(sign * _PERCENT * level, Status[category.name].words, Status[category.name].style)
+        for sign, each in zip((1.0, -1.0), own, strict=True)
+        for level, category in ((each.limit, each.category), (each.serious_limit, each.serious_category))
+        if level > 0.0 and category is not Health.GOOD
+    ]
+    drawn: list[Layer] = [*layers, Line(days, values), Whiskers(days, low, high), Marks(days, values, "signatures")]
+    if service is not None:
+        moment, share = service
+        at = [max((moment - first).total_seconds() / _DAY_S, 0.0)]
+        ends = [_PERCENT * share.low], [_PERCENT * share.high]
+        drawn += [Whiskers(at, *ends), Marks(at, [_PERCENT * share.value], "in service", "down")]
+    return Chart(
+        "Sliding friction against the reference", "days since the first signature", "%", tuple(drawn), size="wide"
+    )
+
+
+def _half(document: dict[str, Any]) -> float:
+    row = next((each for each in document["rows"] if each["name"] == _FRICTION), None)
+    if row is None or row["low"] is None or row["high"] is None:
+        return 0.0
+    return float(row["high"] - row["low"]) / 2.0
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:].replace("`", "")
+
+
+def _date(text: str) -> str:
+    """Return an ISO date as it is read elsewhere on the page, or the text as it is."""
+    try:
+        return words.date(datetime.fromisoformat(text))
+    except ValueError:
+        return text or words.NONE

@@ -20,6 +20,7 @@ _COMMANDS = (
     "host",
     "identify",
     "signature",
+    "step-test",
     "stroke-test",
     "bench",
     "replay",
@@ -49,6 +50,7 @@ examples:
   positioner replay bus.log --config fv101.toml    compute recorded commands again, and compare
   positioner identify --config fv101.toml          measure spring, friction and lag of the valve
   positioner stroke-test --config fv101.toml       stroke the valve by a tenth, and tell whether it moves as it should
+  positioner step-test --config fv101.toml         measure response times, dead band and resolution
   positioner diagnose loop.csv                     tell from OP and PV of a loop whether its valve sticks
   positioner report --config fv101.toml            write one page about the valve, for the screen and for paper
   positioner health --config fv101.toml            show counters, trends and alarms of the valve

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from positioner.bus.address import BusAddress
+from positioner.commissioning.step.limits import StepTestSettings
 from positioner.commissioning.stroke.settings import StrokeSettings
 from positioner.cycle.state import Setup
 from positioner.guard.settings import GuardSettings
@@ -56,6 +57,7 @@ class Configuration(SettingsTable):
     setpoint: SetpointSettings = field(default_factory=SetpointSettings)
     health: HealthTable = field(default_factory=HealthTable)
     stroke_test: StrokeSettings = field(default_factory=StrokeSettings)
+    step_test: StepTestSettings = field(default_factory=StepTestSettings)
     state: StateSettings = field(default_factory=StateSettings)
 
     @property

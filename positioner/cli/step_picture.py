@@ -1,0 +1,104 @@
+"""The picture of a step response test: all responses by their step, and T86 over the size with its regions. Shell."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+import numpy as np
+
+from positioner.commissioning.step.report import SIDES
+from positioner.commissioning.step.response import filled
+
+mpl.use("Agg")
+from matplotlib import pyplot as plt
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+
+    from positioner.commissioning.step.memory import Response
+    from positioner.commissioning.step.result import StepResult
+
+_MS = 1e3
+_SHADES = {"A": "#d9d9d9", "B": "#fde0c5", "C": "#d5ecd4", "D": "#cfe1f2"}
+_MEANING = {"A": "no motion", "B": "some motion", "C": "consistent", "D": "slew limited"}
+_COLOURS = {1.0: "#0072B2", -1.0: "#D55E00"}
+
+
+def draw(path: Path, responses: Sequence[Response], result: StepResult, valve: str) -> None:
+    """Draw into `path`."""
+    figure, axes = plt.subplots(1, 3, figsize=(15.0, 5.2), layout="constrained", width_ratios=(2.0, 2.0, 1.6))
+    for place, direction in zip(axes, SIDES, strict=False):
+        _responses(place, [each for each in responses if each.direction == direction], result, direction)
+    _regions(axes[2], result)
+    loop = "open loop" if result.plan.is_open else f"closed loop with {result.law}"
+    figure.suptitle(f"{valve}: step responses, {loop}")
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def _responses(axes: Axes, responses: Sequence[Response], result: StepResult, direction: float) -> None:
+    """Draw each response as a part of its realised step, or of the asked one where it did not move."""
+    shades = mpl.colormaps["viridis"]
+    for each in responses:
+        step_m = direction * (each.final_m - each.before_m)
+        moved = step_m > result.seen_m
+        whole_m = step_m if moved else each.size * result.span_m
+        gone = direction * (filled(np.asarray(each.measured_m)) - each.before_m) / whole_m
+        times_ms = np.arange(len(gone)) * result.period_s * _MS
+        place = list(result.regions).index(each.size)
+        colour = shades(place / max(len(result.regions) - 1, 1))
+        fresh = each is next(other for other in responses if other.size == each.size)
+        name = f"{100.0 * each.size:g} % ({result.regions[each.size]})" if fresh else None
+        axes.plot(times_ms[1:], gone[1:], color=colour, lw=0.9, alpha=0.8, label=name)
+    for level in (0.632, 0.865, 0.98):
+        axes.axhline(level, color="0.7", lw=0.7, ls=":")
+    times_s = [row.spread(name).high for row in result.rows for name in ("t86_s", "t98_s")]
+    longest_ms = _MS * max([value for value in times_s if not math.isnan(value)], default=result.plan.wait_s)
+    axes.set(
+        xscale="log",
+        xlim=(result.period_s * _MS, max(4.0 * longest_ms, 10.0 * result.period_s * _MS)),
+        ylim=(-0.5, 1.75),
+        title=f"Steps {SIDES[direction]}",
+        xlabel="time since the step, ms",
+        ylabel="part of the realised step",
+    )
+    if responses:
+        axes.legend(loc="upper left", fontsize=8)
+
+
+def _regions(axes: Axes, result: StepResult) -> None:
+    """Draw Td and T86 over the size of the step, with the range of the repeats."""
+    sizes = [100.0 * size for size in result.regions]
+    edges = [sizes[0] / 1.4, *[math.sqrt(a * b) for a, b in pairwise(sizes)], sizes[-1] * 1.4]
+    shown: set[str] = set()
+    for region, (left, right) in zip(result.regions.values(), pairwise(edges), strict=True):
+        label = None if region in shown else f"{region}: {_MEANING[region]}"
+        axes.axvspan(left, right, color=_SHADES[region], lw=0.0, label=label)
+        shown.add(region)
+    for row in result.rows:
+        for name, mark in (("dead_time_s", "v"), ("t86_s", "o")):
+            spread = row.spread(name)
+            if spread.count:
+                middle = spread.median * _MS
+                reach = [[max(middle - spread.low * _MS, 0.0)], [max(spread.high * _MS - middle, 0.0)]]
+                axes.errorbar(
+                    100.0 * row.size, middle, yerr=reach, fmt=mark, color=_COLOURS[row.direction], ms=6.0, capsize=3.0
+                )
+    for direction, side in SIDES.items():
+        for mark, words in (("v", "dead time"), ("o", "T86")):
+            axes.plot([], [], mark, color=_COLOURS[direction], label=f"{words}, {side}")
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlim=(edges[0], edges[-1]),
+        title="Response regions",
+        xlabel=f"step, % of {result.plan.unit}",
+        ylabel="time, ms",
+    )
+    axes.legend(fontsize=8)

@@ -1,0 +1,123 @@
+"""`positioner step-test`: response times, overshoot, travel gain, dead band and resolution of a valve. Shell."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace as replaced
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from positioner.cli.command import add_command, numbers_in
+from positioner.cli.procedure import add_procedure, keep_result, memory_of, procedure_configuration
+from positioner.commissioning.closed_loop import ClosedLoop
+from positioner.commissioning.procedure import ProcedureLimits
+from positioner.commissioning.step.hold import HoldLaw
+from positioner.commissioning.step.limits import broken
+from positioner.commissioning.step.plan import Plan
+from positioner.commissioning.step.procedure import StepTest
+from positioner.commissioning.step.report import as_json, lines
+from positioner.commissioning.step.result import result_of
+from positioner.errors import ExitCode, UsageError
+from positioner.values import replace
+
+if TYPE_CHECKING:
+    import argparse
+
+    from positioner.cli.command import Commands
+    from positioner.config.schema import Configuration
+
+_HOLD = "hold"
+_EPILOG = """\
+examples:
+  positioner step-test --config fv101.toml                         in closed loop, with the configured law
+  positioner step-test --config fv101.toml --sizes 1,10 --repeats 5
+  positioner step-test --config fv101.toml --law hold              in open loop: the valve without a positioner
+  positioner step-test --config fv101.toml --picture step.png
+  positioner step-test --config fv101.toml --yes --record fv101.log
+  positioner step-test --config fv101.toml --from fv101.log        the same values from the record
+
+It steps around the middle of the valve's range, by 10 % of the span at most, and with --law hold over the whole range
+of the current. The daemon of this valve must be stopped. The law begins with an empty stiction table, so that each test
+begins alike; what it learns is not kept. Ctrl-C brings the stem back to where it was; a second one ends it at once.
+Limits are in [step_test] of the configuration. --from wants the same options as the test.
+
+exit status: 0 done, 1 aborted, or a limit is broken, 2 wrong command line, or not confirmed, 69 no bus, or another
+controller, 74 a file cannot be written, 75 the daemon of this valve runs, 78 the configuration is wrong.
+"""
+
+
+def add_parser(commands: Commands) -> None:
+    """Add `positioner step-test`."""
+    parser = add_command(
+        commands, "step-test", _run, "measure response times, overshoot, dead band and resolution of a valve", _EPILOG
+    )
+    add_procedure(parser)
+    parser.add_argument("--law", metavar="NAME", help="another law than the configured one; hold: none, open loop")
+    parser.add_argument("--sizes", metavar="PERCENT,...", help="of the steps, of span (open loop: of signal)")
+    parser.add_argument("--repeats", type=int, metavar="N", help="steps up and down of each size (default: 3)")
+    parser.add_argument("--wait", type=float, metavar="S", help="after each step (default: 2, more for a slow valve)")
+    parser.add_argument("--ladder", type=float, metavar="PERCENT", help="step of the ladders; 0 leaves them out")
+    parser.add_argument("--at", type=float, metavar="PERCENT", help="middle of the steps (default: of the range)")
+    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the responses, and the regions (PNG)")
+
+
+def _run(arguments: argparse.Namespace) -> ExitCode:
+    if arguments.picture and not arguments.picture.absolute().parent.is_dir():
+        raise UsageError(f"--picture {arguments.picture}: there is no folder {arguments.picture.absolute().parent}")
+    configuration = procedure_configuration(arguments)
+    test = _test(arguments, configuration)
+    memory = memory_of(arguments, configuration, test)
+    result = result_of(memory, test)
+    valve = configuration.valve.id
+    problems = broken(result, configuration.step_test)
+    document = as_json(result, valve, problems)
+    if arguments.json:
+        sys.stdout.write(f"{json.dumps(document, indent=2)}\n")
+    else:
+        sys.stdout.write("\n".join([*lines(result, valve), *(f"  limit broken: {line}" for line in problems)]) + "\n")
+    if arguments.picture:
+        from positioner.cli.step_picture import draw  # noqa: PLC0415 - matplotlib would slow every command down
+
+        draw(arguments.picture, memory.responses, result, valve)
+        sys.stderr.write(f"picture: {arguments.picture}\n")
+    keep_result(arguments, configuration, "step-test", document)
+    return ExitCode.FAILURE if problems else ExitCode.OK
+
+
+def _test(arguments: argparse.Namespace, configuration: Configuration) -> StepTest:
+    """Return the test that the command line asks for.
+
+    Raises:
+        UsageError: a value is impossible.
+    """
+    is_open = arguments.law == _HOLD
+    if arguments.law and not is_open:
+        configuration = replaced(configuration, control=replaced(configuration.control, law=arguments.law))
+    valve, period_s = configuration.valve, configuration.control.sample_period_s
+    limits = ProcedureLimits.of(valve, configuration.guard)
+    plan = _plan(arguments, Plan.of(valve, limits, is_open=is_open), period_s)
+    law = HoldLaw(valve.travel_min_m, valve.span_m) if is_open else configuration.make_law()
+    loop = ClosedLoop(law, configuration.limits, configuration.control.table_cell_m)
+    return StepTest(valve, limits, period_s, plan, loop)
+
+
+def _plan(arguments: argparse.Namespace, plan: Plan, period_s: float) -> Plan:
+    """Return the plan with what the command line says.
+
+    Raises:
+        UsageError: the valve cannot do that.
+    """
+    if arguments.sizes is not None:
+        plan = replace(plan, sizes=tuple(sorted({each / 100.0 for each in numbers_in("--sizes", arguments.sizes)})))
+    if arguments.repeats is not None:
+        plan = replace(plan, repeats=arguments.repeats)
+    if arguments.wait is not None:
+        plan = replace(plan, wait_s=arguments.wait)
+    if arguments.ladder is not None:
+        plan = replace(plan, ladder=arguments.ladder / 100.0)
+    if arguments.at is not None:
+        plan = replace(plan, place=arguments.at / 100.0)
+    if problem := plan.problem(period_s):
+        raise UsageError(problem)
+    return plan

@@ -1,0 +1,119 @@
+"""The figures of one step response: dead time, T63, T86, T98, overshoot, travel gain. Pure.
+
+Times begin with the step of the input, and are parts of the realised step, not of the wanted one (ISA-TR75.25.02). The
+instant at which a level is crossed is that of an isotonic regression: there the sum of (level - reading) is largest.
+It needs no model of the response, and no single reading decides it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from positioner.values import dataclass
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from positioner.commissioning.step.memory import Response
+
+_PARTS = (0.632, 0.865, 0.98)
+"""Of the realised step: T63, T86, T98."""
+_NAN = math.nan
+DEAD_TIME_SIGMA = 2.0
+"""A motion counts for the dead time from so many σ of a reading on."""
+_PASSED_SIGMA = 8.0
+"""A level is passed for good once the readings beyond it outweigh so many σ; a later return does not count."""
+_CERTAIN_SIGMA = 5.0
+"""Of a change of the mean, the largest of some thousand possible ones."""
+_LONGEST_SEARCH = 4.0
+"""A level is not told from the rest behind it where the noise leaves more samples than these open."""
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """The figures of a response; times in s, NaN where the stem did not move or the noise hides it.
+
+    gain: realised step over asked step, both as parts of their ranges; overshoot: a part of the realised step.
+    """
+
+    size: float
+    direction: float
+    moved: bool
+    gain: float
+    dead_time_s: float
+    t63_s: float
+    t86_s: float
+    t98_s: float
+    overshoot: float
+
+
+def figures_of(
+    response: Response, period_s: float, sigma_m: float, seen_m: float, observable_m: float, span_m: float
+) -> Figures:
+    """Return the figures of a response; less than `seen_m` between two rests is no motion.
+
+    observable_m: the smallest motion that ends the dead time.
+    """
+    step_m = response.direction * (response.final_m - response.before_m)
+    gain = step_m / (response.size * span_m)
+    if step_m <= seen_m:
+        return Figures(response.size, response.direction, False, gain, _NAN, _NAN, _NAN, _NAN, _NAN)
+    gone_m = response.direction * (filled(np.asarray(response.measured_m)) - response.before_m)
+    t63_s, t86_s, t98_s = (
+        crossing(gone_m, part * step_m, sigma_m) * period_s if _resolved(part, step_m, sigma_m) else math.nan
+        for part in _PARTS
+    )
+    dead_s = crossing(gone_m, min(observable_m, _PARTS[0] * step_m), sigma_m) * period_s
+    extreme_m = max(extreme(gone_m, sigma_m), step_m)
+    return Figures(response.size, response.direction, True, gain, dead_s, t63_s, t86_s, t98_s, extreme_m / step_m - 1.0)
+
+
+def _resolved(part: float, step_m: float, sigma_m: float) -> bool:
+    """Return whether the noise lets a level be told from the final rest."""
+    ratio = sigma_m / ((1.0 - part) * step_m)
+    return ratio * ratio <= _LONGEST_SEARCH
+
+
+def crossing(values: NDArray[np.float64], level: float, sigma: float) -> float:
+    """Return the number of samples, with its fraction, after which `values` rise above `level`."""
+    sums = np.cumsum(level - values)
+    tops = np.maximum.accumulate(np.maximum(sums, 0.0))
+    passed = np.flatnonzero(tops - sums > _PASSED_SIGMA * sigma)
+    last = int(np.argmax(sums[: passed[0] + 1])) if len(passed) else int(np.argmax(sums))
+    if sums[last] <= 0.0 or last + 1 == len(values):
+        return float(last if sums[last] > 0.0 else 0)
+    below, above = float(values[last]), float(values[last + 1])
+    return last + min(max((level - below) / (above - below), 0.0), 1.0) if above > below else last + 0.5
+
+
+def extreme(values: NDArray[np.float64], sigma: float) -> float:
+    """Return the largest value behind the noise: the largest mean of the stretches between certain changes.
+
+    A stem that sticks makes rests, and the mean of each is exact. Without noise it is the largest value.
+    """
+    if sigma == 0.0:
+        return float(values.max())
+    sums = np.concatenate(([0.0], np.cumsum(values)))
+    largest, parts = -math.inf, [(0, len(values))]
+    while parts:
+        begin, end = parts.pop()
+        count = end - begin
+        mean = (sums[end] - sums[begin]) / count
+        lengths = np.arange(1, count)
+        away = sums[begin + 1 : end] - sums[begin] - lengths * mean
+        certain = np.abs(away) * np.sqrt(count / (lengths * (count - lengths)))
+        split = int(np.argmax(certain)) + 1 if count > 1 else 0
+        if split and certain[split - 1] > _CERTAIN_SIGMA * sigma:
+            parts += [(begin, begin + split), (begin + split, end)]
+        else:
+            largest = max(largest, float(mean))
+    return largest
+
+
+def filled(readings: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the readings; a lost one is that before it."""
+    numbers = np.maximum.accumulate(np.where(np.isnan(readings), 0, np.arange(len(readings))))
+    return np.asarray(readings[numbers])

@@ -10,6 +10,7 @@ from positioner.laws.nmpc.filter import AdaptiveFilter
 from positioner.laws.nmpc.lagged.law import LaggedLaw
 from positioner.laws.nmpc.lagged.valve import is_lagged, lagged_valve
 from positioner.laws.nmpc.law import NmpcLaw
+from positioner.laws.nmpc.untold.found import settings_for
 from positioner.laws.nmpc.untold.law import UntoldLagLaw
 from positioner.laws.nmpc.untold.load import nominal_of
 from positioner.laws.paper.law import PaperLaw
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from positioner.laws.rivals.pid import PidSettings
     from positioner.laws.settings import ControlSettings
     from positioner.optimization.qp import Solver
+    from positioner.valve.actuator import ActuatorParameters
     from positioner.valve.parameters import ValveParameters
 
 
@@ -66,9 +68,17 @@ def _nmpc(parts: Ingredients) -> UntoldLagLaw | LaggedLaw:
     return UntoldLagLaw(
         "nmpc",
         nmpc_immediate(parts),
-        lambda actuator: _nmpc_lagged(replace(parts, valve=replace(parts.valve, actuator=actuator))),
+        lambda actuator: _nmpc_lagged(playing_with(parts, actuator)),
         nominal_of(parts.valve),
     )
+
+
+def playing_with(parts: Ingredients, actuator: ActuatorParameters) -> Ingredients:
+    """Return the parts of the law for an actuator that nobody has told."""
+    nmpc = parts.control.nmpc
+    lagged = settings_for(nmpc.lagged, actuator)
+    control = replace(parts.control, nmpc=replace(nmpc, lagged=lagged))
+    return replace(parts, control=control, valve=replace(parts.valve, actuator=actuator))
 
 
 def nmpc_immediate(parts: Ingredients) -> NmpcLaw:

@@ -17,6 +17,8 @@ from positioner.valve.stiction import StictionTable
 PERIOD_S = 1e-3
 QUIET = {"noise_of_reading": 0.0, "noise_of_span": 0.0005}
 
+NOISY = {"noise_of_reading": 0.02, "noise_of_span": 0.0}
+
 
 def played(setpoints_mm: tuple[float, ...], sensor: dict[str, float], **actuator: float) -> tuple[UntoldMemory, int]:
     """Return the memory after a second at each setpoint, and the number of moves until another actuator was found."""
@@ -55,6 +57,14 @@ def test_an_untold_lag_is_found_and_taken_over() -> None:
     assert memory.actuator is not None
     assert memory.actuator.fill_time_constant_s == memory.actuator.vent_time_constant_s
     assert memory.actuator.fill_time_constant_s == pytest.approx(0.002, rel=0.4)
+
+
+def test_in_two_percent_noise_it_is_found_within_ten_pushes() -> None:
+    memory, moves = played((73.0, 87.0, 80.0), NOISY, fill_time_constant_s=0.002, vent_time_constant_s=0.002)
+
+    assert memory.actuator is not None
+    assert memory.actuator.fill_time_constant_s == pytest.approx(0.002, rel=0.4)
+    assert 2 <= moves <= 10
 
 
 def test_a_valve_without_lag_is_never_taken_for_one_and_soon_watched_no_more() -> None:

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from positioner.laws.nmpc.lagged_settings import LaggedSettings
 from positioner.laws.nmpc.untold import load as loads
 from positioner.laws.nmpc.untold.candidate import Candidate, Pressures, candidates, pressures
 from positioner.laws.nmpc.untold.course import Course, Piece, joined
-from positioner.laws.nmpc.untold.found import actuator_of
+from positioner.laws.nmpc.untold.found import actuator_of, settings_for
 from positioner.laws.nmpc.untold.linear import factor, inverse, log_determinant, solved
+from positioner.laws.nmpc.untold.probe import probe_of
 from positioner.laws.nmpc.untold.rollout import Rollout, advanced, begun
-from positioner.laws.nmpc.untold.watch import Quiet, Watch
+from positioner.laws.nmpc.untold.watch import Quiet, Watch, with_kept
 from positioner.laws.nmpc.untold.work import Mind
+from positioner.values import replace
+from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
 
 PERIOD_S = 1e-3
@@ -162,15 +165,81 @@ def test_the_lag_is_the_top_of_a_parabola_over_its_logarithm() -> None:
     assert actuator_of(shifted, PERIOD_S).fill_time_constant_s == pytest.approx(0.002 * 2.0**-0.3)
 
 
-def test_a_lead_decides_and_dead_time_needs_twice_as_much() -> None:
-    leads = [watch_of((0.0, -lead), (0.002, 0.0)).leader is not None for lead in (0.0, 19.0, 21.0)]
+def test_a_lead_decides_and_what_does_little_harm_needs_more() -> None:
+    leads = [watch_of((0.0, -lead), (0.002, 0.0)).leader is not None for lead in (0.0, 7.0, 9.0)]
+    short = [watch_of((0.0, -lead), (0.0005, 0.0)).leader is not None for lead in (15.0, 17.0)]
     late = [
         Watch(
             (Mind(Candidate(0.0), loads.prior(), None, -lead), Mind(Candidate(0.0, 1), loads.prior())), Quiet()
         ).leader
-        for lead in (21.0, 41.0)
+        for lead in (39.0, 41.0)
     ]
 
     assert leads == [False, False, True]
+    assert short == [False, True]
     assert [each is not None for each in late] == [False, True]
-    assert all(one <= other for one, other in pairwise(leads))
+
+
+def test_a_lag_that_is_kept_from_before_leads_and_does_not_decide() -> None:
+    watch = with_kept(watch_of((0.0, 0.0), (0.001, 0.0), (0.002, 0.0)), 0.0017)
+
+    assert [mind.evidence for mind in watch.minds] == [0.0, 0.0, 6.0]
+    assert watch.leader is None
+    assert with_kept(watch_of((0.0, 0.0), (0.001, 0.0)), 0.005) == watch_of((0.0, 0.0), (0.001, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("unmoved", "lag_s", "behind", "wanted"),
+    [(3, 0.002, 0.0, True), (2, 0.002, 0.0, False), (3, 0.002, 2.0, False), (3, 0.0005, 0.0, False)],
+)
+def test_an_experiment_is_wanted_where_pushes_fail_and_a_lag_may_be_the_reason(
+    unmoved: int, lag_s: float, behind: float, *, wanted: bool
+) -> None:
+    watch = replace(watch_of((0.0, 0.0), (lag_s, -behind)), unmoved=unmoved)
+
+    assert watch.wants_probe is wanted
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_an_experiment_pushes_less_than_what_failed_and_no_less_than_what_should_free_the_stem(
+    direction: float,
+) -> None:
+    quiet = Quiet(10, 0.08, 0.08)
+    far, near = (
+        probe_of(quiet, 1e-8, 12.0, 12.0 + direction * 8.0, 12.0 + direction * gamma_ma, 0, PERIOD_S)
+        for gamma_ma in (5.0, 7.0)
+    )
+    later = probe_of(quiet, 1e-8, 12.0, 12.0 + direction * 8.0, 12.0 + direction * 5.0, 1, PERIOD_S)
+
+    assert far.current_ma == pytest.approx(12.0 + direction * 6.0)
+    assert near.current_ma == pytest.approx(12.0 + direction * 7.0)
+    assert later.current_ma == pytest.approx(12.0 + direction * 8.0)
+    assert (far.left, later.left) == (12, 48)
+    assert far.direction == direction
+
+
+def test_an_experiment_ends_with_the_motion_or_its_time_and_then_rests() -> None:
+    probe = probe_of(Quiet(10, 0.08, 0.08), 1e-8, 12.0, 20.0, 17.0, 0, PERIOD_S)
+    still, moving = probe, probe
+    for sample in range(1, 13):
+        still, moving = still.followed_by(0.08, 1e-8), moving.followed_by(0.08 + 3e-4 * sample, 1e-8)
+        if sample == 3:
+            assert not moving.is_held
+
+    assert (still.is_held, still.has_moved, still.is_over) == (False, False, False)
+    assert moving.has_moved
+    for _ in range(10):
+        still = still.followed_by(0.08, 1e-8)
+    assert still.is_over
+    assert not still.has_moved
+
+
+def test_after_a_short_lag_smaller_errors_are_worth_a_correction() -> None:
+    own = LaggedSettings()
+    short, long = (
+        settings_for(own, ActuatorParameters(fill_time_constant_s=lag_s, vent_time_constant_s=lag_s))
+        for lag_s in (0.002, 0.02)
+    )
+
+    assert own.tolerance_of_noise > short.tolerance_of_noise > 0.0
+    assert long == own

@@ -17,6 +17,8 @@ _SHORTEST = 0.4
 """A lag below this part of a sample is none."""
 _STEPS_PER_SAMPLE = 2
 _STEPS_PER_LAG = 6.0
+_SETTLED_MA = 0.05
+"""A pressure so near to the current follows it no more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +73,7 @@ def pressures(candidate: Candidate, pieces: tuple[Piece, ...], begin_ma: float, 
             if piece.samples > 1:
                 waiting = [piece.current_ma] * candidate.late
         count, length_s = 1, piece.samples * period_s
-        if candidate.lag_s > 0.0:
+        if candidate.lag_s > 0.0 and abs(current_ma - pressure_ma) > _SETTLED_MA:
             finest_s = max(period_s / _STEPS_PER_SAMPLE, candidate.lag_s / _STEPS_PER_LAG)
             count = max(math.ceil(length_s / finest_s), _STEPS_PER_SAMPLE)
             length_s /= count

@@ -30,7 +30,7 @@ class Course:
     """A push and what followed.
 
     origin_m: where the stem rested before it, with the variance in m². direction: ±1, of the push. pieces: since the
-    push. same: samples in a row under the present current. samples: in all pieces.
+    push. same: samples in a row under the present current. samples: in all pieces. is_probe: the push was held.
     """
 
     origin_m: float
@@ -39,6 +39,7 @@ class Course:
     pieces: tuple[Piece, ...] = ()
     same: int = 0
     samples: int = 0
+    is_probe: bool = False
 
     @property
     def is_too_long(self) -> bool:
@@ -53,7 +54,7 @@ class Course:
     def followed_by(self, current_ma: float, reading_m: float) -> Course:
         """Return the course one sample later."""
         pieces, same = joined(self.pieces, self.same, current_ma, reading_m)
-        return Course(self.origin_m, self.variance_m2, self.direction, pieces, same, self.samples + 1)
+        return Course(self.origin_m, self.variance_m2, self.direction, pieces, same, self.samples + 1, self.is_probe)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,15 +3,30 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from positioner.valve.actuator import ActuatorParameters
 
 if TYPE_CHECKING:
+    from positioner.laws.nmpc.lagged_settings import LaggedSettings
     from positioner.laws.nmpc.untold.watch import Watch
 
+_SHORT_S, _TOLERANCE_OF_NOISE = 0.003, 0.08
+"""Up to this lag; and the tolerance, as a part of σ of a reading."""
 _FARTHEST = 0.5
 """How far the maximum may be from the best candidate, as a part of the way to the next one."""
+
+
+def settings_for(own: LaggedSettings, actuator: ActuatorParameters) -> LaggedSettings:
+    """Return the settings of the law for this actuator: after a short lag a correction takes milliseconds.
+
+    So smaller errors are worth one: most of the time goes into the average that shows them.
+    """
+    lag_s = max(actuator.fill_time_constant_s, actuator.vent_time_constant_s)
+    if lag_s > _SHORT_S:
+        return own
+    return replace(own, tolerance_of_noise=min(own.tolerance_of_noise, _TOLERANCE_OF_NOISE))
 
 
 def actuator_of(watch: Watch, period_s: float) -> ActuatorParameters:

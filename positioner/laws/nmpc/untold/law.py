@@ -8,13 +8,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from positioner.laws.bounds import Bounds
 from positioner.laws.estimator_settings import measurement_sigma_m
-from positioner.laws.nmpc.filter import Resting
+from positioner.laws.law import Decision
+from positioner.laws.nmpc.filter import Resting, spread_of
 from positioner.laws.nmpc.lagged.pipeline import pipeline_at
 from positioner.laws.nmpc.lagged.rest import LaggedRest
-from positioner.laws.nmpc.memory import NmpcMemory
+from positioner.laws.nmpc.memory import NmpcMemory, report
 from positioner.laws.nmpc.untold import watch as watching
 from positioner.laws.nmpc.untold.found import actuator_of
+from positioner.laws.nmpc.untold.probe import LEAST_READINGS, MOST, probe_of
 from positioner.laws.pushes import Pushes
 from positioner.values import dataclass, replace
 from positioner.wire.messages import Motion
@@ -22,11 +25,12 @@ from positioner.wire.messages import Motion
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from positioner.laws.law import Decision, Estimate, Observation
+    from positioner.laws.law import Estimate, Observation
     from positioner.laws.nmpc.lagged.law import LaggedLaw
     from positioner.laws.nmpc.lagged.memory import LaggedMemory
     from positioner.laws.nmpc.law import NmpcLaw
     from positioner.laws.nmpc.untold.load import Nominal
+    from positioner.laws.nmpc.untold.probe import Probe
     from positioner.laws.nmpc.untold.watch import Watch
     from positioner.valve.actuator import ActuatorParameters
     from positioner.valve.state import StemState
@@ -36,18 +40,23 @@ if TYPE_CHECKING:
 _MOST_NOISE = 200.0
 """The variance of an average is believed to be at most so many times that of white noise: AR(0.99)."""
 
+_WHITE = 3.0
+"""The variance of an average, in that of configured white noise, up to which the noise counts as white."""
+
 
 @dataclass(frozen=True, slots=True)
 class UntoldMemory:
     """What the law carries: the memory of the law that plays, the watch, and once it is found the true actuator.
 
-    law: the law for that actuator.
+    law: the law for that actuator. probe: the present experiment. probes: how many there were.
     """
 
     inner: NmpcMemory | LaggedMemory
     watch: Watch
     actuator: ActuatorParameters | None = None
     law: LaggedLaw | None = None
+    probe: Probe | None = None
+    probes: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,16 +80,23 @@ class UntoldLagLaw:
             lagged, estimate = memory.law.estimate(inner, observation)
             return replace(memory, inner=lagged), estimate
         assert isinstance(inner, NmpcMemory)  # noqa: S101 - of the law that plays
-        inner, estimate = self.believed.estimate(inner, observation)
-        watch = memory.watch
+        watch, probe = memory.watch, memory.probe
+        noise_m2 = self._noise_m2(inner)
+        if probe is None or probe.is_over:
+            inner, estimate = self.believed.estimate(inner, observation)
+        else:
+            assert isinstance(inner.stem, Resting)  # noqa: S101 - an experiment begins at rest
+            probe, estimate = probe.followed_by(observation.measured_m, noise_m2), report(inner.stem)
+            if probe.is_over and probe.has_moved:
+                inner = self._moved(inner, probe, noise_m2)
         if not watch.is_over:
-            rests = inner.motion is Motion.REST
+            rests = inner.motion is Motion.REST and (probe is None or probe.is_over)
             noise_m2 = self._noise_m2(inner)
             for _ in range(max(round(observation.elapsed_s / self.believed.period_s), 1)):
                 watch = watching.read(watch, observation.applied_ma, observation.measured_m, noise_m2, rests=rests)
             if rests or watch.course is None:  # a move of a law that believes in no lag may have no end
                 watch = watching.worked(self.nominal, watch, self.believed.period_s)
-        return UntoldMemory(inner, watch), estimate
+        return replace(memory, inner=inner, watch=watch, probe=probe), estimate
 
     def decide(
         self, memory: UntoldMemory, stem: StemState, observation: Observation, table: StictionTable
@@ -91,7 +107,7 @@ class UntoldLagLaw:
             memory = self._with(memory, inner, observation.actuator)
         elif memory.law is None and isinstance(inner, NmpcMemory) and inner.motion is Motion.REST:
             leader = memory.watch.leader
-            if leader is not None:
+            if leader is not None and (memory.probe is None or memory.probe.is_over):
                 memory = self._with(memory, inner, actuator_of(memory.watch, self.believed.period_s))
         inner = memory.inner
         if memory.law is not None:
@@ -99,12 +115,57 @@ class UntoldLagLaw:
             lagged, decision = memory.law.decide(inner, stem, observation, table)
             return replace(memory, inner=lagged), replace(decision, actuator=memory.actuator)
         assert isinstance(inner, NmpcMemory)  # noqa: S101 - of the law that plays
+        watch, probe = memory.watch, memory.probe
+        if probe is not None:
+            waits = watch.is_at_work and observation.setpoint_m == inner.setpoint_m
+            if waits or not probe.is_over:
+                return memory, self._probing(probe)
+            memory = replace(memory, probe=None)
+        if inner.setpoint_m is None and table.fit is not None:
+            watch = watching.with_kept(watch, table.fit.fill_s)
+        before = inner
         inner, decision = self.believed.decide(inner, stem, observation, table)
-        watch = memory.watch
+        if decision.reason is not None and before.hold_ma is not None and self._may_probe(memory, before):
+            return self._probed(memory, before.hold_ma, decision)
         if decision.reason is not None and not watch.is_over:
             assert not isinstance(inner.stem, Resting)  # noqa: S101 - a move has begun
             watch = watching.pushed(watch, inner.stem.direction, self._noise_m2(inner))
-        return UntoldMemory(inner, watch), decision
+        return replace(memory, inner=inner, watch=watch), decision
+
+    def _may_probe(self, memory: UntoldMemory, inner: NmpcMemory) -> bool:
+        """Whether an experiment is due: in noise that remembers itself a push is soon thought to have failed."""
+        is_known = memory.watch.quiet.readings >= LEAST_READINGS and inner.monitor.noise.averaged < _WHITE
+        return is_known and memory.probes < MOST and memory.watch.wants_probe
+
+    def _probed(self, memory: UntoldMemory, held_ma: float, push: Decision) -> tuple[UntoldMemory, Decision]:
+        """Return the memory and the first current of an experiment in place of a push."""
+        watch, reason = memory.watch, push.reason
+        assert isinstance(memory.inner, NmpcMemory)  # noqa: S101 - of the law that plays
+        assert reason is not None  # noqa: S101 - a move begins
+        noise_m2, gamma_ma, period_s = self._noise_m2(memory.inner), reason.breakaway.current_ma, self.believed.period_s
+        probe = probe_of(watch.quiet, noise_m2, held_ma, push.current_ma, gamma_ma, memory.probes, period_s)
+        watch = watching.pushed(watch, probe.direction, noise_m2, is_probe=True)
+        memory = replace(memory, watch=watch, probe=probe, probes=memory.probes + 1)
+        return memory, replace(self._probing(probe), reason=reason)
+
+    def _probing(self, probe: Probe) -> Decision:
+        """Return the current of an experiment."""
+        if probe.is_held:
+            return self._resting(probe.current_ma, Motion.MOVE)
+        return self._resting(probe.held_ma, Motion.REST if probe.is_over else Motion.SETTLE)
+
+    def _resting(self, current_ma: float, motion: Motion) -> Decision:
+        """Return the decision for a current that no plan has asked for."""
+        own = self.believed
+        return Decision(current_ma, Bounds(0.0, 0.0, own.current_low_ma, own.current_high_ma), motion)
+
+    def _moved(self, inner: NmpcMemory, probe: Probe, noise_m2: float) -> NmpcMemory:
+        """Return the memory of the law after an experiment has moved its stem."""
+        stem, filtered = inner.stem, self.believed.filter
+        assert isinstance(stem, Resting)  # noqa: S101 - an experiment begins at rest
+        after = filtered.at_rest(probe.recent_m, noise_m2, stem.load, spread_of(stem))
+        monitor = replace(inner.monitor.at_new_place(), verification=None, landing=None)
+        return replace(inner, stem=after, monitor=monitor, hold_ma=None)
 
     def _noise_m2(self, inner: NmpcMemory) -> float:
         """Return the variance of the mean of n readings, times n."""

@@ -26,9 +26,10 @@ _LONGEST = 0.25
 """The largest change of a multiple in one Gauss-Newton step."""
 _CONVERGED = 0.5
 """A step that should lower the cost by less is the last one."""
-_HOPELESS = 20.0
-"""An onset whose fit is to stay so much less probable than the best one, of any candidate, is given up."""
-_LIKELY = 10.0
+_HOPELESS = 13.0
+"""An onset whose fit is to stay so much less probable than the best one, of any candidate, is given up: a course does
+not count for more."""
+_LIKELY = 8.0
 """What a fit may explain better than the best one, at most."""
 _MM2 = 1e6
 _LEAST_VARIANCE = 1e-8
@@ -96,7 +97,7 @@ class Trial:
 
     given: its pressures. belief: the load before. to_beat: the evidence of the best candidate so far.
     onsets: those that are not computed yet; fit: the one at work. evidence, after, best: of the best onset so far; one
-    that stands for several is split, until it is one.
+    that stands for several is split, until it is one. point: where its fit ended, the next one begins there.
     """
 
     course: Course
@@ -111,6 +112,7 @@ class Trial:
     evidence: float = -_EXCLUDED
     after: LoadBelief | None = None
     best: Onset | None = None
+    point: list[float] | None = None
 
     @property
     def is_over(self) -> bool:
@@ -138,7 +140,7 @@ def continued(nominal: Nominal, trial: Trial, budget: int) -> Trial:
         if inside is None or inside[1] < max(trial.evidence, trial.to_beat) - _HOPELESS - _LIKELY:
             return _refined(replace(trial, onsets=rest))
         # the onset stays the first of the list until its fit is over
-        return replace(trial, fit=_begun(trial.course, inside[0], inside[1]))
+        return replace(trial, fit=_begun(trial.course, inside[0], inside[1], trial.point))
     onset = trial.onsets[0]
     rollout = advanced(
         nominal, trial.course, trial.given, fit.point[1:], onset.step, trial.noise_m2, fit.rollout, budget
@@ -152,7 +154,7 @@ def continued(nominal: Nominal, trial: Trial, budget: int) -> Trial:
     if fit.evidence > trial.evidence:
         covariance = inverse(fit.matrix)
         after = LoadBelief(fit.best[1:], [row[1:] for row in covariance[1:]])
-        trial = replace(trial, evidence=fit.evidence, after=after, best=onset)
+        trial = replace(trial, evidence=fit.evidence, after=after, best=onset, point=fit.best)
     return _refined(trial)
 
 
@@ -178,7 +180,8 @@ def _rises(nominal: Nominal, course: Course, given: Pressures) -> Rises:
     return Rises(steps, forces)
 
 
-def _begun(course: Course, belief: LoadBelief, log_probability: float) -> Fit:
+def _begun(course: Course, belief: LoadBelief, log_probability: float, point: list[float] | None) -> Fit:
+    """Return the fit of an onset before its first run, at the point where the best one has ended."""
     covariance = [[course.variance_m2 * _MM2 + _LEAST_VARIANCE, *([0.0] * STATES)]]
     covariance += [[0.0, *row] for row in belief.covariance]
     for i in range(1, STATES + 1):
@@ -186,7 +189,9 @@ def _begun(course: Course, belief: LoadBelief, log_probability: float) -> Fit:
     mean = [0.0, *belief.values]
     information = inverse(covariance)
     log_prior = log_probability - 0.5 * log_determinant(factor(covariance))
-    return Fit(mean, information, log_prior, mean, begun(course, 0.0), 0, -_EXCLUDED, mean, information)
+    if point is None:
+        point = mean
+    return Fit(mean, information, log_prior, point, begun(course, point[0]), 0, -_EXCLUDED, point, information)
 
 
 def _improved(course: Course, fit: Fit, to_beat: float) -> tuple[Fit, bool]:

@@ -7,6 +7,7 @@ far behind is dropped; where only the believed one is left, the watch is over.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from positioner.laws.nmpc.filter import believed_m
@@ -28,16 +29,16 @@ _LONGEST_REST = 64
 _RECENT = 16
 _UNSTEADY = 4.5
 """Standard deviations between recent readings and all of a rest: then it is none."""
-_CERTAIN, _CERTAIN_OF_DEAD_TIME = 20.0, 40.0
-"""A sample of dead time does little harm, and differs little from none."""
-_FAILING, _LIKELY = 4, 11.0
-"""Where more pushes than this have failed in a row, a lag that has as much more evidence is played with."""
+_CERTAIN, _CERTAIN_OF_SHORT, _CERTAIN_OF_DEAD_TIME = 8.0, 16.0, 40.0
+"""A short lag or a sample of dead time does little harm, and differs little from none."""
+_KEPT, _NEAR = 6.0, 0.7
+"""The lead of a lag that is kept from before; and how far from it, in logarithms, a candidate may be."""
 _MOST_WAITING = 6
 _MOST_UNMOVED = 2
-_BUDGET = 90
+_UNLIKELY, _LEAST_S = 1.0, 0.7e-3
+"""A lag that is so far behind, or so short, is not worth an experiment."""
+_BUDGET = 60
 """Of a cycle, in steps of a resting stem."""
-_FASTER = 3
-"""So many times more is computed while push after push fails."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,13 +90,28 @@ class Watch:
         return len(self.minds) == 1
 
     @property
+    def wants_probe(self) -> bool:
+        """Whether so many pushes have failed in a row that an experiment is worth its time: a lag may be the reason."""
+        if self.unmoved <= _MOST_UNMOVED:
+            return False
+        for mind in self.minds:
+            if mind.candidate.lag_s > _LEAST_S and mind.evidence > self.minds[0].evidence - _UNLIKELY:
+                return True
+        return False
+
+    @property
+    def is_at_work(self) -> bool:
+        """Whether a course is not explained yet."""
+        return not self.is_over and (self.course is not None or self.work is not None or bool(self.waiting))
+
+    @property
     def leader(self) -> Mind | None:
         """The mind that is certainly right where the believed one is wrong, else None."""
         best = self.minds[0]
         for mind in self.minds:
             if mind.evidence > best.evidence:
                 best = mind
-        enough = _CERTAIN if self.unmoved <= _FAILING else _LIKELY
+        enough = _CERTAIN if best.candidate.lag_s > _LEAST_S else _CERTAIN_OF_SHORT
         if best.candidate.late:
             enough = _CERTAIN_OF_DEAD_TIME
         return best if best.evidence - self.minds[0].evidence > enough else None
@@ -104,6 +120,22 @@ class Watch:
 def begun(period_s: float) -> Watch:
     """Return the watch before the first move."""
     return Watch(tuple([Mind(each, prior()) for each in candidates(period_s)]), Quiet())
+
+
+def with_kept(watch: Watch, lag_s: float) -> Watch:
+    """Return the watch before the first move of a valve that had this lag before: the nearest candidate leads."""
+    best, nearest = -1, _NEAR
+    for index in range(len(watch.minds)):
+        other_s = watch.minds[index].candidate.lag_s
+        if other_s > 0.0 and lag_s > 0.0:
+            apart = abs(math.log(lag_s / other_s))
+            if apart < nearest:
+                best, nearest = index, apart
+    if best < 0:
+        return watch
+    minds = list(watch.minds)
+    minds[best] = replace(minds[best], evidence=minds[best].evidence + _KEPT)
+    return replace(watch, minds=tuple(minds))
 
 
 def read(watch: Watch, current_ma: float, measured_m: float, noise_m2: float, *, rests: bool) -> Watch:
@@ -123,8 +155,8 @@ def read(watch: Watch, current_ma: float, measured_m: float, noise_m2: float, *,
     return _ended(watch, course, noise_m2)
 
 
-def pushed(watch: Watch, direction: float, noise_m2: float) -> Watch:
-    """Return the watch in whose cycle the law pushes the stem in `direction` (±1)."""
+def pushed(watch: Watch, direction: float, noise_m2: float, *, is_probe: bool = False) -> Watch:
+    """Return the watch in whose cycle the law pushes the stem in `direction` (±1); `is_probe` where it holds it."""
     quiet = watch.quiet
     is_first = watch.minds[0].pressure_ma is None and watch.work is None and not watch.waiting
     if quiet.readings < (1 if is_first else _QUIET):
@@ -132,7 +164,7 @@ def pushed(watch: Watch, direction: float, noise_m2: float) -> Watch:
         return watch
     if watch.course is not None:
         watch = _ended(watch, watch.course, noise_m2)
-    course = Course(quiet.mean_m, noise_m2 / quiet.readings, direction)
+    course = Course(quiet.mean_m, noise_m2 / quiet.readings, direction, is_probe=is_probe)
     return replace(watch, course=course, rest=0, quiet=Quiet())
 
 
@@ -143,8 +175,7 @@ def worked(nominal: Nominal, watch: Watch, period_s: float) -> Watch:
         if not watch.waiting:
             return watch
         work, watch = begun_work(watch.minds, watch.waiting[0]), replace(watch, waiting=watch.waiting[1:])
-    budget = _BUDGET * _FASTER if watch.unmoved > _MOST_UNMOVED else _BUDGET
-    minds, left = continued_work(nominal, watch.minds, work, period_s, budget)
+    minds, left = continued_work(nominal, watch.minds, work, period_s, _BUDGET)
     return replace(watch, minds=minds, work=left)
 
 
@@ -158,7 +189,7 @@ def _ended(watch: Watch, course: Course, noise_m2: float) -> Watch:
     finished = Finished(course, watch.between, noise_m2)
     unmoved = 0 if finished.has_moved else watch.unmoved + 1
     waiting = watch.waiting
-    if unmoved > _MOST_UNMOVED or course.is_too_long:
+    if (unmoved > _MOST_UNMOVED and not course.is_probe) or course.is_too_long:
         between = (*watch.between, *course.pieces)[-MOST_PIECES + 1 :]
         return replace(watch, course=None, rest=0, between=between, same=course.same, unmoved=unmoved)
     waiting = (*waiting, finished)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _MOST_OF_ONE = 12.0
 """No single course counts for more."""
-_HOPELESS = 30.0
+_HOPELESS = 20.0
 """A candidate that is so far behind is dropped."""
 _UNEXPLAINED, _UNEXPLAINED_PER_PIECE = 12.0, 1.0
 """A course is explained where minus the evidence of the best candidate is below this."""

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from positioner.cli.command import add_command
 from positioner.cli.procedure import add_procedure, keep_result, procedure_configuration, reference_of, stretches_of
-from positioner.commissioning.loop_branches import branches
+from positioner.commissioning.loop_branches import branches, slow_and_sliding
 from positioner.commissioning.procedure import ProcedureLimits
 from positioner.commissioning.signature import signature
+from positioner.commissioning.signature_limits import Beyond, beyond_limits
 from positioner.commissioning.signature_report import as_json, changes, loop_points, remarks, rows
 from positioner.commissioning.signature_stages import signature_experiment
 from positioner.commissioning.units import PASCALS
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     import argparse
 
     from positioner.cli.command import Commands
+    from positioner.commissioning.signature import Signature
+    from positioner.config.schema import Configuration
 
 _EPILOG = """\
 examples:
@@ -33,10 +36,12 @@ examples:
 It takes about three minutes, and moves the valve slowly over the whole range that the guard's currents allow: isolate
 the valve, or the process must bear it. The daemon of this valve must be stopped. Ctrl-C brings the stem back to
 where it was; a second one ends it at once. Lag and viscous friction are the configured ones: identify measures them.
-The result is kept in the valve's state directory; the first one is the reference, which shows what has changed.
+The result is kept in the valve's state directory; the first one is the reference, which shows what has changed. The
+limits of the changes are those of [health]: friction_high, friction_low, spring_rate and spring_force.
 
-exit status: 0 done, 1 aborted, or the strokes show too little, 2 wrong command line, or not confirmed, 69 no bus, or
-another controller, 74 a file cannot be written, 75 the daemon of this valve runs, 78 the configuration is wrong.
+exit status: 0 done, 1 a limit is broken, aborted, or the strokes show too little, 2 wrong command line, or not
+confirmed, 69 no bus, or another controller, 74 a file cannot be written, 75 the daemon of this valve runs, 78 the
+configuration is wrong.
 """
 
 
@@ -67,22 +72,45 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     experiment = signature_experiment(valve, limits, period_s, arguments.rate)
     stretches = stretches_of(arguments, configuration, experiment)
     found = signature(stretches, valve, limits, period_s)
-    loop = loop_points(branches(stretches, valve, limits, period_s))
-    document = {**as_json(found, valve, arguments.pressure_unit), "loop": loop}
+    _, sliding = slow_and_sliding(branches(stretches, valve, limits, period_s))
+    beyond = _beyond(found, reference, configuration)
+    document = {
+        **as_json(found, valve, arguments.pressure_unit),
+        "loop": loop_points(sliding),
+        "compared": reference is not None,
+        "beyond_limits": [each.as_json() for each in beyond],
+    }
     if arguments.json:
         sys.stdout.write(f"{json.dumps(document, indent=2)}\n")
     else:
         lines = [f"{valve.id}: signature, with 95 % intervals:"]
         lines += [str(row) for row in rows(found, valve, arguments.pressure_unit)]
         lines += changes(found, reference) if reference else ()
-        sys.stdout.write("\n".join([*lines, *(f"  {line}" for line in remarks(found, valve))]) + "\n")
+        lines += [f"  {line}" for line in (*remarks(found, valve), *beyond)]
+        sys.stdout.write("\n".join(lines) + "\n")
     if arguments.picture:
         from positioner.cli.signature_picture import draw  # noqa: PLC0415 - matplotlib would slow every command down
 
         draw(arguments.picture, stretches, found, configuration, reference)
         sys.stderr.write(f"picture: {arguments.picture}\n")
     keep_result(arguments, configuration, "signature", document)
-    return ExitCode.OK
+    return ExitCode.FAILURE if beyond else ExitCode.OK
+
+
+def _beyond(found: Signature, reference: dict[str, Any] | None, configuration: Configuration) -> tuple[Beyond, ...]:
+    """Return what has changed beyond the limits of [health] since the reference, nothing without one.
+
+    Raises:
+        UsageError: the reference is no complete signature.
+    """
+    if reference is None:
+        return ()
+    try:
+        return beyond_limits(found, reference, configuration.health, configuration.valve.span_m)
+    except (KeyError, TypeError, ValueError, StopIteration) as error:
+        raise UsageError(
+            f"the reference is no complete signature ({error}): measure one with --as-reference"
+        ) from error
 
 
 def _reference(path: Path | None) -> dict[str, Any] | None:

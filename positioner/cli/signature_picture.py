@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import matplotlib as mpl
 import numpy as np
 
-from positioner.commissioning.loop_branches import branches
+from positioner.commissioning.loop_branches import branches, slow_and_sliding
 from positioner.commissioning.procedure import ProcedureLimits
 
 mpl.use("Agg")
@@ -38,7 +38,8 @@ def draw(
     limits = ProcedureLimits.of(valve, configuration.guard)
     figure, (left, right) = plt.subplots(1, 2, figsize=(13.0, 5.2), layout="constrained")
     gain = valve.force_gain_n_per_ma
-    for number, each in enumerate(branches(stretches, valve, limits, configuration.control.sample_period_s)):
+    _, sliding = slow_and_sliding(branches(stretches, valve, limits, configuration.control.sample_period_s))
+    for number, each in enumerate(sliding):
         label = ("opening", "closing")[number] if number < len(_SIDES) else None
         left.plot(each.position_m * _MM, each.pressure_ma, color=_SIDES[each.direction], lw=1.0, label=label)
     places_m = np.linspace(*found.reached_m)

@@ -62,7 +62,7 @@ class Signature:
     reached_m: the lowest and the highest place of the strokes.
     closed_m, open_m: stops that it met, NaN where it met none; seat_load_n: force of the spring on the closed
     stop beyond that of the pressure, without friction.
-    speed_m_per_s: of the strokes.
+    rate_ma_per_s, speed_m_per_s: of the strokes that show the sliding stem; slow_ma_per_s: of the error band.
     """
 
     spring_n_per_m: Interval
@@ -73,6 +73,7 @@ class Signature:
     breakaways: tuple[Breakaway, ...]
     dynamic_error_band_m: float
     rate_ma_per_s: float
+    slow_ma_per_s: float
     speed_m_per_s: float
     reached_m: tuple[float, float]
     closed_m: float
@@ -131,6 +132,7 @@ def signature(
         breakaways,
         dynamic_error_band_m=_error_band_m(slow),
         rate_ma_per_s=rate,
+        slow_ma_per_s=slow[0].rate_ma_per_s,
         speed_m_per_s=speed,
         reached_m=(
             min(float(each.position_m.min()) for each in loop),

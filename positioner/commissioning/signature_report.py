@@ -58,6 +58,8 @@ def remarks(found: Signature, valve: ValveParameters) -> tuple[str, ...]:
         f"strokes at {found.rate_ma_per_s:.3g} mA/s: the stem slid at {found.speed_m_per_s * _MM:.2f} mm/s",
         f"from {len(found.by_place)} places of the travel, and {len(found.breakaways)} breakaways",
     ]
+    if found.slow_ma_per_s < found.rate_ma_per_s:
+        lines.append(f"at {found.slow_ma_per_s:.3g} mA/s it stuck again and again; the error band is that of this rate")
     for name, begin_m, end_m in (("closed", valve.travel_min_m, low_m), ("open", high_m, valve.travel_max_m)):
         stop_m = found.closed_m if name == "closed" else found.open_m
         if not math.isnan(stop_m):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from positioner.report import words
 from positioner.report.page import Page, Section
 from positioner.report.procedure_section import procedure_section
-from positioner.report.signature_charts import signature_charts
+from positioner.report.signature_charts import signature_charts, signature_verdict
 from positioner.report.step_parts import step_charts, step_table
 from positioner.report.stroke_parts import stroke_charts, stroke_facts, stroke_verdict
 
@@ -42,7 +42,7 @@ class Parts:
 
 _PARTS = {
     "identify": Parts("Identification"),
-    "signature": Parts("Signature", signature_charts),
+    "signature": Parts("Signature", signature_charts, verdict=signature_verdict),
     "step-test": Parts("Step response", step_charts, step_table),
     "stroke-test": Parts("Partial stroke test", stroke_charts, facts=stroke_facts, verdict=stroke_verdict),
 }

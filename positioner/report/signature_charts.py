@@ -1,4 +1,4 @@
-"""The figures of a signature: the loop and the friction along the travel, over those of the reference. Pure."""
+"""The figures of a signature over those of the reference, and its verdict. Pure."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from positioner.report.chart import Chart
 from positioner.report.layers import Line, Marks
+from positioner.report.page import Status, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,3 +44,17 @@ def signature_charts(document: dict[str, Any], reference: dict[str, Any] | None)
 
 def _numbers(values: Any, factor: float = 1.0) -> Sequence[float]:
     return [float("nan") if each is None else float(each) * factor for each in values]
+
+
+def signature_verdict(document: dict[str, Any]) -> Verdict:
+    """Return what a signature says of the valve, by the limits of its changes since the reference."""
+    if not document["compared"]:
+        return Verdict(Status.UNKNOWN, "This is the first signature.", "Later ones are compared with it.")
+    broken = document["beyond_limits"]
+    if not broken:
+        return Verdict(Status.GOOD, "Spring and friction are those of the reference, within the limits.", "Nothing.")
+    told = [str(each["text"]).partition(": look")[0] for each in broken]
+    worst = any(each["category"] != "maintenance_required" for each in broken)
+    status = Status.OUT_OF_SPECIFICATION if worst else Status.MAINTENANCE_REQUIRED
+    remedy = str(broken[0]["text"]).rpartition(": ")[2]
+    return Verdict(status, f"Since the reference: {'; '.join(told)}.", f"{remedy[:1].upper()}{remedy[1:]}.")

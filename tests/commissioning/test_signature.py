@@ -16,19 +16,23 @@ from daemon_helpers import write_configuration
 from plant_emulator.presets import plant_settings
 from positioner.bus.address import BusAddress
 from positioner.cli.main import main
+from positioner.commissioning.identified import Interval
 from positioner.commissioning.loop_branches import lagged, smooth
 from positioner.commissioning.procedure import ProcedureLimits
 from positioner.commissioning.record import Kind
 from positioner.commissioning.signature import SignatureError, signature
+from positioner.commissioning.signature_limits import beyond_limits
 from positioner.commissioning.signature_report import as_json, changes, remarks
 from positioner.commissioning.signature_stages import signature_experiment
 from positioner.commissioning.stages import Stroke
 from positioner.errors import ExitCode
 from positioner.guard.settings import GuardSettings
+from positioner.health.settings import AlarmSettings, Category, HealthTable
 from positioner.studies.identified_plant import experiment_on
 from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.presets import PRESETS
+from positioner.wire.messages import Health
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -185,3 +189,28 @@ def test_a_lag_is_exact_and_a_mean_skips_lost_readings() -> None:
     step = np.r_[0.0, np.ones(20)]
     assert lagged(step, 0.1, 0.1, 0.01)[10] == pytest.approx(1.0 - math.exp(-1.0), rel=1e-9)
     assert smooth(np.array([1.0, math.nan, 3.0]), 3).tolist() == [1.0, 2.0, 3.0]
+
+
+def test_a_change_beyond_its_limit_is_told_with_its_category_and_remedy() -> None:
+    valve, health = believed("paper"), HealthTable()
+    before, _ = well_measured("paper")
+    reference = json.loads(json.dumps(as_json(before, valve, "bar")))
+
+    def told(health: HealthTable = health, **changes: float) -> list[tuple[str, Health]]:
+        values: dict[str, Any] = {name: Interval(value, value, value) for name, value in changes.items()}
+        found = beyond_limits(replace(before, **values), reference, health, valve.span_m)
+        return [(each.cause.key, each.category) for each in found]
+
+    assert told() == []
+    assert told(sliding_n=1.19 * before.sliding_n.value) == []
+    assert told(sliding_n=1.21 * before.sliding_n.value) == [("friction_high", Health.MAINTENANCE_REQUIRED)]
+    assert told(static_n=0.55 * before.static_n.value) == [("friction_low", Health.OUT_OF_SPECIFICATION)]
+    assert told(spring_n_per_m=0.9 * before.spring_n_per_m.value + 1.0) == [
+        ("spring_rate", Health.MAINTENANCE_REQUIRED)
+    ]
+    shift_n = 0.051 * before.spring_n_per_m.value * valve.span_m
+    assert told(preload_n=before.preload_n.value - shift_n) == [("spring_force", Health.MAINTENANCE_REQUIRED)]
+    wide = HealthTable(friction_high=AlarmSettings(limit=0.3), spring_rate=AlarmSettings(category=Category.OFF))
+    assert told(wide, sliding_n=1.29 * before.sliding_n.value, spring_n_per_m=50_000.0) == []
+    (one,) = beyond_limits(replace(before, sliding_n=Interval(1800.0, 1800.0, 1800.0)), reference, health, valve.span_m)
+    assert str(one).startswith("friction has risen: +26.5 %, limit 20 %: look at the packing")

@@ -76,8 +76,9 @@ class FrictionTrend:
 class Changes:
     """What has changed since the reference.
 
-    friction: of F_c; spring: of K; offset: of F_0, as a part of the spring's force over the span; static: of F_s, None
-    while no breakaway has shown it. jump: the change of the slip jump 2·(F_s - F_c)/K, as a part of the span.
+    friction: of F_c; spring: of K; offset: of the spring's force in the middle of the moves, as a part of its force over
+    the span; static: of F_s, None while no breakaway has shown it. jump: the change of the slip jump 2·(F_s - F_c)/K, as
+    a part of the span.
     one_sided: only one direction has changed, as a supply or a converter at its limit makes it: this is no friction.
     """
 
@@ -99,12 +100,15 @@ def after_move(trend: FrictionTrend, reference: Reference, averaging: float, mov
         return trend
     spring_n = reference.spring_n_per_m
     offset, spring = spring_n * reference.span_m / sigma_n, spring_n * move.middle_m / sigma_n
-    friction = move.direction * sliding_n / sigma_n
+    friction = move.friction_part * sliding_n / sigma_n
     seen = (move.force_n - reference.balance_n(move.middle_m)) / sigma_n - friction
     before = _solved(trend)
     left = seen - offset * before[0] - spring * before[1] - friction * before[2]
     weight = min(1.0, _HUBER / max(abs(left), 1e-9))
-    keep, fade = 1.0 - averaging, averaging * _ANYTHING
+    # a move that shows less makes the trend forget less
+    known = _SCATTER * sliding_n / sigma_n
+    fading = averaging * known * known
+    keep, fade = 1.0 - fading, fading * _ANYTHING
     oo, os, of, ss, sf, ff = trend.normal
     normal = (
         keep * oo + weight * offset * offset + fade,
@@ -120,7 +124,7 @@ def after_move(trend: FrictionTrend, reference: Reference, averaging: float, mov
         trend,
         normal=normal,
         right=(keep * r0 + offset * seen, keep * r1 + spring * seen, keep * r2 + friction * seen),
-        scatter=keep * trend.scatter + averaging * weight * left * left,
+        scatter=keep * trend.scatter + fading * weight * left * left,
         moves=trend.moves + 1,
         moves_up=trend.moves_up + (move.direction > 0.0),
         at_s=move.at_s,
@@ -149,10 +153,12 @@ def changes(trend: FrictionTrend, reference: Reference, averaging: float) -> Cha
     offset, spring, friction = _solved(trend)
     # the variance of a sum with fading weights, over that of a sum of all its observations
     spread = math.sqrt(max(trend.scatter, 1.0) / (2.0 - averaging))
-    shares = [
-        Share(value, spread * math.sqrt(variance))
-        for value, variance in zip((offset, spring, friction), _variances(trend), strict=True)
-    ]
+    middle = trend.normal[1] / trend.normal[0]  # of the moves, as a part of the span
+    oo, os, _, ss, _, ff = _inverse(trend)
+    common = Share(
+        offset + spring * middle, spread * math.sqrt(max(oo + 2.0 * middle * os + middle * middle * ss, 0.0))
+    )
+    apart = Share(friction, spread * math.sqrt(ff))
     static = jump = None
     if trend.static_moves:
         change = math.expm1(trend.static_log)
@@ -160,13 +166,11 @@ def changes(trend: FrictionTrend, reference: Reference, averaging: float) -> Cha
         static = Share(change, (1.0 + change) * sigma)
         stiff_n = reference.spring_n_per_m * reference.span_m
         more_n = static.value * reference.static_n - friction * reference.sliding_n
-        jump_sigma = math.hypot(static.sigma * reference.static_n, shares[2].sigma * reference.sliding_n)
+        jump_sigma = math.hypot(static.sigma * reference.static_n, apart.sigma * reference.sliding_n)
         jump = Share(2.0 * more_n / stiff_n, 2.0 * jump_sigma / stiff_n)
-    middle = trend.normal[1] / trend.normal[0]  # of the moves, as a part of the span
-    common_n = (offset + spring * middle) * reference.spring_n_per_m * reference.span_m
-    apart_n = friction * reference.sliding_n
-    one_sided = abs(common_n) > _ONE_SIDED * abs(apart_n) and abs(spring) < _SPRING_SEEN
-    return Changes(shares[2], shares[1], shares[0], static, jump, one_sided)
+    common_n = common.value * reference.spring_n_per_m * reference.span_m
+    one_sided = abs(common_n) > _ONE_SIDED * abs(friction) * reference.sliding_n and abs(spring) < _SPRING_SEEN
+    return Changes(apart, Share(spring, spread * math.sqrt(ss)), common, static, jump, one_sided)
 
 
 def _solved(trend: FrictionTrend) -> tuple[float, float, float]:
@@ -174,11 +178,6 @@ def _solved(trend: FrictionTrend) -> tuple[float, float, float]:
     a, b, c, d, e, f = _inverse(trend)
     r0, r1, r2 = trend.right
     return a * r0 + b * r1 + c * r2, b * r0 + d * r1 + e * r2, c * r0 + e * r1 + f * r2
-
-
-def _variances(trend: FrictionTrend) -> tuple[float, float, float]:
-    inverse = _inverse(trend)
-    return inverse[0], inverse[3], inverse[5]
 
 
 def _inverse(trend: FrictionTrend) -> tuple[float, float, float, float, float, float]:

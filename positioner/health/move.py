@@ -15,8 +15,9 @@ class Move:
     """A move from rest to rest.
 
     at_s: the instant of its first reading; rest_s: for how long the stem had rested.
-    before_m, after_m: the places of rest. direction: ±1.
-    force_n: F_0 + K·x̄ ± F_c; force_sigma_n: its σ by the noise of the readings.
+    before_m, after_m: the places of rest. direction: ±1. path_m: the whole way, with the corrections that
+    followed at once; they may go back.
+    force_n: F_0 + K·x̄ ± F_c·path/way; force_sigma_n: its σ by the noise of the readings.
     slip_n: B·u at the slip, the middle between the farthest current that held the stem and the one that freed it;
     slip_half_n: half of their distance. lowest_n, highest_n: B·u of the currents under which it rested.
     complete: that force_n is known; otherwise the stem turned, crept, or a reading was missing.
@@ -27,6 +28,7 @@ class Move:
     before_m: float
     after_m: float
     direction: float
+    path_m: float
     force_n: float
     force_sigma_n: float
     slip_n: float
@@ -34,6 +36,11 @@ class Move:
     lowest_n: float
     highest_n: float
     complete: bool
+
+    @property
+    def friction_part(self) -> float:
+        """The factor of F_c in force_n: ±1, or more where the stem went back on its way."""
+        return self.direction * max(self.path_m / abs(self.after_m - self.before_m), 1.0)
 
     @property
     def middle_m(self) -> float:

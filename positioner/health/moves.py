@@ -2,7 +2,8 @@
 
 Between two rests the work of the pressure is that of spring and friction, whatever the path between them:
     ∫B·p dx = F_0·Δx + K·Δx·x̄ + F_c·|Δx| + F_v·∫v² dt,    x̄ = (x_before + x_after)/2.
-So y = (∫B·p dx - F_v·∫v² dt)/Δx = F_0 + K·x̄ ± F_c. The current is constant between two readings, so its work is exact;
+So y = (∫B·p dx - F_v·∫v² dt)/Δx = F_0 + K·x̄ ± F_c. Where short rests divide
+the way, |Δx| with F_c is the sum of all its parts. The current is constant between two readings, so its work is exact;
 the noise of a reading counts only where the current changes. The Stribeck term works only at the ends; it is left out.
 
 The stem slips from rest at B·u = F_0 + K·x ± F_s, which shows F_s where the current rose slowly.
@@ -42,7 +43,8 @@ class MoveTracker:
 
     rest: `count` readings with the mean rest_m; first_m: the mean of its first readings; low_ma, high_ma: the currents
     under which it lasted, but for the newest ones; suspect_m: a reading that may begin a move, NaN without one.
-    moving: work in mA·m, ∫v² dt, readings, path ends and the newest readings.
+    moving: work in mA·m, ∫v² dt in square, what the noise does to the work in swing; part_m: where the present part of
+    the way began, path_m: the parts before it; side: of the first part.
     """
 
     count: int = 0
@@ -71,6 +73,9 @@ class MoveTracker:
     readings: int = 0
     swing: float = 0.0
     farthest_m: float = 0.0
+    part_m: float = 0.0
+    side: float = 0.0
+    path_m: float = 0.0
     last_m: float = 0.0
     last_ma: float = 0.0
     before_m: float = 0.0
@@ -127,26 +132,40 @@ def _begin(
     late: bool,
 ) -> None:
     """Begin a move with the two readings that left the rest; the first of them slid under its own current alone."""
-    known = state.count >= _ENOUGH and not _creeps(settings, state)
     first_m, first_ma = state.suspect_m, state.suspect_ma
-    state.moving, state.open, state.whole = True, False, known and not late
+    if state.open and state.count < _ENOUGH:  # a correction soon after a landing belongs to the same move
+        _end_part(state)
+    else:
+        _begin_first(settings, state, at_s, first_ma, side)
+    step_m = first_m - state.rest_m
+    state.work += first_ma * step_m
+    state.square += step_m * step_m / settings.period_s
+    state.readings += 1
+    state.moving, state.open, state.direction, state.whole = True, False, side, state.whole and not late
+    state.part_m = state.before_m = state.rest_m
+    state.last_m, state.last_ma, state.farthest_m = first_m, first_ma, first_m
+    state.recent = (first_m,)
+    state.suspect_m = math.nan
+    _slide(settings, state, elapsed_s, x_m, ma, late=late)
+
+
+def _begin_first(settings: MoveSettings, state: MoveTracker, at_s: float, first_ma: float, side: float) -> None:
+    """Begin a move at a rest, and note under which currents it lasted and ended."""
+    state.whole = state.count >= _ENOUGH and not _creeps(settings, state)
     state.begun_m, state.begun_count, state.begun_s, state.at_s = state.rest_m, state.count, state.rest_s, at_s
-    state.direction = side
+    state.side = side
     state.held_low_ma, state.held_high_ma = state.low_ma, state.high_ma
     state.held_ma = state.high_ma if side > 0.0 else state.low_ma
     freed_ma = max([side * each for each in (*state.newest_ma, first_ma)])
     state.slip_ma = side * max(freed_ma, side * state.held_ma)
-    step_m = first_m - state.rest_m
-    state.work, state.square, state.readings, state.swing = (
-        first_ma * step_m,
-        step_m * step_m / settings.period_s,
-        1,
-        0.0,
-    )
-    state.before_m, state.last_m, state.last_ma, state.farthest_m = state.rest_m, first_m, first_ma, first_m
-    state.recent = (first_m,)
-    state.suspect_m = math.nan
-    _slide(settings, state, elapsed_s, x_m, ma, late=late)
+    state.work = state.square = state.swing = state.path_m = 0.0
+    state.readings = 0
+
+
+def _end_part(state: MoveTracker) -> None:
+    """Add the work up to the place of rest, and the way to it."""
+    state.work += state.last_ma * (state.rest_m - state.last_m)
+    state.path_m += abs(state.rest_m - state.part_m)
 
 
 def _slide(settings: MoveSettings, state: MoveTracker, elapsed_s: float, x_m: float, ma: float, *, late: bool) -> None:
@@ -181,24 +200,25 @@ def _ended(settings: MoveSettings, state: MoveTracker) -> Move:
     state.open = False
     gain, sigma = settings.gain_n_per_ma, settings.sigma_m(state.rest_m)
     way_m = state.rest_m - state.begun_m
-    work = state.work + state.last_ma * (state.rest_m - state.last_m)
+    _end_part(state)
     # noise makes each square larger: by 2 σ², and by 6 σ²/12 of the second difference
     square = state.square - 2.5 * sigma * sigma * state.readings / settings.period_s
     noise = state.swing * sigma * sigma + state.last_ma * state.last_ma * sigma * sigma * (
         1.0 / _ENOUGH + 1.0 / state.begun_count
     )
-    whole = state.whole and state.direction * way_m > _TURNS * sigma and not _creeps(settings, state)
-    force_n = (gain * work - settings.viscous_n_s_per_m * max(square, 0.0)) / way_m if whole else math.nan
+    whole = state.whole and abs(way_m) > _TURNS * sigma and not _creeps(settings, state)
+    force_n = (gain * state.work - settings.viscous_n_s_per_m * max(square, 0.0)) / way_m if whole else math.nan
     return Move(
         at_s=state.at_s,
         rest_s=state.begun_s,
         before_m=state.begun_m,
         after_m=state.rest_m,
-        direction=state.direction,
+        direction=math.copysign(1.0, way_m),
+        path_m=state.path_m,
         force_n=force_n,
         force_sigma_n=gain * math.sqrt(noise) / abs(way_m) if whole else math.inf,
         slip_n=0.5 * gain * (state.slip_ma + state.held_ma),
-        slip_half_n=0.5 * gain * abs(state.slip_ma - state.held_ma),
+        slip_half_n=math.inf if state.side * way_m < 0.0 else 0.5 * gain * abs(state.slip_ma - state.held_ma),
         lowest_n=gain * state.held_low_ma,
         highest_n=gain * state.held_high_ma,
         complete=whole,

@@ -3,7 +3,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from stem import REFERENCE, SPAN, SPRING, Stem, moves_of, pushes
+from stem import GAIN, REFERENCE, SPAN, SPRING, Stem, moves_of, pushes
 
 from positioner.health.friction_trend import Changes, FrictionTrend, after_move, changes
 
@@ -37,14 +37,15 @@ def test_friction_is_what_sets_the_two_directions_apart(friction: float) -> None
 def test_a_softer_spring_is_not_friction() -> None:
     found = after(Stem(spring=0.9))
     assert abs(found.friction.value) < 0.03
-    middle_n = found.spring.value * SPRING * 0.07 + found.offset.value * SPRING * SPAN
-    assert middle_n == pytest.approx(-0.1 * SPRING * 0.07, rel=0.1)
+    assert found.offset.value * SPRING * SPAN == pytest.approx(-0.1 * SPRING * 0.075, rel=0.1)
+    assert found.offset.high < 0.0
 
 
 @pytest.mark.parametrize("offset_ma", [0.3, -0.3])
 def test_an_offset_of_the_converter_is_not_friction(offset_ma: float) -> None:
     found = after(Stem(offset_ma=offset_ma))
     assert abs(found.friction.value) < 0.03
+    assert found.offset.value * SPRING * SPAN == pytest.approx(-offset_ma * GAIN, rel=0.2)
 
 
 def test_a_supply_that_limits_one_direction_is_one_sided() -> None:

@@ -15,6 +15,7 @@ from positioner.wire.messages import (
     ActuatorState,
     CurrentCommand,
     PlantTruth,
+    PositionerAlarms,
     PositionerCount,
     PositionerStatus,
     StemPosition,
@@ -30,7 +31,15 @@ if TYPE_CHECKING:
 
 _PLANT_PRIORITY, _DAEMON_PRIORITY, _HOST_PRIORITY = 60, 50, 40
 """In real time: the plant stands for hardware, which waits for nobody; the daemon has the priority of realtime.conf."""
-_RECEIVED = (StemPosition, ActuatorState, PlantTruth, CurrentCommand, PositionerStatus, PositionerCount)
+_RECEIVED = (
+    StemPosition,
+    ActuatorState,
+    PlantTruth,
+    CurrentCommand,
+    PositionerStatus,
+    PositionerCount,
+    PositionerAlarms,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

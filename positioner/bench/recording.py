@@ -26,6 +26,7 @@ from positioner.wire.messages import (
     Message,
     Mode,
     PlantTruth,
+    PositionerAlarms,
     PositionerCount,
     PositionerStatus,
     Setpoint,
@@ -47,7 +48,10 @@ LOG_CHANNEL = "vcan0"
 _RANK = {
     kind: rank
     for rank, kind in enumerate(
-        (Setpoint, ActuatorState, PlantTruth, StemPosition, CurrentCommand, PositionerStatus, PositionerCount)
+        (
+            *(Setpoint, ActuatorState, PlantTruth, StemPosition, CurrentCommand),
+            *(PositionerStatus, PositionerCount, PositionerAlarms),
+        )
     )
 }
 _COUNTER = 256
@@ -177,7 +181,7 @@ class Recording:
             case PositionerStatus() if self.lockstep:  # its 8-bit counter wraps after 25.6 s
                 self.statuses += ((counter or 0) - self.statuses) % _COUNTER + 1
                 sample = (self.statuses - 1) * self._samples_per_status
-            case PositionerCount() if self.lockstep:  # it is sent after its status
+            case PositionerCount() | PositionerAlarms() if self.lockstep:  # it is sent after its status
                 sample = max(self.statuses - 1, 0) * self._samples_per_status
             case _:
                 sample = max(self.commands - 1, 0)

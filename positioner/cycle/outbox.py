@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from positioner.cycle.alarms import message_of, worst_of
 from positioner.cycle.sent import SentCommand
 from positioner.guard.supervisor import admit
 from positioner.values import replace
@@ -26,14 +27,15 @@ _COMMANDS_REMEMBERED = 255
 def send(
     setup: Setup, state: CycleState, decision: Decision | None, reading: Reading | None, now_ns: int
 ) -> list[CanFrame]:
-    """Return the frames to send, which the state notes: the command, and the status with one count when it is due."""
+    """Return the frames to send, which the state notes: the command; status, count and alarms when due."""
     state.output, frames = _command(setup, state, decision, reading, now_ns)
     output = state.output
     due = output.status_ns is None or now_ns - output.status_ns >= STATUS_PERIOD_NS
     if not due or not state.guard.arming.ever_armed:
         return frames
     state.counters, count = state.counters.next_message()
-    messages = (_status(state), count)
+    alarms = message_of(state.alarms) if state.alarmed else None
+    messages = (_status(state), count, alarms)
     frames += [setup.codec.encode(each, output.status_counter) for each in messages if each is not None]
     state.output = replace(output, status_counter=output.status_counter + 1, status_ns=now_ns)
     return frames
@@ -91,7 +93,7 @@ def _status(state: CycleState) -> PositionerStatus:
     return PositionerStatus(
         mode=guard.mode,
         cause=guard.cause,
-        health=guard.health(table_saved=state.table_saved),
+        health=max(guard.health(table_saved=state.table_saved), worst_of(state.alarms)),
         armed=guard.arming.armed,
         table_saved=state.table_saved,
         fallback_count=counters.fallbacks % 256,

@@ -68,6 +68,7 @@ class CycleState:
     """Everything a positioner carries on. `step` changes its own copy; no other function changes one.
 
     credible_table: the last table that was checked; another `table` comes from outside, and is checked before its use.
+    alarms: of the valve's condition; alarmed: there was one since the start.
     answered: the law answered in the last cycle. actuator: the one that the law has found, None where it is as
         configured; kept when control ends.
     """
@@ -75,6 +76,8 @@ class CycleState:
     table: StictionTable = field(default_factory=StictionTable)
     credible_table: StictionTable | None = None
     table_saved: bool = True
+    alarms: int = 0
+    alarmed: bool = False
     link: LinkState = field(default_factory=LinkState)
     returned: ReturnedCommands = NO_RETURNED_COMMANDS
     effect: CommandEffect = EFFECT_UNKNOWN

@@ -127,6 +127,8 @@ def _supervise(
     if cycle_input.table is not None:
         state.table = cycle_input.table
     state.table_saved, state.answered = cycle_input.table_saved, False
+    state.alarms = cycle_input.alarms
+    state.alarmed = state.alarmed or cycle_input.alarms != 0
     state.link, state.effect, state.deviation, state.guard = link, effect, deviation, guard
     state.handover = update_handover(
         state.handover, guard.mode, measured_m, link.setpoint.position_m, state.output.last_ma

@@ -76,9 +76,9 @@ class FrictionTrend:
 class Changes:
     """What has changed since the reference.
 
-    friction: of F_c; spring: of K; offset: of the spring's force in the middle of the moves, as a part of its force over
-    the span; static: of F_s, None while no breakaway has shown it. jump: the change of the slip jump 2·(F_s - F_c)/K, as
-    a part of the span.
+    friction: of F_c; spring: of K; offset: of the spring's force in the middle of the moves, as a part of its force
+    over the span; static: of F_s, None while no breakaway has shown it. jump: the change of the slip jump
+    2·(F_s - F_c)/K, as a part of the span.
     one_sided: only one direction has changed, as a supply or a converter at its limit makes it: this is no friction.
     """
 

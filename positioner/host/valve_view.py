@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from positioner.cycle.handover import Handover, start_m, update_handover
-from positioner.host.words import in_mm, state_in_words
+from positioner.host.words import alarms_in_words, in_mm, state_in_words
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import (
     CurrentCommand,
     Mode,
+    PositionerAlarms,
     PositionerCount,
     PositionerStatus,
     Quality,
@@ -23,7 +24,10 @@ if TYPE_CHECKING:
     from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame, Counted, Message
 
-RECEIVED: tuple[type[Message], ...] = (StemPosition, CurrentCommand, PositionerStatus, PositionerCount, Setpoint)
+RECEIVED: tuple[type[Message], ...] = (
+    *(StemPosition, CurrentCommand, PositionerStatus, PositionerCount, PositionerAlarms),
+    Setpoint,
+)
 """The messages that a host receives; a setpoint that it receives is another host's."""
 SILENT_S = 0.5
 """A sender without a frame for so long counts as silent."""
@@ -44,6 +48,7 @@ class ValveView:
         self.status: PositionerStatus | None = None
         self.command: CurrentCommand | None = None
         self.quality = Quality.VALID
+        self.alarms: PositionerAlarms | None = None
         self.counts: dict[Counted, int] = {}
         self.other_setpoint_m: float | None = None
 
@@ -78,6 +83,8 @@ class ValveView:
                 self.status = message
             case PositionerCount():
                 self.counts[message.counted] = message.count
+            case PositionerAlarms():
+                self.alarms = message
             case Setpoint():
                 self.other_setpoint_m = message.setpoint_m
 
@@ -123,6 +130,7 @@ class ValveView:
             ("setpoint", "no host sends one" if asked_m is None else in_mm(asked_m, self._span_m)),
             ("error", "-" if error_m is None else in_mm(error_m, self._span_m)),
             ("current", current if self.is_received(CurrentCommand, now_ns) else "no commands come"),
+            ("alarms", alarms_in_words(self.alarms) if self.is_received(PositionerAlarms, now_ns) else "none"),
             ("counters", self._counters(status)),
         )
         return [f"{name:<9} {value}" for name, value in rows]

@@ -9,7 +9,7 @@ from positioner.wire.messages import Cause, Health
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from positioner.wire.messages import PositionerStatus
+    from positioner.wire.messages import PositionerAlarms, PositionerStatus
 
 CAUSES: Mapping[Cause, str] = {
     Cause.NONE: "controls the valve",
@@ -42,6 +42,30 @@ def state_in_words(status: PositionerStatus) -> str:
     if status.cause is Cause.NONE and status.health is Health.FUNCTION_CHECK:
         cause = "a test procedure moves the valve"
     return f"{status.mode.name}: {cause} (NE 107: {health})"
+
+
+ALARMS = (
+    *("friction risen", "friction fallen", "slip jump", "spring rate", "spring force", "one direction"),
+    *("end position", "travel deviation", "response time", "cycles", "travel", "stroke test", "stuck"),
+)
+"""The causes of alarms, by their bits."""
+
+
+def alarms_in_words(alarms: PositionerAlarms | None) -> str:
+    """Return the alarms of the valve's condition in one line."""
+    if alarms is None:
+        return "none"
+    told = []
+    for bit, name in enumerate(ALARMS):
+        is_new = alarms.unacknowledged >> bit & 1
+        if alarms.active >> bit & 1:
+            told.append(name + (" (new)" if is_new else ""))
+        elif is_new:
+            told.append(f"{name} (over, not acknowledged)")
+    if not told:
+        return "none"
+    worst = alarms.worst.name.lower().replace("_", " ")
+    return f"{', '.join(told)} (NE 107: {worst}; see `positioner health`)"
 
 
 def in_mm(position_m: float, span_m: float) -> str:

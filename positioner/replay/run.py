@@ -58,7 +58,7 @@ def replay_cycles(
     setup = setup or configuration.make_setup()
     state = CycleState(table=table)
     for cycle in cycles:
-        before, cycle_input = state, _cycle_input(cycle, table_saved=state.table_saved)
+        before, cycle_input = state, _cycle_input(cycle, state)
         state, outbox, events = step(setup, before, cycle_input)
         observed = observed_cycle(cycle_input, before, state, outbox, events)
         if follows:
@@ -80,10 +80,10 @@ def _inbox(cycle: RecordedCycle, now_ns: int) -> tuple[CanFrame, ...]:
     return tuple(inbox)
 
 
-def _cycle_input(cycle: RecordedCycle, *, table_saved: bool) -> CycleInput:
-    """Return the input of the cycle with the fields of its notes; `table_saved` is valid until another note."""
+def _cycle_input(cycle: RecordedCycle, state: CycleState) -> CycleInput:
+    """Return the input of the cycle with the fields of its notes; table and alarms are as before without one."""
     now_ns = _BEGIN_NS + cycle.time_ns
-    cycle_input = CycleInput(_inbox(cycle, now_ns), now_ns, table_saved=table_saved)
+    cycle_input = CycleInput(_inbox(cycle, now_ns), now_ns, table_saved=state.table_saved, alarms=state.alarms)
     for logged in cycle.notes:
         note = Note.of(logged.frame.data)
         if note.kind < len(NOTED_FIELDS):

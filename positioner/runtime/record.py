@@ -25,7 +25,7 @@ CHANNEL = "vcan0"
 """The bus's name in every log: canplayer plays the log there by default."""
 NOTE_ID = 0x1FFFFFFF
 """Identifier (extended) of a note: the byte of its kind, and a number of seven bytes, low byte first."""
-NOTED_FIELDS = ("table_saved", "late_ns", "lines_dropped", "unsent")
+NOTED_FIELDS = ("table_saved", "late_ns", "lines_dropped", "unsent", "alarms")
 """Fields of a `CycleInput` that notes hold; the kind of such a note is the index here."""
 KIND_AGE, KIND_CYCLE, KIND_TABLE = 0xFD, 0xFE, 0xFF
 """Other kinds of notes: for how many µs the frames after the note had waited; a cycle without frames in which the
@@ -64,7 +64,7 @@ class BusRecorder:
         self._file = OutputFile("record", path, log)
         self.close = self._file.close
         self._guard = GuardState()
-        self._table_saved = True
+        self._table_saved, self._alarms = True, 0
 
     def cycle(self, cycle_input: CycleInput, outbox: Sequence[CanFrame], guard: GuardState) -> None:
         """Append one cycle: its input, its frames to send, and the guard after it."""
@@ -73,7 +73,7 @@ class BusRecorder:
         notes = self._notes(cycle_input)
         if not cycle_input.frames and not outbox and _moved(self._guard, guard):
             notes.append(Note(KIND_CYCLE))
-        self._guard, self._table_saved = guard, cycle_input.table_saved
+        self._guard, self._table_saved, self._alarms = guard, cycle_input.table_saved, cycle_input.alarms
         where = f"({_instant(cycle_input.now_ns)}) {CHANNEL}"
         lines = [_note_line(where, note) for note in notes]
         lines += _received(cycle_input.frames, cycle_input.now_ns, where)
@@ -81,8 +81,8 @@ class BusRecorder:
         self._file.write("".join(lines))
 
     def _notes(self, cycle_input: CycleInput) -> list[Note]:
-        """Return a note for each field that is not as usual; `table_saved` is usual as long as it stays the same."""
-        usual = (self._table_saved, 0, 0, False)
+        """Return a note for each field that is not as usual; table, alarms: usual while they stay the same."""
+        usual = (self._table_saved, 0, 0, False, self._alarms)
         values = [getattr(cycle_input, name) for name in NOTED_FIELDS]
         notes = [Note(kind, int(value)) for kind, value in enumerate(values) if value != usual[kind]]
         return notes if cycle_input.table is None else [*notes, Note(KIND_TABLE)]

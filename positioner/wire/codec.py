@@ -60,6 +60,10 @@ _OWN_NAMES: Mapping[type[Message], tuple[str, Mapping[str, str]]] = {
         },
     ),
     messages.PositionerCount: ("POSITIONER_COUNT", {"counted": "Counted", "count": "Count"}),
+    messages.PositionerAlarms: (
+        "POSITIONER_ALARMS",
+        {"worst": "Worst", "count": "Count", "active": "Active", "unacknowledged": "Unacknowledged"},
+    ),
     messages.PlantTruth: (
         "PLANT_TRUTH",
         {"position_m": "TruePosition_mm", "velocity_m_per_s": "TrueVelocity_mm_per_s"},

@@ -214,6 +214,20 @@ class PositionerCount:
 
 
 @dataclass(frozen=True, slots=True)
+class PositionerAlarms:
+    """POSITIONER_ALARMS, positioner → host, after a status: the alarms of the valve's condition.
+
+    worst: the worst category of the active ones, and how many they are (15 for more); active, unacknowledged: a bit for
+    each cause.
+    """
+
+    worst: Health
+    count: int
+    active: int
+    unacknowledged: int
+
+
+@dataclass(frozen=True, slots=True)
 class PlantTruth:
     """PLANT_TRUTH, emulator only: the true stem position and speed, without noise."""
 
@@ -229,5 +243,6 @@ Message = (
     | CurrentCommand
     | PositionerStatus
     | PositionerCount
+    | PositionerAlarms
     | PlantTruth
 )

@@ -9,6 +9,7 @@ import pytest
 
 from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import load_scenario
+from positioner.cycle.alarms import packed
 from positioner.cycle.counters import Counters
 from positioner.cycle.deviation import NO_DEVIATION, Deviates
 from positioner.cycle.events import (
@@ -42,6 +43,7 @@ from positioner.wire.messages import (
     HostRequest,
     Mode,
     Motion,
+    PositionerAlarms,
     PositionerCount,
     PositionerStatus,
     Setpoint,
@@ -222,6 +224,34 @@ def test_the_status_reports_mode_health_and_counts() -> None:
     status, count = outbox[-2:]
     assert CODEC.decode(status) == (expected, 1)
     assert CODEC.decode(count) == (PositionerCount(Counted.WRONG_CRC, 1), 1)
+
+
+def test_alarms_of_the_valve_follow_the_status_and_raise_its_health() -> None:
+    exchange = Exchange()
+    for _ in range(50):
+        assert all(frame.arbitration_id != 0x142 for frame in exchange.sample())
+    alarms = packed(Health.OUT_OF_SPECIFICATION, 0x0081, 0x0080)
+    sent = [frame for _ in range(101) for frame in exchange.sample(alarms=alarms)]
+    status, told = (next(each for each in sent if each.arbitration_id == number) for number in (0x140, 0x142))
+    shown, _ = CODEC.decode(status)
+    assert isinstance(shown, PositionerStatus)
+    assert shown.health is Health.OUT_OF_SPECIFICATION
+    assert CODEC.decode(told)[0] == PositionerAlarms(Health.OUT_OF_SPECIFICATION, 2, 0x0081, 0x0080)
+    sent = [frame for _ in range(101) for frame in exchange.sample(alarms=0)]
+    over = [CODEC.decode(frame)[0] for frame in sent if frame.arbitration_id in {0x140, 0x142}]
+    assert [each.health for each in over if isinstance(each, PositionerStatus)] == [Health.GOOD]
+    assert PositionerAlarms(Health.GOOD, 0, 0, 0) in over
+
+
+def test_a_guard_that_is_worse_than_the_alarms_keeps_its_health() -> None:
+    exchange = Exchange(guard=GuardSettings(auto_arm=True, feedback_hold_periods=5))
+    alarms = packed(Health.MAINTENANCE_REQUIRED, 1, 1)
+    for _ in range(20):
+        exchange.sample(alarms=alarms)
+    sent = [frame for _ in range(300) for frame in exchange.step(alarms=alarms)]
+    shown = [CODEC.decode(frame)[0] for frame in sent if frame.arbitration_id == 0x140]
+    assert shown
+    assert all(isinstance(each, PositionerStatus) and each.health > Health.MAINTENANCE_REQUIRED for each in shown)
 
 
 def test_a_late_cycle_is_counted_reported_once_and_changes_no_current() -> None:

@@ -62,6 +62,7 @@ KINDS = {
         "POSITIONER_STATUS", 0x1F40, (), (Signal(24, 4, 0, 5), Signal(28, 4, 0, 4), Signal(32, 6, 0, 22, _RETIRED))
     ),
     0x141: Kind("POSITIONER_COUNT", 0x1F41, (), (Signal(24, 8, 1, 20),)),
+    0x142: Kind("POSITIONER_ALARMS", 0x1F42, (), (Signal(24, 4, 0, 4),)),
     0x170: Kind("PLANT_TRUTH", 0x1F70, (Signal(24, 26, 0, 67100000), Signal(50, 14, -8191, 8191))),
 }
 

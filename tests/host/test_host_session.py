@@ -353,13 +353,14 @@ def test_the_status_shows_every_quantity() -> None:
     it.session.lines.clear()
     it.say("status")
     lines = dict(line.split(maxsplit=1) for line in it.session.lines)
-    assert list(lines) == ["mode", "armed", "table", "position", "setpoint", "error", "current", "counters"]
+    assert list(lines) == ["mode", "armed", "table", "position", "setpoint", "error", "current", "alarms", "counters"]
     assert lines["mode"] == "ACTIVE: controls the valve (NE 107: good)"
     assert (lines["armed"], lines["table"]) == ("yes", "saved")
     assert lines["setpoint"] == "80.00 mm (62.99 %)"
     assert float(lines["position"].split()[0]) == pytest.approx(it.true_m * 1e3, abs=0.5)
     assert float(lines["error"].split()[0]) == pytest.approx((it.true_m - 0.08) * 1e3, abs=0.5)
     assert float(lines["current"].split()[0]) == pytest.approx(it.state.output.last_ma, abs=1e-3)
+    assert lines["alarms"] == "none"
     assert lines["counters"].startswith(f"learned {it.state.counters.learned}, refused 0, fallbacks 0")
     it.plant_is_on = False
     it.run(1.0)

@@ -21,6 +21,7 @@ from positioner.bench.truth_log import add_truth
 from positioner.bus.port import BusPort
 from positioner.cli.main import main
 from positioner.config.reader import load_config
+from positioner.cycle.alarms import packed
 from positioner.cycle.input import CycleInput
 from positioner.guard.state import GuardState, LawRecord
 from positioner.machine.journal import logger
@@ -34,7 +35,7 @@ from positioner.runtime.record import NOTE_ID, BusRecorder, Note
 from positioner.runtime.session import RunOptions
 from positioner.valve.stiction import Direction, Quantity, StictionTable
 from positioner.wire.codec import make_codec
-from positioner.wire.messages import CanFrame, Cause, CurrentCommand, Mode, PlantTruth, Setpoint, StemPosition
+from positioner.wire.messages import CanFrame, Cause, CurrentCommand, Health, Mode, PlantTruth, Setpoint, StemPosition
 
 if TYPE_CHECKING:
     Output = pytest.CaptureFixture[str]
@@ -91,6 +92,18 @@ def test_what_a_cycle_is_given_besides_frames_is_noted_before_them(tmp_path: Pat
     expected += ["1FFFFFFF#0134120000000000", frame, "1FFFFFFF#FF00000000000000", frame]
     assert noted == expected
     assert Note.of(Note(3, 0x123456789ABCDE).data) == Note(3, 0x123456789ABCDE)
+
+
+def test_alarms_are_noted_where_they_change(tmp_path: Path) -> None:
+    recorder = BusRecorder(tmp_path / "bus.log")
+    usual = CycleInput((FRAME,), 1_000_000)
+    told = replace(usual, alarms=packed(Health.FAILURE, 0x1001, 0x0001))
+    for cycle_input in (usual, told, told, usual):
+        recorder.cycle(cycle_input, (), HELD)
+    recorder.close()
+    noted = [line.split()[2] for line in lines(tmp_path / "bus.log")]
+    frame = "110#0001020304050607"
+    assert noted == [frame, "1FFFFFFF#0401100100040000", frame, frame, "1FFFFFFF#0400000000000000", frame]
 
 
 def test_what_comes_in_after_something_was_sent_belongs_to_the_next_cycle(tmp_path: Path) -> None:

@@ -29,6 +29,7 @@ from positioner.wire.messages import (
     Mode,
     Motion,
     PlantTruth,
+    PositionerAlarms,
     PositionerCount,
     PositionerStatus,
     Quality,
@@ -155,6 +156,13 @@ ANY_MESSAGE = st.one_of(
         *(st.sampled_from(Mode), st.sampled_from(Cause), st.sampled_from(Health)),
         *(st.booleans(), st.booleans(), BYTE, BYTE, BYTE),
     ),
+    st.builds(
+        PositionerAlarms,
+        st.sampled_from(Health),
+        st.integers(0, 15),
+        st.integers(0, 65535),
+        st.integers(0, 65535),
+    ),
     st.builds(PositionerCount, st.sampled_from(Counted), st.integers(0, 2**32 - 1)),
     st.builds(PlantTruth, st.floats(-0.01, 0.661), st.floats(-8.191, 8.191)),
 )
@@ -280,7 +288,7 @@ def test_error_remote_and_unknown_frames_are_distinguished() -> None:
 def test_valves_on_one_bus_never_take_each_others_frames() -> None:
     codecs = [make_codec(WireSettings(id_offset=offset)) for offset in ID_OFFSETS]
     formats = [form for codec in codecs for form in codec.by_kind.values()]
-    assert len({form.arbitration_id for form in formats}) == len({form.data_id for form in formats}) == 10 * 8
+    assert len({form.arbitration_id for form in formats}) == len({form.data_id for form in formats}) == 10 * 9
     assert max(form.arbitration_id for form in formats) <= 0x7FF
     for form in formats:
         assert form.data_id is not None

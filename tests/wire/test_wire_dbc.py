@@ -56,7 +56,7 @@ def test_the_packaged_text_is_this_file() -> None:
     assert packaged_dbc_text() == DBC.read_text(encoding="utf-8")
 
 
-def test_the_dbc_holds_the_eight_messages_under_their_identifiers() -> None:
+def test_the_dbc_holds_the_nine_messages_under_their_identifiers() -> None:
     assert {message.name: message.frame_id for message in MESSAGES} == {
         "CURRENT_COMMAND": 0x100,
         "STEM_POSITION": 0x110,
@@ -65,6 +65,7 @@ def test_the_dbc_holds_the_eight_messages_under_their_identifiers() -> None:
         "MANUAL_CURRENT": 0x121,
         "POSITIONER_STATUS": 0x140,
         "POSITIONER_COUNT": 0x141,
+        "POSITIONER_ALARMS": 0x142,
         "PLANT_TRUTH": 0x170,
     }
     assert not any(message.is_extended_frame for message in MESSAGES)
@@ -103,6 +104,7 @@ def test_cycle_times_in_ms_are_attributes() -> None:
         "MANUAL_CURRENT": 50,
         "POSITIONER_STATUS": 100,
         "POSITIONER_COUNT": 100,
+        "POSITIONER_ALARMS": 100,
         "PLANT_TRUTH": 1,
     }
 
@@ -155,6 +157,7 @@ def test_every_value_table_is_its_enumeration() -> None:
         ("POSITIONER_STATUS", "Health"): Health,
         ("POSITIONER_STATUS", "Cause"): Cause,
         ("POSITIONER_COUNT", "Counted"): Counted,
+        ("POSITIONER_ALARMS", "Worst"): Health,
     }
     tables = {
         (message.name, signal.name): {number: str(name) for number, name in signal.choices.items()}

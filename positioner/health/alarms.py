@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from positioner.cycle.alarms import packed
 from positioner.values import dataclass, replace
 from positioner.wire.messages import Health
 
@@ -165,6 +166,15 @@ def dated(alarms: tuple[Alarm, ...], date: str) -> tuple[Alarm, ...]:
 def worst(alarms: Iterable[Alarm]) -> Health:
     """Return the worst category of the active alarms, GOOD without one."""
     return max((each.category for each in alarms if each.is_active), default=Health.GOOD)
+
+
+def packed_alarms(alarms: tuple[Alarm, ...]) -> int:
+    """Return the number that a cycle is given: worst category, active causes, and those nobody has acknowledged."""
+    if not alarms:
+        return 0
+    active = bits([each.cause for each in alarms if each.is_active])
+    unseen = bits([each.cause for each in alarms if not each.acknowledged])
+    return packed(worst(alarms), active, unseen)
 
 
 def bits(causes: Iterable[AlarmCause]) -> int:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from positioner.commissioning import results
 from positioner.errors import StateError
-from positioner.health.reference import CONFIGURED, reference_of
+from positioner.health.reference import reference_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def measured_health_settings(configuration: Configuration, report: Callable[[str], object]) -> HealthSettings:
-    """Return what health is computed with, against the measured valve; `report` gets a line where nobody measured it.
+    """Return what health is computed with, against the valve as it was measured; `report` gets a line of what is wrong.
 
     Without a kept result the configured valve stands in, and no trend is an alarm.
     """
@@ -31,6 +31,4 @@ def measured_health_settings(configuration: Configuration, report: Callable[[str
     except (StateError, KeyError, TypeError, ValueError, StopIteration) as error:
         report(f"no reference for friction and spring: the kept result is not as expected ({error})")
         return settings
-    if reference.source == CONFIGURED:
-        report("no reference for friction and spring, so they raise no alarm: measure it with `positioner identify`")
     return replace(settings, watch=replace(settings.watch, reference=reference))

@@ -157,6 +157,7 @@ class Session:
             table_saved=self.table.saved,
             unsent=self._unsent,
             table=self.table.take_replaced(),
+            alarms=self.health.alarms,
         )
         self._reported_dropped, self._unsent = self._lines_dropped, False
         return cycle_input

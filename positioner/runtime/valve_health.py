@@ -5,10 +5,16 @@ It changes no command: an error in it ends the counting with one line of the log
 
 from __future__ import annotations
 
+import logging
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
+from positioner.health.alarm_text import change_in_words
+from positioner.health.alarms import dated, packed_alarms
 from positioner.health.monitor import begin_health, observe, sections_of
 from positioner.health.observed import observed_cycle
+from positioner.runtime.health_reference import measured_health_settings
+from positioner.values import replace
 
 if TYPE_CHECKING:
     from positioner.config.schema import Configuration
@@ -16,6 +22,7 @@ if TYPE_CHECKING:
     from positioner.cycle.input import CycleInput
     from positioner.cycle.state import CycleState
     from positioner.health.monitor import HealthState
+    from positioner.health.watch import Watch
     from positioner.machine.journal import Log
     from positioner.runtime.learned_table import LearnedTable
     from positioner.wire.messages import CanFrame
@@ -28,7 +35,7 @@ class ValveHealth:
     """The health of the valve; `state` is it after the last cycle, None where an error has ended it."""
 
     def __init__(self, configuration: Configuration, table: LearnedTable, log: Log) -> None:
-        self._settings = configuration.health_settings
+        self._settings = measured_health_settings(configuration, log.warning)
         self._table, self._log = table, log
         self._due_us: int | None = None
         self.state: HealthState | None = self._begun(table.health)
@@ -47,12 +54,27 @@ class ValveHealth:
             return
         try:
             self.state = observe(self._settings, self.state, observed)
+            if self.state.watch.changed:
+                self._tell(self.state.watch)
             if self._due_us is None or observed.now_us >= self._due_us:
                 self._due_us = observed.now_us + HAND_OVER_US
                 self.hand_over()
         except Exception as error:  # noqa: BLE001 - a defect here must never end a control loop
             self._log.error("health: not counted any more: %s: %s", type(error).__name__, error)
             self.state = None
+
+    @property
+    def alarms(self) -> int:
+        """The alarms of the valve's condition, as a cycle is given them."""
+        return 0 if self.state is None else packed_alarms(self.state.watch.trends.alarms)
+
+    def _tell(self, watch: Watch) -> None:
+        """Log the alarms that came or went, and date those that came."""
+        date = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+        watch.trends = replace(watch.trends, alarms=dated(watch.trends.alarms, date))
+        for change in watch.changed:
+            level = logging.WARNING if change.came else logging.INFO
+            self._log.log(level, "%s", change_in_words(change))
 
     def hand_over(self) -> None:
         """Hand the health over to the table writer, or go on from what a reset has left."""

@@ -1,0 +1,164 @@
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from stem import REFERENCE, SETTINGS, SPAN, Stem, pushes
+
+from positioner.health.alarm_text import alarm_as_json, alarm_lines, change_in_words, trend_lines, trends_as_json
+from positioner.health.alarms import Changed, dated, packed_alarms
+from positioner.health.causes import AlarmCause
+from positioner.health.observed import ObservedCycle
+from positioner.health.reference import Reference, reference_of
+from positioner.health.settings import HealthTable
+from positioner.health.trends_document import trends_from, trends_in
+from positioner.health.watch import Trends, Watch, WatchSettings, watch_cycle
+from positioner.valve.parameters import ValveParameters
+from positioner.wire.messages import Cause, Mode
+
+SETTINGS_OF = WatchSettings.of(SETTINGS, REFERENCE, HealthTable(averaging=0.05))
+
+
+def watched(
+    stem: Stem, currents_ma: list[float], settings: WatchSettings = SETTINGS_OF, watch: Watch | None = None
+) -> tuple[Watch, list[Changed]]:
+    watch = watch or Watch()
+    changed: list[Changed] = []
+    for number, current_ma in enumerate(currents_ma):
+        cycle = ObservedCycle(number * 1000, Mode.ACTIVE, Cause.NONE, stem.play(current_ma), None, current_ma, None, ())
+        watch_cycle(settings, watch, cycle, number * 1e-3)
+        changed += watch.changed
+    return watch, changed
+
+
+def causes(changed: list[Changed]) -> list[AlarmCause]:
+    return [change.alarm.cause for change in changed if change.came]
+
+
+def test_friction_that_has_risen_is_told_once_with_evidence_and_remedy() -> None:
+    watch, changed = watched(Stem(friction=1.3), pushes(60))
+    assert causes(changed) == [AlarmCause.FRICTION_HIGH]
+    (alarm,) = dated(watch.trends.alarms, "2026-11-22T10:00:00Z")
+    first, evidence, remedy = alarm_lines(alarm)
+    assert first.startswith("maintenance required: friction has risen: 2")
+    assert "limit 20, since 2026-11-22T10:00:00Z, not acknowledged" in first
+    assert evidence.endswith("% sure")
+    assert remedy.startswith("    remedy: look at the packing: too tight")
+    assert change_in_words(changed[0]).startswith("alarm: friction has risen: 2")
+    assert json.loads(json.dumps(alarm_as_json(alarm)))["cause"] == "friction_high"
+    assert packed_alarms(watch.trends.alarms) == 1 << 32 | 1 << 16 | 1
+
+
+def test_friction_that_has_fallen_is_told() -> None:
+    watch, changed = watched(Stem(friction=0.75), pushes(60))
+    assert causes(changed) == [AlarmCause.FRICTION_LOW]
+    assert alarm_lines(watch.trends.alarms[0])[0].startswith("maintenance required: friction has fallen: -2")
+
+
+def test_without_a_measured_reference_no_trend_is_an_alarm() -> None:
+    configured = replace(SETTINGS_OF, reference=replace(REFERENCE, source="configuration"))
+    watch, changed = watched(Stem(friction=1.3), pushes(60), configured)
+    assert changed == []
+    assert trend_lines(configured, watch.trends)[0].startswith("against the configuration")
+
+
+def test_a_supply_that_limits_one_direction_is_not_called_friction() -> None:
+    _, changed = watched(Stem(supply_ma=15.5), pushes(80))
+    assert AlarmCause.FRICTION_HIGH not in causes(changed)
+    assert AlarmCause.FRICTION_LOW not in causes(changed)
+    assert AlarmCause.ONE_SIDED in causes(changed)
+
+
+def test_a_stem_that_does_not_move_under_more_than_its_friction_is_stuck() -> None:
+    stuck = Stem(friction=3.0)
+    _, changed = watched(stuck, [11.0] * 100 + [20.0] * 1500 + [11.0] * 100)
+    assert changed == []
+    watch, changed = watched(stuck, [11.0] * 100 + [20.0] * 3000)
+    assert causes(changed) == [AlarmCause.STUCK]
+    assert packed_alarms(watch.trends.alarms) >> 32 == 4
+    _, changed = watched(stuck, [11.0] * 600, watch=watch)
+    assert [change.came for change in changed] == [False]
+
+
+def test_a_stem_that_stands_on_its_stop_is_not_stuck() -> None:
+    stem = Stem(position_m=0.0005, friction=3.0)
+    _, changed = watched(stem, [10.0] * 100 + [0.1] * 3000)
+    assert changed == []
+
+
+def test_trends_are_kept_and_begin_anew_against_another_reference() -> None:
+    watch, _ = watched(Stem(friction=1.3), pushes(60))
+    kept = json.loads(json.dumps(trends_in(replace(watch.trends, against=("identify", "2026-01-01")))))
+    found = trends_from(kept, REFERENCE)
+    assert found == replace(watch.trends, against=("identify", "2026-01-01"))
+    anew = trends_from(kept, replace(REFERENCE, recorded="2026-02-02"))
+    assert anew == Trends(("identify", "2026-02-02"), alarms=found.alarms)
+    assert trends_from(None, REFERENCE) == Trends(("identify", "2026-01-01"))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"friction": {}},
+        {"friction": None},
+        {"ends": [0.0, -1, 0.0, 0]},
+        {"alarms": [{}]},
+        {"alarms": "none"},
+        {"more": 1},
+    ],
+)
+def test_trends_that_were_not_written_so_are_refused(change: dict[str, Any]) -> None:
+    section = {**trends_in(Trends(("identify", "2026-01-01"))), **change}
+    with pytest.raises(ValueError, match=r"not as|no list"):
+        trends_from(section, REFERENCE)
+
+
+def test_the_trends_are_told_in_words_and_for_programs() -> None:
+    watch, _ = watched(Stem(friction=1.3), pushes(60))
+    head, *rows = trend_lines(SETTINGS_OF, watch.trends)
+    assert head.startswith("against `identify` of 2026-01-01; 4")
+    assert rows[0].split()[:2] == ["sliding", "friction"]
+    assert json.loads(json.dumps(trends_as_json(SETTINGS_OF, watch.trends)))["reference"]["source"] == "identify"
+
+
+VALVE = ValveParameters(id="FV-101")
+
+
+def test_the_reference_is_the_signature_else_the_identification_else_the_configuration() -> None:
+    identified = (
+        "2026-01-01",
+        {"configuration": {"valve": {"spring_rate_n_per_m": 5e4, "coulomb_friction_n": 1400.0}}},
+    )
+    signature = (
+        "2026-02-02",
+        {
+            "quantities": {"spring_n_per_m": 5.1e4, "sliding_n": 1500.0, "static_n": 1800.0, "hysteresis_m": 0.05},
+            "rows": [{"name": "spring force at 0", "value": 20.0}],
+            "sliding_friction_by_place": [[0.07, 1600.0], [0.06, 1400.0]],
+        },
+    )
+    found = reference_of(VALVE, identified, signature)
+    assert (found.source, found.recorded, found.preload_n) == ("signature", "2026-02-02", 20.0)
+    assert found.sliding_along_n(0.059, 0.071) == 1500.0
+    found = reference_of(VALVE, identified)
+    assert (found.source, found.spring_n_per_m, found.sliding_n) == ("identify", 5e4, 1400.0)
+    assert found.static_n == VALVE.static_friction_n
+    assert reference_of(VALVE) == Reference.configured(VALVE)
+    with pytest.raises(ValueError, match="not above 0"):
+        reference_of(VALVE, ("2026-01-01", {"configuration": {"valve": {"coulomb_friction_n": -1.0}}}))
+
+
+def test_an_end_position_that_has_moved_is_told() -> None:
+    watch = Watch()
+    changed: list[Changed] = []
+    for number in range(400):
+        on_seat = number % 100 < 60
+        position_m = 0.015 * SPAN if on_seat else 0.015 * SPAN + 0.01
+        current_ma = -8.0 if number % 100 < 50 else 9.0
+        cycle = ObservedCycle(number * 1000, Mode.ACTIVE, Cause.NONE, position_m, None, current_ma, None, ())
+        watch_cycle(SETTINGS_OF, watch, cycle, float(number))
+        changed += watch.changed
+    assert causes(changed) == [AlarmCause.END_POSITION]
+    assert watch.trends.closed == pytest.approx(0.015, abs=1e-6)

@@ -49,17 +49,18 @@ def make_test(preset: str, sensor: dict[str, float], law: str, period_s: float =
 
 @dataclass
 class Played:
-    """A test that was played: its memory, the true position at each sample, and where each level was asked for."""
+    """A test that was played: its memory, the true position at each sample, and where levels were asked for."""
 
     test: StepTest
     memory: StepMemory
     true_m: NDArray[np.float64]
-    asked: list[tuple[int, Doing, float]]
+    asked: list[tuple[int, StepMemory]]
+    """Each sample at which a new level was asked for, with the memory then."""
 
     def true_steps(self) -> list[tuple[float, float, NDArray[np.float64]]]:
         """Return of each response its true rest before, its true rest after, and the true positions from the step."""
         count = round(self.test.plan.wait_s / self.test.period_s)
-        starts = [sample for sample, doing, _ in self.asked if doing is Doing.STEPS]
+        starts = [sample for sample, memory in self.asked if memory.doing is Doing.STEPS]
         before, group = 3 if self.test.plan.is_open else 1, 2 * self.test.plan.repeats
         steps = []
         for number, sample in enumerate(starts):
@@ -86,14 +87,14 @@ def play(
     memory = test.begin(measured_m)
     applied_ma, number = memory.current_ma, 0
     true_m: list[float] = []
-    asked: list[tuple[int, Doing, float]] = []
+    asked: list[tuple[int, StepMemory]] = []
     low_ma, high_ma = test.limits.current_low_ma, test.limits.current_high_ma
     while not memory.ended:
         before, memory = memory, each(test, memory, number)
         observation = Observation(measured_m, applied_ma, test.period_s, measured_m, number * test.period_s)
         memory, asked_ma = test.advance(memory, observation)
         if memory.level != before.level:
-            asked.append((number, memory.doing, memory.level))
+            asked.append((number, memory))
         true_m.append(state.stem.position_m)
         applied_ma = min(max(asked_ma, low_ma), high_ma)
         state, measured_m = valve.measure(settings, valve.step(settings, state, applied_ma, test.period_s))

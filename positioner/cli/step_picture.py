@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 
+from positioner.commissioning.step.curves import normalised
 from positioner.commissioning.step.report import SIDES
-from positioner.commissioning.step.response import filled
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
@@ -46,10 +46,7 @@ def _responses(axes: Axes, responses: Sequence[Response], result: StepResult, di
     """Draw each response as a part of its realised step, or of the asked one where it did not move."""
     shades = mpl.colormaps["viridis"]
     for each in responses:
-        step_m = direction * (each.final_m - each.before_m)
-        moved = step_m > result.seen_m
-        whole_m = step_m if moved else each.size * result.span_m
-        gone = direction * (filled(np.asarray(each.measured_m)) - each.before_m) / whole_m
+        gone = normalised(each, result)
         times_ms = np.arange(len(gone)) * result.period_s * _MS
         place = list(result.regions).index(each.size)
         colour = shades(place / max(len(result.regions) - 1, 1))

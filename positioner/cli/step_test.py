@@ -12,6 +12,7 @@ from positioner.cli.command import add_command, numbers_in
 from positioner.cli.procedure import add_procedure, keep_result, memory_of, procedure_configuration
 from positioner.commissioning.closed_loop import ClosedLoop
 from positioner.commissioning.procedure import ProcedureLimits
+from positioner.commissioning.step.curves import curves
 from positioner.commissioning.step.hold import HoldLaw
 from positioner.commissioning.step.limits import broken
 from positioner.commissioning.step.plan import Plan
@@ -19,6 +20,8 @@ from positioner.commissioning.step.procedure import StepTest
 from positioner.commissioning.step.report import as_json, lines
 from positioner.commissioning.step.result import result_of
 from positioner.errors import ExitCode, UsageError
+from positioner.inputs.nearest import nearest
+from positioner.laws.registry import LAWS
 from positioner.values import replace
 
 if TYPE_CHECKING:
@@ -66,12 +69,16 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.picture and not arguments.picture.absolute().parent.is_dir():
         raise UsageError(f"--picture {arguments.picture}: there is no folder {arguments.picture.absolute().parent}")
     configuration = procedure_configuration(arguments)
-    test = _test(arguments, configuration)
+    test = step_test_of(arguments, configuration)
     memory = memory_of(arguments, configuration, test)
     result = result_of(memory, test)
     valve = configuration.valve.id
     problems = broken(result, configuration.step_test)
-    document = as_json(result, valve, problems)
+    document = {
+        **as_json(result, valve, problems),
+        "limits": configuration.step_test.given(),
+        "responses": curves(memory.responses, result),
+    }
     if arguments.json:
         sys.stdout.write(f"{json.dumps(document, indent=2)}\n")
     else:
@@ -85,7 +92,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     return ExitCode.FAILURE if problems else ExitCode.OK
 
 
-def _test(arguments: argparse.Namespace, configuration: Configuration) -> StepTest:
+def step_test_of(arguments: argparse.Namespace, configuration: Configuration) -> StepTest:
     """Return the test that the command line asks for.
 
     Raises:
@@ -93,6 +100,8 @@ def _test(arguments: argparse.Namespace, configuration: Configuration) -> StepTe
     """
     is_open = arguments.law == _HOLD
     if arguments.law and not is_open:
+        if arguments.law not in LAWS:
+            raise UsageError(f"--law {arguments.law}: is no law; {nearest(arguments.law, [*LAWS, _HOLD])}")
         configuration = replaced(configuration, control=replaced(configuration.control, law=arguments.law))
     valve, period_s = configuration.valve, configuration.control.sample_period_s
     limits = ProcedureLimits.of(valve, configuration.guard)

@@ -13,7 +13,7 @@ from positioner.report import words
 from positioner.report.page import Page, Section
 from positioner.report.procedure_section import procedure_section
 from positioner.report.signature_charts import signature_charts, signature_verdict
-from positioner.report.step_parts import step_charts, step_table
+from positioner.report.step_parts import step_charts, step_table, step_verdict
 from positioner.report.stroke_parts import stroke_charts, stroke_facts, stroke_verdict
 
 if TYPE_CHECKING:
@@ -37,13 +37,13 @@ class Parts:
     charts: Callable[[Document, Document | None], tuple[Chart, ...]] | None = None
     table: Callable[[Document], Table] | None = None
     facts: Callable[[Document, Document | None], tuple[tuple[str, str], ...]] | None = None
-    verdict: Callable[[Document], Verdict] | None = None
+    verdict: Callable[[Document], Verdict | None] | None = None
 
 
 _PARTS = {
     "identify": Parts("Identification"),
     "signature": Parts("Signature", signature_charts, verdict=signature_verdict),
-    "step-test": Parts("Step response", step_charts, step_table),
+    "step-test": Parts("Step response", step_charts, step_table, verdict=step_verdict),
     "stroke-test": Parts("Partial stroke test", stroke_charts, facts=stroke_facts, verdict=stroke_verdict),
 }
 KINDS = tuple(_PARTS)

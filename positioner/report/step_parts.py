@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 from positioner.report import words
 from positioner.report.chart import Chart
 from positioner.report.layers import Line
-from positioner.report.page import Table
+from positioner.report.page import Status, Table, Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from positioner.report.layers import Layer
 
@@ -50,7 +50,7 @@ def _of_sides(texts: list[str]) -> str:
 
 def step_charts(document: dict[str, Any], reference: dict[str, Any] | None) -> tuple[Chart, ...]:
     """Return T86 and gain over the size of the step, over those of an earlier test."""
-    charts = []
+    charts = list(_responses(document))
     for key, title, label in (
         ("t86_s", "Response time by step size", "T86, ms"),
         ("gain", "Travel gain by step size", "gain"),
@@ -62,8 +62,37 @@ def step_charts(document: dict[str, Any], reference: dict[str, Any] | None) -> t
             layers.append(_line(reference, names, key, factor, "up", "reference", "reference"))
         layers.append(_line(document, names, key, factor, "up", "now", "up"))
         layers.append(_line(document, names, key, factor, "down", "fit", "down"))
-        charts.append(Chart(title, "step, % of span", label, tuple(layers), from_zero=True, names=names))
+        charts.append(
+            Chart(
+                title, f"step, % of {document.get('input', 'span')}", label, tuple(layers), from_zero=True, names=names
+            )
+        )
     return tuple(charts)
+
+
+def _responses(document: dict[str, Any]) -> Iterator[Chart]:
+    """Yield the responses as parts of their steps, of one size each in its own chart: a small step is a quick one."""
+    drawn: list[dict[str, Any]] = [each for each in document.get("responses", ()) if each["part"]]
+    moving = [row["size"] for row in document["sizes"] if row["region"] != "A"]
+    for size in sorted({moving[0], moving[-1]} if moving else ()):
+        layers: list[Layer] = []
+        for side, style in (("up", "now"), ("down", "fit")):
+            own = [each for each in drawn if (each["size"], each["direction"]) == (size, side)]
+            layers += [
+                Line([1e3 * time for time in each["time_s"]], each["part"], side if each is own[0] else "", style)
+                for each in own
+            ]
+        if layers:
+            yield Chart(f"Responses to {100.0 * size:g} %", "time, ms", "part of the step", tuple(layers))
+
+
+def step_verdict(document: dict[str, Any]) -> Verdict | None:
+    """Return whether the limits are kept, None where there are none."""
+    broken = document.get("broken", ())
+    if broken:
+        sentence = f"The step test breaks {len(broken)} of its limits: {broken[0]}."
+        return Verdict(Status.OUT_OF_SPECIFICATION, sentence, "Compare with the signature, and with the reference.")
+    return Verdict(Status.GOOD, "The step test keeps its limits.", "Nothing.") if document.get("limits") else None
 
 
 def _line(

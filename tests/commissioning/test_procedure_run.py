@@ -6,10 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from daemon_helpers import write_configuration
-from virtual_shell import World
+from plant_world import PlantWorld
 
-from plant_emulator.device import advance, initial_device, publish, take
-from plant_emulator.presets import plant_settings
 from positioner.bus.address import BusAddress
 from positioner.bus.port import Ports
 from positioner.commissioning.experiment import Experiment
@@ -18,7 +16,7 @@ from positioner.config.reader import load_config
 from positioner.host.words import state_in_words
 from positioner.runtime.procedure_run import ProcedureError, ProcedureRun
 from positioner.runtime.session import RunOptions
-from positioner.wire.messages import CanFrame, CurrentCommand, Health, HostRequest, PositionerStatus, StemPosition
+from positioner.wire.messages import CurrentCommand, Health, HostRequest, PositionerStatus, StemPosition
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,29 +24,6 @@ if TYPE_CHECKING:
 
 PERIOD_S = 0.02
 SPAN_M = 0.127
-
-
-class PlantWorld(World):
-    """The world in which the readings are those of an emulated valve that obeys the commands."""
-
-    settings = plant_settings("paper", {"valve": {"initial_position_m": 0.075}, "sensor": {"noise_of_reading": 0.0002}})
-    device = initial_device(settings, 1)
-
-    def send(self, message: Any, timeout: float | None = None) -> None:
-        super().send(message, timeout)
-        frame = CanFrame(message.arbitration_id, bytes(message.data))
-        self.device = take(self.codec, self.device, (frame,))
-
-    def _live_until(self, end_ns: int) -> None:
-        while self._next_ns <= end_ns:
-            self.now_ns = self._next_ns
-            self.device = advance(self.settings, self.device, PERIOD_S)
-            self.device, frames = publish(self.codec, self.settings, self.device)
-            if not self.plant_silent:
-                reading, counter = self.codec.decode(frames[-1])
-                self._deliver(reading, counter)
-            self.sample += 1
-        self.now_ns = end_ns
 
 
 class Run:

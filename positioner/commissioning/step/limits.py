@@ -7,7 +7,7 @@ are generally quoted.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Annotated
 
 from annotated_types import Interval
@@ -46,6 +46,10 @@ class StepTestSettings(SettingsTable):
     t86_s: Annotated[float, Interval(ge=0.0, le=3600.0)] = 0.0
     gain_error: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.0
     nominal_size_m: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.0
+
+    def given(self) -> dict[str, float]:
+        """Return the limits that there are, by key."""
+        return {each.name: getattr(self, each.name) for each in fields(self) if getattr(self, each.name)}
 
 
 def broken(result: StepResult, limits: StepTestSettings) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from positioner.cli.check import summary_rows
 from positioner.cli.command import add_command, add_config, add_state, add_valve
@@ -14,6 +14,7 @@ from positioner.config.locations import location_of
 from positioner.config.reader import load_config
 from positioner.errors import ExitCode, StateError, writing
 from positioner.health.counters_document import COUNTERS, counters_from
+from positioner.health.monitor import sections_of
 from positioner.health.trends_document import TRENDS, trends_from
 from positioner.report import words
 from positioner.report.page import html
@@ -25,6 +26,7 @@ from positioner.store.health_file import HEALTH
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Mapping
 
     from positioner.cli.command import Commands
     from positioner.commissioning.results import KeptResult
@@ -35,6 +37,7 @@ examples:
   positioner report --config fv101.toml                        write FV-101.html into this folder
   positioner report --config fv101.toml --out /tmp/fv101.html
   positioner report --config fv101.toml --state copy           of a copy of the state directory
+  positioner report --config fv101.toml --from bus.log         counters, trend and alarms of that run
 
 The page needs no network, opens in any browser and prints on two sheets of A4. It shows the newest kept result of each
 test procedure over the reference, which is the first one, unless --as-reference of that procedure named another. It may
@@ -51,6 +54,7 @@ def add_parser(commands: Commands) -> None:
     add_config(parser)
     add_valve(parser)
     add_state(parser)
+    parser.add_argument("--from", type=Path, metavar="LOG", dest="log", help="count the use in a recorded run instead")
     parser.add_argument("--out", type=Path, metavar="FILE", help="the page (default: the valve's name, in this folder)")
 
 
@@ -66,7 +70,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         made=datetime.now(UTC),
         results=_results(state, configuration.valve.id),
         signatures=signatures,
-        service=_service(state, configuration),
+        service=_service(arguments, state, configuration),
         facts=(*told, *results.versions().items()),
         options=options,
         running=_running(state),
@@ -78,23 +82,40 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     return ExitCode.OK
 
 
-def _service(state: Path, configuration: Configuration) -> Service | None:
+def _service(arguments: argparse.Namespace, state: Path, configuration: Configuration) -> Service | None:
     """Return what was counted, None where there is nothing; what cannot be used is told and left out."""
+    if arguments.log:
+        return _service_in(arguments, state, configuration)
     if not (state / HEALTH).exists():
         return None
-    watch, valve = configuration.health_settings.watch, configuration.valve.id
     try:
         document = access.health(state)
-        counters = counters_from(document.sections.get(COUNTERS))
-        trends = trends_from(document.sections.get(TRENDS), watch.reference)
+        if document.valve_id == configuration.valve.id:
+            until = datetime.fromisoformat(document.saved) if document.saved else None
+            started = words.date(datetime.fromisoformat(document.started))
+            return _service_of(configuration, document.sections, started, until)
+        sys.stderr.write(f"{state}: the health of valve {document.valve_id} is left out\n")
     except (StateError, ValueError, KeyError, TypeError) as error:
         sys.stderr.write(f"{error}; the report goes without it\n")
-        return None
-    if document.valve_id != valve:
-        sys.stderr.write(f"{state}: the health of valve {document.valve_id} is left out\n")
-        return None
-    until = datetime.fromisoformat(document.saved) if document.saved else None
-    return Service(counters, trends, watch, words.date(datetime.fromisoformat(document.started)), until)
+    return None
+
+
+def _service_in(arguments: argparse.Namespace, state: Path, configuration: Configuration) -> Service:
+    """Return what is counted in the log; with --state it begins with the table there."""
+    from positioner.replay.health_log import health_in  # noqa: PLC0415 - a log library, for a log only
+
+    health, notices = health_in(arguments.log, configuration, state if arguments.state else None, {})
+    for notice in notices:
+        sys.stderr.write(f"{arguments.log}: {notice}\n")
+    return _service_of(configuration, sections_of(health))
+
+
+def _service_of(
+    configuration: Configuration, sections: Mapping[str, Any], started: str = "", until: datetime | None = None
+) -> Service:
+    watch = configuration.health_settings.watch
+    trends = trends_from(sections.get(TRENDS), watch.reference)
+    return Service(counters_from(sections.get(COUNTERS)), trends, watch, started, until)
 
 
 def _results(state: Path, valve: str) -> dict[str, tuple[KeptResult, KeptResult]]:

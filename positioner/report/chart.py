@@ -46,7 +46,7 @@ class Chart:
         width = _WIDTHS[self.size]
         x, y = self._scales(width)
         content = [*_axes(self, x, y), *(part for layer in self.layers for part in layer.drawn(x, y))]
-        content += _legend(self.layers, len(self.y_label) * _LETTER + 14.0)
+        content += _legend(self.layers, max(len(self.y_label) * _LETTER + 14.0, 40.0))
         place = f'viewBox="0 0 {width:g} {_HEIGHT:g}" preserveAspectRatio="xMinYMid"'
         head = f'<svg class="chart" {place} role="img" aria-label="{escape(self.title)}">'
         return Markup("\n".join([head, *content, "</svg>"]))  # noqa: S704 - every text in it is escaped

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 
     from positioner.report.scale import Scale
 
+_NAME = 11.0
+"""The height of a limit's name."""
+
 
 class Layer(Protocol):
     """One part of a chart."""
@@ -164,7 +167,8 @@ class Limit:
         """Yield the line and its name."""
         level = y.at(self.y)
         yield f'<path class="limit {self.style}" d="M{x.begin:g} {level:.1f}H{x.end:g}"/>'
-        yield text(x.begin + 4.0, level - 3.0, self.name, "start", "limit-name")
+        beside = level - 3.0 if level > y.end + _NAME else level + _NAME  # the legend is above the axes
+        yield text(x.begin + 4.0, beside, self.name, "start", "limit-name")
 
     def swatch(self, at: float) -> str:
         """Return a short line."""

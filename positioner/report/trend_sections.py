@@ -16,7 +16,7 @@ from positioner.report.page import Section, Status, Table, Verdict
 from positioner.wire.messages import Health
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from positioner.commissioning.results import KeptResult
     from positioner.health.alarms import Alarm
@@ -80,7 +80,8 @@ def _limit(alarm: Alarm) -> str:
 
 def _in_words(cause: AlarmCause, value: float) -> str:
     text = TEXTS[cause]
-    return f"{words.number(value * text.factor, 1 if abs(text.factor) > 1.0 else 2)} {text.unit}".rstrip()
+    number = words.number(value * text.factor, 1 if abs(text.factor) > 1.0 else 2)
+    return f"{number}\N{NO-BREAK SPACE}{text.unit}".rstrip()
 
 
 def trend_section(service: Service, signatures: Sequence[KeptResult]) -> Section:
@@ -104,7 +105,7 @@ def trend_section(service: Service, signatures: Sequence[KeptResult]) -> Section
     if found.jump is not None:
         shares.append(("slip jump, of the span", found.jump, (AlarmCause.SLIP_JUMP,)))
     limits = settings.limits
-    rows = tuple([_share_row(name, share, [limits[cause] for cause in causes]) for name, share, causes in shares])
+    rows = tuple([_share_row(name, share, limits, causes) for name, share, causes in shares])
     head = ("change in service", "value", "95 % interval", "maintenance at", "out of spec. at")
     moves = f"from {trends.friction.moves} moves, {trends.friction.moves_up} of them opening"
     one_sided = ("One direction alone has changed: this is no friction, but air supply or converter.",)
@@ -115,15 +116,18 @@ def trend_section(service: Service, signatures: Sequence[KeptResult]) -> Section
     return Section(title, since, (chart,) if chart else (), (Table(head, rows),), remarks)
 
 
-def _share_row(name: str, share: Share, limits: Sequence[Limits]) -> tuple[str, ...]:
+def _share_row(
+    name: str, share: Share, limits: Mapping[AlarmCause, Limits], causes: tuple[AlarmCause, ...]
+) -> tuple[str, ...]:
     low, high = (f"{_PERCENT * end:+.1f}".replace("-", "\N{MINUS SIGN}") for end in (share.low, share.high))
     value = f"{_PERCENT * share.value:+.1f} %".replace("-", "\N{MINUS SIGN}")
-    ends = (min(getattr(each, key) for each in limits) for key in ("limit", "serious_limit"))
-    return (name, value, f"{low} to {high}", *(f"±{_PERCENT * end:g} %" if end else words.NONE for end in ends))
+    ends = [min(getattr(limits[cause], key) for cause in causes) for key in ("limit", "serious_limit")]
+    sign = "+" if causes == (AlarmCause.SLIP_JUMP,) else "±"
+    return (name, value, f"{low} to {high}", *(f"{sign}{_PERCENT * end:g} %" if end else words.NONE for end in ends))
 
 
 def friction_chart(
-    signatures: Sequence[KeptResult], service: tuple[datetime, Share] | None, limits: Any
+    signatures: Sequence[KeptResult], service: tuple[datetime, Share] | None, limits: Mapping[AlarmCause, Limits]
 ) -> Chart | None:
     """Return the sliding friction of each signature over that of the first one, and that in service, by days."""
     points = [(each.recorded, each.document["quantities"]["sliding_n"], _half(each.document)) for each in signatures]

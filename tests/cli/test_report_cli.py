@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 from daemon_helpers import write_configuration
 from report_samples import signature, stroke_test
+from several_loop import SeveralLoop
 
 from positioner.bus.address import BusAddress
 from positioner.cli.main import main
@@ -55,3 +56,28 @@ def test_a_page_that_cannot_be_written_is_one_line(
     missing = tmp_path / "nowhere" / "page.html"
     assert main(["report", "--config", str(configuration), "--out", str(missing)]) == ExitCode.IO
     assert capsys.readouterr().err.endswith(f"{missing}: cannot be written: No such file or directory\n")
+
+
+def test_the_use_in_the_state_and_in_the_record_of_the_run_are_the_same(tmp_path: Path) -> None:
+    with SeveralLoop(tmp_path, ["FV-1"], record=tmp_path / "bus.log") as loop:
+        loop.run_to(1500)
+    shown = []
+    for more in ([], ["--from", str(tmp_path / "bus.log")]):
+        page = tmp_path / "page.html"
+        arguments = ["report", "--config", str(tmp_path / "plant.toml"), "--out", str(page), *more]
+        assert main(arguments) == ExitCode.OK
+        text = page.read_text(encoding="utf-8")
+        shown.append([line for line in text.splitlines() if line.startswith(("<rect", "<div><dt>"))])
+    assert len(shown[0]) > 60
+    assert shown[0] == shown[1]
+
+
+def test_a_damaged_health_is_told_and_the_report_goes_without_it(
+    configuration: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "state").mkdir()
+    (tmp_path / "state" / "health.json").write_text("{", encoding="utf-8")
+    page = tmp_path / "page.html"
+    assert main(["report", "--config", str(configuration), "--out", str(page)]) == ExitCode.OK
+    assert "the report goes without it" in capsys.readouterr().err
+    assert "Nothing was counted yet" in page.read_text(encoding="utf-8")

@@ -1,6 +1,6 @@
 """A small chart as SVG: two axes, the layers on them, a legend. Its fonts and colours are the page's. Pure.
 
-Our own, not matplotlib's: a chart is a tenth of the size, takes its look from the page, also in print, and needs no
+Our own, not matplotlib's: a chart is a fifth of the size, takes its look from the page, also in print, and needs no
 import that takes a second.
 """
 

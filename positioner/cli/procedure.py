@@ -114,9 +114,14 @@ def stretches_of(
 
 
 def keep_result(
-    arguments: argparse.Namespace, configuration: Configuration, kind: str, document: dict[str, Any]
+    arguments: argparse.Namespace,
+    configuration: Configuration,
+    kind: str,
+    document: dict[str, Any],
+    *,
+    finished: bool = True,
 ) -> None:
-    """Write the report of a finished procedure, and keep its document in the valve's state directory.
+    """Write the report of a procedure, and keep the document of a finished one in the valve's state directory.
 
     The evaluation of an older record is kept only as the reference.
 
@@ -125,7 +130,7 @@ def keep_result(
     """
     if arguments.report:
         _write_report(arguments, configuration, kind, document)
-    if arguments.log is None or arguments.as_reference:
+    if finished and (arguments.log is None or arguments.as_reference):
         path = results.keep(_state_of(arguments, configuration), kind, document, as_reference=arguments.as_reference)
         sys.stderr.write(f"kept: {path}\n")
 

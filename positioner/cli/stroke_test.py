@@ -25,7 +25,7 @@ KIND = "stroke-test"
 _EPILOG = """\
 examples:
   positioner stroke-test --config fv101.toml                       after a question
-  positioner stroke-test --config fv101.toml --yes --json
+  positioner stroke-test --config fv101.toml --yes --json --report stroke.html
   positioner stroke-test --config fv101.toml --yes --record fv101.log
   positioner stroke-test --config fv101.toml --from fv101.log      the same result from the record
 
@@ -73,6 +73,5 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         lines = [verdict_line(found, valve), *(str(row) for row in rows(found) if row.seen)]
         lines += changes(found, reference) if reference else ()
         sys.stdout.write("\n".join([*lines, *(f"  {line}" for line in remarks(found))]) + "\n")
-    if found.verdict is not Verdict.ABORTED:
-        keep_result(arguments, configuration, KIND, document)
+    keep_result(arguments, configuration, KIND, document, finished=found.verdict is not Verdict.ABORTED)
     return ExitCode.OK if found.verdict is Verdict.PASSED else ExitCode.FAILURE

@@ -10,10 +10,14 @@ from plant_world import PlantWorld
 
 from positioner.bus.address import BusAddress
 from positioner.bus.port import Ports
+from positioner.cli.stroke_test import stroke_test_of
 from positioner.commissioning.experiment import Experiment
 from positioner.commissioning.procedure import ProcedureLimits, Progress
+from positioner.commissioning.stroke.report import as_json
+from positioner.commissioning.stroke.result import stroke_result
 from positioner.config.reader import load_config
 from positioner.host.words import state_in_words
+from positioner.replay.procedure import outcome_in
 from positioner.runtime.procedure_run import ProcedureError, ProcedureRun
 from positioner.runtime.session import RunOptions
 from positioner.wire.messages import CurrentCommand, Health, HostRequest, PositionerStatus, StemPosition
@@ -22,23 +26,36 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from positioner.commissioning.procedure import Procedure
+    from positioner.config.schema import Configuration
+
 PERIOD_S = 0.02
 SPAN_M = 0.127
 
 
 class Run:
-    """One experiment in virtual time."""
+    """One procedure in virtual time, the experiment of `identify` if no other is made."""
 
-    def __init__(self, folder: Path, **tables: Any) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        make: Callable[[Configuration], Procedure[Any]] | None = None,
+        record: Path | None = None,
+        **tables: Any,
+    ) -> None:
         tables = {**tables, "control": {"sample_period_s": PERIOD_S}}
         path = write_configuration(folder, BusAddress(interface="virtual", channel="none"), **tables)
-        configuration = load_config(path)
+        self.configuration = configuration = load_config(path)
         limits = ProcedureLimits.of(configuration.valve, configuration.guard)
-        experiment = Experiment.of(configuration.valve, limits, PERIOD_S)
+        experiment = make(configuration) if make else Experiment.of(configuration.valve, limits, PERIOD_S)
         self.world = PlantWorld(round(PERIOD_S * 1e9), configuration.make_codec())
         self.progress: list[Progress] = []
         self.run = ProcedureRun(
-            configuration, RunOptions(), experiment, self.progress.append, Ports(self.world, self.world.open)
+            configuration,
+            RunOptions(record=record),
+            experiment,
+            self.progress.append,
+            Ports(self.world, self.world.open),
         )
         self.start_m = self.where_m
 
@@ -124,3 +141,44 @@ def test_without_feedback_it_does_not_begin_and_says_why(tmp_path: Path) -> None
     with pytest.raises(ProcedureError, match="did not begin within 10 s: waiting for feedback"):
         run.run.result()
     assert run.messages(StemPosition) == []
+
+
+def _silent(run: Run, number: int, begin: int, end: int) -> None:
+    run.world.plant_silent = begin <= number < end
+
+
+def _asked(run: Run, number: int) -> None:
+    from positioner.wire.messages import Setpoint  # noqa: PLC0415
+
+    if number >= 500 and number % 10 == 0:
+        run.world._deliver(Setpoint(0.07), number // 10)
+
+
+@pytest.mark.parametrize(
+    ("each", "verdict", "cause"),
+    [
+        (lambda _run, _number: None, "passed", ""),
+        (lambda run, number: _silent(run, number, 500, 510), "aborted", "stopped by the guard or a person"),
+        (
+            lambda run, number: _silent(run, number, 500, 10**9),
+            "aborted",
+            "ended by the guard: FAILSAFE, feedback stale",
+        ),
+        (_asked, "aborted", "new setpoint"),
+    ],
+    ids=["to its end", "feedback missing", "feedback lost", "new setpoint"],
+)
+def test_a_stroke_test_and_its_record_give_the_same_result(
+    tmp_path: Path, each: Callable[[Run, int], None], verdict: str, cause: str
+) -> None:
+    run = Run(tmp_path, stroke_test_of, tmp_path / "test.log")
+    run.until_end(each=lambda number: each(run, number))
+    configuration = run.configuration
+    valve, settings = configuration.valve, configuration.stroke_test
+    live = stroke_result(run.run.memory, run.run.ended_because, valve, settings, PERIOD_S)
+    assert (live.verdict, live.cause) == (verdict, cause)
+    memory, ended_by = outcome_in(tmp_path / "test.log", configuration, stroke_test_of(configuration))
+    again = stroke_result(memory, ended_by, valve, settings, PERIOD_S)
+    assert as_json(again, valve, settings) == as_json(live, valve, settings)
+    if "FAILSAFE" not in cause:
+        assert abs(run.where_m - (0.07 if cause == "new setpoint" else run.start_m)) < 0.01 * SPAN_M

@@ -66,7 +66,7 @@ def test_a_healthy_valve_passes_and_its_friction_jump_and_way_are_measured(senso
 def test_more_friction_is_told_one_period_after_the_limit_of_the_force(friction: float) -> None:
     played, found = stroked(friction)
     assert found.verdict is Verdict.FAILED
-    assert found.cause == "breakaway too high"
+    assert found.cause == "stuck, breakaway too high"
     stop = found.stop
     assert stop is not None
     limit_ma = 1.3 * STATIC_N / GAIN_N_PER_MA
@@ -249,7 +249,7 @@ def test_what_a_test_did_not_come_to_is_not_known() -> None:
     _, found = stroked(2.0)
     document = as_json(found, configured().valve, configured().stroke_test)
     assert document["quantities"]["lag"] is None
-    assert document["stop"]["cause"] == "breakaway too high"
+    assert document["stop"]["cause"] == "stuck, breakaway too high"
     assert [row.name for row in rows(found) if not row.seen][:2] == ["stroke", "natural jump, seen"]
     assert math.isnan(found.static_n)
     assert Phase.OUT in dict.fromkeys(phase for phase, _ in stroked(2.0)[0].memory.began)  # type: ignore[union-attr]

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from positioner.commissioning.stroke.plan import Plan
     from positioner.commissioning.stroke.settings import StrokeSettings
 
+_PUSHES = frozenset({Phase.OUT, Phase.BACK, Phase.AWAY, Phase.RETURN})
 _STANDS_S = 0.3
 """A stem that has moved stands still again when it has not left its place for so long."""
 _SETTLES_S = 0.3
@@ -29,7 +30,7 @@ def first_broken(settings: StrokeSettings, memory: StrokeMemory, plan: Plan) -> 
     if gone_m > plan.furthest_m:
         most_mm = plan.furthest_m * _MM
         broken = Cause.BEYOND, f"the stem is {gone_m * _MM:.1f} mm from its start, the limit is {most_mm:.1f} mm"
-    elif memory.phase in {Phase.OUT, Phase.BACK}:
+    elif memory.phase in _PUSHES:
         broken = _stuck(settings, memory, plan)
     if broken is None and off_course_m(plan, memory) > 0.0:
         at_mm, most_mm = memory.smooth_m * _MM, plan.tolerance_m * _MM

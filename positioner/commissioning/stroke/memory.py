@@ -37,7 +37,7 @@ class Cause(StrEnum):
     STOPPED = "stopped by the guard or a person"
     NEW_SETPOINT = "new setpoint"
     BEYOND = "beyond the stroke"
-    STUCK = "breakaway too high"
+    STUCK = "stuck, breakaway too high"
     NO_MOTION = "no motion in time"
     OFF_COURSE = "off its course"
     TOO_LONG = "total time"

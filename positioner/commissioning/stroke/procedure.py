@@ -95,12 +95,13 @@ class StrokeTest:
     def _asked(self, memory: StrokeMemory, observation: Observation) -> StrokeMemory:
         """Return the memory, with a demand where the host asks for another place than at the start."""
         asked_m, setpoint_m = memory.asked_m, observation.setpoint_m
+        if math.isnan(asked_m) and setpoint_m == _held_m(memory, self.valve):
+            return memory
+        most_m = self.settings.demand_of_span * self.limits.span_m
         if math.isnan(asked_m):
-            if setpoint_m == _held_m(memory, self.valve):
-                return memory
-            most_m, asked_m = self.settings.tolerance_of_span * self.limits.span_m, memory.first_m
-        else:
-            most_m = self.settings.demand_of_span * self.limits.span_m
+            asked_m = memory.first_m if memory.plan is None else memory.plan.start_m
+            if memory.plan is None:  # where the stem is, is not well known yet, and it need not be at its setpoint
+                most_m = self.settings.tolerance_of_span * self.limits.span_m
         if memory.phase is Phase.DEMAND or abs(setpoint_m - asked_m) <= most_m:
             return memory if not math.isnan(memory.asked_m) else replace(memory, asked_m=setpoint_m)
         why = f"the host asks for {setpoint_m * _MM:.1f} mm"

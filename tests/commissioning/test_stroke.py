@@ -208,6 +208,14 @@ def test_missing_feedback_ends_it_and_the_stem_is_brought_back() -> None:
     assert off_m(played) < 0.005 * 0.127
 
 
+def test_lost_readings_change_no_value() -> None:
+    _, found = stroked(hears=lambda number: number % 7 < 5 or not 950 < number < 1100)  # in the pause
+    assert found.verdict is Verdict.PASSED
+    assert found.static_n == pytest.approx(STATIC_N, rel=0.004)
+    assert START_M - found.furthest_m == pytest.approx(0.0127, abs=3e-4)
+    assert min(place_m for _, place_m, _ in found.trace) > 0.066
+
+
 def test_feedback_that_stays_away_ends_it_by_the_guard() -> None:
     played, found = stroked(hears=lambda number: number < 800)
     assert found.cause == "ended by the guard: FAILSAFE, feedback stale"

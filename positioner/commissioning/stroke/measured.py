@@ -42,7 +42,7 @@ _HALVINGS = 60
 class Record:
     """All samples of a test, shape (samples,) each, and the first and the last sample of each phase.
 
-    smooth_m: the mean reading over 50 ms. Of a phase that came twice, the first one.
+    smooth_m: the mean reading over 50 ms; a lost one counts as the one before. A phase that came twice is the first.
     """
 
     whole: Stretch
@@ -60,7 +60,8 @@ class Record:
             phases.setdefault(phase, (begin, end))
         whole = stretch(memory.trail, Kind.STROKE)
         measured_m = np.asarray(whole.measured_m)
-        return cls(whole, measured_m, smooth(measured_m, max(round(_SMOOTH_S / period_s), 1)), phases, period_s)
+        smooth_m = smooth(_filled(measured_m), max(round(_SMOOTH_S / period_s), 1))
+        return cls(whole, measured_m, smooth_m, phases, period_s)
 
     @property
     def lasted_s(self) -> float:
@@ -78,7 +79,9 @@ class Record:
     def furthest_m(self, plan: Plan) -> float:
         """Return the place in m that is farthest from the start, by means that leave little of the noise."""
         width = max(round(3.0 * max(plan.smoothing_s, _SMOOTH_S) / self.period_s), 1)
-        return plan.start_m + plan.way * float(np.max(plan.way * (smooth(self.measured_m, width) - plan.start_m)))
+        return plan.start_m + plan.way * float(
+            np.max(plan.way * (smooth(_filled(self.measured_m), width) - plan.start_m))
+        )
 
     def rested_m(self, phase: Phase) -> float:
         """Return the mean reading in m in the second half of a phase, NaN where there was none."""
@@ -90,6 +93,12 @@ class Record:
         """Return how long a phase lasted in s, NaN where there was none."""
         begin, end = self.phases.get(phase, (0, 0))
         return (end - begin) * self.period_s if end > begin else math.nan
+
+
+def _filled(readings: Array) -> Array:
+    """Return readings in which each lost one is the one before; the first one is never lost."""
+    numbers = np.maximum.accumulate(np.where(np.isnan(readings), 0, np.arange(len(readings))))
+    return np.asarray(readings[numbers])
 
 
 def onset_of(record: Record, moved: Moved, rest_m: float) -> int:

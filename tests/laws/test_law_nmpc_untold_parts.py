@@ -10,12 +10,12 @@ import pytest
 from positioner.laws.nmpc.lagged_settings import LaggedSettings
 from positioner.laws.nmpc.untold import load as loads
 from positioner.laws.nmpc.untold.candidate import Candidate, Pressures, candidates, pressures
-from positioner.laws.nmpc.untold.course import Course, Piece, joined
+from positioner.laws.nmpc.untold.course import Course, Finished, Piece, joined
 from positioner.laws.nmpc.untold.found import actuator_of, settings_for
 from positioner.laws.nmpc.untold.linear import factor, inverse, log_determinant, solved
 from positioner.laws.nmpc.untold.probe import probe_of
 from positioner.laws.nmpc.untold.rollout import Rollout, advanced, begun
-from positioner.laws.nmpc.untold.watch import Quiet, Watch, with_kept
+from positioner.laws.nmpc.untold.watch import Quiet, Watch, with_kept, worked
 from positioner.laws.nmpc.untold.work import Mind
 from positioner.values import replace
 from positioner.valve.actuator import ActuatorParameters
@@ -243,3 +243,27 @@ def test_after_a_short_lag_smaller_errors_are_worth_a_correction() -> None:
 
     assert own.tolerance_of_noise > short.tolerance_of_noise > 0.0
     assert long == own
+
+
+@pytest.mark.parametrize(
+    ("explained", "lag_s", "lead", "is_over"),
+    [
+        (8, 0.002, -6.0, False),
+        (9, 0.002, -6.0, True),
+        (9, 0.002, -4.0, False),
+        (9, 0.0005, 2.0, True),
+        (9, 0.0005, 4.0, False),
+        (39, 0.0005, 4.0, True),
+    ],
+)
+def test_the_watch_ends_after_some_courses_where_no_lag_is_likely_and_at_last_in_any_case(
+    explained: int, lag_s: float, lead: float, *, is_over: bool
+) -> None:
+    # a course of one resting sample says nothing: its explanation changes no evidence that matters
+    course = Course(0.08, 1e-10, 1.0, (Piece(1, 12.6, 0.08),))
+    watch = replace(watch_of((0.0, 0.0), (lag_s, lead)), explained=explained, waiting=(Finished(course, (), 1e-8),))
+    while watch.waiting or watch.work is not None:
+        watch = worked(NOMINAL, watch, PERIOD_S)
+
+    assert watch.explained == explained + 1
+    assert watch.is_over is is_over

@@ -1,11 +1,13 @@
 """The law `nmpc` where no actuator lag is configured: it looks for one that nobody has told. Pure, but for its solver.
 
 It plays as `NmpcLaw` does, to the bit, until its watch finds certain evidence of another actuator. Then `LaggedLaw`
-takes over at the next rest, with the lag and the load that explain the moves best, and refines them.
+takes over at the next rest, with the lag and the load that explain the moves best, and refines them. Only where push
+after push has failed, and a lag may be the reason, it waits for the watch, and makes an experiment (`probe`).
 """
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from positioner.laws.bounds import Bounds
@@ -41,7 +43,10 @@ _MOST_NOISE = 200.0
 """The variance of an average is believed to be at most so many times that of white noise: AR(0.99)."""
 
 _WHITE = 3.0
-"""The variance of an average, in that of configured white noise, up to which the noise counts as white."""
+"""The same for an experiment: readings of pushes that move the stem a little look like noise, too."""
+_SEEN_OF_JUMP = 0.5
+"""Standard deviation of a reading, as a part of (F_s - F_c)/K, up to which an experiment is made. Noise that remembers
+itself hides the motion of a push, too, and then it has not failed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,11 +86,11 @@ class UntoldLagLaw:
             return replace(memory, inner=lagged), estimate
         assert isinstance(inner, NmpcMemory)  # noqa: S101 - of the law that plays
         watch, probe = memory.watch, memory.probe
-        noise_m2 = self._noise_m2(inner)
         if probe is None or probe.is_over:
             inner, estimate = self.believed.estimate(inner, observation)
         else:
             assert isinstance(inner.stem, Resting)  # noqa: S101 - an experiment begins at rest
+            noise_m2 = self._noise_m2(inner, _WHITE)
             probe, estimate = probe.followed_by(observation.measured_m, noise_m2), report(inner.stem)
             if probe.is_over and probe.has_moved:
                 inner = self._moved(inner, probe, noise_m2)
@@ -115,6 +120,17 @@ class UntoldLagLaw:
             lagged, decision = memory.law.decide(inner, stem, observation, table)
             return replace(memory, inner=lagged), replace(decision, actuator=memory.actuator)
         assert isinstance(inner, NmpcMemory)  # noqa: S101 - of the law that plays
+        return self._watched(memory, inner, stem, observation, table)
+
+    def _watched(
+        self,
+        memory: UntoldMemory,
+        inner: NmpcMemory,
+        stem: StemState,
+        observation: Observation,
+        table: StictionTable,
+    ) -> tuple[UntoldMemory, Decision]:
+        """Return the memory and the decision of the law that believes in no lag, or that of an experiment."""
         watch, probe = memory.watch, memory.probe
         if probe is not None:
             waits = watch.is_at_work and observation.setpoint_m == inner.setpoint_m
@@ -125,17 +141,21 @@ class UntoldLagLaw:
             watch = watching.with_kept(watch, table.fit.fill_s)
         before = inner
         inner, decision = self.believed.decide(inner, stem, observation, table)
-        if decision.reason is not None and before.hold_ma is not None and self._may_probe(memory, before):
-            return self._probed(memory, before.hold_ma, decision)
+        if decision.reason is not None and before.hold_ma is not None and self._suspects(memory, before):
+            if len(watch.waiting) > 1 and observation.setpoint_m == before.setpoint_m:
+                return memory, self._resting(before.hold_ma, Motion.REST)
+            if memory.probes < MOST and watch.quiet.readings >= LEAST_READINGS:
+                return self._probed(memory, before.hold_ma, decision)
         if decision.reason is not None and not watch.is_over:
             assert not isinstance(inner.stem, Resting)  # noqa: S101 - a move has begun
             watch = watching.pushed(watch, inner.stem.direction, self._noise_m2(inner))
         return replace(memory, inner=inner, watch=watch), decision
 
-    def _may_probe(self, memory: UntoldMemory, inner: NmpcMemory) -> bool:
-        """Whether an experiment is due: in noise that remembers itself a push is soon thought to have failed."""
-        is_known = memory.watch.quiet.readings >= LEAST_READINGS and inner.monitor.noise.averaged < _WHITE
-        return is_known and memory.probes < MOST and memory.watch.wants_probe
+    def _suspects(self, memory: UntoldMemory, inner: NmpcMemory) -> bool:
+        """Whether pushes may fail by a lag: where the readings would show the jump of a stem that was freed."""
+        load, static_n = self.nominal.load, self.nominal.static_n
+        seen_m = _SEEN_OF_JUMP * (static_n - load.friction_n) / load.spring_n_per_m
+        return self._noise_m2(inner, math.inf) < seen_m * seen_m and memory.watch.wants_probe
 
     def _probed(self, memory: UntoldMemory, held_ma: float, push: Decision) -> tuple[UntoldMemory, Decision]:
         """Return the memory and the first current of an experiment in place of a push."""
@@ -143,7 +163,8 @@ class UntoldLagLaw:
         assert isinstance(memory.inner, NmpcMemory)  # noqa: S101 - of the law that plays
         assert reason is not None  # noqa: S101 - a move begins
         noise_m2, gamma_ma, period_s = self._noise_m2(memory.inner), reason.breakaway.current_ma, self.believed.period_s
-        probe = probe_of(watch.quiet, noise_m2, held_ma, push.current_ma, gamma_ma, memory.probes, period_s)
+        white_m2 = self._noise_m2(memory.inner, _WHITE)
+        probe = probe_of(watch.quiet, white_m2, held_ma, push.current_ma, gamma_ma, memory.probes, period_s)
         watch = watching.pushed(watch, probe.direction, noise_m2, is_probe=True)
         memory = replace(memory, watch=watch, probe=probe, probes=memory.probes + 1)
         return memory, replace(self._probing(probe), reason=reason)
@@ -167,13 +188,13 @@ class UntoldLagLaw:
         monitor = replace(inner.monitor.at_new_place(), verification=None, landing=None)
         return replace(inner, stem=after, monitor=monitor, hold_ma=None)
 
-    def _noise_m2(self, inner: NmpcMemory) -> float:
-        """Return the variance of the mean of n readings, times n."""
+    def _noise_m2(self, inner: NmpcMemory, most: float = _MOST_NOISE) -> float:
+        """Return the variance of the mean of n readings, times n, believed to be at most so many times the told one."""
         stem, own = inner.stem, self.believed
         place_m = stem.anchor.x if isinstance(stem, Resting) else stem.x
         sigma_m = measurement_sigma_m(own.estimator, own.valve, place_m)
         # readings of a stem that moves, although it should rest, look like noise
-        return min(inner.monitor.noise.averaged, _MOST_NOISE) * sigma_m * sigma_m
+        return min(inner.monitor.noise.averaged, most) * sigma_m * sigma_m
 
     def _rest(self, watch: Watch, stem: Resting) -> LaggedRest:
         """Return the rest by the last readings: what the law believed of the stem need not be true."""

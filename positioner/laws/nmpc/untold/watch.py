@@ -37,6 +37,10 @@ _MOST_WAITING = 6
 _MOST_UNMOVED = 2
 _UNLIKELY, _LEAST_S = 1.0, 0.7e-3
 """A lag that is so far behind, or so short, is not worth an experiment."""
+_ENOUGH, _MOST = 10, 40
+"""After so many courses the watch ends where no lag is likely, and at last in any case."""
+_BEHIND, _AHEAD = 5.0, 3.0
+"""A lag is not likely that is so far behind, and a short one or a dead time that is no farther ahead."""
 _BUDGET = 60
 """Of a cycle, in steps of a resting stem."""
 
@@ -72,6 +76,7 @@ class Watch:
     minds: the candidates that are left, the believed one first. quiet: the present rest. course: the present move.
     rest: readings at rest in it. between, same: the time since the last course. work: the course that is explained now.
     waiting: courses that are to be explained, the oldest first. unmoved: those in a row whose push freed no stem.
+    explained: how many courses there were an explanation of.
     """
 
     minds: tuple[Mind, ...]
@@ -83,6 +88,7 @@ class Watch:
     work: Work | None = None
     waiting: tuple[Finished, ...] = ()
     unmoved: int = 0
+    explained: int = 0
 
     @property
     def is_over(self) -> bool:
@@ -149,7 +155,9 @@ def read(watch: Watch, current_ma: float, measured_m: float, noise_m2: float, *,
         between, same = joined(between, same, current_ma, measured_m)
     else:
         course, rest = course.followed_by(current_ma, measured_m), watch.rest + 1 if rests else 0
-    watch = Watch(watch.minds, quiet, course, rest, between, same, watch.work, watch.waiting, watch.unmoved)
+    watch = Watch(
+        watch.minds, quiet, course, rest, between, same, watch.work, watch.waiting, watch.unmoved, watch.explained
+    )
     if course is None or (rest < _LONGEST_REST and not course.is_too_long):
         return watch
     return _ended(watch, course, noise_m2)
@@ -176,7 +184,22 @@ def worked(nominal: Nominal, watch: Watch, period_s: float) -> Watch:
             return watch
         work, watch = begun_work(watch.minds, watch.waiting[0]), replace(watch, waiting=watch.waiting[1:])
     minds, left = continued_work(nominal, watch.minds, work, period_s, _BUDGET)
-    return replace(watch, minds=minds, work=left)
+    if left is not None:
+        return replace(watch, minds=minds, work=left)
+    explained = watch.explained + 1
+    watch = replace(watch, minds=minds, work=None, explained=explained)
+    if explained < _ENOUGH or watch.leader is not None:
+        return watch
+    return replace(watch, minds=minds[:1], waiting=()) if explained == _MOST or _is_hopeless(minds) else watch
+
+
+def _is_hopeless(minds: tuple[Mind, ...]) -> bool:
+    """Whether no other actuator than the believed one is likely enough to be looked for any longer."""
+    for mind in minds[1:]:
+        lead = mind.evidence - minds[0].evidence
+        if lead > (-_BEHIND if mind.candidate.lag_s > _LEAST_S else _AHEAD):
+            return False
+    return True
 
 
 def _ended(watch: Watch, course: Course, noise_m2: float) -> Watch:

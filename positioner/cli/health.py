@@ -13,9 +13,12 @@ from positioner.cli.command import add_command, add_config, add_state, add_valve
 from positioner.config.locations import location_of
 from positioner.config.reader import load_config
 from positioner.errors import ExitCode, StateError, UsageError
+from positioner.health.alarm_text import alarm_as_json, alarm_lines, trend_lines, trends_as_json
 from positioner.health.counters_document import COUNTERS, counters_from
 from positioner.health.counters_report import as_lines, as_values
 from positioner.health.monitor import sections_of
+from positioner.health.trends_document import TRENDS, trends_from
+from positioner.runtime.health_reference import measured_health_settings
 from positioner.store import access
 
 if TYPE_CHECKING:
@@ -24,6 +27,8 @@ if TYPE_CHECKING:
     from positioner.cli.command import Commands
     from positioner.config.schema import Configuration
     from positioner.health.counters import Counters
+    from positioner.health.monitor import HealthSettings
+    from positioner.health.watch import Trends
 
 _EPILOG = """\
 examples:
@@ -45,7 +50,9 @@ log cannot, 78 the configuration is wrong.
 class _Found:
     """The sections of the health, since when and until when, and where they were found."""
 
+    settings: HealthSettings
     counters: Counters
+    trends: Trends
     sections: dict[str, Any]
     source: str
     started: str = ""
@@ -76,7 +83,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         sys.stdout.write(json.dumps(_values(configuration, found), indent=2, ensure_ascii=False) + "\n")
     else:
         sys.stdout.write("\n".join(_lines(configuration, found)) + "\n")
-    return ExitCode.OK
+    return ExitCode.FAILURE if any(alarm.is_active for alarm in found.trends.alarms) else ExitCode.OK
 
 
 def _directory(arguments: argparse.Namespace, configuration: Configuration) -> Path:
@@ -88,12 +95,21 @@ def _kept(arguments: argparse.Namespace, configuration: Configuration) -> _Found
     document = access.health(directory)
     if document.valve_id != configuration.valve.id:
         raise StateError(f"{directory}: the health there is of valve {document.valve_id!r}, not of this one")
-    return _found(document.sections, directory, document.started, document.saved)
+    settings = measured_health_settings(configuration, _notice, directory)
+    return _found(settings, document.sections, directory, document.started, document.saved)
 
 
-def _found(sections: dict[str, Any], source: Path, started: str = "", saved: str = "") -> _Found:
+def _notice(line: str) -> None:
+    sys.stderr.write(f"{line}\n")
+
+
+def _found(
+    settings: HealthSettings, sections: dict[str, Any], source: Path, started: str = "", saved: str = ""
+) -> _Found:
     try:
-        return _Found(counters_from(sections.get(COUNTERS)), sections, str(source), started, saved)
+        counters = counters_from(sections.get(COUNTERS))
+        trends = trends_from(sections.get(TRENDS), settings.watch.reference)
+        return _Found(settings, counters, trends, sections, str(source), started, saved)
     except (ValueError, KeyError, TypeError) as error:
         raise StateError(f"{source}: the health there cannot be used: {error}") from error
 
@@ -103,10 +119,11 @@ def _from_log(arguments: argparse.Namespace, configuration: Configuration) -> _F
 
     before = _kept(arguments, configuration).sections if arguments.state else {}
     state = _directory(arguments, configuration) if arguments.state else None
-    health, notices = health_in(arguments.log, configuration, state, before)
+    settings = measured_health_settings(configuration, _notice, _directory(arguments, configuration))
+    health, notices = health_in(arguments.log, configuration, settings, state, before)
     for notice in notices:
         sys.stderr.write(f"{arguments.log}: {notice}\n")
-    return _found(sections_of(health), arguments.log)
+    return _found(settings, sections_of(health), arguments.log)
 
 
 def _values(configuration: Configuration, found: _Found) -> dict[str, Any]:
@@ -115,15 +132,23 @@ def _values(configuration: Configuration, found: _Found) -> dict[str, Any]:
         "source": found.source,
         "started": found.started or None,
         "saved": found.saved or None,
-        "counters": as_values(configuration.health_settings.counters, found.counters),
-        **{name: section for name, section in found.sections.items() if name != COUNTERS},
+        "counters": as_values(found.settings.counters, found.counters),
+        "alarms": [alarm_as_json(alarm) for alarm in found.trends.alarms],
+        "trends": trends_as_json(found.settings.watch, found.trends),
+        **{name: section for name, section in found.sections.items() if name not in {COUNTERS, TRENDS}},
     }
 
 
 def _lines(configuration: Configuration, found: _Found) -> list[str]:
-    settings = configuration.health_settings
+    settings, trends = found.settings, found.trends
     since = f"counted since {found.started}" if found.started else "counted from the log"
-    return [f"{configuration.valve.id}: {since}, in {found.source}", "", *as_lines(settings.counters, found.counters)]
+    alarms = [f"  {line}" for alarm in trends.alarms for line in alarm_lines(alarm)]
+    return [
+        f"{configuration.valve.id}: {since}, in {found.source}",
+        *("", "alarms" if alarms else "alarms: none", *alarms),
+        *("", *trend_lines(settings.watch, trends), ""),
+        *as_lines(settings.counters, found.counters),
+    ]
 
 
 def _reset(arguments: argparse.Namespace, configuration: Configuration) -> ExitCode:

@@ -21,6 +21,7 @@ from positioner.report.page import html
 from positioner.report.procedure_page import KINDS
 from positioner.report.trend_sections import Service
 from positioner.report.valve_page import ValveReport, valve_page
+from positioner.runtime.health_reference import measured_health_settings
 from positioner.store import access, lock
 from positioner.store.health_file import HEALTH
 
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from positioner.cli.command import Commands
     from positioner.commissioning.results import KeptResult
     from positioner.config.schema import Configuration
+    from positioner.health.monitor import HealthSettings
 
 _EPILOG = """\
 examples:
@@ -93,7 +95,8 @@ def _service(arguments: argparse.Namespace, state: Path, configuration: Configur
         if document.valve_id == configuration.valve.id:
             until = datetime.fromisoformat(document.saved) if document.saved else None
             started = words.date(datetime.fromisoformat(document.started))
-            return _service_of(configuration, document.sections, started, until)
+            settings = measured_health_settings(configuration, _notice, state)
+            return _service_of(settings, document.sections, started, until)
         sys.stderr.write(f"{state}: the health of valve {document.valve_id} is left out\n")
     except (StateError, ValueError, KeyError, TypeError) as error:
         sys.stderr.write(f"{error}; the report goes without it\n")
@@ -104,16 +107,21 @@ def _service_in(arguments: argparse.Namespace, state: Path, configuration: Confi
     """Return what is counted in the log; with --state it begins with the table there."""
     from positioner.replay.health_log import health_in  # noqa: PLC0415 - a log library, for a log only
 
-    health, notices = health_in(arguments.log, configuration, state if arguments.state else None, {})
+    settings = measured_health_settings(configuration, _notice, state)
+    health, notices = health_in(arguments.log, configuration, settings, state if arguments.state else None, {})
     for notice in notices:
         sys.stderr.write(f"{arguments.log}: {notice}\n")
-    return _service_of(configuration, sections_of(health))
+    return _service_of(settings, sections_of(health))
+
+
+def _notice(line: str) -> None:
+    sys.stderr.write(f"{line}\n")
 
 
 def _service_of(
-    configuration: Configuration, sections: Mapping[str, Any], started: str = "", until: datetime | None = None
+    settings: HealthSettings, sections: Mapping[str, Any], started: str = "", until: datetime | None = None
 ) -> Service:
-    watch = configuration.health_settings.watch
+    watch = settings.watch
     trends = trends_from(sections.get(TRENDS), watch.reference)
     return Service(counters_from(sections.get(COUNTERS)), trends, watch, started, until)
 

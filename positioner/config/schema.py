@@ -15,6 +15,7 @@ from positioner.guard.settings import GuardSettings
 from positioner.health.counters import counter_settings
 from positioner.health.monitor import HealthSettings
 from positioner.health.move import MoveSettings
+from positioner.health.pressure import PressureSettings
 from positioner.health.reference import Reference
 from positioner.health.settings import HealthTable
 from positioner.health.watch import WatchSettings
@@ -86,7 +87,8 @@ class Configuration(SettingsTable):
         """What the health of this valve is computed with, against the configured valve as reference."""
         own, period_s = self.estimator, self.control.sample_period_s
         moves = MoveSettings.of(self.valve, own.noise_of_reading, own.noise_of_span, period_s)
-        watch = WatchSettings.of(moves, Reference.configured(self.valve), self.health)
+        pressure = PressureSettings.of(self.valve.pressure_gain_pa_per_ma, self.valve.actuator, period_s)
+        watch = WatchSettings.of(moves, pressure, Reference.configured(self.valve), self.health)
         return HealthSettings(counter_settings(self.valve, own, period_s), watch)
 
     def make_codec(self) -> Codec:

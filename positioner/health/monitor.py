@@ -56,7 +56,7 @@ def observe(settings: HealthSettings, health: HealthState, cycle: ObservedCycle)
     begin_us = cycle.now_us if health.begin_us is None else health.begin_us
     cycle = replace(cycle, now_us=cycle.now_us - begin_us)
     counting = count(settings.counters, health.counting, cycle)
-    watch_cycle(settings.watch, health.watch, cycle, counting.counters.total_us * 1e-6)
+    watch_cycle(settings.watch, health.watch, cycle, counting.counters)
     return HealthState(counting, health.watch, begin_us)
 
 

@@ -14,12 +14,14 @@ from positioner.health.alarms import Alarm, Changed, Watched, judged
 from positioner.health.causes import AlarmCause, Limits
 from positioner.health.friction_trend import Changes, FrictionTrend, after_move, changes
 from positioner.health.moves import MoveTracker, follow
+from positioner.health.pressure import Pressure, PressureSettings, acted_ma
 from positioner.health.reference import CONFIGURED, Reference
 from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from positioner.health.counters import Counters
     from positioner.health.move import Move, MoveSettings
     from positioner.health.observed import ObservedCycle
     from positioner.health.settings import HealthTable
@@ -34,22 +36,40 @@ _PRESSED = 1.5
 _NEWEST_END = 0.2
 """The weight of the newest closing in the mean end position."""
 _MOST_FRICTION = 4.0
+_MOST_PERIODS = 1000
+"""After so long a gap nothing is known of the pressure."""
+
+
+NO_STROKE_TEST = Watched(AlarmCause.STROKE_TEST, 0.0, 0.0, "none is kept")
 
 
 @dataclass(frozen=True, slots=True)
 class WatchSettings:
-    """What the watch knows: how moves are measured, the reference, λ, and the limits by cause."""
+    """What the watch knows: how moves and pressure are measured, the reference, λ, and the limits by cause.
+
+    response, stroke_test: what the kept results of these tests show; stroke_test_due_s: the time from the start until
+    another stroke test is due.
+    """
 
     moves: MoveSettings
+    pressure: PressureSettings
     reference: Reference
     averaging: float
     limits: Mapping[AlarmCause, Limits]
+    cycle_limit: float
+    travel_limit_m: float
+    response: Watched | None = None
+    stroke_test: Watched = NO_STROKE_TEST
+    stroke_test_due_s: float = math.inf
 
     @classmethod
-    def of(cls, moves: MoveSettings, reference: Reference, settings: HealthTable) -> WatchSettings:
+    def of(
+        cls, moves: MoveSettings, pressure: PressureSettings, reference: Reference, settings: HealthTable
+    ) -> WatchSettings:
         """Return the settings of a configured valve."""
         limits = {cause: settings.limits_of(cause) for cause in AlarmCause}
-        return cls(moves, reference, settings.averaging, limits)
+        travel_m = settings.travel_limit * reference.span_m
+        return cls(moves, pressure, reference, settings.averaging, limits, settings.cycle_limit, travel_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,27 +100,29 @@ class Watch:
 
     trends: Trends = field(default_factory=Trends)
     tracker: MoveTracker = field(default_factory=MoveTracker)
+    pressure: Pressure = field(default_factory=Pressure)
     changed: tuple[Changed, ...] = ()
     last_us: int = -1
     judged_us: int = -1
     last_move: Move | None = None
 
 
-def watch_cycle(settings: WatchSettings, watch: Watch, cycle: ObservedCycle, now_s: float) -> None:
-    """Take in a cycle at `now_s`, the time of operation; where no current is known to act, a move under way is lost."""
+def watch_cycle(settings: WatchSettings, watch: Watch, cycle: ObservedCycle, counters: Counters) -> None:
+    """Take in a cycle; `counters` has all before it. Where no current is known to act, a move under way is lost."""
     watch.changed = ()
     moved, now_us, position_m, applied_ma = False, cycle.now_us, cycle.position_m, cycle.applied_ma
     if position_m is None:
         return
     if applied_ma is None:
-        watch.tracker, watch.last_us = MoveTracker(), -1
+        watch.tracker, watch.pressure, watch.last_us = MoveTracker(), Pressure(), -1
     else:
         period_s = settings.moves.period_s
-        elapsed_s = (
-            period_s if watch.last_us < 0 else max(round((now_us - watch.last_us) * 1e-6 / period_s), 1) * period_s
-        )
+        periods = 1 if watch.last_us < 0 else max(round((now_us - watch.last_us) * 1e-6 / period_s), 1)
         watch.last_us = now_us
-        move = follow(settings.moves, watch.tracker, now_us * 1e-6, elapsed_s, position_m, applied_ma)
+        if periods > _MOST_PERIODS:
+            watch.tracker, watch.pressure, periods = MoveTracker(), Pressure(), 1
+        applied_ma = acted_ma(settings.pressure, watch.pressure, applied_ma, cycle.pressure_pa, periods)
+        move = follow(settings.moves, watch.tracker, now_us * 1e-6, periods * period_s, position_m, applied_ma)
         if move is not None:
             moved = True
             watch.last_move = move
@@ -110,6 +132,8 @@ def watch_cycle(settings: WatchSettings, watch: Watch, cycle: ObservedCycle, now
     watch.judged_us = now_us
     setpoint_m = None if cycle.controlled is None else cycle.controlled.setpoint_m
     watched = _watched(settings, watch, position_m, applied_ma, setpoint_m)
+    watched += _counted(settings, counters, now_us * 1e-6)
+    now_s = counters.total_us * 1e-6
     alarms, watch.changed = judged(watch.trends.alarms, settings.limits, watched, now_s)
     if alarms or watch.trends.alarms:
         watch.trends = replace(watch.trends, alarms=alarms)
@@ -187,6 +211,20 @@ def _ends(trends: Trends) -> list[Watched]:
         return []
     at, count, name = max((abs(trends.closed), trends.closings, "closed"), (abs(trends.open), trends.openings, "open"))
     return [Watched(AlarmCause.END_POSITION, at, 0.0, f"the {name} end, seen {count} times")]
+
+
+def _counted(settings: WatchSettings, counters: Counters, running_s: float) -> list[Watched]:
+    """Return counts as parts of their limits, and what the kept results of test procedures show."""
+    cycles, travel_m = counters.cycles / settings.cycle_limit, counters.travel_m / settings.travel_limit_m
+    stroke_test = settings.stroke_test
+    if stroke_test.value == 0.0 and running_s > settings.stroke_test_due_s:
+        stroke_test = Watched(AlarmCause.STROKE_TEST, 1.0, 0.0, "overdue")
+    found = [
+        Watched(AlarmCause.CYCLES, cycles, 0.0, f"{counters.cycles} cycles"),
+        Watched(AlarmCause.TRAVEL, travel_m, 0.0, f"{counters.travel_m:.1f} m"),
+        stroke_test,
+    ]
+    return found if settings.response is None else [*found, settings.response]
 
 
 def _stuck(settings: WatchSettings, watch: Watch, applied_ma: float | None) -> Watched:

@@ -18,11 +18,15 @@ if TYPE_CHECKING:
     from typing import Any
 
     from positioner.config.schema import Configuration
-    from positioner.health.monitor import HealthState
+    from positioner.health.monitor import HealthSettings, HealthState
 
 
 def health_in(
-    path: Path, configuration: Configuration, state: Path | None, sections: Mapping[str, Any]
+    path: Path,
+    configuration: Configuration,
+    settings: HealthSettings,
+    state: Path | None,
+    sections: Mapping[str, Any],
 ) -> tuple[HealthState, tuple[str, ...]]:
     """Return the health after the log, and lines about what makes it inexact.
 
@@ -36,7 +40,6 @@ def health_in(
     prepared = prepare(path, configuration, state)
     if prepared.late:
         raise LogError(f"{path}: starts late: {prepared.late}: start the log before the positioner")
-    settings = configuration.health_settings
     health = begin_health(settings, sections)
     comparison = Comparison(configuration.make_codec(), prepared.kind.has_instants)
     cycles = replay_cycles(configuration, prepared.cycles(), prepared.table)

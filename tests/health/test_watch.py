@@ -1,24 +1,34 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from typing import Any
 
 import pytest
-from stem import REFERENCE, SETTINGS, SPAN, Stem, pushes
+from stem import GAIN, PERIOD_S, REFERENCE, SETTINGS, SPAN, Stem, pushes
 
 from positioner.health.alarm_text import alarm_as_json, alarm_lines, change_in_words, trend_lines, trends_as_json
 from positioner.health.alarms import Changed, dated, packed_alarms
-from positioner.health.causes import AlarmCause
+from positioner.health.causes import LIMITS, AlarmCause
+from positioner.health.counters import Counters
+from positioner.health.kept_tests import response_watched, stroke_test_watched
 from positioner.health.observed import ObservedCycle
+from positioner.health.pressure import Pressure, PressureSettings, acted_ma
 from positioner.health.reference import Reference, reference_of
 from positioner.health.settings import HealthTable
 from positioner.health.trends_document import trends_from, trends_in
 from positioner.health.watch import Trends, Watch, WatchSettings, watch_cycle
+from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
-from positioner.wire.messages import Cause, Mode
+from positioner.wire.messages import Cause, Health, Mode
 
-SETTINGS_OF = WatchSettings.of(SETTINGS, REFERENCE, HealthTable(averaging=0.05))
+IMMEDIATE = PressureSettings.of(GAIN / 0.06452, ActuatorParameters(), PERIOD_S)
+SETTINGS_OF = WatchSettings.of(SETTINGS, IMMEDIATE, REFERENCE, HealthTable(averaging=0.05))
+
+
+def at(now_us: int, cycles: int = 0, travel_m: float = 0.0) -> Counters:
+    return Counters(mode_us=(0, 0, now_us, 0, 0, 0), cycles=cycles, travel_m=travel_m)
 
 
 def watched(
@@ -28,7 +38,7 @@ def watched(
     changed: list[Changed] = []
     for number, current_ma in enumerate(currents_ma):
         cycle = ObservedCycle(number * 1000, Mode.ACTIVE, Cause.NONE, stem.play(current_ma), None, current_ma, None, ())
-        watch_cycle(settings, watch, cycle, number * 1e-3)
+        watch_cycle(settings, watch, cycle, at(number * 1000))
         changed += watch.changed
     return watch, changed
 
@@ -158,7 +168,59 @@ def test_an_end_position_that_has_moved_is_told() -> None:
         position_m = 0.015 * SPAN if on_seat else 0.015 * SPAN + 0.01
         current_ma = -8.0 if number % 100 < 50 else 9.0
         cycle = ObservedCycle(number * 1000, Mode.ACTIVE, Cause.NONE, position_m, None, current_ma, None, ())
-        watch_cycle(SETTINGS_OF, watch, cycle, float(number))
+        watch_cycle(SETTINGS_OF, watch, cycle, at(number * 1_000_000))
         changed += watch.changed
     assert causes(changed) == [AlarmCause.END_POSITION]
     assert watch.trends.closed == pytest.approx(0.015, abs=1e-6)
+
+
+def test_counts_and_the_results_of_tests_are_told() -> None:
+    response = response_watched("2026-11-22", step_test(0.05), step_test(0.03))
+    stroke_test = stroke_test_watched("2026-11-22", {"stop": None, "findings": [], "verdict": "passed"})
+    settings = replace(SETTINGS_OF, response=response, stroke_test=stroke_test, stroke_test_due_s=1.0)
+    watch = Watch()
+    told: list[tuple[int, AlarmCause, str]] = []
+    for second, cycles, travel_m in ((0, 0, 0.0), (1, 899_999, 1.0), (2, 900_000, 1.0), (3, 900_000, 0.9e6 * SPAN)):
+        cycle = ObservedCycle(second * 1_000_000, Mode.ACTIVE, Cause.NONE, 0.07, None, 11.0, None, ())
+        watch_cycle(settings, watch, cycle, at(second * 1_000_000, cycles, travel_m))
+        told += [(second, change.alarm.cause, change.alarm.evidence) for change in watch.changed]
+    assert told == [
+        (1, AlarmCause.RESPONSE_TIME, "T86 of steps of 1 % up, in the test of 2026-11-22"),
+        (2, AlarmCause.CYCLES, "900000 cycles"),
+        (2, AlarmCause.STROKE_TEST, "overdue"),
+        (3, AlarmCause.TRAVEL, "114300.0 m"),
+    ]
+
+
+def step_test(t86_s: float) -> dict[str, Any]:
+    same = {"size": 2.0, "direction": "down", "t86_s": {"median": 0.04}}
+    return {"sizes": [{"size": 1.0, "direction": "up", "t86_s": {"median": t86_s}}, same]}
+
+
+def test_a_stroke_test_says_passed_failed_or_stuck() -> None:
+    passed: dict[str, Any] = {"stop": None, "findings": [], "verdict": "passed"}
+    failed = {"stop": None, "findings": [{"limit": "air too slow", "text": ""}], "verdict": "failed"}
+    stuck = {"stop": {"cause": "breakaway too high"}, "findings": [], "verdict": "failed"}
+    stopped = {"stop": {"cause": "new setpoint"}, "findings": [], "verdict": "aborted"}
+    found = [stroke_test_watched("2026-11-22", each).value for each in (passed, failed, stuck, stopped)]
+    assert found == [0.0, 1.0, 2.0, 0.0]
+    assert LIMITS[AlarmCause.STROKE_TEST].serious_category is Health.FAILURE
+    assert response_watched("2026-11-22", step_test(0.03), {"sizes": []}) is None
+
+
+def test_with_a_lag_the_work_is_that_of_the_pressure() -> None:
+    # p = 5 + 5·(1 - e^(-t/τ)) after a step of the current, and its mean over each period
+    lag = PressureSettings.of(1.0, ActuatorParameters(fill_time_constant_s=0.1, vent_time_constant_s=0.1), 0.001)
+    state = Pressure()
+    acted_ma(lag, state, 5.0, None, 1)
+    for number in range(300):
+        exact = 10.0 - 5.0 * 0.1 / 0.001 * (math.exp(-number * 0.01) - math.exp(-(number + 1) * 0.01))
+        assert acted_ma(lag, state, 10.0, None, 1) == pytest.approx(exact, abs=1e-3)
+    assert acted_ma(IMMEDIATE, Pressure(), 10.0, None, 1) == 10.0
+
+
+def test_a_measured_pressure_counts_in_place_of_the_current() -> None:
+    state = Pressure()
+    gain = IMMEDIATE.gain_pa_per_ma
+    assert acted_ma(IMMEDIATE, state, 10.0, 4.0 * gain, 1) == pytest.approx(4.0)
+    assert acted_ma(IMMEDIATE, state, 10.0, 6.0 * gain, 1) == pytest.approx(5.0)

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
     from positioner.report.layers import Layer
 
-_HEIGHT = 214.0
+_HEIGHT = 176.0
 _WIDTHS = {"half": 372.0, "wide": 768.0, "third": 246.0}
 _LEFT, _RIGHT, _TOP, _BOTTOM = 50.0, 10.0, 24.0, 36.0
-_TICK_EVERY_X, _TICK_EVERY_Y = 62.0, 34.0
+_TICK_EVERY_X, _TICK_EVERY_Y = 62.0, 28.0
 _LETTER, _SWATCH = 5.8, 18.0
 
 

@@ -68,7 +68,7 @@ STUCK = samples.stroke_test("failed", "stuck", "no motion at 12.4 mA, 1.3 times 
 PAGES: dict[str, Callable[[], Page]] = {
     "good": partial(whole, 1.02, samples.stroke_test()),
     "maintenance-required": partial(whole, 1.27, samples.stroke_test(), (MAINTENANCE,)),
-    "out-of-specification": partial(whole, 1.44, samples.stroke_test(), (BEYOND,)),
+    "out-of-specification": partial(whole, 1.44, samples.stroke_test(), (BEYOND, *samples.other_alarms())),
     "function-check": partial(whole, 1.02, samples.stroke_test(), (), "positioner stroke-test"),
     "failure": partial(whole, 1.27, STUCK, (MAINTENANCE,)),
     "empty": empty,

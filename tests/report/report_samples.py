@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from positioner.commissioning.results import KeptResult
+from positioner.commissioning.stroke.report import NO_CREDIT
 from positioner.config.schema import Configuration
 from positioner.health.alarms import Alarm
 from positioner.health.causes import AlarmCause
@@ -73,6 +74,8 @@ def signature(more: float = 1.0) -> dict[str, Any]:
         "remarks": [
             "strokes at 1 mA/s: the stem slid at 6.35 mm/s",
             "from 8 places of the travel, and 8 breakaways",
+            "seat load: not measured, the stem did not meet the closed stop",
+            f"not reached: {high * 1e3:.1f} to 139.7 mm; bench set and stop there are extrapolated",
             f"not reached: 0.0 to {low * 1e3:.1f} mm; bench set and stop there are extrapolated",
         ],
     }
@@ -89,7 +92,7 @@ def _spread(median: float | None) -> dict[str, Any]:
 
 def step_test(slower: float = 1.0) -> dict[str, Any]:
     sizes = []
-    for size in (0.002, 0.005, 0.01, 0.02, 0.05, 0.1):
+    for size in (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1):
         for side in ("up", "down"):
             moves = size > 0.002
             figures = {
@@ -97,7 +100,7 @@ def step_test(slower: float = 1.0) -> dict[str, Any]:
                 "t63_s": _spread((0.012 + 0.02 * size) * slower if moves else None),
                 "t86_s": _spread((0.021 + 0.03 * size) * slower if moves else None),
                 "t98_s": _spread((0.038 + 0.04 * size) * slower if moves else None),
-                "overshoot": _spread(0.02 if moves else None),
+                "overshoot": _spread((0.02 if side == "up" else 0.03) if moves else None),
                 "gain": _spread(1.0 - 0.0005 / size if moves else None),
             }
             region = "A" if not moves else "B" if size < 0.01 else "C"
@@ -106,8 +109,17 @@ def step_test(slower: float = 1.0) -> dict[str, Any]:
     return {
         "valve": "FV-101",
         "sizes": sizes,
-        "rows": [row("dead band, up", "% span", 0.31, 0.05), row("resolution, up", "% span", 0.22, 0.05)],
-        "remarks": ["wait 2 s, 3 repeats, at 60 % of the span, period 4 ms, noise 0.05 % of span"],
+        "rows": [
+            row(f"{name}, {side}", "% span", value, 0.05)
+            for name, value in (("dead band", 0.31), ("resolution", 0.22))
+            for side in ("up", "down")
+        ],
+        "remarks": [
+            "wait 2 s, 3 repeats, at 60 % of the span, period 4 ms, noise 0.05 % of span",
+            "the dead time ends with a motion of 0.1 % of span; a rest that differs by less than 0.025 % is no motion",
+            "dead band and resolution: by ladders, each with the uncertainty of a step, 0.1 % of span",
+            "an overshoot of less than 0.024 % of span for 0.1 s is not seen",
+        ],
     }
 
 
@@ -115,13 +127,22 @@ def stroke_test(verdict: str = "passed", cause: str = "", why: str = "", frictio
     ways = [min(max(number - 8, 0), max(100 - number, 0), 40) / 40.0 for number in range(101)]
     trace = [[0.25 * number, 0.0762 - 0.0127 * way, 12.0 - 3.2 * way] for number, way in enumerate(ways)]
     rows = {
+        "start": ("mm", 76.2),
         "stroke": ("mm", 12.7),
+        "furthest": ("mm", 12.74),
+        "back at the start within": ("mm", 0.0325),
+        "natural jump, predicted": ("mm", 5.419),
+        "natural jump, seen": ("mm", 5.435),
         "breakaway, out": ("N", 1712.0 * friction),
         "breakaway, back": ("N", 1704.0 * friction),
+        "breakaway, mean": ("N", 1708.0 * friction),
+        "of the configured friction": ("%", 100.0 * friction),
         "lag": ("ms", 52.0),
         "lag, expected": ("ms", 50.0),
         "time out": ("s", 10.1),
         "time back": ("s", 10.3),
+        "noise of the position": ("mm", 0.0588),
+        "duration": ("s", 25.0),
     }
     return {
         "valve": "FV-101",
@@ -132,7 +153,7 @@ def stroke_test(verdict: str = "passed", cause: str = "", why: str = "", frictio
         "quantities": {name: value for name, (_, value) in rows.items()},
         "units": {name: unit for name, (unit, _) in rows.items()},
         "trace": trace,
-        "remarks": ["This test shows the condition of the valve. It earns no safety integrity level."],
+        "remarks": ["a stem with the configured friction jumps by 5.4 mm at its breakaway", NO_CREDIT],
     }
 
 
@@ -208,3 +229,15 @@ def service(change: float, alarms: tuple[Alarm, ...] = ()) -> Service:
     trend = FrictionTrend(normal, (80.0, 60.0, 2e4 * change), 1.2, 0.5 * change, 40, moves, 148, 9e5)
     against = (watch.reference.source, watch.reference.recorded)
     return Service(counters(), Trends(against, trend, alarms=alarms), watch, "9 Mar 2026, 14:05 UTC", LATER)
+
+
+def other_alarms() -> tuple[Alarm, ...]:
+    """Return a spring force that has shifted, and a travel deviation that has ended."""
+    spring, deviation = AlarmCause.SPRING_FORCE, AlarmCause.TRAVEL_DEVIATION
+    evidence, since = "higher than the reference, in 300 moves", "2026-09-02T10:00:00Z"
+    return (
+        Alarm(spring, 1, Health.MAINTENANCE_REQUIRED, 3.7e6, 0.06, 0.004, 0.05, evidence, since=since),
+        Alarm(
+            deviation, 0, Health.OUT_OF_SPECIFICATION, 3.8e6, 0.001, 0.0, 0.05, "the stem stands at 80 mm", since=since
+        ),
+    )

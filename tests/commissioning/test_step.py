@@ -15,7 +15,7 @@ from positioner.commissioning.step.limits import StepTestSettings, broken
 from positioner.commissioning.step.memory import StepMemory, repeats_needed
 from positioner.commissioning.step.plan import wait_s_of
 from positioner.commissioning.step.report import as_json, lines
-from positioner.commissioning.step.response import crossing, extreme
+from positioner.commissioning.step.response import crossing, extreme, instant
 from positioner.commissioning.step.result import StepResult, StepTestError, result_of
 from positioner.commissioning.step.sizes import SizeRow, Spread, regions_of
 from positioner.inputs.table import SettingsTable
@@ -53,6 +53,19 @@ def test_an_exponential_crosses_each_level_where_its_closed_form_says() -> None:
         found = np.array([crossing(each, level, 0.05) for each in noisy])
         assert np.median(found) == pytest.approx(truth, abs=2.0)
         assert 0.3 < found.std() < 8.0
+
+
+def test_around_a_level_a_parabola_is_more_exact_than_the_regression_alone() -> None:
+    times = np.arange(800) * 1.0
+    rise = 1.0 - np.exp(-times / 40.0)
+    noisy = rise + 0.05 * np.random.default_rng(4).standard_normal((60, len(times)))
+    for part in (0.632, 0.865):
+        truth = -40.0 * math.log(1.0 - part)
+        alone = np.array([crossing(each, part, 0.05) - truth for each in noisy])
+        found = np.array([instant(each, part, 1.0, 0.05) - truth for each in noisy])
+        assert instant(rise, part, 1.0, 0.0) == pytest.approx(truth, abs=0.02)
+        assert abs(float(found.mean())) < 0.8
+        assert 0.1 < found.std() < 0.85 * alone.std()
 
 
 def test_a_level_counts_as_crossed_at_the_first_time_even_where_the_stem_falls_back() -> None:
@@ -163,7 +176,7 @@ def test_a_step_that_the_noise_forbids_is_refused_with_the_repeats_it_would_take
     ((size, count),) = result.refused
     assert size == 0.01
     assert count == pytest.approx((6.0 * noise / 0.01) ** 2, rel=0.15)
-    assert f"the noise forbids steps of 1 %: --repeats {count}" in "\n".join(lines(result, "FV-101"))
+    assert f"the noise forbids steps of 1 %: they would take --repeats {count}" in "\n".join(lines(result, "FV-101"))
     alone = replace(test, plan=replace(test.plan, sizes=(0.01,)))
     with pytest.raises(StepTestError, match=rf"forbids every size: 1 % takes --repeats {count}"):
         result_of(replace(played.memory, responses=()), alone)

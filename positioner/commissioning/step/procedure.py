@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _SEEN_SIGMA = 4.0
 _QUARTER = 0.25
-_RUNGS, _OPEN_RUNGS = 5, 20
+_RUNGS, _OPEN_RUNGS = 7, 18
 """Usual waits of a ladder, for the progress."""
 
 

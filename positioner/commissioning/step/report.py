@@ -48,7 +48,8 @@ def _row_lines(row: SizeRow, region: str) -> list[str]:
         medians += f"{_number(spread.median * factor):>12}"
         ranges += f"{_number(spread.low * factor) + '..' + _number(spread.high * factor) if spread.count else '':>12}"
     moved = f"{row.moved}/{row.count}"
-    return [f"  {name:<13}{moved:>6}  {region:<6}{medians}", f"  {'':<27}{ranges}".rstrip()]
+    told = [f"  {name:<13}{moved:>6}  {region:<6}{medians}", f"  {'':<27}{ranges}".rstrip()]
+    return told if row.moved else told[:1]
 
 
 def _number(value: float) -> str:
@@ -89,7 +90,10 @@ def remarks(result: StepResult) -> tuple[str, ...]:
         text.append(f"dead band and resolution: by ladders, each with the uncertainty of a step, {_rung(result)}")
         if result.rung > plan.ladder:
             text.append(f"the noise forbids ladder steps of {_PERCENT * plan.ladder:g} %: larger ones were used")
-    text += [f"the noise forbids steps of {_PERCENT * size:g} %: --repeats {count}" for size, count in result.refused]
+    text += [
+        f"the noise forbids steps of {_PERCENT * size:g} %: they would take --repeats {count}"
+        for size, count in result.refused
+    ]
     hidden_m = _CERTAIN_SIGMA * result.sigma_m / math.sqrt(short)
     if result.rows and hidden_m > 0.01 * result.rows[0].size * span_m:
         text.append(f"an overshoot of less than {_PERCENT * hidden_m / span_m:.2g} % of span for 0.1 s is not seen")
@@ -142,8 +146,8 @@ def _bands(result: StepResult, name: str) -> dict[str, Any]:
 
 
 def _row(row: Row) -> dict[str, Any]:
-    told = row.as_json()
-    return {**told, "value": _finite(row.value)}
+    # what the ladders leave open is no confidence interval
+    return {**row.as_json(), "value": _finite(row.value), "low": None, "high": None}
 
 
 def _spread(spread: Spread) -> dict[str, Any]:

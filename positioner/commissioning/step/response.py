@@ -2,7 +2,8 @@
 
 Times begin with the step of the input, and are parts of the realised step, not of the wanted one (ISA-TR75.25.02). The
 instant at which a level is crossed is that of an isotonic regression: there the sum of (level - reading) is largest.
-It needs no model of the response, and no single reading decides it.
+It needs no model of the response, and no single reading decides it. A parabola through the readings around makes it
+more exact.
 """
 
 from __future__ import annotations
@@ -26,6 +27,9 @@ DEAD_TIME_SIGMA = 2.0
 """A motion counts for the dead time from so many σ of a reading on."""
 _PASSED_SIGMA = 8.0
 """A level is passed for good once the readings beyond it outweigh so many σ; a later return does not count."""
+_AROUND = 0.2
+"""How far around a level the parabola reaches, as a part of the step."""
+_FEWEST = 6
 _CERTAIN_SIGMA = 5.0
 """Of a change of the mean, the largest of some thousand possible ones."""
 _LONGEST_SEARCH = 4.0
@@ -63,7 +67,7 @@ def figures_of(
         return Figures(response.size, response.direction, False, gain, _NAN, _NAN, _NAN, _NAN, _NAN)
     gone_m = response.direction * (filled(np.asarray(response.measured_m)) - response.before_m)
     t63_s, t86_s, t98_s = (
-        crossing(gone_m, part * step_m, sigma_m) * period_s if _resolved(part, step_m, sigma_m) else math.nan
+        instant(gone_m, part, step_m, sigma_m) * period_s if _resolved(part, step_m, sigma_m) else math.nan
         for part in _PARTS
     )
     dead_s = crossing(gone_m, min(observable_m, _PARTS[0] * step_m), sigma_m) * period_s
@@ -87,6 +91,25 @@ def crossing(values: NDArray[np.float64], level: float, sigma: float) -> float:
         return float(last if sums[last] > 0.0 else 0)
     below, above = float(values[last]), float(values[last + 1])
     return last + min(max((level - below) / (above - below), 0.0), 1.0) if above > below else last + 0.5
+
+
+def instant(values: NDArray[np.float64], part: float, step: float, sigma: float) -> float:
+    """Return the number of samples, with its fraction, after which `values` pass this part of the step."""
+    level = part * step
+    middle = crossing(values, level, sigma)
+    half = min(_AROUND, 0.9 * (1.0 - part)) * step
+    before, after = crossing(values, level - half, sigma), crossing(values, level + half, sigma)
+    # as far on both sides: a rest on one side is no part of the motion through the level
+    reach = min(middle - before, after - middle)
+    begin, end = max(math.ceil(middle - reach), 0), min(math.floor(middle + reach) + 1, len(values))
+    if sigma == 0.0 or end - begin < _FEWEST:
+        return middle
+    curve, slope, off = np.polyfit(np.arange(begin, end) - middle, values[begin:end] - level, 2)
+    root = slope * slope - 4.0 * curve * off
+    if slope <= 0.0 or root < 0.0:
+        return middle
+    later = -2.0 * float(off / (slope + math.sqrt(root)))
+    return middle + later if abs(later) <= reach else middle
 
 
 def extreme(values: NDArray[np.float64], sigma: float) -> float:

@@ -7,6 +7,7 @@ speed of the valve.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from statistics import median
 from typing import TYPE_CHECKING
 
@@ -73,17 +74,19 @@ def regions_of(rows: Sequence[SizeRow]) -> dict[float, str]:
     sizes = sorted({row.size for row in rows})
     moving = [row for row in rows if row.moved == row.count and row.size == sizes[-1]]
     reference = median([row.spread("gain").median for row in moving]) if moving else math.nan
-    regions: dict[float, str] = {}
-    before: tuple[float, float] | None = None
-    for size in sizes:
-        own = [row for row in rows if row.size == size]
-        regions[size] = _region(own, reference)
-        if regions[size] == "C":
-            way_s = max(row.spread("t86_s").median - row.spread("dead_time_s").median for row in own)
-            if before is not None and way_s >= before[1] * (1.0 + _SLEWS * (size / before[0] - 1.0)):
-                regions[size] = "D"
-            before = size, way_s
+    regions = {size: _region([row for row in rows if row.size == size], reference) for size in sizes}
+    # the speed is a limit from some size on: beyond it every larger step takes longer
+    for small, large in reversed(list(pairwise(sizes))):
+        growth = 1.0 + _SLEWS * (large / small - 1.0)
+        if not regions[small] == regions[large] == "C" or _way_s(rows, large) < growth * _way_s(rows, small):
+            break
+        regions[large] = "D"
     return regions
+
+
+def _way_s(rows: Sequence[SizeRow], size: float) -> float:
+    """Return the longest time from the first motion to T86, in s."""
+    return max(row.spread("t86_s").median - row.spread("dead_time_s").median for row in rows if row.size == size)
 
 
 def _region(rows: Sequence[SizeRow], reference: float) -> str:

@@ -11,10 +11,10 @@ import mmap
 import os
 import random
 import signal
-import sys
+import socket
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from several_loop import SeveralLoop
 
@@ -22,10 +22,13 @@ from positioner.config.reader import load_config
 from positioner.health.monitor import HealthSettings, HealthState, begin_health, observe, sections_of
 from positioner.replay.prepare import prepare
 from positioner.replay.run import replay_cycles
-from positioner.store import child, health_file, lock
+from positioner.store import child, health_file, health_keeper, lock
+from positioner.store import writer as table_writer
+from positioner.store.channel import Channel
 from positioner.store.client import TableWriterClient
 
 if TYPE_CHECKING:
+    import subprocess
     from collections.abc import Sequence
     from pathlib import Path
     from typing import Any, NoReturn
@@ -33,6 +36,7 @@ if TYPE_CHECKING:
     from positioner.config.schema import Configuration
     from positioner.health.counters import Counters
     from positioner.health.observed import ObservedCycle
+    from positioner.store.messages import Open
 
 VALVE, _WIDTH_M = "FV-1", 0.005
 _HAND_OVER = 50
@@ -75,6 +79,41 @@ def counted(settings: HealthSettings, sections: dict[str, Any], cycles: Sequence
     for cycle in cycles:
         health = observe(settings, health, cycle)
     return health
+
+
+class Forked:
+    """A forked process, in the place of one that `subprocess` started."""
+
+    def __init__(self, pid: int) -> None:
+        self.pid = pid
+
+    def kill(self) -> None:
+        os.kill(self.pid, signal.SIGKILL)
+
+    def poll(self) -> int | None:
+        return None
+
+    def wait(self, timeout: float | None = None) -> int:
+        del timeout
+        return os.waitpid(self.pid, 0)[1]
+
+
+def forked_writer(lock_descriptor: int, opening: Open) -> child.Child:
+    """Start the table writer as a copy of this process, which has loaded everything; it saves every few ms."""
+    ours, theirs = socket.socketpair()
+    pid = os.fork()
+    if pid == 0:
+        try:
+            ours.close()
+            health_keeper.SAVE_AFTER_S = 0.003
+            table_writer.run(Channel(theirs), lock_descriptor)
+        finally:
+            os._exit(0)
+    theirs.close()
+    started = child.Child(cast("subprocess.Popen[bytes]", Forked(pid)), Channel(ours))
+    started.channel.send(opening)
+    started.channel.flush()
+    return started
 
 
 class Lives:
@@ -140,8 +179,7 @@ class Lives:
     def _live(self) -> NoReturn:
         try:
             os.setpgid(0, 0)
-            os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
-            child.PROGRAM = "hasty_writer"
+            child.start = forked_writer
             writer, _, notices = TableWriterClient.open(self._state, VALVE, _WIDTH_M, timeout_s=_LONG_S)
             sections = writer.health.found.sections
             assert not notices, notices

@@ -73,20 +73,26 @@ def test_a_fit_that_nobody_can_trust_any_more_is_as_the_configuration() -> None:
     law, memory, _ = begun(FIT.aged(86_400 * 3650))
     kept, prior = memory.belief.onsets, law.begin(0.08).belief.onsets
 
-    assert (kept.kk, kept.ff, kept.tt) == pytest.approx((prior.kk, prior.ff, prior.tt))
-    assert memory.belief.sliding.mean_n2 == pytest.approx(law.begin(0.08).belief.sliding.mean_n2)
+    assert (kept.kk, kept.ff, kept.tt, kept.cc) == pytest.approx((prior.kk, prior.ff, prior.tt, prior.cc))
 
 
 def test_looser_variances_are_cut_without_changing_their_correlations() -> None:
-    before = OnsetRegression(5e4, 1700.0, 1.0, 4e6, -1e4, 20.0, 100.0, 0.5, 0.09)
-    after = before.no_looser(1e6, 1e9, 0.01)
+    before = OnsetRegression(5e4, 1700.0, 1.0, 1400.0, 4e6, -1e4, 20.0, 3e3, 100.0, 0.5, 30.0, 0.09, 0.2, 50.0)
+    after = before.no_looser(1e6, 1e9, 0.01, 20.0)
 
     def correlations(own: OnsetRegression) -> list[float]:
-        covariance = np.array([[own.kk, own.kf, own.kt], [own.kf, own.ff, own.ft], [own.kt, own.ft, own.tt]])
+        covariance = np.array(
+            [
+                [own.kk, own.kf, own.kt, own.kc],
+                [own.kf, own.ff, own.ft, own.fc],
+                [own.kt, own.ft, own.tt, own.tc],
+                [own.kc, own.fc, own.tc, own.cc],
+            ]
+        )
         sigma = np.sqrt(np.diag(covariance))
         return [float(value) for value in (covariance / np.outer(sigma, sigma)).ravel()]
 
-    assert (after.kk, after.ff, after.tt) == pytest.approx((1e6, 100.0, 0.01))
+    assert (after.kk, after.ff, after.tt, after.cc) == pytest.approx((1e6, 100.0, 0.01, 20.0))
     assert correlations(after) == pytest.approx(correlations(before))
 
 

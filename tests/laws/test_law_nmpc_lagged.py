@@ -85,24 +85,27 @@ def test_a_valve_without_lag_gets_the_law_that_looks_for_one() -> None:
 
 
 @pytest.mark.parametrize(
-    ("tolerances", "sigma_m", "stays", "motion"),
+    ("tolerances", "sigma_m", "readings", "stays", "motion"),
     [
-        (1.5, 1e-5, False, Motion.MOVE),
-        (0.9, 1e-5, False, Motion.REST),
-        (1.5, 2e-4, False, Motion.REST),
-        (5.0, 1e-4, False, Motion.MOVE),
-        (1.5, 1e-5, True, Motion.REST),
-        (2.5, 1e-5, True, Motion.MOVE),
+        (1.5, 1e-5, 50, False, Motion.MOVE),
+        (0.9, 1e-5, 50, False, Motion.REST),
+        (1.5, 2e-4, 50, False, Motion.REST),
+        (1.5, 6e-5, 50, False, Motion.REST),
+        (1.5, 6e-5, 1100, False, Motion.MOVE),
+        (1.5, 2e-4, 1100, False, Motion.REST),
+        (5.0, 1e-4, 50, False, Motion.MOVE),
+        (1.5, 1e-5, 50, True, Motion.REST),
+        (2.5, 1e-5, 50, True, Motion.MOVE),
     ],
 )
 def test_an_error_is_judged_once_and_a_stem_that_stays_moves_for_a_far_larger_one_only(
-    tolerances: float, sigma_m: float, stays: bool, motion: Motion
+    tolerances: float, sigma_m: float, readings: int, stays: bool, motion: Motion
 ) -> None:
     law = configure(scenario(0.02, QUIET)).make_law()
     assert isinstance(law, LaggedLaw)
     setpoint_m = 0.080
     error_m = tolerances * law.lagged.tolerance_m(0.0005 * law.valve.span_m)
-    rest = LaggedRest(setpoint_m - error_m, sigma_m * sigma_m, readings=50, stays=stays)
+    rest = LaggedRest(setpoint_m - error_m, sigma_m * sigma_m, readings=readings, stays=stays)
     memory = law.begin(rest.x)
     belief = replace(memory.belief, seen=1)
     memory = replace(memory, stem=rest, belief=belief, setpoint_m=setpoint_m, anchor_m=setpoint_m)
@@ -119,3 +122,16 @@ def test_an_error_is_judged_once_and_a_stem_that_stays_moves_for_a_far_larger_on
     if motion is Motion.REST:
         assert isinstance(memory.stem, LaggedRest)
         assert memory.stem.stays == is_certain
+
+
+@pytest.mark.parametrize(("stiffer", "lag_s"), [(1.25, 0.01), (1.25, 0.1)])
+def test_a_spring_stiffer_than_told_is_learned_in_the_first_moves(stiffer: float, lag_s: float) -> None:
+    told = scenario(lag_s, QUIET)
+    valve = {"spring_rate_n_per_m": stiffer * 52538.0, "initial_position_m": 0.07 / stiffer}
+    setpoints_mm = tuple(nominal_mm / stiffer for nominal_mm in (72.0, 84.0, 78.0, 82.0, 76.0, 80.0))
+    found = list(play_directly(replace(told, plant={**told.plant, "valve": valve}, setpoints_mm=setpoints_mm)))
+
+    sums = totals(found[1:])
+    assert 0.001 < sums.mean_abs_error_pct < 0.1
+    assert sums.unsettled_1pct == 0
+    assert 0.99 < (sums.travel_ratio or 0.0) < 3.0

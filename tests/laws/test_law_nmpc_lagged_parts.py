@@ -179,21 +179,35 @@ def test_the_bank_finds_when_the_stem_slipped() -> None:
 
 def test_the_regression_is_that_of_least_squares() -> None:
     rng = np.random.default_rng(3)
-    begin = OnsetRegression(52000.0, 1700.0, 1.0, 2000.0**2, 0.0, 0.0, 150.0**2, 0.0, 0.2**2)
+    begin = OnsetRegression(
+        52000.0, 1700.0, 1.0, 1400.0, 2000.0**2, 0.0, 0.0, 0.0, 150.0**2, 0.0, 0.0, 0.2**2, 0.0, 90.0**2
+    )
     rows, values, found = [], [], begin
     for _ in range(12):
         x, s, by_lag_n = rng.uniform(0.06, 0.09), rng.choice([-1.0, 1.0]), rng.uniform(-400.0, 400.0)
         truth_n = 50000.0 * x + s * 1800.0 - by_lag_n * (1.1 - found.lag) + 5.0 * rng.standard_normal()
-        rows.append([x, s, -by_lag_n])
+        rows.append([x, s, -by_lag_n, 0.0])
         values.append(truth_n - by_lag_n * found.lag)
         found = found.with_onset(x, s, by_lag_n, truth_n, 25.0)
-    prior = np.diag([1 / 2000.0, 1 / 150.0, 1 / 0.2])
+        # a slip that shows F_c with an error of 5 N, beside an error of K
+        shown_n = 1350.0 + s * x * (50000.0 - found.spring_n_per_m) + 5.0 * rng.standard_normal()
+        rows.append([s * x, 0.0, 0.0, 1.0])
+        values.append(shown_n + s * x * found.spring_n_per_m)
+        before_n2 = found.slip_n2(x, s, 0.0)
+        gain = before_n2 / (before_n2 + 25.0)
+        found_n = found.sliding_n + gain * (shown_n - found.sliding_n)
+        found = found.with_slip(x, s, 0.0, found_n, (1.0 - gain) * before_n2)
+    prior = np.diag([1 / 2000.0, 1 / 150.0, 1 / 0.2, 1 / 90.0])
     left = np.vstack([prior, np.array(rows) / 5.0])
-    right = np.concatenate([prior @ [52000.0, 1700.0, 1.0], np.array(values) / 5.0])
+    right = np.concatenate([prior @ [52000.0, 1700.0, 1.0, 1400.0], np.array(values) / 5.0])
     expected = np.linalg.lstsq(left, right, rcond=None)[0]
 
-    assert [found.spring_n_per_m, found.static_n, found.lag] == pytest.approx(list(expected), rel=1e-6)
-    assert found.kk == pytest.approx(np.linalg.inv(left.T @ left)[0, 0], rel=1e-6)
+    known = [found.spring_n_per_m, found.static_n, found.lag, found.sliding_n]
+    assert known == pytest.approx(list(expected), rel=1e-6)
+    covariance = np.linalg.inv(left.T @ left)
+    assert [found.kk, found.kc, found.fc, found.cc] == pytest.approx(
+        [covariance[0, 0], covariance[0, 3], covariance[1, 3], covariance[3, 3]], rel=1e-5
+    )
 
 
 def test_the_average_at_rest_separates_the_lag_of_the_sensor() -> None:

@@ -250,11 +250,13 @@ def test_a_rise_to_its_current_has_no_other_end() -> None:
 
 def test_a_low_supply_is_told_once_and_lowers_the_highest_current() -> None:
     low_pa = 15.0 * plant_settings("paper").valve.pressure_gain_pa_per_ma
-    own = replace(scenario(0.1, 0.1, supply_pa=low_pa), setpoints_mm=(60.0, 61.8, 60.8, 60.0))
+    own = replace(scenario(0.1, 0.1, supply_pa=low_pa), setpoints_mm=(60.0, 61.8, 60.8, 60.0, 61.4))
 
     memory, _, notices, errors = played(own, noisy(0.005))
 
     assert 1 <= len(notices) <= 3
     assert "check the air supply" in notices[0]
     assert 14.9 < memory.drive.high_ma < 17.5
-    assert max(errors[2:]) < 0.15
+    # until the end of the supply is known, one dwell may end in a correction
+    assert sum(error_mm > 0.15 for error_mm in errors) <= 1
+    assert max(errors[3:]) < 0.15

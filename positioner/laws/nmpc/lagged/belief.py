@@ -8,7 +8,6 @@ from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
     from positioner.laws.nmpc.lagged.regression import OnsetRegression
-    from positioner.laws.nmpc.lagged.sliding_friction import SlidingFriction
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +37,13 @@ class LandingBiases:
 class Belief:
     """The learned valve.
 
-    onsets: K, F_s and the lag. sliding: F_c. doubt: the relative error to expect of F_s from one onset to the next.
-    seen: onsets learned since one was wrong. biases: of the landings.
+    onsets: K, F_s, F_c and the lag. scatter2: of the F_c of single slips, as the square of a part of it. doubt: the
+    relative error to expect of F_s from one onset to the next. seen: onsets learned since one was wrong. biases: of the
+    landings.
     """
 
     onsets: OnsetRegression
-    sliding: SlidingFriction
+    scatter2: float
     doubt: float
     seen: int
     biases: LandingBiases
@@ -51,4 +51,4 @@ class Belief:
     @property
     def sliding_n(self) -> float:
         """The mean of F_c in N."""
-        return self.sliding.mean_n
+        return self.onsets.sliding_n

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from positioner.laws.nmpc.lagged.sliding_friction import after_slip
 from positioner.values import replace
 
 if TYPE_CHECKING:
     from positioner.laws.nmpc.lagged.belief import Belief
-    from positioner.laws.nmpc.lagged.memory import Attempt, LaggedMemory
+    from positioner.laws.nmpc.lagged.memory import Attempt, LaggedMemory, Move
     from positioner.laws.nmpc.lagged.rest import LaggedRest
-    from positioner.laws.nmpc.lagged.sliding_friction import SlidingFriction
     from positioner.laws.nmpc.lagged.slip_filter import SlipState
     from positioner.laws.nmpc.lagged.valve import LaggedValve
 
@@ -41,7 +41,7 @@ def judged(valve: LaggedValve, memory: LaggedMemory, rest: LaggedRest) -> Lagged
     belief, landing = memory.belief, attempt.landing
     trust = 1.0
     if landing is not None:
-        belief = replace(belief, sliding=_with_landing(valve, belief.sliding, landing, rest))
+        belief = _with_landing(valve, belief, move, landing, rest)
         spread_m2 = landing.covariance.xx + rest.xx
         trust = _CERTAIN_M * _CERTAIN_M / (_CERTAIN_M * _CERTAIN_M + spread_m2)
     most_m = _MOST_OF_JUMP * valve.gap_n / valve.spring_n_per_m
@@ -51,14 +51,15 @@ def judged(valve: LaggedValve, memory: LaggedMemory, rest: LaggedRest) -> Lagged
     return replace(memory, belief=replace(belief, biases=biases), attempt=None)
 
 
-def _with_landing(
-    valve: LaggedValve, sliding: SlidingFriction, landing: SlipState, rest: LaggedRest
-) -> SlidingFriction:
-    """Return F_c after a slip: what its readings showed, and then where it ended."""
+def _with_landing(valve: LaggedValve, belief: Belief, move: Move, landing: SlipState, rest: LaggedRest) -> Belief:
+    """Return K and F_c after a slip: what its readings showed, and then where it ended."""
     p, doubt_m = landing.covariance, _MODEL * valve.gap_n / valve.spring_n_per_m
     by = p.xf / (p.xx + rest.xx + doubt_m * doubt_m)
     found_n = landing.sliding_n + by * (rest.x - landing.x)
-    return sliding.after_slip(found_n, p.ff - by * p.xf)
+    onsets, scatter2 = after_slip(
+        belief.onsets, belief.scatter2, move.middle_m, move.direction, found_n, p.ff - by * p.xf
+    )
+    return replace(belief, onsets=valve.within(onsets), scatter2=scatter2)
 
 
 def _undone(valve: LaggedValve, belief: Belief, attempt: Attempt) -> Belief:
@@ -70,5 +71,4 @@ def _undone(valve: LaggedValve, belief: Belief, attempt: Attempt) -> Belief:
     loose = before.loosened(0.01 * valve.spring_n_per_m, 0.03 * valve.static_n, 0.0)
     doubt_n = 0.02 * before.static_n
     onsets = loose.with_onset(x, s, 0.0, seen_n, doubt_n * doubt_n)
-    onsets = onsets.within(valve.spring_n_per_m, valve.static_n, valve.has_lag)
-    return replace(belief, onsets=onsets, doubt=min(1.3 * belief.doubt, 0.15), seen=0)
+    return replace(belief, onsets=valve.within(onsets), doubt=min(1.3 * belief.doubt, 0.15), seen=0)

@@ -6,7 +6,6 @@ import math
 from typing import TYPE_CHECKING
 
 from positioner.laws.nmpc.lagged.regression import OnsetRegression
-from positioner.laws.nmpc.lagged.sliding_friction import SlidingFriction
 from positioner.values import replace
 from positioner.valve.fit import ValveFit
 
@@ -39,8 +38,8 @@ def fit_of(memory: LaggedMemory) -> ValveFit:
         _correlated(ft, onsets.ff, tt),
         tt,
         belief.doubt,
-        belief.sliding.mean_n,
-        belief.sliding.mean_n2,
+        onsets.sliding_n,
+        onsets.cc,
     )
 
 
@@ -48,26 +47,36 @@ def with_fit(valve: LaggedValve, memory: LaggedMemory, fit: ValveFit) -> LaggedM
     """Return the memory with what was kept; its doubt is never more than that of the configured values."""
     prior, base = memory.belief, valve.drive
     fill, vent = _ratio(fit.fill_s, base.fill_s), _ratio(fit.vent_s, base.vent_s)
+    restart_n = _STATIC * fit.sliding_n
     found = OnsetRegression(
-        fit.spring_n_per_m, fit.static_n, fill, fit.kk, fit.kf, fit.kt, fit.ff, fit.ft, fit.tt if valve.has_lag else 0.0
+        fit.spring_n_per_m,
+        fit.static_n,
+        fill,
+        fit.sliding_n,
+        fit.kk,
+        fit.kf,
+        fit.kt,
+        0.0,
+        fit.ff,
+        fit.ft,
+        0.0,
+        fit.tt if valve.has_lag else 0.0,
+        0.0,
+        fit.sliding_n2 + restart_n * restart_n,
     ).loosened(_SPRING * valve.spring_n_per_m, _STATIC * valve.static_n, _LAG if valve.has_lag else 0.0)
-    kept = found.within(valve.spring_n_per_m, valve.static_n, valve.has_lag)
+    kept = valve.within(found)
     is_ours = (
         kept.spring_n_per_m == found.spring_n_per_m
         and kept.static_n == found.static_n
         and kept.lag == fill
         and _LEAST_LAG < vent < _MOST_LAG
-        and valve.sliding_within(fit.sliding_n, fit.static_n) == fit.sliding_n
+        and kept.sliding_n == found.sliding_n
     )
     if not is_ours:
         return replace(memory, notice=_NOT_USED)
-    onsets = kept.no_looser(prior.onsets.kk, prior.onsets.ff, prior.onsets.tt)
-    restart_n = _STATIC * fit.sliding_n
-    sliding = SlidingFriction(
-        fit.sliding_n, min(fit.sliding_n2 + restart_n * restart_n, prior.sliding.mean_n2), prior.sliding.scatter2
-    )
+    onsets = kept.no_looser(prior.onsets.kk, prior.onsets.ff, prior.onsets.tt, prior.onsets.cc)
     doubt = min(max(fit.friction_doubt, _LEAST_DOUBT), prior.doubt)
-    belief = replace(prior, onsets=onsets, sliding=sliding, doubt=doubt)
+    belief = replace(prior, onsets=onsets, doubt=doubt)
     # a filter of the pressure begins anew, with these lags
     return replace(memory, belief=belief, drive=base.with_lags(fit.fill_s, fit.vent_s), measured=None)
 

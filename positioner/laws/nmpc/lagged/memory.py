@@ -38,6 +38,11 @@ class Move:
     is_final: bool
     began_s: float
 
+    @property
+    def middle_m(self) -> float:
+        """The middle of the way in m, where an error of K acts as one of F_c."""
+        return 0.5 * (self.origin_m + self.target_m)
+
 
 @dataclass(frozen=True, slots=True)
 class Ramp:

@@ -61,13 +61,14 @@ class OnsetBank:
 
     def probability(self) -> float:
         """Return the probability that the stem has slipped."""
-        most = self._most()
+        most = self.most()
         slipped = 0.0
         for each in self.onsets:
             slipped += each.weight * math.exp(each.evidence - most)
         return slipped / (slipped + (1.0 - self.reached + _LEAST_WEIGHT) * math.exp(-most) + _TINY)
 
-    def _most(self) -> float:
+    def most(self) -> float:
+        """Return the evidence of the likeliest hypothesis, 0 where none is likelier than a stem that sticks."""
         most = 0.0
         for each in self.onsets:
             most = max(most, each.evidence)
@@ -75,7 +76,7 @@ class OnsetBank:
 
     def summary(self) -> OnsetEstimate:
         """Return mean and spread of the hypotheses; there is at least one."""
-        most = self._most()
+        most = self.most()
         total, x, v, seen, force = 0.0, 0.0, 0.0, 0.0, 0.0
         for each in self.onsets:
             weight = each.weight * math.exp(each.evidence - most) + _TINY
@@ -115,8 +116,9 @@ class OnsetBank:
             x: where the stem stuck, in m.
             sigma_n: standard deviation of F_s.
         """
+        least_gap_n = _LEAST_GAP * (slip.static_n - slip.sliding_n)
         least_m = _STOPPED_OF_JUMP * (slip.static_n - slip.sliding_n) / slip.spring_n_per_m
-        floor = min(self._most(), 0.0) - _REFUTED
+        floor = min(self.most(), 0.0) - _REFUTED
         pressure_ma, converter_ma = before.pressure_ma, before.converter_ma
         kept = list[Onset]()
         for each in self.onsets:
@@ -129,8 +131,8 @@ class OnsetBank:
                     slip.drive,
                     slip.direction,
                     slip.spring_n_per_m,
-                    max(each.static_n, slip.sliding_n * _LEAST_RATIO),
-                    slip.sliding_n,
+                    each.static_n,
+                    min(slip.sliding_n, each.static_n - least_gap_n),
                 )
                 end = own.after(x + moved_m, v, pressure_ma, converter_ma, current_ma)
                 moved_m, v = end[0] - x, end[1]
@@ -166,7 +168,7 @@ class OnsetBank:
             if weight <= _LEAST_NEW or force_n < _LEAST_FORCE * slip.static_n:
                 continue
             reached += weight
-            own = slip.with_sliding(min(slip.sliding_n, force_n / _LEAST_RATIO))
+            own = slip.with_sliding(min(slip.sliding_n, force_n - _LEAST_GAP * (slip.static_n - slip.sliding_n)))
             end_x, v = own.begun(x, begin_ma + share * (end_ma - begin_ma), end_ma, (1.0 - share) * period_s)
             if v != 0.0:
                 seen_m, width_n = sensor.after(0.0, end_x - x, 0.0), rise_n / parts
@@ -241,5 +243,6 @@ _REFUTED = 18.0
 """A hypothesis that is less likely by this exponent is deleted."""
 _STOPPED_OF_JUMP = 0.25
 """A hypothesis that has stopped within this part of the natural jump (F_s - F_c)/K is deleted."""
-_LEAST_RATIO = 1.005
+_LEAST_GAP = 0.5
+"""Of the believed F_s - F_c: a force that frees the stem exceeds its F_c by so much, or the slip would hardly begin."""
 _MOST_ONSETS = 24

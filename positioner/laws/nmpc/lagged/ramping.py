@@ -28,6 +28,9 @@ _MOST_OF_STATIC, _BEYOND_S = 1.7, 0.05
 _SMOOTHING = 0.25
 _SLIPPED, _BACKWARD = 5.0, 6.0
 """Smoothed displacement, in its own σ, that shows a slip which no hypothesis explains; against the ramp, more."""
+_SEEN = 1.0
+"""A slip must be so much likelier by its readings, as a logarithm. On an unknown valve a force beyond the believed F_s
+makes it probable without any."""
 _LONGEST_S = 6.0
 _AT_LIMIT_MA = 0.02
 _SAME_MA = 2e-3
@@ -76,7 +79,7 @@ def read(
         return given_up(memory, ramp, measured_m, variance_m2, time_s)
     if enough and probability < _EVEN and s * shift_m > _SLIPPED * smooth_m + 3.0 * rest.sigma_m:
         return _unexplained(valve, memory, ramp, math.sqrt(variance_m2), force_n, time_s)
-    if probability > valve.settings.verdict and bank.onsets:
+    if probability > valve.settings.verdict and bank.onsets and bank.most() > _SEEN:
         return _slipped(valve, memory, ramp, bank.summary(), force_n, time_s)
     return replace(memory, stem=ramp)
 
@@ -102,14 +105,14 @@ def _slipped(
     loose = onsets.loosened(0.003 * valve.spring_n_per_m, 0.01 * nominal_n, 0.01 if valve.has_lag else 0.0)
     start2 = _square(valve.model.gain_n_per_ma * memory.pipeline.doubt_ma)
     learned = loose.with_onset(rest.x, s, by_lag_n, seen_n, onset.ff + doubt_n * doubt_n + rate2 + start2)
-    learned = learned.within(valve.spring_n_per_m, nominal_n, valve.has_lag)
+    learned = valve.within(learned)
     error = abs(seen_n - expected_n) / onsets.static_n
     doubt = min(max(0.9 * belief.doubt + 0.13 * error, 0.03), 0.15)
     x, v = rest.x + onset.x, onset.v
     state = SlipState(
         x,
         v if s * v > 0.0 else s * 1e-3,
-        belief.sliding_n,
+        min(learned.sliding_n, onset.force_n - 0.5 * valve.gap_n),
         rest.x + rest.gap + onset.seen,
         SlipCovariance(
             onset.xx + rest.xx,
@@ -119,7 +122,7 @@ def _slipped(
             onset.vv,
             0.0,
             onset.vy,
-            belief.sliding.slip_n2,
+            learned.slip_n2(ramp.move.middle_m, s, belief.scatter2),
             0.0,
             onset.yy + rest.xx,
         ),
@@ -144,12 +147,12 @@ def _unexplained(
     rate2 = onsets.spring_n_per_m * onsets.spring_n_per_m * rest.xx
     start2 = _square(valve.model.gain_n_per_ma * memory.pipeline.doubt_ma)
     learned = loose.with_onset(rest.x, s, by_lag_n, seen_n, _square(0.08 * onsets.static_n) + rate2 + start2)
-    learned = learned.within(valve.spring_n_per_m, valve.static_n, valve.has_lag)
+    learned = valve.within(learned)
     doubt2 = _square(0.5 * ramp.shift_m) + 0.3 * sigma_m * sigma_m
     state = SlipState(
         rest.x + moved_m,
         speed if s * speed > 0.0 else s * 1e-3,
-        belief.sliding_n,
+        learned.sliding_n,
         rest.x + rest.gap + ramp.shift_m,
         SlipCovariance(
             doubt2,
@@ -159,7 +162,7 @@ def _unexplained(
             _square(0.5 * speed) + 1e-4,
             0.0,
             0.0,
-            belief.sliding.slip_n2,
+            learned.slip_n2(ramp.move.middle_m, s, belief.scatter2),
             0.0,
             doubt2,
         ),

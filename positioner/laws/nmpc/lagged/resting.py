@@ -26,8 +26,10 @@ def considered(
     if rest.settle_s > _INSTANT_S or is_first:
         return memory, None
     tolerance_m = valve.tolerance_m(sigma_m)
-    patient_m = tolerance_m * (1.0 + own.patience * memory.corrections)
-    certain = rest.sigma_m < own.certain_part * patient_m
+    patience = own.patience * max(valve.period_s / _LONG_PERIOD_S, 1.0)
+    patient_m = tolerance_m * (1.0 + patience * memory.corrections)
+    is_long = rest.readings * valve.period_s > _LONG_AVERAGE_S
+    certain = rest.sigma_m < (1.0 if is_long else own.certain_part) * patient_m
     error_m, corrections = setpoint_m - rest.x, memory.corrections
     beyond_m = patient_m + _FAR * rest.sigma_m
     if certain:
@@ -78,6 +80,11 @@ _FAR = 2.5
 _WORTH, _STAYS = 1.25, 2.0
 """When the average is certain, the error is judged once: it is corrected where it exceeds so many tolerances. A stem
 that stays moves again for a far larger error only: an average that becomes better must not find a new error late."""
+_LONG_AVERAGE_S = 1.0
+"""After this time σ below the whole tolerance is enough: at a period of 20 ms and 2 % noise an average needs 5 s to be
+certain, and a correction so late is itself the error."""
+_LONG_PERIOD_S = 0.005
+"""With a longer period the patience is greater in proportion: few readings show a slip, and its landing scatters."""
 _ASIDE = 0.25
 """A stem that has moved aside goes on when σ of the average is below this part of a reading's: it averages on."""
 _DOUBT = 2.0

@@ -9,9 +9,8 @@ from positioner.laws.nmpc.lagged.belief import Belief, LandingBiases
 from positioner.laws.nmpc.lagged.drive import drive_of
 from positioner.laws.nmpc.lagged.regression import OnsetRegression
 from positioner.laws.nmpc.lagged.sensor_lag import sensor_lag
-from positioner.laws.nmpc.lagged.sliding_friction import sliding_friction
 from positioner.laws.nmpc.lagged.slip import Slip, StemModel
-from positioner.values import dataclass
+from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
     from positioner.laws.nmpc.lagged.drive import Drive
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
 _LEAST_STATIC_N = 1.0
 """A valve without friction is believed to have so much: a ramp needs an end."""
 _SLIDING_DOUBT, _SLIDING_SCATTER = 0.03, 0.03
-"""Before the first slip: relative standard deviations of the configured F_c, and of single slips from it."""
+"""Before the first slip: relative standard deviations of F_c from its configured part of F_s, and of single slips."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,21 +80,27 @@ class LaggedValve:
         """Return what is believed before the first onset."""
         own = self.settings
         k, f, t = own.spring_doubt * spring_n_per_m, own.friction_doubt * static_n, own.lag_doubt
+        ratio, c = sliding_n / static_n, _SLIDING_DOUBT * sliding_n
+        tt = t * t if self.has_lag else 0.0
+        cc = ratio * ratio * f * f + c * c
         onsets = OnsetRegression(
-            spring_n_per_m, static_n, 1.0, k * k, 0.0, 0.0, f * f, 0.0, t * t if self.has_lag else 0.0
+            spring_n_per_m, static_n, 1.0, sliding_n, k * k, 0.0, 0.0, 0.0, f * f, 0.0, ratio * f * f, tt, 0.0, cc
         )
-        sliding = sliding_friction(sliding_n, _SLIDING_DOUBT, _SLIDING_SCATTER)
-        return Belief(onsets, sliding, 0.08, 0, LandingBiases())
+        return Belief(onsets, _SLIDING_SCATTER * _SLIDING_SCATTER, 0.08, 0, LandingBiases())
 
     def sliding_within(self, sliding_n: float, static_n: float) -> float:
         """Return F_c inside its limits, for this F_s."""
         return min(max(sliding_n, 0.5 * static_n), static_n - 0.5 * self.gap_n)
 
+    def within(self, onsets: OnsetRegression) -> OnsetRegression:
+        """Return the regression inside its limits around the configured valve, with F_c below F_s."""
+        found = onsets.within(self.spring_n_per_m, self.static_n, self.has_lag)
+        return replace(found, sliding_n=self.sliding_within(found.sliding_n, found.static_n))
+
     def slip(self, belief: Belief, drive: Drive, direction: float) -> Slip:
         """Return the motion of a slip as it is believed to be."""
         onsets = belief.onsets
-        sliding_n = self.sliding_within(belief.sliding_n, onsets.static_n)
-        return Slip(self.model, drive, direction, onsets.spring_n_per_m, onsets.static_n, sliding_n)
+        return Slip(self.model, drive, direction, onsets.spring_n_per_m, onsets.static_n, onsets.sliding_n)
 
     def spring_n(self, belief: Belief, x: float) -> float:
         """Return the force of the spring at x in N, without the bench set."""

@@ -142,7 +142,8 @@ def watch_cycle(settings: WatchSettings, watch: Watch, cycle: ObservedCycle, cou
 def _add_move(settings: WatchSettings, watch: Watch, move: Move) -> None:
     trends, reference = watch.trends, settings.reference
     balance_n, pressed_n = reference.balance_n(move.before_m), _PRESSED * reference.static_n
-    closed, opened = ((move.before_m - stop_m) / reference.span_m for stop_m in (reference.closed_m, reference.open_m))
+    closed = (move.before_m - reference.closed_m) / reference.span_m
+    opened = (move.before_m - reference.open_m) / reference.span_m
     if abs(closed) < _NEAR_END and move.lowest_n < balance_n - pressed_n:
         count = trends.closings + 1
         mean = trends.closed + max(_NEWEST_END, 1.0 / count) * (closed - trends.closed)

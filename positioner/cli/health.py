@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,10 +14,11 @@ from positioner.config.locations import location_of
 from positioner.config.reader import load_config
 from positioner.errors import ExitCode, StateError, UsageError
 from positioner.health.alarm_text import alarm_as_json, alarm_lines, trend_lines, trends_as_json
+from positioner.health.causes import AlarmCause
 from positioner.health.counters_document import COUNTERS, counters_from
 from positioner.health.counters_report import as_lines, as_values
 from positioner.health.monitor import sections_of
-from positioner.health.trends_document import TRENDS, trends_from
+from positioner.health.trends_document import TRENDS, trends_from, trends_in
 from positioner.runtime.health_reference import measured_health_settings
 from positioner.store import access
 
@@ -35,6 +36,7 @@ examples:
   positioner health --config fv101.toml                       counters, histograms, trends and alarms
   positioner health --config fv101.toml --json                the same for programs
   positioner health --config fv101.toml --from bus.log        counted again from the record of a run
+  positioner health --config fv101.toml --acknowledge all     a person has seen the alarms
   positioner health --config fv101.toml --reset               begin the counters anew, after a backup
 
 Of a daemon that runs, the counters are at most 5 s old. A record of `positioner run --record` gives exactly the
@@ -69,15 +71,21 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of text")
     parser.add_argument("--from", type=Path, metavar="LOG", dest="log", help="compute it again from a recorded run")
     parser.add_argument("--reset", action="store_true", help="begin the counters anew; the trends stay")
+    parser.add_argument(
+        "--acknowledge", metavar="CAUSE", help="a person has seen this alarm, such as friction_high, or all of them"
+    )
     parser.add_argument("--yes", action="store_true", help="reset without a question")
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
-    if arguments.reset and (arguments.log or arguments.json):
-        raise UsageError("--reset goes neither with --from nor with --json: it changes what the daemon keeps")
+    changes = "--reset" if arguments.reset else "--acknowledge"
+    if (arguments.reset or arguments.acknowledge) and (arguments.log or arguments.json):
+        raise UsageError(f"{changes} goes neither with --from nor with --json: it changes what the daemon keeps")
     configuration = load_config(arguments.config, valve=arguments.valve)
     if arguments.reset:
         return _reset(arguments, configuration)
+    if arguments.acknowledge:
+        return _acknowledge(arguments, configuration)
     found = _from_log(arguments, configuration) if arguments.log else _kept(arguments, configuration)
     if arguments.json:
         sys.stdout.write(json.dumps(_values(configuration, found), indent=2, ensure_ascii=False) + "\n")
@@ -162,4 +170,21 @@ def _reset(arguments: argparse.Namespace, configuration: Configuration) -> ExitC
             return ExitCode.OK
     backup = access.reset_health(directory, (COUNTERS,))
     sys.stdout.write(f"the counters begin anew; the former ones are in {shlex.quote(backup)}\n")
+    return ExitCode.OK
+
+
+def _acknowledge(arguments: argparse.Namespace, configuration: Configuration) -> ExitCode:
+    names = [cause.key for cause in AlarmCause]
+    if arguments.acknowledge not in {"all", *names}:
+        raise UsageError(f"--acknowledge {arguments.acknowledge}: no such alarm; one of all, {', '.join(names)}")
+    found, directory = _kept(arguments, configuration), _directory(arguments, configuration)
+    wanted = {cause for cause in AlarmCause if arguments.acknowledge in {"all", cause.key}}
+    seen = [alarm.cause for alarm in found.trends.alarms if alarm.cause in wanted and not alarm.acknowledged]
+    if not seen:
+        sys.stdout.write("no such alarm waits to be acknowledged\n")
+        return ExitCode.OK
+    # one that is over stays, so that a daemon learns that it was acknowledged
+    alarms = tuple(replace(each, acknowledged=True) if each.cause in seen else each for each in found.trends.alarms)
+    access.change_health(directory, {TRENDS: trends_in(replace(found.trends, alarms=alarms))})
+    sys.stdout.write(f"acknowledged: {', '.join(cause.key for cause in seen)}\n")
     return ExitCode.OK

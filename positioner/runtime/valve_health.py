@@ -10,9 +10,11 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from positioner.health.alarm_text import change_in_words
-from positioner.health.alarms import dated, packed_alarms
+from positioner.health.alarms import acknowledged, dated, packed_alarms
+from positioner.health.counters_document import COUNTERS
 from positioner.health.monitor import begin_health, observe, sections_of
 from positioner.health.observed import observed_cycle
+from positioner.health.trends_document import TRENDS, trends_from
 from positioner.runtime.health_reference import measured_health_settings
 from positioner.values import replace
 
@@ -77,11 +79,20 @@ class ValveHealth:
             self._log.log(level, "%s", change_in_words(change))
 
     def hand_over(self) -> None:
-        """Hand the health over to the table writer, or go on from what a reset has left."""
+        """Hand the health over to the table writer, or take over what a command has changed."""
         if (replaced := self._table.take_replaced_health()) is not None:
-            self.state = self._begun(replaced.sections)
+            self._take(replaced.sections)
         elif self.state is not None:
             self._table.writer.keep_health(sections_of(self.state))
+
+    def _take(self, sections: dict[str, object]) -> None:
+        """Go on from what a reset has left; with the counters in place somebody has acknowledged alarms."""
+        if COUNTERS not in sections or self.state is None:
+            self.state = self._begun(sections)
+            return
+        given = trends_from(sections.get(TRENDS), self._settings.watch.reference)
+        watch, seen = self.state.watch, [alarm.cause for alarm in given.alarms if alarm.acknowledged]
+        watch.trends = replace(watch.trends, alarms=acknowledged(watch.trends.alarms, seen))
 
     def _begun(self, sections: dict[str, object]) -> HealthState:
         """Return the health as it is kept, else a new one."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import socket
 import time
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from positioner.errors import AlreadyRunningError, StateError
 from positioner.store import as_owner, commands, control, lock, messages
@@ -73,6 +73,15 @@ def reset_health(directory: Path, sections: tuple[str, ...]) -> str:
         StateError: nothing was changed; the message says why.
     """
     return str(_ask(directory, HealthResetRequest(sections), messages.Done).backup)
+
+
+def change_health(directory: Path, given: dict[str, Any]) -> str:
+    """Put these sections in place of the present ones; return the path of the backup.
+
+    Raises:
+        StateError: nothing was changed; the message says why.
+    """
+    return str(_ask(directory, HealthResetRequest(tuple(given), given), messages.Done).backup)
 
 
 def _ask(directory: Path, request: messages.Request, expected: type[T]) -> T:

@@ -67,7 +67,7 @@ def on_files(directory: Path, request: messages.Message) -> messages.Answer:
     if isinstance(request, HealthResetRequest):
         document = health_file.read(directory)
         file = HealthFile(directory, document.valve_id)
-        return messages.Done(HealthKeeper(file, file.load()).reset(request.sections))
+        return messages.Done(HealthKeeper(file, file.load()).reset(request.sections, request.given))
     owner = _owner(directory, request)
     tables = TableDirectory(directory, owner.valve_id, owner.table.cell_width_m)
     try:

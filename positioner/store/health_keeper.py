@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from positioner.errors import StateError
 from positioner.store.document import utc_text
@@ -20,7 +20,7 @@ from positioner.store.health_messages import HealthDumped, HealthReplaced, Healt
 from positioner.store.table_directory import remedy
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from positioner.store.health_file import HealthFile
     from positioner.store.health_messages import HealthResetRequest, KeepHealth
@@ -75,15 +75,16 @@ class HealthKeeper:
         self._save_at_s = -math.inf
         return self.work(0.0)
 
-    def reset(self, sections: tuple[str, ...]) -> str:
-        """Begin these sections anew, which is then on the disk; return the path of the backup.
+    def reset(self, sections: tuple[str, ...], given: Mapping[str, Any]) -> str:
+        """Begin these sections anew, or with what is `given`, which is then on the disk; return the path of the backup.
 
         Raises:
             StateError: nothing was changed; the message says why.
         """
         document, former = self.document, self.document
         left = {name: section for name, section in document.sections.items() if name not in sections}
-        started = utc_text(int(time.time()))
+        left |= given
+        started = document.started if given else utc_text(int(time.time()))
         try:
             backup = self._file.back_up(document)
             self.document = replace(document, generation=document.generation + 1, started=started, sections=left)
@@ -103,7 +104,7 @@ class HealthKeeper:
         """
         if isinstance(request, HealthRequest):
             return HealthDumped(to_plain(self.document))
-        backup = self.reset(request.sections)
+        backup = self.reset(request.sections, request.given)
         tell(self.present)
         return backup
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from positioner.inputs.table import SettingsTable
@@ -18,7 +18,7 @@ class KeepHealth(SettingsTable):
 
 @dataclass(frozen=True, slots=True)
 class HealthReplaced(SettingsTable):
-    """Table writer → daemon: sections were reset by command; go on from these."""
+    """Table writer → daemon: sections were reset or changed by command; go on from these."""
 
     generation: int
     sections: dict[str, Any]
@@ -34,9 +34,10 @@ class HealthRequest(SettingsTable):
 
 @dataclass(frozen=True, slots=True)
 class HealthResetRequest(SettingsTable):
-    """Command line → table writer: back the health up, and begin these sections anew."""
+    """Command line → table writer: back the health up, and begin these sections anew, or with what is given."""
 
     sections: tuple[str, ...]
+    given: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
 from several_loop import SeveralLoop
+from stem import REFERENCE
 
 from positioner.cli.main import main
+from positioner.health.alarms import Watched, dated, judged
+from positioner.health.causes import LIMITS, AlarmCause
 from positioner.health.counters import Counters, CounterSettings
 from positioner.health.counters_report import as_lines, as_values
+from positioner.health.trends_document import trends_from, trends_in
+from positioner.store import access
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -117,3 +123,33 @@ def test_a_valve_that_has_done_nothing_can_be_shown() -> None:
     settings = CounterSettings(0.1, 0.0, 0.01, 0.0, 0.0005)
     assert as_values(settings, Counters())["stuck_share"] is None
     assert "  none yet" in as_lines(settings, Counters())
+
+
+def with_alarm(path: Path) -> None:
+    """Put an alarm into the kept health, as a daemon leaves it."""
+    document = access.health(path)
+    watched = [Watched(AlarmCause.FRICTION_HIGH, 0.3, 0.01, "200 moves")]
+    limits = {AlarmCause.FRICTION_HIGH: LIMITS[AlarmCause.FRICTION_HIGH]}
+    alarms, _ = judged((), limits, watched, 0.0)
+    alarms, _ = judged(alarms, limits, watched, 5.0)
+    trends = trends_from(document.sections["trends"], REFERENCE)
+    access.change_health(path, {"trends": trends_in(replace(trends, alarms=dated(alarms, "2026-11-22T10:00:00Z")))})
+
+
+def test_an_alarm_is_shown_and_acknowledged_and_leaves_the_counters_as_they_are(run: Path, capsys: Output) -> None:
+    config, before = ["health", "--config", str(run / "plant.toml")], values(run, capsys)
+    with_alarm(run / "state" / "FV-1")
+    assert main(config) == 1, "an alarm is active"
+    text = capsys.readouterr().out
+    assert "maintenance required: friction has risen: 30 %, limit 20, since 2026-11-22T10:00:00Z, not acknowl" in text
+    assert "remedy: look at the packing" in text
+    assert main([*config, "--acknowledge", "stuck"]) == 0
+    assert "no such alarm waits" in capsys.readouterr().out
+    assert main([*config, "--acknowledge", "all"]) == 0
+    assert capsys.readouterr().out == "acknowledged: friction_high\n"
+    assert main([*config, "--json"]) == 1
+    after = json.loads(capsys.readouterr().out)
+    assert [each["acknowledged"] for each in after["alarms"]] == [True]
+    assert (after["counters"], after["started"]) == (before["counters"], before["started"])
+    assert main([*config, "--acknowledge", "frction"]) == 2
+    assert "no such alarm; one of all, friction_high" in capsys.readouterr().err

@@ -209,7 +209,7 @@ def test_sections_that_json_cannot_hold_are_not_saved(tmp_path: Path) -> None:
 def test_a_reset_backs_up_and_what_was_counted_before_it_never_comes_back(tmp_path: Path) -> None:
     one = keeper(tmp_path)
     one.take(KeepHealth(0, {"counters": 7, "friction": 1.5}))
-    backup = one.reset(("counters",))
+    backup = one.reset(("counters",), {})
     assert from_plain(json.loads((tmp_path / backup).read_text("utf-8"))).sections == {"counters": 7, "friction": 1.5}
     one.take(KeepHealth(0, {"counters": 8, "friction": 1.5}))
     one.finish()

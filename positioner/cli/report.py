@@ -65,13 +65,13 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     state = location_of(configuration, arguments.config, arguments.state).state
     options = f"--config {arguments.config}" + (f" --valve {arguments.valve}" if arguments.valve else "")
     told = [(name, text) for name, text in summary_rows(configuration, state) if name != "valve"]
-    signatures = tuple(each for each in results.kept(state, "signature") if each.valve == configuration.valve.id)
+    kept = _kept(state, configuration.valve.id)
     report = ValveReport(
         valve=configuration.valve.id,
         span_m=configuration.valve.span_m,
         made=datetime.now(UTC),
-        results=_results(state, configuration.valve.id),
-        signatures=signatures,
+        results={kind: (own[-1], reference) for kind, (own, reference) in kept.items()},
+        signatures=kept["signature"][0] if "signature" in kept else (),
         service=_service(arguments, state, configuration),
         facts=(*told, *results.versions().items()),
         options=options,
@@ -115,7 +115,9 @@ def _service_in(arguments: argparse.Namespace, state: Path, configuration: Confi
 
 
 def _notice(line: str) -> None:
-    sys.stderr.write(f"{line}\n")
+    """Tell what is wrong with the reference of the health, but for damaged files, which `_kept` has told."""
+    if results.FOLDER not in line:
+        sys.stderr.write(f"{line}\n")
 
 
 def _service_of(
@@ -126,8 +128,8 @@ def _service_of(
     return Service(counters_from(sections.get(COUNTERS)), trends, watch, started, until)
 
 
-def _results(state: Path, valve: str) -> dict[str, tuple[KeptResult, KeptResult]]:
-    """Return the newest result and the reference of each kind; results of another valve are told and left out."""
+def _kept(state: Path, valve: str) -> dict[str, tuple[tuple[KeptResult, ...], KeptResult]]:
+    """Return the kept results and the reference of each kind; results of another valve are told and left out."""
     found = {}
     for kind in KINDS:
         kept = results.kept(state, kind)
@@ -136,7 +138,7 @@ def _results(state: Path, valve: str) -> dict[str, tuple[KeptResult, KeptResult]
             sys.stderr.write(f"{state}: {kind} of valve {other} is left out\n")
         reference = results.reference_of(state, own)
         if reference is not None:
-            found[kind] = (own[-1], reference)
+            found[kind] = (own, reference)
     return found
 
 

@@ -46,7 +46,9 @@ def verdict_of_alarm(alarm: Alarm) -> Verdict:
     """Return what an active alarm says of the valve."""
     text = TEXTS[alarm.cause]
     since = f" since {_date(alarm.since)}" if alarm.since else ""
-    sentence = f"{text.what}{since}: {_value(alarm)}, the limit is {_limit(alarm)}; {alarm.evidence}."
+    sentence = f"{text.what}{since}: {alarm.evidence}."
+    if text.unit:
+        sentence = f"{text.what}{since}: {_value(alarm)}, the limit is {_limit(alarm)}; {alarm.evidence}."
     return Verdict(Status[alarm.category.name], _sentence(sentence), _sentence(f"{text.remedy}."))
 
 
@@ -112,7 +114,7 @@ def trend_section(service: Service, signatures: Sequence[KeptResult]) -> Section
     remarks = (*(one_sided if found.one_sided else ()), f"In service: {moves}; λ = {settings.averaging:g}.")
     since = f"against the {reference.source} of {_date(reference.recorded)}"
     newest = (service.until, found.friction) if service.until else None
-    chart = friction_chart(signatures, newest, limits)
+    chart = friction_chart(signatures, reference.sliding_n, newest, limits)
     return Section(title, since, (chart,) if chart else (), (Table(head, rows),), remarks)
 
 
@@ -127,13 +129,16 @@ def _share_row(
 
 
 def friction_chart(
-    signatures: Sequence[KeptResult], service: tuple[datetime, Share] | None, limits: Mapping[AlarmCause, Limits]
+    signatures: Sequence[KeptResult],
+    reference_n: float,
+    service: tuple[datetime, Share] | None,
+    limits: Mapping[AlarmCause, Limits],
 ) -> Chart | None:
-    """Return the sliding friction of each signature over that of the first one, and that in service, by days."""
-    points = [(each.recorded, each.document["quantities"]["sliding_n"], _half(each.document)) for each in signatures]
+    """Return the sliding friction of each signature, and that in service, against the reference, by days."""
+    points = [point for point in map(_point, signatures) if point is not None]
     if not points or len(points) + (service is not None) < 2:  # noqa: PLR2004 - one point is no trend
         return None
-    first, reference_n, _ = points[0]
+    first = points[0][0]
     days = [(moment - first).total_seconds() / _DAY_S for moment, _, _ in points]
     values = [_PERCENT * (value / reference_n - 1.0) for _, value, _ in points]
     halves = [_PERCENT * half / reference_n for _, _, half in points]
@@ -155,6 +160,14 @@ def friction_chart(
     return Chart(
         "Sliding friction against the reference", "days since the first signature", "%", tuple(drawn), size="wide"
     )
+
+
+def _point(signature: KeptResult) -> tuple[datetime, float, float] | None:
+    """Return date, sliding friction and half its interval in N, None where a damaged result has none."""
+    try:
+        return signature.recorded, float(signature.document["quantities"]["sliding_n"]), _half(signature.document)
+    except (KeyError, TypeError, ValueError):
+        return None
 
 
 def _half(document: dict[str, Any]) -> float:

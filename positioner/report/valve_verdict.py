@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from positioner.health.causes import AlarmCause
 from positioner.health.reference import CONFIGURED
 from positioner.health.watch import changes_of
 from positioner.report.page import Status, Verdict
@@ -34,7 +35,9 @@ def verdict_of_valve(
 ) -> Verdict:
     """Return one verdict: of the alarms, of the tests that judge, and of a test that runs now."""
     alarms = [each for each in service.trends.alarms if each.is_active] if service else []
-    found = [*map(verdict_of_alarm, alarms), *filter(None, (verdict_of(newest) for newest, _ in results.values()))]
+    found = [verdict_of_alarm(each) for each in alarms]
+    if not any(each.cause is AlarmCause.STROKE_TEST for each in alarms):
+        found += filter(None, (verdict_of(newest) for newest, _ in results.values()))
     if running:
         sentence = f"{running} moves the valve now; what follows is of before."
         found.append(Verdict(Status.FUNCTION_CHECK, sentence, "Wait until it has ended, and make the report again."))

@@ -1,0 +1,98 @@
+"""Alarms, verdicts and trends of a report: the worst counts, the reference is the zero, damage spoils none."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+import report_samples as samples
+
+from positioner.health.alarms import Alarm
+from positioner.health.causes import AlarmCause
+from positioner.report.layers import Limit, Line, Marks, Whiskers
+from positioner.report.page import Status
+from positioner.report.trend_sections import alarm_section, trend_section, verdict_of_alarm
+from positioner.report.valve_verdict import verdict_of_valve
+from positioner.wire.messages import Health
+
+if TYPE_CHECKING:
+    from positioner.commissioning.results import KeptResult
+    from positioner.report.trend_sections import Service
+
+OPTIONS = "--config fv101.toml"
+PASSED = samples.result("stroke-test", samples.stroke_test())
+STUCK = samples.result("stroke-test", samples.stroke_test("failed", "stuck", "no motion"))
+HIGH = samples.friction_alarm(0.27)
+ALARMED = samples.service(0.27, (HIGH,))
+
+
+def test_the_worst_status_is_the_verdict_and_the_others_are_counted() -> None:
+    service = samples.service(0.27, (HIGH, *samples.other_alarms()))
+    verdict = verdict_of_valve({"stroke-test": (STUCK, PASSED)}, service, "", OPTIONS)
+    assert verdict.status is Status.FAILURE
+    assert verdict.sentence == "The stroke test failed: no motion. 2 more alarms below."
+    verdict = verdict_of_valve({"stroke-test": (PASSED, PASSED)}, service, "", OPTIONS)
+    assert verdict.status is Status.MAINTENANCE_REQUIRED
+    assert verdict.sentence.endswith("1 more alarm below.")
+
+
+@pytest.mark.parametrize(
+    ("results", "service", "running", "status"),
+    [
+        ({}, None, "", Status.UNKNOWN),
+        ({"signature": (samples.result("signature", samples.SIGNATURE),) * 2}, None, "", Status.UNKNOWN),
+        ({}, samples.service(0.02), "", Status.GOOD),
+        ({"stroke-test": (PASSED, PASSED)}, None, "", Status.GOOD),
+        (
+            {"stroke-test": (PASSED, PASSED)},
+            samples.service(0.27, (HIGH,)),
+            "positioner signature",
+            Status.FUNCTION_CHECK,
+        ),
+        ({"stroke-test": (STUCK, PASSED)}, None, "positioner signature", Status.FAILURE),
+    ],
+)
+def test_a_status_is_only_said_of_what_was_judged(
+    results: dict[str, tuple[KeptResult, KeptResult]], service: Service | None, running: str, status: Status
+) -> None:
+    assert verdict_of_valve(results, service, running, OPTIONS).status is status
+
+
+def test_a_failed_stroke_test_is_one_alarm_and_not_two() -> None:
+    alarm = Alarm(AlarmCause.STROKE_TEST, 1, Health.MAINTENANCE_REQUIRED, 0.0, 1.0, 0.0, 1.0, "failed on 9 Mar 2026")
+    verdict = verdict_of_valve({"stroke-test": (STUCK, PASSED)}, samples.service(0.0, (alarm,)), "", OPTIONS)
+    assert verdict.sentence == "The stroke test: failed on 9 Mar 2026."
+
+
+def test_an_alarm_says_since_when_how_much_and_what_to_do() -> None:
+    verdict = verdict_of_alarm(HIGH)
+    assert verdict.status is Status.MAINTENANCE_REQUIRED
+    expected = (
+        "Friction has risen since 30 Aug 2026, 04:12 UTC: 27.0 %, the limit is 20.0 %; sliding friction in 300 moves"
+    )
+    assert verdict.sentence.replace("\N{NO-BREAK SPACE}", " ").startswith(expected)
+    assert verdict.action.endswith("then positioner signature.")
+    section = alarm_section((HIGH, *samples.other_alarms()))
+    assert [row[1] for row in section.tables[0].rows] == ["Maintenance required", "Maintenance required", "has ended"]
+    assert "none waits" in alarm_section(()).remarks[0]
+
+
+def test_the_trend_is_drawn_against_the_reference_with_its_limits_and_intervals() -> None:
+    section = trend_section(samples.service(0.27), samples.signatures(1.27))
+    layers = section.charts[0].layers
+    assert sorted(each.y for each in layers if isinstance(each, Limit)) == [-40.0, -20.0, 20.0, 40.0]
+    (line,) = (each for each in layers if isinstance(each, Line))
+    assert line.y == pytest.approx([0.0, 8.1, 27.0])
+    assert line.x == pytest.approx([0.0, 0.45 * 195.69, 195.69], abs=0.01)
+    first = next(each for each in layers if isinstance(each, Whiskers))
+    assert (first.low[0], first.high[0]) == pytest.approx((-100.0 * 7.0 / 1423.0, 100.0 * 7.0 / 1423.0))
+    in_service = [each for each in layers if isinstance(each, Marks)][-1]
+    assert in_service.y == pytest.approx([27.0], abs=0.1)
+    assert section.tables[0].rows[0][:2] == ("sliding friction", "+27.0 %")
+
+
+def test_a_damaged_signature_is_no_point_of_the_trend() -> None:
+    damaged = samples.result("signature", {"valve": "FV-101", "quantities": []}, "c")
+    section = trend_section(samples.service(0.27), (*samples.signatures(1.27), damaged))
+    (line,) = (each for each in section.charts[0].layers if isinstance(each, Line))
+    assert len(line.x) == 3

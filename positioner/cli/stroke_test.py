@@ -33,7 +33,8 @@ The test moves the valve from where it is by a tenth of its span, and back, with
 it. [stroke_test] sets stroke, direction and limits; the static friction that identify has written into [valve] is the
 reference. A new setpoint of the host, a disarming and a trip end the test at once; the stem then goes where it is told.
 Any other end brings it back to where it was, Ctrl-C too; a second Ctrl-C ends it at once. The daemon of this valve must
-be stopped. Results are kept in the state directory of the valve, and compared with the first one.
+be stopped; afterwards no commands are sent. Results are kept in the state directory of the valve, and compared with
+the first one.
 
 The test shows the condition of the valve. It earns no safety integrity level: the positioner is no safety device.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -10,12 +11,15 @@ from plant_world import PlantWorld
 
 from positioner.bus.address import BusAddress
 from positioner.bus.port import Ports
+from positioner.cli.main import main
 from positioner.cli.stroke_test import stroke_test_of
+from positioner.commissioning import results
 from positioner.commissioning.experiment import Experiment
 from positioner.commissioning.procedure import ProcedureLimits, Progress
 from positioner.commissioning.stroke.report import as_json
 from positioner.commissioning.stroke.result import stroke_result
 from positioner.config.reader import load_config
+from positioner.errors import ExitCode
 from positioner.host.words import state_in_words
 from positioner.replay.procedure import outcome_in
 from positioner.runtime.procedure_run import ProcedureError, ProcedureRun
@@ -182,3 +186,35 @@ def test_a_stroke_test_and_its_record_give_the_same_result(
     assert as_json(again, valve, settings) == as_json(live, valve, settings)
     if "FAILSAFE" not in cause:
         assert abs(run.where_m - (0.07 if cause == "new setpoint" else run.start_m)) < 0.01 * SPAN_M
+
+
+def test_the_command_prints_the_result_of_a_record_keeps_a_finished_one_and_writes_its_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, page = tmp_path / "test.log", tmp_path / "page.html"
+    run = Run(tmp_path, stroke_test_of, log)
+    run.until_end()
+    arguments = ["stroke-test", "--config", str(tmp_path / "valve.toml"), "--from", str(log)]
+    assert main([*arguments, "--json", "--as-reference", "--report", str(page)]) == ExitCode.OK
+    told = json.loads(capsys.readouterr().out)
+    assert told["verdict"] == "passed"
+    assert "The stroke test was passed." in page.read_text(encoding="utf-8")
+    (kept,) = results.kept(tmp_path / "state", "stroke-test")
+    assert kept.document == told
+    assert main(arguments) == ExitCode.OK
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "FV-101: stroke test passed"
+    assert "+0 N         since the reference" in "\n".join(lines)
+    assert "earns no safety integrity level" in lines[-1]
+
+
+def test_the_command_ends_with_status_1_where_the_test_was_ended_and_keeps_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "test.log"
+    run = Run(tmp_path, stroke_test_of, log)
+    run.until_end(each=lambda number: _asked(run, number))
+    arguments = ["stroke-test", "--config", str(tmp_path / "valve.toml"), "--from", str(log), "--as-reference"]
+    assert main(arguments) == ExitCode.FAILURE
+    assert capsys.readouterr().out.startswith("FV-101: stroke test aborted: new setpoint")
+    assert results.kept(tmp_path / "state", "stroke-test") == ()

@@ -13,6 +13,7 @@ from plant_emulator.presets import plant_settings
 from positioner.commissioning.stroke.memory import Cause, Phase
 from positioner.commissioning.stroke.report import NO_CREDIT, as_json, changes, remarks, rows, verdict_line
 from positioner.commissioning.stroke.result import Limit, StrokeResult, Verdict
+from positioner.errors import ConfigurationError
 from positioner.wire.messages import HostRequest, ManualCurrent, Setpoint
 
 if TYPE_CHECKING:
@@ -261,3 +262,16 @@ def test_what_a_test_did_not_come_to_is_not_known() -> None:
     assert [row.name for row in rows(found) if not row.seen][:2] == ["stroke", "natural jump, seen"]
     assert math.isnan(found.static_n)
     assert Phase.OUT in dict.fromkeys(phase for phase, _ in stroked(2.0)[0].memory.began)  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("stroke", "text"),
+    [
+        ({"breakaway_high": 1.5}, "breakaway_high must not exceed stuck_of_reference"),
+        ({"total_s": 20.0}, "total_s must exceed breakaway_s"),
+        ({"stroke_of_span": 0.9}, "stroke_of_span"),
+    ],
+)
+def test_limits_in_the_wrong_order_are_refused(stroke: dict[str, Any], text: str) -> None:
+    with pytest.raises(ConfigurationError, match=text):
+        configured(stroke_test=stroke)

@@ -32,7 +32,7 @@ _REST_OF_COAST = 0.3
 _SLOWEST_S = 60.0
 _SHORTEST_S = 0.05
 _FEWEST = 4
-_OTHER_SPEED = 0.4
+_OTHER_SPEED, _OTHER_SCATTER, _UNEVEN_OF_STROKE = 0.4, 1.5, 0.02
 _FASTEST = 1.15
 """A stem that goes on faster than it slid does so by a jump, and shows no lag."""
 _HALVINGS = 60
@@ -155,12 +155,14 @@ def lag_s(record: Record, plan: Plan, out: Moved | None) -> float:
 
 
 def _steady(left_m: Array, early_s: Array, plan: Plan) -> bool:
-    """Return whether the stem slid at its expected speed: without it, its place does not change."""
+    """Return whether the stem slid at its expected speed, without jumps: without it, its place does not change."""
     known = ~np.isnan(left_m)
-    times = early_s[known] - early_s[known].mean()
+    times, places = early_s[known] - early_s[known].mean(), left_m[known] - left_m[known].mean()
     squares = float(times @ times)
-    off = abs(float(times @ left_m[known]) / squares)
-    return off < _OTHER_SPEED * plan.speed_m_per_s + 3.0 * plan.sigma_m / math.sqrt(squares)
+    slope = float(times @ places) / squares
+    scatter_m = float(np.std(places - slope * times))
+    slides = abs(slope) < _OTHER_SPEED * plan.speed_m_per_s + 3.0 * plan.sigma_m / math.sqrt(squares)
+    return slides and scatter_m < _OTHER_SCATTER * plan.sigma_m + _UNEVEN_OF_STROKE * plan.aim_m
 
 
 def _time_constant_s(way_s: float, held_s: float) -> float:

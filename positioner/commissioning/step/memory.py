@@ -7,6 +7,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from positioner.commissioning.known import Mean
+from positioner.commissioning.record import Kind, stretch
 from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
@@ -30,16 +31,22 @@ class Doing(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """What followed one step of `size` in `direction`: the readings from the step on, at equal distances in time.
+    """What followed one step of `size` in `direction`.
 
-    before_m: the mean of the last quarter of the wait before; final_m: that of the wait after.
+    before_m: the mean of the last quarter of the wait before; final_m: that of the wait after. trail: the readings from
+    the step on; they become numbers only when no valve waits for its next step.
     """
 
     size: float
     direction: float
     before_m: float
     final_m: float
-    measured_m: tuple[float, ...]
+    trail: Trail | None
+
+    @property
+    def measured_m(self) -> tuple[float, ...]:
+        """The readings in m, at equal distances in time; a lost one is NaN."""
+        return stretch(self.trail, Kind.STEP).measured_m
 
 
 @dataclass(frozen=True, slots=True)

@@ -149,8 +149,7 @@ class StepTest:
         _, size, direction = memory.steps[0]
         responses = memory.responses
         if direction:
-            readings = stretch(memory.trail, Kind.STEP).measured_m
-            responses = (*responses, Response(size, direction, memory.before_m, mean_m, readings))
+            responses = (*responses, Response(size, direction, memory.before_m, mean_m, memory.trail))
         return self._step(replace(memory, steps=memory.steps[1:], responses=responses))
 
     def _after_rung(self, memory: StepMemory, mean_m: float) -> StepMemory:

@@ -77,7 +77,7 @@ class Changes:
     """What has changed since the reference.
 
     friction: of F_c; spring: of K; offset: of the spring's force in the middle of the moves, as a part of its force
-    over the span; static: of F_s, None while no breakaway has shown it. jump: the change of the slip jump
+    over the span; static: of F_s, None while too few slips have shown it. jump: the change of the slip jump
     2·(F_s - F_c)/K, as a part of the span.
     one_sided: only one direction has changed, as a supply or a converter at its limit makes it: this is no friction.
     """
@@ -160,7 +160,7 @@ def changes(trend: FrictionTrend, reference: Reference, averaging: float) -> Cha
     )
     apart = Share(friction, spread * math.sqrt(ff))
     static = jump = None
-    if trend.static_moves:
+    if trend.static_moves * averaging >= 1.0:  # a mean of few slips lags behind that of all moves
         change = math.expm1(trend.static_log)
         sigma = _SCATTER * math.sqrt(averaging / (2.0 - averaging) + 1.0 / trend.static_moves)
         static = Share(change, (1.0 + change) * sigma)

@@ -39,14 +39,14 @@ def measured_health_settings(
         strokes = results.kept(folder, "stroke-test", report)
         if strokes:
             watch = replace(watch, stroke_test=stroke_test_watched(_date(strokes[-1]), strokes[-1].document))
+        every_s = configuration.health.stroke_test_s
+        if every_s > 0.0:
+            last = [each.recorded for each in strokes if each.document["verdict"] != "aborted"]
+            age_s = (datetime.now(UTC) - last[-1]).total_seconds() if last else every_s
+            watch = replace(watch, stroke_test_due_s=max(every_s - age_s, 0.0))
     except (StateError, KeyError, TypeError, ValueError, StopIteration) as error:
         report(f"{folder}: a kept result is not as expected ({error}): friction and spring have no reference")
         return settings
-    every_s = configuration.health.stroke_test_s
-    if every_s > 0.0:
-        last = [each.recorded for each in strokes if each.document["verdict"] != "aborted"]
-        age_s = (datetime.now(UTC) - last[-1]).total_seconds() if last else every_s
-        watch = replace(watch, stroke_test_due_s=max(every_s - age_s, 0.0))
     return replace(settings, watch=watch)
 
 

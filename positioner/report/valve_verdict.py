@@ -24,7 +24,6 @@ _WORST_FIRST = (
     Status.MAINTENANCE_REQUIRED,
     Status.GOOD,
 )
-_TEST = "a stroke test shows more:"
 
 
 def verdict_of_valve(
@@ -41,9 +40,13 @@ def verdict_of_valve(
     if running:
         sentence = f"{running} moves the valve now; what follows is of before."
         found.append(Verdict(Status.FUNCTION_CHECK, sentence, "Wait until it has ended, and make the report again."))
+    if service:
+        found += _of_service(service)
     if not found:
-        return _no_judgement(results, service, options)
+        return _no_judgement(results, options)
     worst = min(found, key=lambda each: _WORST_FIRST.index(each.status))
+    if worst.status is Status.GOOD:
+        return Verdict(Status.GOOD, " ".join(each.sentence for each in reversed(found)), worst.action)
     others = sum(each.status is not Status.GOOD for each in found) - 1
     if others > 0:
         more = f"{worst.sentence} {others} more {'alarm' if others == 1 else 'alarms'} below."
@@ -51,15 +54,18 @@ def verdict_of_valve(
     return worst
 
 
-def _no_judgement(
-    results: Mapping[str, tuple[KeptResult, KeptResult]], service: Service | None, options: str
-) -> Verdict:
-    if service and service.watch.reference.source != CONFIGURED and service.trends.friction.moves:
-        friction = f"{100.0 * changes_of(service.watch, service.trends).friction.value:+.0f} %"
-        sentence = f"No alarm is active; friction in service is {friction} against the reference."
-        return Verdict(Status.GOOD, sentence.replace("-", "\N{MINUS SIGN}"), "Nothing.")
-    if service and results:
-        return Verdict(Status.GOOD, "No alarm is active.", f"Nothing; {_TEST} positioner stroke-test {options}.")
+def _of_service(service: Service) -> list[Verdict]:
+    """Return what a service without an active alarm says of the valve, where it was compared with a measured one."""
+    if any(each.is_active for each in service.trends.alarms):
+        return []
+    if service.watch.reference.source == CONFIGURED or not service.trends.friction.moves:
+        return []
+    friction = f"{100.0 * changes_of(service.watch, service.trends).friction.value:+.0f} %"
+    sentence = f"No alarm is active; friction in service is {friction} against the reference."
+    return [Verdict(Status.GOOD, sentence.replace("-", "\N{MINUS SIGN}"), "Nothing.")]
+
+
+def _no_judgement(results: Mapping[str, tuple[KeptResult, KeptResult]], options: str) -> Verdict:
     if results:
         sentence = "The valve was measured, and nothing has judged it yet."
         return Verdict(Status.UNKNOWN, sentence, f"Run positioner stroke-test {options}, or put it in service.")

@@ -58,6 +58,12 @@ def test_a_status_is_only_said_of_what_was_judged(
     assert verdict_of_valve(results, service, running, OPTIONS).status is status
 
 
+def test_a_good_valve_is_told_with_what_has_judged_it() -> None:
+    verdict = verdict_of_valve({"stroke-test": (PASSED, PASSED)}, samples.service(-0.021), "", OPTIONS)
+    expected = "No alarm is active; friction in service is −2 % against the reference. The stroke test was passed."
+    assert (verdict.status, verdict.sentence, verdict.action) == (Status.GOOD, expected, "Nothing.")
+
+
 def test_a_failed_stroke_test_is_one_alarm_and_not_two() -> None:
     alarm = Alarm(AlarmCause.STROKE_TEST, 1, Health.MAINTENANCE_REQUIRED, 0.0, 1.0, 0.0, 1.0, "failed on 9 Mar 2026")
     verdict = verdict_of_valve({"stroke-test": (STUCK, PASSED)}, samples.service(0.0, (alarm,)), "", OPTIONS)

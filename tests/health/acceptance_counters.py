@@ -47,9 +47,7 @@ def main() -> int:
             done, lost = done + counts, lost + not_kept
     print("| what | goal | found | |\n|---|---|---|---|")  # noqa: T201
     runs = 2 * len(lengths)
-    _row(
-        f"counters of {runs} runs ({cycles} cycles) that differ from a recount of their record", "0", differ, not differ
-    )
+    _row(f"counters of {runs} runs ({cycles} cycles) unlike a recount of their record", "0", differ, not differ)
     _row(f"kills with kill -9 ({done} cycles counted, {lost} of them lost)", f"{kills}", kills - len(wrong), not wrong)
     _row("kept counters unlike a recount of all lives", "0", len(wrong), not wrong)
     print("\n".join(wrong))  # noqa: T201

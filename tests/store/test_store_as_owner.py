@@ -15,6 +15,8 @@ from positioner.cli.main import main
 from positioner.errors import ExitCode, StateError
 from positioner.store import access, as_owner, database, messages
 from positioner.store.file_check import Fault, TableRejectedError
+from positioner.store.health_document import HealthDocument
+from positioner.store.health_file import HealthFile
 from positioner.store.table_directory import BACKUPS, GOOD_COPY, TABLE
 
 if TYPE_CHECKING:
@@ -50,6 +52,15 @@ def test_root_reads_and_replaces_the_table_as_its_owner(state: Path) -> None:
     assert backup.startswith(f"{state}/{BACKUPS}/before-reset-")
     assert access.replace(state, taught(series(50)), force=False) is None
     assert access.dump(state).table == taught(series(50)).table
+    assert {path.stat().st_uid for path in state.rglob("*")} == {OWNER}
+
+
+def test_root_reads_and_resets_the_health_as_its_owner(state: Path) -> None:
+    HealthFile(state, VALVE).save(HealthDocument(VALVE, "2026-05-09T07:35:25Z", sections={"counters": 7}))
+    give_away(state)
+    assert access.health(state).sections == {"counters": 7}
+    assert access.reset_health(state, ("counters",)).startswith(f"{state}/{BACKUPS}/before-health-reset-")
+    assert access.health(state).sections == {}
     assert {path.stat().st_uid for path in state.rglob("*")} == {OWNER}
 
 

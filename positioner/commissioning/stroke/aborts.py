@@ -33,7 +33,7 @@ def first_broken(settings: StrokeSettings, memory: StrokeMemory, plan: Plan) -> 
     elif memory.phase in _PUSHES:
         broken = _stuck(settings, memory, plan)
     if broken is None and off_course_m(plan, memory) > 0.0:
-        at_mm, most_mm = memory.smooth_m * _MM, plan.tolerance_m * _MM
+        at_mm, most_mm = memory.smooth_m * _MM, (plan.tolerance_m + plan.jump_m) * _MM
         broken = Cause.OFF_COURSE, f"the stem is at {at_mm:.1f} mm, more than {most_mm:.2f} mm from its course"
     if broken is None and memory.time_s > settings.total_s:
         broken = Cause.TOO_LONG, f"the test has not ended after {memory.time_s:.1f} s, in: {memory.phase}"
@@ -60,10 +60,11 @@ def _stuck(settings: StrokeSettings, memory: StrokeMemory, plan: Plan) -> tuple[
 
 
 def off_course_m(plan: Plan, memory: StrokeMemory) -> float:
-    """Return how far in m the stem is beyond the tolerance of its course; 0 or less while it keeps to it."""
-    gone_m, tolerance_m = plan.gone_m(memory.smooth_m), plan.tolerance_m
-    if not plan.steadily:
-        tolerance_m += plan.jump_m
+    """Return how far in m the stem is beyond the tolerance of its course; 0 or less while it keeps to it.
+
+    A stem may stick again on its way, and jump: its natural jump is added to the tolerance.
+    """
+    gone_m, tolerance_m = plan.gone_m(memory.smooth_m), plan.tolerance_m + plan.jump_m
     moved = memory.breakaway
     match memory.phase:
         case Phase.OUT | Phase.BACK if moved is None:

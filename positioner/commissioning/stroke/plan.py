@@ -33,8 +33,7 @@ class Plan:
     with the place, K/B.
     static_ma: the configured static friction as a current. jump_m: the natural jump, (F_s - F_c)/K.
     stroke_m: the wanted stroke; aim_m: the one to expect, the jump where that is longer; furthest_m: the limit.
-    tolerance_m: from the course. rate_ma_per_s, speed_m_per_s: of the stem that slides; steadily: without
-    jumps, which it makes where it is slow, or comes to rest between two steps of the current.
+    tolerance_m: from the course. rate_ma_per_s, speed_m_per_s: of the stem that slides.
     lag_s: from the current to the sliding stem; slow_s: what it may take in addition.
     smoothing_s: time constant of the smoothed reading; seen_m: the motion that is more than its noise; sigma_m: the
     noise of a reading.
@@ -52,7 +51,6 @@ class Plan:
     tolerance_m: float
     rate_ma_per_s: float
     speed_m_per_s: float
-    steadily: bool
     lag_s: float
     slow_s: float
     smoothing_s: float
@@ -123,7 +121,6 @@ def plan_of(
         tolerance_m=tolerance_m,
         rate_ma_per_s=rate,
         speed_m_per_s=rate * m_per_ma,
-        steadily=rate >= slides_ma_per_s and period_s <= lag_s,
         lag_s=lag_s,
         slow_s=settings.slow_s,
         smoothing_s=smoothing_s,

@@ -68,6 +68,16 @@ def test_around_a_level_a_parabola_is_more_exact_than_the_regression_alone() -> 
         assert 0.1 < found.std() < 0.85 * alone.std()
 
 
+def test_a_jump_through_the_level_is_no_parabola() -> None:
+    # rests at 0.46 and 0.66 of the step, and a jump between them
+    rise = np.concatenate([np.linspace(0.0, 0.46, 10), np.full(30, 0.46), np.full(30, 0.66), np.full(400, 1.0)])
+    noisy = rise + 0.005 * np.random.default_rng(5).standard_normal((40, len(rise)))
+    truth = crossing(rise, 0.632, 0.0)
+    assert 39.0 < truth < 40.0
+    found = np.array([instant(each, 0.632, 1.0, 0.005) for each in noisy])
+    assert float(np.abs(found - truth).max()) < 1.5
+
+
 def test_a_level_counts_as_crossed_at_the_first_time_even_where_the_stem_falls_back() -> None:
     wave = np.concatenate([np.linspace(0.0, 1.2, 61), np.full(40, 0.5), np.full(300, 1.0)])
     noise = 0.02 * np.random.default_rng(1).standard_normal(len(wave))

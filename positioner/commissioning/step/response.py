@@ -30,6 +30,7 @@ _PASSED_SIGMA = 8.0
 _AROUND = 0.2
 """How far around a level the parabola reaches, as a part of the step."""
 _FEWEST = 6
+_MISFIT_SIGMA = 3.0
 _CERTAIN_SIGMA = 5.0
 """Of a change of the mean, the largest of some thousand possible ones."""
 _LONGEST_SEARCH = 4.0
@@ -104,7 +105,12 @@ def instant(values: NDArray[np.float64], part: float, step: float, sigma: float)
     begin, end = max(math.ceil(middle - reach), 0), min(math.floor(middle + reach) + 1, len(values))
     if sigma == 0.0 or end - begin < _FEWEST:
         return middle
-    curve, slope, off = np.polyfit(np.arange(begin, end) - middle, values[begin:end] - level, 2)
+    times, around = np.arange(begin, end) - middle, values[begin:end] - level
+    curve, slope, off = np.polyfit(times, around, 2)
+    misfit = around - (curve * times + slope) * times - off
+    free = end - begin - 3
+    if float(misfit @ misfit) > sigma * sigma * (free + _MISFIT_SIGMA * math.sqrt(2.0 * free)):
+        return middle  # a kink: the stem stuck, or was pushed again
     root = slope * slope - 4.0 * curve * off
     if slope <= 0.0 or root < 0.0:
         return middle

@@ -204,10 +204,10 @@ fault-test: $(VENV)/installed
 identify-acceptance: $(VENV)/installed
 	$(BIN)/python tests/commissioning/acceptance.py $(ARGS)
 
-# How many sticking valves `positioner diagnose` finds in emulated loops, how exactly, and how many others it accuses
+# Every goal of commissioning and diagnostics on emulated valves, with its figure: docs/commissioning-results.md
 .PHONY: diagnostics-test
 diagnostics-test: $(VENV)/installed
-	PYTHONPATH=tests $(BIN)/python tests/diagnostics/loop_acceptance.py $(ARGS)
+	$(BIN)/python tests/diagnostics/results_page.py $(ARGS)
 
 # Stalls of the process: 10,000 on a virtual clock, 200 by SIGSTOP.
 .PHONY: stall-test

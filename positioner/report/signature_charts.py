@@ -46,10 +46,10 @@ def _numbers(values: Any, factor: float = 1.0) -> Sequence[float]:
     return [float("nan") if each is None else float(each) * factor for each in values]
 
 
-def signature_verdict(document: dict[str, Any]) -> Verdict:
-    """Return what a signature says of the valve, by the limits of its changes since the reference."""
+def signature_verdict(document: dict[str, Any]) -> Verdict | None:
+    """Return what a signature says of the valve, by the limits of its changes since the reference; None without one."""
     if not document["compared"]:
-        return Verdict(Status.UNKNOWN, "This is the first signature.", "Later ones are compared with it.")
+        return None
     broken = document["beyond_limits"]
     if not broken:
         return Verdict(Status.GOOD, "Spring and friction are those of the reference, within the limits.", "Nothing.")

@@ -28,6 +28,8 @@ from positioner.commissioning.stages import Stroke
 from positioner.errors import ExitCode
 from positioner.guard.settings import GuardSettings
 from positioner.health.settings import AlarmSettings, Category, HealthTable
+from positioner.report.page import Status
+from positioner.report.signature_charts import signature_verdict
 from positioner.studies.identified_plant import experiment_on
 from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
@@ -214,3 +216,17 @@ def test_a_change_beyond_its_limit_is_told_with_its_category_and_remedy() -> Non
     assert told(wide, sliding_n=1.29 * before.sliding_n.value, spring_n_per_m=50_000.0) == []
     (one,) = beyond_limits(replace(before, sliding_n=Interval(1800.0, 1800.0, 1800.0)), reference, health, valve.span_m)
     assert str(one).startswith("friction has risen: +26.5 %, limit 20 %: look at the packing")
+
+
+def test_the_page_judges_a_signature_by_its_limits_and_the_first_one_not_at_all() -> None:
+    assert signature_verdict({"compared": False, "beyond_limits": []}) is None
+    good = signature_verdict({"compared": True, "beyond_limits": []})
+    text = "friction has risen: +26.5 %, limit 20 %: look at the packing"
+    one = {"category": "maintenance_required", "text": text}
+    risen = signature_verdict({"compared": True, "beyond_limits": [one]})
+    worse = signature_verdict({"compared": True, "beyond_limits": [one, {**one, "category": "out_of_specification"}]})
+    statuses = [each.status for each in (good, risen, worse) if each is not None]
+    assert statuses == [Status.GOOD, Status.MAINTENANCE_REQUIRED, Status.OUT_OF_SPECIFICATION]
+    assert risen is not None
+    assert risen.sentence == "Since the reference: friction has risen: +26.5 %, limit 20 %."
+    assert risen.action == "Look at the packing."

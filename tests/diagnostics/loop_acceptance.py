@@ -160,12 +160,15 @@ def main() -> int:
     parser.add_argument("--sticking", type=int, default=60, help="loops with a sticking valve (default: %(default)s)")
     parser.add_argument("--others", type=int, default=14, help="of each other kind (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=40000, help="of the first loop (default: %(default)s)")
+    parser.add_argument("--short", action="store_true", help="a few loops only")
     parser.add_argument("--workers", type=int, default=multiprocessing.cpu_count())
     parser.add_argument("--example", type=Path, metavar="FILE", help="only write one loop as CSV: S 9 %%, J 3 %%")
     arguments = parser.parse_args()
     if arguments.example:
         write_example(arguments.example)
         return 0
+    if arguments.short:
+        arguments.sticking, arguments.others = 8, 2
     loops = sticking_loops(arguments.sticking, 0.8, 23.0, arguments.seed)
     for number, kind in enumerate(OTHERS, 1):
         loops += other_loops(kind, arguments.others, arguments.seed + 1000 * number)
@@ -176,8 +179,9 @@ def main() -> int:
     tqdm.write("", file=sys.stdout)
     for law in ("pi", "nmpc"):
         tqdm.write(f"- {own_log(law)}", file=sys.stdout)
+    tqdm.write("\n| goal and figure | met |\n|---|---|", file=sys.stdout)
     for text, reached in goals:
-        tqdm.write(f"- {text}{'' if reached else ': **missed**'}", file=sys.stdout)
+        tqdm.write(f"| {text} | {'yes' if reached else '**no**'} |", file=sys.stdout)
     return 0 if all(reached for _, reached in goals) else 1
 
 

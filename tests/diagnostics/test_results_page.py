@@ -1,0 +1,57 @@
+"""The page of the acceptance figures: each runner has its section, and says whether its goals are met."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+import results_page
+from results_page import PAGE, Runner, main, page_of, played, runners, sections_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+NAMES = tuple(each.name for each in runners())
+
+
+def test_every_section_of_the_page_has_a_runner_and_names_its_command() -> None:
+    sections = sections_of(PAGE.read_text(encoding="utf-8"))
+    assert {"signature", "explain", "setpoint functions"} <= set(sections) <= set(NAMES)
+    for runner in runners():
+        if runner.name in sections:
+            assert f"`PYTHONPATH=tests python {' '.join(runner.command)}" in sections[runner.name]
+
+
+def test_a_section_is_replaced_in_its_place_and_one_without_a_runner_goes() -> None:
+    page = page_of({"b": "## b\n\nold\n", "gone": "## gone\n", "a": "## a\n\nfirst\n"}, ("a", "b"))
+    sections = sections_of(page)
+    assert list(sections) == ["a", "b"]
+    assert page_of({**sections, "b": "## b\n\nnew\n"}, ("a", "b")) == page.replace("old", "new")
+
+
+@pytest.mark.parametrize(("status", "words"), [(0, "all goals met ("), (1, "**not all goals met** (")])
+def test_a_section_tells_whether_the_goals_are_met(tmp_path: Path, status: int, words: str) -> None:
+    runner = tmp_path / "acceptance_x.py"
+    runner.write_text(f"import sys\nprint('| a | b |', sys.argv[1:])\nsys.exit({status})\n", encoding="utf-8")
+    section, met = played(Runner("x", "What it shows.", (str(runner),)), ["--short"])
+    assert met is (status == 0)
+    assert words in section
+    assert "What it shows.\n\n| a | b | ['--short']\n" in section
+
+
+def test_an_unknown_section_is_refused_with_the_known_ones(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["results_page", "--only", "nothing"])
+    with pytest.raises(SystemExit):
+        main()
+    assert f"known: {', '.join(NAMES)}" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [each.name for each in runners() if each.prints_table])
+def test_the_short_form_of_a_runner_meets_its_goals(name: str) -> None:
+    runner = next(each for each in results_page.runners() if each.name == name)
+    section, met = played(runner, ["--short"])
+    assert met, section

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Any
 
 from annotated_types import Interval
 
@@ -174,15 +174,14 @@ class StochasticSettings(SettingsTable):
     """Largest deviation of F_s and F_c, as a fraction of each."""
 
 
-_TABLES = {
-    "valve": fields(ValveSettings),
-    "actuator": fields(ActuatorSettings),
-    "process": fields(ProcessSettings),
-    "sensor": fields(SensorSettings),
-    "packing": fields(PackingSettings),
-    "stochastic": fields(StochasticSettings),
+_CHANGEABLE: dict[str, Any] = {
+    "valve": ValveSettings,
+    "actuator": ActuatorSettings,
+    "process": ProcessSettings,
+    "sensor": SensorSettings,
+    "packing": PackingSettings,
+    "stochastic": StochasticSettings,
 }
-_CHANGEABLE = {table: tuple(each.name for each in found) for table, found in _TABLES.items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,8 +208,9 @@ class ScheduledChange(SettingsTable):
         table, _, name = self.key.partition(".")
         if table not in _CHANGEABLE or name in _GEOMETRY or "." in name:
             raise ValueError(f"key '{self.key}' cannot change; name one such as valve.static_friction_n")
-        if name not in _CHANGEABLE[table]:
-            raise ValueError(f"key '{self.key}': no such key; {nearest(name, _CHANGEABLE[table])}")
+        names = [each.name for each in fields(_CHANGEABLE[table])]
+        if name not in names:
+            raise ValueError(f"key '{self.key}': no such key; {nearest(name, names)}")
         if (self.value is None) == (self.factor is None):
             raise ValueError(f"change of {self.key}: give either its value or a factor")
 

@@ -12,6 +12,7 @@ from positioner.bench.playable import check_playable
 from positioner.bench.scenario import Scenario
 from positioner.laws.law import Observation
 from positioner.laws.nmpc.untold.law import UntoldLagLaw, UntoldMemory
+from positioner.valve.fit import ValveFit
 from positioner.valve.stiction import StictionTable
 
 PERIOD_S = 1e-3
@@ -73,3 +74,20 @@ def test_a_valve_without_lag_is_never_taken_for_one_and_soon_watched_no_more() -
     assert memory.actuator is None
     assert memory.watch.is_over
     assert moves < 15
+
+
+def test_a_lag_that_the_table_keeps_leads_from_the_first_cycle_on() -> None:
+    fit = ValveFit(52538.0, 1707.7, 0.002, 0.002, 1e4, 0.0, 0.0, 100.0, 0.0, 0.01, 0.05, 1423.0, 100.0)
+    law = configure(
+        Scenario(name="untold", title="a kept lag", law="nmpc", setpoints_mm=(80.0,), dwell_s=1.0)
+    ).make_law()
+    assert isinstance(law, UntoldLagLaw)
+    seen = Observation(0.08, law.believed.valve.balance_current_ma(0.08), PERIOD_S, 0.08, 0.0)
+    leads = []
+    for table in (StictionTable(), StictionTable(fit=fit)):
+        memory, estimate = law.estimate(law.begin(0.08), seen)
+        memory, decision = law.decide(memory, estimate.stem, seen, table)
+        leads += [{mind.candidate.lag_s for mind in memory.watch.minds if mind.evidence > 0.0}]
+        assert decision.actuator is None
+
+    assert leads == [set(), {0.002}]

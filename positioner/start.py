@@ -19,9 +19,9 @@ def main() -> int:
 
 
 def load(program: str, module: str) -> int:
-    """Run `main` of `module`; return its exit status, or that of a program that cannot be loaded."""
+    """Run what `module` has `prepared`; return its exit status, or that of a program that cannot be loaded."""
     try:
-        command = __import__(module, fromlist=("main",)).main  # importlib might have to be loaded first
+        command = __import__(module, fromlist=("prepared",)).prepared()  # importlib might have to be loaded first
     except (KeyboardInterrupt, SystemExit):
         raise
     except BaseException as error:  # a library written in Rust panics with a BaseException

@@ -13,7 +13,7 @@ from positioner.machine.commands import add_commands, words_given
 from positioner.machine.console import Parser, run_command
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
 _COMMANDS = ("run", "simulate", "presets")
 """Each is a module of this package, in the order of the help."""
@@ -44,9 +44,15 @@ def build_parser(words: Sequence[str] | None = None) -> Parser:
     return parser
 
 
+def prepared(arguments: list[str] | None = None) -> Callable[[], int]:
+    """Load what the command line needs; return what runs it and returns its exit status."""
+    parser = build_parser(words_given(arguments))
+    return lambda: run_command(parser, arguments)
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return its exit status."""
-    return run_command(build_parser(words_given(arguments)), arguments)
+    return prepared(arguments)()
 
 
 if __name__ == "__main__":

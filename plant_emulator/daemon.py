@@ -15,8 +15,7 @@ from positioner.errors import BenchError, ExitCode
 from positioner.machine.line_sink import LineSink
 from positioner.machine.notify import Notifier
 from positioner.values import dataclass
-from positioner.wire.e2e import COUNTER_MODULUS
-from positioner.wire.messages import CurrentCommand, Setpoint
+from positioner.wire.messages import CurrentCommand, Setpoint, StemPosition
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -61,6 +60,9 @@ class EmulatorDaemon:
         self._codec = codec
         self._options = options
         self._stopping = False
+        position = codec.by_kind[StemPosition]
+        has_echo = position.counter is not None and codec.carries(CurrentCommand, "position_counter")
+        self._echo_modulus = position.counter_modulus if has_echo else 0
         identifiers = [codec.identifier(kind) for kind in (CurrentCommand, Setpoint)]
         self._log = LineSink.of(sys.stderr)
         self._bus = BusPort(options.bus, identifiers, lambda event: self._report(str(event)))
@@ -98,10 +100,12 @@ class EmulatorDaemon:
             sample = self._state.position_counter
             if every and sample % every == 0:
                 self._await(partial(_has_setpoint, number=sample // every), "setpoint frame")
+            known = self._state.commands
             self._publish()
             if delay_s:
                 self._advance(delay_s)
-            self._await(partial(_is_answered, sample=sample), "command frame")
+            is_answered = partial(_is_answered, sample=sample, modulus=self._echo_modulus, known=known)
+            self._await(is_answered, "command frame")
             if not self._stopping:
                 self._advance(self._options.period_s - delay_s)
 
@@ -193,5 +197,6 @@ def _has_setpoint(state: DeviceState, *, number: int) -> bool:
     return state.setpoints > number
 
 
-def _is_answered(state: DeviceState, *, sample: int) -> bool:
-    return state.answered == sample % COUNTER_MODULUS
+def _is_answered(state: DeviceState, *, sample: int, modulus: int, known: int) -> bool:
+    """Return whether a command answers `sample`: by its echo, or after the `known` ones where frames carry none."""
+    return state.answered == sample % modulus if modulus else state.commands > known

@@ -35,7 +35,6 @@ _SAME_INSTANT_S = 1e-12
 _NO_SIGNAL_MA = 0.0
 _FULL_SIGNAL_MA = 20.0
 _SPEED_LIMIT_M_PER_S = 8.19
-_PRESSURE_LIMIT_PA = 16e6
 _TRUTH_RANGE_M = (-0.01, 0.661)
 
 
@@ -48,8 +47,8 @@ class DeviceState:
     signal_failed: the command in force is a failure signal.
     failed: the valve is on its way to its fail position, or there.
     position_counter: the counter of the next position frame.
-    answered: the counter of the position frame that the command in force answers.
-    setpoints: number of fresh setpoint frames received.
+    answered: the counter of the position frame that the command in force answers; None where the frame has none.
+    commands, setpoints: numbers of fresh frames received.
     """
 
     plant: PlantState
@@ -58,6 +57,7 @@ class DeviceState:
     command_counter: int = 0
     position_counter: int = 0
     answered: int | None = None
+    commands: int = 0
     setpoints: int = 0
     command_check: CounterCheck = field(default_factory=CounterCheck)
     setpoint_check: CounterCheck = field(default_factory=CounterCheck)
@@ -84,23 +84,30 @@ def take(codec: Codec, state: DeviceState, frames: tuple[CanFrame, ...]) -> Devi
         except FrameRejectedError:
             continue
         if isinstance(message, CurrentCommand):
-            _take_command(state, message, counter)
+            _take_command(state, message, counter, codec.by_kind[CurrentCommand].counter_modulus)
         elif isinstance(message, Setpoint):
-            state.setpoint_check, verdict, _ = state.setpoint_check.check(counter or 0)
+            check = _counting(state.setpoint_check, codec.by_kind[Setpoint].counter_modulus)
+            state.setpoint_check, verdict, _ = check.check(counter or 0)
             fresh = counter is None or verdict is Sequence.FRESH
             state.setpoints += fresh
     return state
 
 
-def _take_command(state: DeviceState, message: CurrentCommand, counter: int | None) -> None:
+def _counting(check: CounterCheck, modulus: int) -> CounterCheck:
+    """Return `check`, or before the first frame one for counters that wrap at `modulus`."""
+    return check if check.modulus == modulus else CounterCheck(modulus=modulus)
+
+
+def _take_command(state: DeviceState, message: CurrentCommand, counter: int | None, modulus: int) -> None:
     if counter is not None:
-        state.command_check, verdict, _ = state.command_check.check(counter)
+        state.command_check, verdict, _ = _counting(state.command_check, modulus).check(counter)
         if verdict is not Sequence.FRESH:
             return
         state.command_counter = counter
     signal_failed = signal_of(message.current_ma) is LoopSignal.FAILURE
     if not signal_failed:
         state.current_ma = message.current_ma
+    state.commands += 1
     state.commanded_s = state.plant.time_s
     state.answered = message.position_counter
     state.signal_failed = state.failed = signal_failed
@@ -150,7 +157,10 @@ def failure(settings: PlantSettings, state: DeviceState) -> str:
 
 
 def publish(codec: Codec, settings: PlantSettings, state: DeviceState) -> tuple[DeviceState, tuple[CanFrame, ...]]:
-    """Return the state and the frames of this sample: the true position for benches, then the reading."""
+    """Return the state and the frames of this sample: the true position for benches, then the reading.
+
+    As with a real sensor, a reading beyond the range of its signal is the end of that range.
+    """
     plant, measured_m = valve.measure(settings, state.plant)
     speed = min(max(plant.stem.velocity_m_per_s, -_SPEED_LIMIT_M_PER_S), _SPEED_LIMIT_M_PER_S)
     true_m = min(max(plant.stem.position_m, _TRUTH_RANGE_M[0]), _TRUTH_RANGE_M[1])
@@ -158,11 +168,16 @@ def publish(codec: Codec, settings: PlantSettings, state: DeviceState) -> tuple[
     counter = state.position_counter
     frames: tuple[CanFrame, ...] = (
         codec.encode(PlantTruth(true_m, speed), counter),
-        codec.encode(StemPosition(measured_m, state.command_counter, quality), counter),
+        codec.encode(StemPosition(_held(codec, StemPosition, measured_m), state.command_counter, quality), counter),
     )
     if settings.sensor.reports_pressure:
         pressure_pa = sensor.pressure_pa(settings, plant.sensor, plant.actuator.pressure_pa)
-        pressure_pa = min(max(pressure_pa, 0.0), _PRESSURE_LIMIT_PA)
-        frames = (codec.encode(ActuatorState(pressure_pa), counter), *frames)
+        frames = (codec.encode(ActuatorState(_held(codec, ActuatorState, pressure_pa)), counter), *frames)
     state = replace(state, plant=plant, position_counter=counter + 1)
     return state, frames
+
+
+def _held(codec: Codec, kind: type[StemPosition | ActuatorState], value: float) -> float:
+    """Return a reading within the range of its signal."""
+    form = codec.field(kind, "position_m" if kind is StemPosition else "pressure_pa")
+    return min(max(value, form.lowest), form.highest)

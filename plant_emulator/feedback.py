@@ -13,8 +13,8 @@ from plant_emulator.roots import crossing
 from positioner.values import dataclass
 
 if TYPE_CHECKING:
-    from plant_emulator.parameters import SensorSettings
     from plant_emulator.path import Path
+    from plant_emulator.sensor_settings import SensorSettings
 
 
 @dataclass(frozen=True, slots=True)

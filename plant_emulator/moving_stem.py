@@ -25,7 +25,7 @@ from plant_emulator.stribeck import StribeckSlide
 
 if TYPE_CHECKING:
     from plant_emulator.force import PushingForce
-    from plant_emulator.parameters import SensorSettings
+    from plant_emulator.sensor_settings import SensorSettings
 
 
 _SETTLED_M_PER_S = 1e-10

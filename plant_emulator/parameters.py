@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 from annotated_types import Interval
 
+from plant_emulator.sensor_settings import SensorSettings
 from positioner.inputs.nearest import nearest
 from positioner.inputs.table import SettingsTable
 
@@ -33,30 +34,33 @@ class ValveSettings(SettingsTable):
     """Stem, spring, packing and diaphragm (paper Table 3); the travel is bounded by two inelastic stops."""
 
     mass_kg: Annotated[float, Interval(ge=0.01, le=200.0)]
-    """m."""
+    """m, moving mass."""
     diaphragm_area_m2: Annotated[float, Interval(ge=1e-4, le=2.0)]
-    """S_a."""
+    """S_a, effective area of the diaphragm."""
     pressure_gain_pa_per_ma: Annotated[float, Interval(ge=100.0, le=1e5)]
-    """K_p of eq. 10."""
+    """K_p of eq. 10, pressure per mA behind the I/P converter."""
     spring_rate_n_per_m: Annotated[float, Interval(ge=100.0, le=1e8)]
-    """K_m."""
+    """K_m, rate of the actuator's spring."""
     static_friction_n: Annotated[float, Interval(ge=0.0, le=1e5)]
     """F_s; with 0 the valve has only viscous friction, and no zero-speed band."""
     coulomb_friction_n: Annotated[float, Interval(ge=0.0, le=1e5)]
     """F_c, at most F_s."""
     viscous_friction_n_s_per_m: Annotated[float, Interval(ge=0.0, le=1e7)]
-    """F_v."""
+    """F_v, friction that grows with the speed."""
     stribeck_velocity_m_per_s: Annotated[float, Interval(ge=1e-6, le=0.1)]
-    """V_s."""
+    """V_s, the speed at which the friction falls from F_s to F_c."""
     stick_velocity_m_per_s: Annotated[float, Interval(ge=1e-7, le=0.01)]
     """DV, half the width of Karnopp's zero-speed band."""
     travel_min_m: Annotated[float, Interval(ge=-1.0, le=1.0)] = 0.0
+    """The lower stop."""
     travel_max_m: Annotated[float, Interval(ge=-1.0, le=1.0)] = 0.1397
+    """The upper stop."""
     bench_set_n: Annotated[float, Interval(ge=-1e5, le=1e5)] = 0.0
     """Force of the spring's preload at position 0."""
     span_m: Annotated[float, Interval(ge=1e-3, le=1.0)] = 0.127
     """Travel that counts as 100 %."""
     initial_position_m: Annotated[float, Interval(ge=-1.0, le=1.0)] = 0.01
+    """Where the stem rests at the start."""
 
     def __post_init__(self) -> None:
         """Check the relations between parameters.
@@ -85,6 +89,7 @@ class ActuatorSettings(SettingsTable):
     vent_time_constant_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 0.0
     """Lag while the pressure falls."""
     dead_time_s: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.0
+    """From a command until the I/P converter begins to follow it."""
     converter_time_constant_s: Annotated[float, Interval(ge=0.0, le=10.0)] = 0.0
     """Lag of the I/P converter, before that of the chamber."""
     slew_pa_per_s: Annotated[float, Interval(ge=0.0, le=1e9)] = 0.0
@@ -97,30 +102,6 @@ class ActuatorSettings(SettingsTable):
     """A change of the current by less than this does not pass the I/P converter."""
     supply_pa: Annotated[float, Interval(ge=0.0, le=2e6)] = 0.0
     """Highest pressure of the I/P converter; 0 is no limit."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SensorSettings(SettingsTable):
-    """Position sensor: backlash of its linkage, its lag, Gaussian noise, then quantisation."""
-
-    backlash_m: Annotated[float, Interval(ge=0.0, le=0.1)] = 0.0
-    """Full width of the play between stem and sensor."""
-    time_constant_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 0.0
-    """First-order lag of the reading."""
-    zero_m: Annotated[float, Interval(ge=-0.1, le=0.1)] = 0.0
-    """Shift of the zero: added to the reading."""
-    noise_of_reading: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0
-    """Standard deviation as a fraction of the reading; the paper's "2 %" is 0.02."""
-    noise_of_span: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0
-    """Standard deviation as a fraction of the span; the variances of the two add up."""
-    noise_hold_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 0.0
-    """Duration of one noise value; 0 is white noise, a new value for each sample."""
-    resolution_m: Annotated[float, Interval(ge=0.0, le=0.01)] = 0.0
-    """Step of the quantisation; 0 is none."""
-    reports_pressure: bool = False
-    """Whether the plant has a pressure sensor, and sends ACTUATOR_STATE."""
-    pressure_noise: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0
-    """Standard deviation of its white noise as a fraction of the reading."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -220,6 +201,7 @@ class PlantSettings(SettingsTable):
     """One emulated valve; `preset` names the settings on which the others are based."""
 
     preset: str | None = None
+    """The plant on which this one is based: `plant-emulator presets` lists them."""
     valve: ValveSettings
     actuator: ActuatorSettings = field(default_factory=ActuatorSettings)
     process: ProcessSettings = field(default_factory=ProcessSettings)
@@ -228,6 +210,7 @@ class PlantSettings(SettingsTable):
     stochastic: StochasticSettings = field(default_factory=StochasticSettings)
     schedule: tuple[ScheduledChange, ...] = ()
     fail_position: FailPosition = FailPosition.CLOSE
+    """Where the valve goes when no commands come."""
     fail_current_ma: Annotated[float, Interval(ge=0.0, le=25.0)] = 4.0
     """The current of `fail_position = "current"`."""
     deadman_s: Annotated[float, Interval(ge=0.001, le=60.0)] = 0.1

@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK
 """The first lines of the emulator's program. Shell."""
 
 import sys

@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK
 """`plant-emulator`: the commands, their help, and the exit status of errors. Shell."""
 
 from __future__ import annotations
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 from positioner import __version__
 from positioner.machine.build import version
 from positioner.machine.commands import add_commands, words_given
+from positioner.machine.completion import Completion
 from positioner.machine.console import Parser, run_command
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ examples:
   plant-emulator run --config plant.toml                           a valve of your own, with faults: examples/plant.toml
 
 exit status: 0 done, 2 wrong command line, 69 bus not available, 74 result not written, 78 wrong plant or input file
-completion:  eval "$(register-python-argcomplete plant-emulator)"
+completion:  plant-emulator --completion bash > ~/.local/share/bash-completion/completions/plant-emulator
 """
 
 
@@ -39,6 +39,7 @@ def build_parser(words: Sequence[str] | None = None) -> Parser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=version("plant-emulator", __version__))
+    parser.add_argument("--completion", action=Completion)
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     add_commands(subparsers, __package__, _COMMANDS, words)
     return parser

@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plant_emulator.cli.plant_options import SECONDS, add_plant_options, plant_of
 from plant_emulator.daemon import EmulatorDaemon, EmulatorOptions
 from positioner.bus.address import parse_address
-from positioner.errors import UsageError
+from positioner.errors import ConfigurationError, UsageError
 from positioner.inputs.numbers import number, whole
 from positioner.wire.codec import make_codec
+from positioner.wire.file import wire_codec
+from positioner.wire.messages import StemPosition
+from positioner.wire.ranges import span_problems
 from positioner.wire.settings import WireSettings
 
 if TYPE_CHECKING:
+    from plant_emulator.parameters import PlantSettings
     from positioner.errors import ExitCode
+    from positioner.wire.codec import Codec
 
 _EXAMPLE = """\
 examples:
   plant-emulator run --preset paper --bus socketcan:vcan0 --period 0.001
   plant-emulator run --preset real-valve --set sensor.time_constant_s=0.005 --set actuator.slew_pa_per_s=4e5
   plant-emulator run --config plant.toml     with every key and with faults that come later: examples/plant.toml
+  plant-emulator run --wire fv101.toml       with the frames of your own DBC: docs/own-dbc.md
 """
 
 
@@ -53,13 +60,21 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="commands act this long after a reading, up to a period; 0: as soon as they arrive (%(default)s s)",
     )
     parser.add_argument("--setpoint-every", type=whole, default=0, metavar="N", help=argparse.SUPPRESS)
-    parser.add_argument(
+    frames = parser.add_mutually_exclusive_group()
+    frames.add_argument(
+        "--wire",
+        type=Path,
+        metavar="FILE",
+        help="frames of your own DBC: [wire] of this configuration",
+    )
+    frames.add_argument(
         "--id-offset",
         type=int,
         default=0,
         metavar="N",
         help="number added to all identifiers, a multiple of 128 (%(default)s)",
     )
+    parser.add_argument("--valve", metavar="ID", help="which valve is meant, where --wire has several")
     parser.set_defaults(run=_run)
 
 
@@ -75,5 +90,17 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         setpoint_every=arguments.setpoint_every,
         command_delay_s=arguments.command_delay,
     )
-    codec = make_codec(WireSettings(id_offset=arguments.id_offset), span_m=settings.valve.span_m)
-    return EmulatorDaemon(settings, codec, options).run()
+    return EmulatorDaemon(settings, _codec(arguments, settings), options).run()
+
+
+def _codec(arguments: argparse.Namespace, settings: PlantSettings) -> Codec:
+    valve = settings.valve
+    if arguments.wire is None:
+        if arguments.valve is not None:
+            raise UsageError("--valve names a valve of the file that --wire gives: give both")
+        return make_codec(WireSettings(id_offset=arguments.id_offset), span_m=valve.span_m)
+    codec = wire_codec(arguments.wire, arguments.valve, span_m=valve.span_m)
+    form = codec.field(StemPosition, "position_m")
+    if problems := span_problems(form, (valve.travel_min_m, valve.travel_max_m), valve.span_m):
+        raise ConfigurationError(str(arguments.wire), problems)
+    return codec

@@ -32,8 +32,9 @@ _MOST_PROBLEMS = 50
 _LIMITS = frozenset({"greater_than", "greater_than_equal", "less_than", "less_than_equal"})
 _UNITS = {
     "_n_s_per_m": "N s/m", "_n_per_m": "N/m", "_m_per_s": "m/s", "_pa_per_ma": "Pa/mA", "_ma_per_s": "mA/s",
-    "_per_m": "1/m", "_per_s": "1/s", "_kg": "kg", "_m2": "m²", "_ma": "mA", "_pa": "Pa", "_mm": "mm", "_n": "N",
-    "_m": "m", "_s": "s",
+    "_ma_per_m_s": "mA/(m s)", "_ma_s_per_m": "mA s/m", "_ma_per_m": "mA/m", "_per_cm2": "1/cm²", "_per_ma2": "1/mA²",
+    "_pa_per_s": "Pa/s", "_per_m": "1/m", "_per_s": "1/s", "_kg": "kg", "_m2": "m²", "_ma": "mA", "_pa": "Pa",
+    "_hz": "Hz", "_mm": "mm", "_n": "N", "_m": "m", "_s": "s", "_days": "d",
 }  # fmt: skip
 """Suffix of a key and its unit, longer suffixes first."""
 _MOST_DOTS = 50
@@ -169,11 +170,11 @@ def _problem(item: ErrorDetails, kind: type[Any], text: str) -> Problem:
         return Problem(key, line, item["msg"].removeprefix("Value error, "))
     message = item["msg"].replace("Input should be", "must be")
     if item["type"] in _LIMITS:
-        message += _unit_of(path[-1])
+        message += unit_of(path[-1])
     return Problem(f"{key} = {item['input']!r}", line, message)
 
 
-def _unit_of(key: str) -> str:
+def unit_of(key: str) -> str:
     """Return the unit in which `key` is given, with a space before it; empty where it has none."""
     return next((f" {unit}" for suffix, unit in _UNITS.items() if key.endswith(suffix)), "")
 

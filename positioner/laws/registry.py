@@ -1,11 +1,18 @@
-"""Every control law by name. A new law is one file and one entry here. Pure, but for the solvers that it makes."""
+"""Every control law by name. Pure, but for the solvers that it makes, and the code of laws from outside.
+
+A new law of this package is one file and one entry here. Others have the name of an entry point, or FILE.py:NAME.
+"""
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from positioner.errors import ConfigurationError, Problem
+from positioner.inputs.plug_in import Kind, file_and_name, installed, line_in, loaded, problem_of
 from positioner.laws.nmpc.filter import AdaptiveFilter
 from positioner.laws.nmpc.lagged.law import LaggedLaw
 from positioner.laws.nmpc.lagged.valve import is_lagged, lagged_valve
@@ -13,6 +20,7 @@ from positioner.laws.nmpc.law import NmpcLaw
 from positioner.laws.nmpc.untold.found import settings_for
 from positioner.laws.nmpc.untold.law import UntoldLagLaw
 from positioner.laws.nmpc.untold.load import nominal_of
+from positioner.laws.outside import OutsideLaw
 from positioner.laws.paper.law import PaperLaw
 from positioner.laws.rivals.knocker import Knocker, KnockerMemory
 from positioner.laws.rivals.pi import NoCompensator, PiLaw
@@ -183,3 +191,54 @@ LAWS: Mapping[str, tuple[str, Callable[[Ingredients], Law[Any]]]] = MappingProxy
     }
 )
 """By name: a description, and the function that makes the law."""
+
+
+def law_names() -> tuple[str, ...]:
+    """Return the names of all laws that need no file: those of this package, then those that others have installed."""
+    return tuple(dict.fromkeys((*LAWS, *installed(Kind.LAW))))
+
+
+def is_outside(name: str) -> bool:
+    """Whether a law of this name is from outside of this package."""
+    return name not in LAWS
+
+
+def law_problem(name: str, known: tuple[str, ...] = tuple(LAWS), unknown: str = "is unknown") -> str | None:
+    """Return what is wrong with the name of a law, None where it is one of `known` or from outside; no code runs.
+
+    unknown: what is said of a name that no law has.
+    """
+    return None if name in known else problem_of(Kind.LAW, name, known, unknown)
+
+
+def make_law(name: str, parts: Ingredients) -> Law[Any]:
+    """Return a new instance of the law `name`.
+
+    Raises:
+        ConfigurationError: a law from outside cannot be loaded or made.
+    """
+    if not is_outside(name):
+        _, make = LAWS[name]
+        return make(parts)
+    found = file_and_name(name)
+    return outside_law(found.label if found else name, loaded(Kind.LAW, name), parts)
+
+
+def outside_law(label: str, make: Callable[..., Any], parts: Ingredients) -> OutsideLaw:
+    """Return the law that `make`, a class or function from outside, makes of `parts` and `control.parameters`.
+
+    Raises:
+        ConfigurationError: it raises an error, or what it makes has no `begin` or `decide`.
+    """
+    module = sys.modules.get(getattr(make, "__module__", ""))
+    file = getattr(module, "__file__", None) or ""
+    try:
+        own = make(parts, **parts.control.parameters)
+    except Exception as error:  # code of others may raise anything
+        line = line_in(error, Path(file))
+        problem = Problem("law", line, f"cannot be made: {type(error).__name__}: {error}")
+        raise ConfigurationError(label, (problem,)) from error
+    if lacks := [name for name in ("begin", "decide") if not callable(getattr(own, name, None))]:
+        message = f"has no {' and no '.join(lacks)}: docs/own-law.md shows what a law is"
+        raise ConfigurationError(label, (Problem("law", None, message),))
+    return OutsideLaw(label, own, file, parts.guard.current_low_ma, parts.guard.current_high_ma)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -17,6 +18,7 @@ from plant_emulator.presets import plant_settings
 from plant_emulator.stem import Stem
 from positioner.bus.address import BusAddress
 from positioner.wire.codec import make_codec
+from positioner.wire.file import wire_codec
 from positioner.wire.messages import (
     ActuatorState,
     CanFrame,
@@ -31,8 +33,8 @@ from positioner.wire.settings import MessageSettings, WireSettings
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
+PERCENT = Path(__file__).parents[2] / "examples" / "percent.toml"
 CODEC = make_codec()
 PAPER = plant_settings("paper")
 PERIOD_S = 0.001
@@ -405,3 +407,40 @@ def test_held_noise_follows_the_plant_time() -> None:
         readings.append(reading.position_m)
         state = advance(settings, state, 0.001)
     assert len(set(readings)) == 3
+
+
+def test_counters_of_a_users_frames_wrap_where_their_signals_end() -> None:
+    codec = wire_codec(PERCENT)
+    state = initial_device(PAPER, 1)
+    for count in range(40):  # four bits: from 15 to 0
+        state = take(codec, state, (codec.encode(CurrentCommand(9.5, position_counter=count % 16), count),))
+        state = take(codec, state, (codec.encode(Setpoint(0.08), count),))
+        assert (state.commands, state.setpoints) == (count + 1, count + 1)
+        assert (state.command_counter, state.answered) == (count % 16, count % 16)
+
+
+@pytest.mark.parametrize(("zero_m", "expected_m"), [(0.1, 1.2 * 0.127), (-0.1, -0.2 * 0.127)])
+def test_a_reading_beyond_the_range_of_a_users_signal_is_the_end_of_the_range(zero_m: float, expected_m: float) -> None:
+    codec = wire_codec(PERCENT)
+    place = {"initial_position_m": 0.07 + 0.3 * zero_m}
+    settings = plant_settings("real-valve", {"valve": place, "sensor": {"zero_m": zero_m, "noise_of_span": 0.0}})
+    state, frames = publish(codec, settings, initial_device(settings, 1))
+    assert settings.sensor.reports_pressure
+    pressure, _, reading = (message for message, _ in (codec.decode(frame) for frame in frames))
+    assert isinstance(reading, StemPosition)
+    assert reading.position_m == pytest.approx(expected_m, abs=1e-9)
+    assert isinstance(pressure, ActuatorState)
+    assert 0.0 <= pressure.pressure_pa <= 6.5e5
+    assert state.position_counter == 1
+
+
+def test_a_pressure_beyond_the_range_of_its_signal_is_the_end_of_the_range(tmp_path: Path) -> None:
+    narrow = PERCENT.with_suffix(".dbc").read_text("ascii").replace("[0|6.5]", "[0|0.05]")
+    (tmp_path / "percent.dbc").write_text(narrow, "ascii")
+    (tmp_path / "percent.toml").write_text(PERCENT.read_text("utf-8"), "utf-8")
+    codec = wire_codec(tmp_path / "percent.toml")
+    settings = plant_settings("real-valve")
+    _, frames = publish(codec, settings, initial_device(settings, 1))
+    pressure, _ = codec.decode(frames[0])
+    assert isinstance(pressure, ActuatorState)
+    assert pressure.pressure_pa == pytest.approx(5e3)

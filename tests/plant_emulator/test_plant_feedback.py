@@ -12,9 +12,9 @@ from plant_cuts import whole_and_cut
 
 from plant_emulator import valve
 from plant_emulator.feedback import Feedback, after_motion, after_rest
-from plant_emulator.parameters import SensorSettings
 from plant_emulator.path import Knots, Uniform
 from plant_emulator.presets import plant_settings
+from plant_emulator.sensor_settings import SensorSettings
 
 if TYPE_CHECKING:
     from plant_emulator.parameters import PlantSettings

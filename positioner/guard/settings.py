@@ -27,13 +27,14 @@ class GuardSettings(SettingsTable):
 
     auto_arm: arm at the first valid feedback, for benches; otherwise the host arms.
     current_low_ma, current_high_ma: what the loop may carry (NAMUR NE 43: 3.8 to 20.5 mA is measurement).
-    max_rate_ma_per_s: 0 leaves the rate free.
+    max_rate_ma_per_s: fastest change of the current; 0 leaves it free.
     feedback_hold_periods, feedback_failsafe_periods: sample periods without valid feedback until HOLD and FAILSAFE.
     setpoint_hold_s, setpoint_failsafe_s: time without a valid setpoint until HOLD and FAILSAFE; 0 means never.
     law_failsafe_cycles: cycles in a row without a usable answer of the law until FAILSAFE; also, late cycles in a row
         until a warning.
-    failsafe_action, failsafe_current_ma: what FAILSAFE commands; the current counts with action "current" only, and
-        may be a failure signal (NE 43: 3.6 mA and below, 21 mA and above), to which an actuator reacts by itself.
+    failsafe_action: what FAILSAFE commands: "4 mA", "20 mA", "hold" (the last current) or "current".
+    failsafe_current_ma: the current of the action "current"; it may be a failure signal (NE 43: 3.6 mA and below, 21 mA
+        and above), to which an actuator reacts by itself.
     actuator_deadman_s: after so long without a command the actuator goes to its fail position by itself; `positioner
         check` compares the sample period with it. 0: the actuator never does so.
     position_margin_m: how far beyond the travel a reading is still plausible; noise reaches beyond a hard stop.

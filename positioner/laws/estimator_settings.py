@@ -29,8 +29,8 @@ class EstimationMethod(StrEnum):
 class EstimatorSettings(SettingsTable):
     """The `[estimator]` table of a configuration.
 
-    method: how the paper's law computes position and speed.
-    noise_of_reading, noise_of_span: σ of the position sensor, as a fraction (0.02 = 2 %).
+    method: how the paper's law computes position and speed: "kalman", or "raw", readings and their differences.
+    noise_of_reading, noise_of_span: σ of the position sensor, as parts of the reading and of the span (0.02 is 2 %).
     force_noise_n: σ of a force that the model does not know, white per sample, while sliding.
     slip_threshold_sigma: smoothed innovation, in its own σ, above which a stem that should stick must have slipped.
     slip_smoothing: weight of the newest innovation in that smoothing.

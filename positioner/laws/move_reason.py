@@ -46,16 +46,22 @@ class MoveReason:
     aim_m: float
 
     def __str__(self) -> str:
-        """One sentence for the log and the trace; `source_in` reads it."""
+        """One sentence for the log and the trace; `source_in` and `current_in` read it."""
         samples = f" ({self.breakaway.samples} samples)" if self.breakaway.samples else ""
         from_where = f"breakaway {self.breakaway.current_ma:.3f} mA from {self.breakaway.source}{samples}"
         return f"error {1e3 * self.error_m:+.3f} mm; {from_where}"
 
 
-_SOURCE = re.compile(f"breakaway .* mA from ({'|'.join(BreakawaySource)})")
+_SOURCE = re.compile(f"breakaway (.*) mA from ({'|'.join(BreakawaySource)})")
 
 
 def source_in(text: str) -> BreakawaySource | None:
     """Return the source that the text of a `MoveReason` names, None where no move began."""
     found = _SOURCE.search(text)
-    return BreakawaySource(found[1]) if found else None
+    return BreakawaySource(found[2]) if found else None
+
+
+def current_in(text: str) -> float | None:
+    """Return the breakaway current in mA that the text of a `MoveReason` names, None where no move began."""
+    found = _SOURCE.search(text)
+    return float(found[1]) if found else None

@@ -24,15 +24,17 @@ from positioner.laws.tuned import tuned
 class ControlSettings(SettingsTable):
     """Settings of every law.
 
-    law: the name of the control law.
+    law: the name of the control law; FILE.py:NAME is one in a file, beside the configuration if it is relative.
     sample_period_s: T_s, the period of the position frames.
     command_delay_s: time from a reading to the instant at which its command acts on the valve, up to a period.
     table_from_s: time since control began from which the stiction table is used (paper §6.3); the law always learns.
     table_cell_m: width of a cell of the stiction table.
     planner, bounds: the paper's controller (Table 5, eqs 21-26).
     nmpc: the law of that name.
-    pi ... two_move_retry: the laws of those names; the packaged values are results of `positioner tune`. The
-        parameters of one law belong together, so a table must give all of them.
+    parameters: numbers by name for a law from outside, which gets them when it is made.
+    pi, pi_deadband, knocker, constant_reinforcement, two_move, two_move_retry: the laws of those names; the packaged
+        values are results of `positioner tune`. The parameters of one law belong together, so a table must give all of
+        them.
     """
 
     law: str = "nmpc"
@@ -40,6 +42,7 @@ class ControlSettings(SettingsTable):
     command_delay_s: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0
     table_from_s: Annotated[float, Interval(ge=0.0, le=1e9)] = 0.0
     table_cell_m: Annotated[float, Interval(ge=1e-5, le=0.1)] = 0.005
+    parameters: dict[str, float] = field(default_factory=dict, hash=False)
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     bounds: BoundSettings = field(default_factory=BoundSettings)
     nmpc: NmpcSettings = field(default_factory=NmpcSettings)

@@ -40,12 +40,17 @@ class SetpointSettings(SettingsTable):
     """The setpoint functions. Signal and travel are parts of the span: 0 at `valve.travel_min_m`, 1 one span above it.
 
     signal_low, signal_high: split range, the part of the signal that strokes this valve.
-    action: the direction of action. characteristic: travel over signal; rangeability: R of the equal percentages.
+    action: the direction of action; "reverse": a rising signal closes.
+    characteristic: travel over signal: "linear", "equal percentage", "inverse equal percentage", "quick opening" or
+        "points".
+    rangeability: R of the equal percentages.
     points: (signal, travel) of a characteristic of the user's own, from (0, 0) to (1, 1), both rising.
-    filter_s: time constant of the travel; opening_per_s, closing_per_s: its largest rates; 0 is none.
+    filter_s: time constant of the travel.
+    opening_per_s, closing_per_s: the largest rates of the travel, in spans a second; 0 is none.
     travel_low, travel_high: limits of the travel.
     closed_below, open_above: tight shut-off; at or beyond this travel the full current closes or opens the valve. 0 and
-        1 are none. hysteresis: how far the travel must come back until that ends.
+        1 are none.
+    hysteresis: how far the travel must come back until the shut-off ends.
     """
 
     signal_low: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0

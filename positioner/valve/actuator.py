@@ -20,7 +20,7 @@ from positioner.inputs.table import SettingsTable
 class ActuatorParameters(SettingsTable):
     """The `[valve.actuator]` table of a configuration.
 
-    fill_time_constant_s, vent_time_constant_s: τ while the pressure rises, and while it falls.
+    fill_time_constant_s, vent_time_constant_s: τ, lag of the pressure while it rises, and while it falls; 0 is none.
     dead_time_s: T_d, from the instant at which a command acts until the converter begins to follow it.
     slew_ma_per_s: the fastest change of the pressure; 0 is no limit.
     converter_time_constant_s: τ_c, the lag of the I/P converter.

@@ -21,15 +21,18 @@ class ValveParameters(SettingsTable):
     """Nominal parameters of the valve (paper Table 3), the `[valve]` table of a configuration.
 
     id: identity of the valve; the stiction table belongs to it.
-    mass_kg: m, moving mass.
-    diaphragm_area_m2: S_a.
-    pressure_gain_pa_per_ma: K_p of eq. 9.
-    spring_rate_n_per_m: K_m.
-    static_friction_n, coulomb_friction_n, viscous_friction_n_s_per_m: F_s, F_c, F_v.
-    stribeck_velocity_m_per_s: V_s.
+    mass_kg: m, moving mass: plug, stem and diaphragm plate.
+    diaphragm_area_m2: S_a, effective area of the diaphragm.
+    pressure_gain_pa_per_ma: K_p of eq. 9, pressure per mA behind the I/P converter.
+    spring_rate_n_per_m: K_m, rate of the actuator's spring.
+    static_friction_n: F_s, the force that starts the stem.
+    coulomb_friction_n: F_c, the force that keeps it going; never more than the static one.
+    viscous_friction_n_s_per_m: F_v, friction that grows with the speed.
+    stribeck_velocity_m_per_s: V_s, the speed at which the friction falls from F_s to F_c.
     stick_velocity_m_per_s: DV, below which the stem counts as resting.
     bench_set_n: spring force at position 0 (preload), 0 in the paper.
-    span_m: 100 % of an error in percent; travel_min_m, travel_max_m: the hard stops.
+    span_m: the travel that is 100 % in errors and setpoints.
+    travel_min_m, travel_max_m: the hard stops; setpoints beyond them are refused.
     sensor_time_constant_s: lag of the position reading; 0 is none.
     backlash_m: play between stem and position sensor.
     actuator: from the loop current to the pressure, the `[valve.actuator]` table.

@@ -15,7 +15,7 @@ from positioner.laws.nmpc.lagged_settings import LaggedSettings
 class ApproachSettings(SettingsTable):
     """The `[control.nmpc.approach]` table of a configuration.
 
-    prediction_steps, control_steps: H_p, H_u.
+    prediction_steps, control_steps: H_p, H_u, the horizons in sample periods.
     terminal_factor: weight of the last predicted error, relative to the others.
     input_weight: weight of a current away from the braking current, relative to that of the error it makes.
     max_passes, pass_tolerance_ma: the passes end when the linear model errs by less, as the current that moves a
@@ -97,14 +97,19 @@ class NmpcSettings(SettingsTable):
     """Settings of the law `nmpc`.
 
     tolerance_m: error that is not worth a correction, however certain it is.
-    doubt_sigma: the law corrects an error once it exceeds the tolerance by so many σ of the average;
-        doubt_sigma_first: the same for a new setpoint; doubt_sigma_unasked: for a stem that nobody has moved yet.
-    patience: growth of both with every correction of the same setpoint, as a part of them.
+    doubt_sigma: the law corrects an error once it exceeds the tolerance by so many σ of the average.
+    doubt_sigma_first, doubt_sigma_unasked: the same for a new setpoint, and for a stem that nobody has moved yet.
+    patience: growth of tolerance and σ with every correction of the same setpoint, as a part of them.
     patience_limit: the number of corrections at which they stop growing.
     brake_share: distance of the braking current from the middle of the target's stick band, as a part of F_s.
     brake_limit: the strongest braking, as a part of F_c: inside the stick band, or the valve would reverse.
     hold_step_ma: the current at rest follows the middle of the stick band when it is this far away.
     landing_sigma_m: σ of the average below which the end of a move may teach the table.
+    approach: the plan of a move.
+    adaptation: how far the valve may differ from its configuration, and how its friction wanders.
+    breakaway: which samples of the stiction table a push uses.
+    watch: whether a push has moved the stem.
+    lagged: the same law where `[valve.actuator]` has a lag.
     settle_s: time after a stop until the stem counts as resting.
     """
 

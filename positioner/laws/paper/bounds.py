@@ -25,11 +25,11 @@ class ApproachForm(StrEnum):
 class BoundSettings(SettingsTable):
     """The `[control.bounds]` table of a configuration.
 
-    approach_form: eq. 21 or 22.
+    approach_form: how the bound of the speed shrinks towards the target: "linear" (eq. 21), "exponential" (eq. 22).
     approach_span_m_per_s, approach_decay_per_m: α and β of eq. 22 (D6: the paper's 5 and 150 in SI;
         read in cm/s and 1/cm they are 0.05 and 15000).
-    approach_gain_per_s: K of eq. 21.
-    max_speed_m_per_s: V_min and V_max of eqs 23 and 24.
+    approach_gain_per_s: K of eq. 21, speed per distance.
+    max_speed_m_per_s: largest speed in both directions, V_min and V_max of eqs 23 and 24.
     breakaway_tolerance_m: error below which the stem is left where it sticks.
     """
 

@@ -28,10 +28,12 @@ if TYPE_CHECKING:
 class PlannerSettings(SettingsTable):
     """The `[control.planner]` table of a configuration (paper Table 5).
 
-    prediction_steps, control_steps: H_p, H_u.
-    error_weight_per_cm2, terminal_factor: Q per squared cm (D4), and the factor on its last entry (1 in the paper).
-    input_weight_per_ma2: R per squared mA.
-    max_passes, pass_tolerance_ma: when Step 5 ends.
+    prediction_steps, control_steps: H_p, H_u, the horizons in sample periods.
+    error_weight_per_cm2: Q, weight of an error in squared cm (D4).
+    terminal_factor: factor on the last entry of Q (1 in the paper).
+    input_weight_per_ma2: R, weight of a current in squared mA.
+    max_passes: largest number of successive linearisations.
+    pass_tolerance_ma: they end when the plan changes by less (Step 5).
     sign_dead_zone_m_per_s: speed below which the model has no Coulomb friction (D7).
     """
 

@@ -25,7 +25,8 @@ _INSTANT_S = 1e-9
 class KnockerSettings(SettingsTable):
     """The `[control.knocker]` table: the controller and its pulses.
 
-    pulse_amplitude_ma, pulse_width_s, pulse_period_s: a, τ and h_k.
+    pid: the controller's gains.
+    pulse_amplitude_ma, pulse_width_s, pulse_period_s: a, τ and h_k, the pulses that are added to the current.
     off_band_m: error below which no pulse begins; 0 knocks always.
     """
 

@@ -31,7 +31,11 @@ C = TypeVar("C")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PiDeadbandSettings(SettingsTable):
-    """The `[control.pi_deadband]` table: the controller, and the error in m below which its current is frozen."""
+    """The `[control.pi_deadband]` table: the controller and its dead band.
+
+    pid: the controller's gains.
+    deadband_m: error below which the current is frozen.
+    """
 
     pid: PidSettings
     deadband_m: Annotated[float, Interval(ge=0.0, le=0.1)]

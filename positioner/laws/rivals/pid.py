@@ -20,8 +20,10 @@ from positioner.values import dataclass, replace
 class PidSettings(SettingsTable):
     """Gains; they belong together, so a table names all of them.
 
-    proportional_gain_ma_per_m, integral_gain_ma_per_m_s, derivative_gain_ma_s_per_m: K_p, K_i, K_d.
-    filter_time_constant_s: T_f; 0 leaves the reading as it is.
+    proportional_gain_ma_per_m: K_p, current per error.
+    integral_gain_ma_per_m_s: K_i, current per error and time.
+    derivative_gain_ma_s_per_m: K_d, current per change of the reading.
+    filter_time_constant_s: T_f, filter of the reading; 0 leaves it as it is.
     """
 
     proportional_gain_ma_per_m: Annotated[float, Interval(ge=0.0, le=1e5)]

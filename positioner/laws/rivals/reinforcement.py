@@ -21,7 +21,8 @@ from positioner.values import dataclass
 class ReinforcementSettings(SettingsTable):
     """The `[control.constant_reinforcement]` table: the controller and what is added.
 
-    reinforcement_ma: a.
+    pid: the controller's gains.
+    reinforcement_ma: a, added to the current in the direction of the error.
     off_band_m: error below which nothing is added; 0 always adds.
     """
 

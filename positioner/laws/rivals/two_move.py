@@ -52,10 +52,11 @@ class TwoMoveSettings(SettingsTable):
 class TwoMoveRetrySettings(SettingsTable):
     """The `[control.two_move_retry]` table: the moves, and the conditions of a retry.
 
+    moves: the moves of the law `two-move`.
     averaging_s: how long readings are averaged after a move before the law looks at the error.
     tolerance_m: error that is left as it is.
     most_retries: the largest number of retries for one setpoint.
-    learning_gain: the part of the error that is added to b.
+    learning_gain: the part of the error that is added to b, the offset of the next move.
     """
 
     moves: TwoMoveSettings

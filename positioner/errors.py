@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class ExitCode(IntEnum):
-    """Exit statuses of every command; documented in the README."""
+    """Exit statuses of every command; documented in docs/commands.md."""
 
     OK = 0
     FAILURE = 1
@@ -74,6 +74,10 @@ class ConfigurationError(PositionerError):
         self.source = source
         self.problems = problems
         super().__init__("\n".join(f"{source}: {problem}" for problem in problems))
+
+    def __reduce__(self) -> tuple[type[ConfigurationError], tuple[str, tuple[Problem, ...]]]:
+        """Return what a worker's error is made of again in the process that waits for it."""
+        return type(self), (self.source, self.problems)
 
 
 class BusError(PositionerError):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar
 
-from conformance_plants import CODEC, counted, sealed
+from conformance_plants import ALARMS_ID, CODEC, counted, sealed
 
 from positioner.wire.messages import CanFrame, HostRequest, ManualCurrent, ManualRequest, Setpoint
 
@@ -82,6 +82,13 @@ class LeavesRubbishInUnusedBits(Host):
 
     def sends(self, frame: CanFrame) -> CanFrame:
         return sealed(frame, frame.data[:7] + b"\xff")
+
+
+class HasAMessageUnderAnIdentifierOfThePositioner(Host):
+    rule = "identifiers"
+
+    def cycle(self) -> list[CanFrame]:
+        return [*super().cycle(), CanFrame(ALARMS_ID, b"\x17" * 8)]
 
 
 class CountsByTwo(Host):

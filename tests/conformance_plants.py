@@ -10,7 +10,7 @@ from plant_emulator.presets import plant_settings
 from positioner.wire import e2e
 from positioner.wire.codec import make_codec
 from positioner.wire.e2e import CounterCheck
-from positioner.wire.messages import CanFrame, CurrentCommand, PlantTruth, Quality, StemPosition
+from positioner.wire.messages import CanFrame, CurrentCommand, PlantTruth, PositionerAlarms, Quality, StemPosition
 from positioner.wire.settings import WireSettings
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ OFFSET = 0x80
 CODEC = make_codec(WireSettings(id_offset=OFFSET))
 PERIOD_S, DEADMAN_S = 0.01, 0.1
 PLANT = plant_settings("paper", {"deadman_s": DEADMAN_S, "sensor": {"reports_pressure": True}})
-TRUTH_ID, POSITION_ID = (CODEC.identifier(kind)[0] for kind in (PlantTruth, StemPosition))
+TRUTH_ID, POSITION_ID, ALARMS_ID = (CODEC.identifier(kind)[0] for kind in (PlantTruth, StemPosition, PositionerAlarms))
 
 
 def sealed(frame: CanFrame, data: bytes) -> CanFrame:
@@ -119,6 +119,13 @@ class LeavesRubbishInUnusedBits(Plant):
 
     def sends(self, frame: CanFrame) -> CanFrame:
         return frame if frame.arbitration_id == POSITION_ID else sealed(frame, frame.data[:7] + b"\x01")
+
+
+class HasAMessageUnderAnIdentifierOfThePositioner(Plant):
+    rule = "identifiers"
+
+    def cycle(self) -> list[CanFrame]:
+        return [*super().cycle(), CanFrame(ALARMS_ID, b"\x17" * 8)]
 
 
 class NeverCounts(Plant):

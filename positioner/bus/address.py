@@ -39,7 +39,12 @@ _RESERVED = frozenset({"interface", "bustype", "channel", "can_filters", "ignore
 class BusAddress(SettingsTable):
     """The `[bus]` table of a configuration: an interface of python-can, its channel, and a port where it has one.
 
-    The interface "embedded" is a bus inside this machine, for trials: its channel is any name.
+    interface: an interface of python-can whose driver is installed; "embedded" is a bus inside this machine, for
+        trials.
+    channel: the bus, as its interface names it: "can0", "0", "PCAN_USBBUS1", "/dev/ttyUSB0@115200"; any name where
+        embedded.
+    port: UDP port of the interface "udp_multicast"; other interfaces have none.
+    options: what the interface takes beside its channel, such as bitrate; the `[bus.options]` table.
     """
 
     interface: str = "socketcan"

@@ -11,8 +11,9 @@ from positioner.config.wire_limits import range_problems, wire_problems
 from positioner.errors import ConfigurationError, Problem, UsageError
 from positioner.inputs import toml_reader
 from positioner.inputs.nearest import check_name, nearest
+from positioner.inputs.plug_in import anchored
 from positioner.inputs.toml_lines import line_of, problem_at
-from positioner.laws.registry import LAWS
+from positioner.laws.registry import is_outside, law_problem
 from positioner.valve.presets import PRESETS, missing, resolved
 
 if TYPE_CHECKING:
@@ -133,10 +134,13 @@ def _checked(
 
 def _anchor(tables: dict[str, Any], base: Path) -> None:
     """Let a relative path in the tables start at the folder of the file, not at the current one."""
-    for table, key in (("wire", "dbc"), ("state", "directory")):
+    for table, key in (("wire", "dbc"), ("state", "directory"), ("metrics", "file"), ("metrics", "socket")):
         found = tables.get(table)
         if isinstance(found, dict) and isinstance(found.get(key), str):
             found[key] = str(base / found[key])
+    control = tables.get("control")
+    if isinstance(control, dict) and isinstance(control.get("law"), str):
+        control["law"] = anchored(control["law"], base)
 
 
 def _name_channel(tables: dict[str, Any]) -> None:
@@ -148,10 +152,13 @@ def _name_channel(tables: dict[str, Any]) -> None:
 
 def _law_problems(tables: dict[str, Any], text: str) -> list[Problem]:
     control = tables.get("control")
-    law = control.get("law") if isinstance(control, dict) else None
-    if not isinstance(law, str) or law in LAWS:
+    if not isinstance(control, dict) or not isinstance(law := control.get("law"), str):
         return []
-    return [problem_at(text, f"control.law = '{law}'", f"is no law; {nearest(law, LAWS)}")]
+    if problem := law_problem(law, unknown="is no law"):
+        return [problem_at(text, f"control.law = '{law}'", problem)]
+    if control.get("parameters") and not is_outside(law):
+        return [problem_at(text, "control.parameters", f"are for a law from outside; {law} has settings of its own")]
+    return []
 
 
 def _valve_problems(tables: dict[str, Any], text: str) -> list[Problem]:

@@ -21,8 +21,9 @@ from positioner.health.settings import HealthTable
 from positioner.health.watch import WatchSettings
 from positioner.inputs.table import SettingsTable
 from positioner.laws.estimator_settings import EstimatorSettings
-from positioner.laws.registry import LAWS, Ingredients
+from positioner.laws.registry import Ingredients, make_law
 from positioner.laws.settings import ControlSettings
+from positioner.metrics.settings import MetricsSettings
 from positioner.setpoint.settings import SetpointSettings
 from positioner.valve.credible import Limits
 from positioner.valve.parameters import ValveParameters  # noqa: TC001 - pydantic reads this hint at run time
@@ -38,8 +39,8 @@ if TYPE_CHECKING:
 class StateSettings(SettingsTable):
     """The `[state]` table: where the stiction table is kept.
 
-    A relative `directory` lies beside the file. Without one it is $STATE_DIRECTORY (which systemd sets), or else
-    ~/.local/state/positioner/<valve id>.
+    directory: a relative one lies beside the file. Without one it is $STATE_DIRECTORY (which systemd sets), or else
+        ~/.local/state/positioner/VALVE_ID.
     """
 
     directory: Path | None = None
@@ -47,7 +48,21 @@ class StateSettings(SettingsTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Configuration(SettingsTable):
-    """All settings of a positioner; each field is one table of the file."""
+    """All settings of a positioner; each field is one table of the file.
+
+    valve: the valve, as the law believes it to be.
+    bus: where the bus is.
+    wire: frames of the user's own in place of ours.
+    control: the law and its settings.
+    estimator: position and speed from readings.
+    guard: limits, ages of the data, arming, what FAILSAFE commands.
+    setpoint: what becomes of the host's setpoint before a law pursues it; all off by default.
+    health: trends against a reference, and alarms.
+    metrics: where the metrics of this valve go.
+    stroke_test: the partial stroke test.
+    step_test: limits of the step test.
+    state: where the stiction table and the health of the valve are kept.
+    """
 
     valve: ValveParameters
     bus: BusAddress = field(default_factory=BusAddress)
@@ -59,6 +74,7 @@ class Configuration(SettingsTable):
     health: HealthTable = field(default_factory=HealthTable)
     stroke_test: StrokeSettings = field(default_factory=StrokeSettings)
     step_test: StepTestSettings = field(default_factory=StepTestSettings)
+    metrics: MetricsSettings = field(default_factory=MetricsSettings)
     state: StateSettings = field(default_factory=StateSettings)
 
     @property
@@ -89,7 +105,7 @@ class Configuration(SettingsTable):
         moves = MoveSettings.of(self.valve, own.noise_of_reading, own.noise_of_span, period_s)
         pressure = PressureSettings.of(self.valve.pressure_gain_pa_per_ma, self.valve.actuator, period_s)
         watch = WatchSettings.of(moves, pressure, Reference.configured(self.valve), self.health)
-        return HealthSettings(counter_settings(self.valve, own, period_s), watch)
+        return HealthSettings(counter_settings(self.valve, own, period_s, self.health), watch)
 
     def make_codec(self) -> Codec:
         """Return the codec of this valve's bus.
@@ -103,7 +119,7 @@ class Configuration(SettingsTable):
         """Return the constants of every cycle of this valve, with a new instance of its law.
 
         Raises:
-            ConfigurationError: as `make_codec`.
+            ConfigurationError: as `make_codec` and `make_law`.
         """
         codec = self.make_codec()
         setpoint = self.setpoint if self.setpoint.shapes else None
@@ -111,9 +127,17 @@ class Configuration(SettingsTable):
         return Setup(codec, self.valve, self.guard, law, period_s, limits=self.limits, setpoint=setpoint)
 
     def make_law(self) -> Law[Any]:
-        """Return a new instance of the chosen law, with a solver of its own."""
-        _, make = LAWS[self.control.law]
-        return make(Ingredients(self.control, self.valve, self.estimator, self.guard, _make_solver))
+        """Return a new instance of the chosen law, with a solver of its own.
+
+        Raises:
+            ConfigurationError: a law from outside cannot be loaded or made.
+        """
+        return make_law(self.control.law, self.ingredients)
+
+    @property
+    def ingredients(self) -> Ingredients:
+        """What a law is made of."""
+        return Ingredients(self.control, self.valve, self.estimator, self.guard, _make_solver)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

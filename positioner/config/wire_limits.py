@@ -11,7 +11,8 @@ from positioner.inputs.toml_lines import problem_at
 from positioner.wire.codec import make_codec
 from positioner.wire.formats import EncodingError
 from positioner.wire.loop_current import same_signal
-from positioner.wire.messages import CurrentCommand
+from positioner.wire.messages import CurrentCommand, Setpoint, StemPosition
+from positioner.wire.ranges import span_problems
 from positioner.wire.rounding import fits
 from positioner.wire.settings import WireSettings
 
@@ -20,8 +21,7 @@ if TYPE_CHECKING:
     from positioner.errors import Problem
     from positioner.guard.settings import GuardSettings
     from positioner.wire.fields import FieldFormat
-
-_LARGEST_COUNTER = 255
+    from positioner.wire.formats import FrameFormat
 
 
 def wire_problems(tables: dict[str, Any], text: str) -> list[Problem]:
@@ -35,24 +35,34 @@ def wire_problems(tables: dict[str, Any], text: str) -> list[Problem]:
 
 
 def range_problems(found: Configuration, text: str) -> list[Problem]:
-    """Return the currents in [guard] that the command frame of the DBC cannot carry, or not with every counter."""
-    codec, guard = found.make_codec(), found.guard
+    """Return the currents in [guard] that the command frame of the DBC cannot carry, and a position signal too narrow.
+
+    The command frame must carry every counter that it echoes, too.
+    """
+    codec, guard, valve = found.make_codec(), found.guard, found.valve
+    position, setpoint = (_largest_count(codec.by_kind[kind]) for kind in (StemPosition, Setpoint))
     failsafe = "failsafe_current_ma" if guard.failsafe_action is FailsafeAction.CURRENT else "failsafe_action"
     currents_ma = {
         "current_low_ma": guard.current_low_ma,
         "current_high_ma": guard.current_high_ma,
         failsafe: guard.failsafe_ma(guard.current_low_ma),
     }
-    problems = []
+    travel_m = (valve.travel_min_m, valve.travel_max_m)
+    spans = span_problems(codec.field(StemPosition, "position_m"), travel_m, valve.span_m)
+    problems = [problem_at(text, each.where, each.message) for each in spans]
     for key, current_ma in currents_ma.items():
         try:
-            codec.encode(CurrentCommand(current_ma, _LARGEST_COUNTER, _LARGEST_COUNTER), 0)
+            codec.encode(CurrentCommand(current_ma, position, setpoint), 0)
         except EncodingError as error:
             where = f"guard.{key} = {getattr(guard, key)}"
             problems.append(problem_at(text, where, f"does not fit the command frame of the DBC: {error}"))
     if not problems:
         problems += _step_problems(codec.field(CurrentCommand, "current_ma"), guard, failsafe, text)
     return problems
+
+
+def _largest_count(form: FrameFormat) -> int:
+    return form.counter_modulus - 1 if form.counter else 0
 
 
 def _step_problems(form: FieldFormat, guard: GuardSettings, failsafe: str, text: str) -> list[Problem]:

@@ -8,6 +8,7 @@ from positioner.conformance.crc_mistakes import mistake
 from positioner.conformance.rules import Results, Rule, Violation
 from positioner.wire import e2e
 from positioner.wire.formats import FrameRejectedError
+from positioner.wire.messages import CurrentCommand, PositionerAlarms, PositionerCount, PositionerStatus
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from positioner.wire.formats import FrameFormat
     from positioner.wire.messages import CanFrame, Message
 
+_OF_POSITIONER = (CurrentCommand, PositionerStatus, PositionerCount, PositionerAlarms)
 FRAME_RULES = (
     Rule(
         "format",
@@ -38,6 +40,11 @@ FRAME_RULES = (
         "each frame of a message adds 1 to the counter of that message, and 0 follows 255",
         "give each message a counter of its own, add 1 for each frame, and lose none",
     ),
+    Rule(
+        "identifiers",
+        "nothing else comes under the positioner's identifiers: commands, status, counts, POSITIONER_ALARMS",
+        "give that message another identifier, or move all of ours by id_offset, here and in [wire]",
+    ),
 )
 
 
@@ -47,7 +54,10 @@ class FrameChecks:
     def __init__(self, codec: Codec, kinds: Iterable[type[Message]], results: Results, id_offset: int) -> None:
         """Prepare the checks; `kinds` are the messages that the node sends."""
         self._codec = codec
-        self._forms = {codec.by_kind[kind].arbitration_id: codec.by_kind[kind] for kind in kinds}
+        self._forms, self._positioner = (
+            {codec.by_kind[kind].arbitration_id: codec.by_kind[kind] for kind in each}
+            for each in (kinds, _OF_POSITIONER)
+        )
         self._results = results
         self._id_offset = id_offset
         self._counters: dict[type[Message], int] = {}
@@ -55,6 +65,7 @@ class FrameChecks:
     def receive(self, frame: CanFrame) -> tuple[Message, int] | None:
         """Return the message in `frame` and its counter; None for another node's frame, and for an unreadable one."""
         form = self._forms.get(frame.arbitration_id)
+        self._check_identifier(frame, is_own=form is not None)
         if form is None or frame.is_error or not self._keeps_format(frame) or not self._keeps_crc(frame, form):
             return None
         try:
@@ -68,6 +79,17 @@ class FrameChecks:
         self._results.note("spare", None if same else Violation(f"{form.dbc.name} has a spare bit of 1", frame))
         self._check_counter(frame, form, counter)
         return message, counter
+
+    def _check_identifier(self, frame: CanFrame, *, is_own: bool) -> None:
+        """Check that a frame under an identifier of the positioner is the positioner's."""
+        form = self._positioner.get(frame.arbitration_id)
+        if form is not None and not (frame.is_extended or frame.is_error):
+            whole = not frame.is_remote and len(frame.data) == 8  # noqa: PLR2004 - classic CAN
+            if not (whole and e2e.is_intact(frame.data, form.data_id or 0)):
+                found = f"a frame under {frame.arbitration_id:X} that is no {form.dbc.name}"
+                self._results.failed("identifiers", Violation(found, frame))
+        elif is_own:
+            self._results.passed("identifiers")
 
     def _keeps_format(self, frame: CanFrame) -> bool:
         odd = [

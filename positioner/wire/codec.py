@@ -15,7 +15,7 @@ import cantools.database
 from cantools.database.can import Database
 
 from positioner.errors import ConfigurationError, Problem
-from positioner.wire import foreign, identifiers, messages
+from positioner.wire import foreign, identifiers, messages, ranges
 from positioner.wire.fields import FieldFormat, field_format, field_names
 from positioner.wire.formats import FrameFormat, FrameRejectedError
 from positioner.wire.messages import Counted
@@ -96,6 +96,10 @@ class Codec:
         """Return how the field `name` of `kind` is coded in its signal."""
         return self._fields[kind, name]
 
+    def carries(self, kind: type[Message], name: str) -> bool:
+        """Return whether the frames of `kind` have a signal for the field `name`."""
+        return (kind, name) in self._fields
+
     def decode(self, frame: CanFrame) -> tuple[Message, int | None]:
         """Return the message in `frame` and its counter.
 
@@ -160,6 +164,7 @@ def make_codec(settings: WireSettings | None = None, *, span_m: float = 0.127) -
                 formats[form.kind] = form
     elif wanted:
         problems.append(Problem("wire.dbc", None, "is missing: name the DBC file that holds your messages"))
+    problems += ranges.echo_problems(formats)
     problems += identifiers.shared(tuple(formats.values()))
     problems += identifiers.taken(tuple(formats.values()), user_messages)
     if problems:

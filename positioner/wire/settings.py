@@ -16,7 +16,12 @@ ID_OFFSETS = range(0, 0x500, 0x80)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MessageSettings(SettingsTable):
-    """A message of the user's DBC: its name, its signals by field, its counter signal, if any."""
+    """A message of the user's DBC in place of one of ours, such as `[wire.stem_position]`.
+
+    message: its name in the DBC.
+    signals: the signal for each field of our message, such as `{ position_m = "StemPosition" }`.
+    counter: the signal with the counter of the frame, where it has one.
+    """
 
     message: str
     signals: dict[str, str]
@@ -27,8 +32,11 @@ class MessageSettings(SettingsTable):
 class WireSettings(SettingsTable):
     """The `[wire]` table of a configuration; by default, all messages are ours.
 
-    `id_offset` is added to the identifiers and data IDs of our frames, so that several valves share one bus; one of
-    `ID_OFFSETS`. `identifiers` gives single frames of ours another identifier.
+    id_offset: added to the identifiers and data IDs of our frames, so that several valves share one bus; a
+        multiple of 128.
+    dbc: a DBC file of the user's own, relative to the configuration.
+    stem_position, actuator_state, setpoint, current_command: the message of that DBC in place of ours.
+    identifiers: other identifiers for single frames of ours, where that DBC gives theirs to other messages.
     """
 
     id_offset: Annotated[int, Interval(ge=ID_OFFSETS[0], le=ID_OFFSETS[-1]), MultipleOf(ID_OFFSETS.step)] = 0

@@ -21,10 +21,12 @@ from positioner.conformance.rules import RuleResult, Verdict, conforms
 from positioner.conformance.script import Script
 from positioner.wire import e2e
 from positioner.wire.codec import own_database
-from positioner.wire.messages import CanFrame, StemPosition
+from positioner.wire.messages import CanFrame, CurrentCommand, Health, PositionerAlarms, Setpoint, StemPosition
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+    from positioner.wire.messages import Message
 
 NS = 1_000_000_000
 START_NS = 5 * NS
@@ -103,6 +105,17 @@ def test_each_faulty_host_is_caught_by_its_rule(faulty: type[Host]) -> None:
     assert all(result.fix for result in results if result.verdict is Verdict.FAIL)
 
 
+def test_a_positioner_beside_the_host_breaks_no_rule_of_it() -> None:
+    test = HostTest(CODEC, HostLimits(), 10.0, OFFSET)
+    test.goes_on(START_NS)
+    alarms, command = PositionerAlarms(Health.FAILURE, 1, 1, 1), CurrentCommand(12.0, 0)
+    messages: tuple[Message, ...] = (alarms, command, Setpoint(0.05))
+    for number, message in enumerate(messages):
+        test.receive(CODEC.encode(message, number), START_NS)
+    (found,) = (result for result in test.results(START_NS) if result.rule.name == "identifiers")
+    assert found.verdict is Verdict.PASS
+
+
 def test_every_rule_has_a_node_that_breaks_it() -> None:
     assert {each.rule for each in Plant.__subclasses__()} == {rule.name for rule in PLANT_RULES}
     assert {each.rule for each in Host.__subclasses__()} == {rule.name for rule in HOST_RULES}
@@ -116,6 +129,7 @@ def test_every_rule_has_a_node_that_breaks_it() -> None:
         (conformance_plants.CallsItselfValidBeforeAnyCommand, {"first"}),
         (conformance_plants.LivesOnRepeatedCommands, {"repeat"}),
         (conformance_plants.ChecksNoCrc, {"damage"}),
+        (conformance_plants.HasAMessageUnderAnIdentifierOfThePositioner, {"identifiers"}),
         (conformance_plants.TakesShortFrames, {"short"}),
         (conformance_plants.NeverObeysARestartedController, {"restart", "echo"}),
         (conformance_plants.TakesAFailureSignalForAValue, {"failure-signal"}),
@@ -133,7 +147,7 @@ def test_the_report_names_the_first_frame_that_breaks_a_rule_and_the_fix() -> No
         r" +first: 0\.010000 s  1A0  ([0-9A-F]{2} ){8} SETPOINT has the counter 2 after 0 \(999 times\)", text[at + 1]
     )
     assert text[at + 2].endswith("fix:   give each message a counter of its own, add 1 for each frame, and lose none")
-    assert text[-1] == "11 pass, 1 fail, 0 not seen"
+    assert text[-1] == "12 pass, 1 fail, 0 not seen"
 
 
 def test_the_json_report_has_the_same_content() -> None:

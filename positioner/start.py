@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK
 """The start of a program: it loads the other modules; where that fails, it gives the reason in one line. Shell.
 
 It imports only modules that the interpreter has loaded already: a machine that is short of memory or descriptors

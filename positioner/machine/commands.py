@@ -1,11 +1,10 @@
 """Which modules of commands a command line needs: the others are not loaded. Shell.
 
-`positioner --version` and the completion of a shell answer at once; `--help` and a mistake need every command.
+`positioner --version` answers at once; `--help`, `--completion` and a mistake need every command.
 """
 
 from __future__ import annotations
 
-import os
 import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -13,9 +12,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Sequence
-
-_COMPLETION = "COMP_LINE"
-"""What argcomplete's shell function sets to the line as typed so far (bash(1), "Programmable Completion")."""
 
 
 def add_commands(
@@ -27,7 +23,7 @@ def add_commands(
     """Add those commands of `names` to `parsers` that `words` need; all where `words` is None.
 
     The command `step-test` is added by `add_parser` of the module `step_test` in `package`. A name that is only to be
-    completed or refused stands without its options.
+    refused stands without its options.
     """
     first = words[0] if words else ""
     needed = names if words is None else [name for name in names if name == first]
@@ -40,7 +36,5 @@ def add_commands(
 
 def words_given(arguments: Sequence[str] | None = None) -> list[str] | None:
     """Return the words that say which commands are needed; None where the answer shows all of them."""
-    if _COMPLETION in os.environ:
-        return os.environ[_COMPLETION].split()[1:]
     words = sys.argv[1:] if arguments is None else list(arguments)
     return words if words == ["--version"] or (words and not words[0].startswith("-")) else None

@@ -10,8 +10,6 @@ import sys
 from contextlib import closing
 from typing import TYPE_CHECKING
 
-import argcomplete
-
 from positioner.errors import ExitCode, PositionerError
 from positioner.inputs.nearest import nearest
 from positioner.machine.line_sink import LineSink
@@ -48,7 +46,6 @@ def run_command(parser: argparse.ArgumentParser, arguments: list[str] | None) ->
     try:
         _open_standard_streams()
         replace_unknown_characters()
-        argcomplete.autocomplete(parser)
         for library in ("can", "cantools"):  # they raise, too, the errors that they log: one report is enough
             logging.getLogger(library).addHandler(logging.NullHandler())
             logging.getLogger(library).propagate = False

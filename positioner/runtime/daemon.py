@@ -11,6 +11,7 @@ from positioner.bus.buses import Buses
 from positioner.bus.port import Ports
 from positioner.errors import ExitCode, PositionerError
 from positioner.machine.journal import Throttle, logger
+from positioner.runtime.metrics import metrics_of
 from positioner.runtime.service import Service
 from positioner.runtime.session import close_sessions, open_sessions
 from positioner.runtime.shared_bus import shared_buses
@@ -47,6 +48,7 @@ class Daemon:
         self._running = list(self.sessions)
         self._shared = shared_buses(configurations, self.sessions, self._report, ports)
         self._buses = Buses([bus.port for bus in self._shared], ports.time)
+        self._metrics = metrics_of(configurations, self.sessions)
 
     def run(self) -> ExitCode:
         """Run until SIGTERM or SIGINT; return how it ended.
@@ -80,6 +82,8 @@ class Daemon:
             self._run(session, ())
         if self._service.alive():
             self._flush()
+            for metrics in self._metrics:
+                metrics.look(now_s)
 
     def _run(self, session: Session, frames: tuple[CanFrame, ...]) -> None:
         """Run one cycle of one valve. If it fails, the others go on; the only valve's error is the daemon's."""
@@ -126,6 +130,8 @@ class Daemon:
             bus.port.close()
         self._flush(all_of_them=True)
         self._service.close()
+        for metrics in self._metrics:
+            metrics.close()
         for session, problem in problems:
             session.announcer.log.error("%s", problem)
         if not problems:

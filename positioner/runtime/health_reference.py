@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from positioner.commissioning import results
 from positioner.errors import StateError
 from positioner.health.kept_tests import response_watched, stroke_test_watched
-from positioner.health.reference import reference_of
+from positioner.health.reference import other_travel, reference_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
     from positioner.commissioning.results import KeptResult
@@ -29,14 +29,14 @@ def measured_health_settings(
     stands in, and no trend is an alarm.
     """
     settings, folder = configuration.health_settings, directory or configuration.state_directory
+    valve_id = configuration.valve.id
     try:
-        signature, identified = (results.reference(folder, kind, report) for kind in ("signature", "identify"))
-        given = [None if each is None else (_date(each), each.document) for each in (identified, signature)]
-        watch = replace(settings.watch, reference=reference_of(configuration.valve, *given))
-        steps = results.kept(folder, "step-test", report)
+        signature, identified = (_measured(configuration, folder, kind, report) for kind in ("signature", "identify"))
+        watch = replace(settings.watch, reference=reference_of(configuration.valve, identified, signature))
+        steps = results.kept_of(folder, "step-test", valve_id, report)
         if steps and (reference := results.reference_of(folder, steps)) is not None:
             watch = replace(watch, response=response_watched(_date(steps[-1]), steps[-1].document, reference.document))
-        strokes = results.kept(folder, "stroke-test", report)
+        strokes = results.kept_of(folder, "stroke-test", valve_id, report)
         if strokes:
             watch = replace(watch, stroke_test=stroke_test_watched(_date(strokes[-1]), strokes[-1].document))
         every_s = configuration.health.stroke_test_s
@@ -44,10 +44,23 @@ def measured_health_settings(
             last = [each.recorded for each in strokes if each.document["verdict"] != "aborted"]
             age_s = (datetime.now(UTC) - last[-1]).total_seconds() if last else every_s
             watch = replace(watch, stroke_test_due_s=max(every_s - age_s, 0.0))
-    except (StateError, KeyError, TypeError, ValueError, StopIteration) as error:
+    except (StateError, KeyError, TypeError, ValueError) as error:
         report(f"{folder}: a kept result is not as expected ({error}): friction and spring have no reference")
         return settings
     return replace(settings, watch=watch)
+
+
+def _measured(
+    configuration: Configuration, folder: Path, kind: str, report: Callable[[str], object]
+) -> tuple[str, Mapping[str, Any]] | None:
+    """Return date and document of the reference of this valve, None without one; one of another travel is told."""
+    found = results.reference(folder, kind, configuration.valve.id, report)
+    if found is None:
+        return None
+    if other := other_travel(configuration.valve, found.document):
+        report(f"{folder}: the {kind} of {_date(found)} is no reference: {other}: measure it again with --as-reference")
+        return None
+    return _date(found), found.document
 
 
 def _date(kept: KeptResult) -> str:

@@ -104,7 +104,7 @@ class Session:
         if options.dry_run:
             self.setup = replace(self.setup, guard=replace(configuration.guard, auto_arm=True), learns=False)
         self.state = CycleState(table=self.table.initial)
-        self.health = ValveHealth(configuration, self.table, log)
+        self.health = ValveHealth(configuration, self.table, log, testing=options.procedure is not None)
         codec, self._period_s = self.setup.codec, self.setup.period_s
         # a dry run runs beside a controller: the commands of that controller are not foreign to it
         kinds = RECEIVED if options.dry_run else (*RECEIVED, CurrentCommand)

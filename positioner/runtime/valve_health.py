@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 from positioner.health.alarm_text import change_in_words
 from positioner.health.alarms import acknowledged, dated, packed_alarms
 from positioner.health.counters_document import COUNTERS
-from positioner.health.monitor import begin_health, observe, sections_of
-from positioner.health.observed import observed_cycle
+from positioner.health.monitor import begin_health, observe_step, sections_of
 from positioner.health.trends_document import TRENDS, trends_from
 from positioner.runtime.health_reference import measured_health_settings
 from positioner.values import replace
@@ -29,18 +28,24 @@ if TYPE_CHECKING:
     from positioner.runtime.learned_table import LearnedTable
     from positioner.wire.messages import CanFrame
 
-HAND_OVER_US = 5_000_000
+HAND_OVER_NS = 5_000_000_000
 """A daemon that is killed has counted so much that nobody keeps, at most."""
 
 
 class ValveHealth:
-    """The health of the valve; `state` is it after the last cycle, None where an error has ended it."""
+    """The health of the valve; `state` is it after the last cycle, None where an error has ended it.
 
-    def __init__(self, configuration: Configuration, table: LearnedTable, log: Log) -> None:
-        self._settings = measured_health_settings(configuration, log.warning)
+    alarms: those of the valve's condition, as a cycle is given them.
+    """
+
+    def __init__(self, configuration: Configuration, table: LearnedTable, log: Log, *, testing: bool = False) -> None:
+        """Go on from the health that was kept; `testing`: a test procedure is in the place of the law."""
+        settings = measured_health_settings(configuration, log.warning)
+        self._settings = replace(settings, counters=replace(settings.counters, testing=testing))
         self._table, self._log = table, log
-        self._due_us: int | None = None
+        self._due_ns: int | None = None
         self.state: HealthState | None = self._begun(table.health)
+        self.alarms = packed_alarms(self.state.watch.trends.alarms) if self.state else 0
 
     def cycle(
         self,
@@ -51,24 +56,23 @@ class ValveHealth:
         events: tuple[Event, ...],
     ) -> None:
         """Add one cycle."""
-        observed = observed_cycle(cycle_input, before, after, outbox, events)
-        if observed is None or self.state is None:
+        if self.state is None:
             return
         try:
-            self.state = observe(self._settings, self.state, observed)
-            if self.state.watch.changed:
-                self._tell(self.state.watch)
-            if self._due_us is None or observed.now_us >= self._due_us:
-                self._due_us = observed.now_us + HAND_OVER_US
-                self.hand_over()
+            if observe_step(self._settings, self.state, cycle_input, before, after, outbox, events):
+                self._look(self.state.watch, cycle_input.now_ns)
         except Exception as error:  # noqa: BLE001 - a defect here must never end a control loop
             self._log.error("health: not counted any more: %s: %s", type(error).__name__, error)
-            self.state = None
+            self.state, self.alarms = None, 0
 
-    @property
-    def alarms(self) -> int:
-        """The alarms of the valve's condition, as a cycle is given them."""
-        return 0 if self.state is None else packed_alarms(self.state.watch.trends.alarms)
+    def _look(self, watch: Watch, now_ns: int) -> None:
+        """Tell which alarms changed, and hand over when that is due."""
+        if watch.changed:
+            self._tell(watch)
+        if self._due_ns is None or now_ns >= self._due_ns:
+            self._due_ns = now_ns + HAND_OVER_NS
+            self.hand_over()
+        self.alarms = 0 if self.state is None else packed_alarms(self.state.watch.trends.alarms)
 
     def _tell(self, watch: Watch) -> None:
         """Log the alarms that came or went, and date those that came."""

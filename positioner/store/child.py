@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import signal
 import socket
-import subprocess
 import time
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from positioner.errors import StateError
 from positioner.store import messages
 from positioner.store.channel import Channel
-from positioner.store.interpreter import beyond_standard, command, environment
+from positioner.store.interpreter import beyond_standard, shielded
+
+if TYPE_CHECKING:
+    import subprocess
 
 PROGRAM = "positioner.store.writer"
 """The module that runs as the table writer; tests put one with a failing disk in its place."""
 _START_S = 30.0
-_SHIELDED = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,21 +42,12 @@ def start(lock_descriptor: int, opening: messages.Open) -> Child:
     """
     ours, theirs = (socket.socket(fileno=beyond_standard(end.detach())) for end in socket.socketpair())
     descriptors = theirs.fileno(), lock_descriptor
-    # Blocked signals stay blocked in the child: Ctrl-C or a stop of the whole service must not end it first.
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, _SHIELDED)
     try:
-        process = subprocess.Popen(  # noqa: S603, our own interpreter and module
-            command(PROGRAM, *map(str, descriptors)),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            pass_fds=descriptors,
-            env=environment(),
-        )
+        process = shielded(PROGRAM, *map(str, descriptors), descriptors=descriptors)
     except OSError:
         ours.close()
         raise
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         theirs.close()
     child = Child(process, Channel(ours))
     child.channel.send(opening)

@@ -14,8 +14,8 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from positioner.commissioning import kept_files
 from positioner.errors import StateError
+from positioner.machine import kept_files
 from positioner.store.document import utc_text
 from positioner.store.health_document import HealthDocument, from_plain, to_plain
 from positioner.store.table_directory import BACKUPS, unused

@@ -1,14 +1,38 @@
-"""How the store starts its own processes: this interpreter and this package, whatever the current directory holds."""
+"""How the daemon starts its own processes: this interpreter and this package, whatever the current directory holds."""
 
 from __future__ import annotations
 
 import fcntl
 import os
+import signal
+import subprocess
 import sys
 from pathlib import Path
 
 _PACKAGES = str(Path(__file__).resolve().parents[2])
 _FIRST_FREE = 3
+_SHIELDED = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+
+
+def shielded(module: str, *arguments: str, descriptors: tuple[int, ...]) -> subprocess.Popen[bytes]:
+    """Return a process that runs `module` and inherits the descriptors.
+
+    Blocked signals stay blocked in it: Ctrl-C or a stop of the whole service must not end it before the daemon.
+
+    Raises:
+        OSError: it cannot be started.
+    """
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, _SHIELDED)
+    try:
+        return subprocess.Popen(  # noqa: S603 - our own interpreter and module
+            command(module, *arguments),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            pass_fds=descriptors,
+            env=environment(),
+        )
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 def command(module: str, *arguments: str) -> list[str]:

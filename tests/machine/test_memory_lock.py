@@ -51,6 +51,8 @@ def test_the_daemon_locks_its_memory_once_it_is_made_and_before_it_runs(
     order: list[str] = []
 
     class NotedDaemon:
+        sessions = ()
+
         def __init__(self, *_: object) -> None:
             order.append("is made")
 

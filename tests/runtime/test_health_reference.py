@@ -78,3 +78,19 @@ def test_a_result_of_another_form_is_told_and_leaves_the_configured_valve(tmp_pa
     path.write_text(json.dumps({"format": "another"}))
     assert measured_health_settings(own, said.append).watch.reference.source == "configuration"
     assert "is no kept result" in said[1]
+
+
+def test_a_reference_of_another_valve_or_another_travel_is_told_and_not_used(tmp_path: Path) -> None:
+    own, said = configuration(tmp_path), list[str]()
+    keep(own.state_directory, "identify", {**identified(5e4), "valve": "FV-2"})
+    assert measured_health_settings(own, said.append).watch.reference.source == "configuration"
+    assert said == [f"{own.state_directory}: identify of valve FV-2 is left out: this is FV-1"]
+    said.clear()
+    valve = own.valve
+    travel_m = [valve.travel_min_m, valve.travel_max_m, valve.span_m]
+    keep(own.state_directory, "identify", {**identified(6e4), "travel_m": [0.0, 0.03, 0.025]}, as_reference=True)
+    assert measured_health_settings(own, said.append).watch.reference.source == "configuration"
+    (line,) = [each for each in said if "FV-2" not in each]
+    assert "a travel from 0 to 30 mm and a span of 25 mm: measure it again with --as-reference" in line
+    keep(own.state_directory, "identify", {**identified(7e4), "travel_m": travel_m}, as_reference=True)
+    assert measured_health_settings(own, said.append).watch.reference.spring_n_per_m == 7e4

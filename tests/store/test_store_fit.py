@@ -14,6 +14,7 @@ from store_helpers import NOW_S, WIDTH_M, sample, series, taught, wait_for
 
 from positioner.cli import table_text
 from positioner.errors import ConfigurationError
+from positioner.report.text import plain
 from positioner.store import access, commands, database, document, messages, schema
 from positioner.store.client import TableWriterClient
 from positioner.store.table_directory import TABLE
@@ -70,7 +71,7 @@ def test_its_variances_grow_with_whole_days_off(days: int, seconds: int) -> None
 def test_a_dump_shows_it_and_a_reset_clears_it(tmp_path: Path) -> None:
     database.create(tmp_path / TABLE, kept())
 
-    shown = table_text.table(access.dump(tmp_path))
+    shown = plain(table_text.blocks(access.dump(tmp_path)))
     done = commands.on_files(tmp_path, messages.ResetRequest())
 
     assert "learned from all slips: K 52432 ± 300 N/m, F_s 1693 ± 20 N" in shown

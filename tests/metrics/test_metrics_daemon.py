@@ -1,0 +1,235 @@
+"""The metrics of a running daemon: where they are, when they go, and that the loop does not feel them."""
+
+from __future__ import annotations
+
+import http.client
+import socket
+import stat
+import sys
+import threading
+import time
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from daemon_helpers import write_configuration
+from prometheus_client.openmetrics.parser import text_string_to_metric_families
+from virtual_shell import VirtualShell
+
+from positioner.bus.address import BusAddress
+from positioner.cli.main import main
+from positioner.config.reader import load_valves
+from positioner.metrics import writer
+from positioner.runtime import metrics as metrics_module
+from positioner.runtime.metrics import Metrics, metrics_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+    from types import FrameType
+
+
+SEVERAL = """
+[metrics]
+file = "shared.prom"
+[[valve]]
+id = "FV-101"
+preset = "paper"
+[[valve]]
+id = "FV-102"
+preset = "paper"
+[valve.wire]
+id_offset = 128
+[valve.metrics]
+file = "other.prom"
+[[valve]]
+id = "FV-103"
+preset = "paper"
+[valve.wire]
+id_offset = 256
+"""
+
+
+def until(done: Callable[[], Any]) -> Any:
+    """Return what `done` returns once that is true."""
+    end_s = time.monotonic() + 30.0
+    while time.monotonic() < end_s:
+        if found := done():
+            return found
+        time.sleep(0.01)
+    raise AssertionError
+
+
+def values(text: str) -> dict[str, float]:
+    """Return the metrics whose only label is the valve, by their names."""
+    read: Any = text_string_to_metric_families
+    samples = [sample for family in read(text) for sample in family.samples]
+    return {sample.name: sample.value for sample in samples if set(sample.labels) == {"valve"}}
+
+
+def read_socket(path: Path) -> tuple[str, str]:
+    """Return the type and the body of an answer at a Unix socket."""
+    connection = http.client.HTTPConnection("localhost")
+    connection.sock = socket.socket(socket.AF_UNIX)
+    connection.sock.connect(str(path))
+    connection.request("GET", "/metrics")
+    response = connection.getresponse()
+    return str(response.headers["Content-Type"]), response.read().decode()
+
+
+def test_a_daemon_tells_its_state_in_a_file_and_at_a_socket_until_it_ends(tmp_path: Path) -> None:
+    file, place = tmp_path / "positioner.prom", tmp_path / "metrics.sock"
+    with VirtualShell(tmp_path, metrics={"file": file.name, "socket": place.name, "every_s": 0.5}) as shell:
+        shell.cycle_for(0.2)
+        until(file.exists)
+        assert stat.S_IMODE(file.stat().st_mode) == 0o644
+        assert "positioner_current_amperes" not in values(file.read_text("utf-8"))
+        shell.arm()
+        shell.cycle_for(1.0)
+        told = until(lambda: (found := values(file.read_text("utf-8"))).get("positioner_armed") and found)
+        assert told["positioner_setpoint_meters"] == pytest.approx(0.08, abs=1e-5)
+        assert told["positioner_position_meters"] == pytest.approx(0.08, abs=1e-5)
+        assert 0.004 <= told["positioner_current_amperes"] <= 0.020
+        kind, text = read_socket(place)
+        assert kind == "application/openmetrics-text; version=1.0.0; charset=utf-8"
+        assert values(text).keys() == told.keys()
+    until(lambda: not file.exists() and not place.exists())
+    assert not list(tmp_path.glob("*.new"))
+
+
+def sent_by(folder: Path, **tables: Any) -> list[Any]:
+    folder.mkdir()
+    with VirtualShell(folder, **tables) as shell:
+        shell.arm()
+        shell.cycle_for(1.0)
+        return shell.world.sent
+
+
+def test_the_commands_are_the_same_with_metrics_and_without(tmp_path: Path) -> None:
+    without = sent_by(tmp_path / "without")
+    assert sent_by(tmp_path / "with", metrics={"file": "metrics.prom", "every_s": 0.5}) == without
+    assert len(without) > 100
+
+
+def instructions(shell: VirtualShell, cycles: int) -> tuple[float, int]:
+    """Return the median of the interpreter's instructions in a cycle, and in how many cycles metrics were looked at."""
+    counts = []
+    count = looks = 0
+
+    def trace(frame: FrameType, event: str, argument: object) -> Any:
+        nonlocal count, looks
+        del argument
+        frame.f_trace_opcodes, frame.f_trace_lines = True, False
+        count += event == "opcode"
+        looks += event == "call" and frame.f_code is Metrics.look.__code__
+        return trace
+
+    for _ in range(cycles):
+        before = count
+        sys.settrace(trace)
+        try:
+            shell.daemon._cycle()
+        finally:
+            sys.settrace(None)
+        counts.append(count - before)
+    return median(counts), looks
+
+
+@pytest.mark.interpreted
+def test_a_cycle_without_a_hand_over_takes_the_same_instructions(tmp_path: Path) -> None:
+    found = []
+    wanted: tuple[tuple[str, Any], ...] = (("without", {}), ("with", {"metrics": {"file": "metrics.prom"}}))
+    for name, tables in wanted:
+        (tmp_path / name).mkdir()
+        with VirtualShell(tmp_path / name, **tables) as shell:
+            shell.arm()
+            found.append(instructions(shell, 40))
+    (without, never), (with_metrics, looks) = found
+    assert with_metrics == without > 1000
+    assert never == 0
+    assert 3 <= looks <= 5  # where the daemon reports life, ten times a second: 40 cycles of 10 ms
+
+
+def test_a_writer_that_is_killed_costs_one_line_and_no_command(tmp_path: Path) -> None:
+    with VirtualShell(tmp_path, metrics={"file": "metrics.prom", "every_s": 0.5}) as shell:
+        shell.arm()
+        (metrics,) = shell.daemon._metrics
+        metrics._process.kill()
+        metrics._process.wait()
+        before = len(shell.world.sent)
+        shell.cycle_for(3.0)
+        assert len(shell.logged("metrics")) == 1
+        assert "no metrics until the positioner starts again" in shell.logged("metrics")[0]
+        assert len(shell.world.sent) - before >= 300
+
+
+def test_a_place_that_cannot_be_written_is_told_once_and_used_when_it_is_there(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    folder = tmp_path / "later"
+    place = tmp_path / "no-socket"
+    place.write_text("mine", "utf-8")
+    arguments = (theirs, folder / "metrics.prom", place, "1")
+    process = threading.Thread(target=writer.run, args=arguments)
+    process.start()
+    for _ in range(3):
+        ours.send(b"[]")
+    folder_problem = until(lambda: capsys.readouterr().err)
+    time.sleep(0.05)
+    assert folder_problem.count("\n") == 1
+    assert f"WARNING metrics: {folder / 'metrics.prom'}: cannot be written: No such file or directory" in folder_problem
+    folder.mkdir()
+    ours.send(b"[]")
+    until((folder / "metrics.prom").exists)
+    socket_problem = until(lambda: capsys.readouterr().err)
+    assert f"{place}: cannot be used: something else has this name" in socket_problem
+    place.unlink()
+    ours.send(b"[]")
+    assert "INFO metrics: written again" in until(lambda: capsys.readouterr().err)
+    assert read_socket(place)[1].endswith("# EOF\n")
+    ours.close()
+    process.join(10.0)
+    theirs.close()
+    assert not (folder / "metrics.prom").exists()
+    assert not place.exists()
+
+
+def test_a_full_disk_keeps_the_old_text_and_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "metrics.prom"
+    assert writer.write_file(path, "old\n") is None
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fchmod", full)
+    assert "No space left on device" in str(writer.write_file(path, "new\n"))
+    assert path.read_text("utf-8") == "old\n"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_the_configuration_says_where_they_go_and_refuses_what_it_does_not_know(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write_configuration(
+        tmp_path, BusAddress(interface="virtual", channel="none"), metrics={"file": "/run/m.prom", "every_s": 2.0}
+    )
+    assert main(["check", str(path)]) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.split()[:1] == ["metrics"]]
+    assert line.split(maxsplit=1)[1] == "/run/m.prom, every 2 s"
+    path.write_text(path.read_text("utf-8").replace("every_s = 2.0", "every = 2.0\nport = 9100"), "utf-8")
+    assert main(["check", str(path)]) == 78
+    problems = capsys.readouterr().err
+    assert "metrics.every" in problems
+    assert "metrics.port" in problems
+
+
+def test_valves_that_share_their_places_share_one_writer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    started: list[tuple[Path | None, tuple[Any, ...]]] = []
+    monkeypatch.setattr(metrics_module, "Metrics", lambda own, sessions: started.append((own.file, tuple(sessions))))
+    path = tmp_path / "valves.toml"
+    path.write_text(SEVERAL, "utf-8")
+    configurations = load_valves(path)
+    metrics_of(configurations, [each.valve.id for each in configurations])  # type: ignore[misc]
+    shared, other = tmp_path / "shared.prom", tmp_path / "other.prom"
+    assert started == [(shared, ("FV-101", "FV-103")), (other, ("FV-102",))]

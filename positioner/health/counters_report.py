@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from positioner.health.classes import DEVIATION_EDGES_PERCENT, SPAN_EDGES_PERCENT, TRAVEL_EDGES_PERCENT
+from positioner.health.classes import DEVIATION_EDGES_PERCENT, SPAN_EDGES_PERCENT, TRAVEL_EDGES_PERCENT, short
+from positioner.health.stress import stress
 from positioner.wire.messages import Mode
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ def as_values(settings: CounterSettings, counters: Counters) -> dict[str, Any]:
         "starts": counters.starts,
         "observed_cycles": counters.observed,
         "time_in_mode_s": {mode.name: counters.mode_us[mode] * _US for mode in Mode},
+        "function_check_s": counters.checked_us * _US,
         "cycles": counters.cycles,
         "reversals": counters.reversals,
         "travel_m": counters.travel_m,
@@ -39,7 +41,10 @@ def as_values(settings: CounterSettings, counters: Counters) -> dict[str, Any]:
             "travel": _histogram(TRAVEL_EDGES_PERCENT, counters.travel),
             "deviation": _histogram(DEVIATION_EDGES_PERCENT, counters.deviation),
             "cycle_spans": _histogram(SPAN_EDGES_PERCENT, counters.spans),
+            "travel_last_100": _histogram(TRAVEL_EDGES_PERCENT, _travel_short(counters)),
+            "deviation_last_100": _histogram(DEVIATION_EDGES_PERCENT, _deviation_short(counters)),
         },
+        "stress_factor": stress(settings.wear, counters.spans) if settings.wear else None,
     }
 
 
@@ -51,9 +56,8 @@ def as_lines(settings: CounterSettings, counters: Counters) -> list[str]:
         100.0 * settings.dead_band_m(of_span, settings.travel_min_m + 0.5 * settings.span_m) / settings.span_m
         for of_span in (settings.cycle_band_of_span, settings.travel_band_of_span)
     )
-    modes = ", ".join(
-        f"{mode.name} {hours:.2f} h" for mode in Mode if (hours := counters.mode_us[mode] / _US_PER_H) > 0.0
-    )
+    times_us = {**{mode.name: counters.mode_us[mode] for mode in Mode}, "FUNCTION_CHECK": counters.checked_us}
+    modes = ", ".join(f"{name} {time_us / _US_PER_H:.2f} h" for name, time_us in times_us.items() if time_us)
     ends = (counters.closed_us, counters.near_closed_us, counters.open_us)
     closed_h, near_closed_h, open_h = (each / _US_PER_H for each in ends)
     rows = (
@@ -71,13 +75,21 @@ def as_lines(settings: CounterSettings, counters: Counters) -> list[str]:
         ("closed, near it, open", f"{closed_h:.2f} h, {near_closed_h:.2f} h, {open_h:.2f} h"),
     )
     lines = [f"{name:<22} {text}" for name, text in rows]
-    for title, edges, histogram in (
-        ("position, % of travel: seconds", TRAVEL_EDGES_PERCENT, counters.travel),
-        ("setpoint - position, % of the span: seconds", DEVIATION_EDGES_PERCENT, counters.deviation),
-        ("span between reversals, % of the span: cycles", SPAN_EDGES_PERCENT, counters.spans),
-    ):
-        lines += ["", title, *_bars(edges, histogram)]
-    return lines
+    if settings.wear:
+        lines.append(f"{'packing, life spent':<22} {100.0 * values['stress_factor']:.3g} %")
+    last = "seconds, and of the last 100"
+    position, error = f"position, % of travel: {last}", f"setpoint - position, % of the span: {last}"
+    lines += ["", position, *_bars(TRAVEL_EDGES_PERCENT, counters.travel, _travel_short(counters))]
+    lines += ["", error, *_bars(DEVIATION_EDGES_PERCENT, counters.deviation, _deviation_short(counters))]
+    return [*lines, "", "span between reversals, % of the span: cycles", *_bars(SPAN_EDGES_PERCENT, counters.spans)]
+
+
+def _travel_short(counters: Counters) -> tuple[int, ...]:
+    return short(counters.travel_recent, TRAVEL_EDGES_PERCENT)
+
+
+def _deviation_short(counters: Counters) -> tuple[int, ...]:
+    return short(counters.deviation_recent, DEVIATION_EDGES_PERCENT)
 
 
 def _histogram(edges: tuple[float, ...], histogram: tuple[int, ...]) -> dict[str, Any]:
@@ -85,8 +97,8 @@ def _histogram(edges: tuple[float, ...], histogram: tuple[int, ...]) -> dict[str
     return {"edges_percent": list(edges), "counts": list(histogram)}
 
 
-def _bars(edges: tuple[float, ...], histogram: tuple[int, ...]) -> list[str]:
-    """Return a line for each class from the first that holds something to the last."""
+def _bars(edges: tuple[float, ...], histogram: tuple[int, ...], recent: tuple[int, ...] = ()) -> list[str]:
+    """Return a line for each class from the first that holds something to the last; `recent` is a second column."""
     most = max(histogram)
     if most == 0:
         return ["  none yet"]
@@ -95,5 +107,7 @@ def _bars(edges: tuple[float, ...], histogram: tuple[int, ...]) -> list[str]:
     for at in range(held[0], held[-1] + 1):
         low = f"{edges[at - 1]:g}" if at else ""
         high = f"{edges[at]:g}" if at < len(edges) else ""
-        lines.append(f"  {low:>5} … {high:<5} {histogram[at]:>9}  {'#' * round(_BAR * histogram[at] / most)}".rstrip())
+        beside = f"{recent[at]:>5}" if recent else ""
+        bar = "#" * round(_BAR * histogram[at] / most)
+        lines.append(f"  {low:>5} … {high:<5} {histogram[at]:>9}{beside}  {bar}".rstrip())
     return lines

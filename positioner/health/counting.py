@@ -7,11 +7,18 @@ never leaves a dead band of 4 σ, which the single readings of a year leave ofte
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from positioner.cycle.events import MoveBegan
 from positioner.cycle.trust_events import PushFailed
-from positioner.health.classes import DEVIATION_EDGES_PERCENT, SPAN_EDGES_PERCENT, TRAVEL_EDGES_PERCENT, counted
+from positioner.health.classes import (
+    DEVIATION_EDGES_PERCENT,
+    SPAN_EDGES_PERCENT,
+    TRAVEL_EDGES_PERCENT,
+    class_of,
+    counted,
+    with_newest,
+)
 from positioner.health.turns import Turns
 from positioner.laws.move_reason import BreakawaySource
 from positioner.values import dataclass, replace
@@ -21,19 +28,21 @@ if TYPE_CHECKING:
     from positioner.health.counters import Counters, CounterSettings
     from positioner.health.observed import ObservedCycle
 
-STRETCH_S, LEAST_READINGS = 0.1, 16
+STRETCH_S: Final = 0.1
+LEAST_READINGS: Final = 16
 """A stretch is so long, and has at least so many readings."""
-_STRETCH_US, _SAMPLE_US = 100_000, 1_000_000
+_STRETCH_US: Final = 100_000
+_SAMPLE_US: Final = 1_000_000
 _CLOSED_PERCENT, _NEAR_CLOSED_PERCENT, _OPEN_PERCENT = 0.5, 5.0, 99.5
 
 
 @dataclass(slots=True)
 class Counting:
-    """The counters, and what is not yet in them. `count` changes its own copy.
+    """The counters, and what is not yet in them. `count` changes them in place.
 
     observed: cycles. readings, sum_m: of the present stretch, their number and sum.
-    timed_us: the instant up to which time is counted; sampled_us: that of the last sample of the histograms; None
-        before the first cycle. mode, stuck: since then; stuck is None where no law knows.
+    timed_us: the instant up to which time is counted, -1 before the first cycle; sampled_us: that of the last sample
+        of the histograms. mode, stuck: since then; stuck is None where no law knows.
     percent: where the stem was, NaN where unknown.
     """
 
@@ -41,7 +50,7 @@ class Counting:
     observed: int
     readings: int = 0
     sum_m: float = 0.0
-    timed_us: int | None = None
+    timed_us: int = -1
     sampled_us: int = 0
     mode: Mode = Mode.INIT
     stuck: bool | None = None
@@ -58,39 +67,44 @@ def begin(counters: Counters) -> Counting:
     return Counting(replace(counters, starts=counters.starts + 1), counters.observed)
 
 
-def count(settings: CounterSettings, counting: Counting, cycle: ObservedCycle) -> Counting:
-    """Return the counting with one more cycle."""
-    after: Counting = replace(counting)
+def count(settings: CounterSettings, after: Counting, cycle: ObservedCycle) -> None:
+    """Count one more cycle. It is called in each, so what can wait for the end of a stretch does."""
+    controlled, mode, now_us, position_m = cycle.controlled, cycle.mode, cycle.now_us, cycle.position_m
     after.observed += 1
-    stuck = None if cycle.controlled is None else cycle.controlled.stem.stuck
-    if cycle.controlled is None and cycle.position_m is None and cycle.mode is after.mode:
+    stuck: bool | None = None
+    if controlled is not None:
+        stuck = controlled.stem.stuck
+    elif position_m is None and mode is after.mode:
         stuck = after.stuck  # a cycle between two readings
-    timed_us = after.timed_us
-    if timed_us is None:
-        after.timed_us = after.sampled_us = timed_us = cycle.now_us
-        after.mode, after.stuck = cycle.mode, stuck
-    if cycle.mode is not after.mode or stuck is not after.stuck or cycle.now_us - timed_us >= _STRETCH_US:
-        _pass_time(after, timed_us, cycle.now_us)
+    if after.timed_us < 0:
+        after.timed_us = after.sampled_us = now_us
+        after.mode, after.stuck = mode, stuck
+    if now_us - after.timed_us >= _STRETCH_US or stuck is not after.stuck or mode is not after.mode:
+        _pass_time(settings, after, now_us)
         _switch(after, stuck)
-        after.mode = cycle.mode
-    if len(cycle.events) > 1 or (cycle.events and cycle.controlled is None):
+        after.mode = mode
+    if len(cycle.events) > 1 or (controlled is None and cycle.events):
         _add_events(after, cycle)
-    if cycle.position_m is not None:
+    if position_m is not None:
         after.readings += 1
-        after.sum_m += cycle.position_m
+        after.sum_m += position_m
         if after.readings >= LEAST_READINGS and after.readings * settings.sample_period_s >= STRETCH_S:
             _add_position(settings, after, after.sum_m / after.readings, cycle)
             after.readings, after.sum_m = 0, 0.0
-    return after
 
 
-def _pass_time(after: Counting, timed_us: int, now_us: int) -> None:
+def _pass_time(settings: CounterSettings, after: Counting, now_us: int) -> None:
     """Count the time up to this cycle under what held before it."""
-    passed_us, counters, percent = now_us - timed_us, after.counters, after.percent
-    mode_us = tuple([each + passed_us if mode == after.mode else each for mode, each in enumerate(counters.mode_us)])
+    passed_us, counters, percent = now_us - after.timed_us, after.counters, after.percent
+    checked_us, mode_us = counters.checked_us, counters.mode_us
+    if settings.testing and after.mode is Mode.ACTIVE:
+        checked_us += passed_us
+    else:
+        mode_us = tuple([each + passed_us if mode == after.mode else each for mode, each in enumerate(mode_us)])
     after.counters = replace(
         counters,
         mode_us=mode_us,
+        checked_us=checked_us,
         controlled_us=counters.controlled_us + (passed_us if after.stuck is not None else 0),
         stuck_us=counters.stuck_us + (passed_us if after.stuck else 0),
         closed_us=counters.closed_us + (passed_us if percent < _CLOSED_PERCENT else 0),
@@ -138,12 +152,15 @@ def _add_position(settings: CounterSettings, after: Counting, position_m: float,
     if cycle_span_m is not None:
         spans = counted(spans, SPAN_EDGES_PERCENT, 100.0 * cycle_span_m / settings.span_m)
     travel, deviation = counters.travel, counters.deviation
+    travel_recent, deviation_recent = counters.travel_recent, counters.deviation_recent
     if cycle.now_us - after.sampled_us >= _SAMPLE_US:
         after.sampled_us += (cycle.now_us - after.sampled_us) // _SAMPLE_US * _SAMPLE_US
         travel = counted(travel, TRAVEL_EDGES_PERCENT, after.percent)
+        travel_recent = with_newest(travel_recent, class_of(TRAVEL_EDGES_PERCENT, after.percent))
         if cycle.controlled is not None:
             error_percent = 100.0 * (cycle.controlled.setpoint_m - position_m) / settings.span_m
             deviation = counted(deviation, DEVIATION_EDGES_PERCENT, error_percent)
+            deviation_recent = with_newest(deviation_recent, class_of(DEVIATION_EDGES_PERCENT, error_percent))
     after.counters = replace(
         counters,
         travel_m=counters.travel_m + (way_m if is_travel else 0.0),
@@ -152,6 +169,8 @@ def _add_position(settings: CounterSettings, after: Counting, position_m: float,
         travel=travel,
         deviation=deviation,
         spans=spans,
+        travel_recent=travel_recent,
+        deviation_recent=deviation_recent,
         anchor_m=position_m if is_travel else anchor_m,
         turns=turns,
         cycle_turns=cycle_turns,

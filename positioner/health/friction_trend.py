@@ -10,7 +10,7 @@ next one. The F_s of each slip under a current that rose slowly is compared with
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from positioner.values import dataclass, replace
 
@@ -32,6 +32,7 @@ _ONE_SIDED, _SPRING_SEEN = 0.6, 0.05
 """One direction alone changes where the change common to both is more than this part of what sets them apart, and the
 spring rate has changed by less than that."""
 _Z = 1.96
+_Symmetric: TypeAlias = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,7 @@ class FrictionTrend:
     moves: how many were used, and moves_up of them opening; at_s: the last one.
     """
 
-    normal: tuple[float, float, float, float, float, float] = (_KNOWN, 0.0, 0.0, _KNOWN, 0.0, _KNOWN)
+    normal: _Symmetric = (_KNOWN, 0.0, 0.0, _KNOWN, 0.0, _KNOWN)
     right: tuple[float, float, float] = (0.0, 0.0, 0.0)
     scatter: float = 1.0
     static_log: float = 0.0
@@ -102,7 +103,7 @@ def after_move(trend: FrictionTrend, reference: Reference, averaging: float, mov
     offset, spring = spring_n * reference.span_m / sigma_n, spring_n * move.middle_m / sigma_n
     friction = move.friction_part * sliding_n / sigma_n
     seen = (move.force_n - reference.balance_n(move.middle_m)) / sigma_n - friction
-    before = _solved(trend)
+    before = _solved(_inverse(trend), trend.right)
     left = seen - offset * before[0] - spring * before[1] - friction * before[2]
     weight = min(1.0, _HUBER / max(abs(left), 1e-9))
     # a move that shows less makes the trend forget less
@@ -137,7 +138,7 @@ def _with_static(trend: FrictionTrend, reference: Reference, averaging: float, m
     static_n = reference.static_at_n(move.before_m)
     if move.slip_half_n > _COARSE * static_n:
         return trend
-    offset, spring, _ = _solved(trend)
+    offset, spring, _ = _solved(_inverse(trend), trend.right)
     load_n = reference.preload_n + reference.spring_n_per_m * (
         offset * reference.span_m + (1.0 + spring) * move.before_m
     )
@@ -150,11 +151,12 @@ def _with_static(trend: FrictionTrend, reference: Reference, averaging: float, m
 
 def changes(trend: FrictionTrend, reference: Reference, averaging: float) -> Changes:
     """Return what has changed since the reference; `averaging` is λ."""
-    offset, spring, friction = _solved(trend)
+    inverse = _inverse(trend)
+    offset, spring, friction = _solved(inverse, trend.right)
     # the variance of a sum with fading weights, over that of a sum of all its observations
     spread = math.sqrt(max(trend.scatter, 1.0) / (2.0 - averaging))
     middle = trend.normal[1] / trend.normal[0]  # of the moves, as a part of the span
-    oo, os, _, ss, _, ff = _inverse(trend)
+    oo, os, _, ss, _, ff = inverse
     common = Share(
         offset + spring * middle, spread * math.sqrt(max(oo + 2.0 * middle * os + middle * middle * ss, 0.0))
     )
@@ -173,14 +175,14 @@ def changes(trend: FrictionTrend, reference: Reference, averaging: float) -> Cha
     return Changes(apart, Share(spring, spread * math.sqrt(ss)), common, static, jump, one_sided)
 
 
-def _solved(trend: FrictionTrend) -> tuple[float, float, float]:
+def _solved(inverse: _Symmetric, right: tuple[float, float, float]) -> tuple[float, float, float]:
     """Return the changes of offset, spring and friction by least squares."""
-    a, b, c, d, e, f = _inverse(trend)
-    r0, r1, r2 = trend.right
+    a, b, c, d, e, f = inverse
+    r0, r1, r2 = right
     return a * r0 + b * r1 + c * r2, b * r0 + d * r1 + e * r2, c * r0 + e * r1 + f * r2
 
 
-def _inverse(trend: FrictionTrend) -> tuple[float, float, float, float, float, float]:
+def _inverse(trend: FrictionTrend) -> _Symmetric:
     """Return the inverse of the symmetric matrix of three rows; it is positive definite."""
     a, b, c, d, e, f = trend.normal
     first, second, third = d * f - e * e, c * e - b * f, b * e - c * d

@@ -11,7 +11,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 _FAILED, _STUCK = 1.0, 2.0
-_STUCK_CAUSES = ("breakaway too high", "no motion in time")
+_STUCK_CAUSES = ("stuck, breakaway too high", "no motion in time")
+"""As `commissioning.stroke.memory.Cause` has them."""
 
 
 def stroke_test_watched(recorded: str, document: Mapping[str, Any]) -> Watched:

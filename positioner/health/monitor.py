@@ -9,16 +9,21 @@ from typing import TYPE_CHECKING, Any
 
 from positioner.health.counters_document import COUNTERS, counters_from, counters_in
 from positioner.health.counting import Counting, begin, count
+from positioner.health.observed import observed_cycle
 from positioner.health.trends_document import TRENDS, trends_from, trends_in
 from positioner.health.watch import Watch, watch_cycle
-from positioner.values import dataclass, replace
+from positioner.values import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from positioner.cycle.events import Event
+    from positioner.cycle.input import CycleInput
+    from positioner.cycle.state import CycleState
     from positioner.health.counters import CounterSettings
     from positioner.health.observed import ObservedCycle
     from positioner.health.watch import WatchSettings
+    from positioner.wire.messages import CanFrame
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,14 +36,10 @@ class HealthSettings:
 
 @dataclass(frozen=True, slots=True)
 class HealthState:
-    """What health carries on from cycle to cycle; `begin_us` is the instant of the first one, None before it.
-
-    Each part gets its instants from there: then their roundings are those of a log, too.
-    """
+    """What health carries on from cycle to cycle; each cycle changes both parts in place."""
 
     counting: Counting
     watch: Watch
-    begin_us: int | None = None
 
 
 def begin_health(settings: HealthSettings, sections: Mapping[str, Any]) -> HealthState:
@@ -51,13 +52,27 @@ def begin_health(settings: HealthSettings, sections: Mapping[str, Any]) -> Healt
     return HealthState(begin(counters_from(sections.get(COUNTERS))), Watch(trends))
 
 
-def observe(settings: HealthSettings, health: HealthState, cycle: ObservedCycle) -> HealthState:
-    """Return the health after one more cycle; the watch is changed in place."""
-    begin_us = cycle.now_us if health.begin_us is None else health.begin_us
-    cycle = replace(cycle, now_us=cycle.now_us - begin_us)
-    counting = count(settings.counters, health.counting, cycle)
-    watch_cycle(settings.watch, health.watch, cycle, counting.counters)
-    return HealthState(counting, health.watch, begin_us)
+def observe(settings: HealthSettings, health: HealthState, cycle: ObservedCycle) -> bool:
+    """Take in one more cycle; return whether a tenth of a second is over or an alarm has changed: time to look."""
+    counting, watch = health.counting, health.watch
+    timed_us = counting.timed_us
+    count(settings.counters, counting, cycle)
+    watch_cycle(settings.watch, watch, cycle, counting.counters)
+    return counting.timed_us != timed_us or bool(watch.changed)
+
+
+def observe_step(
+    settings: HealthSettings,
+    health: HealthState,
+    cycle_input: CycleInput,
+    before: CycleState,
+    after: CycleState,
+    outbox: tuple[CanFrame, ...],
+    events: tuple[Event, ...],
+) -> bool:
+    """Take in what `step` made of a cycle, as `observe`: one call for each cycle of the daemon."""
+    cycle = observed_cycle(cycle_input, before, after, outbox, events)
+    return cycle is not None and observe(settings, health, cycle)
 
 
 def sections_of(health: HealthState) -> dict[str, Any]:

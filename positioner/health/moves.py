@@ -12,7 +12,7 @@ The stem slips from rest at B·u = F_0 + K·x ± F_s, which shows F_s where the 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from positioner.health.move import Move
 from positioner.values import dataclass
@@ -20,20 +20,21 @@ from positioner.values import dataclass
 if TYPE_CHECKING:
     from positioner.health.move import MoveSettings
 
-_STANDS_OUT, _CONFIRMS = 4.0, 3.0
+_STANDS_OUT: Final = 4.0
+_CONFIRMS: Final = 3.0
 """Standard deviations by which a reading leaves a rest, and by which the next one confirms it."""
 _AGREE = 5.0
 """Standard deviations of the spread of readings that agree."""
 _TURNS = 8.0
 """Standard deviations by which a stem that turned back has come back: its path is longer than its way."""
-_FEW, _ENOUGH = 8, 24
+_FEW: Final = 8
+_ENOUGH: Final = 24
+_HALF: Final = 12
 """Readings that agree before a stem counts as at rest, and those that a known place of rest needs."""
-_REMEMBERED = 256
+_REMEMBERED: Final = 256
 """Readings in the mean of a rest, at most."""
 _CREEPS = 4.0
-_UNSEEN = 3
-"""Readings in which a stem may slide before it stands out."""
-_LOST_S = 1.5
+_LOST_S: Final = 1.5
 """Sample periods between two readings, beyond which a move between them shows nothing."""
 
 
@@ -42,7 +43,7 @@ class MoveTracker:
     """The rest or the move that is under way; `follow` changes it in place.
 
     rest: `count` readings with the mean rest_m; first_m: the mean of its first readings; low_ma, high_ma: the currents
-    under which it lasted, but for the newest ones; suspect_m: a reading that may begin a move, NaN without one.
+    under which it lasted, but for the newest three; suspect_m: a reading that may begin a move, NaN without one.
     moving: work in mA·m, ∫v² dt in square, what the noise does to the work in swing; part_m: where the present part of
     the way began, path_m: the parts before it; side: of the first part.
     """
@@ -53,7 +54,9 @@ class MoveTracker:
     rest_s: float = 0.0
     low_ma: float = math.inf
     high_ma: float = -math.inf
-    newest_ma: tuple[float, ...] = ()
+    newest_ma: float = math.nan
+    second_ma: float = math.nan
+    third_ma: float = math.nan
     suspect_m: float = math.nan
     suspect_ma: float = 0.0
     moving: bool = False
@@ -112,12 +115,14 @@ def follow(
 def _rest(state: MoveTracker, x_m: float, ma: float) -> None:
     state.count = min(state.count + 1, _REMEMBERED)
     state.rest_m += (x_m - state.rest_m) / state.count
-    if state.count == _ENOUGH // 2:
+    if state.count == _HALF:
         state.first_m = state.rest_m
-    if len(state.newest_ma) == _UNSEEN:
-        oldest_ma = state.newest_ma[0]
-        state.low_ma, state.high_ma = min(state.low_ma, oldest_ma), max(state.high_ma, oldest_ma)
-    state.newest_ma = (*state.newest_ma, ma)[-_UNSEEN:]
+    third_ma = state.third_ma  # in the two after it the stem may have slid; NaN is below and above nothing
+    if third_ma < state.low_ma:  # noqa: PLR1730 - NaN again
+        state.low_ma = third_ma
+    if third_ma > state.high_ma:  # noqa: PLR1730
+        state.high_ma = third_ma
+    state.third_ma, state.second_ma, state.newest_ma = state.second_ma, state.newest_ma, ma
 
 
 def _begin(
@@ -156,8 +161,9 @@ def _begin_first(settings: MoveSettings, state: MoveTracker, at_s: float, first_
     state.side = side
     state.held_low_ma, state.held_high_ma = state.low_ma, state.high_ma
     state.held_ma = state.high_ma if side > 0.0 else state.low_ma
-    freed_ma = max([side * each for each in (*state.newest_ma, first_ma)])
-    state.slip_ma = side * max(freed_ma, side * state.held_ma)
+    state.slip_ma = side * max(
+        [side * each for each in (first_ma, state.held_ma, state.newest_ma, state.second_ma, state.third_ma)]
+    )
     state.work = state.square = state.swing = state.path_m = 0.0
     state.readings = 0
 
@@ -184,15 +190,15 @@ def _slide(settings: MoveSettings, state: MoveTracker, elapsed_s: float, x_m: fl
     if len(state.recent) == _FEW and max(state.recent) - min(state.recent) <= _AGREE * sigma:
         state.moving, state.open = False, True
         state.count, state.rest_m, state.rest_s = 0, 0.0, _FEW * settings.period_s
-        state.low_ma, state.high_ma, state.newest_ma = math.inf, -math.inf, ()
+        state.low_ma, state.high_ma = math.inf, -math.inf
+        state.newest_ma = state.second_ma = state.third_ma = math.nan
         for each in state.recent:
             _rest(state, each, ma)
 
 
 def _creeps(settings: MoveSettings, state: MoveTracker) -> bool:
     """Return whether the second half of a rest lies elsewhere than the first."""
-    half = _ENOUGH // 2
-    scatter = settings.sigma_m(state.rest_m) * math.sqrt(1.0 / half + 1.0 / state.count)
+    scatter = settings.sigma_m(state.rest_m) * math.sqrt(1.0 / _HALF + 1.0 / state.count)
     return abs(state.rest_m - state.first_m) > _CREEPS * scatter
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from positioner.cycle.events import Controlled, Event
 from positioner.values import dataclass
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from positioner.valve.state import StemState
     from positioner.wire.messages import CanFrame, Cause, Mode
 
-_NS_PER_US = 1000
+_NS_PER_US: Final = 1000
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
 
     from positioner.valve.parameters import ValveParameters
 
+_SAME_OF_SPAN = 0.01
+"""Of the span: stops that are no farther apart are the same."""
 CONFIGURED = "configuration"
 """The source of a reference that nobody measured."""
 
@@ -21,7 +23,7 @@ class Reference:
 
     source: the kind of test procedure, or `CONFIGURED`; recorded: its date, empty without one.
     by_place: places in m, rising, and F_c there; empty where it was not measured by place.
-    closed_m, open_m: the stops. span_m: 100 % of travel. response_s: T86 of a step test, 0 where there is none.
+    closed_m, open_m: the stops. span_m: 100 % of travel.
     """
 
     source: str
@@ -34,7 +36,6 @@ class Reference:
     closed_m: float
     open_m: float
     span_m: float
-    response_s: float = 0.0
 
     @classmethod
     def configured(cls, valve: ValveParameters) -> Reference:
@@ -91,14 +92,13 @@ def reference_of(
     if signature is not None:
         recorded, document = signature
         values = document["quantities"]
-        preload_n = next(float(row["value"]) for row in document["rows"] if row["name"] == "spring force at 0")
         places = tuple(sorted((float(x), float(f)) for x, f in document["sliding_friction_by_place"]))
         return _checked(
             bare,
             "signature",
             recorded,
             float(values["spring_n_per_m"]),
-            preload_n,
+            kept_preload_n(document),
             float(values["sliding_n"]),
             float(values["static_n"]),
             places,
@@ -117,6 +117,40 @@ def reference_of(
             (),
         )
     return bare
+
+
+def other_travel(valve: ValveParameters, document: Mapping[str, Any]) -> str:
+    """Return in words how the travel in a kept result differs from the configured one; empty where it does not.
+
+    A signature without its travel, as earlier versions kept it, must at least have its places within the travel.
+    """
+    near_m = _SAME_OF_SPAN * valve.span_m
+    if (travel_m := document.get("travel_m")) is not None:
+        if any(abs(a - b) > near_m for a, b in zip(kept_travel_m(valve), travel_m, strict=True)):
+            low, high, span = (1e3 * each for each in travel_m)
+            return f"it was measured with a travel from {low:g} to {high:g} mm and a span of {span:g} mm"
+        return ""
+    for place_m, _ in document.get("sliding_friction_by_place", ()):
+        if not valve.travel_min_m - near_m <= place_m <= valve.travel_max_m + near_m:
+            return f"it has friction at {1e3 * place_m:.1f} mm, outside the travel"
+    return ""
+
+
+def kept_travel_m(valve: ValveParameters) -> list[float]:
+    """Return what a kept result says of the travel that it was measured with: both stops and the span, in m."""
+    return [valve.travel_min_m, valve.travel_max_m, valve.span_m]
+
+
+def kept_preload_n(signature: Mapping[str, Any]) -> float:
+    """Return the spring's force at position 0 in N, in the document of a signature.
+
+    Raises:
+        KeyError, TypeError, ValueError: it is none.
+    """
+    found = [float(row["value"]) for row in signature["rows"] if row["name"] == "spring force at 0"]
+    if not found:
+        raise ValueError("it has no spring force at 0")
+    return found[0]
 
 
 def _checked(

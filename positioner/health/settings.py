@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import pairwise
 from typing import Annotated
 
 from annotated_types import Interval
 
 from positioner.health.causes import LIMITS, AlarmCause, Limits
+from positioner.health.stress import wear_of
 from positioner.inputs.table import SettingsTable
 from positioner.wire.messages import Health
 
@@ -35,7 +38,10 @@ class Category(StrEnum):
 class AlarmSettings(SettingsTable):
     """One cause, such as `[health.friction_high]`; what is not given is as usual for this cause.
 
-    limit, serious_limit: as parts, 0.2 is 20 %; a serious limit of 0 is none. delay_s: the on-delay.
+    limit, serious_limit: as parts, 0.2 is 20 %; a serious limit of 0 is none.
+    category, serious_category: what NAMUR NE 107 calls it beyond the limit, and beyond the serious one; "off" is no
+        alarm.
+    delay_s: the on-delay.
     clears_at: the part of the limit below which the alarm ends.
     """
 
@@ -70,14 +76,35 @@ _USUAL = AlarmSettings()
 class HealthTable(SettingsTable):
     """The `[health]` table, with a table for each cause of an alarm.
 
-    averaging: λ of the trends, the weight of the newest move. cycle_limit: cycles after which the packing is due;
-    travel_limit: the same in spans of travel. stroke_test_days: the longest time between two stroke tests; 0 is none.
+    averaging: λ of the trends, the weight of the newest move.
+    cycle_limit: cycles after which the packing is due.
+    travel_limit: the same in spans of travel.
+    stroke_test_days: the longest time between two stroke tests; 0 is none.
+    cycle_dead_band: a reversal beyond this part of the span is a cycle; at least 4 sigma of a reading.
+    travel_dead_band: the same of travel and of changes of direction.
+    allowed_cycles: cycles that the packing bears, by their spans as parts of the travel: [[0.1, 1e6], [1.0, 1e5]];
+        then the spent part of its life counts for the alarm `cycles`.
+    friction_high, friction_low: friction against the reference; 0.2 is 20 % above it, and below it.
+    slip_jump: growth of the slip jump, as a part of the span.
+    spring_rate: change of the spring rate, either way.
+    spring_force: shift of the spring force, as a part of its change over the span.
+    one_sided: one direction alone needs another force: air supply, I/P converter, leak.
+    end_position: position against the stops, as a part of the span.
+    travel_deviation: position against setpoint, as a part of the span.
+    response_time: T86 of the newest step test, times that of the reference.
+    cycles: part of cycle_limit.
+    travel: part of travel_limit.
+    stroke_test: 1 is failed or overdue, 2 is stuck.
+    stuck: force on a stem that rests, times its static friction.
     """
 
     averaging: Annotated[float, Interval(ge=0.001, le=0.2)] = 0.01
     cycle_limit: Annotated[float, Interval(ge=1.0, le=1e12)] = 1e6
     travel_limit: Annotated[float, Interval(ge=1.0, le=1e12)] = 1e6
     stroke_test_days: Annotated[float, Interval(ge=0.0, le=1e5)] = 0.0
+    cycle_dead_band: Annotated[float, Interval(gt=0.0, le=0.2)] = 0.01
+    travel_dead_band: Annotated[float, Interval(gt=0.0, le=0.2)] = 0.0025
+    allowed_cycles: tuple[tuple[float, float], ...] = ()
     friction_high: AlarmSettings = _USUAL
     friction_low: AlarmSettings = _USUAL
     slip_jump: AlarmSettings = _USUAL
@@ -94,6 +121,10 @@ class HealthTable(SettingsTable):
 
     def __post_init__(self) -> None:
         """Refuse limits that contradict each other."""
+        if self.allowed_cycles and not _is_falling(self.allowed_cycles):
+            raise ValueError(
+                "allowed_cycles must be pairs [span, cycles]: spans that rise, above 0 to 1, and cycles that fall"
+            )
         for cause in AlarmCause:
             try:
                 self.limits_of(cause)
@@ -106,6 +137,17 @@ class HealthTable(SettingsTable):
         return own.over(LIMITS[cause])
 
     @property
+    def wear(self) -> tuple[float, ...]:
+        """The part of the packing's life that a cycle takes, by its class of spans; empty where nobody knows."""
+        return wear_of(self.allowed_cycles)
+
+    @property
     def stroke_test_s(self) -> float:
         """The longest time between two stroke tests in s; 0 is none."""
         return self.stroke_test_days * _DAY_S
+
+
+def _is_falling(allowed: tuple[tuple[float, float], ...]) -> bool:
+    """Return whether larger spans are allowed less often, and all numbers are possible."""
+    possible = all(0.0 < span <= 1.0 and 1.0 <= cycles < math.inf for span, cycles in allowed)
+    return possible and all(a[0] < b[0] and a[1] > b[1] for a, b in pairwise(allowed))

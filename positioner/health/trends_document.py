@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from positioner.health.alarms import Alarm
 from positioner.health.causes import AlarmCause
 from positioner.health.friction_trend import FrictionTrend
+from positioner.health.plain_values import plain, value_like
 from positioner.health.watch import Trends
 from positioner.values import replace
 from positioner.wire.messages import Health
@@ -25,7 +26,7 @@ _ALARM = tuple(each.name for each in fields(Alarm))
 
 def trends_in(trends: Trends) -> dict[str, Any]:
     """Return the section of these trends."""
-    friction = {name: _plain(getattr(trends.friction, name)) for name in _FRICTION}
+    friction = {name: plain(getattr(trends.friction, name)) for name in _FRICTION}
     return {
         "against": list(trends.against),
         "friction": friction,
@@ -58,7 +59,7 @@ def trends_from(section: Any, reference: Reference) -> Trends:
     if not isinstance(friction, dict) or set(friction) != set(_FRICTION):
         raise ValueError("the friction's trend is not as this version writes it")
     none = FrictionTrend()
-    trend = replace(none, **{name: _value(name, getattr(none, name), friction[name]) for name in _FRICTION})
+    trend = replace(none, **{name: value_like(name, getattr(none, name), friction[name]) for name in _FRICTION})
     match ends:
         case [float(closed), int(closings), float(opened), int(openings)] if closings >= 0 and openings >= 0:
             return replace(found, friction=trend, closed=closed, closings=closings, open=opened, openings=openings)
@@ -99,18 +100,3 @@ def _alarm_from(given: Any) -> Alarm:
         is_seen,
         given["since"],
     )
-
-
-def _plain(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value
-
-
-def _value(name: str, example: Any, given: Any) -> Any:
-    """Return what was written as `given`: of the type of `example`, a row with as many finite numbers."""
-    if isinstance(example, tuple):
-        if not isinstance(given, list) or len(given) != len(example):
-            raise ValueError(f"{name} is no row of {len(example)} numbers")
-        return tuple([_value(name, 0.0, each) for each in given])
-    if type(given) is not type(example) or not math.isfinite(given):
-        raise ValueError(f"{name} is no number")
-    return given

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from positioner.health.alarms import Alarm, Changed, Watched, judged
 from positioner.health.causes import AlarmCause, Limits
 from positioner.health.friction_trend import Changes, FrictionTrend, after_move, changes
+from positioner.health.friction_watched import friction_watched
 from positioner.health.moves import MoveTracker, follow
 from positioner.health.pressure import Pressure, PressureSettings, acted_ma
 from positioner.health.reference import CONFIGURED, Reference
+from positioner.health.stress import stress
 from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
     from positioner.health.observed import ObservedCycle
     from positioner.health.settings import HealthTable
 
-_JUDGED_EVERY_US = 500_000
+_JUDGED_EVERY_US: Final = 500_000
 _NEAR_END = 0.05
 """Of the span: a stem so near to a stop may stand on it."""
 _AT_END = 0.02
@@ -36,7 +38,8 @@ _PRESSED = 1.5
 _NEWEST_END = 0.2
 """The weight of the newest closing in the mean end position."""
 _MOST_FRICTION = 4.0
-_MOST_PERIODS = 1000
+_NEXT_PERIOD: Final = 1.5
+_MOST_PERIODS: Final = 1000
 """After so long a gap nothing is known of the pressure."""
 
 
@@ -47,6 +50,7 @@ NO_STROKE_TEST = Watched(AlarmCause.STROKE_TEST, 0.0, 0.0, "none is kept")
 class WatchSettings:
     """What the watch knows: how moves and pressure are measured, the reference, λ, and the limits by cause.
 
+    wear: the part of the packing's life that a cycle of each class takes, empty where nobody knows.
     response, stroke_test: what the kept results of these tests show; stroke_test_due_s: the time from the start until
     another stroke test is due.
     """
@@ -58,6 +62,7 @@ class WatchSettings:
     limits: Mapping[AlarmCause, Limits]
     cycle_limit: float
     travel_limit_m: float
+    wear: tuple[float, ...] = ()
     response: Watched | None = None
     stroke_test: Watched = NO_STROKE_TEST
     stroke_test_due_s: float = math.inf
@@ -69,7 +74,9 @@ class WatchSettings:
         """Return the settings of a configured valve."""
         limits = {cause: settings.limits_of(cause) for cause in AlarmCause}
         travel_m = settings.travel_limit * reference.span_m
-        return cls(moves, pressure, reference, settings.averaging, limits, settings.cycle_limit, travel_m)
+        return cls(
+            moves, pressure, reference, settings.averaging, limits, settings.cycle_limit, travel_m, settings.wear
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,29 +102,35 @@ class Trends:
 class Watch:
     """The trends, and what is under way. `watch_cycle` changes it in place.
 
-    changed: what happened to the alarms in the last cycle. last_us, judged_us: of the last reading and judgement.
+    changed: what happened to the alarms in the last cycle. begin_us: the instant of the first cycle, -1 before it;
+        others are counted from there, so that their roundings are those of a log, too.
+    last_us, judged_us: of the last reading and judgement.
     """
 
     trends: Trends = field(default_factory=Trends)
     tracker: MoveTracker = field(default_factory=MoveTracker)
     pressure: Pressure = field(default_factory=Pressure)
     changed: tuple[Changed, ...] = ()
+    begin_us: int = -1
     last_us: int = -1
     judged_us: int = -1
-    last_move: Move | None = None
 
 
 def watch_cycle(settings: WatchSettings, watch: Watch, cycle: ObservedCycle, counters: Counters) -> None:
     """Take in a cycle; `counters` has all before it. Where no current is known to act, a move under way is lost."""
     watch.changed = ()
-    moved, now_us, position_m, applied_ma = False, cycle.now_us, cycle.position_m, cycle.applied_ma
+    if watch.begin_us < 0:
+        watch.begin_us = cycle.now_us
+    position_m, applied_ma = cycle.position_m, cycle.applied_ma
     if position_m is None:
         return
+    moved, now_us = False, cycle.now_us - watch.begin_us
     if applied_ma is None:
         watch.tracker, watch.pressure, watch.last_us = MoveTracker(), Pressure(), -1
     else:
         period_s = settings.moves.period_s
-        periods = 1 if watch.last_us < 0 else max(round((now_us - watch.last_us) * 1e-6 / period_s), 1)
+        late = (now_us - watch.last_us) * 1e-6 / period_s
+        periods = 1 if watch.last_us < 0 or late < _NEXT_PERIOD else round(late)
         watch.last_us = now_us
         if periods > _MOST_PERIODS:
             watch.tracker, watch.pressure, periods = MoveTracker(), Pressure(), 1
@@ -125,7 +138,6 @@ def watch_cycle(settings: WatchSettings, watch: Watch, cycle: ObservedCycle, cou
         move = follow(settings.moves, watch.tracker, now_us * 1e-6, periods * period_s, position_m, applied_ma)
         if move is not None:
             moved = True
-            watch.last_move = move
             _add_move(settings, watch, move)
     if not moved and 0 <= now_us - watch.judged_us < _JUDGED_EVERY_US:
         return
@@ -168,42 +180,14 @@ def _watched(
 ) -> list[Watched]:
     """Return the values of the causes that this cycle shows."""
     reference, trends = settings.reference, watch.trends
+    changed = changes_of(settings, trends)
     deviation = 0.0 if setpoint_m is None else abs(setpoint_m - position_m) / reference.span_m
     found = [Watched(AlarmCause.TRAVEL_DEVIATION, deviation, 0.0, f"the stem stands at {position_m * 1e3:.2f} mm")]
-    found.append(_stuck(settings, watch, applied_ma))
+    found.append(_stuck(settings, watch.tracker, applied_ma, changed.friction.value))
     found += _ends(trends)
     if reference.source != CONFIGURED and trends.friction.moves:
-        found += friction_watched(changes_of(settings, trends), trends.friction)
+        found += friction_watched(changed, trends.friction)
     return found
-
-
-def friction_watched(found: Changes, trend: FrictionTrend) -> list[Watched]:
-    """Return the values of friction and spring; friction that one direction alone shows is none."""
-    moves = f"{trend.moves} moves, {trend.moves_up} of them opening"
-    friction, what = found.friction, "sliding friction"
-    if found.static is not None and abs(found.static.value) > abs(friction.value):
-        friction, what = found.static, "static friction"
-    apart = 0.0 if found.one_sided else friction.value
-    text = f"{what} in {moves}"
-    common = abs(found.friction.value) if found.one_sided else 0.0
-    watched = [
-        Watched(AlarmCause.FRICTION_HIGH, apart, friction.sigma, text),
-        Watched(AlarmCause.FRICTION_LOW, -apart, friction.sigma, text),
-        Watched(
-            AlarmCause.SPRING_RATE, abs(found.spring.value), found.spring.sigma, _signed(found.spring.value, moves)
-        ),
-        Watched(
-            AlarmCause.SPRING_FORCE, abs(found.offset.value), found.offset.sigma, _signed(found.offset.value, moves)
-        ),
-        Watched(AlarmCause.ONE_SIDED, 2.0 * common, 2.0 * friction.sigma, moves),
-    ]
-    if found.jump is not None:
-        watched.append(Watched(AlarmCause.SLIP_JUMP, found.jump.value, found.jump.sigma, moves))
-    return watched
-
-
-def _signed(value: float, moves: str) -> str:
-    return f"{'higher' if value > 0.0 else 'lower'} than the reference, in {moves}"
 
 
 def _ends(trends: Trends) -> list[Watched]:
@@ -217,23 +201,27 @@ def _ends(trends: Trends) -> list[Watched]:
 def _counted(settings: WatchSettings, counters: Counters, running_s: float) -> list[Watched]:
     """Return counts as parts of their limits, and what the kept results of test procedures show."""
     cycles, travel_m = counters.cycles / settings.cycle_limit, counters.travel_m / settings.travel_limit_m
+    what = f"{counters.cycles} cycles"
+    if settings.wear and (spent := stress(settings.wear, counters.spans)) > cycles:
+        cycles, what = spent, f"{counters.cycles} cycles, by their spans"
     stroke_test = settings.stroke_test
     if stroke_test.value == 0.0 and running_s > settings.stroke_test_due_s:
         stroke_test = Watched(AlarmCause.STROKE_TEST, 1.0, 0.0, "overdue")
     found = [
-        Watched(AlarmCause.CYCLES, cycles, 0.0, f"{counters.cycles} cycles"),
+        Watched(AlarmCause.CYCLES, cycles, 0.0, what),
         Watched(AlarmCause.TRAVEL, travel_m, 0.0, f"{counters.travel_m:.1f} m"),
         stroke_test,
     ]
     return found if settings.response is None else [*found, settings.response]
 
 
-def _stuck(settings: WatchSettings, watch: Watch, applied_ma: float | None) -> Watched:
-    """Return the force beyond the spring's on a stem that rests, over the friction that it has now."""
-    tracker, reference = watch.tracker, settings.reference
-    ratio = 0.0
+def _stuck(settings: WatchSettings, tracker: MoveTracker, applied_ma: float | None, friction: float) -> Watched:
+    """Return the force beyond the spring's on a stem that rests, over the friction that it has now.
+
+    friction: its change against the reference.
+    """
+    reference, ratio = settings.reference, 0.0
     if applied_ma is not None and not tracker.moving and tracker.count > 0:
-        friction = changes_of(settings, watch.trends).friction.value
         static_n = reference.static_at_n(tracker.rest_m) * min(max(1.0 + friction, 1.0), _MOST_FRICTION)
         push_n = settings.moves.gain_n_per_ma * applied_ma - reference.balance_n(tracker.rest_m)
         stop_m = reference.open_m if push_n > 0.0 else reference.closed_m

@@ -92,7 +92,7 @@ def play(job: tuple[str, int, int]) -> Outcome:
         state, outbox, events = step(setup, before, cycle_input)
         observed = observed_cycle(cycle_input, before, state, outbox, events)
         if observed is not None:
-            health = observe(settings, health, observed)
+            observe(settings, health, observed)
         for change in health.watch.changed:
             if change.came:
                 alarms.setdefault(change.alarm.cause, moves)

@@ -77,7 +77,7 @@ def real_run(folder: Path, samples: int, *, lockstep: bool) -> Real:
 def counted(settings: HealthSettings, sections: dict[str, Any], cycles: Sequence[ObservedCycle]) -> HealthState:
     health = begin_health(settings, sections)
     for cycle in cycles:
-        health = observe(settings, health, cycle)
+        observe(settings, health, cycle)
     return health
 
 
@@ -188,7 +188,7 @@ class Lives:
             kept = sections.get("counters", {}).get("observed", 0)
             for number, cycle in enumerate(self._cycles(kept)):
                 self._done[:] = (number + 1).to_bytes(8, "little")
-                health = observe(self._real.settings, health, cycle)
+                observe(self._real.settings, health, cycle)
                 if number % _HAND_OVER == 0:
                     writer.keep_health(sections_of(health))
                     writer.poll()

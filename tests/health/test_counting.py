@@ -13,8 +13,11 @@ from positioner.cycle.trust_events import PushFailed
 from positioner.health.classes import DEVIATION_EDGES_PERCENT, TRAVEL_EDGES_PERCENT, counted, empty
 from positioner.health.counters import Counters, CounterSettings
 from positioner.health.counters_document import counters_from, counters_in
+from positioner.health.counters_report import as_lines, as_values
 from positioner.health.counting import Counting, begin, count
 from positioner.health.observed import ObservedCycle
+from positioner.health.settings import HealthTable
+from positioner.health.stress import stress
 from positioner.health.turns import Turns
 from positioner.laws.bounds import Bounds
 from positioner.laws.law import Decision
@@ -51,7 +54,7 @@ def played(positions_m: list[float], settings: CounterSettings = SETTINGS) -> Co
     counting = begin(Counters())
     readings = [position_m for position_m in positions_m for _ in range(40)]
     for number, position_m in enumerate(readings):
-        counting = count(settings, counting, cycle(number, position_m))
+        count(settings, counting, cycle(number, position_m))
     return counting.so_far
 
 
@@ -98,7 +101,7 @@ def test_noise_alone_counts_nothing(noise_of_reading: float, noise_of_span: floa
     chance = random.Random(7)  # noqa: S311 - no secret
     counting = begin(Counters())
     for number in range(60_000):
-        counting = count(settings, counting, cycle(number, chance.gauss(0.08, sigma_m)))
+        count(settings, counting, cycle(number, chance.gauss(0.08, sigma_m)))
     counters = counting.so_far
     assert (counters.travel_m, counters.reversals, counters.cycles) == (0.0, 0, 0)
     assert settings.dead_band_m(0.01, 0.08) == pytest.approx(max(0.001, 4.0 * sigma_m))
@@ -108,7 +111,7 @@ def test_time_is_counted_under_the_mode_that_held_and_in_whole_microseconds() ->
     counting = begin(Counters())
     modes = [Mode.READY] * 5 + [Mode.ACTIVE] * 30 + [Mode.HOLD] * 3 + [Mode.ACTIVE] * 10
     for number, mode in enumerate(modes):
-        counting = count(SETTINGS, counting, cycle(number, 0.05, mode=mode, events=()))
+        count(SETTINGS, counting, cycle(number, 0.05, mode=mode, events=()))
     mode_us = counting.so_far.mode_us
     assert mode_us[Mode.READY] == 5 * PERIOD_US
     assert mode_us[Mode.HOLD] == 3 * PERIOD_US
@@ -116,12 +119,77 @@ def test_time_is_counted_under_the_mode_that_held_and_in_whole_microseconds() ->
     assert counting.so_far.total_us == 38 * PERIOD_US
 
 
+def test_the_short_histograms_are_of_the_last_hundred_seconds() -> None:
+    counting = begin(Counters())
+    for number in range(15_000):
+        count(SETTINGS, counting, cycle(number, 0.0512 if number < 7_000 else 0.0212, stuck=True, setpoint_m=0.05))
+    counters = counting.so_far
+    assert sum(counters.travel) == sum(counters.deviation) > 140
+    told = as_values(SETTINGS, counters)["histograms"]
+    assert sum(told["travel_last_100"]["counts"]) == sum(told["deviation_last_100"]["counts"]) == 100
+    assert told["travel_last_100"]["counts"][5] == pytest.approx(80, abs=1), "20 to 25 %"
+    assert told["travel_last_100"]["counts"][11] == pytest.approx(20, abs=1), "50 to 55 %"
+    assert counters_from(counters_in(counters)) == counters
+
+
+@pytest.mark.parametrize("given", [[22], [0] * 101, [1.0], "1", [-1]])
+def test_a_short_histogram_that_is_none_is_refused(given: object) -> None:
+    with pytest.raises(ValueError, match="travel_recent"):
+        counters_from({**counters_in(some()), "travel_recent": given})
+
+
+def test_the_dead_bands_are_those_of_the_configuration() -> None:
+    wide = replace(SETTINGS, cycle_band_of_span=0.05, travel_band_of_span=0.02)
+    counters = played([0.02, 0.05, 0.047, 0.06, 0.02], wide)
+    assert (counters.cycles, counters.reversals) == (1, 3)
+
+
+def test_the_packing_spends_its_life_by_the_spans_of_the_cycles() -> None:
+    wear = HealthTable(allowed_cycles=((0.1, 1e6), (1.0, 1e4))).wear
+    # 1e6·(span/0.1)^-2 between the points
+    assert [1.0 / wear[at] for at in (0, 1, 9, 19, 20)] == pytest.approx([1e6, 1e6, 4e4, 1e4, 1e4])
+    spans = [0] * 21
+    spans[1], spans[9] = 1000, 400
+    assert stress(wear, spans) == pytest.approx(1000 / 1e6 + 400 / 4e4)
+    settings, counters = replace(SETTINGS, wear=wear), replace(some(), spans=tuple(spans))
+    assert as_values(settings, counters)["stress_factor"] == pytest.approx(0.011)
+    assert "packing, life spent    1.1 %" in as_lines(settings, counters)
+    assert as_values(SETTINGS, counters)["stress_factor"] is None
+    assert HealthTable().wear == ()
+
+
+@pytest.mark.parametrize("allowed", [((0.0, 1e5),), ((0.5, 1e5), (0.4, 1e4)), ((0.5, 1e4), (0.6, 1e5)), ((2.0, 1e5),)])
+def test_allowed_cycles_that_cannot_be_are_refused(allowed: tuple[tuple[float, float], ...]) -> None:
+    with pytest.raises(ValueError, match="allowed_cycles"):
+        HealthTable(allowed_cycles=allowed)
+
+
+def test_the_time_of_a_test_procedure_is_function_check_and_not_active() -> None:
+    counting, testing = begin(Counters()), replace(SETTINGS, testing=True)
+    for number, mode in enumerate([Mode.READY] * 5 + [Mode.ACTIVE] * 30 + [Mode.HOLD] * 3):
+        count(testing, counting, cycle(number, 0.05, mode=mode, events=()))
+    counters = counting.so_far
+    assert (counters.mode_us[Mode.READY], counters.mode_us[Mode.ACTIVE]) == (5 * PERIOD_US, 0)
+    assert counters.checked_us == 30 * PERIOD_US
+    assert counters.total_us == 35 * PERIOD_US
+    assert "FUNCTION_CHECK 0.00 h" in "\n".join(as_lines(testing, counters))
+    assert as_values(testing, counters)["function_check_s"] == pytest.approx(0.3)
+
+
+def test_counters_of_an_earlier_version_are_taken_over() -> None:
+    section = counters_in(some())
+    for name in ("checked_us", "travel_recent", "deviation_recent"):
+        del section[name]
+    assert counters_from(section) == replace(some(), travel_recent=(), deviation_recent=())
+
+
 def test_empty_cycles_in_between_change_no_time() -> None:
-    dense = sparse = begin(Counters())
+    dense, sparse = begin(Counters()), begin(Counters())
     for number in range(200):
         one = cycle(number, 0.05 if number % 50 == 0 else None, mode=Mode.FAILSAFE)
-        dense = count(SETTINGS, dense, one)
-        sparse = count(SETTINGS, sparse, one) if number in {0, 199} else sparse
+        count(SETTINGS, dense, one)
+        if number in {0, 199}:
+            count(SETTINGS, sparse, one)
     assert dense.counters.mode_us[Mode.FAILSAFE] == pytest.approx(199 * PERIOD_US, abs=100_000)
     assert sparse.counters.mode_us[Mode.FAILSAFE] == 199 * PERIOD_US
 
@@ -131,8 +199,8 @@ def test_slips_sticks_and_the_time_stuck_are_counted_where_a_law_knows_them() ->
     states = [True] * 40 + [False] * 10 + [True] * 50 + [None] * 20 + [False] * 10
     for number, stuck in enumerate(states):
         mode = Mode.READY if stuck is None else Mode.ACTIVE
-        counting = count(SETTINGS, counting, cycle(number, 0.05, mode=mode, stuck=stuck))
-    counting = count(SETTINGS, counting, cycle(len(states), 0.05, mode=Mode.READY))
+        count(SETTINGS, counting, cycle(number, 0.05, mode=mode, stuck=stuck))
+    count(SETTINGS, counting, cycle(len(states), 0.05, mode=Mode.READY))
     counters = counting.so_far
     assert (counters.slips, counters.sticks) == (1, 1), "nobody knows how the stem went from rest to sliding in READY"
     assert counters.stuck_us == 90 * PERIOD_US
@@ -143,8 +211,8 @@ def test_moves_pushes_from_the_table_and_failed_pushes_are_counted() -> None:
     from_model, from_table = Breakaway(12.0), Breakaway(12.0, samples=3, age=1)
     events = (MoveBegan(MoveReason(0.01, from_model, 0.06)), MoveBegan(MoveReason(0.01, from_table, 0.06)))
     counting = begin(Counters())
-    counting = count(SETTINGS, counting, cycle(0, 0.05, stuck=True, events=events))
-    counting = count(SETTINGS, counting, cycle(1, 0.05, stuck=True, events=(PushFailed(2, 1.0),)))
+    count(SETTINGS, counting, cycle(0, 0.05, stuck=True, events=events))
+    count(SETTINGS, counting, cycle(1, 0.05, stuck=True, events=(PushFailed(2, 1.0),)))
     counters = counting.so_far
     assert (counters.moves, counters.table_moves, counters.failed_pushes) == (2, 1, 1)
 
@@ -152,7 +220,7 @@ def test_moves_pushes_from_the_table_and_failed_pushes_are_counted() -> None:
 def test_the_histograms_are_sampled_once_a_second() -> None:
     counting = begin(Counters())
     for number in range(1020):
-        counting = count(SETTINGS, counting, cycle(number, 0.0512, stuck=True, setpoint_m=0.05))
+        count(SETTINGS, counting, cycle(number, 0.0512, stuck=True, setpoint_m=0.05))
     counters = counting.so_far
     assert sum(counters.travel) == sum(counters.deviation) == 10
     assert counters.travel[11] == 10, "50 to 55 %"
@@ -195,12 +263,12 @@ def test_a_section_that_was_not_written_so_is_refused(name: str, value: object) 
 def test_a_start_goes_on_where_the_last_one_was_saved() -> None:
     """Cut anywhere: what was counted before is kept, and only the open stretch and its time are lost."""
     readings = [0.05 + 0.03 * math.sin(number / 60.0) for number in range(3000)]
-    whole = cut = begin(Counters())
+    whole, cut = begin(Counters()), begin(Counters())
     for number, position_m in enumerate(readings):
-        whole = count(SETTINGS, whole, cycle(number, position_m))
+        count(SETTINGS, whole, cycle(number, position_m))
         if number % 160 == 0:
             cut = _restarted(cut)
-        cut = count(SETTINGS, cut, cycle(number, position_m))
+        count(SETTINGS, cut, cycle(number, position_m))
     assert cut.so_far.observed == whole.so_far.observed == 3000
     assert cut.so_far.starts == 20
     assert cut.so_far.cycles == whole.so_far.cycles > 10

@@ -76,6 +76,25 @@ def test_the_text_names_each_counter_and_draws_the_histograms(run: Path, capsys:
     assert "  ####" in text
 
 
+def test_the_report_shows_alarms_trend_histograms_and_counters_of_the_state_and_of_the_record(
+    run: Path, tmp_path: Path, capsys: Output
+) -> None:
+    shown = []
+    for more in ([], ["--from", str(run / "bus.log")]):
+        page = tmp_path / "health.html"
+        assert main(["health", "--config", str(run / "plant.toml"), "--report", str(page), *more]) == 0
+        assert f"report: {page}" in capsys.readouterr().err
+        text = page.read_text(encoding="utf-8")
+        for title in ("Alarms", "Friction trend", "Histograms", "Counters"):
+            assert f"{title} " in text or f"{title}<" in text
+        shown.append([line for line in text.splitlines() if line.startswith(("<rect", "<div><dt>slips"))])
+    assert len(shown[0]) > 40
+    assert shown[0] == shown[1]
+    missing = tmp_path / "nowhere" / "health.html"
+    assert main(["health", "--config", str(run / "plant.toml"), "--report", str(missing)]) == 74
+    assert capsys.readouterr().err == f"positioner: {missing}: cannot be written: No such file or directory\n"
+
+
 def test_a_reset_asks_backs_up_and_begins_anew(run: Path, capsys: Output, monkeypatch: pytest.MonkeyPatch) -> None:
     reset = ["health", "--config", str(run / "plant.toml"), "--reset"]
     assert main(reset) == 74, "nobody to ask"

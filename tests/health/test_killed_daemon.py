@@ -81,7 +81,7 @@ def recounted(configuration: Path, log: Path, sections: dict[str, Any], observed
         if health.counting.observed == observed + 1:
             break
         if cycle.observed is not None:
-            health = observe(settings, health, cycle.observed)
+            observe(settings, health, cycle.observed)
         if health.counting.observed >= observed - _ONE_BY_ONE:
             yield json.loads(json.dumps(sections_of(health)))
 

@@ -24,7 +24,7 @@ def recounted(log: Path, configuration: Path) -> Counters:
     health = begin_health(settings.health_settings, {})
     for cycle in replay_cycles(settings, prepared.cycles(), prepared.table):
         if cycle.observed is not None:
-            health = observe(settings.health_settings, health, cycle.observed)
+            observe(settings.health_settings, health, cycle.observed)
     return health.counting.so_far
 
 

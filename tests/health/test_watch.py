@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from stem import GAIN, PERIOD_S, REFERENCE, SETTINGS, SPAN, Stem, pushes
 
+from positioner.commissioning.stroke.memory import Cause as Stopped
 from positioner.health.alarm_text import alarm_as_json, alarm_lines, change_in_words, trend_lines, trends_as_json
 from positioner.health.alarms import Changed, dated, packed_alarms
 from positioner.health.causes import LIMITS, AlarmCause
@@ -200,10 +201,13 @@ def step_test(t86_s: float) -> dict[str, Any]:
 def test_a_stroke_test_says_passed_failed_or_stuck() -> None:
     passed: dict[str, Any] = {"stop": None, "findings": [], "verdict": "passed"}
     failed = {"stop": None, "findings": [{"limit": "air too slow", "text": ""}], "verdict": "failed"}
-    stuck = {"stop": {"cause": "breakaway too high"}, "findings": [], "verdict": "failed"}
+    stuck, still = (
+        {"stop": {"cause": str(cause)}, "findings": [], "verdict": "failed"}
+        for cause in (Stopped.STUCK, Stopped.NO_MOTION)
+    )
     stopped = {"stop": {"cause": "new setpoint"}, "findings": [], "verdict": "aborted"}
-    found = [stroke_test_watched("2026-11-22", each).value for each in (passed, failed, stuck, stopped)]
-    assert found == [0.0, 1.0, 2.0, 0.0]
+    found = [stroke_test_watched("2026-11-22", each).value for each in (passed, failed, stuck, still, stopped)]
+    assert found == [0.0, 1.0, 2.0, 2.0, 0.0]
     assert LIMITS[AlarmCause.STROKE_TEST].serious_category is Health.FAILURE
     assert response_watched("2026-11-22", step_test(0.03), {"sizes": []}) is None
 
@@ -224,3 +228,15 @@ def test_a_measured_pressure_counts_in_place_of_the_current() -> None:
     gain = IMMEDIATE.gain_pa_per_ma
     assert acted_ma(IMMEDIATE, state, 10.0, 4.0 * gain, 1) == pytest.approx(4.0)
     assert acted_ma(IMMEDIATE, state, 10.0, 6.0 * gain, 1) == pytest.approx(5.0)
+
+
+def test_cycles_of_large_spans_spend_the_packing_sooner_than_their_number_says() -> None:
+    wear = HealthTable(allowed_cycles=((0.1, 1e6), (1.0, 1e3))).wear
+    settings, watch = replace(SETTINGS_OF, wear=wear), Watch()
+    cycle = ObservedCycle(0, Mode.ACTIVE, Cause.NONE, 0.05, None, 11.0, None, ())
+    spans = (0,) * 20 + (950,)
+    watch_cycle(settings, watch, replace(cycle, now_us=0), replace(at(0), cycles=950, spans=spans))
+    watch_cycle(settings, watch, replace(cycle, now_us=600_000), replace(at(600_000), cycles=950, spans=spans))
+    (alarm,) = watch.trends.alarms
+    assert (alarm.cause, alarm.evidence) == (AlarmCause.CYCLES, "950 cycles, by their spans")
+    assert alarm.value == pytest.approx(0.95)

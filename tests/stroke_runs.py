@@ -78,7 +78,7 @@ def play(
         for message in host(number):
             frames.append(codec.encode(message, sent))
             sent += 1
-        inbox = (*frames, published[-1]) if hears(number) else tuple(frames)
+        inbox = (*frames, *published) if hears(number) else tuple(frames)
         state, outbox, _ = step(setup, state, CycleInput(inbox, round((number + 1) * period_s * _NS)))
         device = advance(plant, take(codec, device, outbox), period_s)
         played.stem_m.append(device.plant.stem.position_m)

@@ -45,10 +45,7 @@ class ClosedLoop:
         memory, estimate = self.law.estimate(state.memory, observation)
         table = state.table
         for sample in () if state.is_first else estimate.lessons:
-            low, high = self.limits.range_of(
-                sample.quantity, sample.position_m, sample.direction, table.cell_width_m / 2.0
-            )
-            if low <= sample.value <= high:
+            if self.limits.allows(sample, table.cell_width_m / 2.0):
                 table = table.record(sample.quantity, sample.position_m, sample.direction, sample.value, sample.fit)
         memory, decision = self.law.decide(memory, estimate.stem, observation, table)
         found = state.actuator if state.actuator is not None else decision.actuator

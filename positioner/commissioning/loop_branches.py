@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from positioner.commissioning.readings import smooth
 from positioner.commissioning.record import Kind
 
 if TYPE_CHECKING:
@@ -140,13 +141,3 @@ def _of_speed_ma(position_m: Array, width: int, valve: ValveParameters, period_s
     ratio = speed / valve.stribeck_velocity_m_per_s
     excess_n = (valve.static_friction_n - valve.coulomb_friction_n) * np.exp(-np.minimum(ratio * ratio, 700.0))
     return np.asarray((valve.viscous_friction_n_s_per_m * speed + excess_n) / valve.force_gain_n_per_ma)
-
-
-def smooth(values: Array, width: int) -> Array:
-    """Return the mean over `width` samples around each one, shape (samples,); a lost reading does not count."""
-    known = ~np.isnan(values)
-    sums = np.r_[0.0, np.cumsum(np.where(known, values, 0.0))]
-    counts = np.r_[0, np.cumsum(known)]
-    at = np.arange(len(values))
-    low, high = np.maximum(at - (width - 1) // 2, 0), np.minimum(at + width // 2 + 1, len(values))
-    return np.asarray((sums[high] - sums[low]) / np.maximum(counts[high] - counts[low], 1))

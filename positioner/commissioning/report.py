@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from positioner.commissioning.units import PASCALS
+from positioner.health.reference import kept_travel_m
 
 if TYPE_CHECKING:
     from positioner.commissioning.identified import IdentifiedValve, Interval
@@ -117,6 +118,7 @@ def as_json(found: IdentifiedValve, valve: ValveParameters, pressure_unit: str) 
     """Return the result for a program: the keys of a configuration, the rows, and the remarks."""
     return {
         "valve": valve.id,
+        "travel_m": kept_travel_m(valve),
         "configuration": found.tables(),
         "rows": [row.as_json() for row in rows(found, valve, pressure_unit)],
         "remarks": list(remarks(found)),

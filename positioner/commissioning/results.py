@@ -16,8 +16,8 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import positioner
-from positioner.commissioning import kept_files
 from positioner.errors import StateError
+from positioner.machine import kept_files
 from positioner.machine.build import is_compiled
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def keep(directory: Path, kind: str, document: dict[str, Any], *, as_reference: 
         "versions": made.versions,
         "document": document,
     }
-    with kept_files.writable(directory, FOLDER) as folder:
+    with kept_files.writable(directory, FOLDER, "the result") as folder:
         name = kept_files.free_name(folder, f"{kind}-{made.recorded.strftime(_NAME_TIME)}")
         kept_files.write(folder, name, whole)
         if as_reference:
@@ -79,7 +79,7 @@ def check_writable(directory: Path) -> None:
     Raises:
         StateError: they cannot.
     """
-    with kept_files.writable(directory, FOLDER) as folder:
+    with kept_files.writable(directory, FOLDER, "the result") as folder:
         kept_files.check_writable(folder)
 
 
@@ -108,13 +108,29 @@ def kept(directory: Path, kind: str, report: Callable[[str], object] | None = No
     return tuple(found)
 
 
-def reference(directory: Path, kind: str, report: Callable[[str], object] | None = None) -> KeptResult | None:
-    """Return the result with which later ones of its kind are compared: the one the user named, or else the first.
+def kept_of(
+    directory: Path, kind: str, valve: str, report: Callable[[str], object] | None = None
+) -> tuple[KeptResult, ...]:
+    """Return the kept results of this valve as `kept`; `report` gets a line where some are of another one.
 
     Raises:
         StateError: as `kept`.
     """
-    return reference_of(directory, kept(directory, kind, report))
+    found, report = kept(directory, kind, report), report or _to_stderr
+    for other in sorted({each.valve for each in found} - {valve}):
+        report(f"{directory}: {kind} of valve {other} is left out: this is {valve}")
+    return tuple(each for each in found if each.valve == valve)
+
+
+def reference(
+    directory: Path, kind: str, valve: str, report: Callable[[str], object] | None = None
+) -> KeptResult | None:
+    """Return the result of this valve with which later ones are compared: the one the user named, or else the first.
+
+    Raises:
+        StateError: as `kept`.
+    """
+    return reference_of(directory, kept_of(directory, kind, valve, report))
 
 
 def reference_of(directory: Path, results: tuple[KeptResult, ...]) -> KeptResult | None:

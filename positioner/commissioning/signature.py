@@ -8,7 +8,7 @@ spring.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -62,7 +62,7 @@ class Signature:
     reached_m: the lowest and the highest place of the strokes.
     closed_m, open_m: stops that it met, NaN where it met none; seat_load_n: force of the spring on the closed
     stop beyond that of the pressure, without friction.
-    rate_ma_per_s, speed_m_per_s: of the strokes that show the sliding stem; slow_ma_per_s: of the error band.
+    strokes: those that show the sliding stem; rate_ma_per_s, speed_m_per_s: theirs; slow_ma_per_s: of the error band.
     """
 
     spring_n_per_m: Interval
@@ -79,6 +79,7 @@ class Signature:
     closed_m: float
     open_m: float
     seat_load_n: float
+    strokes: tuple[Branch, ...] = field(compare=False, repr=False)
 
     @property
     def hysteresis_m(self) -> float:
@@ -141,6 +142,7 @@ def signature(
         closed_m=closed_m,
         open_m=open_m,
         seat_load_n=_seat_load_n(loop, closed_m, fitted),
+        strokes=loop,
     )
 
 

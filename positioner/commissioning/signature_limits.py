@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from positioner.health.causes import TEXTS, AlarmCause
+from positioner.health.reference import kept_preload_n
 from positioner.values import dataclass
 from positioner.wire.messages import Health
 
@@ -47,10 +48,10 @@ def beyond_limits(
     part of what the spring takes over the span.
 
     Raises:
-        KeyError, TypeError, ValueError, StopIteration: the reference is no signature.
+        KeyError, TypeError, ValueError: the reference is no signature.
     """
     before = {name: float(value) for name, value in reference["quantities"].items()}
-    preload_n = next(float(row["value"]) for row in reference["rows"] if row["name"] == "spring force at 0")
+    preload_n = kept_preload_n(reference)
     frictions = (
         found.sliding_n.value / before["sliding_n"] - 1.0,
         found.static_n.value / before["static_n"] - 1.0,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from positioner.commissioning.report import Row
 from positioner.commissioning.units import PASCALS
+from positioner.health.reference import kept_travel_m
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -77,6 +78,7 @@ def as_json(found: Signature, valve: ValveParameters, pressure_unit: str) -> dic
     """Return the result for a program, and for a later comparison."""
     return {
         "valve": valve.id,
+        "travel_m": kept_travel_m(valve),
         "quantities": {name: _number(found, name) for name in _NAMES},
         "rows": [row.as_json() for row in rows(found, valve, pressure_unit)],
         "sliding_friction_by_place": [[each.position_m, each.friction_n] for each in found.by_place],

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from positioner.commissioning.observed import Observed
+from positioner.commissioning.readings import filled
 from positioner.commissioning.record import Kind
 from positioner.commissioning.slips import Slips
 
@@ -156,7 +157,6 @@ def _weights(readings: Array, places_m: Array, kind: Kind, noise: Noise, limits:
 
 def _smooth(readings: Array, width: int) -> Array:
     """Return the running mean over `width` samples; a lost reading counts as the one before."""
-    numbers = np.maximum.accumulate(np.where(np.isnan(readings), 0, np.arange(len(readings))))
-    filled = np.nan_to_num(readings[numbers])
-    around = np.r_[np.full(width // 2, filled[0]), filled, np.full(width - 1 - width // 2, filled[-1])]
+    whole = np.nan_to_num(filled(readings))
+    around = np.r_[np.full(width // 2, whole[0]), whole, np.full(width - 1 - width // 2, whole[-1])]
     return np.asarray(np.convolve(around, np.ones(width) / width, "valid"))

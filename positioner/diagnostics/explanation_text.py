@@ -10,7 +10,6 @@ from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
     from collections import Counter
-    from collections.abc import Sequence
 
     from positioner.diagnostics.explanation import ExplainedCommand, ExplainedMove
 
@@ -23,13 +22,19 @@ _MOTIONS = {
 }
 
 
-def moves_table(moves: Sequence[ExplainedMove]) -> list[str]:
-    """Return a heading and a line for each move."""
-    head = (
-        f"{'move':>4} {'at, s':>10} {'lasts, ms':>9} {'from, mm':>9} {'setpoint':>9} {'aim':>9} {'landed':>9} "
-        f"{'off, mm':>8}  {'current, mA':>15}  breakaway current"
-    )
-    return [head, *(_move_row(move) for move in moves)]
+MOVES_HEAD = (
+    *("move", "at, s", "lasts, ms", "from, mm", "setpoint, mm", "aim, mm", "landed, mm", "off, mm", "current, mA"),
+    "breakaway current",
+)
+
+
+def move_row(move: ExplainedMove) -> tuple[str, ...]:
+    """Return the cells of a move, as `MOVES_HEAD` names them."""
+    lasts = "" if move.ended_s is None else f"{(move.ended_s - move.begun_s) * _MM:.1f}"
+    landed, off = ("", "") if move.landed_m is None else (_mm(move.landed_m), f"{_off_mm(move):+.3f}")
+    places = (_mm(move.origin_m), _mm(move.setpoint_m), _mm(move.reason.aim_m), landed, off)
+    gamma = f"{_gamma(move)}; fallback: {move.fallbacks[0]}" if move.fallbacks else _gamma(move)
+    return str(move.number), f"{move.begun_s:.3f}", lasts, *places, f"{move.low_ma:.3f}–{move.high_ma:.3f}", gamma
 
 
 def command_lines(command: ExplainedCommand, cell_m: float) -> list[str]:
@@ -59,15 +64,6 @@ def counts_line(counts: Counter[str]) -> str:
     total = sum(counts.values())
     parts = [f"{number} {name}" for name, number in counts.most_common()]
     return f"{total} commands: {', '.join(parts)}"
-
-
-def _move_row(move: ExplainedMove) -> str:
-    lasts = "" if move.ended_s is None else f"{(move.ended_s - move.begun_s) * _MM:.1f}"
-    landed, off = ("", "") if move.landed_m is None else (_mm(move.landed_m), f"{_off_mm(move):+.3f}")
-    currents = f"{move.low_ma:.3f}–{move.high_ma:.3f}"
-    places = f"{_mm(move.origin_m):>9} {_mm(move.setpoint_m):>9} {_mm(move.reason.aim_m):>9} {landed:>9} {off:>8}"
-    row = f"{move.number:>4} {move.begun_s:>10.3f} {lasts:>9} {places}  {currents:>15}  {_gamma(move)}"
-    return f"{row}; fallback: {move.fallbacks[0]}" if move.fallbacks else row
 
 
 def _move_lines(move: ExplainedMove, cell_m: float) -> list[str]:

@@ -23,10 +23,7 @@ _SENTENCES = {
 
 def as_text(finding: Finding) -> str:
     """Return the finding, its verdict first."""
-    verdict = _SENTENCES[finding.verdict]
-    if finding.verdict is Verdict.YES and finding.is_direct and finding.direct and not finding.direct.has_jump:
-        verdict = "the valve has a dead band"
-    lines = [f"{finding.source}: {verdict}: {finding.reason}", ""]
+    lines = [f"{finding.source}: {headline(finding)}: {finding.reason}", ""]
     if finding.stick:
         lines.append(f"  S, stick band and dead band  {_interval(finding.stick)} of the command")
     if finding.jump:
@@ -42,6 +39,13 @@ def as_text(finding: Finding) -> str:
         notes.append("no stiction is not healthy: other faults are not looked for")
     lines += ["", *(f"  note: {note}" for note in notes)] if notes else []
     return "\n".join(lines) + "\n"
+
+
+def headline(finding: Finding) -> str:
+    """Return the verdict in few words."""
+    if finding.verdict is Verdict.YES and finding.is_direct and finding.direct and not finding.direct.has_jump:
+        return "the valve has a dead band"
+    return _SENTENCES[finding.verdict]
 
 
 def as_values(finding: Finding) -> dict[str, Any]:
@@ -96,11 +100,16 @@ def _indirect_lines(found: Diagnosis, finding: Finding) -> list[str]:
     return lines + [f"    {_answer_line(each)}" for each in found.answers]
 
 
-def _answer_line(answer: Answer) -> str:
+def answer_row(answer: Answer) -> tuple[str, ...]:
+    """Return name, index, both limits, verdict and source of a method's answer."""
     index = "-" if math.isnan(answer.index) else f"{answer.index:.3f}"
-    note = f": {answer.note}" if answer.note else ""
-    limits = f"{answer.yes_above:>10.3f} {answer.no_below:>9.3f}"
-    return f"{answer.name:<6} {index:>8} {limits}  {answer.verdict:<9}  {answer.source}{note}"
+    source = f"{answer.source}: {answer.note}" if answer.note else answer.source
+    return answer.name, index, f"{answer.yes_above:.3f}", f"{answer.no_below:.3f}", str(answer.verdict), source
+
+
+def _answer_line(answer: Answer) -> str:
+    name, index, yes, no, verdict, source = answer_row(answer)
+    return f"{name:<6} {index:>8} {yes:>10} {no:>9}  {verdict:<9}  {source}"
 
 
 def _values(value: Estimate | None) -> dict[str, float | None] | None:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from positioner.commissioning import kept_files, results
+from positioner.commissioning import results
 from positioner.errors import StateError
+from positioner.machine import kept_files
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -40,13 +41,13 @@ def test_what_is_kept_comes_back_newest_last_also_within_one_second(tmp_path: Pa
 
 
 def test_the_first_is_the_reference_until_another_is_named(tmp_path: Path) -> None:
-    assert results.reference(tmp_path, "signature") is None
+    assert results.reference(tmp_path, "signature", "FV-101") is None
     chosen = [results.keep(tmp_path, "signature", document(each), as_reference=each == 2) for each in range(4)]
-    found = results.reference(tmp_path, "signature")
+    found = results.reference(tmp_path, "signature", "FV-101")
     assert found is not None
     assert found.document == document(2)
     chosen[2].unlink()
-    assert results.reference(tmp_path, "signature") == results.kept(tmp_path, "signature")[0]
+    assert results.reference(tmp_path, "signature", "FV-101") == results.kept(tmp_path, "signature")[0]
 
 
 def test_a_number_that_is_none_is_kept_as_none(tmp_path: Path) -> None:
@@ -117,7 +118,7 @@ def test_a_write_that_fails_leaves_what_was_there(tmp_path: Path, monkeypatch: p
     def full(_descriptor: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("positioner.commissioning.kept_files.os.fsync", full)
+    monkeypatch.setattr("positioner.machine.kept_files.os.fsync", full)
     with pytest.raises(StateError, match="No space left on device"):
         results.keep(tmp_path, "signature", document(1))
     assert numbers(tmp_path) == [0]

@@ -17,8 +17,9 @@ from plant_emulator.presets import plant_settings
 from positioner.bus.address import BusAddress
 from positioner.cli.main import main
 from positioner.commissioning.identified import Interval
-from positioner.commissioning.loop_branches import lagged, smooth
+from positioner.commissioning.loop_branches import lagged
 from positioner.commissioning.procedure import ProcedureLimits
+from positioner.commissioning.readings import smooth
 from positioner.commissioning.record import Kind
 from positioner.commissioning.signature import SignatureError, signature
 from positioner.commissioning.signature_limits import beyond_limits

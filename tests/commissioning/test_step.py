@@ -15,7 +15,7 @@ from positioner.commissioning.step.limits import StepTestSettings, broken
 from positioner.commissioning.step.memory import StepMemory, repeats_needed
 from positioner.commissioning.step.plan import wait_s_of
 from positioner.commissioning.step.report import as_json, lines
-from positioner.commissioning.step.response import crossing, extreme, instant
+from positioner.commissioning.step.response import crossing, extreme, instant, onset
 from positioner.commissioning.step.result import StepResult, StepTestError, result_of
 from positioner.commissioning.step.sizes import SizeRow, Spread, regions_of
 from positioner.inputs.table import SettingsTable
@@ -76,6 +76,20 @@ def test_a_jump_through_the_level_is_no_parabola() -> None:
     assert 39.0 < truth < 40.0
     found = np.array([instant(each, 0.632, 1.0, 0.005) for each in noisy])
     assert float(np.abs(found - truth).max()) < 1.5
+
+
+def test_the_onset_of_a_slow_start_is_more_exact_than_the_regression_alone() -> None:
+    # rests, leaves its rest with a kink and goes on faster and faster, as a stem with much viscous friction does
+    times = np.maximum(np.arange(600) - 60.4, 0.0)
+    rise = np.minimum(0.4 * times + 0.02 * times * times, 400.0)
+    level, truth = 2.0, 60.4 + (math.sqrt(0.16 + 0.16) - 0.4) / 0.04
+    noisy = rise + np.random.default_rng(6).standard_normal((200, len(rise)))
+    alone = np.array([crossing(each, level, 1.0) - truth for each in noisy])
+    found = np.array([onset(each, level, 400.0, 1.0) - truth for each in noisy])
+    assert onset(rise, level, 400.0, 0.0) == pytest.approx(truth, abs=0.02)
+    assert abs(float(found.mean())) < 0.2
+    assert 0.2 < found.std() < 0.75 * alone.std()
+    assert np.abs(found).max() < 6.0
 
 
 def test_a_level_counts_as_crossed_at_the_first_time_even_where_the_stem_falls_back() -> None:

@@ -35,7 +35,7 @@ IMPOSSIBLE = (
     (["--repeats", "0"], "must be 1 or more"),
     (["--wait", "0.1"], "must be 0.4 s or more, 40 periods"),
     (["--ladder", "7"], "must be 0 to 5 %"),
-    (["--law", "nmcp"], "no law"),
+    (["--law", "nmcp"], "did you mean 'nmpc'"),
 )
 
 

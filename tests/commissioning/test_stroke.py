@@ -100,6 +100,29 @@ def sticking(at_s: float) -> dict[str, Any]:
     return {"schedule": [{"at_s": at_s, "key": key, "value": 20e3} for key in keys]}
 
 
+def slow_air(lag_s: float, *, pressure: bool) -> dict[str, Any]:
+    """Return plant tables of a slow actuator, with or without a pressure sensor."""
+    lags = {"fill_time_constant_s": lag_s, "vent_time_constant_s": lag_s}
+    return {"actuator": lags, "sensor": {**LOW, "reports_pressure": pressure}}
+
+
+@pytest.mark.parametrize(("pressure", "at"), [(False, 2), (True, 1)])
+def test_air_that_is_too_slow_for_the_ramp_is_told_from_a_stem_that_sticks_by_a_measured_pressure_alone(
+    pressure: bool, at: int
+) -> None:
+    valve = configured().valve
+    for friction, lag_s, words in ((2.0, 0.01, "the stem sticks"), (1.0, 4.0, "the air is slow or missing")):
+        _, found = stroked(friction, **slow_air(lag_s, pressure=pressure))
+        assert found.verdict is Verdict.FAILED
+        assert found.cause == "stuck, breakaway too high"
+        assert words in found.suspects
+        assert len(found.suspects) == at
+    line = "FV-101: stroke test failed: stuck, breakaway too high: "
+    both = "the stem sticks, or the air is slow or missing (no pressure is measured)"
+    assert verdict_line(found, valve) == line + ("the air is slow or missing" if pressure else both)
+    assert any(each.startswith(verdict_line(found, valve).removeprefix(line)) for each in remarks(found))
+
+
 @pytest.mark.parametrize("at_s", [1.0, 7.6, 10.0, 17.0])
 def test_a_stem_that_sticks_at_an_instant_fails(at_s: float) -> None:
     played, found = stroked(**sticking(at_s))

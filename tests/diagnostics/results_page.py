@@ -88,7 +88,8 @@ def played(runner: Runner, more: list[str]) -> tuple[str, bool]:
 
 
 def _environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": f"{ROOT / 'tests'}"}
+    own, given = str(ROOT / "tests"), os.environ.get("PYTHONPATH")  # a compiled build may be given
+    return {**os.environ, "PYTHONPATH": os.pathsep.join([own, given]) if given else own}
 
 
 def _commit() -> str:

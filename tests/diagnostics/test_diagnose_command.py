@@ -36,6 +36,26 @@ def test_the_verdict_comes_first_and_the_exit_status_tells_it(
         assert f"\n    {name} " in text
 
 
+def test_the_report_has_the_verdict_the_signals_and_each_method(
+    sticking: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "loop.html"
+    assert main(["diagnose", str(sticking), "--report", str(page)]) == 1
+    said = capsys.readouterr()
+    assert said.err == f"report: {page}\n"
+    text = page.read_text(encoding="utf-8")
+    assert "<h2>Maintenance required</h2>" in text
+    assert "The valve sticks: " in text
+    assert text.count("<svg") >= 3
+    assert text.count('class="dot"') > 5, "each slip"
+    for name in ("HAMM", "ADD", "YAM", "CORR", "CURVE", "RELAY", "AREA", "BIC"):
+        assert f">{name}<" in text
+    assert "S, stick and dead band" in text
+    assert len(text) < 200_000
+    assert main(["diagnose", str(sticking), "--report", str(tmp_path / "nowhere" / "loop.html")]) == 74
+    assert "cannot be written" in capsys.readouterr().err
+
+
 def test_json_has_both_diagnoses_with_intervals(sticking: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["diagnose", str(sticking), "--json"]) == 1
     found = json.loads(capsys.readouterr().out)

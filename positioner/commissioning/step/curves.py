@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from positioner.commissioning.step.response import filled
+from positioner.commissioning.readings import filled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -35,8 +35,10 @@ _ENTECH_DEAD_BAND = 0.01
 class StepTestSettings(SettingsTable):
     """The `[step_test]` table: limits of `positioner step-test`; 0 is no limit.
 
-    dead_band, resolution: parts of the range of the input. overshoot: a part of the step; t86_s: in s; gain_error:
-    |travel gain - 1|; these three are judged by the medians of the sizes in region C and D.
+    dead_band, resolution: parts of the range of the input.
+    overshoot: a part of the step, judged as the next two by the medians of the sizes in region C and D.
+    t86_s: time from a step until 86 % of the travel that follows.
+    gain_error: |travel gain - 1|.
     nominal_size_m: the size of the valve (DN 50: 0.05), for the limits of EnTech; 0 leaves them out.
     """
 

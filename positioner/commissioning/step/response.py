@@ -9,10 +9,11 @@ more exact.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from positioner.commissioning.readings import filled
 from positioner.values import dataclass
 
 if TYPE_CHECKING:
@@ -29,6 +30,10 @@ _PASSED_SIGMA = 8.0
 """A level is passed for good once the readings beyond it outweigh so many σ; a later return does not count."""
 _AROUND = 0.2
 """How far around a level the parabola reaches, as a part of the step."""
+_BEYOND = (32.0, 16.0, 8.0, 4.0)
+"""How many times its level the parabola of the onset reaches, at most; less where it does not fit."""
+Parabola: TypeAlias = tuple[float, float, float, float]
+"""Its middle, and curve, slope and value there, by the numbers of samples."""
 _FEWEST = 6
 _MISFIT_SIGMA = 3.0
 _CERTAIN_SIGMA = 5.0
@@ -71,7 +76,7 @@ def figures_of(
         instant(gone_m, part, step_m, sigma_m) * period_s if _resolved(part, step_m, sigma_m) else math.nan
         for part in _PARTS
     )
-    dead_s = crossing(gone_m, min(observable_m, _PARTS[0] * step_m), sigma_m) * period_s
+    dead_s = onset(gone_m, min(observable_m, _PARTS[0] * step_m), step_m, sigma_m) * period_s
     extreme_m = max(extreme(gone_m, sigma_m), step_m)
     return Figures(response.size, response.direction, True, gain, dead_s, t63_s, t86_s, t98_s, extreme_m / step_m - 1.0)
 
@@ -103,19 +108,57 @@ def instant(values: NDArray[np.float64], part: float, step: float, sigma: float)
     # as far on both sides: a rest on one side is no part of the motion through the level
     reach = min(middle - before, after - middle)
     begin, end = max(math.ceil(middle - reach), 0), min(math.floor(middle + reach) + 1, len(values))
-    if sigma == 0.0 or end - begin < _FEWEST:
+    found = _parabola(values, begin, end, sigma)  # none at a kink: the stem stuck, or was pushed again
+    passed = math.nan if found is None else _rises_above(found, level)
+    return passed if abs(passed - middle) <= reach else middle
+
+
+def onset(values: NDArray[np.float64], level: float, step: float, sigma: float) -> float:
+    """Return the number of samples, with its fraction, after which a stem that rested has moved by `level`.
+
+    It begins at a kink, before which it rests. So a parabola from there on tells when it passes the level, as far as
+    one fits; the few readings around the level alone would leave more than a sample open.
+    """
+    middle = crossing(values, level, sigma)
+    if sigma == 0.0:
         return middle
-    times, around = np.arange(begin, end) - middle, values[begin:end] - level
-    curve, slope, off = np.polyfit(times, around, 2)
-    misfit = around - (curve * times + slope) * times - off
-    free = end - begin - 3
+    first = max(min(math.ceil(crossing(values, 0.5 * level, sigma)), math.ceil(middle) - 1), 0)
+    for times in _BEYOND:
+        end = math.floor(crossing(values, min(times * level, 0.5 * step), sigma)) + 1
+        if (found := _parabola(values, first, end, sigma)) is None:
+            continue
+        kink = _rises_above(found, 0.0)
+        begin = first if math.isnan(kink) else min(max(math.ceil(kink), 0), math.floor(middle))
+        if (found := _parabola(values, begin, end, sigma)) is None:
+            continue
+        passed = _rises_above(found, level)
+        if abs(passed - middle) <= max(end - middle, float(_FEWEST)):
+            return max(passed, 0.0)
+    return middle
+
+
+def _parabola(values: NDArray[np.float64], begin: int, end: int, sigma: float) -> Parabola | None:
+    """Return the parabola through these samples; None where they are too few, or it does not fit."""
+    count = end - begin
+    if sigma == 0.0 or count < _FEWEST:
+        return None
+    times, middle = np.arange(count) - 0.5 * count, begin + 0.5 * count
+    curve, slope, off = (float(each) for each in np.polyfit(times, values[begin:end], 2))
+    misfit = values[begin:end] - (curve * times + slope) * times - off
+    free = count - 3
     if float(misfit @ misfit) > sigma * sigma * (free + _MISFIT_SIGMA * math.sqrt(2.0 * free)):
-        return middle  # a kink: the stem stuck, or was pushed again
-    root = slope * slope - 4.0 * curve * off
-    if slope <= 0.0 or root < 0.0:
-        return middle
-    later = -2.0 * float(off / (slope + math.sqrt(root)))
-    return middle + later if abs(later) <= reach else middle
+        return None
+    return middle, curve, slope, off
+
+
+def _rises_above(parabola: Parabola, level: float) -> float:
+    """Return where a parabola rises through a level, NaN where it does not."""
+    middle, curve, slope, off = parabola
+    root = slope * slope - 4.0 * curve * (off - level)
+    if root < 0.0 or (slope <= 0.0 and curve == 0.0):
+        return math.nan
+    steep = math.sqrt(root)  # the slope there
+    return middle + (2.0 * (level - off) / (slope + steep) if slope > 0.0 else (steep - slope) / (2.0 * curve))
 
 
 def extreme(values: NDArray[np.float64], sigma: float) -> float:
@@ -140,9 +183,3 @@ def extreme(values: NDArray[np.float64], sigma: float) -> float:
         else:
             largest = max(largest, float(mean))
     return largest
-
-
-def filled(readings: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the readings; a lost one is that before it."""
-    numbers = np.maximum.accumulate(np.where(np.isnan(readings), 0, np.arange(len(readings))))
-    return np.asarray(readings[numbers])

@@ -50,7 +50,7 @@ def _stuck(settings: StrokeSettings, memory: StrokeMemory, plan: Plan) -> tuple[
     if push_ma > settings.stuck_of_reference * plan.static_ma:
         why = (
             f"stuck at {place_m * _MM:.1f} mm: {push_ma:.2f} mA beyond the middle of the stick band, "
-            f"{push_ma / plan.static_ma:.2f} times the static friction, do not move the stem; or no air comes"
+            f"{push_ma / plan.static_ma:.2f} times the static friction, do not move the stem"
         )
         return Cause.STUCK, why
     if moved is None and memory.phase_s > settings.breakaway_s:

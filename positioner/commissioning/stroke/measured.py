@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from positioner.commissioning.loop_branches import pressures_ma, smooth
+from positioner.commissioning.loop_branches import pressures_ma
+from positioner.commissioning.readings import filled, smooth
 from positioner.commissioning.record import Kind, stretch
 from positioner.commissioning.stroke.memory import Phase
 
@@ -60,7 +61,7 @@ class Record:
             phases.setdefault(phase, (begin, end))
         whole = stretch(memory.trail, Kind.STROKE)
         measured_m = np.asarray(whole.measured_m)
-        smooth_m = smooth(_filled(measured_m), max(round(_SMOOTH_S / period_s), 1))
+        smooth_m = smooth(filled(measured_m), max(round(_SMOOTH_S / period_s), 1))
         return cls(whole, measured_m, smooth_m, phases, period_s)
 
     @property
@@ -80,7 +81,7 @@ class Record:
         """Return the place in m that is farthest from the start, by means that leave little of the noise."""
         width = max(round(3.0 * max(plan.smoothing_s, _SMOOTH_S) / self.period_s), 1)
         return plan.start_m + plan.way * float(
-            np.max(plan.way * (smooth(_filled(self.measured_m), width) - plan.start_m))
+            np.max(plan.way * (smooth(filled(self.measured_m), width) - plan.start_m))
         )
 
     def rested_m(self, phase: Phase) -> float:
@@ -93,12 +94,6 @@ class Record:
         """Return how long a phase lasted in s, NaN where there was none."""
         begin, end = self.phases.get(phase, (0, 0))
         return (end - begin) * self.period_s if end > begin else math.nan
-
-
-def _filled(readings: Array) -> Array:
-    """Return readings in which each lost one is the one before; the first one is never lost."""
-    numbers = np.maximum.accumulate(np.where(np.isnan(readings), 0, np.arange(len(readings))))
-    return np.asarray(readings[numbers])
 
 
 def onset_of(record: Record, moved: Moved, rest_m: float) -> int:

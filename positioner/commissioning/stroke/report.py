@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 from positioner.commissioning.report import Row
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from positioner.commissioning.stroke.result import StrokeResult
     from positioner.commissioning.stroke.settings import StrokeSettings
     from positioner.valve.parameters import ValveParameters
@@ -50,8 +52,14 @@ def rows(found: StrokeResult) -> tuple[Row, ...]:
 
 
 def verdict_line(found: StrokeResult, valve: ValveParameters) -> str:
-    """Return the verdict, with its cause, in one line."""
-    return f"{valve.id}: stroke test {found.verdict}" + (f": {found.cause}" if found.cause else "")
+    """Return the verdict, with its cause and all that it may come from, in one line."""
+    words = [f"{valve.id}: stroke test {found.verdict}", found.cause, suspects_in_words(found.suspects)]
+    return ": ".join(each for each in words if each)
+
+
+def suspects_in_words(suspects: Sequence[str]) -> str:
+    """Return what may be the matter, and why it cannot be told apart where it cannot."""
+    return ", or ".join(suspects) + (" (no pressure is measured)" if len(suspects) > 1 else "")
 
 
 def remarks(found: StrokeResult) -> tuple[str, ...]:
@@ -61,6 +69,8 @@ def remarks(found: StrokeResult) -> tuple[str, ...]:
         stop = found.stop
         where = f"at {stop.current_ma:.2f} mA, {stop.position_m * _MM:.2f} mm, {stop.time_s:.2f} s"
         lines.append(f"{stop.cause}: {stop.why}; {where}")
+    if found.suspects:
+        lines.append(f"{suspects_in_words(found.suspects)}: look at packing, air supply and I/P converter")
     if found.ended_by:
         lines.append(f"{found.ended_by}; after {found.lasted_s:.2f} s")
     lines += [each.text for each in found.findings]
@@ -85,6 +95,7 @@ def as_json(found: StrokeResult, valve: ValveParameters, settings: StrokeSetting
             "position_m": stop.position_m,
             "time_s": stop.time_s,
         },
+        "suspects": list(found.suspects),
         "ended_by": found.ended_by,
         "findings": [{"limit": str(each.limit), "text": each.text} for each in found.findings],
         "quantities": {row.name: row.value if row.seen else None for row in rows(found)},

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 _MM = 1e3
 _SAYS_NOTHING = frozenset({Cause.STOPPED, Cause.NEW_SETPOINT, Cause.NOT_POSSIBLE})
 """What ends a test without a word about the valve."""
+_RESTED = frozenset({Cause.STUCK, Cause.NO_MOTION})
+STICKS, NO_AIR = "the stem sticks", "the air is slow or missing"
 
 
 class Verdict(StrEnum):
@@ -57,6 +59,8 @@ class StrokeResult:
     jump_m, jumped_m: the natural jump that was predicted, and the one that was seen.
     lag_s, expected_lag_s: how late the sliding stem follows the current, and how late it should.
     out_s, home_s: from the begin of each ramp until the stem was at its end. sigma_m: the noise of a reading.
+    suspects: what may be the matter where the stem did not move under the force; two where no pressure is measured,
+    since a stem that sticks and air that does not come then look alike.
     trace: time in s, mean reading in m and current in mA, at most some hundred points for a picture.
     """
 
@@ -80,6 +84,7 @@ class StrokeResult:
     out_s: float = math.nan
     home_s: float = math.nan
     sigma_m: float = math.nan
+    suspects: tuple[str, ...] = ()
     trace: tuple[tuple[float, float, float], ...] = ()
 
     @property
@@ -141,9 +146,21 @@ def stroke_result(
     )
     if ended_by or (memory.stop and memory.stop.cause in _SAYS_NOTHING):
         return result
+    if memory.stop and memory.stop.cause in _RESTED:
+        result = replace(result, suspects=_suspects(record, valve, plan, memory.stop))
     findings = _findings(result, settings, plan, is_slow=is_slow)
     verdict = Verdict.FAILED if memory.stop or findings else Verdict.PASSED
     return replace(result, findings=findings, verdict=verdict)
+
+
+def _suspects(record: Record, valve: ValveParameters, plan: Plan, stop: Stop) -> tuple[str, ...]:
+    """Return what may keep a stem at rest; a measured pressure tells whether the air came."""
+    pressures_pa = record.whole.pressure_pa
+    if not pressures_pa:
+        return STICKS, NO_AIR
+    at = min(max(round(stop.time_s / record.period_s) - 1, 0), len(pressures_pa) - 1)
+    pushed_ma = abs(pressures_pa[at] / valve.pressure_gain_pa_per_ma - plan.balance_ma(stop.position_m))
+    return (STICKS,) if pushed_ma > plan.static_ma else (NO_AIR,)
 
 
 def _findings(result: StrokeResult, settings: StrokeSettings, plan: Plan, *, is_slow: bool) -> tuple[Finding, ...]:

@@ -22,9 +22,11 @@ class Direction(StrEnum):
 class StrokeSettings(SettingsTable):
     """The partial stroke test.
 
-    direction, stroke_of_span: from where the stem is, which way and how far. tolerance_of_span: how far the stem may be
-        from its course, and beyond the stroke.
-    rate_ma_per_s: of the ramp that frees the stem. pause_s: for how long the stem stays at the end of the stroke.
+    direction: which way the stem goes from where it is: "closing" or "opening".
+    stroke_of_span: how far it goes.
+    tolerance_of_span: how far the stem may be from its course, and beyond the stroke.
+    rate_ma_per_s: rate of the ramp that frees the stem.
+    pause_s: for how long the stem stays at the end of the stroke.
     stuck_of_reference: the stem is stuck where this part of the configured static friction does not free it.
     breakaway_high, breakaway_low: the valve fails where its static friction is beyond these parts of the configured
         one.

@@ -70,7 +70,8 @@ def _axes(chart: Chart, x: Scale, y: Scale) -> Iterator[str]:
         yield text(x.begin - 6.0, level + 4.0, y.label(tick), "end")
     named = [(float(number), name) for number, name in enumerate(chart.names)]
     for tick, name in named or [(tick, x.label(tick)) for tick in x.ticks]:
-        yield text(x.at(tick), y.begin + 15.0, name, "middle")
+        inside = x.end + _RIGHT - 0.5 * _LETTER * len(name)
+        yield text(min(x.at(tick), inside), y.begin + 15.0, name, "middle")
     yield f'<path class="axis" d="M{x.begin:g} {y.begin:g}H{x.end:g}"/>'
     yield text(x.end, _HEIGHT - 5.0, chart.x_label, "end")
     yield text(0.0, 11.0, chart.y_label, "start")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from positioner.health.classes import SPAN_EDGES_PERCENT, TRAVEL_EDGES_PERCENT
+from positioner.health.stress import stress
 from positioner.report import words
 from positioner.report.chart import Chart
 from positioner.report.layers import Bars
@@ -19,8 +20,8 @@ _DEVIATION_NAMES = {-6: "\N{MINUS SIGN}5", -3: "\N{MINUS SIGN}0.5", 0: "0", 3: "
 """By the distance of a class from the middle one, which lies about 0: the end that is nearer to 0, in percent."""
 
 
-def counter_section(counters: Counters, span_m: float, since: str) -> Section:
-    """Return the counts, and the time in each mode."""
+def counter_section(counters: Counters, span_m: float, since: str, wear: tuple[float, ...] = ()) -> Section:
+    """Return the counts, and the time in each mode; `wear` is the life of the packing that each cycle takes."""
     total_us = max(counters.total_us, 1)
 
     def share(part_us: int, whole_us: int = total_us) -> str:
@@ -42,8 +43,10 @@ def counter_section(counters: Counters, span_m: float, since: str) -> Section:
         ("closed", share(counters.closed_us)),
         ("nearly closed", share(counters.near_closed_us)),
         ("open", share(counters.open_us)),
+        *((("packing, life spent", f"{100.0 * stress(wear, counters.spans):.1f} %"),) if wear else ()),
     ]
     modes = [(mode.name, share(counters.mode_us[mode])) for mode in Mode if counters.mode_us[mode]]
+    modes += [("FUNCTION_CHECK", share(counters.checked_us))] if counters.checked_us else []
     spaced = [(name, value.replace(",", "\N{NARROW NO-BREAK SPACE}")) for name, value in (*facts, *modes)]
     return Section("Counters", since, facts=tuple(spaced))
 

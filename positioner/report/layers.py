@@ -38,13 +38,12 @@ class Layer(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
-    """A line through points; `style` is `now`, `reference` or `fit`. A number that is none parts it."""
+class _Points:
+    """Points, of which a layer makes something."""
 
     x: Sequence[float]
     y: Sequence[float]
     label: str = ""
-    style: str = "now"
 
     def xs(self) -> Sequence[float]:
         """Return the places of the points."""
@@ -53,6 +52,13 @@ class Line:
     def ys(self) -> Sequence[float]:
         """Return the values of the points."""
         return self.y
+
+
+@dataclass(frozen=True, slots=True)
+class Line(_Points):
+    """A line through points; `style` is `now`, `reference` or `fit`. A number that is none parts it."""
+
+    style: str = "now"
 
     def drawn(self, x: Scale, y: Scale) -> Iterator[str]:
         """Yield the line."""
@@ -64,21 +70,10 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True)
-class Marks:
+class Marks(_Points):
     """Points; `mark` is `up`, `down` (triangles) or `dot`."""
 
-    x: Sequence[float]
-    y: Sequence[float]
-    label: str = ""
     mark: str = "dot"
-
-    def xs(self) -> Sequence[float]:
-        """Return the places of the points."""
-        return self.x
-
-    def ys(self) -> Sequence[float]:
-        """Return the values of the points."""
-        return self.y
 
     def drawn(self, x: Scale, y: Scale) -> Iterator[str]:
         """Yield a mark for each point."""

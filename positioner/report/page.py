@@ -13,10 +13,14 @@ from typing import TYPE_CHECKING
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from positioner.pictures.colours import INK, REFERENCE, STATUS
+
 if TYPE_CHECKING:
     from jinja2 import Template
 
     from positioner.report.chart import Chart
+    from positioner.report.picture import Picture
+    from positioner.report.table import Table
 
 
 class Status(Enum):
@@ -47,28 +51,24 @@ class Status(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """The first thing that is read: the status, one sentence that gives the reason, and what to do."""
+    """The first thing that is read: the status, one sentence that gives the reason, and what to do, if anything."""
 
     status: Status
     sentence: str
     action: str
+    heading: str = ""
 
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """Rows of text; the first column names the row, the others hold numbers. Rows in `marked` stand out."""
-
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    caption: str = ""
-    marked: frozenset[int] = frozenset()
+    @property
+    def words(self) -> str:
+        """The heading, or else the name of the status."""
+        return self.heading or self.status.words
 
 
 @dataclass(frozen=True, slots=True)
 class Section:
     """One part of the page; `since` says when it was measured, `missing` what to run where there is nothing to show.
 
-    The charts stand in rows, `facts` are names and values in several columns.
+    The charts stand in rows, pictures below each other; `facts` are names and values in several columns.
     """
 
     title: str
@@ -78,17 +78,22 @@ class Section:
     remarks: tuple[str, ...] = ()
     missing: str = ""
     facts: tuple[tuple[str, str], ...] = ()
+    pictures: tuple[Picture, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """The whole report: `title` is what it is about, `subtitle` what it is and when it was made."""
+    """The whole report: `title` is what it is about, `subtitle` what it is and when it was made.
+
+    is_wide: with pictures that need the width of a screen.
+    """
 
     title: str
     subtitle: str
     sections: tuple[Section, ...]
     verdict: Verdict | None = None
     facts: tuple[tuple[str, str], ...] = ()
+    is_wide: bool = False
 
 
 def html(page: Page) -> str:
@@ -106,5 +111,6 @@ def _template() -> Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.globals["colours"] = {"ink": INK, "reference": REFERENCE, **STATUS}
     environment.globals["style"] = Markup(files.get_source(environment, "page.css")[0])  # noqa: S704 - our own file
     return environment.get_template("page.html.j2")

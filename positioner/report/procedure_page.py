@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
     from positioner.commissioning.results import KeptResult
     from positioner.report.chart import Chart
-    from positioner.report.page import Table, Verdict
+    from positioner.report.page import Verdict
+    from positioner.report.table import Table
 
     Document = dict[str, Any]
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from positioner.report import words
-from positioner.report.page import Section, Table
+from positioner.report.page import Section
+from positioner.report.table import Table
 
 if TYPE_CHECKING:
     from positioner.commissioning.results import KeptResult

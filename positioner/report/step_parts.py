@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 from positioner.report import words
 from positioner.report.chart import Chart
 from positioner.report.layers import Line
-from positioner.report.page import Status, Table, Verdict
+from positioner.report.page import Status, Verdict
+from positioner.report.table import Table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from positioner.commissioning.stroke.result import STICKS
 from positioner.report import words
 from positioner.report.chart import Chart
 from positioner.report.layers import Line
@@ -57,5 +58,7 @@ def stroke_verdict(document: dict[str, Any]) -> Verdict:
     told += [str(document["stop"]["why"])] if document["stop"] else []
     sentence = f"The stroke test failed: {'; '.join(told) or cause}."
     if _STUCK in cause:
-        return Verdict(Status.FAILURE, sentence, "Free the stem or remove the obstacle; its output cannot be trusted.")
+        air = "" if document.get("suspects") == [STICKS] else "Look at the air supply, for it may be slow or missing. "
+        remedy = f"{air}Free the stem or remove the obstacle; its output cannot be trusted."
+        return Verdict(Status.FAILURE, sentence, remedy)
     return Verdict(Status.MAINTENANCE_REQUIRED, sentence, "Look at packing and air supply, then repeat the test.")

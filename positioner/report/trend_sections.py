@@ -12,7 +12,8 @@ from positioner.health.watch import changes_of
 from positioner.report import words
 from positioner.report.chart import Chart
 from positioner.report.layers import Limit, Line, Marks, Whiskers
-from positioner.report.page import Section, Status, Table, Verdict
+from positioner.report.page import Section, Status, Verdict
+from positioner.report.table import Table
 from positioner.wire.messages import Health
 
 if TYPE_CHECKING:

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from positioner.report import words
-from positioner.report.counter_sections import counter_section, histogram_section
+from positioner.report.health_page import use_sections
 from positioner.report.page import Page, Section
 from positioner.report.procedure_page import section_of
 from positioner.report.procedure_section import missing_section
-from positioner.report.trend_sections import alarm_section, trend_section
+from positioner.report.trend_sections import alarm_section
 from positioner.report.valve_verdict import verdict_of_valve
 
 if TYPE_CHECKING:
@@ -57,10 +57,7 @@ def valve_page(report: ValveReport) -> Page:
         what = "Nothing was counted yet: the counters begin when the valve is in service, with positioner run"
         sections.append(Section("Friction trend, histograms and counters", missing=f"{what} {report.options}."))
     else:
-        since = f"since {service.started}" if service.started else "counted from the log"
-        sections.append(trend_section(service, report.signatures))
-        sections.append(histogram_section(service.counters, since))
-        sections.append(counter_section(service.counters, report.span_m, since))
+        sections += use_sections(service, report.signatures, report.span_m)
     sections.append(_measured(report, "stroke-test"))
     if "signature" not in report.results:
         sections.append(_measured(report, "identify"))

@@ -9,9 +9,10 @@ from report_samples import HOSTILE, SIGNATURE, result, signature
 
 from positioner.report.chart import Chart
 from positioner.report.layers import Limit, Line
-from positioner.report.page import Page, Section, Status, Table, Verdict, html
+from positioner.report.page import Page, Section, Status, Verdict, html
 from positioner.report.procedure_page import procedure_page, section_of
 from positioner.report.procedure_section import missing_section
+from positioner.report.table import Table
 
 
 def test_the_verdict_stands_before_everything_else() -> None:

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 
 def column(form: FrameFormat, name: str, frames: Sequence[CanFrame]) -> NDArray[np.float64]:
-    """Return the values of the number `name` in `frames` of one of our own kinds, which nobody damaged; shape (n,)."""
+    """Return the values of the number `name` in `frames` of one kind, which nobody damaged; shape (n,)."""
+    if form.data_id is None:  # a user's frame may have any length and any order of its bytes
+        return np.array([getattr(form.decode(frame)[0], name) for frame in frames], np.float64)
     field = form.placed(name)
     words = np.frombuffer(b"".join([frame.data for frame in frames]), "<u8")
     raw = ((words >> field.shift & field.mask).astype(np.int64) ^ field.sign) - field.sign

@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
+from positioner.bench.play import wire_arguments
 from positioner.bench.processes import BenchProcess
 from positioner.errors import BenchError
 
@@ -32,7 +33,7 @@ def commission(
     out, clock = options.out, "lockstep" if options.lockstep else "realtime"
     plant_arguments = ["run", "--config", str(out / "plant.toml"), "--clock", clock, "--seed", str(scenario.seed)]
     plant_arguments += ["--bus", str(options.plant_bus or configuration.bus)]
-    plant_arguments += ["--period", repr(scenario.sample_period_s)]
+    plant_arguments += ["--period", repr(scenario.sample_period_s), *wire_arguments(scenario, out)]
     valve = ["--config", str(out / "valve.toml")]
     for name in ("plant-emulator.log", "identify.log", "reach.log"):
         (out / name).unlink(missing_ok=True)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import TYPE_CHECKING, Any
 
 import tomli_w
 
 from plant_emulator.presets import DEFAULT_PRESET, plant_settings, preset_names, root_preset
 from positioner.inputs.toml_reader import laid_over
+from positioner.valve.parameters import ValveParameters
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -40,6 +41,8 @@ def configuration_text(scenario: Scenario, address: BusAddress, state: Path) -> 
         "guard": {"auto_arm": True, **scenario.guard},
         "state": {"directory": str(state)},
     }
+    if scenario.wire:
+        tables["wire"] = scenario.wire
     return tomli_w.dumps(tables)
 
 
@@ -58,6 +61,15 @@ def pneumatics_of(settings: PlantSettings) -> dict[str, Any]:
         "sensor_time_constant_s": settings.sensor.time_constant_s,
         "backlash_m": settings.sensor.backlash_m,
     }
+
+
+def told(settings: PlantSettings) -> dict[str, Any]:
+    """Return the `[valve]` table of a positioner that knows every parameter of the plant it has a word for."""
+    valve = settings.valve
+    shared = {each.name for each in fields(valve)} & {each.name for each in fields(ValveParameters)}
+    table: dict[str, Any] = {name: getattr(valve, name) for name in sorted(shared)}
+    table |= pneumatics_of(settings)
+    return table
 
 
 def _known(preset: str, nominal: str) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import gc
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from plant_emulator.device import advance, initial_device, publish, take
 from positioner.bench.configure import configuration_text
@@ -21,6 +21,7 @@ from positioner.cycle.events import Controlled
 from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState
 from positioner.cycle.step import step
+from positioner.values import replace
 from positioner.valve.stiction import StictionTable
 from positioner.wire.messages import Setpoint
 
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from positioner.bench.scenario import Scenario
     from positioner.config.schema import Configuration
     from positioner.cycle.events import Event
+    from positioner.laws.law import Law
     from positioner.wire.messages import CanFrame
 
 _NS = 1_000_000_000
@@ -58,8 +60,11 @@ def run_in_process(
     scenario: Scenario,
     table: StictionTable | None = None,
     progress: Callable[[int], None] = lambda _samples: None,
+    law: Law[Any] | None = None,
 ) -> InProcessRun:
     """Return the run of `scenario`, starting from `table`; `progress` is called with the number of samples done.
+
+    law: it plays in place of the scenario's.
 
     Raises:
         ConfigurationError: the scenario's tables do not make a valve or a positioner, or contradict each other.
@@ -67,6 +72,8 @@ def run_in_process(
     configuration = configure(scenario)
     settings = check_playable(scenario, configuration)
     setup = configuration.make_setup()
+    if law is not None:
+        setup = replace(setup, law=law)
     delay_s = configuration.control.command_delay_s
     codec, period_s, every = setup.codec, scenario.sample_period_s, scenario.samples_per_setpoint
     state = CycleState(table=table or StictionTable(cell_width_m=configuration.control.table_cell_m))

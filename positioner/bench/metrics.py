@@ -12,6 +12,9 @@ different setpoints can be compared. Position is the plant's true one: errors of
 | reversals | turning points of the motion, with hysteresis | ours; the first step of rainflow counting |
 | command variation | sum of the absolute changes of the current | Skogestad (2003), total variation |
 | limit cycle | range and reversals late in the dwell, both above a threshold | ours |
+
+Where the setpoint moves within a part of the run, the error is the distance from the moving setpoint, over all of that
+part; the shortest way is the setpoint's own; a limit cycle is not looked for.
 """
 
 from __future__ import annotations
@@ -182,7 +185,9 @@ def _of_dwell(trace: Trace, part: slice, begin_s: float, end_s: float, span_m: f
         raise ValueError(f"no samples between {begin_s:.6g} and {end_s:.6g} s")
     time_s, position_m = trace.time_s[part], trace.position_m[part]
     setpoint_m = float(trace.setpoint_m[part.stop - 1])
-    error_m = position_m - setpoint_m
+    course_m = trace.setpoint_m[part]
+    moves = bool(np.ptp(course_m) > 0.0)
+    error_m = position_m - course_m if moves else position_m - setpoint_m
     pct = 100.0 / span_m
 
     # the last sample before the dwell belongs to its path: there the move and the jump of the current begin
@@ -190,9 +195,11 @@ def _of_dwell(trace: Trace, part: slice, begin_s: float, end_s: float, span_m: f
     start_m = float(trace.position_m[path.start])
     towards = np.sign(setpoint_m - start_m)
 
-    final = error_m[_last(time_s, end_s, min(ERROR_WINDOW_S, (end_s - begin_s) / 2.0))]
+    final = error_m if moves else error_m[_last(time_s, end_s, min(ERROR_WINDOW_S, (end_s - begin_s) / 2.0))]
     late_m = position_m[_last(time_s, end_s, LIMIT_CYCLE_PART * (end_s - begin_s))]
-    cycles = np.ptp(late_m) * pct > LIMIT_CYCLE_RANGE_PCT and count_reversals(late_m) >= LIMIT_CYCLE_REVERSALS
+    cycles = (
+        not moves and np.ptp(late_m) * pct > LIMIT_CYCLE_RANGE_PCT and count_reversals(late_m) >= LIMIT_CYCLE_REVERSALS
+    )
     return DwellMetrics(
         setpoint_mm=setpoint_m * 1e3,
         mean_abs_error_pct=float(np.mean(np.abs(final))) * pct,
@@ -201,13 +208,18 @@ def _of_dwell(trace: Trace, part: slice, begin_s: float, end_s: float, span_m: f
         settle_2pct_s=_settling_s(time_s - begin_s, error_m, 0.02 * span_m),
         overshoot_pct=max(0.0, float(np.max(towards * error_m))) * pct,
         reversals=count_reversals(trace.position_m[path]),
-        limit_cycle=bool(cycles),
+        limit_cycle=bool(cycles) and not moves,
         travel_mm=float(np.sum(np.abs(np.diff(trace.position_m[path])))) * 1e3,
-        ideal_travel_mm=abs(setpoint_m - start_m) * 1e3,
+        ideal_travel_mm=_shortest_m(start_m, course_m) * 1e3 if moves else abs(setpoint_m - start_m) * 1e3,
         iae_mm_s=float(np.sum(np.abs(error_m) * np.diff(time_s, append=end_s))) * 1e3,
         # a positioner that was not armed has commanded nothing
         command_variation_ma=float(np.nansum(np.abs(np.diff(trace.current_ma[path])))),
     )
+
+
+def _shortest_m(start_m: float, course_m: NDArray[np.float64]) -> float:
+    """Return the length of the way of a moving setpoint, from `start_m` on."""
+    return abs(float(course_m[0]) - start_m) + float(np.sum(np.abs(np.diff(course_m))))
 
 
 def _last(time_s: NDArray[np.float64], end_s: float, window_s: float) -> slice:

@@ -80,6 +80,7 @@ def play(
     plant_arguments = ["run", "--config", str(out / "plant.toml"), "--bus", str(plant_bus), "--clock", clock]
     plant_arguments += ["--period", repr(scenario.sample_period_s), "--seed", str(scenario.seed)]
     plant_arguments += ["--command-delay", repr(delay_s), "--setpoint-every", str(scenario.samples_per_setpoint)]
+    plant_arguments += wire_arguments(scenario, out)
     if options.lockstep:
         daemon_arguments += ["--setpoint-every", str(scenario.samples_per_setpoint)]
     else:
@@ -111,6 +112,11 @@ def play(
     if not options.lockstep:
         recording.fill_gaps()
     return recording, timing
+
+
+def wire_arguments(scenario: Scenario, out: Path) -> list[str]:
+    """Return the arguments with which the emulator has the same frames as the daemon of `valve.toml`."""
+    return ["--wire", str(out / "valve.toml")] if scenario.wire else []
 
 
 def _check(children: tuple[BenchProcess, ...]) -> None:

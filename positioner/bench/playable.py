@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 from plant_emulator.presets import DEFAULT_PRESET, plant_settings, root_preset
 from positioner.errors import ConfigurationError, Problem
+from positioner.wire.formats import EncodingError
+from positioner.wire.messages import Setpoint
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from positioner.config.schema import Configuration
 
 LOOP_LOW_MA, LOOP_HIGH_MA = 4.0, 20.0
+_MOST_NAMED = 20
 _GEOMETRY = ("span_m", "travel_min_m", "travel_max_m")
 """Keys in which plant and controller must agree: they can be read off the valve itself."""
 
@@ -52,12 +55,16 @@ def setpoint_problems(
     low_ma: float = LOOP_LOW_MA,
     high_ma: float = LOOP_HIGH_MA,
 ) -> Iterator[Problem]:
-    """Yield a problem for each setpoint from which the plant `name` cannot be restarted: no law can serve it."""
+    """Yield a problem for each setpoint from which the plant `name` cannot be restarted: no law can serve it.
+
+    Of many such setpoints only the lowest and the highest are named.
+    """
     low_mm, high_mm = restartable_mm(settings, low_ma, high_ma)
     loop = f"{low_ma:g} to {high_ma:g} mA restart {name} both ways"
-    for setpoint_mm in dict.fromkeys(setpoints_mm):
-        if low_mm <= setpoint_mm <= high_mm:
-            continue
+    bad = [each for each in dict.fromkeys(setpoints_mm) if not low_mm <= each <= high_mm]
+    if len(bad) > _MOST_NAMED:  # of a moving setpoint the ends say all
+        bad = sorted({min(bad), max(bad)})
+    for setpoint_mm in bad:
         text = f"{loop} from {low_mm:.1f} to {high_mm:.1f} mm only" if low_mm <= high_mm else f"{loop} from nowhere"
         if low_mm <= 1e3 * setpoint_mm <= high_mm:
             text += f"; setpoints are in mm: {1e3 * setpoint_mm:g}?"
@@ -75,9 +82,20 @@ def check_playable(scenario: Scenario, configuration: Configuration) -> PlantSet
     problems = [*_contradictions(scenario, plant, configuration)]
     name = plant.preset or "the plant"
     problems += setpoint_problems(scenario.setpoints_mm, name, plant, guard.current_low_ma, guard.current_high_ma)
+    problems += _unsent(scenario, configuration)
     if problems:
         raise ConfigurationError(scenario.name, tuple(problems))
     return plant
+
+
+def _unsent(scenario: Scenario, configuration: Configuration) -> Iterator[Problem]:
+    """Yield a problem for each setpoint that the setpoint frame of the user's DBC cannot carry."""
+    codec = configuration.make_codec()
+    for setpoint_mm in dict.fromkeys(scenario.setpoints_mm):
+        try:
+            codec.encode(Setpoint(setpoint_mm * 1e-3), 0)
+        except EncodingError as error:
+            yield Problem(f"setpoint {setpoint_mm:g} mm", None, f"does not fit the setpoint frame: {error}")
 
 
 def _contradictions(scenario: Scenario, plant: PlantSettings, configuration: Configuration) -> Iterator[Problem]:

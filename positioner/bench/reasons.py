@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from positioner.bench.panels import name
 from positioner.laws.move_reason import BreakawaySource
+from positioner.pictures.colours import BREAKAWAY, FALLBACK
+from positioner.pictures.panels import CROSS, DOWN, HOLLOW, name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -50,16 +51,17 @@ def reasons(time_s: NDArray[np.float64], moves: Sequence[BreakawaySource | None]
 def draw_reasons(panel: Axes, why: Reasons, below: int) -> None:
     """Draw the marks at the top of `panel`, and their names under the `below` names that it already has."""
     kinds = (
-        (why.by_table_s, "Γ from table", "v", "#0072B2"),
-        (why.by_model_s, "Γ from model", "v", "#E69F00"),
-        (why.fell_back_s, "fallback", "x", "#D55E00"),
+        (why.by_table_s, "Γ from table", "v", DOWN, BREAKAWAY, BREAKAWAY),
+        (why.by_model_s, "Γ from model", "v", HOLLOW, BREAKAWAY, "white"),
+        (why.fell_back_s, "fallback", "x", CROSS, FALLBACK, FALLBACK),
     )
     names = []
-    for when_s, label, mark, colour in kinds:
+    for when_s, label, mark, sign, colour, inside in kinds:
         if len(when_s):
             heights = np.full(len(when_s), _HEIGHT)
             panel.plot(
-                when_s, heights, mark, color=colour, transform=panel.get_xaxis_transform(), markersize=7.0, zorder=5.0
-            )
-            names.append((f"{len(when_s)} × {label}", colour))
+                when_s, heights, mark, color=colour, markerfacecolor=inside, markeredgewidth=1.2,
+                transform=panel.get_xaxis_transform(), markersize=6.0, zorder=5.0,
+            )  # fmt: skip
+            names.append((sign, colour, f"{len(when_s)} × {label}"))
     name(panel, names, below)

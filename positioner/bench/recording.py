@@ -11,11 +11,10 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-import can
 import numpy as np
-from can.io.canutils import CanutilsLogWriter
 
 from positioner.bench.columns import column
+from positioner.bench.frame_log import write_frames
 from positioner.bench.metrics import Trace
 from positioner.bench.modes import ModeReport
 from positioner.cycle.outbox import STATUS_PERIOD_NS
@@ -41,9 +40,6 @@ if TYPE_CHECKING:
 
     from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame
-
-LOG_CHANNEL = "vcan0"
-"""The channel in the log, whatever bus was recorded: canplayer plays it there by default."""
 
 _RANK = {
     kind: rank
@@ -87,12 +83,20 @@ class Recording:
     origin: int | None = None
     begin_ns: int = 0
     _rank_by_id: dict[int, int] = field(init=False)
+    _counts: bool = field(init=False)
+    _has_modes: bool = field(init=False)
 
     def __post_init__(self) -> None:
         """Make room for every sample."""
         for name in ("true_position_m", "true_velocity_m_per_s", "measured_m", "current_ma", "setpoint_m"):
             setattr(self, name, np.full(self.samples, np.nan))
-        self._rank_by_id = {self.codec.identifier(kind)[0]: _RANK[kind] for kind in self._columns}
+        # a user's frames may lack counters and the mode: the truth, which is ours, counts them; the status has the mode
+        kinds = (StemPosition, CurrentCommand)
+        self._counts = all(self.codec.by_kind[kind].data_id is not None for kind in kinds)
+        self._has_modes = self.codec.carries(CurrentCommand, "mode")
+        named = [kind for kind in self._columns if self._has_modes or kind is not CurrentCommand]
+        identifiers = [(self.codec.identifier(kind), _RANK[kind]) for kind in named]
+        self._rank_by_id = {number | is_extended << 31: rank for (number, is_extended), rank in identifiers}
         if self.lockstep:  # the host is there before the first sample, and may receive its frames in any order
             self.origin = 0
 
@@ -113,7 +117,10 @@ class Recording:
         elif isinstance(message, StemPosition) and is_inside:
             self.measured_m[sample] = message.position_m
         elif isinstance(message, CurrentCommand):
-            self.mode_reports.append(ModeReport(stamp_s, message.mode))
+            if self._has_modes:
+                self.mode_reports.append(ModeReport(stamp_s, message.mode))
+            elif self.mode_reports:
+                self.mode_reports.append(ModeReport(stamp_s, self.mode_reports[-1].mode))
             if is_inside:
                 self.current_ma[sample] = message.current_ma
         elif isinstance(message, PositionerStatus):
@@ -123,7 +130,7 @@ class Recording:
         """Add the frames of one sample of a loop without a bus, where none is lost; `fill_columns` reads them."""
         stamp_s = sample * self.period_s
         for frame in frames:
-            rank = self._rank_by_id.get(frame.arbitration_id)
+            rank = self._rank_by_id.get(frame.arbitration_id | frame.is_extended << 31)
             if rank is None:
                 self.add(frame, stamp_s)
             else:
@@ -140,6 +147,8 @@ class Recording:
 
     def read_modes(self) -> None:
         """Read the modes in the commands that `add_sample` added: the reports are then those of a bench on a bus."""
+        if not self._has_modes:
+            return
         kept = [(stamp_s, frame) for stamp_s, rank, frame in self.frames if rank == _RANK[CurrentCommand]]
         modes = column(self.codec.by_kind[CurrentCommand], "mode", [frame for _, frame in kept])
         self.mode_reports[:0] = [
@@ -157,6 +166,8 @@ class Recording:
 
     def _sample_of(self, message: Message, counter: int | None) -> int:
         """Return the sample that a frame belongs to; -1 for frames from before the first truth."""
+        if not self._counts and isinstance(message, StemPosition | CurrentCommand):
+            return self._next_sample(message)
         match message:
             case PlantTruth():
                 if self.origin is None:
@@ -186,6 +197,14 @@ class Recording:
             case _:
                 sample = max(self.commands - 1, 0)
         return sample
+
+    def _next_sample(self, message: StemPosition | CurrentCommand) -> int:
+        """Return the sample of a user's frame: a reading follows its truth, a command its reading."""
+        if isinstance(message, StemPosition):
+            self.readings = self.truth
+            return self.readings - 1
+        self.commands = self.commands + 1 if self.lockstep else self.readings
+        return self.commands - 1
 
     def _steps(self, counter: int | None, expected: int) -> int:
         """Return by how many samples `counter` is past the last one, 0 for an echo of an older one."""
@@ -228,17 +247,4 @@ class Recording:
 
     def write_log(self, path: Path) -> None:
         """Write every frame as a candump log, which `canplayer -I` and `positioner replay` read."""
-        order = sorted(range(len(self.frames)), key=lambda index: self.frames[index][: 2 if self.lockstep else 1])
-        with CanutilsLogWriter(path, channel=LOG_CHANNEL) as log:
-            for index in order:
-                stamp_s, _, frame = self.frames[index]
-                log.on_message_received(
-                    can.Message(
-                        timestamp=stamp_s,
-                        arbitration_id=frame.arbitration_id,
-                        data=frame.data,
-                        is_extended_id=frame.is_extended,
-                        is_rx=True,
-                        channel=LOG_CHANNEL,
-                    )
-                )
+        write_frames(path, self.frames, by_rank=self.lockstep)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import positioner
 from positioner.bench.modes import active_fraction, mode_lines
 from positioner.bench.timing import timing_lines
+from positioner.report.table import Table
 from positioner.valve.stiction import Quantity
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from positioner.bench.modes import ModeSpan
     from positioner.bench.scenario import Scenario
     from positioner.bench.timing import Timing
+    from positioner.report.text import Block
     from positioner.valve.stiction import StictionTable
 
 SIGNIFICANT_DIGITS = 6
@@ -103,8 +105,8 @@ def to_json(result: Result) -> str:
     return json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def to_text(result: Result) -> str:
-    """Return `result` as a table for a terminal of 100 columns.
+def blocks(result: Result) -> list[Block]:
+    """Return `result` as text with a table.
 
     Its last row sums up each column: mean, largest value, median of the settling times, count or sum.
     """
@@ -113,18 +115,11 @@ def to_text(result: Result) -> str:
     settled_1pct, settled_2pct = totals.dwells - totals.unsettled_1pct, totals.dwells - totals.unsettled_2pct
     period_ms = scenario.sample_period_s * 1e3
     rows = [_row(str(number), dwell) for number, dwell in enumerate(result.dwells, start=1)]
-    header, units, *body, foot = _aligned([*_HEADER, *rows, _foot(totals)])
-    rule = "─" * len(header)
-    lines = (
+    return [
         f"{scenario.name}: {scenario.title}",
         f"law {scenario.law}, seed {scenario.seed}, period {period_ms:g} ms, {run.clock} on {run.bus}",
         "",
-        header,
-        units,
-        rule,
-        *body,
-        rule,
-        foot,
+        Table(_HEAD, (*rows, _foot(totals)), marked=frozenset({len(rows)})),
         "",
         *_labelled("modes", mode_lines(result.modes)),
         *_labelled("time", () if run.timing is None else timing_lines(run.timing, scenario.sample_period_s)),
@@ -134,8 +129,7 @@ def to_text(result: Result) -> str:
         f"travel   {_or_dash(totals.travel_ratio)} times the shortest way",
         f"table    {before.recorded} → {after.recorded} samples, {before.cells} → {after.cells} cells",
         f"took     {run.wall_s:.1f} s for {scenario.duration_s:g} s of the plant's time",
-    )
-    return "\n".join(lines) + "\n"
+    ]
 
 
 def _labelled(label: str, lines: Sequence[str]) -> list[str]:
@@ -143,11 +137,10 @@ def _labelled(label: str, lines: Sequence[str]) -> list[str]:
     return [f"{label if number == 0 else '':9}{line}" for number, line in enumerate(lines)]
 
 
-_HEADER = (
-    ("", "setpoint", "mean |e|", "max |e|", "to 1 %", "to 2 %", "overshoot", "reversals", "cycle", "travel", "IAE",
-     "Σ|Δu|"),
-    ("", "mm", "%", "%", "ms", "ms", "%", "", "", "mm", "mm·s", "mA"),
-)  # fmt: skip
+_HEAD = (
+    *("", "setpoint, mm", "mean |e|, %", "max |e|, %", "to 1 %, ms", "to 2 %, ms", "overshoot, %"),
+    *("reversals", "cycle", "travel, mm", "IAE, mm·s", "Σ|Δu|, mA"),
+)
 
 
 def _row(label: str, dwell: DwellMetrics) -> tuple[str, ...]:
@@ -175,11 +168,6 @@ def _cells(
         f"{figures.iae_mm_s:.2f}",
         f"{figures.command_variation_ma:.1f}",
     )
-
-
-def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
 
 
 def _milliseconds(duration_s: float | None) -> str:

@@ -19,15 +19,19 @@ from positioner.bench.commission import commission
 from positioner.bench.configure import configuration_text
 from positioner.bench.machine_load import machine
 from positioner.bench.modes import mode_spans
+from positioner.bench.moves_picture import draw_moves
 from positioner.bench.play import BenchOptions, play
 from positioner.bench.playable import check_playable
-from positioner.bench.result import Result, RunInfo, TableSummary, installed_versions, summary_of, to_json
-from positioner.bench.trace_data import trend_data
+from positioner.bench.predicted import believed
+from positioner.bench.result import Result, RunInfo, installed_versions, summary_of, to_json
+from positioner.bench.trace_data import picture_data
 from positioner.bench.trend import draw_trend
 from positioner.bench.truth_log import add_truth
 from positioner.bus.address import BusAddress, embedded_address, find_vcan
 from positioner.config.reader import parse_config
 from positioner.errors import BenchError, StateError
+from positioner.inputs.plug_in import anchored
+from positioner.laws.registry import is_outside
 from positioner.store import access, lock
 from positioner.valve.stiction import StictionTable
 
@@ -54,7 +58,7 @@ def choose_bus(address: BusAddress | None) -> tuple[BusAddress, str]:
 
 
 def run_bench(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]) -> Result:
-    """Play `scenario`, and write `result.json`, `trend.png` and `bus.log` into the output directory.
+    """Play `scenario`, and write `result.json`, `bus.log` and the pictures into the output directory.
 
     `say` receives each line of progress.
 
@@ -90,16 +94,18 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
     state = options.state or out / "state"
     configuration = _write_configuration(scenario, options, address, state)
     plant = check_playable(scenario, configuration)
+    if is_outside(scenario.law):
+        configuration.make_law()  # one that cannot be made is told here, and not in the log of the daemon
     if options.state is None:
         _empty(state, say)
     if scenario.commission:
         commission(scenario, options, configuration, say)
         configuration = parse_config((out / "valve.toml").read_text(encoding="utf-8"), str(out / "valve.toml"), out)
     started, begun_s = datetime.now(UTC), time.monotonic()
-    before = _table(state, configuration)
+    before = summary_of(_stored(state, configuration))
     _copy_start(state, out / "state-before")
     recording, timing = play(scenario, options, configuration, state)
-    after = _table(state, configuration)
+    after = summary_of(_stored(state, configuration))
 
     span_m = configuration.valve.span_m
     dwells = metrics.dwell_metrics(recording.trace, scenario.dwell_edges_s, span_m)
@@ -129,7 +135,10 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
         recording.write_log(out / "bus.log")
     else:
         add_truth(out / "bus.log", recording)
-    draw_trend(out / "trend.png", trend_data(result, recording, out / "trace.csv"))
+    known = believed(configuration, _stored(state, configuration))
+    trend, moves = picture_data(result, recording, out / "trace.csv", known)
+    draw_trend(out / "trend.png", trend)
+    draw_moves(out / "moves.png", moves)
     return result
 
 
@@ -143,6 +152,7 @@ def _empty(directory: Path, say: Callable[[str], object]) -> None:
 
 def _write_configuration(scenario: Scenario, options: BenchOptions, address: BusAddress, state: Path) -> Configuration:
     path = options.out / "valve.toml"
+    scenario = replace(scenario, law=anchored(scenario.law, Path.cwd()))
     # a relative path: the run's own table moves with the folder
     text = configuration_text(scenario, address, state.absolute() if options.state else Path("state"))
     path.write_text(text, encoding="utf-8")
@@ -152,12 +162,11 @@ def _write_configuration(scenario: Scenario, options: BenchOptions, address: Bus
     return parse_config(text, str(path), options.out)
 
 
-def _table(state: Path, configuration: Configuration) -> TableSummary:
-    empty = StictionTable(cell_width_m=configuration.control.table_cell_m)
+def _stored(state: Path, configuration: Configuration) -> StictionTable:
     try:
-        return summary_of(access.dump(state).table)
+        return access.dump(state).table
     except StateError:
-        return summary_of(empty)
+        return StictionTable(cell_width_m=configuration.control.table_cell_m)
 
 
 def _copy_start(state: Path, place: Path) -> None:

@@ -1,13 +1,13 @@
 """Scenarios: the input of a bench run, a TOML file with a name. Shell, because it reads files.
 
-The tables `[plant]`, `[valve]`, `[control]`, `[estimator]` and `[guard]` are not read here: the plant emulator and the
-daemon check their own keys.
+The tables `[plant]`, `[valve]`, `[control]`, `[estimator]`, `[guard]` and `[wire]` are not read here: the plant
+emulator and the daemon check their own keys.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,8 +17,10 @@ from annotated_types import Interval, Len
 from positioner.errors import ConfigurationError
 from positioner.inputs import toml_reader
 from positioner.inputs.nearest import check_name
+from positioner.inputs.plug_in import anchored
 from positioner.inputs.table import SettingsTable
 from positioner.inputs.toml_lines import problem_at
+from positioner.wire.file import wire_table
 
 _MULTIPLES = (
     ("setpoint_period_s", "sample_period_s"),
@@ -52,6 +54,8 @@ class Scenario(SettingsTable):
     """How many times the whole sequence of setpoints is played."""
     dwell_s: Annotated[float, Interval(gt=0.0, le=3600.0)]
     """Duration of each setpoint."""
+    edges_s: tuple[Annotated[float, Interval(ge=0.0)], ...] = ()
+    """Where setpoints move: the instants between which figures are computed; empty: a dwell for each setpoint."""
     table_from_s: Annotated[float, Interval(ge=0.0)] | None = None
     """When the law begins to use the stiction table; None: from the start. It always learns from the start."""
     commission: bool = False
@@ -61,6 +65,7 @@ class Scenario(SettingsTable):
     control: dict[str, Any] = field(default_factory=dict)
     estimator: dict[str, Any] = field(default_factory=dict)
     guard: dict[str, Any] = field(default_factory=dict)
+    wire: dict[str, Any] = field(default_factory=dict)
 
     @property
     def visited_mm(self) -> tuple[float, ...]:
@@ -70,12 +75,12 @@ class Scenario(SettingsTable):
     @property
     def dwell_edges_s(self) -> tuple[float, ...]:
         """The instants in s at which dwells begin and, last, at which the run ends; shape (dwells + 1)."""
-        return tuple(index * self.dwell_s for index in range(len(self.visited_mm) + 1))
+        return self.edges_s or tuple(index * self.dwell_s for index in range(len(self.visited_mm) + 1))
 
     @property
     def duration_s(self) -> float:
         """Length of the run in s, in the plant's time."""
-        return self.dwell_edges_s[-1]
+        return len(self.visited_mm) * self.dwell_s
 
     @property
     def samples_per_dwell(self) -> int:
@@ -102,12 +107,17 @@ def scenario_names() -> tuple[str, ...]:
 def load_scenario(name_or_path: str) -> Scenario:
     """Return the packaged scenario of that name, or the one in that file: a path has a slash or ends in `.toml`.
 
+    The file of a law, and a DBC, lie beside that of the scenario, if they are relative.
+
     Raises:
         UsageError: no scenario has the name.
         ConfigurationError: the file cannot be read, or something in it is wrong.
     """
     if "/" in name_or_path or name_or_path.endswith(".toml"):
-        return parse_scenario(toml_reader.read_text(Path(name_or_path)), name_or_path)
+        path = Path(name_or_path)
+        scenario = parse_scenario(toml_reader.read_text(path), name_or_path)
+        wire = wire_table(path) if scenario.wire else {}
+        return replace(scenario, law=anchored(scenario.law, path.parent), wire=wire)
     check_name("scenario", name_or_path, scenario_names(), "or give the path of a .toml file")
     file = resources.files(__package__).joinpath("scenarios", f"{name_or_path}.toml")
     return parse_scenario(file.read_text(encoding="utf-8"), f"{name_or_path}.toml")

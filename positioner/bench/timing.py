@@ -110,10 +110,11 @@ def timing_of(answered: Sequence[Answered], seconds: Sequence[Second], due_s: fl
 def answers(codec: Codec, frames: Iterable[tuple[float, CanFrame]]) -> tuple[Answered, ...]:
     """Return each reading with its answer, from the first one that was answered to the last.
 
-    Each frame has its instant in s. The command names the reading that it answers; those before it were skipped.
+    Each frame has its instant in s. The command names the reading that it answers; those before it were skipped. In a
+    user's DBC without such a name it answers the newest one.
     """
     found: list[Answered] = []
-    newest: dict[int, int] = {}
+    newest: dict[int | None, int] = {}
     done = -1
     for time_s, frame in sorted(frames, key=lambda stamped: stamped[0]):
         try:
@@ -121,10 +122,10 @@ def answers(codec: Codec, frames: Iterable[tuple[float, CanFrame]]) -> tuple[Ans
         except FrameRejectedError:
             continue
         if isinstance(message, StemPosition):
-            newest[counter or 0] = len(found)
+            newest[counter or 0] = newest[None] = len(found)
             found.append(Answered(time_s))
         elif isinstance(message, CurrentCommand):
-            index = newest.get(message.position_counter or 0, -1)
+            index = newest.get(message.position_counter, -1)
             if index <= done:  # a command that was repeated
                 continue
             for skipped in range(done + 1, index):

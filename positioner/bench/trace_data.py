@@ -1,4 +1,4 @@
-"""The data of the picture, from a recording and the daemon's trace. Shell."""
+"""The data of the pictures, from a recording and the daemon's trace. Shell."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from positioner.bench.moves import Breakaway, MovesData, telling, windows
+from positioner.bench.moves_picture import MOST_MOVES
 from positioner.bench.reasons import reasons
 from positioner.bench.trend import TrendData
-from positioner.laws.move_reason import source_in
+from positioner.laws.move_reason import current_in, source_in
 from positioner.valve.stiction import Quantity
 
 if TYPE_CHECKING:
@@ -18,21 +20,25 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from positioner.bench.predicted import Believed
     from positioner.bench.recording import Recording
     from positioner.bench.result import Result
 
 _TOLERANCE = 1e-9
-_BOUNDS = ("current_low_ma", "current_high_ma", "speed_low_m_per_s", "speed_high_m_per_s", "velocity_m_per_s")
+_TRACED = (
+    *("current_low_ma", "current_high_ma", "speed_low_m_per_s", "speed_high_m_per_s", "velocity_m_per_s"),
+    *("position_m", "stuck"),
+)
 
 
-def trend_data(result: Result, recording: Recording, trace: Path) -> TrendData:
-    """Return the data of the picture: signals from the bus, estimates and bounds of the law from the trace."""
+def picture_data(result: Result, recording: Recording, trace: Path, believed: Believed) -> tuple[TrendData, MovesData]:
+    """Return the data of the pictures: signals from the bus, estimates and bounds of the law from the trace."""
     scenario = result.scenario
     time_s = recording.time_s
     with trace.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     cycle_s = np.array([float(row["time_s"]) - recording.period_s for row in rows])
-    traced = {name: [float(row[name]) for row in rows] for name in _BOUNDS}
+    traced = {name: [float(row[name]) for row in rows] for name in _TRACED}
     columns = {name: _at(time_s, cycle_s, values) for name, values in traced.items()}
     learned = {
         quantity: np.array([t for t, row in zip(cycle_s, rows, strict=True) if quantity in row["learned"].split("+")])
@@ -41,7 +47,7 @@ def trend_data(result: Result, recording: Recording, trace: Path) -> TrendData:
     loop_low = min(traced["current_low_ma"], default=math.nan)
     loop_high = max(traced["current_high_ma"], default=math.nan)
     widest = max(traced["speed_high_m_per_s"], default=math.nan)
-    return TrendData(
+    trend = TrendData(
         scenario=scenario,
         span_m=result.span_mm * 1e-3,
         dwells=result.dwells,
@@ -61,6 +67,24 @@ def trend_data(result: Result, recording: Recording, trace: Path) -> TrendData:
         learned_s=learned,
         why=reasons(cycle_s, [source_in(row["reason"]) for row in rows], [row["fallback"] for row in rows]),
     )
+    every = windows(trend.position_m, trend.span_m, recording.period_s)
+    shown = telling(every, trend.span_m, MOST_MOVES)
+    slides, estimate = columns["stuck"] == 0.0, (columns["position_m"], columns["velocity_m_per_s"])
+    paths_m = tuple([believed.path_m(estimate, slides, trend.current_ma, each.first, each.last) for each in shown])
+    breakaways = [
+        Breakaway(float(begun_s), current_ma, source)
+        for begun_s, row in zip(cycle_s, rows, strict=True)
+        if (current_ma := current_in(row["reason"])) is not None and (source := source_in(row["reason"])) is not None
+    ]
+    moves = MovesData(
+        trend=trend,
+        shown=shown,
+        count=len(every),
+        predicted_m=paths_m,
+        shift_s=believed.shift_s,
+        breakaways=tuple(breakaways),
+    )
+    return trend, moves
 
 
 def _at(time_s: NDArray[np.float64], known_s: NDArray[np.float64], values: list[float]) -> NDArray[np.float64]:

@@ -170,6 +170,7 @@ def test_a_bench_that_fails_safe_shows_it_everywhere_and_ends_with_status_1(
 ) -> None:
     drawn = []
     monkeypatch.setattr(runner, "draw_trend", lambda _path, data: drawn.append(data))
+    monkeypatch.setattr(runner, "draw_moves", lambda *_arguments: None)
     scenario, out = tmp_path / "scenario.toml", tmp_path / "out"
     scenario.write_text(FAILS_SAFE, encoding="utf-8")
     command = ["bench", "--scenario", str(scenario), "--bus", str(own_address()), "--out", str(out)]

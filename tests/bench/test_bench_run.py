@@ -97,6 +97,7 @@ def play(
     with pytest.MonkeyPatch.context() as patch:
         if not picture:
             patch.setattr(runner, "draw_trend", lambda *_arguments: None)
+            patch.setattr(runner, "draw_moves", lambda *_arguments: None)
         result = run_bench(scenario, options, lines.append)
     shutil.copytree(out, aside)
     return Played(scenario, result, aside, tuple(lines))
@@ -158,8 +159,10 @@ def test_a_run_writes_all_its_files(first: Played) -> None:
     assert len((first.files / "trace.csv").read_text(encoding="utf-8").splitlines()) == 1 + 400
 
 
-def test_the_picture_is_a_picture(first: Played) -> None:
-    pixels = mpl_image.imread(first.files / "trend.png")
+@pytest.mark.parametrize("name", ["trend", "moves"])
+def test_the_picture_is_a_picture(first: Played, name: str) -> None:
+    pixels = mpl_image.imread(first.files / f"{name}.png")
+    assert "</svg>" in (first.files / f"{name}.svg").read_text("utf-8")
     height, width, _ = pixels.shape
     assert 1200 <= width <= 4000
     assert 0.5 <= height / width <= 2.0
@@ -315,7 +318,9 @@ def test_two_benches_at_once_do_not_disturb_each_other(first: Played, at_once: A
 def test_the_command_prints_its_bus_its_figures_and_its_folder(at_once: AtOnce) -> None:
     assert re.match(r"bus (udp_multicast|socketcan):\S+: (embedded, never leaves|a virtual CAN)", at_once.error)
     assert at_once.out.startswith("short: two setpoints, a fifth of a second each\nlaw paper, seed 7, period 1 ms")
-    assert at_once.out.endswith("\nbeside: result.json, trend.png, bus.log; the learned table is in beside/state\n")
+    assert at_once.error.endswith(
+        "\nbeside: result.json, bus.log, trend and moves (.png, .svg); the learned table is in beside/state\n"
+    )
     assert max(map(len, at_once.out.splitlines())) <= 100
 
 

@@ -9,8 +9,9 @@ import can
 import numpy as np
 import pytest
 
+from positioner.bench.frame_log import LOG_CHANNEL
 from positioner.bench.modes import mode_spans
-from positioner.bench.recording import LOG_CHANNEL, Recording
+from positioner.bench.recording import Recording
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import (
     ActuatorState,

@@ -15,9 +15,8 @@ from positioner.campaign.plan import scenario_at
 from positioner.campaign.run import COLUMNS
 from positioner.campaign.schema import Kind
 from positioner.errors import ConfigurationError, Problem
-from positioner.inputs.nearest import nearest
 from positioner.inputs.toml_lines import line_of, problem_at
-from positioner.laws.registry import LAWS
+from positioner.laws.registry import law_problem
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -38,8 +37,8 @@ def law_problems(tables: Mapping[str, Any], text: str) -> Iterator[Problem]:
     """Yield the laws that there are not."""
     laws = tables.get("laws")
     for law in laws if isinstance(laws, list) else ():
-        if isinstance(law, str) and law not in LAWS:
-            yield problem_at(text, f"laws = {law!r}", f"is no law; {nearest(law, LAWS)}")
+        if isinstance(law, str) and (problem := law_problem(law, unknown="is no law")):
+            yield problem_at(text, f"laws = {law!r}", problem)
 
 
 def design_problems(file: CampaignFile, text: str) -> Iterator[Problem]:

@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 
 _OF_SCENARIO = ("sample_period_s", "setpoint_period_s", "visits", "dwell_s", "table_from_s")
 _OF_CONFIGURATION = ("valve", "control", "estimator", "guard")
-_SET_OTHERWISE = frozenset(("valve.id", "control.law", "control.sample_period_s", "control.table_from_s"))
+_SET_OTHERWISE = frozenset(
+    ("valve.id", "control.law", "control.parameters", "control.sample_period_s", "control.table_from_s")
+)
 _KINDS = (bool, int, float, str)
 """A key that may be a float or None counts as a float."""
 

@@ -21,6 +21,7 @@ from positioner.campaign.plan import Campaign
 from positioner.campaign.schema import CampaignFile
 from positioner.errors import ConfigurationError, Problem, UsageError
 from positioner.inputs import toml_reader
+from positioner.inputs.plug_in import anchored
 from positioner.inputs.toml_lines import problem_at
 
 if TYPE_CHECKING:
@@ -41,6 +42,8 @@ def load_campaign(path: Path) -> Campaign:
     """
     text, source = toml_reader.read_text(path), str(path)
     tables = toml_reader.tables(text, source)
+    if isinstance(laws := tables.get("laws"), list):
+        tables["laws"] = [anchored(law, path.parent) if isinstance(law, str) else law for law in laws]
     problems = [*law_problems(tables, text)]
     file: CampaignFile | None = None
     base: Scenario | None = None

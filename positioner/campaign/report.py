@@ -11,7 +11,9 @@ import tomli_w
 
 from positioner.campaign.check import shown
 from positioner.campaign.pictures import draw_corners, draw_sensitivity
-from positioner.studies.markdown import table
+from positioner.report.table import Table
+from positioner.report.text import markdown
+from positioner.studies.bouts import file_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from positioner.campaign.plan import Campaign
     from positioner.campaign.run import PlayedRun
     from positioner.campaign.summary import LawSummary, Mean, Summary
+    from positioner.report.text import Block
 
 _CORNERS = "corners"
 
@@ -33,15 +36,15 @@ class Corner:
     command: str
 
 
-def write_report(folder: Path, campaign: Campaign, played: Sequence[PlayedRun], summary: Summary) -> str:
-    """Write the files into `folder`, and return the summary as text."""
+def write_report(folder: Path, campaign: Campaign, played: Sequence[PlayedRun], summary: Summary) -> list[Block]:
+    """Write the files into `folder`, and return the summary."""
     corners = _write_corners(folder, summary)
-    text = to_markdown(campaign, summary, corners)
-    (folder / "summary.md").write_text(text, encoding="utf-8")
+    found = blocks(campaign, summary, corners)
+    (folder / "summary.md").write_text(markdown(found), encoding="utf-8")
     (folder / "summary.json").write_text(_to_json(campaign, summary, corners), encoding="utf-8")
     draw_sensitivity(folder / "sensitivity.png", campaign, played, summary)
     draw_corners(folder / "corners.png", campaign, played, [(each.played, each.command) for each in corners])
-    return text
+    return found
 
 
 def scenario_text(scenario: Scenario) -> str:
@@ -58,7 +61,7 @@ def _write_corners(folder: Path, summary: Summary) -> list[Corner]:
     for each in summary.corners:
         run = each.run
         numbers[run.law] += 1
-        path = place / f"{run.law}-{numbers[run.law]}.toml"
+        path = place / f"{file_name(run.law)}-{numbers[run.law]}.toml"
         name = f"{run.scenario.name}-{path.stem}"[:40]
         path.write_text(scenario_text(replace(run.scenario, name=name)), encoding="utf-8")
         command = ["positioner", "bench", "--scenario", str(path), "--law", run.law, "--seed", str(run.seed)]
@@ -89,24 +92,24 @@ def _to_json(campaign: Campaign, summary: Summary, corners: Sequence[Corner]) ->
     return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
 
 
-def to_markdown(campaign: Campaign, summary: Summary, corners: Sequence[Corner]) -> str:
-    """Return the summary as text: laws, effects, worst corners."""
-    lines = [f"# {campaign.file.name}: {campaign.file.title}", "", _about(campaign, summary), ""]
+def blocks(campaign: Campaign, summary: Summary, corners: Sequence[Corner]) -> list[Block]:
+    """Return the summary: laws, effects, worst corners."""
+    lines: list[Block] = [f"# {campaign.file.name}: {campaign.file.title}", "", _about(campaign, summary), ""]
     head = ("law", "runs", "error, % (95 %)", "worst dwell, %", "settles to 1 %, ms", "unsettled", "limit cycles",
             "travel / ideal", "not in control", "failed")  # fmt: skip
-    lines += [*table(head, map(_law_cells, summary.laws)), ""]
+    lines += [Table.of(head, map(_law_cells, summary.laws)), ""]
     laws = [law.law for law in summary.laws]
     lines += [
         "What each parameter explains alone of the variance of the error between the points, and the error at the ends",
         "of its range:",
         "",
-        *table(("parameter", *laws), _effect_rows(campaign, summary, laws)),
+        Table.of(("parameter", *laws), _effect_rows(campaign, summary, laws)),
         "",
     ]
     if corners:
         lines += ["The worst corners; each command plays its run again, on a bus, with the same figures:", ""]
         lines += [line for corner in corners for line in _corner_lines(campaign, corner)]
-    return "\n".join(lines)
+    return lines
 
 
 def _about(campaign: Campaign, summary: Summary) -> str:

@@ -11,6 +11,8 @@ from positioner.bench import metrics
 from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.modes import active_fraction, mode_spans
 from positioner.bench.playable import check_playable
+from positioner.errors import BenchError
+from positioner.studies.bouts import law_failure
 
 if TYPE_CHECKING:
     from positioner.bench.scenario import Scenario
@@ -99,6 +101,8 @@ def _figures(scenario: Scenario) -> Figures:
     configuration = configure(scenario)
     plant = check_playable(scenario, configuration)
     played = run_in_process(scenario)
+    if failure := law_failure(scenario.law, played.events):
+        raise BenchError(failure)
     played.recording.read_modes()
     dwells = metrics.dwell_metrics(played.recording.trace, scenario.dwell_edges_s, configuration.valve.span_m)
     # silent after the actuator's deadman time, but not before three periods, as in a bench

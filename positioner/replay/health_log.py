@@ -46,7 +46,7 @@ def health_in(
     for cycle in tqdm(cycles, "health", prepared.cycle_count, unit=" cycles", delay=1, leave=False, disable=None):
         comparison.add(cycle)
         if cycle.observed is not None:
-            health = observe(settings, health, cycle.observed)
+            observe(settings, health, cycle.observed)
     lines = list(prepared.warnings)
     if not comparison.identical:
         lines.append("computed frames differ from the recorded ones, so counts may, too: see positioner replay")

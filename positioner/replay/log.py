@@ -5,13 +5,14 @@ The frames stay in the file, and each pass reads them again: a log may be larger
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 from itertools import count, islice
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Self
 
-import can
 from tqdm import tqdm
 
+from positioner.bus import can
 from positioner.errors import ExitCode, PositionerError, shortened
 from positioner.wire.messages import CanFrame
 
@@ -45,13 +46,17 @@ class LogFrame:
 
 @dataclass(frozen=True, slots=True)
 class BusLog:
-    """A log: its number of frames, the time stamps of the first and the last in s, and why it ends early, if so."""
+    """A log: its number of frames, the time stamps of the first and the last in s, and why it ends early, if so.
+
+    `is_damaged`: something follows that cannot be read. Otherwise a log that ends early was cut off.
+    """
 
     path: Path
     count: int
     begin_s: float
     end_s: float
     cut: str = ""
+    is_damaged: bool = False
 
     def frames(self) -> Iterator[LogFrame]:
         """Yield the frames in order, read from the file again.
@@ -82,7 +87,7 @@ def read_log(path: Path, show: Callable[[LogFrame], None] = lambda _: None) -> B
         show(last)
     if last is None:
         raise LogError(f"{path}: holds no frame{f': {read.cut}' if read.cut else ''}; known formats: {_formats()}")
-    return BusLog(path, last.number, read.begin_s, read.begin_s + last.time_ns / _NS, read.cut)
+    return BusLog(path, last.number, read.begin_s, read.begin_s + last.time_ns / _NS, read.cut, read.is_damaged)
 
 
 class _Pass:
@@ -92,19 +97,21 @@ class _Pass:
         self.path = path
         self.begin_s = 0.0
         self.cut = ""
+        self.is_damaged = False
 
     def __iter__(self) -> Iterator[LogFrame]:
         read, last = 0, None
         with _opened(self.path) as reader:
+            lines = _Lines.of(reader)
             messages: Iterator[can.Message] = iter(reader)
             for number in count(1):
                 try:
                     message = next(messages, None)
                     _check_stamp(message)
                 except Exception as error:  # noqa: BLE001 - a damaged file makes python-can raise any of them
-                    self.cut = (
-                        f"the part after frame {read} cannot be read ({type(error).__name__}: {shortened(str(error))})"
-                    )
+                    why = f"{type(error).__name__}: {shortened(str(error))}"
+                    self.cut = f"{lines.place}the part after frame {read} cannot be read ({why})"
+                    self.is_damaged = True
                     break
                 if message is None:
                     break
@@ -122,6 +129,38 @@ class _Pass:
             self.cut = f"frame {read} is the last of {promised}"
         if last:
             yield last
+
+
+class _Lines:
+    """The file of a text log, whose lines are counted while a reader of python-can takes them."""
+
+    def __init__(self, file: Any) -> None:
+        self._file = file
+        self._number = 0
+
+    @classmethod
+    def of(cls, reader: can.io.generic.MessageReader) -> Self:
+        """Return the lines of this reader; of a binary log, none."""
+        file = getattr(reader, "file", None)
+        lines = cls(file)
+        if isinstance(file, io.TextIOBase):
+            reader.file = lines  # type: ignore[attr-defined]
+        return lines
+
+    @property
+    def place(self) -> str:
+        """The newest line, for a message: `line 12: `; empty without lines."""
+        return f"line {self._number}: " if self._number else ""
+
+    def __iter__(self) -> Self:
+        return self
+
+    def __next__(self) -> str:
+        self._number += 1
+        return next(self._file)  # type: ignore[no-any-return]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
 
 
 def _opened(path: Path) -> can.io.generic.MessageReader:

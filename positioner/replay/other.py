@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from positioner.cycle.events import Controlled, LawFellBack
+from positioner.cycle.events import Controlled, LawFellBack, ModeChanged
 from positioner.replay.recorded import command_in
+from positioner.wire.messages import Cause
 
 if TYPE_CHECKING:
     from positioner.replay.run import ReplayedCycle
@@ -37,6 +38,8 @@ class Row:
     computed_mode: Mode
     fallback: str
     reason: str
+    cause: Cause = Cause.NONE
+    """Of the computed mode."""
 
 
 @dataclass(slots=True)
@@ -53,6 +56,7 @@ class OtherLaw:
     _first: _Gap | None = None
     _largest: _Gap | None = None
     _last_ns: int | None = None
+    _cause: Cause = Cause.NONE
 
     def add(self, replayed: ReplayedCycle) -> Row | None:
         """Count one cycle; return its row if a command was recorded or computed in it."""
@@ -62,6 +66,8 @@ class OtherLaw:
         for event in replayed.events:
             if isinstance(event, LawFellBack):
                 self.fallbacks[event.why if self._is_kept(event.why) else "for other reasons"] += 1
+            elif isinstance(event, ModeChanged):
+                self._cause = event.cause
         recorded, _ = command_in(self.codec, (logged.frame for logged in replayed.recorded.outbox)) or (None, None)
         computed, _ = command_in(self.codec, replayed.computed) or (None, None)
         if recorded is None and computed is None:
@@ -79,6 +85,7 @@ class OtherLaw:
             replayed.mode,
             controlled.decision.fallback if controlled else "",
             str(controlled.decision.reason or "") if controlled else "",
+            self._cause,
         )
 
     def in_words(self) -> str:
@@ -97,6 +104,19 @@ class OtherLaw:
         lines.append(f"fallbacks: {self.fallbacks.total()}")
         lines += [f"  {times} × {why}" for why, times in self.fallbacks.most_common(_REASONS_SHOWN)]
         return "\n".join(lines)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the summary for a program."""
+        return {
+            "commands_in_both": self.both,
+            "commands_recorded_only": self.recorded_only,
+            "commands_computed_only": self.computed_only,
+            "mean_difference_ma": self._sum_ma / self.both if self.both else None,
+            "largest_difference": _gap_as_json(self._largest),
+            "first_difference": _gap_as_json(self._first),
+            "time_in_mode_s": {mode.name: spent_ns * 1e-9 for mode, spent_ns in sorted(self.modes.items())},
+            "fallbacks": dict(self.fallbacks.most_common()),
+        }
 
     def _is_kept(self, why: str) -> bool:
         return why in self.fallbacks or len(self.fallbacks) < _REASONS_KEPT
@@ -119,6 +139,11 @@ def _stamp_ns(replayed: ReplayedCycle) -> int:
     """Return the time of a cycle's frames in the log."""
     cycle = replayed.recorded
     return next((logged.time_ns for logged in (*cycle.outbox, *cycle.inbox)), cycle.time_ns)
+
+
+def _gap_as_json(gap: _Gap | None) -> dict[str, float] | None:
+    names = ("difference_ma", "time_s", "recorded_ma", "computed_ma")
+    return None if gap is None else dict(zip(names, gap, strict=True))
 
 
 def _at(gap: _Gap) -> str:

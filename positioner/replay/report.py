@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import asdict, fields
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from positioner.wire.formats import FrameRejectedError
 
@@ -50,6 +50,40 @@ def summary(prepared: PreparedLog, comparison: Comparison) -> str:
         where = f"{stamp_s:.6f} s, id {first.computed.arbitration_id:03X}"
     lines.append(f"first difference: {first.name} at {where}")
     return "\n".join([*lines, *describe(comparison.codec, first)])
+
+
+def as_json(prepared: PreparedLog, comparison: Comparison) -> dict[str, Any]:
+    """Return log, counters and the first difference for a program; frames as hexadecimal bytes."""
+    log, first = prepared.log, comparison.first
+    difference = None
+    if first is not None:
+        difference = {
+            "frame": first.name,
+            "time_s": None if first.recorded is None else log.instant_s(first.recorded),
+            "recorded": None if first.recorded is None else first.recorded.frame.data.hex(),
+            "computed": None if first.computed is None else first.computed.data.hex(),
+            "text": [line.strip() for line in describe(comparison.codec, first)],
+        }
+    return {
+        **log_as_json(prepared),
+        "identical": comparison.identical,
+        "has_instants": prepared.kind.has_instants,
+        "frames_by_kind": {name: asdict(counts) for name, counts in comparison.counters.items()},
+        "first_difference": difference,
+    }
+
+
+def log_as_json(prepared: PreparedLog) -> dict[str, Any]:
+    """Return what was read."""
+    log = prepared.log
+    return {
+        "log": str(log.path),
+        "kind": prepared.kind.value,
+        "frames": log.count,
+        "position_frames": prepared.readings,
+        "warnings": list(prepared.warnings),
+        "cut": {"time_s": log.end_s, "why": log.cut} if log.cut else None,
+    }
 
 
 def describe(codec: Codec, difference: Difference) -> tuple[str, ...]:

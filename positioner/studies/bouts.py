@@ -6,6 +6,7 @@ A study that was interrupted continues where it stopped. An item is computed aga
 from __future__ import annotations
 
 import json
+import re
 from contextlib import closing
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
@@ -13,14 +14,17 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 from tqdm import tqdm
 
 from positioner.bench.metrics import DwellMetrics
+from positioner.cycle.events import LawFellBack
 from positioner.errors import writing
+from positioner.laws.registry import is_outside
 from positioner.studies.code_digest import code_digest
 from positioner.studies.pool import spread_out
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
     from pathlib import Path
 
+    from positioner.cycle.events import Event
     from positioner.studies.pool import Workers
 
 
@@ -43,6 +47,11 @@ class Playable(Protocol):
 B = TypeVar("B", bound=Playable)
 
 
+def file_name(text: str) -> str:
+    """Return `text` as a part of a file's name: names of laws and plants may be paths."""
+    return re.sub(r"[^\w.+-]+", "-", text)[-100:]
+
+
 def played(
     bouts: Sequence[B], play: Callable[[B], tuple[DwellMetrics, ...]], folder: Path, workers: Workers
 ) -> dict[B, tuple[DwellMetrics, ...]]:
@@ -57,6 +66,13 @@ def played(
 
 def _as_json(dwells: tuple[DwellMetrics, ...]) -> list[dict[str, Any]]:
     return [asdict(dwell) for dwell in dwells]
+
+
+def law_failure(law: str, events: Iterable[Event]) -> str:
+    """Return the first error that a law from outside raised in a run, empty where it raised none."""
+    if not is_outside(law):
+        return ""
+    return next((each.why for each in events if isinstance(each, LawFellBack) and " failed: " in each.why), "")
 
 
 def computed(

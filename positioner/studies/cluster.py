@@ -14,6 +14,9 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from positioner.errors import BenchError, UsageError, shortened
+from positioner.inputs.plug_in import Kind
+from positioner.inputs.plug_in_digest import plug_in_digest
+from positioner.laws.registry import is_outside
 from positioner.studies.code_digest import whole_digest
 
 if TYPE_CHECKING:
@@ -79,13 +82,14 @@ class Cluster:
         """
         from distributed import KilledWorker, as_completed  # noqa: PLC0415 - an extra
 
-        code, rest = whole_digest(), iter(items)
+        rest = iter(items)
         waiting: dict[Any, T] = {}
 
         def more() -> list[Any]:
             room = max(_AHEAD * self.size, 1) - len(waiting)  # with one item it waits for workers to come back
             futures = {
-                self.client.submit(_run, code, function, item, pure=False): item for item in islice(rest, max(room, 0))
+                self.client.submit(_run, _code_of(item), function, item, pure=False): item
+                for item in islice(rest, max(room, 0))
             }
             waiting.update(futures)
             return list(futures)
@@ -111,6 +115,13 @@ def _run(code: str, function: Callable[[T], R], item: T) -> R:
     Raises:
         BenchError: this worker has other code than the study.
     """
-    if code != whole_digest():
-        raise BenchError(f"--dask: the worker on {platform.node()} has another version of this package: update it")
+    if code != _code_of(item):
+        what = "this package, or of a law from outside"
+        raise BenchError(f"--dask: the worker on {platform.node()} has another version of {what}: update it")
     return function(item)
+
+
+def _code_of(item: object) -> str:
+    """Return a digest of all code that an item may run; its law may be one from outside."""
+    law = getattr(item, "law", None)
+    return whole_digest() + (plug_in_digest(Kind.LAW, law) if isinstance(law, str) and is_outside(law) else "")

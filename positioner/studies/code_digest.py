@@ -9,15 +9,34 @@ from typing import TYPE_CHECKING
 
 import plant_emulator
 import positioner
+from positioner.inputs.plug_in import Kind
+from positioner.inputs.plug_in_digest import plug_in_digest
+from positioner.laws.registry import is_outside
 from positioner.wire.codec import packaged_dbc_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-UNUSED_ROOMS = frozenset(("campaign", "cli", "conformance", "doctor", "host", "replay", "runtime", "store"))
+UNUSED_ROOMS = frozenset(("campaign", "cli", "conformance", "doctor", "host", "pictures", "replay", "runtime", "store"))
 """Rooms whose code no bout runs."""
 USED_MODULES = {
-    "bench": frozenset(("columns", "configure", "inprocess", "metrics", "modes", "playable", "recording", "scenario")),
+    "bench": frozenset(
+        (
+            *(
+                "columns",
+                "configure",
+                "frame_log",
+                "inprocess",
+                "metrics",
+                "modes",
+                "own_plant",
+                "playable",
+                "recording",
+                "scenario",
+            ),
+            *("sensor_noise", "setpoint_file", "setpoints"),
+        )
+    ),
     "studies": frozenset(
         ("bouts", "conditions", "direct", "entrants", "identification", "identified_plant", "league", "tuned", "valves")
     ),
@@ -26,7 +45,10 @@ USED_MODULES = {
 
 
 def code_digest(law: str) -> str:
-    """Return a digest of everything that a bout of `law` depends on: sources, presets and its tuned parameters."""
+    """Return a digest of everything that a bout of `law` depends on: sources, presets and its tuned parameters.
+
+    Of a law from outside it covers the source of that law, too.
+    """
 
     def is_used(within: Path) -> bool:
         room = within.parts[0]
@@ -35,7 +57,8 @@ def code_digest(law: str) -> str:
             room not in UNUSED_ROOMS and within.stem in USED_MODULES.get(room, {within.stem}) and not is_of_another_law
         )
 
-    return _digest(is_used)
+    own = plug_in_digest(Kind.LAW, law) if is_outside(law) else ""
+    return _digest(is_used, own)
 
 
 @lru_cache(maxsize=1)
@@ -44,9 +67,9 @@ def whole_digest() -> str:
     return _digest(lambda _within: True)
 
 
-def _digest(is_used: Callable[[Path], bool]) -> str:
+def _digest(is_used: Callable[[Path], bool], own: str = "") -> str:
     # the DBC lies beside the package in a source tree, and in it where it is installed
-    digest = hashlib.sha256(packaged_dbc_text().encode())
+    digest = hashlib.sha256(packaged_dbc_text().encode() + own.encode())
     for package in (positioner, plant_emulator):
         root = Path(str(package.__file__)).parent
         for path in sorted(root.rglob("*")):

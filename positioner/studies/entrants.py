@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from positioner.laws.registry import LAWS
+from positioner.errors import UsageError
+from positioner.laws.registry import LAWS, law_problem
 
 if TYPE_CHECKING:
     from positioner.bench.scenario import Scenario
@@ -15,6 +16,19 @@ WITHOUT_TABLE = "nmpc-without-table"
 """The same law, which learns but never uses what stands in the table."""
 ENTRANTS = (*LAWS, WITHOUT_TABLE)
 _NEVER_S = 1e9
+
+
+def entrants_in(given: str) -> tuple[str, ...]:
+    """Return the names of laws in a list with commas, each once; those from outside, too.
+
+    Raises:
+        UsageError: one is no law.
+    """
+    names = tuple(dict.fromkeys(name.strip() for name in given.split(",")))
+    for name in names:
+        if problem := law_problem(name, ENTRANTS):
+            raise UsageError(f"law {name!r} {problem}")
+    return names
 
 
 def entered(scenario: Scenario) -> Scenario:

@@ -9,18 +9,23 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from plant_emulator.plants import complete_tables, plant_named
+from plant_emulator.presets import plant_settings, preset_names
 from positioner.bench import metrics
 from positioner.bench.inprocess import configure, run_in_process
+from positioner.bench.own_plant import on_own_plant
 from positioner.bench.scenario import Scenario, check_scenario
-from positioner.studies.bouts import played
+from positioner.bench.sensor_noise import with_noise
+from positioner.bench.setpoints import Setpoints, setpoints_in
+from positioner.studies.bouts import computed, file_name, law_failure
 from positioner.studies.conditions import check_setpoints, setpoints_in_reach
 from positioner.studies.entrants import entered
 from positioner.studies.pool import EVERY_CORE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
     from positioner.studies.pool import Workers
@@ -36,7 +41,10 @@ With three seeds, 24 dwells for each law on each plant.
 class LeagueSettings:
     """The bouts: laws × plants × seeds, with these setpoints, dwell and sample period.
 
-    setpoints_mm: None gives each plant its own, over the whole range from which it can be restarted.
+    setpoints_mm: in mm, for the presets; None gives each plant its own, over the whole range from which it can be
+        restarted, as a plant of one's own always has it.
+    setpoints: others in place of them, as a command line names them (`bench.setpoints`).
+    noise: that of the sensor of every plant, as a command line names it (`bench.sensor_noise`); None: its own.
     restarted: each bout is played twice, and judged the second time: the law starts again, with the learned table.
     """
 
@@ -47,23 +55,45 @@ class LeagueSettings:
     dwell_s: float = 5.0
     period_s: float = 0.001
     restarted: bool = False
+    setpoints: str | None = None
+    noise: str | None = None
 
-    def setpoints_of(self, plant: str) -> tuple[float, ...]:
-        """Return the setpoints of `plant` in mm."""
-        return setpoints_in_reach(plant) if self.setpoints_mm is None else self.setpoints_mm
+    def setpoints_of(self, plant: str) -> Setpoints:
+        """Return the setpoints of `plant`.
+
+        Raises:
+            UsageError, ConfigurationError: as `bench.setpoints.setpoints_in`.
+        """
+        if self.setpoints is not None:
+            return setpoints_in(self.setpoints, plant_named(plant), 10.0 * self.period_s)
+        if self.setpoints_mm is None or plant not in preset_names():
+            return Setpoints(setpoints_in_reach(plant))
+        return Setpoints(self.setpoints_mm)
 
     def bouts(self) -> Iterator[Bout]:
         """Yield every bout, the slow laws first, so that the cores end together."""
         for law in sorted(self.laws, key=lambda name: not name.startswith(("paper", "nmpc"))):
             for plant in self.plants:
+                found, own = self.setpoints_of(plant), _own(plant)
+                dwell_s = self.dwell_s if found.each_s is None else found.each_s
                 for seed in self.seeds:
-                    setpoints_mm = self.setpoints_of(plant)
-                    yield Bout(law, plant, seed, setpoints_mm, self.dwell_s, self.period_s, self.restarted)
+                    yield Bout(
+                        law,
+                        plant,
+                        seed,
+                        found.mm,
+                        dwell_s,
+                        self.period_s,
+                        self.restarted,
+                        own,
+                        found.edges_s,
+                        self.noise,
+                    )
 
 
 @dataclass(frozen=True, slots=True)
 class Bout:
-    """One law on one plant with one seed."""
+    """One law on one plant with one seed; `own` is the plant as JSON, where it is no preset: workers need no file."""
 
     law: str
     plant: str
@@ -72,12 +102,16 @@ class Bout:
     dwell_s: float
     period_s: float
     restarted: bool = False
+    own: str = ""
+    edges_s: tuple[float, ...] = ()
+    noise: str | None = None
 
     @property
     def key(self) -> str:
         """Name of the result file; it changes with all that the result depends on, except the code."""
         text = json.dumps(asdict(self)).encode()
-        return f"{self.law}-{self.plant}-{self.seed}-{hashlib.sha256(text).hexdigest()[:10]}"
+        names = file_name(f"{self.law}-{self.plant}-{self.seed}")
+        return f"{names}-{hashlib.sha256(text).hexdigest()[:10]}"
 
     @property
     def title(self) -> str:
@@ -88,40 +122,77 @@ class Bout:
     def scenario(self) -> Scenario:
         """The scenario of the bout."""
         scenario = Scenario(
-            name=f"league-{self.plant}"[:40],
-            title=self.title,
+            name=file_name(f"league-{self.plant}")[:40],
+            title=self.title[:80],
             law=self.law,
             seed=self.seed,
             sample_period_s=self.period_s,
             setpoint_period_s=10.0 * self.period_s,
             setpoints_mm=self.setpoints_mm,
             dwell_s=self.dwell_s,
-            plant={"preset": self.plant},
+            edges_s=self.edges_s,
+            plant={} if self.own else {"preset": self.plant},
         )
+        if self.own:
+            scenario = on_own_plant(scenario, plant_settings(overrides=json.loads(self.own)))
+        if self.noise is not None:
+            scenario = with_noise(scenario, self.noise)
         return entered(scenario)
 
 
-def play(bout: Bout) -> tuple[metrics.DwellMetrics, ...]:
-    """Return the figures of every dwell of a bout."""
+def _own(plant: str) -> str:
+    return "" if plant in preset_names() else json.dumps(complete_tables(plant_named(plant)))
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """The figures of every dwell of a bout, or the error that its law, which is from outside, raised."""
+
+    dwells: tuple[metrics.DwellMetrics, ...]
+    failure: str = ""
+
+
+def play(bout: Bout) -> Outcome:
+    """Return the outcome of a bout."""
     scenario = bout.scenario
     table = run_in_process(scenario).table if bout.restarted else None
-    trace = run_in_process(scenario, table).recording.trace
-    return metrics.dwell_metrics(trace, scenario.dwell_edges_s, configure(scenario).valve.span_m)
+    run = run_in_process(scenario, table)
+    if failure := law_failure(scenario.law, run.events):
+        return Outcome((), failure)
+    span_m = configure(scenario).valve.span_m
+    return Outcome(metrics.dwell_metrics(run.recording.trace, scenario.dwell_edges_s, span_m))
 
 
 def play_league(
-    settings: LeagueSettings, folder: Path, workers: Workers = EVERY_CORE
+    settings: LeagueSettings,
+    folder: Path,
+    workers: Workers = EVERY_CORE,
+    tell: Callable[[Bout, str], object] = lambda _bout, _failure: None,
 ) -> dict[Bout, tuple[metrics.DwellMetrics, ...]]:
     """Return the figures of every bout; a bout with a result of the same code in `folder` is not played again.
 
+    A bout whose law raised an error has no figures: `tell` gets it with the error.
+
     Raises:
-        ConfigurationError: some plant cannot be restarted from a setpoint, or a period, dwell or seed is out of its
-            limits.
+        ConfigurationError: some plant cannot be restarted from a setpoint, a period, dwell or seed is out of its
+            limits, or a law from outside cannot be made.
         StateError: `folder` cannot be written.
     """
     for plant in settings.plants:
-        check_setpoints(settings.setpoints_of(plant), (plant,))
+        check_setpoints(settings.setpoints_of(plant).mm, (plant,))
     bouts = tuple(settings.bouts())
     for bout in {bout.seed: bout for bout in bouts}.values():
         check_scenario(bout.scenario, "league")
-    return played(bouts, play, folder, workers)
+    for bout in {bout.law: bout for bout in bouts}.values():
+        configure(bout.scenario).make_law()  # a law from outside that cannot be made is told before workers start
+    found = {}
+    for bout, result in computed(bouts, play, folder, workers, _as_json).items():
+        if isinstance(result, str):
+            tell(bout, result)
+        else:
+            found[bout] = tuple(metrics.DwellMetrics(**dwell) for dwell in result)
+    return found
+
+
+def _as_json(outcome: Outcome) -> list[dict[str, Any]] | str:
+    return outcome.failure or [asdict(dwell) for dwell in outcome.dwells]

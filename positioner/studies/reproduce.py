@@ -10,9 +10,9 @@ import numpy as np
 from tqdm import tqdm
 
 from positioner.bench import metrics
-from positioner.bench.curves import envelope
 from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import load_scenario
+from positioner.pictures.curves import envelope
 from positioner.studies.interpretations import Interpretation, Units, interpreted_as
 from positioner.studies.pool import EVERY_CORE, spread_out
 

@@ -1,27 +1,27 @@
-"""The pictures of `positioner reproduce`: the paper's figures 4 to 8, and all of them on one page. Shell.
+"""The pictures of `positioner reproduce`: the paper's figures 4 to 8, and all of them on one page. Pure drawing.
 
-Each shows the paper's three panels: position and setpoint, current with its bounds, speed with its bounds.
+A figure shows the paper's three panels in each interpretation: position and setpoint, current with its bounds, speed
+with its bounds. The page shows the positions alone, so that it fits a screen.
 """
 
 from __future__ import annotations
 
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from positioner.pictures.colours import BOUND, COMMAND, INK, MEASURED, POSITION, SETPOINT, STATUS
+from positioner.pictures.panels import HEAD, LABEL, NORMAL, SMALL, dress, head, line, new_figure
 from positioner.studies.interpretations import Interpretation, NoiseKind, Units
 from positioner.studies.published_results import summary
 from positioner.studies.reproduce import SIMULATIONS, WITH_TABLE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
-    import numpy as np
     from matplotlib.axes import Axes
-    from numpy.typing import NDArray
+    from matplotlib.figure import Figure
 
     from positioner.studies.published_results import Assessment
     from positioner.studies.reproduce import PlayedRun
@@ -45,19 +45,24 @@ NOISES = {
 
 UNITS = {Units.SI: "α 5 m/s, β 150 1/m", Units.CENTIMETRES: "α 5 cm/s, β 150 1/cm"}
 
-_BLUE, _RED, _GREEN, _ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
-_INK, _GREY, _FAINT = "#222222", "#8A8A8A", "#D9D9D9"
 _WORDS = {True: "yes", False: "no", None: "not decided"}
-_COLOURS = {True: _GREEN, False: _RED, None: _GREY}
+_COLOURS = {True: STATUS["good"], False: STATUS["failure"], None: STATUS["unknown"]}
 _LIMITS = ((60.0, 95.0), (3.0, 21.0), (-2.3, 2.3))
 _TICKS = ((60, 70, 80, 90), (4, 8, 12, 16, 20), (-2, -1, 0, 1, 2))
 _QUANTITIES = ("position, mm", "current, mA", "speed, m/s")
-_NAMES = (
-    ("true position, command, true speed", _BLUE),
-    ("setpoint", _RED),
-    ("upper bound, where active", _ORANGE),
-    ("lower bound, where active", _GREEN),
+_POSITION, _SETPOINT, _TABLE = "true position", "setpoint", "use of the table begins"
+_SIGNS = (
+    (Line2D([], [], color=POSITION, linewidth=2.0), "true position and speed"),
+    (Line2D([], [], color=SETPOINT, linewidth=1.2), _SETPOINT),
+    (Line2D([], [], color=COMMAND, linewidth=1.6), "command"),
+    (Line2D([], [], color=BOUND, linewidth=2.6, alpha=0.6), "bound, where active"),
+    (Line2D([], [], color=MEASURED, linewidth=1.0, linestyle=(0, (4, 3))), _TABLE),
 )
+_LINE_PT, _LINE_IN = 12.5, 12.5 / 72.0
+_LETTERS = 56
+"""Letters of a line above a column, in usual weight."""
+_COLUMNS = 3
+_LEFT, _RIGHT = 0.06, 0.985
 
 
 def interpretation_title(interpretation: Interpretation, *, table: bool = True) -> str:
@@ -67,76 +72,96 @@ def interpretation_title(interpretation: Interpretation, *, table: bool = True) 
     return f"{label}, {UNITS[interpretation.units]}" if table else label
 
 
-def draw_figure(
-    path: Path, simulation: int, played_runs: Sequence[PlayedRun], assessments: Sequence[Assessment]
-) -> None:
-    """Write the paper's figure of `simulation` to `path`: one column for each interpretation, with its assessments."""
+def simulation_figure(simulation: int, played_runs: Sequence[PlayedRun], assessments: Sequence[Assessment]) -> Figure:
+    """Return the paper's figure of `simulation`: a column for each interpretation, with its assessments."""
     shown = [played for played in played_runs if played.run.simulation == simulation]
-    figure = Figure(figsize=(1.0 + 5.2 * len(shown), 10.0), dpi=100, facecolor="white")
-    FigureCanvasAgg(figure)
-    grid = figure.subplots(3, len(shown), sharex=True, squeeze=False)
-    width, height = figure.get_size_inches()
-    figure.subplots_adjust(left=0.75 / width, right=1.0 - 0.45 / width, top=1.0 - 2.15 / height, bottom=0.85 / height)
-    figure.subplots_adjust(hspace=0.08, wspace=0.14)
-    for column, played in enumerate(shown):
-        panels = [row[column] for row in grid]
-        _draw(panels, played, left=column == 0)
-        heading = interpretation_title(played.run.interpretation, table=simulation in WITH_TABLE)
-        own = _of(played, assessments)
-        _write_above(panels[0], len(own) + 1.4, heading, _INK, weight="bold")
-        _write_above(panels[0], len(own) + 0.4, _figures(played), _INK)
-        for line, assessment in enumerate(reversed(own)):
-            seen = "" if assessment.holds is None else f" ({assessment.seen})"
-            text = f"{_WORDS[assessment.holds]}: {assessment.result}{seen}"
-            _write_above(panels[0], line + 0.4, text, _COLOURS[assessment.holds])
-        panels[-1].set_xlabel("time, s", fontsize=11)
+    texts = [_written(played, assessments) for played in shown]
+    columns = min(len(shown), _COLUMNS)
+    rows = -(-len(shown) // columns)
+    above_in = max(map(len, texts)) * _LINE_IN + 0.15
+    row_in = above_in + 3.95
+    height_in = 0.95 + rows * row_in + 0.4
+    figure = new_figure(height_in)
     title = f"Simulation {simulation}, the paper's figure {FIGURE_OF[simulation]}: {TITLES[simulation]}"
-    figure.text(0.75 / width, 1.0 - 0.42 / height, title, fontsize=17, fontweight="bold", color=_INK)
-    _legend(figure)
-    figure.savefig(path)
+    head(figure, _LEFT, ((title, HEAD, "bold", INK),))
+    for number, (played, text) in enumerate(zip(shown, texts, strict=True)):
+        row, column = divmod(number, columns)
+        top = 1.0 - (0.85 + row * row_in + above_in) / height_in
+        width = (_RIGHT - _LEFT) / columns
+        cells = figure.add_gridspec(
+            3, 1, left=_LEFT + column * width, right=_LEFT + (column + 1) * width - 0.025, top=top,
+            bottom=top - 3.4 / height_in, hspace=0.1, height_ratios=(1.3, 1.0, 1.0),
+        )  # fmt: skip
+        panels = [figure.add_subplot(cells[place]) for place in range(3)]
+        _draw(panels, played, left=column == 0)
+        for place, (words, colour, weight) in enumerate(reversed(text)):
+            _write_above(panels[0], place, words, colour, weight=weight)
+        panels[-1].set_xlabel("time, s", fontsize=LABEL)
+    _legend(figure, 0.62 / height_in, len(_SIGNS))
+    return figure
 
 
-def draw_page(path: Path, played_runs: Sequence[PlayedRun], assessments: Sequence[Assessment]) -> None:
-    """Write all five figures side by side to `path`: one row for each interpretation."""
+def _written(played: PlayedRun, assessments: Sequence[Assessment]) -> list[tuple[str, str, str]]:
+    """Return the lines above a column: text, colour, weight."""
+    heading = interpretation_title(played.run.interpretation, table=played.run.simulation in WITH_TABLE)
+    lines = [(part, INK, "bold") for part in wrap(heading, _LETTERS - 6)]
+    lines.append((_figures(played), INK, "normal"))
+    for assessment in _of(played, assessments):
+        seen = "" if assessment.holds is None else f" ({assessment.seen})"
+        text = f"{_WORDS[assessment.holds]}: {assessment.result}{seen}"
+        parts = wrap(text, _LETTERS, subsequent_indent="   ")
+        lines += [(part, _COLOURS[assessment.holds], "normal") for part in parts]
+    return lines
+
+
+def page_figure(played_runs: Sequence[PlayedRun], assessments: Sequence[Assessment]) -> Figure:
+    """Return all five figures side by side: the positions, with one row for each interpretation."""
     interpretations = sorted({played.run.interpretation for played in played_runs})
     found = {(played.run.simulation, played.run.interpretation): played for played in played_runs}
-    figure = Figure(figsize=(24.0, 1.6 + 4.7 * len(interpretations)), dpi=100, facecolor="white")
-    FigureCanvasAgg(figure)
-    _, height = figure.get_size_inches()
-    blocks = figure.add_gridspec(
-        len(interpretations), 1, left=0.045, right=0.99, top=1.0 - 1.55 / height, bottom=0.75 / height, hspace=0.17
-    )
+    row_in, top_in = 1.02, 0.95
+    height_in = top_in + row_in * len(interpretations) + 0.75
+    figure = new_figure(height_in)
+    title = "The paper's five simulations in each interpretation: positions in mm; mean error before → after half time"
+    head(figure, 0.01, ((title, HEAD, "bold", INK),))
+    left, width = 0.135, 0.173
+    for column, simulation in enumerate(SIMULATIONS):
+        heading = "\n".join((f"{simulation} (figure {FIGURE_OF[simulation]})", *wrap(TITLES[simulation], 22)))
+        figure.text(
+            left + column * width, 1.0 - (top_in + 0.02) / height_in, heading, fontsize=NORMAL, fontweight="bold",
+            color=INK, va="bottom",
+        )  # fmt: skip
     for row, interpretation in enumerate(interpretations):
-        block = blocks[row]
-        cells = block.subgridspec(3, len(SIMULATIONS), hspace=0.07, wspace=0.1, height_ratios=(1.5, 1.0, 1.0))
+        bottom = 1.0 - (top_in + (row + 1) * row_in - 0.04) / height_in
+        name = interpretation_title(interpretation).replace(", ", "\n")
+        figure.text(0.01, bottom + 0.32 / height_in, name, fontsize=SMALL, color=INK, va="center")
         for column, simulation in enumerate(SIMULATIONS):
             played = found.get((simulation, interpretation))
+            across = left + column * width
             if played is None:
-                beside = figure.add_subplot(cells[:, column])
-                beside.axis("off")
-                text = f"no table: α and β have no effect,\nsee {interpretation.noise} in SI"
-                beside.text(0.5, 0.5, text, ha="center", va="center", color=_GREY, fontsize=12)
+                text = f"no table: as {interpretation.noise} in SI"
+                figure.text(across, bottom + 0.32 / height_in, text, fontsize=SMALL, color=STATUS["unknown"])
                 continue
-            panels = [figure.add_subplot(cells[panel, column]) for panel in range(3)]
-            _draw(panels, played, left=simulation == SIMULATIONS[0] or (simulation - 1, interpretation) not in found)
-            for panel in panels[:-1]:
-                panel.tick_params(labelbottom=False)
-            text, all_hold = summary(_of(played, assessments))
-            _write_above(panels[0], 0.4, _figures(played), _INK)
-            _write_above(panels[0], 0.4, text, _COLOURS[all_hold], right=True)
-        box = block.get_position(figure)
-        name = interpretation_title(interpretation).replace(", α", "\nα")
-        middle = (box.y0 + box.y1) / 2.0
-        figure.text(0.005, middle, name, rotation=90, ha="left", va="center", fontsize=12, fontweight="bold")
-    columns = blocks[0].subgridspec(1, len(SIMULATIONS), wspace=0.1)
-    for column, simulation in enumerate(SIMULATIONS):
-        left = columns[column].get_position(figure).x0
-        heading = f"{simulation} (figure {FIGURE_OF[simulation]}): {TITLES[simulation]}"
-        figure.text(left, 1.0 - 1.1 / height, heading, fontsize=13, fontweight="bold", color=_INK)
-    title = "The paper's five simulations in each interpretation of the paper"
-    figure.text(0.045, 1.0 - 0.6 / height, title, fontsize=20, fontweight="bold", color=_INK)
-    _legend(figure)
-    figure.savefig(path)
+            panel = figure.add_axes((across, bottom, width - 0.022, 0.64 / height_in))
+            last = row == len(interpretations) - 1 or (simulation, interpretations[row + 1]) not in found
+            _draw_cell(panel, played, assessments, is_last=last, is_left=column == 0)
+    signs = (_SIGNS[0], _SIGNS[1], _SIGNS[4])
+    _legend(figure, 1.0 - 0.22 / height_in, len(signs), signs)
+    return figure
+
+
+def _draw_cell(
+    panel: Axes, played: PlayedRun, assessments: Sequence[Assessment], *, is_last: bool, is_left: bool
+) -> None:
+    _draw_position(panel, played)
+    panel.set_yticks((60, 80))
+    panel.tick_params(labelleft=is_left, labelbottom=is_last)
+    if is_last:
+        panel.set_xlabel("s", fontsize=SMALL, labelpad=0.0)
+    text, all_hold = summary(_of(played, assessments))
+    error = f"{played.before.error_pct:.2f} → {played.after.error_pct:.2f} %"
+    _write_above(panel, 0, error, INK)
+    short = "undecided" if all_hold is None else text.replace("result holds", "holds").replace("results hold", "hold")
+    _write_above(panel, 0, short, _COLOURS[all_hold], right=True)
 
 
 def _of(played: PlayedRun, assessments: Sequence[Assessment]) -> list[Assessment]:
@@ -146,12 +171,12 @@ def _of(played: PlayedRun, assessments: Sequence[Assessment]) -> list[Assessment
 
 
 def _write_above(
-    panel: Axes, line: float, text: str, colour: str, *, weight: str = "normal", right: bool = False
+    panel: Axes, place: int, text: str, colour: str, *, weight: str = "normal", right: bool = False
 ) -> None:
-    """Write `text` above the panel, `line` lines higher, at its left or at its right."""
+    """Write `text` above the panel, `place` lines higher, at its left or at its right."""
     panel.annotate(
-        text, (float(right), 1.0), xycoords="axes fraction", xytext=(0, 4 + 14 * line), textcoords="offset points",
-        ha="right" if right else "left", fontsize=8.8, color=colour, fontweight=weight,
+        text, (float(right), 1.0), xycoords="axes fraction", xytext=(0, 3 + _LINE_PT * place),
+        textcoords="offset points", ha="right" if right else "left", fontsize=SMALL, color=colour, fontweight=weight,
     )  # fmt: skip
 
 
@@ -166,47 +191,44 @@ def _figures(played: PlayedRun) -> str:
 def _draw(panels: Sequence[Axes], played: PlayedRun, *, left: bool) -> None:
     """Draw the three panels of one run; with `left` they carry the names of the quantities."""
     curves = played.curves
-    half_s = float(curves.time_s[-1]) / 2.0
     position, current, speed = panels
-    _step(position, curves.time_s, curves.position_m * 1e3, _BLUE)
-    _step(position, curves.time_s, curves.setpoint_m * 1e3, _RED, width=0.9)
-    for panel, low, high, values in (
-        (current, curves.current_low_ma, curves.current_high_ma, curves.current_ma),
-        (speed, curves.speed_low_m_per_s, curves.speed_high_m_per_s, curves.velocity_m_per_s),
+    _draw_position(position, played)
+    for panel, low, high, values, colour in (
+        (current, curves.current_low_ma, curves.current_high_ma, curves.current_ma, COMMAND),
+        (speed, curves.speed_low_m_per_s, curves.speed_high_m_per_s, curves.velocity_m_per_s, POSITION),
     ):
         # bounds are broad and pale, below the curve: a bound is visible where the curve touches it
-        _step(panel, curves.time_s, high, _ORANGE, width=1.6, alpha=0.6)
-        _step(panel, curves.time_s, low, _GREEN, width=1.6, alpha=0.6)
-        _step(panel, curves.time_s, values, _BLUE)
+        for bound in (high, low):
+            line(panel, curves.time_s, bound, BOUND, width=2.2, alpha=0.55, zorder=2.0)
+        line(panel, curves.time_s, values, colour, width=0.9)
+        _dress(panel, played)
     for panel, limits, ticks, quantity in zip(panels, _LIMITS, _TICKS, _QUANTITIES, strict=True):
         panel.set_ylim(*limits)
-        panel.set_xlim(0.0, float(curves.time_s[-1]))
-        panel.spines[["top", "right"]].set_visible(False)
-        panel.spines[["left", "bottom"]].set_color(_GREY)
-        panel.tick_params(colors=_INK, labelsize=9)
         panel.set_yticks(ticks)
-        panel.grid(axis="y", color=_FAINT, linewidth=0.5)
-        panel.set_axisbelow(True)
-        if played.run.simulation in WITH_TABLE:
-            panel.axvline(half_s, color=_GREY, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
         if left:
-            panel.set_ylabel(quantity, fontsize=11)
+            panel.set_ylabel(quantity, fontsize=NORMAL)
+    for panel in panels[:-1]:
+        panel.tick_params(labelbottom=False)
 
 
-def _step(
-    panel: Axes,
-    time_s: NDArray[np.float64],
-    values: NDArray[np.float64],
-    colour: str,
-    *,
-    width: float = 0.9,
-    alpha: float = 1.0,
-) -> None:
-    panel.plot(time_s, values, color=colour, linewidth=width, alpha=alpha, drawstyle="steps-post")
+def _draw_position(panel: Axes, played: PlayedRun) -> None:
+    curves = played.curves
+    line(panel, curves.time_s, curves.setpoint_m * 1e3, SETPOINT, width=0.9, zorder=3.0)
+    line(panel, curves.time_s, curves.position_m * 1e3, POSITION, width=1.2)
+    _dress(panel, played)
+    panel.set_ylim(*_LIMITS[0])
 
 
-def _legend(figure: Figure) -> None:
-    lines = [Line2D([], [], color=colour, linewidth=2.0) for _, colour in _NAMES]
-    lines.append(Line2D([], [], color=_GREY, linewidth=0.8, linestyle=(0, (4, 3))))
-    names = [*(name for name, _ in _NAMES), "use of the table begins"]
-    figure.legend(lines, names, loc="lower center", ncols=len(names), frameon=False, fontsize=11)
+def _dress(panel: Axes, played: PlayedRun) -> None:
+    end_s = float(played.curves.time_s[-1])
+    dress(panel, grid="y")
+    panel.set_xlim(0.0, end_s)
+    if played.run.simulation in WITH_TABLE:
+        panel.axvline(end_s / 2.0, color=MEASURED, linewidth=1.0, linestyle=(0, (4, 3)), zorder=1)
+
+
+def _legend(figure: Figure, below_top: float, columns: int, signs: Sequence[tuple[Line2D, str]] = _SIGNS) -> None:
+    figure.legend(
+        [sign for sign, _ in signs], [text for _, text in signs], loc="upper right",
+        bbox_to_anchor=(0.985, 1.0 - below_top), ncols=columns, frameon=False, fontsize=NORMAL, borderpad=0.0,
+    )  # fmt: skip

@@ -6,14 +6,16 @@ import json
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from positioner.report.table import Table
+from positioner.report.text import markdown
 from positioner.studies.interpretations import Units
-from positioner.studies.markdown import table
 from positioner.studies.reproduce import VISIBLE_M, WITH_TABLE
 from positioner.studies.reproduce_pictures import NOISES, TITLES, UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from positioner.report.text import Block
     from positioner.studies.interpretations import Interpretation
     from positioner.studies.published_results import Assessment
     from positioner.studies.reproduce import Half, PlayedRun
@@ -22,24 +24,26 @@ _FIGURES = ("error, %", "range, %", "overshoot, %", "reversals", "limit cycles",
 
 
 def to_markdown(played_runs: Sequence[PlayedRun], assessments: Sequence[Assessment]) -> str:
+    """Return the text in Markdown."""
+    return markdown(blocks(played_runs, assessments))
+
+
+def blocks(played_runs: Sequence[PlayedRun], assessments: Sequence[Assessment]) -> list[Block]:
     """Return the interpretations, the published results beside ours, and the figures of every run."""
     interpretations = sorted({played.run.interpretation for played in played_runs})
-    return "\n".join(
-        [
-            "# The paper's five simulations",
-            "",
-            *_heading(played_runs, interpretations),
-            "",
-            "## Published results, and what our runs show",
-            "",
-            *_assessment_table(assessments, interpretations),
-            "",
-            "## The figures",
-            "",
-            *_figure_table(played_runs),
-            "",
-        ]
-    )
+    return [
+        "# The paper's five simulations",
+        "",
+        *_heading(played_runs, interpretations),
+        "",
+        "## Published results, and what our runs show",
+        "",
+        _assessment_table(assessments, interpretations),
+        "",
+        "## The figures",
+        "",
+        *_figure_table(played_runs),
+    ]
 
 
 def to_json(played_runs: Sequence[PlayedRun], assessments: Sequence[Assessment]) -> str:
@@ -93,14 +97,14 @@ def _heading(played_runs: Sequence[PlayedRun], interpretations: Sequence[Interpr
     return lines + [f"- **{units}**: {UNITS[units]}" for units in Units]
 
 
-def _assessment_table(found: Sequence[Assessment], interpretations: Sequence[Interpretation]) -> list[str]:
+def _assessment_table(found: Sequence[Assessment], interpretations: Sequence[Interpretation]) -> Table:
     cells = {(each.simulation, each.result, each.interpretation): _assessment(each) for each in found}
     results = dict.fromkeys((each.simulation, each.result) for each in found)
     rows = (
         (str(simulation), result, *(cells.get((simulation, result, each), "as SI") for each in interpretations))
         for simulation, result in results
     )
-    return table(("simulation", "published result", *map(str, interpretations)), rows)
+    return Table.of(("simulation", "published result", *map(str, interpretations)), rows)
 
 
 def _assessment(assessment: Assessment) -> str:
@@ -109,7 +113,7 @@ def _assessment(assessment: Assessment) -> str:
     return f"{'yes' if assessment.holds else '**no**'}: {assessment.seen}"
 
 
-def _figure_table(played_runs: Sequence[PlayedRun]) -> list[str]:
+def _figure_table(played_runs: Sequence[PlayedRun]) -> list[Block]:
     head = ("simulation", "interpretation", *(f"{name}, before → after" for name in _FIGURES))
     rows = []
     for played in played_runs:
@@ -122,7 +126,7 @@ def _figure_table(played_runs: Sequence[PlayedRun]) -> list[str]:
         "of each dwell, mean of three dwells; speed: root mean square over the same time; reversals: those above",
         f"{VISIBLE_M * 1e3:.3f} mm, including those of the moves.",
         "",
-        *table(head, rows),
+        Table.of(head, rows, names=2),
     ]
 
 

@@ -1,4 +1,4 @@
-"""The league's standings: figures of each law on each plant, with their uncertainty. Pure.
+"""The league's standings: figures of each law on each plant, with their uncertainty. Shell: a plant may be a file.
 
 The dwells of one run correlate, because the law learns from each of them; only the seeds are independent. The interval
 is a 95 % percentile bootstrap over the seeds' means (Efron and Tibshirani, 1993); a single seed has none.
@@ -6,6 +6,7 @@ is a 95 % percentile bootstrap over the seeds' means (Efron and Tibshirani, 1993
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from statistics import fmean, median
 from typing import TYPE_CHECKING
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import bootstrap
 
-from plant_emulator.presets import plant_settings
+from plant_emulator.plants import plant_named
 from positioner.bench.metrics import median_settling_s
 from positioner.studies.conditions import reference_plant
 from positioner.studies.limit import optimal_move
@@ -45,13 +46,15 @@ class Standing:
     unsettled: int
     limit_cycles: int
     travel_ratio: float
+    settle_quartiles_s: tuple[float | None, float | None] = (None, None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawSummary:
     """One law over all plants; `error_ratio` is the mean error on its worst plant, divided by that of `nmpc`.
 
-    Settling and `reference_error_pct` are those of the reference plant.
+    Settling and `reference_error_pct` are those of the reference plant. settle_quartiles_s: half of the dwells settle
+    between them; None where a quarter or more of the dwells never settle.
     """
 
     law: str
@@ -65,6 +68,7 @@ class LawSummary:
     settle_ratio: float | None
     travel_ratio: float
     error_ratio: float | None
+    settle_quartiles_s: tuple[float | None, float | None] = (None, None)
 
 
 def standings(played: Mapping[Bout, Sequence[DwellMetrics]]) -> tuple[Standing, ...]:
@@ -92,7 +96,15 @@ def _standing(law: str, plant: str, runs: Sequence[Sequence[DwellMetrics]]) -> S
         unsettled=sum(dwell.settle_1pct_s is None for dwell in dwells),
         limit_cycles=sum(dwell.limit_cycle for dwell in dwells),
         travel_ratio=sum(dwell.travel_mm for dwell in dwells) / sum(dwell.ideal_travel_mm for dwell in dwells),
+        settle_quartiles_s=_quartiles_s([dwell.settle_1pct_s for dwell in dwells]),
     )
+
+
+def _quartiles_s(settled_s: Sequence[float | None]) -> tuple[float | None, float | None]:
+    """Return the quartiles of settling times; a dwell that never settles is later than all others."""
+    ascending = np.sort([math.inf if each is None else each for each in settled_s])
+    low, high = np.quantile(ascending, (0.25, 0.75), method="higher")
+    return float(low) if math.isfinite(low) else None, float(high) if math.isfinite(high) else None
 
 
 def bootstrap_interval(values: Sequence[float]) -> tuple[float, float] | tuple[None, None]:
@@ -128,6 +140,7 @@ def summaries(
                 settle_ratio=settle_s / optimal_settle_1pct_s if settle_s and optimal_settle_1pct_s else None,
                 travel_ratio=fmean(row.travel_ratio for row in rows),
                 error_ratio=worst[law].mean_error_pct / ours if ours else None,
+                settle_quartiles_s=here.settle_quartiles_s,
             )
         )
     return tuple(sorted(found, key=lambda summary: summary.worst_plant_error_pct))
@@ -135,7 +148,7 @@ def summaries(
 
 def optimal_median_s(plant: str, setpoints_mm: Sequence[float]) -> tuple[float, float]:
     """Return the medians of the time-optimal moves on `plant` in s: until the 1 % band, and until rest."""
-    settings = plant_settings(plant)
+    settings = plant_named(plant)
     starts = (settings.valve.initial_position_m * 1e3, *setpoints_mm[:-1])
     pairs = zip(starts, setpoints_mm, strict=True)
     moves = [optimal_move(settings, start * 1e-3, end * 1e-3) for start, end in pairs if start != end]

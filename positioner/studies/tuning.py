@@ -1,4 +1,4 @@
-"""Tuning a law by seeded random search on the nominal valve, so that rival laws are compared at their best. Shell.
+"""Tuning a law by seeded random search on one valve, so that rival laws are compared at their best. Shell.
 
 The first half of the budget explores, log-uniformly between wide limits; the second half varies the best candidate. The
 cost of a candidate is the mean over dwells of
@@ -14,23 +14,32 @@ best: this saves time and changes no result.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import tomli_w
 from tqdm import tqdm
 
+from plant_emulator.plants import plant_named
+from positioner.bench.configure import told
+from positioner.bench.inprocess import configure, run_in_process
+from positioner.bench.metrics import dwell_metrics
+from positioner.bench.own_plant import with_plant
+from positioner.bench.playable import within_reach
 from positioner.bench.scenario import Scenario
-from positioner.laws.tuned import table_name
+from positioner.inputs.plug_in import anchored
+from positioner.laws.registry import is_outside
 from positioner.studies.direct import play_directly
+from positioner.studies.searches import control_table, search_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable
 
     from positioner.bench.metrics import DwellMetrics
     from positioner.studies.pool import Pool
+    from positioner.studies.searches import Search
 
 SETPOINTS_MM = (73.0, 87.0, 80.0, 73.5, 81.5, 83.0)
 """Large, medium and small steps in both directions, where the valve can be restarted both ways."""
@@ -44,26 +53,10 @@ _EXPLORING = 0.5
 _STEP = 0.3
 """Standard deviation of a variation, in the logarithm of the value."""
 _TUNED_ON = "paper"
+_PLACES = (0.413, 0.795, 0.604, 0.426, 0.645, 0.686)
+"""The setpoints as parts of the range from which the nominal valve can be restarted: those of other plants."""
 _DIGITS = 4
 """Significant digits of a value: the stored value is the one that was tried."""
-
-
-@dataclass(frozen=True, slots=True)
-class Range:
-    """One parameter: its dotted key under the law's table, and its limits; `or_none`: half of the candidates have 0."""
-
-    key: str
-    low: float
-    high: float
-    or_none: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Search:
-    """The parameters of a law that are tuned, and those that are fixed."""
-
-    ranges: tuple[Range, ...]
-    fixed: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,57 +69,19 @@ class Tuning:
     values: tuple[float, ...]
     cost: float
     first_cost: float
+    plant: str = _TUNED_ON
 
 
-def _pid(prefix: str) -> tuple[Range, ...]:
-    return (
-        Range(f"{prefix}proportional_gain_ma_per_m", 5.0, 2000.0),
-        Range(f"{prefix}integral_gain_ma_per_m_s", 50.0, 50000.0),
-        Range(f"{prefix}derivative_gain_ma_s_per_m", 1e-3, 3.0, or_none=True),
-        Range(f"{prefix}filter_time_constant_s", 5e-4, 0.1),
-    )
-
-
-_OFF_BAND = Range("off_band_m", 1e-4, 5e-3, or_none=True)
-
-SEARCHES: Mapping[str, Search] = MappingProxyType(
-    {
-        "pi": Search(_pid("")),
-        "pi-deadband": Search((*_pid("pid."), Range("deadband_m", 2e-4, 6e-3))),
-        "knocker": Search(
-            (
-                *_pid("pid."),
-                Range("pulse_amplitude_ma", 0.3, 8.0),
-                Range("pulse_width_s", 0.002, 0.1),
-                Range("pulse_period_s", 0.005, 0.3),
-                _OFF_BAND,
-            )
-        ),
-        "constant-reinforcement": Search((*_pid("pid."), Range("reinforcement_ma", 0.3, 8.0), _OFF_BAND)),
-        "two-move": Search((Range("move_s", 0.02, 0.12), Range("back_off_m", 0.007, 0.016))),
-        # on the nominal valve a move is never repeated, so the parameters of retries cannot be tuned there
-        "two-move-retry": Search(
-            (Range("moves.move_s", 0.02, 0.12),),
-            (
-                ("moves.back_off_m", 0.012),
-                ("averaging_s", 0.15),
-                ("tolerance_m", 0.0005),
-                ("most_retries", 8),
-                ("learning_gain", 1.0),
-            ),
-        ),
-    }
-)
-"""Every law that can be tuned."""
-
-
-def tune(law: str, budget: int, seed: int, pool: Pool) -> Tuning:
+def tune(law: str, budget: int, seed: int, pool: Pool, plant: str = _TUNED_ON) -> Tuning:
     """Return the best of `budget` candidates; the same arguments give the same answer, whatever the pool.
+
+    The candidates are tried on `plant`.
 
     As many candidates as the pool has workers are tried at once. When one of them is the best so far, those after it
     that vary the best one before are tried again.
     """
-    search = SEARCHES[law]
+    search = search_of(law)
+    on = scenario_on(plant)
     chance = np.random.default_rng(seed)
     exploring = max(1, math.ceil(_EXPLORING * budget))
     explored = [_anywhere(search, chance) for _ in range(exploring)]
@@ -140,7 +95,7 @@ def tune(law: str, budget: int, seed: int, pool: Pool) -> Tuning:
             if number >= exploring:
                 begin = number - exploring
                 values = [_varied(search, best, step) for step in steps[begin : begin + pool.size]]
-            for each, cost in zip(values, _costs(law, values, seed, best_cost, pool), strict=True):
+            for each, cost in zip(values, _costs(law, values, seed, best_cost, pool, on), strict=True):
                 first_cost = cost if number == 0 else first_cost
                 number += 1
                 bar.update()
@@ -149,12 +104,12 @@ def tune(law: str, budget: int, seed: int, pool: Pool) -> Tuning:
                     bar.set_postfix_str(f"cost {cost:.3f}")
                     if number > exploring:
                         break
-    return Tuning(law, budget, seed, best, best_cost, first_cost)
+    return Tuning(law, budget, seed, best, best_cost, first_cost, plant)
 
 
-def _costs(law: str, values: list[tuple[float, ...]], seed: int, limit: float, pool: Pool) -> list[float]:
+def _costs(law: str, values: list[tuple[float, ...]], seed: int, limit: float, pool: Pool, on: Scenario) -> list[float]:
     """Return the cost of each candidate; infinity where it is sure to reach `limit`."""
-    items = [(place, scenario_of(law, each, seed), limit) for place, each in enumerate(values)]
+    items = [(place, scenario_of(law, each, seed, on), limit) for place, each in enumerate(values)]
     found = {place: cost for (place, _, _), cost in pool.results(_cost, items)}
     return [found[place] for place in range(len(values))]
 
@@ -167,11 +122,19 @@ def _cost(item: tuple[int, Scenario, float]) -> float:
 def cost_of(scenario: Scenario, limit: float = math.inf) -> float:
     """Return the mean cost of the dwells of `scenario`; infinity as soon as it is sure to reach `limit`."""
     total, dwells = 0.0, len(scenario.visited_mm)
-    for dwell in play_directly(scenario):
+    for dwell in _played(scenario):
         total += dwell_cost(dwell)
         if total / dwells >= limit:
             return math.inf
     return total / dwells
+
+
+def _played(scenario: Scenario) -> Iterable[DwellMetrics]:
+    """Return the figures of every dwell; a law from outside may learn, so it plays behind frames, table and guard."""
+    if not is_outside(scenario.law):
+        return play_directly(scenario)
+    trace = run_in_process(scenario).recording.trace
+    return dwell_metrics(trace, scenario.dwell_edges_s, configure(scenario).valve.span_m)
 
 
 def dwell_cost(dwell: DwellMetrics) -> float:
@@ -179,30 +142,28 @@ def dwell_cost(dwell: DwellMetrics) -> float:
     return dwell.iae_mm_s + dwell.mean_abs_error_pct + 0.001 * dwell.command_variation_ma + 0.04 * dwell.reversals
 
 
-def scenario_of(law: str, values: tuple[float, ...], seed: int) -> Scenario:
-    """Return the scenario of a candidate: the nominal valve at 1 kHz, its noise 2 % of the reading."""
-    return Scenario(
+def scenario_on(plant: str) -> Scenario:
+    """Return the scenario on which candidates are tried, at 1 kHz; the nominal valve has noise of 2 % of the reading.
+
+    Raises:
+        ConfigurationError: there is no such plant.
+    """
+    scenario = Scenario(
         name="tuning",
-        title=f"{law}, a candidate",
-        law=law,
-        seed=seed,
+        title="a candidate",
         setpoints_mm=SETPOINTS_MM,
         visits=VISITS,
         dwell_s=DWELL_S,
         plant={"preset": _TUNED_ON},
-        control=control_table(law, values),
     )
+    if plant == _TUNED_ON:
+        return scenario
+    return with_plant(replace(scenario, setpoints_mm=within_reach(plant_named(plant), _PLACES)), plant)
 
 
-def control_table(law: str, values: tuple[float, ...]) -> dict[str, Any]:
-    """Return the `[control]` table of a configuration in which `law` has the parameters `values`."""
-    search = SEARCHES[law]
-    table: dict[str, Any] = {}
-    named = [(each.key, value) for each, value in zip(search.ranges, values, strict=True)]
-    for key, value in (*search.fixed, *named):
-        group, _, name = key.rpartition(".")
-        (table.setdefault(group, {}) if group else table)[name] = value
-    return {table_name(law): table}
+def scenario_of(law: str, values: tuple[float, ...], seed: int, on: Scenario | None = None) -> Scenario:
+    """Return the scenario of a candidate: `on` with this law and seed; without one the nominal valve."""
+    return replace(on or scenario_on(_TUNED_ON), law=law, seed=seed, control=control_table(law, values))
 
 
 def to_toml(tuning: Tuning) -> str:
@@ -210,9 +171,13 @@ def to_toml(tuning: Tuning) -> str:
 
     The packaged parameters are such files; a comment gives the command that found them.
     """
-    how = f"# positioner tune {tuning.law} --budget {tuning.budget} --seed {tuning.seed}\n# cost {tuning.cost:.4f}\n"
-    control = {"law": tuning.law, **control_table(tuning.law, tuning.values)}
-    return how + tomli_w.dumps({"valve": {"id": "tuned", "preset": _TUNED_ON}, "control": control})
+    on = "" if tuning.plant == _TUNED_ON else f" --plant {tuning.plant}"
+    how = (
+        f"# positioner tune {tuning.law}{on} --budget {tuning.budget} --seed {tuning.seed}\n# cost {tuning.cost:.4f}\n"
+    )
+    control = {"law": anchored(tuning.law, Path.cwd()), **control_table(tuning.law, tuning.values)}
+    valve = {"preset": _TUNED_ON} if tuning.plant == _TUNED_ON else told(plant_named(tuning.plant))
+    return how + tomli_w.dumps({"valve": {"id": "tuned", **valve}, "control": control})
 
 
 def _anywhere(search: Search, chance: np.random.Generator) -> tuple[float, ...]:

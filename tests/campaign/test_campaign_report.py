@@ -128,11 +128,12 @@ def test_the_files_of_a_campaign_and_the_command_of_a_corner_that_replays_it(
 ) -> None:
     changes = {"laws": 'laws = ["pi", "nmpc"]', "points": "points = 2", "dwell": "dwell_s = 0.3"}
     campaign, out = small(tmp_path, **changes), tmp_path / "the out"
-    assert main(["campaign", campaign.source, "--out", str(out)]) == ExitCode.OK
+    assert main(["campaign", campaign.source, "--out", str(out), "--markdown"]) == ExitCode.OK
     text = (out / "summary.md").read_text(encoding="utf-8")
     assert capsys.readouterr().out.startswith(text)
     for name in ("sensitivity.png", "corners.png"):
         assert (out / name).read_bytes().startswith(b"\x89PNG")
+        assert "</svg>" in (out / name).with_suffix(".svg").read_text("utf-8")
 
     table = parquet.read_table(out / "runs.parquet")
     about = {key.decode(): value.decode() for key, value in table.schema.metadata.items()}

@@ -82,7 +82,7 @@ def test_a_damaged_line_ends_the_log(bench: tuple[Path, Path], tmp_path: Path, c
     damaged.write_bytes(b"".join(lines[:300]) + b"(nonsense\n" + b"".join(lines[301:]))
     assert replay(damaged, config) == 0
     output = capsys.readouterr().out
-    assert f"{damaged}: cut at 0.096000 s: the part after frame 300 cannot be read (ValueError: " in output
+    assert f"{damaged}: cut at 0.096000 s: line 301: the part after frame 300 cannot be read (ValueError: " in output
 
 
 @pytest.mark.parametrize("suffix", [".blf", ".log.gz"])
@@ -118,14 +118,14 @@ def test_a_file_that_is_no_log_is_one_line(bench: tuple[Path, Path], tmp_path: P
     files = {
         "picture.png": (b"\x89PNG\r\n", "cannot be read: No read support for unknown log format"),
         "empty.log": (b"", "holds no frame"),
-        "words.log": (b"these are\nno frames\n", "holds no frame: the part after frame 0 cannot be read"),
+        "words.log": (b"these are\nno frames\n", "holds no frame: line 1: the part after frame 0 cannot be read"),
         "bytes.log": (bytes(range(128, 256)), "holds no frame"),
         "words.asc": (b"these are\nno frames\n", "holds no frame"),
         "words.blf": (b"these are\nno frames\n", "cannot be read: it is not a BLF file"),
         "words.db": (b"these are\nno frames\n", "holds no frame: the part after frame 0 cannot be read (DatabaseError"),
         "words.log.gz": (
             b"these are\nno frames\n",
-            "holds no frame: the part after frame 0 cannot be read (BadGzip",
+            "holds no frame: line 1: the part after frame 0 cannot be read (BadGzip",
         ),
         "header.csv": (b"timestamp,arbitration_id,extended,remote,error,dlc,data\n", "holds no frame"),
         "other.log": (b"(0.0) can0 123#00 R\n", "holds 1 frames, and no position frame among them"),
@@ -278,5 +278,5 @@ def test_a_log_is_read_up_to_a_time_stamp_that_is_no_time(stamp: str, tmp_path: 
     path.write_text(f"(1.0) vcan0 110#00 R\n(1.5) vcan0 110#00 R\n({stamp}) vcan0 110#00 R\n(2.0) vcan0 110#00 R\n")
     log = read_log(path)
     assert [frame.time_ns for frame in log.frames()] == [0, 500_000_000]
-    assert log.cut.startswith("the part after frame 2 cannot be read (ValueError: ")
+    assert log.cut.startswith("line 3: the part after frame 2 cannot be read (ValueError: ")
     assert log.cut.endswith(" s is no time stamp)")

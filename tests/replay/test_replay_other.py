@@ -45,7 +45,8 @@ def test_a_law_that_uses_its_own_current_would_have_done_the_same_too(tmp_path: 
 
 def test_another_law_is_summed_up_and_drawn(bench: tuple[Path, Path], tmp_path: Path, capsys: Output) -> None:
     assert ask(bench, "--law", "paper", "--out", str(tmp_path / "out")) == 0
-    output = capsys.readouterr().out.splitlines()
+    captured = capsys.readouterr()
+    output = captured.out.splitlines()
     assert output[1] == "commands: 300 in both, 0 recorded only, 0 computed only"
     with (tmp_path / "out" / "trace.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
@@ -62,7 +63,7 @@ def test_another_law_is_summed_up_and_drawn(bench: tuple[Path, Path], tmp_path: 
     picture = (tmp_path / "out" / "replay.png").read_bytes()
     assert picture.startswith(b"\x89PNG\r\n")
     assert len(picture) > 20_000
-    assert output[-1] == f"{tmp_path / 'out'}: trace.csv, replay.png"
+    assert captured.err.endswith(f"{tmp_path / 'out'}: trace.csv, replay.png and .svg\n")
 
 
 def test_other_settings_are_asked_the_same_way(bench: tuple[Path, Path], capsys: Output) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from picture_checks import check
 
 import plant_emulator
 import positioner
@@ -20,10 +21,12 @@ from positioner.bench.metrics import DwellMetrics
 from positioner.bench.playable import restartable_mm
 from positioner.cli.main import main
 from positioner.errors import ConfigurationError, ExitCode
+from positioner.laws.registry import LAWS
 from positioner.studies.code_digest import code_digest
 from positioner.studies.conditions import NOMINAL, PLANTS, check_setpoints, reference_plant, setpoints_in_reach
 from positioner.studies.league import SETPOINTS_MM, Bout, LeagueSettings, play_league
-from positioner.studies.league_report import LeagueReport, to_markdown, write_report
+from positioner.studies.league_picture import LeagueReport, league_figure
+from positioner.studies.league_report import to_markdown, write_report
 from positioner.studies.limit import optimal_move
 from positioner.studies.pool import Workers
 from positioner.studies.standings import bootstrap_interval, optimal_median_s, standings, summaries
@@ -185,9 +188,36 @@ def test_the_report_is_written_with_the_same_figures_in_all_three_files(tmp_path
     assert json.loads((tmp_path / "league.json").read_text())["standings"][0]["mean_error_pct"] == pytest.approx(0.4)
     assert "| `pi` | 0.400 | 0.400 (paper) | 0.50 |" in to_markdown(report)
     assert (tmp_path / "league.png").read_bytes().startswith(b"\x89PNG")
+    assert ">pi<" in (tmp_path / "league.svg").read_text("utf-8")
     assert "Simulation only" not in to_markdown(report)
     fast = replace(report, settings=replace(settings, period_s=0.0001))
     assert "Simulation only: at 0.1 ms the frames take 273 % of 1 Mbit/s" in to_markdown(fast)
+
+
+def test_the_picture_of_many_laws_is_legible_and_its_speeds_are_dots_with_quartiles() -> None:
+    laws, plants = tuple(LAWS), ("paper", "spring-10", "friction+20")
+    dwells = tuple(_dwell(0.1 * number, 0.004 * number * number) for number in range(1, 5))
+    table = standings({_bout(law, plant): dwells for law in laws for plant in plants})
+    report = LeagueReport(
+        settings=LeagueSettings(laws=laws, plants=plants, seeds=(1,)),
+        summaries=summaries(table, 0.005),
+        standings=table,
+        optimal_settle_1pct_s=0.005,
+        optimal_rest_s=0.006,
+    )
+    figure = league_figure(report)
+    check(figure)
+    _, speed = figure.axes
+    assert not speed.patches
+    assert len(speed.containers) == len(laws)
+    assert table[0].settle_quartiles_s == pytest.approx((0.016, 0.064))
+
+
+def test_a_quartile_beyond_which_no_dwell_settles_is_none() -> None:
+    (row,) = standings({_bout("pi"): (_dwell(0.1), _dwell(0.1), _dwell(2.0, None), _dwell(2.0, None))})
+    low_s, high_s = row.settle_quartiles_s
+    assert low_s == pytest.approx(0.01)
+    assert high_s is None
 
 
 def test_an_interrupted_league_plays_only_the_missing_bouts(tmp_path: Path) -> None:
@@ -242,8 +272,13 @@ assert not [names for names in loaded if names[0] in UNUSED_ROOMS]
 def test_the_short_league_shows_our_law_ahead_within_its_bands(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["league", "--short", "--out", str(tmp_path), "--workers", "1"]) == 0
+    page = tmp_path / "league.html"
+    assert main(["league", "--short", "--out", str(tmp_path), "--workers", "1", "--report", str(page)]) == 0
     assert "time-optimal limit" in capsys.readouterr().out
+    told = page.read_text("utf-8")
+    assert "nmpc is the most accurate of 3 laws" in told
+    assert "To play it again: positioner league --short<" in told
+    assert '<svg class="picture"' in told
     found = {law["law"]: law for law in json.loads((tmp_path / "league.json").read_text())["summaries"]}
     ours = found["nmpc"]
     assert 0.005 < ours["reference_error_pct"] < 0.15

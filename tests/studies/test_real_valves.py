@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import asdict, replace
 from itertools import pairwise
 from statistics import median
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from plant_emulator.presets import plant_settings
+from positioner.bench.configure import told
 from positioner.bench.inprocess import configure
 from positioner.bench.playable import check_playable
 from positioner.cli.main import main
@@ -33,7 +35,6 @@ from positioner.studies.real_valves.valves import (
     PLANTS,
     plant_tables,
     setpoints_mm,
-    told,
 )
 
 if TYPE_CHECKING:
@@ -160,16 +161,19 @@ def test_without_its_table_the_law_learns_and_never_uses_it() -> None:
 
 
 def test_the_command_plays_a_part_and_resumes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    command = ["league", "--real-valves", "--short", "--laws", "nmpc,two-move-retry,pi", "--tau", "0,20",
-               "--dwell", "0.2", "--conditions", "no-lag-told", "--out", str(tmp_path), "--workers", "1"]  # fmt: skip
+    command = ["league", "--real-valves", "--short", "--laws", "nmpc,two-move-retry,pi", "--tau", "0,20", "--dwell",
+               "0.2", "--conditions", "no-lag-told", "--out", str(tmp_path), "--workers", "1",
+               "--markdown", "--report", str(tmp_path / "page.html")]  # fmt: skip
     assert main(command) == ExitCode.OK
     text = capsys.readouterr().out
+    assert re.search(r"<h2>\d+ of \d+ goals are met</h2>", (tmp_path / "page.html").read_text("utf-8"))
     assert "| nominal mean, every lag | 0.05 % of span | ≤ 0.05 % |" in text
     assert "| lag, ms | 0 | 20 |" in text
     assert "| time-optimal |" in text
     stored = json.loads((tmp_path / "real-valves.json").read_text(encoding="utf-8"))
     assert len(stored["cells"]) == 3 * 2 + 3
     assert (tmp_path / "real-valves.png").read_bytes().startswith(b"\x89PNG")
+    assert ">time-optimal<" in (tmp_path / "real-valves.svg").read_text("utf-8")
     before = {path: path.stat().st_mtime_ns for path in (tmp_path / "bouts").iterdir()}
     assert main(command) == ExitCode.OK
     assert {path: path.stat().st_mtime_ns for path in (tmp_path / "bouts").iterdir()} == before

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from picture_checks import check
 
 from plant_emulator.presets import plant_settings
 from positioner.bench.metrics import Trace
@@ -30,7 +31,7 @@ from positioner.studies.reproduce import (
     play,
     reproduce,
 )
-from positioner.studies.reproduce_pictures import FIGURE_OF, TITLES
+from positioner.studies.reproduce_pictures import FIGURE_OF, TITLES, page_figure, simulation_figure
 from positioner.studies.reproduce_report import to_json, to_markdown
 from positioner.valve.parameters import ValveParameters
 
@@ -293,21 +294,30 @@ def test_the_command_writes_the_page_the_figures_and_the_report(
 
     monkeypatch.setattr(reproduction, "reproduce", instead)
     out = tmp_path / "page"
-    assert main(["reproduce", "--short", "--reading", "B", "--workers", "3", "--out", str(out)]) == 0
+    assert main(["reproduce", "--short", "--reading", "B", "--workers", "3", "--out", str(out), "--markdown"]) == 0
     ((runs, workers),) = asked
     assert workers == Workers(3)
     assert all(run.short for run in runs)
     assert {run.interpretation.noise for run in runs} == {NoiseKind.RAW, NoiseKind.FREE}
     pictures = {"reproduce.png", *(f"figure-{number}.png" for number in FIGURE_OF.values())}
-    assert {path.name for path in out.iterdir()} == pictures | {"reproduce.md", "reproduce.json"}
+    drawings = {name.replace(".png", ".svg") for name in pictures}
+    assert {path.name for path in out.iterdir()} == pictures | drawings | {"reproduce.md", "reproduce.json"}
+    assert imread(out / "reproduce.png").shape[0] <= 1080  # one screen
     assert sorted(FIGURE_OF.values()) == [4, 5, 6, 7, 8]
     for name in pictures:
         pixels = np.asarray(imread(out / name))
-        assert min(pixels.shape[:2]) >= 900
+        assert min(pixels.shape[:2]) >= 600
         # ink, but mostly paper
         assert 0.005 < np.mean(pixels[..., :3].min(axis=2) < 0.8) < 0.3
     printed = capsys.readouterr().out
     assert printed.startswith((out / "reproduce.md").read_text(encoding="utf-8"))
+
+
+def test_the_text_of_the_pictures_is_legible_and_covers_no_other_text() -> None:
+    played = as_the_paper_has_it(all_runs(ALL, short=False))
+    found = assess(played)
+    check(page_figure(played, found))
+    check(simulation_figure(3, played, found))
 
 
 def test_an_assessment_names_its_interpretation() -> None:

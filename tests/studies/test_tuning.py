@@ -23,7 +23,8 @@ from positioner.laws.tuned import table_name
 from positioner.studies import tuning
 from positioner.studies.conditions import PLANTS, check_setpoints
 from positioner.studies.direct import play_directly
-from positioner.studies.tuning import SEARCHES, Tuning, control_table, cost_of, dwell_cost, scenario_of, to_toml, tune
+from positioner.studies.searches import SEARCHES, control_table
+from positioner.studies.tuning import Tuning, cost_of, dwell_cost, scenario_of, to_toml, tune
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Sequence

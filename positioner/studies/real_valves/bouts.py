@@ -12,13 +12,16 @@ from typing import TYPE_CHECKING
 
 from plant_emulator.presets import plant_settings
 from positioner.bench import metrics
+from positioner.bench.configure import told
 from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import Scenario
+from positioner.errors import BenchError
+from positioner.studies.bouts import file_name, law_failure
 from positioner.studies.direct import play_directly
 from positioner.studies.entrants import OURS, entered
 from positioner.studies.real_valves.conditions import AS_TOLD, CONDITIONS, Condition
 from positioner.studies.real_valves.tuned import rival_tables
-from positioner.studies.real_valves.valves import GRAPHITE, NOISES, NOMINAL, plant_tables, setpoints_mm, told
+from positioner.studies.real_valves.valves import GRAPHITE, NOISES, NOMINAL, plant_tables, setpoints_mm
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -112,7 +115,8 @@ class RealBout:
     def key(self) -> str:
         """Name of the result file; it changes with all that the result depends on, except the code."""
         text = json.dumps(asdict(self)).encode()
-        return f"{self.law}-{self.plant}-{self.lag_s * 1e3:g}ms-{self.seed}-{hashlib.sha256(text).hexdigest()[:10]}"
+        names = file_name(f"{self.law}-{self.plant}-{self.lag_s * 1e3:g}ms-{self.seed}")
+        return f"{names}-{hashlib.sha256(text).hexdigest()[:10]}"
 
     @property
     def scenario(self) -> Scenario:
@@ -146,9 +150,15 @@ def own_lag_s(plant: str) -> float:
 
 
 def play(bout: RealBout) -> tuple[metrics.DwellMetrics, ...]:
-    """Return the figures of every dwell of a bout."""
+    """Return the figures of every dwell of a bout.
+
+    Raises:
+        BenchError: its law, which is from outside, raised an error.
+    """
     scenario = bout.scenario
     if bout.law in RIVALS:
         return tuple(play_directly(scenario))
-    trace = run_in_process(scenario).recording.trace
-    return metrics.dwell_metrics(trace, scenario.dwell_edges_s, configure(scenario).valve.span_m)
+    run = run_in_process(scenario)
+    if failure := law_failure(scenario.law, run.events):
+        raise BenchError(failure)
+    return metrics.dwell_metrics(run.recording.trace, scenario.dwell_edges_s, configure(scenario).valve.span_m)

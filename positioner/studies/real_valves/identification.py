@@ -10,8 +10,9 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from plant_emulator.presets import DEFAULT_PRESET, plant_settings, root_preset
+from positioner.bench.configure import told
 from positioner.studies.identified_plant import identify_plant
-from positioner.studies.real_valves.valves import NOISES, plant_tables, told
+from positioner.studies.real_valves.valves import NOISES, plant_tables
 from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
 

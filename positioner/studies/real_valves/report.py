@@ -1,4 +1,4 @@
-"""The files of a league on real valves: `real-valves.json`, `.md` and `.png`. Shell, because it writes files."""
+"""The files of a league on real valves: `real-valves.json`, `.md`, `.png` and `.svg`. Shell."""
 
 from __future__ import annotations
 
@@ -7,16 +7,19 @@ from dataclasses import asdict, dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from positioner.studies.markdown import table
+from positioner.pictures.files import save
+from positioner.report.table import Table
+from positioner.report.text import markdown
 from positioner.studies.real_valves.conditions import AS_TOLD, CONDITIONS
 from positioner.studies.real_valves.goals import LOW, judged
-from positioner.studies.real_valves.picture import draw
+from positioner.studies.real_valves.picture import real_valves_figure
 from positioner.studies.real_valves.valves import GRAPHITE, NOISE_NAMES, NOMINAL
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
+    from positioner.report.text import Block
     from positioner.studies.real_valves.bouts import RealLeagueSettings
     from positioner.studies.real_valves.goals import Judgement
     from positioner.studies.real_valves.results import Cell, Results
@@ -33,7 +36,7 @@ class RealReport:
 
 
 def write_report(folder: Path, report: RealReport) -> None:
-    """Write the three files into `folder`."""
+    """Write the files into `folder`."""
     text = {
         "settings": asdict(report.settings),
         "goals": [{**asdict(each), "is_met": each.is_met} for each in judged(report.results)],
@@ -42,24 +45,28 @@ def write_report(folder: Path, report: RealReport) -> None:
     }
     (folder / "real-valves.json").write_text(json.dumps(text, indent=2) + "\n", encoding="utf-8")
     (folder / "real-valves.md").write_text(to_markdown(report), encoding="utf-8")
-    draw(folder / "real-valves.png", report.results)
+    save(real_valves_figure(report.results), folder / "real-valves.png")
 
 
 def to_markdown(report: RealReport) -> str:
-    """Return the goals, each law at each lag, and the conditions, as Markdown tables."""
+    """Return the text in Markdown."""
+    return markdown(blocks(report))
+
+
+def blocks(report: RealReport) -> list[Block]:
+    """Return the goals, each law at each lag, and the conditions, as tables."""
     results = report.results
-    lines = _goals(judged(results))
+    lines: list[Block] = [_goals(judged(results))]
     for noise in report.settings.noises:
         lines += ["", f"**{NOISE_NAMES[noise]}**: mean on `{NOMINAL}` / worst dwell of all plants / unsettled, %", ""]
-        lines += _by_lag(results, _errors, noise)
+        lines.append(_by_lag(results, _errors, noise))
     lines += ["", f"**{NOISE_NAMES[LOW]}**: median settling to 1 % on `{NOMINAL}`, ms", ""]
     optimum = ("time-optimal", *(_ms(results.optimal_settle_s[lag_s]) for lag_s in results.lags_s))
-    lines += _by_lag(results, _settling, LOW, optimum)
-    lines += _others(results)
-    return "\n".join(lines) + "\n"
+    lines.append(_by_lag(results, _settling, LOW, optimum))
+    return lines + _others(results)
 
 
-def _goals(judgements: Sequence[Judgement]) -> list[str]:
+def _goals(judgements: Sequence[Judgement]) -> Table:
     rows = [
         (
             each.goal,
@@ -70,17 +77,17 @@ def _goals(judgements: Sequence[Judgement]) -> list[str]:
         )
         for each in judgements
     ]
-    return table(("goal", "noise", "limit", "figure", ""), rows)
+    return Table.of(("goal", "noise", "limit", "figure", ""), rows)
 
 
-def _by_lag(results: Results, text: Callable[[Sequence[Cell]], str], noise: str, *more: Sequence[str]) -> list[str]:
+def _by_lag(results: Results, text: Callable[[Sequence[Cell]], str], noise: str, *more: Sequence[str]) -> Table:
     """Return a table with a row for each law and a column for each lag, and then the rows `more`."""
     cells = [cell for cell in results.chosen() if cell.noise == noise and cell.plant != GRAPHITE]
     rows = []
     for law in dict.fromkeys(cell.law for cell in cells):
         own = [cell for cell in cells if cell.law == law]
         rows.append((f"`{law}`", *(text([cell for cell in own if cell.lag_s == lag_s]) for lag_s in results.lags_s)))
-    return table(("lag, ms", *(f"{lag_s * 1e3:g}" for lag_s in results.lags_s)), [*rows, *more])
+    return Table.of(("lag, ms", *(f"{lag_s * 1e3:g}" for lag_s in results.lags_s)), [*rows, *more])
 
 
 def _errors(cells: Sequence[Cell]) -> str:
@@ -96,10 +103,10 @@ def _settling(cells: Sequence[Cell]) -> str:
     return _ms(nominal[0].median_settle_1pct_s) if nominal else "–"
 
 
-def _others(results: Results) -> list[str]:
+def _others(results: Results) -> list[Block]:
     """Return the tables of each plant apart, and of the conditions: a line for all lags of one."""
     main = sorted(results.chosen(), key=lambda cell: (cell.plant, cell.noise, cell.law))
-    lines: list[str] = []
+    lines: list[Block] = []
     for title, cells in (
         (f"`{GRAPHITE}`", [cell for cell in main if cell.plant == GRAPHITE]),
         ("Conditions", [cell for cell in results.cells if cell.condition != AS_TOLD]),
@@ -110,7 +117,7 @@ def _others(results: Results) -> list[str]:
             groups.setdefault((name, cell.noise), []).append(cell)
         rows = [(name, NOISE_NAMES[noise], *_by_column(some)) for (name, noise), some in groups.items()]
         if rows:
-            lines += ["", f"**{title}**", "", *table(("", "noise", *_COLUMNS), rows)]
+            lines += ["", f"**{title}**", "", Table.of(("", "noise", *_COLUMNS), rows, names=2)]
     return lines
 
 

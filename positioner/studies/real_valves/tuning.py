@@ -22,7 +22,8 @@ from positioner.studies.real_valves.bouts import RealBout
 from positioner.studies.real_valves.conditions import AS_TOLD
 from positioner.studies.real_valves.tuned import rival_tables
 from positioner.studies.real_valves.valves import NOMINAL, STOCHASTIC
-from positioner.studies.tuning import SEARCHES, Range, cost_of
+from positioner.studies.searches import SEARCHES, Range
+from positioner.studies.tuning import cost_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

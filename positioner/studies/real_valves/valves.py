@@ -6,15 +6,12 @@ Every law, rivals too, gets the parameters of the plant that it controls, as an 
 
 from __future__ import annotations
 
-from dataclasses import fields
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from plant_emulator.presets import plant_settings
-from positioner.bench.configure import pneumatics_of
 from positioner.bench.playable import within_reach
 from positioner.inputs.toml_reader import laid_over
-from positioner.valve.parameters import ValveParameters
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -70,12 +67,3 @@ def lag_table(lag_s: float) -> dict[str, float]:
 def setpoints_mm(plant: PlantSettings) -> tuple[float, ...]:
     """Return eight setpoints in mm: those of the league, at the same parts of the range of `plant`."""
     return within_reach(plant, _PLACES)
-
-
-def told(settings: PlantSettings) -> dict[str, Any]:
-    """Return the `[valve]` table of a positioner that knows every parameter of the plant it has a word for."""
-    valve = settings.valve
-    shared = {each.name for each in fields(valve)} & {each.name for each in fields(ValveParameters)}
-    table: dict[str, Any] = {name: getattr(valve, name) for name in sorted(shared)}
-    table |= pneumatics_of(settings)
-    return table

@@ -6,13 +6,15 @@ disarms: the positioner goes to HOLD when they stay away. Time is an argument.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from positioner.errors import HostError
+from positioner.host.acceptance import accepted, check_possible, check_request, manual_current_ma, stepped
 from positioner.host.schedule import FrameSchedule
 from positioner.host.valve_view import SILENT_S, ValveView
 from positioner.host.verbs import HELP, Verb, Word
-from positioner.host.words import in_mm, state_in_words
+from positioner.host.words import state_in_words
 from positioner.wire.messages import (
     CurrentCommand,
     HostRequest,
@@ -21,13 +23,14 @@ from positioner.wire.messages import (
     Mode,
     PositionerStatus,
     Setpoint,
-    StemPosition,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from positioner.config.schema import Configuration
+    from positioner.host.profile import Profile
+    from positioner.host.snapshot import Snapshot
     from positioner.wire.messages import CanFrame
 
 RELEASED_S = 0.1
@@ -47,7 +50,7 @@ class HostSession:
     def __init__(self, configuration: Configuration) -> None:
         """Begin with nothing received and nothing to send."""
         codec = configuration.make_codec()
-        self._valve = configuration.valve
+        self._valve, self._guard = configuration.valve, configuration.guard
         self._schedule = FrameSchedule(codec, configuration.guard.setpoint_hold_s)
         self._verb: Verb | None = None
         self._began_ns = 0
@@ -56,7 +59,7 @@ class HostSession:
         self._manual_ma: float | None = None
         self._state_line = ""
         self._has_reported_other_host = False
-        self.view = ValveView(codec, configuration.valve.span_m)
+        self.view = ValveView(codec, configuration.valve)
         self.is_sending = False
         self.lines: list[str] = []
 
@@ -86,19 +89,18 @@ class HostSession:
             HostError: the verb cannot be done now.
         """
         view = self.view
+        check_request(verb, view)
         sends = verb.word not in _PASSIVE and verb.word is not Word.DISARM
         if sends:
-            self._check_possible(verb, now_ns)
+            by_hand = self._manual_ma is not None
+            check_possible(verb, view, now_ns, is_sending=self.is_sending, is_by_hand=by_hand)
         self._was_controlled = view.is_controlled(now_ns)
-        unarmed = "" if self._was_controlled else "; it acts as soon as the positioner is armed: `arm`"
         match verb.word:
             case Word.SET:
                 self._setpoint_m = verb.setpoint_m
-                self.lines.append(f"setpoint {in_mm(verb.setpoint_m, self._valve.span_m)}{unarmed}")
             case Word.MANUAL:
-                self._manual_ma = self._manual_current_ma(verb, now_ns)
+                self._manual_ma = manual_current_ma(verb, view, now_ns)
                 self._schedule.at_once(ManualCurrent)
-                self.lines.append(f"manual current {self._manual_ma:.3f} mA{unarmed}")
             case Word.AUTO:
                 if self._manual_ma is None:
                     self._setpoint_m = self._here_m()
@@ -106,11 +108,10 @@ class HostSession:
                 self._schedule.at_once(Setpoint)
                 self._schedule.at_once(ManualCurrent)
             case Word.HELP:
-                self.lines += HELP.splitlines()
+                self.tell(verb.word, now_ns)
             case Word.STATUS:
                 self.lines[:] = [line for line in self.lines if line != self._state_line]  # the status begins with it
-            case _:
-                pass
+        self.lines += accepted(verb, self._manual_ma, self._valve.span_m, is_controlled=self._was_controlled)
         if self._setpoint_m is None:
             self._setpoint_m = self._here_m()
         self.is_sending |= sends  # not before the verb is accepted: a refused one sends nothing
@@ -125,32 +126,57 @@ class HostSession:
         verb = self._verb
         if verb is not None:
             elapsed_s = (now_ns - self._began_ns) / _NS
-            if self._is_done(verb, elapsed_s, now_ns):
+            if verb.profile is not None:
+                self._follow(verb.profile, elapsed_s, now_ns)
+            elif self._is_done(verb, elapsed_s, now_ns):
                 self._end(verb, now_ns)
             elif elapsed_s > (STATUS_S if verb.word is Word.STATUS else ANSWER_S):
                 self._verb = None
-                raise HostError(f"{verb.word}: {self._why_not(now_ns)}")
+                raise HostError(f"{verb.word}: {self._state(now_ns, f'not done within {ANSWER_S:g} s: ')}")
         return self._frames(now_ns)
 
-    def _check_possible(self, verb: Verb, now_ns: int) -> None:
-        view = self.view
-        if not self.is_sending and view.is_received(Setpoint, now_ns):
-            raise HostError(f"{verb.word}: another host sends setpoints to this valve: stop it first")
-        by_hand = verb.word is Word.MANUAL or self._manual_ma is not None
-        if not by_hand and not view.is_received(StemPosition, now_ns):
-            raise HostError(f"{verb.word}: no position frames come: is this the right bus, and is the plant on?")
-        if verb.word is Word.SET and self._manual_ma is not None:
-            raise HostError("set: the valve is in manual mode: use `auto` first")
-        if verb.word is Word.AUTO and self._manual_ma is None and view.mode(now_ns) is not Mode.MANUAL:
-            raise HostError("auto: the valve is in automatic mode already")
+    def stepped(self, verb: Verb) -> Verb:
+        """Return the verb for a step of the setpoint, in manual mode of the current, in percent of its range.
 
-    def _manual_current_ma(self, verb: Verb, now_ns: int) -> float:
-        command = self.view.command
-        if verb.current_ma is not None:
-            return verb.current_ma
-        if command is None or not self.view.is_received(CurrentCommand, now_ns):
-            raise HostError("manual: there is no present current to keep: give one, as in `manual 9.5mA`")
-        return command.current_ma
+        Raises:
+            HostError: there is nothing to step from, or the end is reached.
+        """
+        from_m = self._here_m() if self._setpoint_m is None else self._setpoint_m
+        return stepped(verb, self._manual_ma, from_m, self._valve, self._guard)
+
+    def progress(self, now_ns: int) -> str:
+        """Return how far the profile is, nothing where none is played."""
+        played = self.played(now_ns)
+        return played[0].progress(played[1]) if played else ""
+
+    def played(self, now_ns: int) -> tuple[Profile, float] | None:
+        """Return the profile that is played, and for how long so far in s; None where none is."""
+        verb = self._verb
+        return (verb.profile, (now_ns - self._began_ns) / _NS) if verb and verb.profile else None
+
+    def stop_profile(self, now_ns: int) -> None:
+        """End the profile that is played, if one is; the setpoint stays."""
+        if told := self.progress(now_ns):
+            self._verb = None
+            self.lines.append(f"profile {told}: stopped, the setpoint stays")
+
+    def _follow(self, profile: Profile, elapsed_s: float, now_ns: int) -> None:
+        """Set the setpoint of this instant, or end the profile.
+
+        Raises:
+            HostError: the positioner does not control the valve any more.
+        """
+        row = profile.row_at(min(elapsed_s, math.nextafter(profile.duration_s, 0.0)))
+        if not self.view.is_controlled(now_ns) or self.view.mode(now_ns) is Mode.MANUAL:
+            self._verb = None
+            where = f"ended after {elapsed_s:.1f} s, in line {row.line}"
+            raise HostError(f"profile {profile.name}: {where}: {self._state(now_ns)}")
+        if row.setpoint_m != self._setpoint_m:
+            self._setpoint_m = row.setpoint_m
+            self._schedule.at_once(Setpoint)
+        if elapsed_s >= profile.duration_s:
+            self._verb = None
+            self.lines.append(f"profile {profile.name}: done")
 
     def _here_m(self) -> float | None:
         here_m = self.view.position_m
@@ -186,15 +212,21 @@ class HostSession:
                 self.is_sending, self._setpoint_m, self._manual_ma = False, None, None
                 self.lines.append("disarmed: the positioner commands nothing")
             case Word.STATUS:
-                self.lines += self.view.lines(self._setpoint_m if self.is_sending else None, now_ns)
-            case _:
-                pass
+                self.tell(verb.word, now_ns)
 
-    def _why_not(self, now_ns: int) -> str:
-        status = self.view.status
-        if status is None or not self.view.is_received(PositionerStatus, now_ns):
-            return self.view.silence(now_ns)
-        return f"not done within {ANSWER_S:g} s: {state_in_words(status)}"
+    def snapshot(self, now_ns: int) -> Snapshot:
+        """Return what is known of the valve now."""
+        return self.view.snapshot(self._setpoint_m if self.is_sending else None, now_ns)
+
+    def tell(self, word: Word, now_ns: int) -> None:
+        """Add the lines of HELP or STATUS."""
+        found = self.snapshot(now_ns)
+        told = [self.view.silence(now_ns)] if found.status is None else found.lines(found.status)
+        self.lines += HELP.splitlines() if word is Word.HELP else told
+
+    def _state(self, now_ns: int, before: str = "") -> str:
+        status = self.snapshot(now_ns).status
+        return self.view.silence(now_ns) if status is None else before + state_in_words(status)
 
     def _frames(self, now_ns: int) -> tuple[CanFrame, ...]:
         word = self._verb.word if self._verb else None

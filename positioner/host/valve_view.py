@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from positioner.cycle.handover import Handover, start_m, update_handover
-from positioner.host.words import alarms_in_words, in_mm, state_in_words
+from positioner.host.snapshot import Snapshot
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import (
     CurrentCommand,
@@ -21,6 +21,7 @@ from positioner.wire.messages import (
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from positioner.valve.parameters import ValveParameters
     from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame, Counted, Message
 
@@ -39,10 +40,11 @@ _NS = 1_000_000_000
 class ValveView:
     """The valve as seen from the bus. Instants are monotonic; None for what was never received."""
 
-    def __init__(self, codec: Codec, span_m: float) -> None:
+    def __init__(self, codec: Codec, valve: ValveParameters) -> None:
         """Begin with nothing received."""
         self._codec = codec
-        self._span_m = span_m
+        self.can_arm = codec.carries(Setpoint, "request")
+        self._valve = valve
         self._received_ns: dict[type[Message], int] = {}
         self._track: Handover | None = None
         self.status: PositionerStatus | None = None
@@ -110,30 +112,22 @@ class ValveView:
         """The position in m: the mean of the newest readings under one current."""
         return start_m(self._track, 0.0) if self._track and self._track.readings else None
 
-    def lines(self, setpoint_m: float | None, now_ns: int) -> list[str]:
-        """Return the status, a line for each quantity; `setpoint_m` is the host's own, None where it sends none."""
-        status = self.status
-        if status is None or not self.is_received(PositionerStatus, now_ns):
-            return [self.silence(now_ns)]
+    def snapshot(self, setpoint_m: float | None, now_ns: int) -> Snapshot:
+        """Return what is known now; `setpoint_m` is the host's own, None where it sends none."""
         asked_m = setpoint_m
         if asked_m is None and self.is_received(Setpoint, now_ns):
             asked_m = self.other_setpoint_m
-        here_m = self.position_m if self.is_received(StemPosition, now_ns) else None
-        error_m = None if asked_m is None or here_m is None or status.mode is Mode.MANUAL else here_m - asked_m
-        current = f"{self.command.current_ma:.3f} mA" if self.command else "none"
-        doubt = f", quality {self.quality.name}" if self.quality is not Quality.VALID else ""
-        rows = (
-            ("mode", state_in_words(status)),
-            ("armed", "yes" if status.armed else "no"),
-            ("table", "saved" if status.table_saved else "not saved: see the positioner's log"),
-            ("position", "no position frames come" if here_m is None else in_mm(here_m, self._span_m) + doubt),
-            ("setpoint", "no host sends one" if asked_m is None else in_mm(asked_m, self._span_m)),
-            ("error", "-" if error_m is None else in_mm(error_m, self._span_m)),
-            ("current", current if self.is_received(CurrentCommand, now_ns) else "no commands come"),
-            ("alarms", alarms_in_words(self.alarms) if self.is_received(PositionerAlarms, now_ns) else "none"),
-            ("counters", self._counters(status)),
+        return Snapshot(
+            valve=self._valve.id,
+            span_m=self._valve.span_m,
+            status=self.status if self.is_received(PositionerStatus, now_ns) else None,
+            position_m=self.position_m if self.is_received(StemPosition, now_ns) else None,
+            quality=self.quality,
+            setpoint_m=asked_m,
+            current_ma=self.command.current_ma if self.command and self.is_received(CurrentCommand, now_ns) else None,
+            alarms=self.alarms if self.is_received(PositionerAlarms, now_ns) else None,
+            counts=self.counts,
         )
-        return [f"{name:<9} {value}" for name, value in rows]
 
     def silence(self, now_ns: int) -> str:
         """Return why no status may come, in one line."""
@@ -143,8 +137,3 @@ class ValveView:
             "position frames come, but the positioner is silent: it was not armed since its start (`arm`), "
             "or `positioner run` does not run on this bus with this configuration"
         )
-
-    def _counters(self, status: PositionerStatus) -> str:
-        own = f"learned {status.learned_count}, refused {status.rejected_count}, fallbacks {status.fallback_count}"
-        counts = [f"{kind.name.lower().replace('_', ' ')} {count}" for kind, count in sorted(self.counts.items())]
-        return ", ".join((f"{own} (each modulo 256)", *counts))

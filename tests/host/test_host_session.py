@@ -4,21 +4,14 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
+from virtual_bench import TEXT, Bench
 
-from plant_emulator.device import advance, initial_device, publish, take
-from plant_emulator.presets import plant_settings
-from positioner.config.reader import parse_config
-from positioner.cycle.input import CycleInput
-from positioner.cycle.state import CycleState, Setup
-from positioner.cycle.step import step
 from positioner.errors import HostError
 from positioner.host.session import ANSWER_S, RELEASED_S, HostSession
-from positioner.host.verbs import Verb, Word, read_verbs
+from positioner.host.verbs import Verb, Word
 from positioner.wire.messages import (
-    CurrentCommand,
     HostRequest,
     ManualCurrent,
     ManualRequest,
@@ -27,85 +20,7 @@ from positioner.wire.messages import (
     StemPosition,
 )
 
-if TYPE_CHECKING:
-    from positioner.config.schema import Configuration
-    from positioner.wire.messages import CanFrame, Message
-
-MS = 1_000_000
-PERIOD_NS = 2 * MS
-TEXT = '[valve]\nid = "V"\npreset = "paper"\n[control]\nsample_period_s = 0.002\n'
-
-
-class Bench:
-    """One host, one positioner, one valve; every cycle is a period, and the host runs in each."""
-
-    def __init__(self, text: str = TEXT) -> None:
-        self.configuration: Configuration = parse_config(text, "test", Path())
-        self.codec = self.configuration.make_codec()
-        control = self.configuration.control
-        law = self.configuration.make_law()
-        self.setup = Setup(self.codec, self.configuration.valve, self.configuration.guard, law, control.sample_period_s)
-        self.plant = plant_settings("paper")
-        self.device = initial_device(self.plant, 3)
-        self.state = CycleState()
-        self.session = HostSession(self.configuration)
-        self.now_ns = 1000 * MS
-        self.sent: list[Message] = []
-        self.currents: list[float] = []
-        self.plant_is_on = self.positioner_is_on = self.host_is_on = True
-        self.others: list[CanFrame] = []
-        self.cycles = self.foreign_every = 0
-        self.run(0.7)
-
-    def run(self, duration_s: float) -> None:
-        for _ in range(round(duration_s * 1e9 / PERIOD_NS)):
-            self.now_ns += PERIOD_NS
-            bus = [*self.others]
-            self.others = []
-            self.cycles += 1
-            if self.foreign_every and self.cycles % self.foreign_every == 0:
-                bus.append(self.codec.encode(CurrentCommand(9.5), self.cycles // self.foreign_every))
-            if self.host_is_on:
-                frames = self.session.advance(self.now_ns)
-                self.sent += [self.codec.decode(frame)[0] for frame in frames]
-                bus += frames
-            if self.plant_is_on:
-                self.device, frames = publish(self.codec, self.plant, self.device)
-                bus += frames
-            outbox: tuple[CanFrame, ...] = ()
-            if self.positioner_is_on:
-                self.state, outbox, _ = step(self.setup, self.state, CycleInput(tuple(bus), self.now_ns))
-            own = {self.codec.identifier(Setpoint), self.codec.identifier(ManualCurrent)} if self.host_is_on else set()
-            received = [frame for frame in bus if frame.identifier not in own]
-            self.session.receive([*received, *outbox], self.now_ns)
-            self.currents += [
-                message.current_ma
-                for message, _ in map(self.codec.decode, outbox)
-                if isinstance(message, CurrentCommand)
-            ]
-            self.device = advance(self.plant, take(self.codec, self.device, outbox), PERIOD_NS / 1e9)
-
-    def say(self, text: str, *, within_s: float = 1.0) -> None:
-        """Begin the verbs in `text`, each when the one before is done."""
-        for verb in read_verbs([text], self.configuration.valve, self.configuration.guard):
-            self.session.begin(verb, self.now_ns)
-            self.until_done(within_s)
-
-    def until_done(self, within_s: float) -> None:
-        end_ns = self.now_ns + round(within_s * 1e9)
-        while self.session.is_busy:
-            assert self.now_ns < end_ns, self.session.lines
-            self.run(PERIOD_NS / 1e9)
-
-    def is_in(self, mode: Mode) -> bool:
-        return self.state.guard.mode is mode
-
-    @property
-    def true_m(self) -> float:
-        return self.device.plant.stem.position_m
-
-    def reported(self, word: str) -> list[str]:
-        return [line for line in self.session.lines if word in line]
+PERCENT = Path(__file__).parents[2] / "examples" / "percent.toml"
 
 
 def test_before_the_first_verb_not_a_frame_is_sent() -> None:
@@ -394,3 +309,30 @@ def test_a_short_timeout_of_the_positioner_shortens_the_period_of_the_setpoints(
     it.run(1.0)
     assert len(it.sent) == pytest.approx(250, abs=2)
     assert it.is_in(Mode.ACTIVE)
+
+
+def percent() -> str:
+    """Return the example with frames in percent, at the period of these tests."""
+    text = PERCENT.read_text("utf-8").replace("sample_period_s = 0.005", "sample_period_s = 0.002")
+    return text.replace("percent.dbc", str(PERCENT.with_suffix(".dbc")))
+
+
+def test_a_host_arms_and_moves_over_the_frames_of_a_users_dbc() -> None:
+    bench = Bench(percent())
+    bench.session.begin(Verb(Word.ARM), bench.now_ns)
+    bench.run(0.5)
+    assert bench.is_in(Mode.ACTIVE)
+    bench.session.begin(Verb(Word.SET, setpoint_m=0.08), bench.now_ns)
+    bench.run(1.0)
+    assert bench.session.view.position_m == pytest.approx(0.08, abs=2e-3)
+    bench.session.begin(Verb(Word.DISARM), bench.now_ns)
+    bench.run(0.5)
+    assert bench.is_in(Mode.READY)
+
+
+@pytest.mark.parametrize("word", [Word.ARM, Word.DISARM])
+def test_a_setpoint_frame_without_a_request_can_neither_arm_nor_disarm(word: Word) -> None:
+    bench = Bench(percent().replace(', request = "Release"', ""))
+    with pytest.raises(HostError, match="maps no signal to `request`: map one, or set guard"):
+        bench.session.begin(Verb(word), bench.now_ns)
+    assert bench.session.advance(bench.now_ns) == ()

@@ -12,7 +12,7 @@ from positioner.valve.parameters import ValveParameters
 from positioner.wire.messages import Cause
 
 VALVE = ValveParameters(id="paper")
-KNOWN = "known: arm, disarm, set, manual, auto, status, help, quit"
+KNOWN = "known: arm, disarm, set, profile, manual, auto, status, help, quit"
 GUARD = GuardSettings(current_low_ma=4.0, current_high_ma=18.0)
 
 

@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 import argparse
+import json
 import signal
-import sys
 import textwrap
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from positioner.bench.own_plant import with_plant
 from positioner.bench.scenario import load_scenario, scenario_names
+from positioner.bench.sensor_noise import with_noise
+from positioner.bench.setpoints import with_setpoints
 from positioner.bus.address import parse_address
-from positioner.cli.command import add_command, add_state
-from positioner.errors import BenchError, ExitCode
-from positioner.laws.registry import LAWS
-from positioner.studies.conditions import ALL_PLANTS
+from positioner.cli.command import add_command, add_state, add_valve
+from positioner.cli.names import add_law, add_plant, add_signals, law_of, plant_of
+from positioner.cli.run_report import add_report, check_report, command_again, picture_in, write_page
+from positioner.cli.tables import add_output, note, show, show_json
+from positioner.errors import BenchError, ExitCode, UsageError
+from positioner.laws.registry import law_names
+from positioner.machine.completion import suggest
+from positioner.studies.conditions import known_plants
 from positioner.studies.interpretations import NoiseKind, Units, interpreted_as
+from positioner.wire.file import wire_codec, wire_table
 
 if TYPE_CHECKING:
+    from positioner.bench.result import Result
     from positioner.cli.command import Commands
 
 
@@ -31,12 +40,18 @@ examples:
   positioner bench                                      the paper's valve, three setpoints, each visited three times
   positioner bench --scenario noise-free --out noise-free
   positioner bench --state bench-paper-valve/state      start from the table of an earlier run
+  positioner bench --law examples/my_law.py:MyLaw       a law of your own: docs/own-law.md
+  positioner bench --setpoints ramp:10,from=50%,to=70% --noise uniform:0.05%
+  positioner bench --plant examples/plant.toml          a plant of your own, as `plant-emulator` takes it
   positioner bench --scenario paper-3 --reading B       the paper's third simulation with held noise
+  positioner bench --report paper-valve.html            and write it all into one HTML page
   positioner bench --clock realtime                     at the machine's own pace, and how well it was kept
+  positioner bench --wire examples/percent.toml         over the frames of a DBC of your own: docs/own-dbc.md
 
 It starts the plant emulator and the daemon as processes on one bus and sends the scenario's setpoints as frames. The
-output directory then holds: result.json (the figures), trend.png (the picture), bus.log (candump format, for
-canplayer), trace.csv (estimates and decisions of the law), both configurations and both logs.
+output directory then holds: result.json (the figures), trend.png (the run) and moves.png (single moves, in ms), both
+also as .svg, bus.log (candump format, for canplayer), trace.csv (estimates and decisions of the law), both
+configurations and both logs.
 
 --reading chooses the interpretation of the paper's noise: A, white noise and a Kalman filter (D11); B, each draw of the
 noise held for 10 ms, position and speed from raw readings; or noise-free. --units chooses the units of α and β of
@@ -46,8 +61,8 @@ exit status: 0 done; 1 failed, or the positioner was ACTIVE for less than 99 % o
 law's); 78 the scenario is wrong.
 
 {_listed("scenarios", scenario_names())}
-{_listed("laws", tuple(LAWS))}
-{_listed("plants", ALL_PLANTS)}
+{_listed("laws", law_names())}
+{_listed("plants", known_plants())}
 """
 
 
@@ -56,13 +71,13 @@ def add_parser(commands: Commands) -> None:
     parser = add_command(
         commands, "bench", _run, "control an emulated valve, with figures and a picture; no hardware needed", _EPILOG
     )
-    parser.add_argument(
+    scenario = parser.add_argument(
         "--scenario", default="paper-valve", metavar="NAME|FILE", help="scenario to play (default: %(default)s)"
     )
-    parser.add_argument("--law", choices=tuple(LAWS), metavar="NAME", help="control law instead of the scenario's")
-    parser.add_argument(
-        "--plant", choices=ALL_PLANTS, metavar="NAME", help="preset of the emulator instead of the scenario's"
-    )
+    suggest(scenario, scenario_names, "*.toml")
+    add_law(parser, "control law instead of the scenario's")
+    add_plant(parser, "plant instead of the scenario's")
+    add_signals(parser)
     parser.add_argument("--seed", type=_seed, metavar="N", help="seed instead of the scenario's")
     parser.add_argument(
         "--reading", choices=tuple(NoiseKind), metavar="A|B|noise-free", help="interpretation of the paper's noise"
@@ -83,7 +98,13 @@ def add_parser(commands: Commands) -> None:
         default="lockstep",
         help="lockstep: as fast as possible, repeatable to the bit; realtime: as on hardware (default: %(default)s)",
     )
+    parser.add_argument(
+        "--wire", type=Path, metavar="FILE", help="frames of your own DBC: [wire] of this configuration"
+    )
+    add_valve(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="output directory (default: bench-SCENARIO)")
+    add_output(parser)
+    add_report(parser)
     add_state(parser, "start from the table in DIR, and save the table there")
 
 
@@ -97,18 +118,29 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     # the runner imports matplotlib, which would slow every other command down
     from positioner.bench.modes import complaint  # noqa: PLC0415
     from positioner.bench.play import BenchOptions  # noqa: PLC0415
-    from positioner.bench.result import to_text  # noqa: PLC0415
+    from positioner.bench.result import blocks, to_json  # noqa: PLC0415
     from positioner.bench.runner import run_bench  # noqa: PLC0415
 
+    check_report(arguments)
     # SIGTERM ends the processes of the bench, as Ctrl-C does
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     scenario = load_scenario(arguments.scenario)
     scenario = replace(
         scenario,
-        law=arguments.law or scenario.law,
+        law=law_of(arguments) or scenario.law,
         seed=scenario.seed if arguments.seed is None else arguments.seed,
-        plant={**scenario.plant, "preset": arguments.plant} if arguments.plant else scenario.plant,
     )
+    if plant := plant_of(arguments):
+        scenario = with_plant(scenario, plant)
+    if arguments.noise:
+        scenario = with_noise(scenario, arguments.noise)
+    if arguments.setpoints:
+        scenario = with_setpoints(scenario, arguments.setpoints)
+    if arguments.wire:
+        wire_codec(arguments.wire, arguments.valve)  # a mistake is one in this file, with its line
+        scenario = replace(scenario, wire=wire_table(arguments.wire, arguments.valve))
+    elif arguments.valve:
+        raise UsageError("--valve names a valve of the file that --wire gives: give both")
     scenario = interpreted_as(
         scenario,
         NoiseKind(arguments.reading) if arguments.reading else None,
@@ -122,11 +154,27 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         state=arguments.state,
         plant_bus=parse_address(arguments.plant_bus) if arguments.plant_bus else None,
     )
-    result = run_bench(scenario, options, lambda line: sys.stderr.write(f"{line}\n"))
-    sys.stdout.write(to_text(result))
+    result = run_bench(scenario, options, note)
+    if arguments.json:
+        show_json(json.loads(to_json(result)))
+    else:
+        show(blocks(result), as_markdown=arguments.markdown)
     state = arguments.state or out / "state"
-    sys.stdout.write(f"\n{out}: result.json, trend.png, bus.log; the learned table is in {state}\n")
+    note(f"\n{out}: result.json, bus.log, trend and moves (.png, .svg); the learned table is in {state}")
+    if arguments.report:
+        _write_report(arguments, result, out)
     if wrong := complaint(result.modes, str(out / "positioner.log")):
-        sys.stdout.flush()
         raise BenchError(wrong)
     return ExitCode.OK
+
+
+def _write_report(arguments: argparse.Namespace, result: Result, out: Path) -> None:
+    from positioner.bench.report_page import bench_page  # noqa: PLC0415
+
+    pictures = (picture_in(out / "trend.svg", "The run"), picture_in(out / "moves.svg", "Single moves"))
+    again = command_again(arguments, "bench", _PLAYED, seed=result.scenario.seed)
+    write_page(arguments.report, bench_page(result, pictures, again))
+
+
+_PLAYED = ("scenario", "law", "plant", "setpoints", "noise", "seed", "reading", "units", "clock", "wire", "state")
+"""Options on which the figures depend."""

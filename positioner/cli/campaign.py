@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command, add_workers, workers_of
+from positioner.cli.tables import add_output, note, show, show_json
 from positioner.errors import BenchError, ExitCode, UsageError, writing
 
 if TYPE_CHECKING:
@@ -40,6 +42,7 @@ def add_parser(commands: Commands) -> None:
     parser = add_command(commands, "campaign", _run, summary, _EPILOG)
     parser.add_argument("file", type=Path, nargs="?", metavar="FILE", help="the campaign, a TOML file")
     parser.add_argument("--keys", action="store_true", help="list the keys that a campaign may change, and end")
+    add_output(parser)
     add_workers(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="output directory (default: campaign-NAME)")
 
@@ -64,9 +67,12 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     played = play_campaign(campaign, out, workers_of(arguments))
     with writing(out):
         write_table(out / "runs.parquet", campaign, played)
-        text = write_report(out, campaign, played, summary_of(campaign, played))
-    sys.stdout.write(text)
-    sys.stdout.write(f"\n{out}: runs.parquet, summary.md, summary.json, sensitivity.png, corners.png\n")
+        found = write_report(out, campaign, played, summary_of(campaign, played))
+    if arguments.json:
+        show_json(json.loads((out / "summary.json").read_text(encoding="utf-8")))
+    else:
+        show(found, as_markdown=arguments.markdown)
+    note(f"\n{out}: runs.parquet, summary.md, summary.json, sensitivity and corners (.png, .svg)")
     if failed := sum(each.outcome.figures is None for each in played):
         raise BenchError(f"{failed} of {len(played)} runs failed; the column `failure` of runs.parquet says why")
     return ExitCode.OK

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import asdict
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from positioner.cli.command import add_command
+from positioner.cli.tables import add_json, show_json
 from positioner.config.locations import location_of
 from positioner.config.reader import load_valves
 from positioner.config.several import by_bus
 from positioner.doctor import bus_load
-from positioner.errors import ExitCode
+from positioner.errors import ConfigurationError, ExitCode
+from positioner.laws.outside import OutsideLaw
+from positioner.laws.registry import is_outside
 from positioner.reach.expected import in_words
 
 if TYPE_CHECKING:
@@ -27,6 +31,7 @@ _EPILOG = """\
 examples:
   positioner check /etc/positioner/fv101.toml
   positioner check --example > fv101.toml       write a commented configuration to start from
+  positioner check fv101.toml --json            mistakes and properties for programs
 """
 
 
@@ -38,16 +43,67 @@ def add_parser(commands: Commands) -> None:
     which = parser.add_mutually_exclusive_group(required=True)
     which.add_argument("config", nargs="?", type=Path, metavar="valve.toml", help="the configuration")
     which.add_argument("--example", action="store_true", help="print a commented configuration")
+    add_json(parser)
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.example:
         sys.stdout.write(example_text())
         return ExitCode.OK
+    if arguments.json:
+        return _as_json(arguments.config)
     configurations = load_valves(arguments.config)
     summaries = [summary(each, location_of(each, arguments.config).state) for each in configurations]
     sys.stdout.write(f"{arguments.config}: good\n" + "\n".join(summaries) + shared_buses(configurations))
     return ExitCode.OK
+
+
+def _as_json(path: Path) -> ExitCode:
+    """Print mistakes, or the properties of each valve, as one document; return the exit status."""
+    try:
+        configurations = load_valves(path)
+    except ConfigurationError as error:
+        mistakes = [asdict(problem) for problem in error.problems]
+        show_json({"file": str(path), "good": False, "mistakes": mistakes, "valves": []})
+        return error.exit_code
+    valves = [values(each, location_of(each, path).state) for each in configurations]
+    show_json({"file": str(path), "good": True, "mistakes": [], "valves": valves})
+    return ExitCode.OK
+
+
+def values(configuration: Configuration, state: Path) -> dict[str, Any]:
+    """Return the main properties of the configured valve for a program, in SI units; `state` holds its table."""
+    valve, guard, period_s = configuration.valve, configuration.guard, configuration.control.sample_period_s
+    low_m, high_m = restartable_m(configuration)
+    load = bus_load.bus_load(configuration.make_codec(), period_s, bus_load.FASTEST)
+    return {
+        "valve": valve.id,
+        "span_m": valve.span_m,
+        "restartable_low_m": low_m,
+        "restartable_high_m": high_m,
+        "static_friction_of_span_force": valve.static_friction_n / _span_force_n(configuration),
+        "slip_jump_m": (valve.static_friction_n - valve.coulomb_friction_n) / valve.spring_rate_n_per_m,
+        "law": configuration.control.law,
+        "sample_period_s": period_s,
+        "actuator_deadman_s": guard.actuator_deadman_s or None,
+        "bus": str(configuration.bus),
+        "bus_load_at_1_mbit_per_s": load.total,
+        "state": str(state),
+    }
+
+
+def restartable_m(configuration: Configuration) -> tuple[float, float]:
+    """Return the ends in m of the range in which currents within the limits free the stem both ways, beyond stops."""
+    valve, guard = configuration.valve, configuration.guard
+    low_n = valve.force_gain_n_per_ma * guard.current_low_ma - valve.bench_set_n
+    high_n = valve.force_gain_n_per_ma * guard.current_high_ma - valve.bench_set_n
+    friction_n = valve.static_friction_n
+    return (low_n + friction_n) / valve.spring_rate_n_per_m, (high_n - friction_n) / valve.spring_rate_n_per_m
+
+
+def _span_force_n(configuration: Configuration) -> float:
+    guard = configuration.guard
+    return configuration.valve.force_gain_n_per_ma * (guard.current_high_ma - guard.current_low_ma)
 
 
 def example_text() -> str:
@@ -62,26 +118,36 @@ def summary(configuration: Configuration, state: Path) -> str:
 
 def summary_rows(configuration: Configuration, state: Path) -> tuple[tuple[str, str], ...]:
     """Return the main properties of the configured valve: names, and values with their units."""
-    valve, guard = configuration.valve, configuration.guard
-    gain, rate = valve.force_gain_n_per_ma, valve.spring_rate_n_per_m
-    low_n = gain * guard.current_low_ma - valve.bench_set_n
-    high_n = gain * guard.current_high_ma - valve.bench_set_n
+    valve = configuration.valve
     friction_n = valve.static_friction_n
-    span_force_n = gain * (guard.current_high_ma - guard.current_low_ma)
     return (
         ("valve", f"{valve.id}, span {valve.span_m * 1e3:g} mm"),
-        ("restartable both ways", _range((low_n + friction_n) / rate, (high_n - friction_n) / rate, valve)),
-        ("stiction", f"F_s {100 * friction_n / span_force_n:.1f} % of the span force"),
-        ("slip jump", f"{(friction_n - valve.coulomb_friction_n) / rate * 1e3:.2f} mm"),
+        ("restartable both ways", _range(*restartable_m(configuration), valve)),
+        ("stiction", f"F_s {100 * friction_n / _span_force_n(configuration):.1f} % of the span force"),
+        ("slip jump", f"{(friction_n - valve.coulomb_friction_n) / valve.spring_rate_n_per_m * 1e3:.2f} mm"),
         ("actuator", valve.actuator.in_words()),
         ("law", f"{configuration.control.law}, every {configuration.control.sample_period_s * 1e3:g} ms"),
+        *_outside(configuration),
         *([("error to expect", expected)] if (expected := in_words(configuration)[0]) else []),
         *([("setpoint", configuration.setpoint.in_words())] if configuration.setpoint.shapes else []),
         ("actuator's deadman", _deadman(configuration)),
         ("bus", str(configuration.bus)),
         ("bus load", bus_load.in_words(configuration.make_codec(), configuration.control.sample_period_s)),
+        *([("metrics", configuration.metrics.in_words())] if configuration.metrics.is_on else []),
         ("state", str(state)),
     )
+
+
+def _outside(configuration: Configuration) -> list[tuple[str, str]]:
+    """Return the row that says that the law is from outside, after it was made; no row for a law of this package.
+
+    Raises:
+        ConfigurationError: it cannot be loaded or made.
+    """
+    if not is_outside(configuration.control.law):
+        return []
+    law = configuration.make_law()
+    return [("law from outside", law.in_words())] if isinstance(law, OutsideLaw) else []
 
 
 def shared_buses(configurations: Sequence[Configuration]) -> str:

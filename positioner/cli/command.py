@@ -75,6 +75,31 @@ def workers_of(arguments: argparse.Namespace) -> Workers:
     return Workers(arguments.workers, arguments.dask)
 
 
+def refuse_without_folder(option: str, path: Path | None) -> None:
+    """Refuse a file that will be written where there is no folder for it; None is fine.
+
+    Raises:
+        UsageError: there is none.
+    """
+    if path is not None and not path.absolute().parent.is_dir():
+        raise UsageError(f"{option} {path}: there is no folder {path.absolute().parent}")
+
+
+def check_picture(path: Path | None) -> None:
+    """Refuse a `--picture` that cannot be written, before anything moves; None is fine.
+
+    Raises:
+        UsageError: there is no folder for it, or nobody knows its format.
+    """
+    refuse_without_folder("--picture", path)
+    if path is not None and path.suffix.lower() not in PICTURES:
+        raise UsageError(f"--picture {path}: is no picture: give a name that ends with .png, .svg or .pdf")
+
+
+PICTURES = ("", ".png", ".svg", ".pdf")
+"""How the file of a picture ends; without an end it is written as .png and .svg."""
+
+
 def numbers_in(what: str, given: str, *, whole: bool = False) -> tuple[float, ...]:
     """Return the numbers in a list with commas.
 

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import json
 import sys
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from positioner.cli.command import add_command, add_config, add_valve, numbers_in
+from positioner.cli.command import add_command, add_config, add_valve, check_picture, numbers_in
 from positioner.config.reader import load_config
 from positioner.diagnostics.finding import finding_of, percent
 from positioner.diagnostics.loop_table import OPTIONS, LoopTable, loop_of
 from positioner.diagnostics.report import as_text, as_values
 from positioner.diagnostics.verdict import Verdict
-from positioner.errors import ExitCode, RecordError, UsageError
+from positioner.errors import ExitCode, RecordError, UsageError, writing
 from positioner.inputs.csv_table import read_table, text_of
 
 if TYPE_CHECKING:
     import argparse
 
+    import numpy as np
+    from numpy.typing import NDArray
+
     from positioner.cli.command import Commands
+    from positioner.diagnostics.finding import Finding
 
 _EPILOG = """\
 examples:
@@ -28,6 +33,7 @@ examples:
   positioner diagnose fic101.csv --op OUT --pv FLOW --sp SET --picture fic101.png
   positioner diagnose fic101.csv --op 2 --pv 3 --period 5   without a header and without times
   positioner diagnose fic101.csv --stem ZT101 --json        with the position of the stem, for programs
+  positioner diagnose fic101.csv --report fic101.html       one page: verdict, signals, every method
 
 S and J are in percent of the command's span. From OP and PV alone the published methods stand side by side; the verdict
 is "yes" where two of HAMM, ADD, YAM and CORR agree, one of them with a model of the valve, "no" where none of them says
@@ -56,10 +62,12 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--period", type=float, metavar="S", help="sample period, where there are no time stamps")
     parser.add_argument("--op-range", default="0,100", metavar="A,B", help="OP at 0 and 100 %% (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of text")
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the trend and the evidence (PNG)")
+    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the trend and the evidence (PNG and SVG)")
+    parser.add_argument("--report", type=Path, metavar="FILE", help="write the finding as an HTML page")
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
+    check_picture(arguments.picture)
     if arguments.config:
         from positioner.replay.stem_log import CURRENT_AT_0_MA, CURRENT_AT_100_MA  # noqa: PLC0415 - see _table
 
@@ -74,12 +82,23 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         sys.stdout.write(json.dumps(as_values(finding), indent=2, ensure_ascii=False) + "\n")
     else:
         sys.stdout.write(as_text(finding))
+    if arguments.report:
+        _write_report(arguments.report, finding, table, percent(table.op, low, high))
     if arguments.picture:
         from positioner.cli.diagnose_picture import draw  # noqa: PLC0415 - matplotlib would slow every command down
 
         draw(arguments.picture, table, finding, percent(table.op, low, high))
         sys.stderr.write(f"picture: {arguments.picture}\n")
     return ExitCode.FAILURE if finding.verdict is Verdict.YES else ExitCode.OK
+
+
+def _write_report(path: Path, finding: Finding, table: LoopTable, command: NDArray[np.float64]) -> None:
+    from positioner.report.diagnosis_page import diagnosis_page  # noqa: PLC0415 - Jinja2 for a report only
+    from positioner.report.page import html  # noqa: PLC0415
+
+    with writing(path):
+        path.write_text(html(diagnosis_page(finding, table, command, datetime.now(UTC))), encoding="utf-8")
+    sys.stderr.write(f"report: {path}\n")
 
 
 def _table(arguments: argparse.Namespace) -> LoopTable:

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from positioner.cli.command import add_command, add_config, add_state, add_valve
+from positioner.cli.tables import add_output, finite, show, show_json
 from positioner.config.reader import load_config
 from positioner.diagnostics.explanation import Explainer
-from positioner.diagnostics.explanation_text import command_lines, counts_line, moves_table
+from positioner.diagnostics.explanation_text import MOVES_HEAD, command_lines, counts_line, move_row
 from positioner.errors import ExitCode, UsageError
 from positioner.replay.compare import Comparison, FrameCounters
 from positioner.replay.log import LogError
@@ -21,13 +22,17 @@ from positioner.replay.prepare import prepare
 from positioner.replay.recorded import command_in
 from positioner.replay.report import headline
 from positioner.replay.run import replay_cycles
+from positioner.report.table import Table
 from positioner.wire.messages import CurrentCommand
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Iterator
 
     from positioner.cli.command import Commands
+    from positioner.config.schema import Configuration
     from positioner.diagnostics.explanation import ExplainedCommand
+    from positioner.replay.prepare import PreparedLog
 
 _EPILOG = """\
 examples:
@@ -51,7 +56,7 @@ def add_parser(commands: Commands) -> None:
     add_valve(parser)
     add_state(parser, "start from the table in DIR, which is only read")
     parser.add_argument("--at", type=float, metavar="T", help="the newest command at this instant of the log, in s")
-    parser.add_argument("--json", action="store_true", help="print every explanation as JSON, one object a line")
+    add_output(parser)
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
@@ -60,37 +65,69 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if prepared.late:
         raise LogError(f"{arguments.log}: starts late: {prepared.late}: start the log before the positioner")
     codec, explainer = configuration.make_codec(), Explainer()
-    chosen: ExplainedCommand | None = None
-    comparison, begin_ns = Comparison(codec, prepared.kind.has_instants), None
+    comparison = Comparison(codec, prepared.kind.has_instants)
+    commands = _commands(configuration, prepared, explainer, comparison)
+    if arguments.at is not None:
+        _show_newest(arguments, configuration, commands)
+    elif arguments.json:
+        _write_all(commands, explainer)
+    else:
+        for _ in commands:
+            pass
+        table = Table.of(MOVES_HEAD, map(move_row, explainer.moves))
+        show([headline(prepared), counts_line(explainer.counts), table], as_markdown=arguments.markdown)
+    counters = comparison.counters.get(codec.by_kind[CurrentCommand].dbc.name, FrameCounters())
+    differ = counters.recorded - counters.equal
+    if differ:
+        sys.stderr.write(f"{differ} recorded commands differ from the explained ones: see positioner replay\n")
+    return ExitCode.FAILURE if differ else ExitCode.OK
+
+
+def _commands(
+    configuration: Configuration, prepared: PreparedLog, explainer: Explainer, comparison: Comparison
+) -> Iterator[ExplainedCommand]:
+    """Yield every command of the log, explained."""
+    begin_ns = None
     cycles = replay_cycles(configuration, prepared.cycles(), prepared.table)
     for cycle in tqdm(cycles, "explain", prepared.cycle_count, unit=" cycles", delay=1, leave=False, disable=None):
         begin_ns = cycle.recorded.time_ns if begin_ns is None else begin_ns
         time_s = (cycle.recorded.time_ns - begin_ns) * 1e-9
         comparison.add(cycle)
-        computed = command_in(codec, cycle.computed)
+        computed = command_in(comparison.codec, cycle.computed)
         sent_ma = computed[0].current_ma if computed else None
         command = explainer.add(time_s, cycle.mode, cycle.events, sent_ma)
-        if command is None:
-            continue
-        if arguments.json and arguments.at is None:
-            sys.stdout.write(f"{json.dumps(_as_json(command))}\n")
-        if arguments.at is not None and command.time_s <= arguments.at:
-            chosen = command
-    if arguments.at is not None:
-        if chosen is None:
-            raise UsageError(f"{arguments.log}: no command until {arguments.at:g} s")
-        cell_m = configuration.control.table_cell_m
-        lines = [json.dumps(_as_json(chosen))] if arguments.json else command_lines(chosen, cell_m)
-    elif arguments.json:
-        lines = [json.dumps({"moves": [asdict(move) for move in explainer.moves], "counts": explainer.counts})]
+        if command is not None:
+            yield command
+
+
+def _show_newest(
+    arguments: argparse.Namespace, configuration: Configuration, commands: Iterator[ExplainedCommand]
+) -> None:
+    """Print the newest command at the instant of --at.
+
+    Raises:
+        UsageError: there was none yet.
+    """
+    chosen = None
+    for command in commands:
+        chosen = command if command.time_s <= arguments.at else chosen
+    if chosen is None:
+        raise UsageError(f"{arguments.log}: no command until {arguments.at:g} s")
+    if arguments.json:
+        show_json(_as_json(chosen))
     else:
-        lines = [headline(prepared), counts_line(explainer.counts), *moves_table(explainer.moves)]
-    sys.stdout.write("\n".join(lines) + "\n")
-    commands = comparison.counters.get(codec.by_kind[CurrentCommand].dbc.name, FrameCounters())
-    differ = commands.recorded - commands.equal
-    if differ:
-        sys.stderr.write(f"{differ} recorded commands differ from the explained ones: see positioner replay\n")
-    return ExitCode.FAILURE if differ else ExitCode.OK
+        show(command_lines(chosen, configuration.control.table_cell_m), as_markdown=arguments.markdown)
+
+
+def _write_all(commands: Iterator[ExplainedCommand], explainer: Explainer) -> None:
+    """Print one JSON document. Of a long log the commands have no room in memory: they are written one by one."""
+    comma = ""
+    sys.stdout.write('{"commands": [')
+    for command in commands:
+        sys.stdout.write(f"{comma}\n{json.dumps(finite(_as_json(command)))}")
+        comma = ","
+    rest = {"moves": [asdict(move) for move in explainer.moves], "counts": explainer.counts}
+    sys.stdout.write(f"\n],\n{json.dumps(finite(rest))[1:]}\n")
 
 
 def _as_json(command: ExplainedCommand) -> dict[str, object]:

@@ -5,21 +5,23 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from positioner.cli.command import add_command, add_config, add_state, add_valve
+from positioner.cli.health_source import FoundHealth, health_in_log, kept_health, service_of
+from positioner.cli.question import agreed
+from positioner.commissioning import results
 from positioner.config.locations import location_of
 from positioner.config.reader import load_config
-from positioner.errors import ExitCode, StateError, UsageError
+from positioner.errors import ExitCode, StateError, UsageError, writing
 from positioner.health.alarm_text import alarm_as_json, alarm_lines, trend_lines, trends_as_json
 from positioner.health.causes import AlarmCause
-from positioner.health.counters_document import COUNTERS, counters_from
+from positioner.health.counters_document import COUNTERS
 from positioner.health.counters_report import as_lines, as_values
-from positioner.health.monitor import sections_of
-from positioner.health.trends_document import TRENDS, trends_from, trends_in
-from positioner.runtime.health_reference import measured_health_settings
+from positioner.health.trends_document import TRENDS, trends_in
 from positioner.store import access
 
 if TYPE_CHECKING:
@@ -27,14 +29,12 @@ if TYPE_CHECKING:
 
     from positioner.cli.command import Commands
     from positioner.config.schema import Configuration
-    from positioner.health.counters import Counters
-    from positioner.health.monitor import HealthSettings
-    from positioner.health.watch import Trends
 
 _EPILOG = """\
 examples:
   positioner health --config fv101.toml                       counters, histograms, trends and alarms
   positioner health --config fv101.toml --json                the same for programs
+  positioner health --config fv101.toml --report fv101.html   one page, with the verdict first
   positioner health --config fv101.toml --from bus.log        counted again from the record of a run
   positioner health --config fv101.toml --acknowledge all     a person has seen the alarms
   positioner health --config fv101.toml --reset               begin the counters anew, after a backup
@@ -48,19 +48,6 @@ log cannot, 78 the configuration is wrong.
 """
 
 
-@dataclass(frozen=True, slots=True)
-class _Found:
-    """The sections of the health, since when and until when, and where they were found."""
-
-    settings: HealthSettings
-    counters: Counters
-    trends: Trends
-    sections: dict[str, Any]
-    source: str
-    started: str = ""
-    saved: str = ""
-
-
 def add_parser(commands: Commands) -> None:
     """Add `positioner health`."""
     summary = "show what the valve has done, how it changes, and its alarms"
@@ -70,6 +57,7 @@ def add_parser(commands: Commands) -> None:
     add_state(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of text")
     parser.add_argument("--from", type=Path, metavar="LOG", dest="log", help="compute it again from a recorded run")
+    parser.add_argument("--report", type=Path, metavar="FILE", help="write it as an HTML page")
     parser.add_argument("--reset", action="store_true", help="begin the counters anew; the trends stay")
     parser.add_argument(
         "--acknowledge", metavar="CAUSE", help="a person has seen this alarm, such as friction_high, or all of them"
@@ -79,8 +67,8 @@ def add_parser(commands: Commands) -> None:
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
     changes = "--reset" if arguments.reset else "--acknowledge"
-    if (arguments.reset or arguments.acknowledge) and (arguments.log or arguments.json):
-        raise UsageError(f"{changes} goes neither with --from nor with --json: it changes what the daemon keeps")
+    if (arguments.reset or arguments.acknowledge) and (arguments.log or arguments.json or arguments.report):
+        raise UsageError(f"{changes} goes neither with --from, --json nor --report: it changes what the daemon keeps")
     configuration = load_config(arguments.config, valve=arguments.valve)
     if arguments.reset:
         return _reset(arguments, configuration)
@@ -91,50 +79,50 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         sys.stdout.write(json.dumps(_values(configuration, found), indent=2, ensure_ascii=False) + "\n")
     else:
         sys.stdout.write("\n".join(_lines(configuration, found)) + "\n")
+    if arguments.report:
+        _write_report(arguments, configuration, found)
     return ExitCode.FAILURE if any(alarm.is_active for alarm in found.trends.alarms) else ExitCode.OK
+
+
+def _write_report(arguments: argparse.Namespace, configuration: Configuration, found: FoundHealth) -> None:
+    from positioner.report.health_page import health_page  # noqa: PLC0415 - Jinja2 for a report only
+    from positioner.report.page import html  # noqa: PLC0415
+
+    valve = configuration.valve
+    signatures = results.kept_of(_directory(arguments, configuration), "signature", valve.id, _quiet)
+    facts = (("configuration", str(arguments.config)), ("source", found.source), *results.versions().items())
+    options = f"--config {arguments.config}" + (f" --valve {arguments.valve}" if arguments.valve else "")
+    page = health_page(valve.id, valve.span_m, datetime.now(UTC), service_of(found), signatures, facts, options)
+    with writing(arguments.report):
+        arguments.report.write_text(html(page), encoding="utf-8")
+    sys.stderr.write(f"report: {arguments.report}\n")
+
+
+def _quiet(line: str) -> None:
+    """Leave out what the reference of the health has told already."""
 
 
 def _directory(arguments: argparse.Namespace, configuration: Configuration) -> Path:
     return location_of(configuration, arguments.config, arguments.state).state
 
 
-def _kept(arguments: argparse.Namespace, configuration: Configuration) -> _Found:
-    directory = _directory(arguments, configuration)
-    document = access.health(directory)
-    if document.valve_id != configuration.valve.id:
-        raise StateError(f"{directory}: the health there is of valve {document.valve_id!r}, not of this one")
-    settings = measured_health_settings(configuration, _notice, directory)
-    return _found(settings, document.sections, directory, document.started, document.saved)
+def _kept(arguments: argparse.Namespace, configuration: Configuration) -> FoundHealth:
+    return kept_health(configuration, _directory(arguments, configuration), _notice)
 
 
 def _notice(line: str) -> None:
     sys.stderr.write(f"{line}\n")
 
 
-def _found(
-    settings: HealthSettings, sections: dict[str, Any], source: Path, started: str = "", saved: str = ""
-) -> _Found:
-    try:
-        counters = counters_from(sections.get(COUNTERS))
-        trends = trends_from(sections.get(TRENDS), settings.watch.reference)
-        return _Found(settings, counters, trends, sections, str(source), started, saved)
-    except (ValueError, KeyError, TypeError) as error:
-        raise StateError(f"{source}: the health there cannot be used: {error}") from error
+def _from_log(arguments: argparse.Namespace, configuration: Configuration) -> FoundHealth:
+    directory = _directory(arguments, configuration)
+    if not arguments.state:
+        return health_in_log(arguments.log, configuration, directory, _notice)
+    before = _kept(arguments, configuration).sections
+    return health_in_log(arguments.log, configuration, directory, _notice, table=directory, before=before)
 
 
-def _from_log(arguments: argparse.Namespace, configuration: Configuration) -> _Found:
-    from positioner.replay.health_log import health_in  # noqa: PLC0415 - a log library, for a log only
-
-    before = _kept(arguments, configuration).sections if arguments.state else {}
-    state = _directory(arguments, configuration) if arguments.state else None
-    settings = measured_health_settings(configuration, _notice, _directory(arguments, configuration))
-    health, notices = health_in(arguments.log, configuration, settings, state, before)
-    for notice in notices:
-        sys.stderr.write(f"{arguments.log}: {notice}\n")
-    return _found(settings, sections_of(health), arguments.log)
-
-
-def _values(configuration: Configuration, found: _Found) -> dict[str, Any]:
+def _values(configuration: Configuration, found: FoundHealth) -> dict[str, Any]:
     return {
         "valve": configuration.valve.id,
         "source": found.source,
@@ -147,7 +135,7 @@ def _values(configuration: Configuration, found: _Found) -> dict[str, Any]:
     }
 
 
-def _lines(configuration: Configuration, found: _Found) -> list[str]:
+def _lines(configuration: Configuration, found: FoundHealth) -> list[str]:
     settings, trends = found.settings, found.trends
     since = f"counted since {found.started}" if found.started else "counted from the log"
     alarms = [f"  {line}" for alarm in trends.alarms for line in alarm_lines(alarm)]
@@ -162,10 +150,9 @@ def _lines(configuration: Configuration, found: _Found) -> list[str]:
 def _reset(arguments: argparse.Namespace, configuration: Configuration) -> ExitCode:
     found, directory = _kept(arguments, configuration), _directory(arguments, configuration)
     if not arguments.yes:
-        if not sys.stdin.isatty():
-            raise StateError("--reset asks before it begins anew, and there is no terminal to ask on; give --yes")
+        nobody = StateError("--reset asks before it begins anew, and there is no terminal to ask on; give --yes")
         held = f"{configuration.valve.id}, {found.counters.cycles} cycles since {found.started}"
-        if input(f"Begin the counters anew? {held} [y/N] ").strip().lower() not in {"y", "yes"}:
+        if not agreed(f"Begin the counters anew? {held}", nobody):
             sys.stdout.write("nothing was changed\n")
             return ExitCode.OK
     backup = access.reset_health(directory, (COUNTERS,))

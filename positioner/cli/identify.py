@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from positioner.cli.command import add_command
+from positioner.cli.command import add_command, check_picture
 from positioner.cli.procedure import add_procedure, bar, keep_result, procedure_configuration, stretches_of
 from positioner.commissioning.experiment import Experiment
 from positioner.commissioning.identify import identify
@@ -16,7 +16,7 @@ from positioner.commissioning.procedure import ProcedureLimits
 from positioner.commissioning.report import as_json, remarks, rows
 from positioner.commissioning.units import PASCALS, area_m2, pressure_gain
 from positioner.config.written_values import write_values
-from positioner.errors import ExitCode, UsageError
+from positioner.errors import ExitCode
 
 if TYPE_CHECKING:
     import argparse
@@ -50,7 +50,7 @@ def add_parser(commands: Commands) -> None:
     )
     add_procedure(parser)
     parser.add_argument("--write", action="store_true", help="write the values into the configuration, with a backup")
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw strokes, breakaways and steps (PNG)")
+    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw strokes, breakaways and steps (PNG and SVG)")
     parser.add_argument("--ip-range", metavar="P-P", help="pressure at 4 and 20 mA, like 3-15psi or 0.2-1bar")
     parser.add_argument("--area", metavar="AREA", help="effective area of the diaphragm, like 100in2 or 645cm2")
     parser.add_argument(
@@ -59,8 +59,7 @@ def add_parser(commands: Commands) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
-    if arguments.picture and not arguments.picture.parent.is_dir():
-        raise UsageError(f"--picture {arguments.picture}: there is no folder {arguments.picture.parent}")
+    check_picture(arguments.picture)
     configuration = _configuration(arguments)
     valve, period_s = configuration.valve, configuration.control.sample_period_s
     limits = ProcedureLimits.of(valve, configuration.guard)

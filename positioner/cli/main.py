@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK
 """`positioner`: the list of its commands, and its help. Shell."""
 
 from __future__ import annotations
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 import positioner
 from positioner.machine.build import version
 from positioner.machine.commands import add_commands, words_given
+from positioner.machine.completion import Completion
 from positioner.machine.console import Parser, run_command
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 _COMMANDS = (
     "run",
     "host",
+    "monitor",
     "identify",
     "signature",
     "step-test",
@@ -25,6 +26,7 @@ _COMMANDS = (
     "bench",
     "replay",
     "explain",
+    "export",
     "league",
     "campaign",
     "reproduce",
@@ -48,6 +50,7 @@ examples:
   positioner run --config fv101.toml               control the valve
   positioner host --config fv101.toml arm set 62%  arm the positioner, and move the valve to 62 %
   positioner replay bus.log --config fv101.toml    compute recorded commands again, and compare
+  positioner export bus.log --to parquet           write every signal of a recorded bus for other programs
   positioner identify --config fv101.toml          measure spring, friction and lag of the valve
   positioner stroke-test --config fv101.toml       stroke the valve by a tenth, and tell whether it moves as it should
   positioner step-test --config fv101.toml         measure response times, dead band and resolution
@@ -58,7 +61,7 @@ examples:
 
 exit status: 0 done, 1 failed, 2 wrong command line, 69 bus or valve not available, 70 internal error, 71 the system
              refuses, 74 state not saved, 75 in use by another process for now, 78 wrong configuration
-completion:  eval "$(register-python-argcomplete positioner)"
+completion:  positioner --completion bash > ~/.local/share/bash-completion/completions/positioner
 """
 
 
@@ -71,6 +74,7 @@ def build_parser(words: Sequence[str] | None = None) -> Parser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=version("positioner", positioner.__version__))
+    parser.add_argument("--completion", action=Completion)
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     add_commands(commands, __package__, _COMMANDS, words)
     return parser

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 from tqdm import tqdm
 
 from positioner.bus.address import parse_address
-from positioner.cli.command import add_config, add_state, add_valve
+from positioner.cli.command import add_config, add_state, add_valve, refuse_without_folder
+from positioner.cli.question import agreed
 from positioner.commissioning import results
 from positioner.commissioning.procedure import Procedure
 from positioner.config.locations import location_of
@@ -59,8 +60,7 @@ def add_procedure(parser: argparse.ArgumentParser) -> None:
 
 def procedure_configuration(arguments: argparse.Namespace) -> Configuration:
     """Return the configuration, with the bus and the state directory of the command line."""
-    if arguments.report and not arguments.report.absolute().parent.is_dir():
-        raise UsageError(f"--report {arguments.report}: there is no folder {arguments.report.absolute().parent}")
+    refuse_without_folder("--report", arguments.report)
     configuration = load_config(arguments.config, valve=arguments.valve)
     if arguments.bus:
         configuration = replace(configuration, bus=parse_address(arguments.bus))
@@ -141,7 +141,7 @@ def _write_report(
     from positioner.report.page import html  # noqa: PLC0415 - Jinja2 for a report only
     from positioner.report.procedure_page import procedure_page  # noqa: PLC0415
 
-    reference = results.reference(_state_of(arguments, configuration), kind)
+    reference = results.reference(_state_of(arguments, configuration), kind, configuration.valve.id)
     guard = configuration.guard
     facts = (
         ("configuration", str(arguments.config)),
@@ -161,7 +161,7 @@ def reference_of(arguments: argparse.Namespace, configuration: Configuration, ki
     Raises:
         StateError: the state directory cannot be read.
     """
-    kept = results.reference(_state_of(arguments, configuration), kind)
+    kept = results.reference(_state_of(arguments, configuration), kind, configuration.valve.id)
     return kept.document if kept else None
 
 
@@ -178,7 +178,7 @@ def _moved(arguments: argparse.Namespace, configuration: Configuration, procedur
     results.check_writable(_state_of(arguments, configuration))
     sys.stderr.write(_announcement(configuration, procedure))
     if not arguments.yes:
-        _ask()
+        _ask_whether_it_may_move()
     set_up(verbose=False)
     options = RunOptions(lockstep=arguments.clock == "lockstep", record=arguments.record)
     with bar(procedure.name) as show:
@@ -216,17 +216,14 @@ def _announcement(configuration: Configuration, procedure: OfferedProcedure[M]) 
     )
 
 
-def _ask() -> None:
+def _ask_whether_it_may_move() -> None:
     """Ask whether the valve may be moved.
 
     Raises:
         UsageError: it may not, or there is nobody to ask.
     """
-    if sys.stdin is None or not sys.stdin.isatty():
-        raise UsageError("nobody is there to confirm it: add --yes, if the valve may be moved")
-    sys.stderr.write("May it move? Type yes: ")
-    sys.stderr.flush()
-    if sys.stdin.readline().strip().lower() not in {"y", "yes"}:
+    nobody = UsageError("nobody is there to confirm it: add --yes, if the valve may be moved")
+    if not agreed("May it move?", nobody):
         raise UsageError("not confirmed: nothing was moved")
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 from positioner.cli.command import numbers_in, workers_of
+from positioner.cli.run_report import write_study
+from positioner.cli.tables import note, show, show_json
 from positioner.errors import ExitCode, UsageError
 from positioner.inputs.nearest import names_in
 
@@ -15,14 +17,13 @@ if TYPE_CHECKING:
 
     from positioner.studies.real_valves.bouts import RealLeagueSettings
 
-_ONLY_HERE = ("tau", "noise", "rival_plants", "exact", "conditions")
+_ONLY_HERE = ("tau", "rival_plants", "exact", "conditions")
 
 
 def add_real_valves(parser: argparse.ArgumentParser) -> None:
     """Add `--real-valves` and its options."""
     parser.add_argument("--real-valves", action="store_true", help="on valves whose actuator lags, identified before")
     parser.add_argument("--tau", metavar="MS,MS,…", help="real valves: lags (default: 0,2,5,10,20,50,100,300 ms)")
-    parser.add_argument("--noise", metavar="0.05,2", help="real valves: sensors, in %% of span and of reading")
     parser.add_argument("--rival-plants", metavar="A,B,…", help="real valves: plants of the other laws than nmpc")
     parser.add_argument("--exact", action="store_true", help="real valves: exact parameters instead of identified ones")
     parser.add_argument("--conditions", metavar="A,B,…", help="real valves: all, none, or names (default: all)")
@@ -46,14 +47,23 @@ def play(arguments: argparse.Namespace) -> ExitCode:
         UsageError: a name is unknown, or a number cannot be read.
     """
     from positioner.studies.real_valves.league import play_real_league  # noqa: PLC0415 - matplotlib and the plant
-    from positioner.studies.real_valves.report import RealReport, to_markdown, write_report  # noqa: PLC0415
+    from positioner.studies.real_valves.report import RealReport, blocks, write_report  # noqa: PLC0415
 
     settings = _settings(arguments)
     results = play_real_league(settings, arguments.out / "bouts", workers_of(arguments))
     report = RealReport(settings=settings, results=results)
     write_report(arguments.out, report)
-    sys.stdout.write(to_markdown(report))
-    sys.stdout.write(f"\n{arguments.out}: real-valves.json, real-valves.md, real-valves.png\n")
+    if arguments.json:
+        show_json(json.loads((arguments.out / "real-valves.json").read_text(encoding="utf-8")))
+    else:
+        show(blocks(report), as_markdown=arguments.markdown)
+    note(f"\n{arguments.out}: real-valves.json, real-valves.md, real-valves.png, real-valves.svg")
+    if arguments.report:
+        from positioner.studies.real_valves.goals import judged  # noqa: PLC0415
+        from positioner.studies.report_page import goals_verdict  # noqa: PLC0415
+
+        verdict = goals_verdict(judged(results))
+        write_study(arguments, "real-valves", blocks(report), asdict(settings), verdict)
     return ExitCode.OK
 
 
@@ -95,7 +105,7 @@ def _settings(arguments: argparse.Namespace) -> RealLeagueSettings:
 
 def _given(arguments: argparse.Namespace) -> dict[str, Any]:
     """Return the settings that the command line gives; None where it gives none."""
-    from positioner.studies.entrants import ENTRANTS  # noqa: PLC0415 - the plant
+    from positioner.studies.entrants import entrants_in  # noqa: PLC0415 - the plant
     from positioner.studies.real_valves.conditions import CONDITIONS  # noqa: PLC0415
     from positioner.studies.real_valves.valves import ALL_PLANTS, NOISES  # noqa: PLC0415
 
@@ -109,7 +119,7 @@ def _given(arguments: argparse.Namespace) -> dict[str, Any]:
     plants = names("plant", arguments.plants, ALL_PLANTS)
     special = {"all": tuple(CONDITIONS), "none": ()}
     return {
-        "laws": names("law", arguments.laws, ENTRANTS),
+        "laws": None if arguments.laws is None else entrants_in(arguments.laws),
         "plants": plants,
         "rival_plants": names("plant", arguments.rival_plants, ALL_PLANTS) or plants,
         "lags_s": lags_ms and tuple(lag_ms / 1e3 for lag_ms in lags_ms),

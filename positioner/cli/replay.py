@@ -10,15 +10,17 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from positioner.cli.command import add_command, add_config, add_state, add_valve
+from positioner.cli.names import add_law, law_of
+from positioner.cli.tables import add_json, note, show_json
 from positioner.config.reader import load_config
 from positioner.errors import ExitCode
+from positioner.inputs.plug_in import anchored
 from positioner.inputs.toml_reader import changes_of, laid_over
-from positioner.laws.registry import LAWS
 from positioner.replay.compare import Comparison
 from positioner.replay.log import LogError
 from positioner.replay.other import OtherLaw
 from positioner.replay.prepare import prepare
-from positioner.replay.report import headline, summary
+from positioner.replay.report import as_json, headline, log_as_json, summary
 from positioner.replay.run import replay_cycles
 
 if TYPE_CHECKING:
@@ -51,7 +53,7 @@ def add_parser(commands: Commands) -> None:
     add_config(parser)
     add_valve(parser)
     add_state(parser, "start from the table in DIR, which is only read")
-    parser.add_argument("--law", choices=tuple(LAWS), metavar="NAME", help="show what this law would have commanded")
+    add_law(parser, "show what this law would have commanded")
     parser.add_argument(
         "--set",
         action="append",
@@ -60,13 +62,14 @@ def add_parser(commands: Commands) -> None:
         metavar="KEY=VALUE",
         help="change one setting, such as control.table_from_s=2 (repeatable)",
     )
-    parser.add_argument("--out", type=Path, metavar="DIR", help="write trace.csv and replay.png into DIR")
+    add_json(parser)
+    parser.add_argument("--out", type=Path, metavar="DIR", help="write trace.csv, replay.png and replay.svg into DIR")
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
     changes = changes_of(arguments.changes, "control.table_from_s=2")
-    if arguments.law:
-        changes = laid_over(changes, {"control": {"law": arguments.law}})
+    if law := law_of(arguments):
+        changes = laid_over(changes, {"control": {"law": anchored(law, Path.cwd())}})
     configuration = load_config(arguments.config, changes, arguments.valve)
     prepared = prepare(arguments.log, configuration, arguments.state)
     if not changes and not prepared.commands:
@@ -77,7 +80,8 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         raise LogError(
             f"{arguments.log}: starts late: {prepared.late}: {text}, or see with --law what would be commanded"
         )
-    sys.stdout.write(f"{headline(prepared)}\n")
+    if not arguments.json:
+        sys.stdout.write(f"{headline(prepared)}\n")
     codec = configuration.make_codec()
     comparison, other = Comparison(codec, prepared.kind.has_instants), OtherLaw(codec)
     replayed_cycles = replay_cycles(configuration, prepared.cycles(), prepared.table, follows=bool(changes))
@@ -89,11 +93,14 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
             row = other.add(replayed) if changes or output else None
             if output and row:
                 output.add(row)
-    sys.stdout.write(f"{other.in_words() if changes else summary(prepared, comparison)}\n")
+    if arguments.json:
+        show_json(log_as_json(prepared) | other.as_json() if changes else as_json(prepared, comparison))
+    else:
+        sys.stdout.write(f"{other.in_words() if changes else summary(prepared, comparison)}\n")
     if output:
         period_s = configuration.control.sample_period_s
         output.draw(f"{prepared.log.path}: law {configuration.control.law}, period {period_s * 1e3:g} ms")
-        sys.stdout.write(f"{arguments.out}: trace.csv, replay.png\n")
+        note(f"{arguments.out}: trace.csv, replay.png and .svg")
     return ExitCode.OK if changes or comparison.identical else ExitCode.FAILURE
 
 

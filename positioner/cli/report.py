@@ -5,34 +5,28 @@ from __future__ import annotations
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from positioner.cli.check import summary_rows
 from positioner.cli.command import add_command, add_config, add_state, add_valve
+from positioner.cli.health_source import health_in_log, kept_health, service_of
 from positioner.commissioning import results
 from positioner.config.locations import location_of
 from positioner.config.reader import load_config
 from positioner.errors import ExitCode, StateError, writing
-from positioner.health.counters_document import COUNTERS, counters_from
-from positioner.health.monitor import sections_of
-from positioner.health.trends_document import TRENDS, trends_from
-from positioner.report import words
 from positioner.report.page import html
 from positioner.report.procedure_page import KINDS
-from positioner.report.trend_sections import Service
 from positioner.report.valve_page import ValveReport, valve_page
-from positioner.runtime.health_reference import measured_health_settings
-from positioner.store import access, lock
+from positioner.store import lock
 from positioner.store.health_file import HEALTH
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Mapping
 
     from positioner.cli.command import Commands
     from positioner.commissioning.results import KeptResult
     from positioner.config.schema import Configuration
-    from positioner.health.monitor import HealthSettings
+    from positioner.report.trend_sections import Service
 
 _EPILOG = """\
 examples:
@@ -87,55 +81,28 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
 def _service(arguments: argparse.Namespace, state: Path, configuration: Configuration) -> Service | None:
     """Return what was counted, None where there is nothing; what cannot be used is told and left out."""
     if arguments.log:
-        return _service_in(arguments, state, configuration)
+        table = state if arguments.state else None
+        return service_of(health_in_log(arguments.log, configuration, state, _notice, table=table))
     if not (state / HEALTH).exists():
         return None
     try:
-        document = access.health(state)
-        if document.valve_id == configuration.valve.id:
-            until = datetime.fromisoformat(document.saved) if document.saved else None
-            started = words.date(datetime.fromisoformat(document.started))
-            settings = measured_health_settings(configuration, _notice, state)
-            return _service_of(settings, document.sections, started, until)
-        sys.stderr.write(f"{state}: the health of valve {document.valve_id} is left out\n")
-    except (StateError, ValueError, KeyError, TypeError) as error:
+        return service_of(kept_health(configuration, state, _notice))
+    except StateError as error:
         sys.stderr.write(f"{error}; the report goes without it\n")
     return None
 
 
-def _service_in(arguments: argparse.Namespace, state: Path, configuration: Configuration) -> Service:
-    """Return what is counted in the log; with --state it begins with the table there."""
-    from positioner.replay.health_log import health_in  # noqa: PLC0415 - a log library, for a log only
-
-    settings = measured_health_settings(configuration, _notice, state)
-    health, notices = health_in(arguments.log, configuration, settings, state if arguments.state else None, {})
-    for notice in notices:
-        sys.stderr.write(f"{arguments.log}: {notice}\n")
-    return _service_of(settings, sections_of(health))
-
-
 def _notice(line: str) -> None:
-    """Tell what is wrong with the reference of the health, but for damaged files, which `_kept` has told."""
-    if results.FOLDER not in line:
+    """Tell what is wrong with the reference of the health, but for the damaged files and other valves of `_kept`."""
+    if results.FOLDER not in line and "is left out" not in line:
         sys.stderr.write(f"{line}\n")
-
-
-def _service_of(
-    settings: HealthSettings, sections: Mapping[str, Any], started: str = "", until: datetime | None = None
-) -> Service:
-    watch = settings.watch
-    trends = trends_from(sections.get(TRENDS), watch.reference)
-    return Service(counters_from(sections.get(COUNTERS)), trends, watch, started, until)
 
 
 def _kept(state: Path, valve: str) -> dict[str, tuple[tuple[KeptResult, ...], KeptResult]]:
     """Return the kept results and the reference of each kind; results of another valve are told and left out."""
     found = {}
     for kind in KINDS:
-        kept = results.kept(state, kind)
-        own = tuple(each for each in kept if each.valve == valve)
-        for other in sorted({each.valve for each in kept} - {valve}):
-            sys.stderr.write(f"{state}: {kind} of valve {other} is left out\n")
+        own = results.kept_of(state, kind, valve)
         reference = results.reference_of(state, own)
         if reference is not None:
             found[kind] = (own, reference)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import sys
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command, add_study, workers_of
+from positioner.cli.tables import add_output, note, show, show_json
 from positioner.errors import ExitCode, writing
+from positioner.report.text import markdown
 
 if TYPE_CHECKING:
     import argparse
@@ -26,8 +28,9 @@ interpretations of the paper, where it is not explicit:
   B           each draw of the noise held for 10 ms; raw position, speed from differences
 Both are played with α and β of eq. 22 in SI and in cm, and each with a control run without noise.
 
-The output directory then holds: reproduce.png (everything on one page), figure-4.png to figure-8.png (the paper's
-figures), reproduce.md (the published results beside ours, and the figures) and reproduce.json (the same for programs).
+The output directory then holds: reproduce.png (all positions on one page), figure-4.png to figure-8.png (the paper's
+figures), all of them also as .svg, reproduce.md (the published results beside ours, and the figures) and reproduce.json
+(the same for programs).
 One of the runs, frame by frame on a bus: positioner bench --scenario paper-3
 """
 
@@ -44,16 +47,18 @@ def add_parser(commands: Commands) -> None:
         help="interpretation of the paper's noise (default: %(default)s)",
     )
     parser.add_argument("--short", action="store_true", help="dwells of 15 ms: too short for the stem to rest")
+    add_output(parser)
     add_study(parser, Path("reproduce"))
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
     # matplotlib and the plant are needed here only
+    from positioner.pictures.files import save  # noqa: PLC0415
     from positioner.studies.interpretations import NoiseKind, interpretations  # noqa: PLC0415
     from positioner.studies.published_results import assess  # noqa: PLC0415
     from positioner.studies.reproduce import SIMULATIONS, all_runs, reproduce  # noqa: PLC0415
-    from positioner.studies.reproduce_pictures import FIGURE_OF, draw_figure, draw_page  # noqa: PLC0415
-    from positioner.studies.reproduce_report import to_json, to_markdown  # noqa: PLC0415
+    from positioner.studies.reproduce_pictures import FIGURE_OF, page_figure, simulation_figure  # noqa: PLC0415
+    from positioner.studies.reproduce_report import blocks, to_json  # noqa: PLC0415
 
     both = (NoiseKind.FILTERED, NoiseKind.RAW)
     noises = both if arguments.reading == "both" else (NoiseKind(arguments.reading),)
@@ -62,13 +67,17 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         out.mkdir(parents=True, exist_ok=True)
     played_runs = reproduce(all_runs(interpretations(noises), short=arguments.short), workers_of(arguments))
     found = assess(played_runs)
-    text = to_markdown(played_runs, found)
+    text, values = blocks(played_runs, found), to_json(played_runs, found)
     with writing(out):
         for simulation in SIMULATIONS:
-            draw_figure(out / f"figure-{FIGURE_OF[simulation]}.png", simulation, played_runs, found)
-        draw_page(out / "reproduce.png", played_runs, found)
-        (out / "reproduce.md").write_text(text, encoding="utf-8")
-        (out / "reproduce.json").write_text(to_json(played_runs, found), encoding="utf-8")
-    sys.stdout.write(text)
-    sys.stdout.write(f"\n{out}: reproduce.png, figure-4.png to figure-8.png, reproduce.md, reproduce.json\n")
+            figure = simulation_figure(simulation, played_runs, found)
+            save(figure, out / f"figure-{FIGURE_OF[simulation]}.png")
+        save(page_figure(played_runs, found), out / "reproduce.png")
+        (out / "reproduce.md").write_text(markdown(text), encoding="utf-8")
+        (out / "reproduce.json").write_text(values, encoding="utf-8")
+    if arguments.json:
+        show_json(json.loads(values))
+    else:
+        show(text, as_markdown=arguments.markdown)
+    note(f"\n{out}: reproduce.png, figure-4.png to figure-8.png, the same as .svg, reproduce.md, reproduce.json")
     return ExitCode.OK

@@ -12,6 +12,7 @@ from positioner.cli.command import add_command, add_config, add_state
 from positioner.config.reader import load_valves
 from positioner.config.schema import StateSettings
 from positioner.errors import UsageError
+from positioner.laws.outside import OutsideLaw
 from positioner.machine.journal import set_up
 from positioner.machine.memory_lock import lock_memory
 from positioner.runtime.daemon import Daemon
@@ -29,6 +30,7 @@ example:
 It waits for the first valid position frame and transmits nothing before it is armed. A host arms it with a SETPOINT
 frame whose request changes to ARM; with guard.auto_arm it arms itself.
 SIGTERM stops it; what it has learned is saved before it ends.
+A law of yours, control.law = "my_law.py:MyLaw", runs behind the same guard (docs/own-law.md); the log says so.
 
 exit status: 0 stopped, 69 another controller commands the valve, 71 the system refuses memory, a file or a socket,
 74 the table could not be saved, 75 another process holds the valve's state for now, 78 the configuration is wrong, or
@@ -80,6 +82,9 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         record=arguments.record,
     )
     daemon = Daemon(configurations, options)
+    for session in daemon.sessions:
+        if isinstance(session.setup.law, OutsideLaw):
+            session.announcer.log.warning("%s", session.setup.law.in_words())
     lock_memory()
     for configuration in configurations:
         warm_up(configuration)

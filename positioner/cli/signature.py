@@ -7,9 +7,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from positioner.cli.command import add_command
+from positioner.cli.command import add_command, check_picture
 from positioner.cli.procedure import add_procedure, keep_result, procedure_configuration, reference_of, stretches_of
-from positioner.commissioning.loop_branches import branches, slow_and_sliding
 from positioner.commissioning.procedure import ProcedureLimits
 from positioner.commissioning.signature import signature
 from positioner.commissioning.signature_limits import Beyond, beyond_limits
@@ -52,7 +51,7 @@ def add_parser(commands: Commands) -> None:
     )
     add_procedure(parser)
     parser.add_argument("--rate", type=float, default=0.0, metavar="MA_PER_S", help="of the strokes, in mA/s")
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the loop, friction and breakaways (PNG)")
+    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the loop, friction, breakaways (PNG, SVG)")
     parser.add_argument(
         "--reference", type=Path, metavar="FILE", help="an earlier --json, instead of the kept reference"
     )
@@ -64,6 +63,7 @@ def add_parser(commands: Commands) -> None:
 def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.rate < 0.0:
         raise UsageError(f"--rate {arguments.rate:g}: must be more than 0 mA/s")
+    check_picture(arguments.picture)
     given = _reference(arguments.reference)
     configuration = procedure_configuration(arguments)
     reference = given or reference_of(arguments, configuration, "signature")
@@ -72,11 +72,10 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     experiment = signature_experiment(valve, limits, period_s, arguments.rate)
     stretches = stretches_of(arguments, configuration, experiment)
     found = signature(stretches, valve, limits, period_s)
-    _, sliding = slow_and_sliding(branches(stretches, valve, limits, period_s))
     beyond = _beyond(found, reference, configuration)
     document = {
         **as_json(found, valve, arguments.pressure_unit),
-        "loop": loop_points(sliding),
+        "loop": loop_points(found.strokes),
         "compared": reference is not None,
         "beyond_limits": [each.as_json() for each in beyond],
     }
@@ -91,7 +90,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.picture:
         from positioner.cli.signature_picture import draw  # noqa: PLC0415 - matplotlib would slow every command down
 
-        draw(arguments.picture, stretches, found, configuration, reference)
+        draw(arguments.picture, found, valve, reference)
         sys.stderr.write(f"picture: {arguments.picture}\n")
     keep_result(arguments, configuration, "signature", document)
     return ExitCode.FAILURE if beyond else ExitCode.OK
@@ -107,7 +106,7 @@ def _beyond(found: Signature, reference: dict[str, Any] | None, configuration: C
         return ()
     try:
         return beyond_limits(found, reference, configuration.health, configuration.valve.span_m)
-    except (KeyError, TypeError, ValueError, StopIteration) as error:
+    except (KeyError, TypeError, ValueError) as error:
         raise UsageError(
             f"the reference is no complete signature ({error}): measure one with --as-reference"
         ) from error

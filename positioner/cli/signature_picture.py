@@ -4,69 +4,59 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import matplotlib as mpl
 import numpy as np
 
-from positioner.commissioning.loop_branches import branches, slow_and_sliding
-from positioner.commissioning.procedure import ProcedureLimits
-
-mpl.use("Agg")
-from matplotlib import pyplot as plt
+from positioner.pictures.colours import BELIEF, CLOSING, INK, OPENING, REFERENCE
+from positioner.pictures.files import save
+from positioner.pictures.panels import HEAD, LABEL, NORMAL, dress, head, new_figure
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from pathlib import Path
 
     from matplotlib.axes import Axes
 
-    from positioner.commissioning.record import Stretch
     from positioner.commissioning.signature import Signature
-    from positioner.config.schema import Configuration
+    from positioner.valve.parameters import ValveParameters
 
 _MM = 1e3
 
 
-def draw(
-    path: Path,
-    stretches: Sequence[Stretch],
-    found: Signature,
-    configuration: Configuration,
-    reference: dict[str, Any] | None,
-) -> None:
+def draw(path: Path, found: Signature, valve: ValveParameters, reference: dict[str, Any] | None) -> None:
     """Draw into `path`; a reference is laid under the friction."""
-    valve = configuration.valve
-    limits = ProcedureLimits.of(valve, configuration.guard)
-    figure, (left, right) = plt.subplots(1, 2, figsize=(13.0, 5.2), layout="constrained")
+    figure = new_figure(5.2)
+    left, right = figure.subplots(1, 2)
+    figure.subplots_adjust(left=0.065, right=0.985, top=0.85, bottom=0.11, wspace=0.18)
     gain = valve.force_gain_n_per_ma
-    _, sliding = slow_and_sliding(branches(stretches, valve, limits, configuration.control.sample_period_s))
-    for number, each in enumerate(sliding):
+    for number, each in enumerate(found.strokes):
         label = ("opening", "closing")[number] if number < len(_SIDES) else None
-        left.plot(each.position_m * _MM, each.pressure_ma, color=_SIDES[each.direction], lw=1.0, label=label)
+        left.plot(each.position_m * _MM, each.pressure_ma, color=_SIDES[each.direction], lw=1.3, label=label)
     places_m = np.linspace(*found.reached_m)
     for side in (-1.0, 0.0, 1.0):
         force_n = found.spring_n_per_m.value * places_m + found.preload_n.value + side * found.sliding_n.value
-        left.plot(places_m * _MM, force_n / gain, "k--" if side else "k:", lw=1.0)
-    left.set(
-        title="Loop; dotted: spring, dashed: with sliding friction",
-        xlabel="position, mm",
-        ylabel="pressure, as the current that holds it, mA",
-    )
-    left.legend()
+        left.plot(places_m * _MM, force_n / gain, color=BELIEF, ls="--" if side else ":", lw=1.6)
+    _label(left, "Loop; dotted: spring, dashed: with sliding friction", "pressure, as the current that holds it, mA")
+    left.legend(fontsize=NORMAL, frameon=False)
     _friction(right, found, reference)
-    figure.suptitle(f"{valve.id}: signature at {found.rate_ma_per_s:.3g} mA/s")
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+    head(figure, 0.065, ((f"{valve.id}: signature at {found.rate_ma_per_s:.3g} mA/s", HEAD, "bold", INK),))
+    save(figure, path)
 
 
-_SIDES = {1.0: "#0072B2", -1.0: "#D55E00"}
+_SIDES = {1.0: OPENING, -1.0: CLOSING}
+
+
+def _label(axes: Axes, title: str, y_label: str) -> None:
+    dress(axes)
+    axes.set_title(title, loc="left", fontsize=NORMAL, color=INK)
+    axes.set_xlabel("position, mm", fontsize=LABEL)
+    axes.set_ylabel(y_label, fontsize=LABEL)
 
 
 def _friction(axes: Axes, found: Signature, reference: dict[str, Any] | None) -> None:
     if reference:
         earlier = np.asarray(reference["sliding_friction_by_place"])
-        axes.plot(earlier[:, 0] * _MM, earlier[:, 1], color="0.6", lw=4.0, label="sliding, reference")
+        axes.plot(earlier[:, 0] * _MM, earlier[:, 1], color=REFERENCE, lw=5.0, label="sliding, reference")
     places = [each.position_m * _MM for each in found.by_place]
-    axes.plot(places, [each.friction_n for each in found.by_place], "k.-", label="sliding")
+    axes.plot(places, [each.friction_n for each in found.by_place], color=INK, marker=".", label="sliding")
     for direction, mark, name in ((1.0, "^", "static, opening"), (-1.0, "v", "static, closing")):
         chosen = [each for each in found.breakaways if each.direction == direction]
         axes.plot(
@@ -77,7 +67,7 @@ def _friction(axes: Axes, found: Signature, reference: dict[str, Any] | None) ->
             ms=8.0,
             label=name,
         )
-    axes.set(title="Friction along the travel", xlabel="position, mm", ylabel="force, N")
+    _label(axes, "Friction along the travel", "force, N")
     highest_n = max(*(each.static_n for each in found.breakaways), *(each.friction_n for each in found.by_place))
     axes.set_ylim(0.0, 1.15 * highest_n)
-    axes.legend(loc="lower left")
+    axes.legend(loc="lower left", fontsize=NORMAL, frameon=False)

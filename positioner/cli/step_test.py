@@ -8,7 +8,7 @@ from dataclasses import replace as replaced
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from positioner.cli.command import add_command, numbers_in
+from positioner.cli.command import add_command, check_picture, numbers_in
 from positioner.cli.procedure import add_procedure, keep_result, memory_of, procedure_configuration
 from positioner.commissioning.closed_loop import ClosedLoop
 from positioner.commissioning.procedure import ProcedureLimits
@@ -20,8 +20,7 @@ from positioner.commissioning.step.procedure import StepTest
 from positioner.commissioning.step.report import as_json, lines
 from positioner.commissioning.step.result import result_of
 from positioner.errors import ExitCode, UsageError
-from positioner.inputs.nearest import nearest
-from positioner.laws.registry import LAWS
+from positioner.laws.registry import LAWS, law_problem
 from positioner.values import replace
 
 if TYPE_CHECKING:
@@ -62,12 +61,11 @@ def add_parser(commands: Commands) -> None:
     parser.add_argument("--wait", type=float, metavar="S", help="after each step (default: 2, more for a slow valve)")
     parser.add_argument("--ladder", type=float, metavar="PERCENT", help="step of the ladders; 0 leaves them out")
     parser.add_argument("--at", type=float, metavar="PERCENT", help="middle of the steps (default: of the range)")
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the responses, and the regions (PNG)")
+    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the responses and regions (PNG, SVG)")
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
-    if arguments.picture and not arguments.picture.absolute().parent.is_dir():
-        raise UsageError(f"--picture {arguments.picture}: there is no folder {arguments.picture.absolute().parent}")
+    check_picture(arguments.picture)
     configuration = procedure_configuration(arguments)
     test = step_test_of(arguments, configuration)
     memory = memory_of(arguments, configuration, test)
@@ -100,8 +98,8 @@ def step_test_of(arguments: argparse.Namespace, configuration: Configuration) ->
     """
     is_open = arguments.law == _HOLD
     if arguments.law and not is_open:
-        if arguments.law not in LAWS:
-            raise UsageError(f"--law {arguments.law}: is no law; {nearest(arguments.law, [*LAWS, _HOLD])}")
+        if problem := law_problem(arguments.law, (*LAWS, _HOLD)):
+            raise UsageError(f"--law {arguments.law}: {problem}")
         configuration = replaced(configuration, control=replaced(configuration.control, law=arguments.law))
     valve, period_s = configuration.valve, configuration.control.sample_period_s
     limits = ProcedureLimits.of(valve, configuration.guard)

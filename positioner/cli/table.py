@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 from positioner.cli import table_text
 from positioner.cli.command import add_valve
+from positioner.cli.question import agreed
+from positioner.cli.tables import show
 from positioner.config.locations import location_of
 from positioner.errors import ExitCode, StateError
 from positioner.store import access, document
@@ -35,7 +37,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
 
     command = _command(commands, "dump", _dump, "print the table", "positioner table dump --config valve.toml")
-    command.add_argument("--format", choices=("table", "json", "csv"), default="table", help="default: table")
+    formats = command.add_mutually_exclusive_group()
+    formats.add_argument(
+        "--format", choices=("table", "markdown", "json", "csv"), default="table", help="default: table"
+    )
+    for name in ("json", "markdown"):
+        text = f"the same as --format {name}"
+        formats.add_argument(f"--{name}", dest="format", action="store_const", const=name, help=text)
     names = tuple(str(quantity) for quantity in Quantity)
     command.add_argument("--quantity", choices=names, help="only this quantity; default: all")
 
@@ -80,13 +88,14 @@ def _dump(args: argparse.Namespace) -> ExitCode:
     elif args.format == "csv":
         csv.writer(sys.stdout, lineterminator="\n").writerows(table_text.csv_rows(stored))
     else:
-        sys.stdout.write(table_text.table(stored))
+        show(table_text.blocks(stored), as_markdown=args.format == "markdown")
     return ExitCode.OK
 
 
 def _reset(args: argparse.Namespace) -> ExitCode:
     directory = _directory(args)
-    if not args.yes and not _agreed(access.dump(directory)):
+    nobody = StateError("reset asks before it empties the table, and there is no terminal to ask on; give --yes")
+    if not args.yes and not agreed(f"Empty the table? {table_text.summary(access.dump(directory))}", nobody):
         sys.stderr.write("nothing was changed\n")
         return ExitCode.USAGE
     _report("the table is empty now", access.reset(directory), directory)
@@ -150,12 +159,6 @@ def _fitted(stored: StoredTable, configuration: Configuration, *, force: bool) -
 def _only(stored: StoredTable, quantity: Quantity) -> StoredTable:
     cells = MappingProxyType({key: cell for key, cell in stored.table if key.quantity is quantity})
     return replace(stored, table=replace(stored.table, cells=cells))
-
-
-def _agreed(stored: StoredTable) -> bool:
-    if not sys.stdin.isatty():
-        raise StateError("reset asks before it empties the table, and there is no terminal to ask on; give --yes")
-    return input(f"Empty the table? {table_text.summary(stored)} [y/N] ").strip().lower() in {"y", "yes"}
 
 
 def _report(done: str, backup: str | None, directory: Path) -> None:

@@ -6,12 +6,14 @@ import math
 from itertools import groupby
 from typing import TYPE_CHECKING
 
+from positioner.report.table import Table
 from positioner.store.document import utc_text
 from positioner.valve.stiction import Cell, CellKey, Direction, Quantity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from positioner.report.text import Block
     from positioner.store.content import StoredTable
 
 _MM = 1e3
@@ -30,14 +32,13 @@ def summary(stored: StoredTable) -> str:
     return f"valve {stored.valve_id}: {samples} samples in {len(table)} cells of {table.cell_width_m * _MM:g} mm"
 
 
-def table(stored: StoredTable) -> str:
-    """Return the table, a line for each position and direction."""
+def blocks(stored: StoredTable) -> list[Block]:
+    """Return the table with a row for each position and direction, and what it means."""
     if not len(stored.table):
-        return f"{summary(stored)}: the table is empty\n"
-    heads = [f"{title:>17} {'n':>5}" for _, title, _, _ in _COLUMNS]
-    header = " | ".join([f"{'position, mm':>12} {'direction':<9}", *heads, f"{'age':>6} {'newest':<20}"])
-    rule = "-+-".join("-" * len(part) for part in header.split(" | "))
-    return "\n".join([summary(stored), *_fit(stored), "", header, rule, *_lines(stored), "", _LEGEND, ""])
+        return [f"{summary(stored)}: the table is empty"]
+    heads = [head for _, title, _, _ in _COLUMNS for head in (title, "n")]
+    table = Table.of(("position, mm", "direction", *heads, "age", "newest"), _rows(stored), names=2)
+    return [summary(stored), *_fit(stored), "", table, "", _LEGEND]
 
 
 def _fit(stored: StoredTable) -> Iterator[str]:
@@ -65,7 +66,7 @@ def csv_rows(stored: StoredTable) -> Iterator[tuple[str, ...]]:
         yield str(key.quantity), position, str(key.direction), *numbers, utc_text(stored.recorded_s[key]), samples
 
 
-def _lines(stored: StoredTable) -> Iterator[str]:
+def _rows(stored: StoredTable) -> Iterator[tuple[str, ...]]:
     def place(item: tuple[CellKey, Cell]) -> tuple[int, Direction]:
         return item[0].index, item[0].direction
 
@@ -75,12 +76,11 @@ def _lines(stored: StoredTable) -> Iterator[str]:
         recorded = max(stored.recorded_s[CellKey(quantity, index, direction)] for quantity in cells)
         position_mm = index * stored.table.cell_width_m * _MM
         parts = [_part(cells.get(quantity), scale, digits) for quantity, _, scale, digits in _COLUMNS]
-        last = f"{stored.table.age(newest):>6} {utc_text(recorded)}"
-        yield " | ".join([f"{position_mm:>12.1f} {direction:<9}", *parts, last])
+        learned = [cell for part in parts for cell in part]
+        yield f"{position_mm:.1f}", str(direction), *learned, str(stored.table.age(newest)), utc_text(recorded)
 
 
-def _part(cell: Cell | None, scale: float, digits: int) -> str:
+def _part(cell: Cell | None, scale: float, digits: int) -> tuple[str, str]:
     if cell is None:
-        return f"{'-':>17} {'-':>5}"
-    value = f"{cell.mean * scale:.{digits}f} ± {cell.spread * scale:.{digits}f}"
-    return f"{value:>17} {cell.count:>5}"
+        return "–", "–"
+    return f"{cell.mean * scale:.{digits}f} ± {cell.spread * scale:.{digits}f}", str(cell.count)

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import sys
+import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command, add_workers, workers_of
+from positioner.cli.names import add_plant, plant_of
+from positioner.cli.tables import add_json, note, show_json
 from positioner.errors import ExitCode, UsageError, writing
 from positioner.inputs.nearest import check_name
+from positioner.laws.registry import LAWS, law_problem
+from positioner.machine.completion import suggest
 from positioner.studies.pool import opened
-from positioner.studies.tuning import LEAGUE_SEEDS, SEARCHES, to_toml, tune
+from positioner.studies.searches import SEARCHES
+from positioner.studies.tuning import LEAGUE_SEEDS, to_toml, tune
 
 if TYPE_CHECKING:
     import argparse
@@ -21,6 +27,7 @@ _EPILOG = """\
 examples:
   positioner tune pi                              a few minutes; the result goes to standard output
   positioner tune knocker --budget 400 --seed 2 --out knocker.toml
+  positioner tune examples/my_law.py:MyLaw --plant friction+20
   positioner tune pi --real-valves                by differential evolution, at lags of 0 to 300 ms
 
 The number of workers changes only how long it takes.
@@ -36,7 +43,9 @@ def add_parser(commands: Commands) -> None:
     parser = add_command(
         commands, "tune", _run, "find the parameters of a law by random search on the nominal valve", _EPILOG
     )
-    parser.add_argument("law", choices=tuple(SEARCHES), metavar="LAW", help=", ".join(SEARCHES))
+    law = parser.add_argument("law", metavar="LAW", help=f"{', '.join(SEARCHES)}, or FILE.py:NAME with limits `tuned`")
+    suggest(law, lambda: tuple(SEARCHES), "*.py")
+    add_plant(parser, "plant to tune it on instead of the nominal valve")
     parser.add_argument("--budget", type=int, default=100, metavar="N", help="candidates to try (default: %(default)s)")
     parser.add_argument(
         "--seed", type=int, default=1, metavar="N", help="seed of the search and of the noise (default: %(default)s)"
@@ -45,6 +54,7 @@ def add_parser(commands: Commands) -> None:
         "--real-valves", action="store_true", help="for each lag and noise of `positioner league --real-valves`"
     )
     add_workers(parser)
+    add_json(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="file for the result instead of standard output")
 
 
@@ -54,12 +64,16 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.seed < 0 or arguments.seed in LEAGUE_SEEDS:
         reserved = f"{LEAGUE_SEEDS.start} to {LEAGUE_SEEDS.stop - 1}"
         raise UsageError(f"--seed must not be negative, nor {reserved}: the league compares the laws on those seeds")
+    if arguments.law not in LAWS and (problem := law_problem(arguments.law, tuple(SEARCHES))):
+        raise UsageError(f"law {arguments.law!r} {problem}")
     if arguments.real_valves:
-        return _write(arguments.out, _tuned_for_real_valves(arguments))
+        if arguments.plant:
+            raise UsageError("--plant does not go with --real-valves: it has a plant for each lag")
+        return _write(arguments, _tuned_for_real_valves(arguments), {})
     with opened(workers_of(arguments)) as pool:
-        found = tune(arguments.law, arguments.budget, arguments.seed, pool)
-    sys.stderr.write(f"{found.law}: cost {found.first_cost:.3f} of the first candidate, {found.cost:.3f} of the best\n")
-    return _write(arguments.out, to_toml(found))
+        found = tune(arguments.law, arguments.budget, arguments.seed, pool, plant_of(arguments) or "paper")
+    note(f"{found.law}: cost {found.first_cost:.3f} of the first candidate, {found.cost:.3f} of the best")
+    return _write(arguments, to_toml(found), {"first_cost": found.first_cost, "cost": found.cost})
 
 
 def _tuned_for_real_valves(arguments: argparse.Namespace) -> str:
@@ -81,10 +95,14 @@ def _tuned_for_real_valves(arguments: argparse.Namespace) -> str:
         return tuning.to_toml(law, budget, seed, tuning.tune_all(tasks, pool))
 
 
-def _write(out: Path | None, text: str) -> ExitCode:
-    if out is None:
+def _write(arguments: argparse.Namespace, text: str, costs: dict[str, float]) -> ExitCode:
+    """Write the configuration to its file, or print it: as JSON with what it costs, or as it is."""
+    if arguments.out is not None:
+        with writing(arguments.out):
+            arguments.out.write_text(text, encoding="utf-8")
+    if arguments.json:
+        search = {"law": arguments.law, "budget": arguments.budget, "seed": arguments.seed}
+        show_json({**search, **costs, "configuration": tomllib.loads(text)})
+    elif arguments.out is None:
         sys.stdout.write(text)
-        return ExitCode.OK
-    with writing(out):
-        out.write_text(text, encoding="utf-8")
     return ExitCode.OK

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import subprocess
 import sys
@@ -87,6 +88,26 @@ def joined(text: str) -> list[str]:
     return [*head.splitlines(), f"{found}{' '.join(tail.split())}"] if found else text.splitlines()
 
 
+NO_FIGURES = {
+    "positioner run": "a daemon: its figures are its log, its trace and its frames",
+    "positioner monitor": "it shows a live picture; programs read the metrics",
+    "positioner report": "it writes a page",
+    "positioner table reset": "it changes the table, and says so",
+    "positioner table export": "it writes a JSON file",
+    "positioner table import": "it changes the table, and says so",
+    "plant-emulator run": "a daemon: its figures are its frames",
+    "plant-emulator simulate": "it writes CSV",
+    "plant-emulator presets": "it lists names",
+}
+
+
+def test_every_command_that_prints_figures_prints_them_as_json_too() -> None:
+    commands = {prog: parser for prog, parser in PARSERS.items() if " " in prog and not is_group(parser)}
+    without = {prog for prog, parser in commands.items() if "--json" not in parser.format_help()}
+    assert sorted(without - set(NO_FIGURES)) == []
+    assert sorted(set(NO_FIGURES) - without) == []
+
+
 def test_the_exit_statuses_in_the_help_are_those_of_the_program() -> None:
     text = PARSERS["positioner"].format_help()
     for code in set(ExitCode) - {ExitCode.FAILURE, ExitCode.OK}:
@@ -103,7 +124,7 @@ def test_the_version_is_printed(program: Any, name: str, capsys: Output) -> None
 
 @pytest.mark.parametrize(
     "arguments",
-    [[], ["runn"], ["run"], ["run", "--config"], ["bench", "--law", "none"], ["bench", "--seed", "x"], ["check"],
+    [[], ["runn"], ["run"], ["run", "--config"], ["bench", "--seed", "x"], ["check"],
      ["check", "--example", "valve.toml"], ["table"], ["table", "dump"]],
 )  # fmt: skip
 def test_a_wrong_command_line_is_a_usage_error(arguments: list[str], capsys: Output) -> None:
@@ -157,9 +178,30 @@ def test_a_period_too_short_for_a_bus_is_reported_with_the_shortest_that_fits(tm
     assert main(["check", str(path)]) == ExitCode.OK
     load = "273 % of 1 Mbit/s at most: more than the bus carries; 90 % at 0.31 ms, the shortest period that fits"
     assert f"  bus load               {load}\n" in capsys.readouterr().out
-    page = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert main(["check", "--json", str(path)]) == ExitCode.OK
+    (valve,) = json.loads(capsys.readouterr().out)["valves"]
+    assert valve["bus_load_at_1_mbit_per_s"] == pytest.approx(2.73, abs=0.005)
+    page = (ROOT / "docs" / "league.md").read_text(encoding="utf-8")
     assert "take 273 % of 1 Mbit/s" in page
     assert "carries is 0.31 ms" in " ".join(page.split())
+
+
+def test_a_program_reads_the_properties_and_the_mistakes_of_a_configuration(tmp_path: Path, capsys: Output) -> None:
+    path = tmp_path / "valve.toml"
+    path.write_text(GOOD, encoding="utf-8")
+    assert main(["check", str(path), "--json"]) == ExitCode.OK
+    found = json.loads(capsys.readouterr().out)
+    assert (found["good"], found["mistakes"]) == (True, [])
+    valve = found["valves"][0]
+    assert (valve["valve"], valve["span_m"], valve["bus"]) == ("FV-101", 0.127, "socketcan:can0")
+    ends_mm = [1e3 * valve[name] for name in ("restartable_low_m", "restartable_high_m")]
+    assert ends_mm == pytest.approx([57.9, 94.5], abs=0.05)
+    assert valve["static_friction_of_span_force"] == pytest.approx(0.32, abs=5e-4)
+    path.write_text(GOOD + "mass_kg = 1361\n", encoding="utf-8")
+    assert main(["check", str(path), "--json"]) == ExitCode.CONFIG
+    captured = capsys.readouterr()
+    (mistake,) = json.loads(captured.out)["mistakes"]
+    assert (mistake["where"], mistake["line"], captured.err) == ("valve.mass_kg = 1361", 4, "")
 
 
 def test_every_mistake_of_a_configuration_comes_at_once_with_its_line(tmp_path: Path, capsys: Output) -> None:
@@ -272,26 +314,3 @@ def test_a_reader_that_has_gone_is_no_error() -> None:
     finally:
         os.close(writer)
     assert (done.returncode, done.stderr) == (ExitCode.OK, "")
-
-
-@pytest.mark.bus
-@pytest.mark.parametrize(
-    ("module", "line", "offered"),
-    [
-        ("positioner", "positioner bench --law pap", {"paper", "paper-plain"}),
-        ("plant_emulator.cli.main", "plant-emulator run --clock l", {"lockstep"}),
-    ],
-)
-def test_a_shell_completes_commands_and_choices(module: str, line: str, offered: set[str], tmp_path: Path) -> None:
-    answer = tmp_path / "answer"
-    environment = {
-        "_ARGCOMPLETE": "1",
-        "_ARGCOMPLETE_IFS": "\n",
-        "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
-        "_ARGCOMPLETE_SHELL": "bash",
-        "COMP_LINE": line,
-        "COMP_POINT": str(len(line)),
-    }
-    done = run(module=module, env=environment, stdout=subprocess.DEVNULL)
-    assert done.returncode == ExitCode.OK, done.stderr
-    assert offered <= {word.strip() for word in answer.read_text(encoding="utf-8").split("\n")}

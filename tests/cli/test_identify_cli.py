@@ -42,13 +42,15 @@ def test_without_a_person_and_without_yes_nothing_moves(
     assert "add --yes" in error
 
 
+@pytest.mark.parametrize("command", ["identify", "signature", "step-test"])
+@pytest.mark.parametrize(("name", "why"), [("nowhere/a.png", "there is no folder"), ("fv101.2", "is no picture")])
 def test_a_picture_that_cannot_be_written_is_refused_before_the_valve_moves(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, name: str, why: str
 ) -> None:
     path = write_configuration(tmp_path, BusAddress(interface="virtual", channel="none"))
-    arguments = ["identify", "--config", str(path), "--yes", "--picture", str(tmp_path / "nowhere" / "a.png")]
+    arguments = [command, "--config", str(path), "--yes", "--picture", str(tmp_path / name)]
     assert main(arguments) == ExitCode.USAGE
-    assert "there is no folder" in capsys.readouterr().err
+    assert why in capsys.readouterr().err
 
 
 def test_a_report_that_cannot_be_written_is_refused_before_the_valve_moves(

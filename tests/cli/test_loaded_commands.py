@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
-from typing import TYPE_CHECKING
 
 import pytest
 
 from positioner.cli.main import build_parser
 from positioner.machine.commands import words_given
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 HEAVY = ("numpy", "can", "cantools", "pydantic", "osqp", "matplotlib")
 LOADED = """
@@ -48,22 +43,13 @@ def test_a_command_loads_itself_alone() -> None:
     assert not modules & {"numpy", "can"}
 
 
+@pytest.mark.parametrize("arguments", [("run", "--help"), ("league", "--help"), ("check", "--example")])
+def test_what_draws_tables_is_not_loaded_before_a_table_is_shown(arguments: tuple[str, ...]) -> None:
+    assert "rich" not in loaded(*arguments)
+
+
 def test_a_mistake_and_the_help_know_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert "control an emulated valve" in build_parser(words_given(["--help"])).format_help()
     with pytest.raises(SystemExit):
         build_parser(words_given(["bnech"])).parse_args(["bnech"])
     assert "did you mean 'bench'" in capsys.readouterr().err
-
-
-def test_a_shell_completes_from_the_line_as_typed(tmp_path: Path) -> None:
-    line = "positioner table re"
-    answer = tmp_path / "answer"
-    environment = {
-        **os.environ,
-        "COMP_LINE": line,
-        "COMP_POINT": str(len(line)),
-        "_ARGCOMPLETE": "1",
-        "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
-    }
-    subprocess.run([sys.executable, "-m", "positioner"], env=environment, check=True, timeout=60.0)
-    assert answer.read_text("utf-8").strip() == "reset"

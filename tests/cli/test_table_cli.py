@@ -33,26 +33,27 @@ def test_a_dump_is_an_aligned_table_with_a_line_for_each_position_and_direction(
     state: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["table", "dump", "--state", str(state)]) == ExitCode.OK
-    summary, blank, header, rule, *lines, blank_too, legend, _ = capsys.readouterr().out.split("\n")
+    summary, blank, names, units, rule, *lines, blank_too, legend, _ = capsys.readouterr().out.split("\n")
     assert summary == "valve FV-101: 200 samples in 30 cells of 5 mm"
     assert (blank, blank_too) == ("", "")
-    assert "stick speed, mm/s" in header
+    assert " ".join(names.split()) == "position stick speed breakaway Γ landing bias"
+    assert units.split() == ["mm", "direction", "mm/s", "n", "mA", "n", "mm", "n", "age", "newest"]
     assert legend.startswith("Mean ± spread of the last ten")
     assert len(lines) == len({(key.index, key.direction) for key, _ in taught(series(200)).table})
-    bars = [place for place, letter in enumerate(header) if letter == "|"]
-    assert [place for place, letter in enumerate(rule) if letter == "+"] == bars
-    assert all([place for place, letter in enumerate(line) if letter == "|"] == bars for line in lines)
+    assert set(rule) == {"─"}
+    ends = {line.index(" ±") for line in lines if "–" not in line[:40]}
+    assert len(ends) == 1
+    assert {len(line) for line in lines} == {len(rule)}
 
 
 def test_a_dumped_line_has_means_in_the_units_of_its_header(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main(["table", "dump", "--state", str(state), "--quantity", "stick_speed_m_per_s"])
-    line = capsys.readouterr().out.split("\n")[5].split()  # closing comes first
+    line = capsys.readouterr().out.split("\n")[6].split()  # closing comes first
     values = [0.01 + number / 102_400 for number in (0, 30, 60, 90, 120, 150, 180)]  # sample(0) and every 30th after it
     mean = sum(values) / 7
     spread = (sum((value - mean) ** 2 for value in values) / 7) ** 0.5
-    assert line[:6] == ["0.0", "opening", "|", f"{mean * 1e3:.1f}", "±", f"{spread * 1e3:.1f}"]
-    assert line[6:12] == ["7", "|", "-", "-", "|", "-"]
-    assert line[14] == "19"
+    assert line[:5] == ["0.0", "opening", f"{mean * 1e3:.1f}", "±", f"{spread * 1e3:.1f}"]
+    assert line[5:11] == ["7", "–", "–", "–", "–", "19"]
 
 
 def test_an_empty_table_is_reported_as_empty(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -111,12 +112,18 @@ def test_a_reset_prints_a_command_that_undoes_it(state: Path, capsys: pytest.Cap
     assert access.dump(state).table == taught(series(200)).table
 
 
+def end_of_input(_: str) -> str:
+    raise EOFError
+
+
 def test_a_reset_asks_first_and_without_a_terminal_refuses(
     state: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["table", "reset", "--state", str(state)]) == ExitCode.IO
     assert "give --yes" in capsys.readouterr().err
     monkeypatch.setattr(sys.stdin, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr("builtins.input", end_of_input)
+    assert main(["table", "reset", "--state", str(state)]) == ExitCode.USAGE
     monkeypatch.setattr("builtins.input", lambda _: "")
     assert main(["table", "reset", "--state", str(state)]) == ExitCode.USAGE
     assert access.dump(state).table.sequence == 200

@@ -1,4 +1,4 @@
-"""A machine under systemd with the product installed as in the README, and its services for a test."""
+"""A machine under systemd with the product installed as in docs/install.md, and its services for a test."""
 
 from __future__ import annotations
 

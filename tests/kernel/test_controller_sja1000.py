@@ -31,7 +31,7 @@ seed = 7
 
 @pytest.fixture(scope="module", autouse=True)
 def controllers() -> Iterator[None]:
-    """Bring both interfaces up, as in the README."""
+    """Bring both interfaces up, as in docs/install.md."""
     for name in ("can0", "can1"):
         command("ip", "link", "set", name, "up", "type", "can", "bitrate", "1000000", "restart-ms", "100")
     yield

@@ -1,4 +1,4 @@
-"""The README's "A real positioner in five steps", with its own commands, in its order, on a new machine."""
+""" "A real positioner in five steps" of docs/install.md, with its own commands, in its order, on a new machine."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ PLANT = 'preset = "paper"\ndeadman_s = 5.0\n'
 
 
 def steps() -> list[str]:
-    """Return the commands of each step, as they stand in the README."""
-    text = (PROJECT / "README.md").read_text(encoding="utf-8")
+    """Return the commands of each step, as they stand on the page."""
+    text = (PROJECT / "docs" / "install.md").read_text(encoding="utf-8")
     section = text.split("## A real positioner in five steps", 1)[1].split("\n## ", 1)[0]
     return re.findall(r"```sh\n(.*?)```", section, re.DOTALL)
 
@@ -79,7 +79,7 @@ def test_the_five_steps_lead_to_a_valve_under_control(tmp_path: Path) -> None:
     walk(install, tmp_path)
     assert command("/usr/local/bin/positioner", "--version").startswith("positioner ")
 
-    # what the README tells the owner of a serial adapter to delete
+    # what the page tells the owner of a serial adapter to delete
     walk("sed -i '/^RestartSec=/d' /opt/positioner/share/positioner/80-can.network", tmp_path)
     walk(bus, tmp_path)
     until(

@@ -27,7 +27,7 @@ pytestmark = pytest.mark.kernel("systemd")
 
 @pytest.fixture(scope="module", autouse=True)
 def installed() -> None:
-    """Install as in the README, and configure a valve on vcan0."""
+    """Install as in docs/install.md, and configure a valve on vcan0."""
     # nothing is compiled: a kernel in user mode takes many minutes for it
     command("env", "POSITIONER_BUILD=pure", "make", "-C", str(PROJECT), "install")
     systemctl("start", "vcan0.service")

@@ -24,6 +24,21 @@ test-kernel: $(VENV)/installed
 test-browser: $(VENV)/installed
 	$(BIN)/pytest --capture=no tests/browser
 
+# all documents as a site in out/site, which asks the network for nothing; its tests look at it in a headless browser
+.PHONY: site notebooks
+site: notebooks
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build
+	$(BIN)/pytest tests/site
+
+# the notebooks of examples/ with their results, in out/notebooks
+notebooks: $(VENV)/installed
+	$(BIN)/python -m documents.notebooks out/notebooks
+
+# the man pages of both programs in out/man, which `make install` installs
+.PHONY: man
+man: $(VENV)/installed
+	$(BIN)/python -m documents.manual out/man
+
 # the short form, which runs by itself where user-mode Linux cannot: QEMU for every test, slowly
 test-kernel-short: $(VENV)/installed
 	$(BIN)/pytest tests/kernel --kernel=qemu
@@ -40,16 +55,18 @@ rules: $(VENV)/installed
 
 check: lint types rules test
 
-$(VENV)/installed: pyproject.toml
+# everything that tests and the site need, in the versions and with the hashes of the lock: the same on another day
+$(VENV)/installed: pyproject.toml requirements/dev.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	$(BIN)/python -m pip --disable-pip-version-check install --quiet --require-hashes --requirement requirements/dev.txt
+	$(BIN)/python -m pip --disable-pip-version-check install --quiet --no-deps --no-build-isolation --editable .
 	touch $@
 
 clean:
 	rm -rf $(VENV) out build dist
 
-# What `make install` installs, newest versions with the hashes of their files, for every Python and processor at once.
+# What `make install` installs, and what tests need: newest versions with the hashes of their files, for every Python and
+# processor at once.
 LOCK = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --upgrade \
 	--custom-compile-command 'make lock'
 
@@ -61,6 +78,8 @@ lock: $(VENV)/installed
 	    hook = table['tool']['hatch']['build']['targets']['wheel']['hooks']['custom']; \
 	    print(*table['build-system']['requires'], *hook['compiler'], sep='\n')" | \
 	    $(LOCK) - --output-file requirements/build.txt
+	$(LOCK) pyproject.toml requirements/build.txt --constraint requirements/run.txt --extra dev --extra site \
+	    --output-file requirements/dev.txt
 
 # The compiled build: as a wheel for $(PYTHON), and in a folder of its own, where the tests of the compiled rooms run.
 # Then a bench must give the same frames to the bit as interpreted.
@@ -88,8 +107,17 @@ test-compiled: $(COMPILED)/installed
 
 $(COMPILED)/installed: $(VENV)/installed $(shell find building positioner plant_emulator dbc -name '*.py' -o -name '*.dbc')
 	rm -rf $(COMPILED)
-	$(BIN)/python -m pip install --quiet --no-deps --target $(COMPILED) .
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --target $(COMPILED) .
 	touch $@
+
+# What a package index would get: the interpreted wheel, which is one for every machine, built from the source archive.
+DIST = dist
+
+.PHONY: dist
+dist: $(VENV)/installed
+	rm -f $(DIST)/sticking_valve_positioner-*.tar.gz $(DIST)/sticking_valve_positioner-*-none-any.whl
+	POSITIONER_BUILD=pure $(BIN)/python -m build --no-isolation --outdir $(DIST)
+	$(BIN)/twine --no-color check --strict $(DIST)/*.tar.gz $(DIST)/*-none-any.whl
 
 # `make install` as root: a virtual environment with the positioner, its units, and examples of network files. Nothing is
 # installed but what the lock files name, with its hash.
@@ -103,8 +131,13 @@ BUILD_TOOLS = $(INSTALLED)/build-tools
 SHARE = $(INSTALLED)/share/positioner
 UNIT_DIRECTORY = $(DESTDIR)/etc/systemd/system
 COMMANDS = $(DESTDIR)/usr/local/bin
+LOCAL_SHARE = $(DESTDIR)/usr/local/share
+MAN = $(LOCAL_SHARE)/man/man1
 UNITS = positioner@.service plant-emulator@.service vcan0.service
 PROGRAMS = positioner plant-emulator
+# for each program what bash, zsh and fish need to complete its command lines
+COMPLETIONS = $(foreach program,$(PROGRAMS),bash-completion/completions/$(program) zsh/site-functions/_$(program) \
+	fish/vendor_completions.d/$(program).fish)
 
 .PHONY: install
 install:
@@ -122,11 +155,13 @@ install:
 	[ -z '$(DESTDIR)' ] || grep -rlI '$(INSTALLED)' '$(INSTALLED)/bin' '$(INSTALLED)/pyvenv.cfg' | \
 	    xargs --no-run-if-empty sed -i 's|$(INSTALLED)|$(PREFIX)|g'
 	install -d '$(SHARE)' '$(UNIT_DIRECTORY)' '$(COMMANDS)' '$(DESTDIR)/etc/positioner'
-	install -m 644 systemd/bus.conf systemd/realtime.conf systemd/network/* '$(SHARE)'
+	install -m 644 systemd/bus.conf systemd/realtime.conf systemd/serial.conf systemd/network/* '$(SHARE)'
 	for unit in $(UNITS); do \
 	    sed 's|/opt/positioner/|$(PREFIX)/|' "systemd/$$unit" > '$(UNIT_DIRECTORY)'/"$$unit"; \
 	    chmod 644 '$(UNIT_DIRECTORY)'/"$$unit"; done
 	for program in $(PROGRAMS); do ln -sfn "$(PREFIX)/bin/$$program" '$(COMMANDS)'/"$$program"; done
+	umask 022; '$(INSTALLED)/bin/python' -B -m documents.manual '$(MAN)'
+	umask 022; '$(INSTALLED)/bin/python' -P building/completions.py '$(LOCAL_SHARE)'
 	[ -n '$(DESTDIR)' ] || [ ! -d /run/systemd/system ] || systemctl daemon-reload
 	@echo 'installed in $(INSTALLED); units in $(UNIT_DIRECTORY); configurations go to $(DESTDIR)/etc/positioner'
 
@@ -142,9 +177,40 @@ uninstall:
 	for program in $(PROGRAMS); do \
 	    [ "$$(readlink '$(COMMANDS)'/"$$program")" != "$(PREFIX)/bin/$$program" ] || rm '$(COMMANDS)'/"$$program"; done
 	for unit in $(UNITS); do rm -f '$(UNIT_DIRECTORY)'/"$$unit"; done
+	for program in $(PROGRAMS); do rm -f '$(MAN)'/"$$program".1 '$(MAN)'/"$$program"-*.1; done
+	for completion in $(COMPLETIONS); do rm -f '$(LOCAL_SHARE)'/"$$completion"; done
 	rm -rf '$(INSTALLED)'
 	[ -n '$(DESTDIR)' ] || [ ! -d /run/systemd/system ] || systemctl daemon-reload
 	@echo 'removed; kept: $(DESTDIR)/etc/positioner (configurations) and $(DESTDIR)/var/lib/positioner (what was learned)'
+
+
+# A Debian package of the same installation, for machines with the Python of this one. The same clone gives the same bits.
+DEB_ROOT = $(abspath build/deb)
+DEB = $(DIST)/sticking-valve-positioner.deb
+DEB_DIRECTORIES = COMMANDS='$(DEB_ROOT)/usr/bin' UNIT_DIRECTORY='$(DEB_ROOT)/usr/lib/systemd/system' \
+	LOCAL_SHARE='$(DEB_ROOT)/usr/share'
+
+.PHONY: deb
+deb image: export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || date +%s)
+deb: export PIP_NO_COMPILE = 1
+deb:
+	rm -rf '$(DEB_ROOT)'
+	$(MAKE) install DESTDIR='$(DEB_ROOT)' PREFIX=/opt/positioner $(DEB_DIRECTORIES)
+	building/debian/build '$(DEB_ROOT)' $(DEB)
+
+# The package in a small Debian, as an OCI image: no image is fetched, and no daemon runs.
+.PHONY: image
+image: deb
+	building/image $(DEB) $(DIST)/positioner.oci.tar
+
+# Both, in a root of their own: minutes, as root. The short form checks the layout of an image without a Debian.
+.PHONY: test-packages test-packages-short
+test-packages: $(VENV)/installed image
+	$(BIN)/pytest tests/debian
+
+test-packages-short: $(VENV)/installed
+	$(BIN)/pytest tests/debian/test_image_layout.py
+
 # 1.3 million hostile frames, then the decoder under a fuzzer that follows its branches.
 .PHONY: fuzz
 fuzz: $(VENV)/installed
@@ -202,7 +268,7 @@ fault-test: $(VENV)/installed
 # How exactly `positioner identify` finds out what emulated valves are, and how often its intervals contain the truth
 .PHONY: identify-acceptance
 identify-acceptance: $(VENV)/installed
-	$(BIN)/python tests/commissioning/acceptance.py $(ARGS)
+	$(BIN)/python tests/commissioning/acceptance_identify.py $(ARGS)
 
 # Every goal of commissioning and diagnostics on emulated valves, with its figure: docs/commissioning-results.md
 .PHONY: diagnostics-test
@@ -239,7 +305,7 @@ benchmark: $(VENV)/installed $(COMPILED)/installed
 	@$(BIN)/python -m pip install --quiet --editable '.[benchmark]'
 	PYTHONPATH=tests $(BIN)/python -m benchmarks --out out/benchmark
 
-# puts the picture and the tables of the last `make benchmark` into docs/ and the README
+# puts the picture and the tables of the last `make benchmark` into docs/
 .PHONY: publish-benchmark
 publish-benchmark: $(VENV)/installed
 	PYTHONPATH=tests $(BIN)/python -m benchmarks --out out/benchmark --publish

@@ -32,7 +32,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/benchmark"), metavar="DIR", help="default: %(default)s")
     parser.add_argument("--rounds", type=int, default=ROUNDS, help="repeats of every case (default: %(default)s)")
     parser.add_argument("--core", type=int, default=machine.last_core(), help="processor to use (default: %(default)s)")
-    parser.add_argument("--publish", action="store_true", help="put the last figures into README.md; measure nothing")
+    parser.add_argument("--publish", action="store_true", help="put the last figures into docs/; measure nothing")
     options = parser.parse_args()
     if options.publish:
         publish(options.out)

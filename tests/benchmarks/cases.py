@@ -29,6 +29,8 @@ PLAN_HORIZONS = (4, 20)
 """H_p = H_u of the plans that are compared with those of other programs."""
 HORIZONS = (4, 10, 20, 50)
 """H_p = H_u of the cycles that are compared with each other."""
+LAGGED = "1 kHz with a lag of 50 ms"
+"""The condition of the cycles on a valve whose actuator lags."""
 PEERS: Mapping[str, tuple[str, str, float]] = MappingProxyType(
     {
         "qpmpc + daqp": ("peer_qpmpc", "with_daqp", 1e-5),
@@ -56,6 +58,7 @@ def cases() -> Mapping[str, Entry]:
     for seed in (1, 2):
         found[f"cycle, 1 kHz, seed {seed}"] = Entry(partial(_cycles, 1e-3, 40, 0.05, seed))
     found["cycle, 10 kHz, seed 1"] = Entry(partial(_cycles, 1e-4, 10, 0.03, 1))
+    found[f"cycle, {LAGGED}, seed 1"] = Entry(partial(_cycles, 1e-3, 8, 0.25, 1, lag_s=0.05), _FEW)
     for horizon in HORIZONS:
         found[f"horizon, {horizon}"] = Entry(partial(_cycles, 1e-3, 12, 0.04, 1, horizon))
     for horizon in PLAN_HORIZONS:
@@ -74,8 +77,8 @@ def cases() -> Mapping[str, Entry]:
     return found
 
 
-def _cycles(period_s: float, setpoints: int, dwell_s: float, seed: int, horizon: int = 4) -> Case:
-    return CycleCase(scenario(period_s, setpoints, dwell_s, seed, horizon))
+def _cycles(period_s: float, setpoints: int, dwell_s: float, seed: int, horizon: int = 4, lag_s: float = 0.0) -> Case:
+    return CycleCase(scenario(period_s, setpoints, dwell_s, seed, horizon, lag_s))
 
 
 def _bus(kind: str, *, paired: bool) -> Case:

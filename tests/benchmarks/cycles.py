@@ -18,6 +18,7 @@ from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState
 from positioner.cycle.step import step
 from positioner.runtime.warm_up import warm_up
+from positioner.studies.real_valves.valves import lag_table
 from positioner.valve.stiction import StictionTable
 from positioner.wire.messages import Motion, Setpoint
 
@@ -48,8 +49,13 @@ class Cycle:
     passes: int
 
 
-def scenario(period_s: float, setpoints: int, dwell_s: float, seed: int, horizon: int = 4) -> Scenario:
-    """Return a run of many short dwells on the paper's valve, whose setpoints follow from `seed`."""
+def scenario(
+    period_s: float, setpoints: int, dwell_s: float, seed: int, horizon: int = 4, lag_s: float = 0.0
+) -> Scenario:
+    """Return a run of many short dwells on the paper's valve, whose setpoints follow from `seed`.
+
+    A lag `lag_s` of the actuator is told to the law.
+    """
     random = Random(seed)  # noqa: S311 - setpoints, not secrets
     approach = {"prediction_steps": horizon, "control_steps": horizon}
     return Scenario(
@@ -61,7 +67,8 @@ def scenario(period_s: float, setpoints: int, dwell_s: float, seed: int, horizon
         setpoint_period_s=max(period_s, 1e-3),
         setpoints_mm=tuple(round(random.uniform(*_WINDOW_MM), 1) for _ in range(setpoints)),
         dwell_s=dwell_s,
-        plant={"preset": "paper"},
+        plant={"preset": "paper", "actuator": lag_table(lag_s)},
+        valve={"actuator": lag_table(lag_s)},
         control={"nmpc": {"approach": approach}},
     )
 

@@ -15,7 +15,9 @@ _CYCLES = (
     ("best", "in a move", "largest", 250.0),
     ("interpreted", "in a move", "p99", 700.0),
 )
-"""Build, mode, quantile, and the most µs."""
+"""Build, mode, quantile, and the most µs on a valve without lag."""
+LAGGED_P99_US = 500.0
+"""The most µs of the p99 of every mode, compiled, at 1 kHz on a valve with lag."""
 _RATIOS = (("do-mpc", 50.0), ("qpmpc + daqp", 5.0), ("qpmpc + OSQP", 5.0))
 """Another program, and the least ratio of its median to ours at the longer horizon."""
 _HORIZON = 20
@@ -42,11 +44,7 @@ def goals(document: dict[str, Any]) -> Iterator[Goal]:
     """Yield the goals that the figures decide; `best` is the compiled build, where there is one."""
     builds = {entry["build"] for entry in document["cycles"]}
     best = "compiled" if "compiled" in builds else "interpreted"
-    for wanted, mode, quantile, limit in _CYCLES:
-        for entry in document["cycles"]:
-            if (entry["build"], entry["mode"]) == (best if wanted == "best" else wanted, mode):
-                what = f"cycle {mode}, {entry['rate']}, {entry['build']}: {quantile}, µs"
-                yield Goal(what, limit, entry["smallest"][quantile])
+    yield from _of_cycles(document["cycles"], best)
     medians = {
         (entry["program"], entry["build"]): entry["smallest"]["median"]
         for entry in document["plans"]
@@ -61,3 +59,23 @@ def goals(document: dict[str, Any]) -> Iterator[Goal]:
             if entry["way"] == way:
                 what = f"simulation, {way}, {entry['build']}: times real time"
                 yield Goal(what, ratio, entry["times_real_time"], least=True)
+
+
+def is_lagged(entry: dict[str, Any]) -> bool:
+    """Return whether the cycles of this entry are those of a valve with lag."""
+    return "lag" in entry["rate"]
+
+
+def _of_cycles(cycles: list[dict[str, Any]], best: str) -> Iterator[Goal]:
+    for wanted, mode, quantile, limit_us in _CYCLES:
+        for entry in cycles:
+            if (entry["build"], entry["mode"]) == (best if wanted == "best" else wanted, mode) and not is_lagged(entry):
+                yield _of_cycle(entry, quantile, limit_us)
+    for entry in cycles:
+        if entry["build"] == best and is_lagged(entry):
+            yield _of_cycle(entry, "p99", LAGGED_P99_US)
+
+
+def _of_cycle(entry: dict[str, Any], quantile: str, limit_us: float) -> Goal:
+    what = f"cycle {entry['mode']}, {entry['rate']}, {entry['build']}: {quantile}, µs"
+    return Goal(what, limit_us, entry["smallest"][quantile])

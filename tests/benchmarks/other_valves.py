@@ -21,8 +21,8 @@ import numpy as np
 from tqdm import tqdm
 
 from plant_emulator import valve
-from plant_emulator.parameters import SensorSettings
 from plant_emulator.presets import plant_settings
+from plant_emulator.sensor_settings import SensorSettings
 from positioner.bench.inprocess import configure
 from positioner.bench.metrics import Trace, dwell_metrics
 from positioner.bench.scenario import Scenario

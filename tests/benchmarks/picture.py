@@ -5,13 +5,13 @@ from __future__ import annotations
 from random import Random
 from typing import TYPE_CHECKING, Any
 
-import matplotlib as mpl
-
-mpl.use("Agg")
-from matplotlib import pyplot as plt
 from matplotlib.ticker import LogLocator
 
+from benchmarks.goals import LAGGED_P99_US, is_lagged
 from benchmarks.tables import PUBLISHED
+from positioner.pictures.colours import FAINT, INK, MEASURED, SERIES
+from positioner.pictures.files import save
+from positioner.pictures.panels import LABEL, NORMAL, SMALL, dress, new_figure
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
     Entry = dict[str, Any]
 
-_COLOURS = {"at rest": "#1b7837", "in a move": "#b2182b", "settling": "#2166ac"}
+_COLOURS = dict(zip(("at rest", "in a move", "settling"), SERIES, strict=False))
 _PERIODS_US = {"10 kHz": 100.0, "1 kHz": 1000.0}
 _GOALS_US = {"at rest": (50.0, 100.0), "in a move": (150.0, 250.0)}
-"""Median and p99 at rest, p99 and maximum in a move."""
+"""Median and p99 at rest, p99 and maximum in a move, on a valve without lag."""
 _HORIZONS = {4: ("o", "white"), 20: ("o", "#444444")}
 _MOST_DOTS = 600
 
@@ -33,15 +33,14 @@ def draw(path: Path, document: Entry) -> None:
     """Write the picture of `document` to `path`."""
     plans = _ratios(document["plans"])
     rows = len(document["cycles"])
-    figure, (left, right) = plt.subplots(
-        1, 2, figsize=(13, 1.6 + 0.42 * max(rows, len(plans) + 1)), width_ratios=(3, 2), layout="constrained"
-    )
+    figure = new_figure(1.6 + 0.42 * max(rows, len(plans) + 1))
+    figure.set_layout_engine("constrained")
+    left, right = figure.subplots(1, 2, width_ratios=(3, 2))
     _draw_cycles(left, document["cycles"])
     _draw_plans(right, plans)
     about = document["machine"]
-    figure.supxlabel(f"{about['processor']}, {about['date']}, commit {about['commit']}", fontsize=8, color="#555555")
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+    figure.supxlabel(f"{about['processor']}, {about['date']}, commit {about['commit']}", fontsize=SMALL, color=INK)
+    save(figure, path)
 
 
 def _draw_cycles(axes: Axes, cycles: Sequence[Entry]) -> None:
@@ -58,36 +57,38 @@ def _draw_cycles(axes: Axes, cycles: Sequence[Entry]) -> None:
         axes.plot([figures["median"]] * 2, [row - 0.38, row + 0.38], color=colour, linewidth=2.5)
         axes.plot([figures["p99"]] * 2, [row - 0.38, row + 0.38], color=colour, linewidth=1.2)
         axes.plot(figures["largest"], row, "x", color=colour, markersize=6)
-        for goal in _GOALS_US.get(entry["mode"], ()):
-            axes.plot(goal, row, "|", color="black", markersize=16, markeredgewidth=1.4)
+        for goal in (LAGGED_P99_US,) if is_lagged(entry) else _GOALS_US.get(entry["mode"], ()):
+            axes.plot(goal, row, "|", color=INK, markersize=16, markeredgewidth=1.4)
     for name, period_us in _PERIODS_US.items():
-        axes.axvline(period_us, color="#888888", linestyle="--", linewidth=1)
-        axes.text(period_us, -0.75, f"period at {name}", ha="center", va="bottom", fontsize=8, color="#555555")
+        axes.axvline(period_us, color=MEASURED, linestyle="--", linewidth=1)
+        axes.text(period_us, -0.75, f"period at {name}", ha="center", va="bottom", fontsize=SMALL, color=INK)
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.4, -0.8)
     _logarithmic(axes, "time of a cycle from frames to frames, µs")
     axes.set_title(
-        "Every cycle (dot): median (thick), p99 (thin), maximum (×); goals in black\n", fontsize=10, loc="left"
+        "Every cycle (dot): median (thick), p99 (thin), maximum (×); goals in black\n", fontsize=NORMAL, loc="left"
     )
 
 
 def _draw_plans(axes: Axes, ratios: dict[str, dict[int, float]]) -> None:
     """Draw one row for each program, one dot for each horizon."""
     for row, by_horizon in enumerate(ratios.values()):
-        axes.plot([1.0, max(by_horizon.values())], [row, row], color="#cccccc", linewidth=1, zorder=0)
+        axes.plot([1.0, max(by_horizon.values())], [row, row], color=FAINT, linewidth=1, zorder=0)
         for horizon, ratio in by_horizon.items():
             marker, face = _HORIZONS[horizon]
             axes.plot(ratio, row, marker, markerfacecolor=face, markeredgecolor="#444444", markersize=8)
             below = -9 if ratio == min(by_horizon.values()) else 9
-            axes.annotate(f"{ratio:.1f}", (ratio, row), (below, 8), textcoords="offset points", ha="center", fontsize=8)
-    axes.axvline(1.0, color="black", linewidth=1)
+            axes.annotate(
+                f"{ratio:.1f}", (ratio, row), (below, 8), textcoords="offset points", ha="center", fontsize=SMALL
+            )
+    axes.axvline(1.0, color=INK, linewidth=1)
     axes.set_yticks(range(len(ratios)), ratios)
     axes.set_ylim(len(ratios) - 0.4, -0.8)
     _logarithmic(axes, "median time of one programme, times ours")
-    axes.set_title("The same plan by other programs\n", fontsize=10, loc="left")
+    axes.set_title("The same plan by other programs\n", fontsize=NORMAL, loc="left")
     for horizon, (marker, face) in _HORIZONS.items():
         axes.plot([], [], marker, markerfacecolor=face, markeredgecolor="#444444", label=f"H_p = H_u = {horizon}")
-    axes.legend(loc="upper right", fontsize=9)
+    axes.legend(loc="upper right", fontsize=NORMAL)
 
 
 def _ratios(plans: Sequence[Entry]) -> dict[str, dict[int, float]]:
@@ -107,7 +108,5 @@ def _logarithmic(axes: Axes, name: str) -> None:
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.xaxis.set_minor_formatter(lambda _value, _: "")
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.set_xlabel(name)
-    axes.grid(axis="x", which="both", color="#eeeeee", linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
+    axes.set_xlabel(name, fontsize=LABEL)
+    dress(axes, grid="x")

@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from tqdm import tqdm
 
+from benchmarks.tables import table
 from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import Scenario
 from positioner.cycle.events import MoveBegan
 from positioner.reach.case import Case
 from positioner.reach.figures import MOVE_OF_SPAN, figures_of
 from positioner.reach.large_moves import SETTLED_OF_SPAN
-from positioner.studies.markdown import table
 from positioner.studies.real_valves.valves import LAGS_S, NOISE_NAMES, NOISES, lag_table
 
 if TYPE_CHECKING:

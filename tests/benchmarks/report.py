@@ -1,4 +1,4 @@
-"""The report of the benchmark in Markdown, and the part of it that the README shows."""
+"""The report of the benchmark in Markdown, and the part of it that docs/speed.md shows."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def report(document: Entry) -> str:
 
 
 def publish(folder: Path) -> None:
-    """Put the picture in `folder` into docs/, and its main tables into the README, between their two marks.
+    """Put the picture in `folder` into docs/, and its main tables into docs/speed.md, between their two marks.
 
     Raises:
         OSError: the benchmark has not written there.
@@ -68,9 +68,9 @@ def publish(folder: Path) -> None:
         [_INSTRUCTIONS, "", *tables.instructions(_counts())],
     ]
     text = "\n\n".join("\n".join(part) for part in parts)
-    readme = ROOT / "README.md"
-    before = readme.read_text(encoding="utf-8")
-    readme.write_text(_MARKED.sub(lambda found: f"{found[1]}\n{text}\n\n{found[2]}", before), encoding="utf-8")
+    page = ROOT / "docs" / "speed.md"
+    before = page.read_text(encoding="utf-8")
+    page.write_text(_MARKED.sub(lambda found: f"{found[1]}\n{text}\n\n{found[2]}", before), encoding="utf-8")
 
 
 def _machine(document: Entry) -> str:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from positioner.studies.markdown import table
+from positioner.report.table import Table
+from positioner.report.text import markdown_table
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     Entry = dict[str, Any]
 
@@ -15,6 +16,11 @@ QUANTILES = ("median", "p99", "p999", "largest")
 HEAD = ("median", "p99", "p99.9", "max")
 PUBLISHED = {20: {"acados (HPIPM), from Python, as published": 132.0}}
 """Medians in µs of programs that pip cannot install, by horizon."""
+
+
+def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
+    """Return the lines of a table in Markdown."""
+    return markdown_table(Table.of(head, rows))
 
 
 def cycles(document: Entry) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 from collections import Counter
 from typing import TYPE_CHECKING
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from benchmarks import machine
+from benchmarks import machine, valves
 from benchmarks.builds import ROOT, builds
 from benchmarks.bus_latency import BusCase
 from benchmarks.cycles import CycleCase, scenario
@@ -59,6 +60,16 @@ def test_a_worker_plays_the_cases_that_it_is_asked_for() -> None:
     assert worker.build == "interpreted"
     assert len(played["durations_ns"]) == len(labels) > 400
     assert min(played["durations_ns"]) > 0
+
+
+def test_a_daemon_of_several_valves_commands_each_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(valves, "_PERIODS", 30)
+    monkeypatch.setattr(valves, "_WARM_UP", 10)
+    played = valves.ValvesCase(2).play()
+    assert len(played.durations_ns) == 30
+    frames = ast.literal_eval(played.result)
+    assert len(frames) == 2 * 40
+    assert all(frames[-20:])
 
 
 def minimiser(problem: ControlProblem) -> NDArray[np.float64]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from benchmarks.cases import LAGGED
 from benchmarks.measure import Measured
 from benchmarks.picture import draw
 from benchmarks.report import report
@@ -26,6 +27,7 @@ MACHINE = {
         "versions": {"Python": "3.11.7 (x)"},
     }
 }
+CYCLES = ("cycle, 1 kHz, seed 1", f"cycle, {LAGGED}, seed 1")
 LABELS = ("at rest", "in a move", "settling")
 
 
@@ -36,7 +38,13 @@ def plan(name: str, build: str, ns: int, first_ma: float | None = 10.0) -> Measu
 def measured(first_ma: float = 10.002) -> list[Measured]:
     cycles = [
         Measured(name, build, LABELS, [[40_000, 140_000, 60_000], [99_000, 700_000, 50_000]], ["a", "a"])
-        for name in ("cycle, 1 kHz, seed 1", "horizon, 10", "bus, embedded, echo", "bus, embedded, daemon")
+        for name in (
+            "cycle, 1 kHz, seed 1",
+            f"cycle, {LAGGED}, seed 1",
+            "horizon, 10",
+            "bus, embedded, echo",
+            "bus, embedded, daemon",
+        )
         for build in ("interpreted", "compiled")
     ]
     plans = [
@@ -78,6 +86,8 @@ def test_the_valves_of_a_core_follow_from_the_mean_of_the_smallest_periods() -> 
 def test_a_goal_says_whether_it_holds() -> None:
     told = {goal["what"]: goal["holds"] for goal in document()["goals"]}
     assert told["cycle in a move, 1 kHz, compiled: p99, µs"]
+    lagged = [what for what in told if LAGGED in what]
+    assert lagged == [f"cycle {mode}, {LAGGED}, compiled: p99, µs" for mode in LABELS]
     assert told["plan at H_p 20, do-mpc: median, times ours"]
     assert not told["plan at H_p 20, qpmpc + daqp: median, times ours"]
     assert told["simulation, frames, compiled: times real time"]

@@ -30,6 +30,8 @@ from positioner.machine.time import Instant
 from positioner.runtime.daemon import Daemon
 from positioner.runtime.session import RunOptions
 from positioner.store.client import TableWriterClient
+from positioner.store.health_client import HealthClient
+from positioner.store.health_messages import NO_HEALTH
 from positioner.valve.stiction import StictionTable
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import PlantTruth, Setpoint
@@ -80,9 +82,14 @@ def _socket_of(bus: can.BusABC, _address: object) -> FrameSocket:
 class _NoWriter:
     """In the place of the daemon's side of a table writer."""
 
-    problem = None
+    def __init__(self) -> None:
+        self.problem = None
+        self.health = HealthClient(NO_HEALTH)
 
     def record(self, samples: Sequence[object]) -> None:
+        pass
+
+    def keep_health(self, sections: dict[str, Any]) -> None:
         pass
 
     def poll(self) -> tuple[object, ...]:

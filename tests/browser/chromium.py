@@ -49,9 +49,13 @@ class Browser:
 
     def open(self, path: Path, width: int = 900) -> None:
         """Open a file, and wait until all of it is loaded."""
+        self.visit(path.absolute().as_uri(), width)
+
+    def visit(self, address: str, width: int = 900, height: int = 1200) -> None:
+        """Open an address, and wait until all of the page is loaded."""
         self.events.clear()
-        self.ask("Emulation.setDeviceMetricsOverride", width=width, height=1200, deviceScaleFactor=1, mobile=False)
-        self.ask("Page.navigate", url=path.absolute().as_uri())
+        self.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        self.ask("Page.navigate", url=address)
         while not any(each.get("method") == "Page.loadEventFired" for each in self.events):
             self.events.append(self._message())
 

@@ -14,7 +14,10 @@ import pytest
 from chromium import Browser, started
 from pages import PAGES
 
-from positioner.report.page import html
+from positioner.pictures.files import save
+from positioner.pictures.panels import new_figure
+from positioner.report.page import Page, Section, html
+from positioner.report.picture import Picture
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -54,3 +57,19 @@ def test_nothing_sticks_out_of_a_narrow_or_a_wide_window(browser: Browser, width
     path.write_text(html(next(iter(PAGES.values()))()), encoding="utf-8")
     browser.open(path, width)
     assert browser.evaluate("document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.parametrize("width", [360, 1280])
+def test_pictures_are_as_wide_as_the_window_and_ask_for_nothing(browser: Browser, width: int) -> None:
+    figure = new_figure(3.0)
+    figure.subplots().plot([0.0, 1.0], [1.0, 0.0], ".", rasterized=True)
+    save(figure, FOLDER / "drawn.png")
+    drawn = Picture("drawn", (FOLDER / "drawn.svg").read_text("utf-8"))
+    path = FOLDER / "pictures.html"
+    path.write_text(html(Page("t", "s", (Section("Pictures", pictures=(drawn, drawn)),), is_wide=True)), "utf-8")
+    browser.open(path, width)
+    assert [address for address in browser.requests() if not address.startswith("data:")] == [path.as_uri()]
+    assert browser.evaluate("document.documentElement.scrollWidth") <= width
+    shown = browser.evaluate("[...document.querySelectorAll('.picture')].map(e => e.getBoundingClientRect().width)")
+    assert len(shown) == 2
+    assert min(shown) > 0.85 * width

@@ -13,6 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from building.completions import PLACES
+from positioner.machine.completion import SHELLS
+
 ROOT = Path(__file__).resolve().parents[2]
 INTERPRETER = r"""#!/bin/sh
 # python -m venv --clear DIRECTORY makes an environment, its python -m pip install notes what it was asked for
@@ -27,9 +30,18 @@ case "$1 $2 $3" in
         chmod 755 "$4/bin/$program"
     done ;;
 "-m pip "*) echo "PYTHONPATH=$PYTHONPATH $*" >> "$(dirname "$0")/../asked" ;;
+"-B -m documents.manual") mkdir -p "$4" && touch "$4/positioner.1" "$4/positioner-run.1" "$4/plant-emulator.1" ;;
+"-P building/completions.py "*)
+    for program in positioner plant-emulator; do
+        for file in bash-completion/completions/NAME zsh/site-functions/_NAME fish/vendor_completions.d/NAME.fish; do
+            mkdir -p "$3/$(dirname $file)"
+            echo "for $program" > "$3/$(echo $file | sed "s/NAME/$program/")"
+        done
+    done ;;
 "-c "*) echo "${BASE_PREFIX:-/usr}" ;;
 esac
 """
+PROGRAMS = ("positioner", "plant-emulator")
 UNITS = {"positioner@.service", "plant-emulator@.service", "vcan0.service"}
 
 
@@ -72,7 +84,11 @@ def test_everything_is_put_below_destdir_and_speaks_of_the_place_where_it_will_b
     place = tmp_path / "root"
     done = make("install", interpreter, DESTDIR=place)
     assert done.returncode == 0, done.stderr
-    examples = {path.name for path in (ROOT / "systemd" / "network").iterdir()} | {"bus.conf", "realtime.conf"}
+    examples = {path.name for path in (ROOT / "systemd" / "network").iterdir()} | {
+        "bus.conf",
+        "realtime.conf",
+        "serial.conf",
+    }
     assert files_below(place) == {
         *(f"opt/positioner/{name}" for name in ("pyvenv.cfg", "asked")),
         *(f"opt/positioner/bin/{name}" for name in ("python", "positioner", "plant-emulator")),
@@ -80,6 +96,8 @@ def test_everything_is_put_below_destdir_and_speaks_of_the_place_where_it_will_b
         *(f"etc/systemd/system/{name}" for name in UNITS),
         "usr/local/bin/positioner",
         "usr/local/bin/plant-emulator",
+        *(f"usr/local/share/man/man1/{name}.1" for name in ("positioner", "positioner-run", "plant-emulator")),
+        *(f"usr/local/share/{PLACES[shell].format(program)}" for shell in SHELLS for program in PROGRAMS),
     }
     assert (place / "etc/positioner").is_dir()
     assert (place / "usr/local/bin/positioner").readlink() == Path("/opt/positioner/bin/positioner")
@@ -135,6 +153,7 @@ def test_uninstall_takes_what_install_put_and_keeps_configurations_and_tables(
         "etc/positioner/fv101.toml",
         "var/lib/positioner/fv101/stiction.sqlite",
         "usr/local/bin/other",
+        "usr/local/share/man/man1/positioning.1",
         "etc/systemd/system/other.service",
     }
     for name in kept:

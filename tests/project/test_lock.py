@@ -1,4 +1,4 @@
-"""The lock files of `make install` hold what pyproject.toml asks for, whole, in one version, with hashes."""
+"""The lock files of `make install` and of the tests hold what pyproject.toml asks for, in one version, with hashes."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from packaging.utils import canonicalize_name
 if TYPE_CHECKING:
     from pathlib import Path
 
+LOCKS = ("run.txt", "build.txt", "dev.txt")
 PYTHONS = ("3.11", "3.12", "3.13")
 SHA256_DIGITS = 64
 
@@ -23,10 +24,21 @@ def asked() -> dict[str, list[Requirement]]:
     """Return what pyproject.toml asks for, by lock file."""
     project = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))
     compiler = project["tool"]["hatch"]["build"]["targets"]["wheel"]["hooks"]["custom"]["compiler"]
+    needed = [Requirement(text) for text in project["project"]["dependencies"]]
+    extras = project["project"]["optional-dependencies"]
     return {
-        "run.txt": [Requirement(text) for text in project["project"]["dependencies"]],
+        "run.txt": needed,
+        "dev.txt": [*needed, *of_extras({"dev", "site"}, extras, project["project"]["name"])],
         "build.txt": [Requirement(text) for text in [*project["build-system"]["requires"], *compiler]],
     }
+
+
+def of_extras(names: set[str], extras: dict[str, list[str]], project: str) -> list[Requirement]:
+    """Return what some extras of the project ask for, with that of the extras which they name."""
+    found = [Requirement(text) for name in sorted(names) for text in extras[name]]
+    further = set().union(*(each.extras for each in found if each.name == project)) - names
+    own = [each for each in found if each.name != project]
+    return [*own, *of_extras(further, extras, project)] if further else own
 
 
 def held(lock: str, python: str) -> dict[str, locked.Locked]:
@@ -38,11 +50,12 @@ def held(lock: str, python: str) -> dict[str, locked.Locked]:
 
 
 @pytest.mark.parametrize("python", PYTHONS)
-@pytest.mark.parametrize("lock", ["run.txt", "build.txt"])
+@pytest.mark.parametrize("lock", LOCKS)
 def test_a_lock_holds_what_is_asked_for_in_a_version_that_is_wanted(lock: str, python: str) -> None:
     entries = held(lock, python)
     for requirement in asked()[lock]:
-        entry = entries[canonicalize_name(requirement.name)]
+        entry = entries.get(canonicalize_name(requirement.name))
+        assert entry, f"requirements/{lock} lacks {requirement}: make lock"
         assert requirement.specifier.contains(entry.version, prereleases=True), f"{requirement}: make lock"
 
 
@@ -59,7 +72,7 @@ def test_a_lock_holds_what_its_packages_ask_for_in_turn(python: str) -> None:
                 assert canonicalize_name(needed.name) in entries, f"{name} needs {text}: make lock"
 
 
-@pytest.mark.parametrize("lock", ["run.txt", "build.txt"])
+@pytest.mark.parametrize("lock", LOCKS)
 def test_every_package_of_a_lock_is_pinned_with_hashes_and_no_host_is_named(lock: str) -> None:
     entries = locked.read(PROJECT / "requirements" / lock)
     assert len(entries) >= len(asked()[lock])

@@ -1,4 +1,4 @@
-"""The five steps of the README: blocks for a shell, made of commands and files that there are."""
+"""The five steps of docs/install.md: blocks for a shell, made of commands and files that there are."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import pytest
 from positioner.cli.main import build_parser
 
 ROOT = Path(__file__).resolve().parents[2]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-SECTION = README.split("\n## A real positioner in five steps\n")[1].split("\n## ")[0]
+PAGE = (ROOT / "docs" / "install.md").read_text(encoding="utf-8")
+SECTION = PAGE.split("\n## A real positioner in five steps\n")[1].split("\n## ")[0]
 STEPS = re.findall(r"^```sh\n(.*?)^```$", SECTION, flags=re.DOTALL | re.MULTILINE)
 SHARE = "/opt/positioner/share/positioner/"
 

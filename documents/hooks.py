@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from mkdocs.structure.files import File
 
-from documents import api, commands, configuration, frames, notebooks, plant
+from documents import api, campaign, commands, configuration, frames, notebooks, plant, scenario
 from documents.links import FILES, linked, place_of, rewritten
 
 if TYPE_CHECKING:
@@ -22,6 +22,8 @@ BESIDE = ("README.md", "DESIGN.md", "CONTRIBUTING.md", "SAFETY.md", "SECURITY.md
 MADE: dict[str, Callable[[], str]] = {
     "reference/configuration.md": configuration.page,
     "reference/plant-files.md": plant.page,
+    "reference/scenario-files.md": scenario.page,
+    "reference/campaign-files.md": campaign.page,
     "reference/positioner.md": lambda: commands.page(commands.programs()[0]),
     "reference/frames.md": frames.page,
     "reference/api.md": api.page,

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from documents.configuration import section, tables_of
+from documents.configuration import section
+from documents.keys import tables_of
 from plant_emulator.parameters import PlantSettings
 from plant_emulator.presets import plant_settings
 
 if TYPE_CHECKING:
-    from documents.configuration import Table
+    from documents.keys import Table
 
 _INTRODUCTION = """\
 # Plant files

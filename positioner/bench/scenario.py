@@ -40,32 +40,44 @@ class Scenario(SettingsTable):
     """One bench run: plant, law, setpoints, their duration, and the seed."""
 
     name: Annotated[str, Len(1, 40)]
+    """Its name in reports and pictures."""
     title: Annotated[str, Len(1, 80)]
+    """Its heading."""
     description: str = ""
+    """A longer explanation."""
     law: Annotated[str, Len(1)] = "paper"
+    """The control law of the daemon: its name, or FILE.py:NAME."""
     seed: Annotated[int, Interval(ge=0, le=2**32 - 1)] = 1
+    """Of every random number: the same seed gives the same run in lockstep."""
     sample_period_s: Annotated[float, Interval(ge=1e-4, le=0.1)] = 0.001
     """Period of the plant's position frames and of the control cycle, T_s of the paper."""
     setpoint_period_s: Annotated[float, Interval(ge=1e-3, le=1.0)] = 0.01
-    """Period of the host's setpoint frames."""
+    """Period of the host's setpoint frames; a whole multiple of `sample_period_s`, at most 60 of it."""
     setpoints_mm: Annotated[tuple[Annotated[float, Interval(ge=0.0, le=661.0)], ...], Len(1)]
     """Setpoints of one visit, in order; the upper limit is the range of the PLANT_TRUTH frame."""
     visits: Annotated[int, Interval(ge=1, le=10_000)] = 1
     """How many times the whole sequence of setpoints is played."""
     dwell_s: Annotated[float, Interval(gt=0.0, le=3600.0)]
-    """Duration of each setpoint."""
+    """How long each setpoint is held; a whole multiple of `setpoint_period_s`."""
     edges_s: tuple[Annotated[float, Interval(ge=0.0)], ...] = ()
-    """Where setpoints move: the instants between which figures are computed; empty: a dwell for each setpoint."""
+    """Where setpoints move: the instants between which figures are computed; empty: each setpoint by itself."""
     table_from_s: Annotated[float, Interval(ge=0.0)] | None = None
-    """When the law begins to use the stiction table; None: from the start. It always learns from the start."""
+    """When the law begins to use the stiction table; left out: from the start. It always learns from the start."""
     commission: bool = False
     """Whether the valve is identified first, on the same bus, and what it can reach is computed."""
     plant: dict[str, Any] = field(default_factory=dict)
+    """The `[plant]` table, with the keys of a plant file: `preset` names a valve, the other keys change it."""
     valve: dict[str, Any] = field(default_factory=dict)
+    """The valve as the daemon believes it to be, with the keys of its configuration; what is left out is that of the
+    nominal valve of which the plant is a variant, with the preload, the lags and the backlash of the variant."""
     control: dict[str, Any] = field(default_factory=dict)
+    """The law and its settings, with the keys of the configuration, but for `law` and `sample_period_s`."""
     estimator: dict[str, Any] = field(default_factory=dict)
+    """Position and speed from readings, with the keys of the configuration; its noise: that of the nominal valve."""
     guard: dict[str, Any] = field(default_factory=dict)
+    """Limits, ages of the data and arming, with the keys of the configuration; `auto_arm` is true if left out."""
     wire: dict[str, Any] = field(default_factory=dict)
+    """Frames of the user's own, with the keys of the configuration: plant, host and daemon use them."""
 
     @property
     def visited_mm(self) -> tuple[float, ...]:

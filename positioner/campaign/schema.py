@@ -35,9 +35,10 @@ class Scale(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignSettings(SettingsTable):
-    """The `[design]` table.
+    """The `[design]` table: how the points are chosen.
 
-    points: how many; a grid has as many as its levels make.
+    kind: every combination of the levels, or points that fill the ranges evenly.
+    points: how many; a power of two for "sobol"; left out for a grid, which has as many as its levels make.
     seed: of the choice of the points; the seeds of the noise stand beside the laws.
     """
 
@@ -48,10 +49,13 @@ class DesignSettings(SettingsTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RangeSettings(SettingsTable):
-    """One entry of the `[parameters]` table: a range from `low` to `high`, or a list of `values`.
+    """One parameter, as a range from `low` to `high` or a list of `values`; NAME is the key to set, or of your choice.
 
+    low, high: the ends of the range; both belong to it.
+    scale: how the range is divided.
     levels: how many values of the range a grid takes, both ends among them.
-    scales: keys of the scenario whose own values are multiplied by the value; without it, the name is the key to set.
+    values: the values in place of a range, of the kind of the key.
+    scales: keys of the scenario whose own values are multiplied by the value; without it, NAME is the key to set.
     """
 
     low: float | None = None
@@ -85,7 +89,11 @@ class RangeSettings(SettingsTable):
 class CampaignFile(SettingsTable):
     """A campaign: every point of the design with every law and every seed.
 
-    scenario: a scenario; its `base` names the one whose other values it has.
+    name: of the campaign and of its folder: letters, digits, dots, dashes, underscores.
+    title: its heading.
+    laws: the names of the laws, or FILE.py:NAME.
+    scenario: the `[scenario]` table: `base`, a scenario by name or path, "paper-valve" if left out, and the keys of a
+        scenario that replace its own. Law and seed stand in `laws` and `seeds`.
     seeds: of the noise; every law is played with the same ones at every point.
     worst: how many of the worst runs of each law are shown, with the command that replays each.
     """

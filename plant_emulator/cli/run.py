@@ -41,23 +41,31 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_plant_options(parser)
-    parser.add_argument("--bus", default="socketcan:vcan0", metavar="INTERFACE:CHANNEL", help="the bus (%(default)s)")
     parser.add_argument(
-        "--period", type=SECONDS, default=0.001, metavar="S", help="period of the frames (%(default)s s)"
+        "--bus", default="socketcan:vcan0", metavar="INTERFACE:CHANNEL", help="the bus (default: %(default)s)"
     )
-    parser.add_argument("--seed", type=whole, default=1, help="seed of noise and stochastic friction (%(default)s)")
+    parser.add_argument(
+        "--period", type=SECONDS, default=0.001, metavar="S", help="period of the frames (default: %(default)s s)"
+    )
+    parser.add_argument(
+        "--seed",
+        type=whole,
+        default=1,
+        metavar="N",
+        help="seed of noise and stochastic friction (default: %(default)s)",
+    )
     parser.add_argument(
         "--clock",
         choices=("realtime", "lockstep"),
         default="realtime",
-        help="send every period, or wait for each answer of the positioner (%(default)s)",
+        help="send every period, or wait for each answer of the positioner (default: %(default)s)",
     )
     parser.add_argument(
         "--command-delay",
         type=number(0.0, 1.0, "seconds from 0 to 1"),
         default=0.0,
         metavar="S",
-        help="commands act this long after a reading, up to a period; 0: as soon as they arrive (%(default)s s)",
+        help="commands act this long after a reading, up to a period; 0: once they arrive (default: %(default)g s)",
     )
     parser.add_argument("--setpoint-every", type=whole, default=0, metavar="N", help=argparse.SUPPRESS)
     frames = parser.add_mutually_exclusive_group()
@@ -72,7 +80,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         type=int,
         default=0,
         metavar="N",
-        help="number added to all identifiers, a multiple of 128 (%(default)s)",
+        help="number added to all identifiers, a multiple of 128 (default: %(default)s)",
     )
     parser.add_argument("--valve", metavar="ID", help="which valve is meant, where --wire has several")
     parser.set_defaults(run=_run)

@@ -42,7 +42,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     """Add the sub-command."""
     parser = subparsers.add_parser(
         "simulate",
-        help="drive a valve with a current waveform and write its motion as CSV",
+        help="drive a valve with a current waveform, and write its motion as CSV",
         description="Drive a valve with a current waveform and write its motion as CSV, one row per period. "
         "current_ma is the current during the period that ends at time_s. The first row is the start: the stem is held "
         "at its initial position, under the first current of the waveform.",
@@ -59,10 +59,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--duration", type=SECONDS, metavar="S",
         help=f"simulated time (default: {_DEFAULT_DURATION_S:g} s, or all of FILE.csv)",
     )  # fmt: skip
-    parser.add_argument("--period", type=SECONDS, default=0.001, metavar="S", help="time per row (default: 0.001)")
+    parser.add_argument("--period", type=SECONDS, default=0.001, metavar="S", help="time per row (default: 0.001 s)")
     parser.add_argument("--seed", type=whole, default=0, metavar="N", help="seed of stochastic friction (default: 0)")
-    parser.add_argument("--low-ma", type=_CURRENT, default=4.0, metavar="MA", help="lowest current (default: 4)")
-    parser.add_argument("--high-ma", type=_CURRENT, default=20.0, metavar="MA", help="highest current (default: 20)")
+    parser.add_argument("--low-ma", type=_CURRENT, default=4.0, metavar="MA", help="lowest current (default: 4 mA)")
+    parser.add_argument("--high-ma", type=_CURRENT, default=20.0, metavar="MA", help="highest current (default: 20 mA)")
     parser.set_defaults(run=_run)
 
 

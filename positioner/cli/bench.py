@@ -80,9 +80,14 @@ def add_parser(commands: Commands) -> None:
     add_signals(parser)
     parser.add_argument("--seed", type=_seed, metavar="N", help="seed instead of the scenario's")
     parser.add_argument(
-        "--reading", choices=tuple(NoiseKind), metavar="A|B|noise-free", help="interpretation of the paper's noise"
+        "--reading",
+        choices=tuple(NoiseKind),
+        metavar="A|B|noise-free",
+        help="interpretation of the paper's noise, see below",
     )
-    parser.add_argument("--units", choices=tuple(Units), metavar="SI|cm", help="units of the paper's α and β")
+    parser.add_argument(
+        "--units", choices=tuple(Units), metavar="SI|cm", help="units of the paper's α and β, see below"
+    )
     parser.add_argument(
         "--bus",
         default="auto",

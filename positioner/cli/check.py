@@ -32,6 +32,8 @@ examples:
   positioner check /etc/positioner/fv101.toml
   positioner check --example > fv101.toml       write a commented configuration to start from
   positioner check fv101.toml --json            mistakes and properties for programs
+
+exit status: 0 good, 78 a mistake is in it, or it cannot be read.
 """
 
 
@@ -41,7 +43,7 @@ def add_parser(commands: Commands) -> None:
         commands, "check", _run, "check a configuration: all mistakes at once, each with its line", _EPILOG
     )
     which = parser.add_mutually_exclusive_group(required=True)
-    which.add_argument("config", nargs="?", type=Path, metavar="valve.toml", help="the configuration")
+    which.add_argument("config", nargs="?", type=Path, metavar="FILE.toml", help="the configuration")
     which.add_argument("--example", action="store_true", help="print a commented configuration")
     add_json(parser)
 

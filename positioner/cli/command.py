@@ -58,7 +58,9 @@ def add_state(parser: argparse.ArgumentParser, text: str = "state directory inst
 def add_study(parser: argparse.ArgumentParser, folder: Path) -> None:
     """Add `--workers` and `--dask`, and `--out` with the default `folder`."""
     add_workers(parser)
-    parser.add_argument("--out", type=Path, default=folder, metavar="DIR", help="output directory (%(default)s)")
+    parser.add_argument(
+        "--out", type=Path, default=folder, metavar="DIR", help="output directory (default: %(default)s)"
+    )
 
 
 def add_workers(parser: argparse.ArgumentParser) -> None:

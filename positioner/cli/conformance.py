@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from positioner.bus.address import parse_address
 from positioner.cli.command import add_command
+from positioner.cli.tables import add_json
 from positioner.conformance.host import HostLimits, HostTest
 from positioner.conformance.on_bus import ConformanceTest, run_test
 from positioner.conformance.plant import PlantLimits, PlantTest
@@ -73,8 +74,8 @@ def add_parser(commands: Commands) -> None:
             metavar="N",
             help="wire.id_offset of the positioner (default: %(default)s)",
         )
-        node.add_argument("--travel", type=_range(-1e3, 1e3, "mm"), metavar="LOW:HIGH", help="allowed positions in mm")
-        node.add_argument("--json", action="store_true", help="print one JSON object instead of lines")
+        node.add_argument("--travel", type=_range(-1e3, 1e3, "mm"), metavar="LOW:HIGH", help="allowed positions, in mm")
+        add_json(node)
         if name == "plant":
             node.add_argument(
                 "--period",
@@ -94,7 +95,7 @@ def add_parser(commands: Commands) -> None:
                 "--currents",
                 type=_range(VALUE_LOW_MA, VALUE_HIGH_MA, "mA"),
                 metavar="LOW:HIGH",
-                help="command the plant within these limits in mA: THE VALVE MOVES",
+                help="command the plant within these limits, in mA: THE VALVE MOVES",
             )
             node.add_argument(
                 "--listen",

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command, add_config, add_valve, check_picture, numbers_in
+from positioner.cli.tables import add_json
 from positioner.config.reader import load_config
 from positioner.diagnostics.finding import finding_of, percent
 from positioner.diagnostics.loop_table import OPTIONS, LoopTable, loop_of
@@ -61,7 +62,7 @@ def add_parser(commands: Commands) -> None:
         parser.add_argument(option, dest=role, metavar="COLUMN", help=f"column of the {meanings[role]}")
     parser.add_argument("--period", type=float, metavar="S", help="sample period, where there are no time stamps")
     parser.add_argument("--op-range", default="0,100", metavar="A,B", help="OP at 0 and 100 %% (default: %(default)s)")
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+    add_json(parser)
     parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the trend and the evidence (PNG and SVG)")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write the finding as an HTML page")
 

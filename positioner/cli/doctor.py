@@ -7,6 +7,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command, add_config, add_state
+from positioner.cli.tables import add_json
 from positioner.doctor.examination import Examination
 from positioner.doctor.finding import Level, worst
 
@@ -36,7 +37,7 @@ def add_parser(commands: Commands) -> None:
     )
     add_config(parser, required=False)
     add_state(parser)
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of lines")
+    add_json(parser)
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from positioner.cli.command import add_command, add_config, add_state, add_valve
 from positioner.cli.health_source import FoundHealth, health_in_log, kept_health, service_of
 from positioner.cli.question import agreed
+from positioner.cli.tables import add_json
 from positioner.commissioning import results
 from positioner.config.locations import location_of
 from positioner.config.reader import load_config
@@ -22,6 +23,7 @@ from positioner.health.causes import AlarmCause
 from positioner.health.counters_document import COUNTERS
 from positioner.health.counters_report import as_lines, as_values
 from positioner.health.trends_document import TRENDS, trends_in
+from positioner.machine.completion import suggest
 from positioner.store import access
 
 if TYPE_CHECKING:
@@ -55,13 +57,16 @@ def add_parser(commands: Commands) -> None:
     add_config(parser)
     add_valve(parser)
     add_state(parser)
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+    add_json(parser)
     parser.add_argument("--from", type=Path, metavar="LOG", dest="log", help="compute it again from a recorded run")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write it as an HTML page")
     parser.add_argument("--reset", action="store_true", help="begin the counters anew; the trends stay")
-    parser.add_argument(
-        "--acknowledge", metavar="CAUSE", help="a person has seen this alarm, such as friction_high, or all of them"
+    acknowledge = parser.add_argument(
+        "--acknowledge",
+        metavar="CAUSE",
+        help="a person has seen this alarm, such as friction_high, or all of them: all",
     )
+    suggest(acknowledge, _acknowledged)
     parser.add_argument("--yes", action="store_true", help="reset without a question")
 
 
@@ -160,10 +165,15 @@ def _reset(arguments: argparse.Namespace, configuration: Configuration) -> ExitC
     return ExitCode.OK
 
 
+def _acknowledged() -> tuple[str, ...]:
+    """Return what may be acknowledged."""
+    return ("all", *(cause.key for cause in AlarmCause))
+
+
 def _acknowledge(arguments: argparse.Namespace, configuration: Configuration) -> ExitCode:
-    names = [cause.key for cause in AlarmCause]
-    if arguments.acknowledge not in {"all", *names}:
-        raise UsageError(f"--acknowledge {arguments.acknowledge}: no such alarm; one of all, {', '.join(names)}")
+    if arguments.acknowledge not in _acknowledged():
+        known = ", ".join(_acknowledged())
+        raise UsageError(f"--acknowledge {arguments.acknowledge}: no such alarm; one of {known}")
     found, directory = _kept(arguments, configuration), _directory(arguments, configuration)
     wanted = {cause for cause in AlarmCause if arguments.acknowledge in {"all", cause.key}}
     seen = [alarm.cause for alarm in found.trends.alarms if alarm.cause in wanted and not alarm.acknowledged]

@@ -28,7 +28,6 @@ Verbs are done one after another:
 Without verbs it is a session: in a terminal keys act at once (arrows step the setpoint, m manual, a auto, q quit, : and
 a verb), with the status live below; from a pipe or a file a verb is read from each line.
 
-
 It sends setpoints from the first verb that needs them until it ends (SIGTERM, Ctrl-C): without setpoints the positioner
 holds, and later it fails safe. `status` and `disarm` alone end by themselves, and so does a profile that stands last.
 
@@ -42,8 +41,7 @@ examples:
   positioner host --config two-valves.toml --valve FV-102 arm set 40%
 
 exit status: 0 done or stopped, 1 a verb could not be done, 2 an unknown verb, or a number outside the limits of the
-valve and the guard, 69 the bus is not available, 78 the configuration or the file of
-a profile is wrong.
+valve and the guard, 69 the bus is not available, 78 the configuration or the file of a profile is wrong.
 """
 
 

@@ -51,10 +51,10 @@ def add_parser(commands: Commands) -> None:
     add_procedure(parser)
     parser.add_argument("--write", action="store_true", help="write the values into the configuration, with a backup")
     parser.add_argument("--picture", type=Path, metavar="FILE", help="draw strokes, breakaways and steps (PNG and SVG)")
-    parser.add_argument("--ip-range", metavar="P-P", help="pressure at 4 and 20 mA, like 3-15psi or 0.2-1bar")
+    parser.add_argument("--ip-range", metavar="LOW-HIGH", help="pressures at 4 and 20 mA, like 3-15psi or 0.2-1bar")
     parser.add_argument("--area", metavar="AREA", help="effective area of the diaphragm, like 100in2 or 645cm2")
     parser.add_argument(
-        "--pressure-unit", choices=tuple(PASCALS), default="bar", help="of the bench set (default: %(default)s)"
+        "--pressure-unit", choices=tuple(PASCALS), default="bar", help="unit of the bench set (default: %(default)s)"
     )
 
 

@@ -40,6 +40,8 @@ examples:
 A law of yours that raises an error loses that bout: the others are played, and the error is told at the end (status 1).
 `nmpc-without-table` is nmpc that never uses its stiction table. An interrupted league continues where it stopped. The
 output directory then holds league.json, league.md, league.png and league.svg, or real-valves.json and so on.
+
+exit status: 0 done, 1 a bout could not be played, 2 wrong command line, 78 a plant, law or file of setpoints is wrong.
 """
 
 

@@ -50,10 +50,22 @@ def add_parser(commands: Commands) -> None:
     add_config(parser)
     add_valve(parser)
     parser.add_argument("--bus", metavar="INTERFACE:CHANNEL", help="bus instead of the configuration's")
-    parser.add_argument("--web", action="store_true", help="serve a page for a browser on this machine, no terminal")
-    parser.add_argument("--port", type=int, default=PORT, metavar="N", help="port of the page (%(default)s; 0: any)")
-    parser.add_argument("--picture", type=Path, metavar="FILE.svg", help="draw the end of a log, and no view")
-    parser.add_argument("--speed", type=float, default=1.0, metavar="X", help="how fast a log plays (%(default)s)")
+    parser.add_argument(
+        "--web", action="store_true", help="show it in a browser of this machine instead of the terminal"
+    )
+    parser.add_argument(
+        "--port", type=int, default=PORT, metavar="N", help="port of the page (default: %(default)s; 0: any free one)"
+    )
+    parser.add_argument(
+        "--picture", type=Path, metavar="FILE.svg", help="draw what the view shows at the end of a log, and end"
+    )
+    parser.add_argument(
+        "--speed",
+        type=float,
+        default=1.0,
+        metavar="X",
+        help="how fast a log plays; 2: twice as fast (default: %(default)s)",
+    )
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:

@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-def add_law(parser: argparse.ArgumentParser, text: str) -> None:
-    """Add `--law`, which `law_of` reads; a shell completes the names."""
+def add_law(parser: argparse.ArgumentParser, text: str, *more: str) -> None:
+    """Add `--law`, which `law_of` reads; a shell completes the names, and what `more` may stand there."""
     action = parser.add_argument("--law", metavar="NAME|FILE.py:NAME", help=text)
-    suggest(action, law_names, "*.py")
+    suggest(action, lambda: (*law_names(), *more), "*.py")
 
 
 def add_plant(parser: argparse.ArgumentParser, text: str) -> None:
@@ -31,14 +31,14 @@ def add_signals(parser: argparse.ArgumentParser, more: str = "") -> None:
     parser.add_argument(
         "--setpoints",
         metavar="LIST|FILE.csv",
-        help="73,87 (mm), 20%%,80%% (of span), reach, steps:10%%, ramp:30,from=20%%,to=80%%, sine:20,amplitude=5%%, "
-        "or a file with the columns time_s,setpoint_mm (docs/own-law.md)",
+        help="setpoints to play: 73,87 (mm), 20%%,80%% (of span), reach, steps:10%%, ramp:30,from=20%%,to=80%%, "
+        "sine:20,amplitude=5%%, or a file with the columns time_s,setpoint_mm (docs/own-law.md)",
     )
     parser.add_argument(
         "--noise",
         metavar="KIND:SIZE",
-        help="of the position sensor, σ in %% of span: gaussian:0.05%%, uniform:0.05%%, correlated:0.05%%,time=0.1, "
-        f"held:2%%,of=reading,time=0.01{more}",
+        help="noise of the position sensor, with σ in %% of span: gaussian:0.05%%, uniform:0.05%%, "
+        f"correlated:0.05%%,time=0.1, held:2%%,of=reading,time=0.01{more}",
     )
 
 

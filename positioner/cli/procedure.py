@@ -13,6 +13,7 @@ from tqdm import tqdm
 from positioner.bus.address import parse_address
 from positioner.cli.command import add_config, add_state, add_valve, refuse_without_folder
 from positioner.cli.question import agreed
+from positioner.cli.tables import add_json
 from positioner.commissioning import results
 from positioner.commissioning.procedure import Procedure
 from positioner.config.locations import location_of
@@ -43,12 +44,14 @@ def add_procedure(parser: argparse.ArgumentParser) -> None:
     add_state(parser)
     parser.add_argument("--bus", metavar="INTERFACE:CHANNEL", help="bus instead of the configuration's")
     parser.add_argument("--yes", action="store_true", help="move the valve without a question, for scripts")
-    parser.add_argument("--from", type=Path, metavar="LOG", dest="log", help="use the record of such a test")
+    parser.add_argument(
+        "--from", type=Path, metavar="LOG", dest="log", help="evaluate this record of a test; nothing moves"
+    )
     parser.add_argument("--record", type=Path, metavar="FILE", help="record the test, for --from and replay")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write the result as an HTML page")
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    add_json(parser)
     parser.add_argument(
-        "--as-reference", action="store_true", help="compare later results with this one; without it, with the first"
+        "--as-reference", action="store_true", help="compare later results with this one (else with the first one)"
     )
     parser.add_argument(
         "--clock",

@@ -7,6 +7,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command, add_config, add_valve
+from positioner.cli.tables import add_json
 from positioner.config.reader import load_config
 from positioner.doctor import bus_load
 from positioner.errors import ExitCode
@@ -36,7 +37,7 @@ def add_parser(commands: Commands) -> None:
     parser = add_command(commands, "reach", _run, "compute what a valve can reach, and what would improve it", _EPILOG)
     add_config(parser)
     add_valve(parser)
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+    add_json(parser)
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:

@@ -11,6 +11,7 @@ from positioner.cli.run_report import write_study
 from positioner.cli.tables import note, show, show_json
 from positioner.errors import ExitCode, UsageError
 from positioner.inputs.nearest import names_in
+from positioner.machine.completion import suggest
 
 if TYPE_CHECKING:
     import argparse
@@ -22,11 +23,33 @@ _ONLY_HERE = ("tau", "rival_plants", "exact", "conditions")
 
 def add_real_valves(parser: argparse.ArgumentParser) -> None:
     """Add `--real-valves` and its options."""
-    parser.add_argument("--real-valves", action="store_true", help="on valves whose actuator lags, identified before")
-    parser.add_argument("--tau", metavar="MS,MS,…", help="real valves: lags (default: 0,2,5,10,20,50,100,300 ms)")
-    parser.add_argument("--rival-plants", metavar="A,B,…", help="real valves: plants of the other laws than nmpc")
+    parser.add_argument(
+        "--real-valves", action="store_true", help="play on valves whose actuators lag, each identified before"
+    )
+    parser.add_argument(
+        "--tau", metavar="MS,MS,…", help="real valves: lags of the actuators, in ms (default: 0,2,5,10,20,50,100,300)"
+    )
+    rival_plants = parser.add_argument(
+        "--rival-plants", metavar="A,B,…", help="real valves: plants of the other laws than nmpc (default: all)"
+    )
     parser.add_argument("--exact", action="store_true", help="real valves: exact parameters instead of identified ones")
-    parser.add_argument("--conditions", metavar="A,B,…", help="real valves: all, none, or names (default: all)")
+    conditions = parser.add_argument(
+        "--conditions", metavar="A,B,…", help="real valves: what else to play: all, none, or names (default: all)"
+    )
+    suggest(rival_plants, _plants)
+    suggest(conditions, _conditions)
+
+
+def _plants() -> tuple[str, ...]:
+    from positioner.studies.real_valves.valves import ALL_PLANTS  # noqa: PLC0415 - the plant
+
+    return ALL_PLANTS
+
+
+def _conditions() -> tuple[str, ...]:
+    from positioner.studies.real_valves.conditions import CONDITIONS  # noqa: PLC0415 - the plant
+
+    return ("all", "none", *CONDITIONS)
 
 
 def refuse_without(arguments: argparse.Namespace) -> None:

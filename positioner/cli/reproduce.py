@@ -32,6 +32,8 @@ The output directory then holds: reproduce.png (all positions on one page), figu
 figures), all of them also as .svg, reproduce.md (the published results beside ours, and the figures) and reproduce.json
 (the same for programs).
 One of the runs, frame by frame on a bus: positioner bench --scenario paper-3
+
+exit status: 0 done, 1 failed, 2 wrong command line, 74 the output directory cannot be written.
 """
 
 

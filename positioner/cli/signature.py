@@ -50,13 +50,19 @@ def add_parser(commands: Commands) -> None:
         commands, "signature", _run, "measure a valve's signature: spring, friction by place, bench set", _EPILOG
     )
     add_procedure(parser)
-    parser.add_argument("--rate", type=float, default=0.0, metavar="MA_PER_S", help="of the strokes, in mA/s")
+    parser.add_argument(
+        "--rate",
+        type=float,
+        default=0.0,
+        metavar="MA_PER_S",
+        help="rate of the slow strokes, in mA/s (default: the slowest that the stem follows)",
+    )
     parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the loop, friction, breakaways (PNG, SVG)")
     parser.add_argument(
         "--reference", type=Path, metavar="FILE", help="an earlier --json, instead of the kept reference"
     )
     parser.add_argument(
-        "--pressure-unit", choices=tuple(PASCALS), default="bar", help="of the bench set (default: %(default)s)"
+        "--pressure-unit", choices=tuple(PASCALS), default="bar", help="unit of the bench set (default: %(default)s)"
     )
 
 

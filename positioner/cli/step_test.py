@@ -9,22 +9,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command, check_picture, numbers_in
+from positioner.cli.names import add_law
 from positioner.cli.procedure import add_procedure, keep_result, memory_of, procedure_configuration
 from positioner.commissioning.closed_loop import ClosedLoop
 from positioner.commissioning.procedure import ProcedureLimits
 from positioner.commissioning.step.curves import curves
 from positioner.commissioning.step.hold import HoldLaw
 from positioner.commissioning.step.limits import broken
-from positioner.commissioning.step.plan import Plan
+from positioner.commissioning.step.plan import LADDER, OPEN_LADDER, OPEN_SIZES, REPEATS, SIZES, Plan
 from positioner.commissioning.step.procedure import StepTest
 from positioner.commissioning.step.report import as_json, lines
 from positioner.commissioning.step.result import result_of
 from positioner.errors import ExitCode, UsageError
-from positioner.laws.registry import LAWS, law_problem
+from positioner.laws.registry import law_names, law_problem
 from positioner.values import replace
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Iterable
 
     from positioner.cli.command import Commands
     from positioner.config.schema import Configuration
@@ -42,7 +44,8 @@ examples:
 It steps around the middle of the valve's range, by 10 % of the span at most, and with --law hold over the whole range
 of the current. The daemon of this valve must be stopped. The law begins with an empty stiction table, so that each test
 begins alike; what it learns is not kept. Ctrl-C brings the stem back to where it was; a second one ends it at once.
-Limits are in [step_test] of the configuration. --from wants the same options as the test.
+Limits are in [step_test] of the configuration. --from wants the same options as the test. Percents are of the span
+(valve.span_m); in open loop, with --law hold, of the signal from 4 to 20 mA.
 
 exit status: 0 done, 1 aborted, or a limit is broken, 2 wrong command line, or not confirmed, 69 no bus, or another
 controller, 74 a file cannot be written, 75 the daemon of this valve runs, 78 the configuration is wrong.
@@ -55,13 +58,36 @@ def add_parser(commands: Commands) -> None:
         commands, "step-test", _run, "measure response times, overshoot, dead band and resolution of a valve", _EPILOG
     )
     add_procedure(parser)
-    parser.add_argument("--law", metavar="NAME", help="another law than the configured one; hold: none, open loop")
-    parser.add_argument("--sizes", metavar="PERCENT,...", help="of the steps, of span (open loop: of signal)")
-    parser.add_argument("--repeats", type=int, metavar="N", help="steps up and down of each size (default: 3)")
-    parser.add_argument("--wait", type=float, metavar="S", help="after each step (default: 2, more for a slow valve)")
-    parser.add_argument("--ladder", type=float, metavar="PERCENT", help="step of the ladders; 0 leaves them out")
-    parser.add_argument("--at", type=float, metavar="PERCENT", help="middle of the steps (default: of the range)")
+    add_law(parser, f"law instead of the configuration's; {_HOLD}: no law, the currents step (open loop)", _HOLD)
+    parser.add_argument(
+        "--sizes",
+        metavar="PERCENT,…",
+        help=f"sizes of the steps (default: {_shown(SIZES)}; open: {_shown(OPEN_SIZES)})",
+    )
+    parser.add_argument(
+        "--repeats", type=int, metavar="N", help=f"how often each size is stepped up and down (default: {REPEATS})"
+    )
+    parser.add_argument(
+        "--wait", type=float, metavar="S", help="time after each step (default: 2 s, more for a slow valve)"
+    )
+    parser.add_argument(
+        "--ladder",
+        type=float,
+        metavar="PERCENT",
+        help="size of the small steps that show dead band and resolution; 0 leaves them out "
+        f"(default: {_shown((LADDER,))}; open: {_shown((OPEN_LADDER,))})",
+    )
+    parser.add_argument(
+        "--at",
+        type=float,
+        metavar="PERCENT",
+        help="where the middle of the steps is (default: the middle of the range)",
+    )
     parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the responses and regions (PNG, SVG)")
+
+
+def _shown(parts: Iterable[float]) -> str:
+    return ",".join(f"{100.0 * each:g}" for each in parts)
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
@@ -98,7 +124,7 @@ def step_test_of(arguments: argparse.Namespace, configuration: Configuration) ->
     """
     is_open = arguments.law == _HOLD
     if arguments.law and not is_open:
-        if problem := law_problem(arguments.law, (*LAWS, _HOLD)):
+        if problem := law_problem(arguments.law, (*law_names(), _HOLD)):
             raise UsageError(f"--law {arguments.law}: {problem}")
         configuration = replaced(configuration, control=replaced(configuration.control, law=arguments.law))
     valve, period_s = configuration.valve, configuration.control.sample_period_s

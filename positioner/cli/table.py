@@ -33,19 +33,21 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "table",
         help="print, reset, export or import the stiction table",
         description="The stiction table: what was learned from past sticks and slips, by position and direction.",
+        epilog="exit status: 0 done, 2 wrong command line, 74 a table or file cannot be used, 78 the configuration is "
+        "wrong.",
     )
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
 
     command = _command(commands, "dump", _dump, "print the table", "positioner table dump --config valve.toml")
     formats = command.add_mutually_exclusive_group()
     formats.add_argument(
-        "--format", choices=("table", "markdown", "json", "csv"), default="table", help="default: table"
+        "--format", choices=("table", "markdown", "json", "csv"), default="table", help="format (default: %(default)s)"
     )
     for name in ("json", "markdown"):
         text = f"the same as --format {name}"
         formats.add_argument(f"--{name}", dest="format", action="store_const", const=name, help=text)
     names = tuple(str(quantity) for quantity in Quantity)
-    command.add_argument("--quantity", choices=names, help="only this quantity; default: all")
+    command.add_argument("--quantity", choices=names, help="only this quantity (default: all)")
 
     command = _command(
         commands, "reset", _reset, "empty the table, after a backup", "positioner table reset --state DIR"

@@ -113,8 +113,8 @@ def _offer(action: argparse.Action) -> Any:
     """Return what shtab is told of the value of an option or argument, None for nothing."""
     import shtab  # noqa: PLC0415 - nothing else needs it
 
-    names, patterns = getattr(action, "suggested", (None, ()))
     metavar = action.metavar if isinstance(action.metavar, str) else ""
+    names, patterns = getattr(action, "suggested", None) or _in_metavar(metavar)
     if action.dest == "valve":
         return _function("valves", _VALVES)
     if names:
@@ -130,6 +130,14 @@ def _offer(action: argparse.Action) -> Any:
         # zsh would take the brackets that shtab puts around a single pattern for qualifiers
         return {**shtab.glob(pattern), "zsh": f"_files -g '{pattern}'"}
     return shtab.FILE if action.type is Path else None
+
+
+def _in_metavar(metavar: str) -> tuple[Callable[[], Iterable[str]] | None, Sequence[str]]:
+    """Return the words and the patterns of files that a metavar like `ramp|step|FILE.csv` lists itself."""
+    parts = metavar.split("|") if "|" in metavar else []
+    words = tuple(part for part in parts if part.islower())
+    suffixes = [re.fullmatch(r"FILE(\.[a-z]+)", part) for part in parts]
+    return (lambda: words) if words else None, tuple(f"*{each[1]}" for each in suffixes if each)
 
 
 def _function(name: str, bodies: dict[str, str]) -> dict[str, Any]:

@@ -15,13 +15,18 @@ import pytest
 from plant_emulator.cli import main as plant_main
 from positioner.cli import main as positioner_main
 from positioner.laws.registry import law_names
-from positioner.machine.completion import SHELLS, completion
+from positioner.machine.completion import SHELLS, _actions, _offer, completion
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
 PROGRAMS = {"positioner": positioner_main, "plant-emulator": plant_main}
+OPEN = re.compile(
+    r"N|S|X|T|MA|MA_PER_S|PERCENT|PERCENT,…|MS,MS,…|N,M,…|A,B|LOW:HIGH|LOW-HIGH|AREA|COLUMN|NAMES|ADDRESS|KEY=VALUE"
+    r"|KIND:SIZE|INTERFACE:CHANNEL(\[,OPTION=VALUE\.\.\.\])?"
+)
+"""The metavars of values that no list holds."""
 TWO_VALVES = """\
 [bus]
 channel = "can0"
@@ -137,10 +142,24 @@ def test_every_command_offers_every_option(scripts: Path, folder: Path, program:
         ("plant-emulator run --preset gr", {"graphite"}),
         ("plant-emulator simulate --out ", {"loop.csv", "benches"}),
         ("positioner bench --seed ", set()),
+        ("positioner bench --bus ", {"auto"}),
+        ("positioner step-test --law h", {"hold"}),
+        ("positioner step-test --law pi-", {"pi-deadband"}),
+        ("positioner health --acknowledge fri", {"friction_high", "friction_low"}),
+        ("positioner league --real-valves --conditions no-", {"no-lag-told"}),
+        ("positioner league --real-valves --rival-plants gr", {"graphite"}),
+        ("plant-emulator simulate --input ", {"ramp", "step", "triangle", "loop.csv", "benches"}),
     ],
 )
 def test_a_shell_offers_what_can_stand_there(scripts: Path, folder: Path, line: str, offered: set[str]) -> None:
     assert complete(scripts, folder, line) == [offered]
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_a_value_that_a_list_or_a_folder_holds_is_completed(program: str) -> None:
+    values = [each for each in _actions(PROGRAMS[program].build_parser()) if each.nargs != 0 and not each.choices]
+    assert len(values) > 10
+    assert [each.option_strings for each in values if not OPEN.fullmatch(str(each.metavar)) and not _offer(each)] == []
 
 
 @pytest.mark.parametrize("shell", SHELLS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
@@ -26,6 +27,23 @@ def test_the_reference_has_the_options_and_the_examples_of_every_command(command
         assert f"| `{option.written.replace('|', chr(92) + '|')}` |" in text
     examples = [line for line in command.epilog.splitlines() if line.startswith("  positioner ")]
     assert all(line in text for line in examples)
+
+
+@pytest.mark.parametrize("program", PROGRAMS, ids=lambda program: program.words[0])
+def test_every_command_tells_its_exit_statuses_or_the_program_does(program: Command) -> None:
+    told = {each.words for each in program.all() if "exit status: " in each.epilog}
+    assert program.words in told
+    silent = [each.words for each in program.commands if each.words not in told]
+    assert silent == ([] if program.words == ("positioner",) else [each.words for each in program.commands])
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: " ".join(command.words))
+def test_a_default_is_written_in_one_way_and_with_its_unit(command: Command) -> None:
+    for option in command.options:
+        assert not re.search(r"\(\d[^)]*\)$", option.text), option
+        default = re.search(r"default: (-?[\d.]+)(?![\d.]*,)(?P<unit> \w+)?", option.text)
+        if default and option.written.endswith((" S", " MA")):
+            assert default["unit"] == (" s" if option.written.endswith(" S") else " mA"), option
 
 
 def test_the_list_of_commands_has_every_command() -> None:

@@ -130,7 +130,9 @@ def _reference(path: Path | None) -> dict[str, Any] | None:
         found = json.loads(path.read_text(encoding="utf-8"))
         known = all(isinstance(each, float | int) for each in found["quantities"].values())
         places = [[float(x), float(f)] for x, f in found["sliding_friction_by_place"]]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except OSError as error:
+        raise UsageError(f"--reference {path}: cannot be read: {error.strerror}") from error
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise UsageError(f"--reference {path}: is no signature ({error}): write one with --json") from error
     if not known or not places:
         raise UsageError(f"--reference {path}: is no signature: write one with --json")

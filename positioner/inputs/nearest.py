@@ -14,8 +14,13 @@ if TYPE_CHECKING:
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return advice for a `name` that is none of `known`: the nearest one, if there is one, and all of them."""
     names = tuple(map(str, known))
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
-    return f"{f'did you mean {close[0]!r}? ' if close else ''}known: {', '.join(names)}"
+    return f"{did_you_mean(name, names)}known: {', '.join(names)}"
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return the question whether the nearest of `known` is meant, with a blank behind it; nothing without a near one."""
+    close = difflib.get_close_matches(name, tuple(known), n=1, cutoff=0.4)
+    return f"did you mean {close[0]!r}? " if close else ""
 
 
 def check_name(what: str, name: str, known: tuple[str, ...], otherwise: str = "") -> None:

@@ -8,10 +8,10 @@ import logging
 import os
 import sys
 from contextlib import closing
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from positioner.errors import ExitCode, PositionerError
-from positioner.inputs.nearest import nearest
+from positioner.inputs.nearest import did_you_mean, nearest
 from positioner.machine.line_sink import LineSink
 from positioner.machine.plain_text import replace_unknown_characters
 from positioner.start import TRACEBACK, unexpected
@@ -28,7 +28,16 @@ _LAST_STANDARD = 2
 
 
 class Parser(argparse.ArgumentParser):
-    """Answers an unknown name with the nearest known one; so do the parsers of sub-commands."""
+    """Answers an unknown name or option with the nearest known one; so do the parsers of sub-commands."""
+
+    def parse_known_args(self, *arguments: Any, **named: Any) -> Any:
+        """Refuse what the command does not take, in its name: argparse would leave it to the whole program."""
+        parsed, unknown = super().parse_known_args(*arguments, **named)
+        if unknown:
+            option = unknown[0].partition("=")[0]
+            close = did_you_mean(option, self._option_string_actions) if option.startswith("-") else ""
+            self.error(f"{option} is unknown; {close}{self.prog} --help lists what there is")
+        return parsed, unknown
 
     def _check_value(self, action: argparse.Action, value: object) -> None:
         """Refuse a `value` that is none of the action's choices.

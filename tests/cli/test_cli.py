@@ -134,6 +134,19 @@ def test_a_wrong_command_line_is_a_usage_error(arguments: list[str], capsys: Out
     assert capsys.readouterr().err.startswith("usage: positioner")
 
 
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [("bench --lawn=nmpc", "positioner bench: error: --lawn is unknown; did you mean '--law'? positioner bench --help"),
+     ("table reset --state x --yess", "positioner table reset: error: --yess is unknown; did you mean '--yes'? positioner table"),
+     ("bench nmpc", "positioner bench: error: nmpc is unknown; positioner bench --help lists what there is")],
+)  # fmt: skip
+def test_what_a_command_does_not_take_is_refused_in_its_name(arguments: str, expected: str, capsys: Output) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments.split())
+    assert ended.value.code == ExitCode.USAGE
+    assert capsys.readouterr().err.splitlines()[-1].startswith(expected)
+
+
 def test_a_good_configuration_is_printed_with_its_properties(tmp_path: Path, capsys: Output) -> None:
     path = tmp_path / "valve.toml"
     path.write_text(GOOD, encoding="utf-8")

@@ -131,7 +131,7 @@ def diagnose(
         data = path.read_bytes()
     except OSError as error:
         raise RecordError(f"{path}: cannot be read: {error.strerror}") from error
-    csv = read_table(str(path), text_of(str(path), data))
+    csv = read_table(str(path), text_of(str(path), data, ", or a bus log with its configuration"))
     loop = loop_of(csv, {role: columns.get(role) for role in OPTIONS}, period_s)
     return finding_of(str(path), loop, *op_range)
 

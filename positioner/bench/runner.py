@@ -29,7 +29,7 @@ from positioner.bench.trend import draw_trend
 from positioner.bench.truth_log import add_truth
 from positioner.bus.address import BusAddress, embedded_address, find_vcan
 from positioner.config.reader import parse_config
-from positioner.errors import BenchError, StateError
+from positioner.errors import BenchError, StateError, writing
 from positioner.inputs.plug_in import anchored
 from positioner.laws.registry import is_outside
 from positioner.store import access, lock
@@ -65,11 +65,12 @@ def run_bench(scenario: Scenario, options: BenchOptions, say: Callable[[str], ob
     Raises:
         AlreadyRunningError: another bench writes into the output directory.
         ConfigurationError: the scenario's tables do not make a valve or a positioner.
-        BenchError: a process failed, frames were lost, or the output directory cannot be written.
-        StateError: the table cannot be used.
+        BenchError: a process failed, frames were lost, or the disk is full.
+        StateError: the table cannot be used, or the output directory cannot be made.
     """
-    try:
+    with writing(options.out):
         options.out.mkdir(parents=True, exist_ok=True)
+    try:
         with lock.held(options.out, timeout_s=0.0):
             return _run(scenario, options, say)
     except OSError as error:

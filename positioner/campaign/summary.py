@@ -110,10 +110,6 @@ def summary_of(campaign: Campaign, played: Sequence[PlayedRun]) -> Summary:
     )
 
 
-def _with_figures(played: Iterable[PlayedRun]) -> Runs:
-    return [(each, each.outcome.figures) for each in played if each.outcome.figures]
-
-
 def _law(campaign: Campaign, law: str, all_runs: Sequence[PlayedRun], runs: Runs) -> LawSummary:
     figures = [each for _, each in runs]
     ideal_mm = sum(each.ideal_travel_mm for each in figures)

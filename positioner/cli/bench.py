@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import signal
 import textwrap
 from dataclasses import replace
@@ -18,7 +17,7 @@ from positioner.bus.address import parse_address
 from positioner.cli.command import add_command, add_state, add_valve
 from positioner.cli.names import add_law, add_plant, add_signals, law_of, plant_of
 from positioner.cli.run_report import add_report, check_report, command_again, picture_in, write_page
-from positioner.cli.tables import add_output, note, show, show_json
+from positioner.cli.tables import add_output, note, show_result
 from positioner.errors import BenchError, ExitCode, UsageError
 from positioner.laws.registry import law_names
 from positioner.machine.completion import suggest
@@ -160,10 +159,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         plant_bus=parse_address(arguments.plant_bus) if arguments.plant_bus else None,
     )
     result = run_bench(scenario, options, note)
-    if arguments.json:
-        show_json(json.loads(to_json(result)))
-    else:
-        show(blocks(result), as_markdown=arguments.markdown)
+    show_result(arguments, blocks(result), to_json(result))
     state = arguments.state or out / "state"
     note(f"\n{out}: result.json, bus.log, trend and moves (.png, .svg); the learned table is in {state}")
     if arguments.report:

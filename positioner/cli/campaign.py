@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command, add_workers, workers_of
-from positioner.cli.tables import add_output, note, show, show_json
+from positioner.cli.tables import add_output, note, show_result
 from positioner.errors import BenchError, ExitCode, UsageError, writing
 
 if TYPE_CHECKING:
@@ -68,10 +67,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     with writing(out):
         write_table(out / "runs.parquet", campaign, played)
         found = write_report(out, campaign, played, summary_of(campaign, played))
-    if arguments.json:
-        show_json(json.loads((out / "summary.json").read_text(encoding="utf-8")))
-    else:
-        show(found, as_markdown=arguments.markdown)
+    show_result(arguments, found, (out / "summary.json").read_text(encoding="utf-8"))
     note(f"\n{out}: runs.parquet, summary.md, summary.json, sensitivity and corners (.png, .svg)")
     if failed := sum(each.outcome.figures is None for each in played):
         raise BenchError(f"{failed} of {len(played)} runs failed; the column `failure` of runs.parquet says why")

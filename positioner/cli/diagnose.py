@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command, add_config, add_valve, check_picture, numbers_in
-from positioner.cli.tables import add_json
+from positioner.cli.tables import add_json, show_json
 from positioner.config.reader import load_config
 from positioner.diagnostics.finding import finding_of, percent
 from positioner.diagnostics.loop_table import OPTIONS, LoopTable, loop_of
@@ -80,7 +79,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     table = _table(arguments)
     finding = finding_of(str(arguments.log), table, low, high)
     if arguments.json:
-        sys.stdout.write(json.dumps(as_values(finding), indent=2, ensure_ascii=False) + "\n")
+        show_json(as_values(finding))
     else:
         sys.stdout.write(as_text(finding))
     if arguments.report:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command, add_config, add_state
-from positioner.cli.tables import add_json
+from positioner.cli.tables import add_json, show_json
 from positioner.doctor.examination import Examination
 from positioner.doctor.finding import Level, worst
 
@@ -47,7 +46,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
             sys.stdout.write(f"{finding}\n")
             sys.stdout.flush()
     if arguments.json:
-        sys.stdout.write(json.dumps(_as_json(examination), indent=2, ensure_ascii=False) + "\n")
+        show_json(_as_json(examination))
     else:
         sys.stdout.write(f"{_summary(examination)}\n")
     return examination.exit_code

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 import sys
 from dataclasses import replace
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from positioner.cli.command import add_command, add_config, add_state, add_valve
 from positioner.cli.health_source import FoundHealth, health_in_log, kept_health, service_of
 from positioner.cli.question import agreed
-from positioner.cli.tables import add_json
+from positioner.cli.tables import add_json, show_json
 from positioner.commissioning import results
 from positioner.config.locations import location_of
 from positioner.config.reader import load_config
@@ -81,7 +80,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         return _acknowledge(arguments, configuration)
     found = _from_log(arguments, configuration) if arguments.log else _kept(arguments, configuration)
     if arguments.json:
-        sys.stdout.write(json.dumps(_values(configuration, found), indent=2, ensure_ascii=False) + "\n")
+        show_json(_values(configuration, found))
     else:
         sys.stdout.write("\n".join(_lines(configuration, found)) + "\n")
     if arguments.report:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command, check_picture
 from positioner.cli.procedure import add_procedure, bar, keep_result, procedure_configuration, stretches_of
+from positioner.cli.tables import show_json
 from positioner.commissioning.experiment import Experiment
 from positioner.commissioning.identify import identify
 from positioner.commissioning.procedure import ProcedureLimits
@@ -69,7 +69,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         found = identify(stretches, valve, limits, period_s, show)
     document = as_json(found, valve, arguments.pressure_unit)
     if arguments.json:
-        sys.stdout.write(f"{json.dumps(document, indent=2)}\n")
+        show_json(document)
     else:
         lines = [str(row) for row in rows(found, valve, arguments.pressure_unit)]
         head = f"{valve.id}, with 95 % intervals:"

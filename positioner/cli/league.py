@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +11,7 @@ from positioner.cli.names import add_signals
 from positioner.cli.real_league import add_real_valves, refuse_without
 from positioner.cli.real_league import play as play_on_real_valves
 from positioner.cli.run_report import add_report, check_report, write_study
-from positioner.cli.tables import add_output, note, show, show_json
+from positioner.cli.tables import add_output, note, show_result
 from positioner.errors import BenchError, ExitCode
 from positioner.laws.registry import LAWS, law_names
 from positioner.machine.completion import suggest
@@ -110,10 +109,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         optimal_rest_s=rest_s,
     )
     write_report(arguments.out, report)
-    if arguments.json:
-        show_json(json.loads((arguments.out / "league.json").read_text(encoding="utf-8")))
-    else:
-        show(blocks(report), as_markdown=arguments.markdown)
+    show_result(arguments, blocks(report), (arguments.out / "league.json").read_text(encoding="utf-8"))
     note(f"\n{arguments.out}: league.json, league.md, league.png, league.svg")
     if arguments.report:
         from positioner.studies.report_page import league_verdict  # noqa: PLC0415

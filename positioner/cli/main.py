@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from typing import TYPE_CHECKING
 
 import positioner
-from positioner.machine.build import version
-from positioner.machine.commands import add_commands, words_given
-from positioner.machine.completion import Completion
+from positioner.machine.commands import program_parser, words_given
 from positioner.machine.console import Parser, run_command
 
 if TYPE_CHECKING:
@@ -67,17 +64,7 @@ completion:  positioner --completion bash > ~/.local/share/bash-completion/compl
 
 def build_parser(words: Sequence[str] | None = None) -> Parser:
     """Return the parser with every command, or with what the `words` of a command line need."""
-    parser = Parser(
-        prog="positioner",
-        description=_DESCRIPTION,
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--version", action="version", version=version("positioner", positioner.__version__))
-    parser.add_argument("--completion", action=Completion)
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    add_commands(commands, __package__, _COMMANDS, words)
-    return parser
+    return program_parser("positioner", positioner.__version__, (_DESCRIPTION, _EPILOG), __package__, _COMMANDS, words)
 
 
 def prepared(arguments: list[str] | None = None) -> Callable[[], int]:

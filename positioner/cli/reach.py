@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command, add_config, add_valve
-from positioner.cli.tables import add_json
+from positioner.cli.tables import add_json, show_json
 from positioner.config.reader import load_config
 from positioner.doctor import bus_load
 from positioner.errors import ExitCode
@@ -49,7 +48,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.json:
         load = bus_load.bus_load(codec, case.period_s, bus_load.FASTEST).total
         table = {**as_table(case, figures, changes), "bus_load_at_1_mbit_per_s": load}
-        sys.stdout.write(json.dumps(table, indent=2, ensure_ascii=False) + "\n")
+        show_json(table)
     else:
         sys.stdout.write(as_text(case, figures, changes, bus_load.in_words(codec, case.period_s)))
     return ExitCode.OK

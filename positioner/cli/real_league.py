@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 from positioner.cli.command import numbers_in, workers_of
 from positioner.cli.run_report import write_study
-from positioner.cli.tables import note, show, show_json
+from positioner.cli.tables import note, show_result
 from positioner.errors import ExitCode, UsageError
 from positioner.inputs.nearest import names_in
 from positioner.machine.completion import suggest
@@ -76,10 +75,7 @@ def play(arguments: argparse.Namespace) -> ExitCode:
     results = play_real_league(settings, arguments.out / "bouts", workers_of(arguments))
     report = RealReport(settings=settings, results=results)
     write_report(arguments.out, report)
-    if arguments.json:
-        show_json(json.loads((arguments.out / "real-valves.json").read_text(encoding="utf-8")))
-    else:
-        show(blocks(report), as_markdown=arguments.markdown)
+    show_result(arguments, blocks(report), (arguments.out / "real-valves.json").read_text(encoding="utf-8"))
     note(f"\n{arguments.out}: real-valves.json, real-valves.md, real-valves.png, real-valves.svg")
     if arguments.report:
         from positioner.studies.real_valves.goals import judged  # noqa: PLC0415

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command, add_study, workers_of
-from positioner.cli.tables import add_output, note, show, show_json
+from positioner.cli.tables import add_output, note, show_result
 from positioner.errors import ExitCode, writing
 from positioner.report.text import markdown
 
@@ -77,9 +76,6 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         save(page_figure(played_runs, found), out / "reproduce.png")
         (out / "reproduce.md").write_text(markdown(text), encoding="utf-8")
         (out / "reproduce.json").write_text(values, encoding="utf-8")
-    if arguments.json:
-        show_json(json.loads(values))
-    else:
-        show(text, as_markdown=arguments.markdown)
+    show_result(arguments, text, values)
     note(f"\n{out}: reproduce.png, figure-4.png to figure-8.png, the same as .svg, reproduce.md, reproduce.json")
     return ExitCode.OK

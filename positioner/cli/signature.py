@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from positioner.cli.command import add_command, check_picture
 from positioner.cli.procedure import add_procedure, keep_result, procedure_configuration, reference_of, stretches_of
+from positioner.cli.tables import show_json
 from positioner.commissioning.procedure import ProcedureLimits
 from positioner.commissioning.signature import signature
 from positioner.commissioning.signature_limits import Beyond, beyond_limits
@@ -86,7 +87,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         "beyond_limits": [each.as_json() for each in beyond],
     }
     if arguments.json:
-        sys.stdout.write(f"{json.dumps(document, indent=2)}\n")
+        show_json(document)
     else:
         lines = [f"{valve.id}: signature, with 95 % intervals:"]
         lines += [str(row) for row in rows(found, valve, arguments.pressure_unit)]

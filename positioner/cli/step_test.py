@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from dataclasses import replace as replaced
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 from positioner.cli.command import add_command, check_picture, numbers_in
 from positioner.cli.names import add_law
 from positioner.cli.procedure import add_procedure, keep_result, memory_of, procedure_configuration
+from positioner.cli.tables import show_json
 from positioner.commissioning.closed_loop import ClosedLoop
 from positioner.commissioning.procedure import ProcedureLimits
 from positioner.commissioning.step.curves import curves
@@ -104,7 +104,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         "responses": curves(memory.responses, result),
     }
     if arguments.json:
-        sys.stdout.write(f"{json.dumps(document, indent=2)}\n")
+        show_json(document)
     else:
         sys.stdout.write("\n".join([*lines(result, valve), *(f"  limit broken: {line}" for line in problems)]) + "\n")
     if arguments.picture:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command
 from positioner.cli.procedure import add_procedure, keep_result, outcome_of, procedure_configuration, reference_of
+from positioner.cli.tables import show_json
 from positioner.commissioning.closed_loop import ClosedLoop
 from positioner.commissioning.procedure import ProcedureLimits
 from positioner.commissioning.stroke.procedure import StrokeTest
@@ -69,7 +69,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     found = stroke_result(memory, ended_by, valve, settings, configuration.control.sample_period_s)
     document = as_json(found, valve, settings)
     if arguments.json:
-        sys.stdout.write(f"{json.dumps(document, indent=2)}\n")
+        show_json(document)
     else:
         lines = [verdict_line(found, valve), *(str(row) for row in rows(found) if row.seen)]
         lines += changes(found, reference) if reference else ()

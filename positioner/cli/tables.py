@@ -57,6 +57,14 @@ def show_json(document: Any) -> None:
     sys.stdout.flush()
 
 
+def show_result(arguments: argparse.Namespace, blocks: Iterable[Block], values: str) -> None:
+    """Print what the options of `add_output` ask for: the blocks, or `values`, the text of their JSON document."""
+    if arguments.json:
+        show_json(json.loads(values))
+    else:
+        show(blocks, as_markdown=arguments.markdown)
+
+
 def note(line: str) -> None:
     """Print a line that is no part of the result."""
     sys.stderr.write(f"{line}\n")

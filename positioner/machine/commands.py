@@ -1,17 +1,42 @@
-"""Which modules of commands a command line needs: the others are not loaded. Shell.
+"""The parser of a program, with those modules of commands that its command line needs. Shell.
 
 `positioner --version` answers at once; `--help`, `--completion` and a mistake need every command.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from positioner.machine.build import version
+from positioner.machine.completion import Completion
+from positioner.machine.console import Parser
+
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Sequence
+
+
+def program_parser(
+    program: str, number: str, text: tuple[str, str], package: str, names: Sequence[str], words: Sequence[str] | None
+) -> Parser:
+    """Return the parser of `program`, version `number`, with its commands; `text` stands above and below them.
+
+    Every command is a module of `package`; all are there where `words` is None, or else those that the words need.
+    """
+    description, epilog = text
+    parser = Parser(
+        prog=program,
+        description=description,
+        epilog=epilog,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=version(program, number))
+    parser.add_argument("--completion", action=Completion)
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    add_commands(commands, package, names, words)
+    return parser
 
 
 def add_commands(

@@ -150,7 +150,6 @@ class ValveModel:
             refused=status.rejected_count if status else None,
             fallbacks=status.fallback_count if status else None,
             alarms=alarms_in_words(alarms),
-            alarm_count=alarms.count if alarms else 0,
             counts=tuple((each.text, self._counts[each]) for each in sorted(self._counts)),
             rates=tuple((kind.__name__, rate.per_s(now_ns)) for kind, rate in self._rates.items()),
             seen=self._seen,

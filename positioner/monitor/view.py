@@ -64,7 +64,6 @@ class View:
     refused: int | None
     fallbacks: int | None
     alarms: str
-    alarm_count: int
     counts: tuple[tuple[str, int], ...]
     rates: tuple[tuple[str, float], ...]
     seen: Seen

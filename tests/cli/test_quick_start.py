@@ -70,7 +70,7 @@ class Walk:
     def wait_until_printed(self, name: str, words: str) -> None:
         deadline_s = time.monotonic() + TIMEOUT_S
         while words not in self.output_of(name):
-            assert time.monotonic() < deadline_s, {path.name: path.read_text() for path in self.folder.iterdir()}
+            assert time.monotonic() < deadline_s, [path.read_text() for path in sorted(self.folder.glob("[0-9]"))]
             time.sleep(0.05)
 
     def done(self, line: str) -> tuple[int, str]:

@@ -43,10 +43,6 @@ class Nominal:
     load: Load
     static_n: float
 
-    def static_force_n(self, current_ma: float, x: float, direction: float) -> float:
-        """Return the force in `direction` on a stem that sticks at x, in N."""
-        return direction * (self.model.push_n(current_ma, 0.0, 0.0) - self.load.spring_n_per_m * x)
-
 
 def nominal_of(valve: ValveParameters) -> Nominal:
     """Return the constants of `valve`."""

@@ -10,10 +10,12 @@ import pytest
 from stroke_runs import Played, configured, play
 
 from plant_emulator.presets import plant_settings
+from positioner.cli.stroke_test import stroke_test_of
 from positioner.commissioning.stroke.memory import Cause, Phase
 from positioner.commissioning.stroke.report import NO_CREDIT, as_json, changes, remarks, rows, verdict_line
 from positioner.commissioning.stroke.result import Limit, StrokeResult, Verdict
 from positioner.errors import ConfigurationError
+from positioner.laws.law import Observation
 from positioner.wire.messages import HostRequest, ManualCurrent, Setpoint
 
 if TYPE_CHECKING:
@@ -207,6 +209,26 @@ def test_a_new_setpoint_inside_the_travel_is_reached_by_the_law() -> None:
 
 def test_a_setpoint_that_trembles_and_the_one_of_the_start_end_nothing() -> None:
     assert stroked(host=Host(750, Setpoint(START_M + 0.0005)))[1].verdict is Verdict.PASSED
+
+
+@pytest.mark.parametrize("off_m", [-0.01, 0.01])
+def test_a_first_reading_that_is_far_off_is_no_new_setpoint(off_m: float) -> None:
+    test = stroke_test_of(configured())
+    memory = test.begin(START_M + off_m)
+    for number in range(100):
+        measured_m = START_M + (0.0 if number else off_m)
+        memory, _ = test.advance(memory, Observation(measured_m, 12.0, PERIOD_S, START_M, number * PERIOD_S))
+    assert memory.stop is None
+    assert memory.asked_m == START_M
+
+
+def test_a_host_that_asks_for_another_place_from_the_begin_gets_it_before_any_stroke() -> None:
+    played, found = stroked(host=Host(0, Setpoint(0.07)))
+    assert found.cause == "new setpoint"
+    assert played.stopped is not None
+    assert played.stopped * PERIOD_S < 0.2
+    assert max(played.stem_m) - START_M < 0.05 * 0.127
+    assert played.stem_m[-1] == pytest.approx(0.07, abs=0.01 * 0.127)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from positioner.commissioning.known import Mean
 from positioner.commissioning.procedure import Progress
 from positioner.commissioning.stroke.aborts import first_broken
 from positioner.commissioning.stroke.memory import Cause, Phase, Stop, StrokeMemory
@@ -29,8 +30,16 @@ if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters
 
 _REST_S = 2.0
+_SETTLED_OF_REST = 1.0 / 3.0
+"""Until here the stem may still move, for the current has jumped; the readings of the rest count for the test."""
+_FEWEST, _SIGMA = 10, 6.0
+"""Readings whose mean says where the stem is, and how certain that must be."""
 _DEMAND_REACHED_OF_SPAN = 0.01
 _DEMAND_REST_S = 2.0
+_SETTLED_OF_REST = 1.0 / 3.0
+"""Until here the stem may still move, for the current has jumped; the readings of the rest count for the test."""
+_FEWEST, _SIGMA = 10, 6.0
+"""Readings whose mean says where the stem is, and how certain that must be."""
 _DEMAND_S = 30.0
 _FULL_OF_SPAN = 0.005
 _MM = 1e3
@@ -93,21 +102,30 @@ class StrokeTest:
         return min(max(current_ma, self.limits.current_low_ma), self.limits.current_high_ma)
 
     def _asked(self, memory: StrokeMemory, observation: Observation) -> StrokeMemory:
-        """Return the memory, with a demand where the host asks for another place than at the start."""
+        """Return the memory, with a demand where the host asks for another place than at first, or than the stem's.
+
+        No single reading says where the stem is: at first its mean does, as soon as it is certain enough.
+        """
         asked_m, setpoint_m = memory.asked_m, observation.setpoint_m
-        if math.isnan(asked_m) and setpoint_m == _held_m(memory, self.valve):
+        if memory.phase is Phase.DEMAND or (math.isnan(asked_m) and setpoint_m == _held_m(memory, self.valve)):
             return memory
         most_m = self.settings.demand_of_span * self.limits.span_m
         if math.isnan(asked_m):
-            asked_m = memory.first_m if memory.plan is None else memory.plan.start_m
-            if memory.plan is None:  # where the stem is, is not well known yet, and it need not be at its setpoint
-                most_m = self.settings.tolerance_of_span * self.limits.span_m
-        if memory.phase is Phase.DEMAND or abs(setpoint_m - asked_m) <= most_m:
-            return memory if not math.isnan(memory.asked_m) else replace(memory, asked_m=setpoint_m)
+            asked_m = setpoint_m if memory.plan is None else memory.plan.start_m
+        memory = replace(memory, asked_m=setpoint_m if math.isnan(memory.asked_m) else memory.asked_m)
+        if abs(setpoint_m - asked_m) <= most_m and not self._stands_elsewhere(memory, asked_m):
+            return memory
         why = f"the host asks for {setpoint_m * _MM:.1f} mm"
         stop = Stop(Cause.NEW_SETPOINT, why, memory.current_ma, memory.smooth_m, memory.time_s)
         memory = replace(memory, stop=memory.stop or stop, asked_m=setpoint_m)
         return replace(memory.then(Phase.DEMAND), loop=self.loop.begin(observation.measured_m))
+
+    def _stands_elsewhere(self, memory: StrokeMemory, asked_m: float) -> bool:
+        """Return whether a stem that has not been moved yet certainly stands elsewhere; it need not be exact."""
+        if memory.plan is not None or memory.mean.count < _FEWEST:
+            return False
+        unsure_m = _SIGMA * memory.mean.sigma_m / math.sqrt(memory.mean.count)
+        return abs(asked_m - memory.mean.mean_m) > self.settings.tolerance_of_span * self.limits.span_m + unsure_m
 
     def _demanded(self, memory: StrokeMemory, observation: Observation) -> StrokeMemory:
         """Return the memory with the current that takes the stem to the setpoint: an end of the travel at once."""
@@ -161,9 +179,9 @@ class StrokeTest:
 
     def _rested(self, memory: StrokeMemory, observation: Observation) -> StrokeMemory:
         """Measure the place and the noise; then begin, where the current can do the stroke."""
-        if 3.0 * memory.phase_s < _REST_S:
-            return memory
-        memory = replace(memory, mean=memory.mean.add(observation.measured_m))
+        settled_s = _SETTLED_OF_REST * _REST_S
+        before = Mean() if memory.phase_s - observation.elapsed_s < settled_s <= memory.phase_s else memory.mean
+        memory = replace(memory, mean=before.add(observation.measured_m))
         if memory.phase_s < _REST_S:
             return memory
         plan = self._plan(memory, memory.mean.sigma_m)

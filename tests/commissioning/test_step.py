@@ -78,6 +78,20 @@ def test_a_jump_through_the_level_is_no_parabola() -> None:
     assert float(np.abs(found - truth).max()) < 1.5
 
 
+def test_a_stem_that_rests_just_below_a_level_passes_it_when_it_moves_on() -> None:
+    # for 60 samples it rests half a standard deviation below it: single readings are beyond it; then the stem slips
+    times = np.maximum(np.arange(600) - 70.4, 0.0)
+    rise = np.minimum(np.minimum(0.1 * np.arange(600), 0.8625) + 0.01 * times * times, 1.0)
+    truth = 70.4 + math.sqrt((0.865 - 0.8625) / 0.01)
+    noisy = rise + 0.005 * np.random.default_rng(7).standard_normal((200, len(rise)))
+    alone = np.array([crossing(each, 0.865, 0.005) - truth for each in noisy])
+    found = np.array([instant(each, 0.865, 1.0, 0.005) - truth for each in noisy])
+    assert instant(rise, 0.865, 1.0, 0.0) == pytest.approx(truth, abs=0.3)
+    assert abs(float(np.median(found))) < 0.5
+    assert float(np.mean(np.abs(found) < 1.0)) > 0.95
+    assert float(np.mean(np.abs(alone) < 1.0)) < 0.8
+
+
 def test_the_onset_of_a_slow_start_is_more_exact_than_the_regression_alone() -> None:
     # rests, leaves its rest with a kink and goes on faster and faster, as a stem with much viscous friction does
     times = np.maximum(np.arange(600) - 60.4, 0.0)

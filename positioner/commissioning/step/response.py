@@ -30,6 +30,8 @@ _PASSED_SIGMA = 8.0
 """A level is passed for good once the readings beyond it outweigh so many σ; a later return does not count."""
 _AROUND = 0.2
 """How far around a level the parabola reaches, as a part of the step."""
+_RESTS_SIGMA, _RESTS_FOR, _FLAT_SIGMA, _BELOW_SIGMA = 4.0, 12, 3.0, 2.0
+"""The rest of a stem just below a level: what counts for it, its shortest length, and how flat and how sure it is."""
 _BEYOND = (32.0, 16.0, 8.0, 4.0)
 """How many times its level the parabola of the onset reaches, at most; less where it does not fit."""
 Parabola: TypeAlias = tuple[float, float, float, float]
@@ -103,6 +105,9 @@ def instant(values: NDArray[np.float64], part: float, step: float, sigma: float)
     """Return the number of samples, with its fraction, after which `values` pass this part of the step."""
     level = part * step
     middle = crossing(values, level, sigma)
+    if rest := _rest_below(values, math.floor(middle), level, sigma):
+        begin, mean = rest
+        return begin + onset(values[begin:] - mean, level - mean, step, sigma)
     half = min(_AROUND, 0.9 * (1.0 - part)) * step
     before, after = crossing(values, level - half, sigma), crossing(values, level + half, sigma)
     # as far on both sides: a rest on one side is no part of the motion through the level
@@ -113,18 +118,34 @@ def instant(values: NDArray[np.float64], part: float, step: float, sigma: float)
     return passed if abs(passed - middle) <= reach else middle
 
 
+def _rest_below(values: NDArray[np.float64], end: int, level: float, sigma: float) -> tuple[int, float] | None:
+    """Return the begin of the rest just below a level that ends about there, and its mean; None where there is none."""
+    begin = math.ceil(crossing(values[: max(end, 1)], level - _RESTS_SIGMA * sigma, sigma))
+    count = end - begin
+    if count < _RESTS_FOR or sigma == 0.0:
+        return None
+    times, mean = np.arange(count) - 0.5 * (count - 1), float(values[begin:end].mean())
+    squares = float(times @ times)
+    slope = float(times @ values[begin:end]) / squares
+    rests = abs(slope) * math.sqrt(squares) < _FLAT_SIGMA * sigma
+    # a rest that is no more certainly below than this leaves open when the stem passed
+    below = _BELOW_SIGMA / math.sqrt(count) < (level - mean) / sigma < _BELOW_SIGMA
+    return (begin, mean) if rests and below else None
+
+
 def onset(values: NDArray[np.float64], level: float, step: float, sigma: float) -> float:
     """Return the number of samples, with its fraction, after which a stem that rested has moved by `level`.
 
     It begins at a kink, before which it rests. So a parabola from there on tells when it passes the level, as far as
     one fits; the few readings around the level alone would leave more than a sample open.
     """
-    middle = crossing(values, level, sigma)
+    certain = max(level, min(DEAD_TIME_SIGMA * sigma, 0.5 * step))
+    middle = crossing(values, certain, sigma)
     if sigma == 0.0:
         return middle
-    first = max(min(math.ceil(crossing(values, 0.5 * level, sigma)), math.ceil(middle) - 1), 0)
+    first = max(min(math.ceil(crossing(values, 0.5 * certain, sigma)), math.ceil(middle) - 1), 0)
     for times in _BEYOND:
-        end = math.floor(crossing(values, min(times * level, 0.5 * step), sigma)) + 1
+        end = math.floor(crossing(values, min(times * certain, 0.5 * step), sigma)) + 1
         if (found := _parabola(values, first, end, sigma)) is None:
             continue
         kink = _rises_above(found, 0.0)

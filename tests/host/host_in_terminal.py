@@ -1,7 +1,8 @@
 """`positioner host` in a real terminal (a pty), with positioner and valve in virtual time in place of its bus.
 
-Each cycle of the host lets 5 ms pass for them, however long it takes. Run as a program it is that host; `InTerminal`
-starts it, presses keys, and reads its screen.
+Each cycle of the host lets 5 ms pass for them. Run as a program it is that host; `InTerminal` starts it, presses keys,
+and reads its screen. Both take turns: the host stands still every 50 ms of its time until its screen has been read, so
+that no state which lasts as long is missed, however fast or slow a machine is.
 """
 
 from __future__ import annotations
@@ -11,11 +12,11 @@ import os
 import pty
 import select
 import signal
+import socket
 import struct
 import subprocess
 import sys
 import termios
-import time
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self
@@ -28,8 +29,12 @@ if TYPE_CHECKING:
     from positioner.wire.messages import CanFrame
 
 ROOT = Path(__file__).resolve().parents[2]
-TIMEOUT_S = 30.0
-CYCLE_NS = 5_000_000
+CYCLE_NS, TURN_NS = 5_000_000, 50_000_000
+MOST_TURNS = 2400
+"""Two minutes of the host's time."""
+HANGS_S = 300.0
+TURNS = "TURNS"
+"""The environment variable with the file descriptor of the program's end of the socket for the turns."""
 
 
 class InTerminal:
@@ -51,10 +56,14 @@ class InTerminal:
         self.before = termios.tcgetattr(self.slave)
         given = {**os.environ, "TERM": "xterm", "POSITIONER_TRACEBACK": "", **environment}
         given["PYTHONPATH"] = os.pathsep.join(map(str, (ROOT, ROOT / "tests", ROOT / "tests/host")))
+        self.turns, theirs = socket.socketpair()
+        given[TURNS] = str(theirs.fileno())
         self.process = subprocess.Popen(
-            [sys.executable, *program, *arguments],
+            [sys.executable, *program, *arguments], pass_fds=[theirs.fileno()],
             stdin=self.slave, stdout=self.slave, stderr=self.slave, env=given, cwd=cwd, start_new_session=True,
         )  # fmt: skip
+        theirs.close()
+        self.has_ended = False
 
     def __enter__(self) -> Self:
         return self
@@ -62,6 +71,7 @@ class InTerminal:
     def __exit__(self, *_: object) -> None:
         self.process.kill()
         self.process.wait()
+        self.turns.close()
         os.close(self.master)
         os.close(self.slave)
 
@@ -75,12 +85,21 @@ class InTerminal:
     def press(self, keys: str) -> None:
         os.write(self.master, keys.encode())
 
-    def read(self) -> None:
-        """Take in what the program has written."""
-        while select.select([self.master], [], [], 0.02)[0]:
+    def take_turn(self) -> None:
+        """Take in what the program writes until it waits for us or has ended, and let it go on."""
+        while True:
+            found = select.select([self.master, self.turns.fileno()], [], [], HANGS_S)[0]
+            assert found, f"nothing happens: {self.text}"
+            if self.master not in found:
+                break
             data = os.read(self.master, 65536)
             self.received += data
             self.stream.feed(data)
+        try:
+            self.has_ended = not self.turns.recv(1)
+            self.turns.send(b".")
+        except ConnectionError:
+            self.has_ended = True
 
     @property
     def lines(self) -> list[str]:
@@ -92,25 +111,20 @@ class InTerminal:
 
     def until(self, holds: Callable[[str], Any]) -> str:
         """Return the screen when it is as `holds` wants it."""
-        end_s = time.monotonic() + TIMEOUT_S
-        while True:
-            self.read()
+        for _ in range(MOST_TURNS):
             if holds(self.text):
                 return self.text
-            assert time.monotonic() < end_s, self.text
-            assert self.process.poll() is None, self.text
+            assert not self.has_ended, self.text
+            self.take_turn()
+        raise AssertionError(self.text)
 
     def shows(self, *texts: str) -> str:
         return self.until(lambda screen: all(text in screen for text in texts))
 
     def ended(self) -> int:
         """Return the exit status when the program has ended."""
-        end_s = time.monotonic() + TIMEOUT_S
-        while self.process.poll() is None:
-            self.read()
-            assert time.monotonic() < end_s, self.text
-        self.read()
-        return int(self.process.returncode)
+        self.until(lambda _: self.has_ended)
+        return self.process.wait(HANGS_S)
 
     def is_restored(self) -> bool:
         return termios.tcgetattr(self.slave) == self.before
@@ -118,6 +132,7 @@ class InTerminal:
 
 def play(arguments: Sequence[str]) -> int:
     """Run `positioner host` with a virtual bus."""
+    import tqdm.std  # noqa: PLC0415
     from virtual_bench import TEXT, Bench  # noqa: PLC0415 - the test that starts this program needs no plant
 
     from positioner.cli.main import main  # noqa: PLC0415
@@ -126,6 +141,7 @@ def play(arguments: Sequence[str]) -> int:
     it = Bench(TEXT)
     it.host_is_on = False
     clock = _Clock(it.now_ns)
+    turns = socket.socket(fileno=int(os.environ[TURNS]))
 
     class VirtualBus:
         """The frames of positioner and plant, and of the host for them."""
@@ -143,6 +159,9 @@ def play(arguments: Sequence[str]) -> int:
             it.others.append(frame)
 
         def receive(self, _: float) -> list[CanFrame]:
+            if clock.now_ns % TURN_NS == 0:
+                turns.send(b".")
+                turns.recv(1)
             clock.now_ns += CYCLE_NS
             received: list[CanFrame] = []
             it.session.receive = lambda frames, _now_ns: received.extend(frames)  # type: ignore[method-assign,assignment]
@@ -156,6 +175,7 @@ def play(arguments: Sequence[str]) -> int:
 
     for module in (terminal, interactive):
         module.time = clock  # type: ignore[attr-defined]
+    tqdm.std.time = clock.monotonic  # type: ignore[attr-defined]
     terminal.BusPort = VirtualBus  # type: ignore[attr-defined,assignment]
     folder = Path(arguments[0])
     (folder / "valve.toml").write_text(TEXT, encoding="utf-8")

@@ -8,6 +8,7 @@ import tempfile
 from typing import TYPE_CHECKING
 
 from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
 
 from positioner.start import TRACEBACK
 
@@ -24,7 +25,10 @@ settings.load_profile("repeatable")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Accept SIGINT, and let the processes that tests start share their compiled modules."""
+    """Accept SIGINT, let the processes that tests start share their compiled modules, and make examples repeatable."""
+    if not config.getoption("--hypothesis-profile"):
+        # else examples would depend on which modules of ours a worker has loaded: their constants are among them
+        providers.is_local_module_file = lambda _path: False  # type: ignore[assignment,attr-defined]
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as it is in the background of a script, and in every child
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if os.environ.pop("PYTHONDONTWRITEBYTECODE", ""):  # it would double the time that each of them takes to start

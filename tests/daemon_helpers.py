@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from positioner.config.schema import Configuration
     from positioner.errors import ExitCode
 
-TIMEOUT_S = 60.0
+TIMEOUT_S = 240.0
 """The longest time that a test waits on a busy machine."""
 PERIOD_S = 0.02
 HERE_M = 0.08

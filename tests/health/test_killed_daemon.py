@@ -50,7 +50,8 @@ class Scripted:
             self._send(Setpoint(0.075), number)
             self._send(ActuatorState(9e4), number)
             self._send(StemPosition(stem_m, self._acting), number)
-            answered += self._is_answered(number)
+            if self._is_answered(number):
+                answered, end_s = answered + 1, time.monotonic() + TIMEOUT_S
 
     def _is_answered(self, number: int) -> bool:
         """Return whether the reading is answered, once it is, or when nobody has answered for long."""

@@ -12,7 +12,7 @@ from statistics import median
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from daemon_helpers import write_configuration
+from daemon_helpers import TIMEOUT_S, write_configuration
 from prometheus_client.openmetrics.parser import text_string_to_metric_families
 from virtual_shell import VirtualShell
 
@@ -52,7 +52,7 @@ id_offset = 256
 
 def until(done: Callable[[], Any]) -> Any:
     """Return what `done` returns once that is true."""
-    end_s = time.monotonic() + 30.0
+    end_s = time.monotonic() + TIMEOUT_S
     while time.monotonic() < end_s:
         if found := done():
             return found

@@ -43,7 +43,7 @@ KEYS = (
 
 async def until(app: MonitorApp, pilot: Any, *words: str) -> str:
     """Return what is shown once all words are in it."""
-    for _ in range(200):
+    for _ in range(3000):
         await pilot.pause(0.02)
         text = shown(app)
         if all(word in text for word in words):

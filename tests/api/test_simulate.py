@@ -130,7 +130,7 @@ positioner.simulate
 assert "numpy" in sys.modules
 assert "matplotlib" not in sys.modules
 """
-    done = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True, text=True, timeout=60.0)
+    done = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True, text=True, timeout=300.0)
     assert done.returncode == 0, done.stderr
     with pytest.raises(AttributeError, match="no attribute 'simulat'"):
         positioner.simulat  # type: ignore[attr-defined]  # noqa: B018

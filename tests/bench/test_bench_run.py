@@ -134,7 +134,7 @@ def at_once(scenario: Scenario, folder: Path, first: Played) -> AtOnce:
     assert first.files.exists()
     process = bench("--scenario", str(written(folder, SHORT)), "--out", "beside", folder=folder)
     played = play(scenario, folder / "out", folder / "second")
-    out, error = process.communicate(timeout=60.0)
+    out, error = process.communicate(timeout=300.0)
     return AtOnce(played, process.returncode, out, error, folder / "beside")
 
 

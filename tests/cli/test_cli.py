@@ -56,7 +56,7 @@ def run(*arguments: str, module: str = "positioner", **changes: Any) -> subproce
         stderr=subprocess.PIPE,
         text=True,
         check=False,
-        timeout=60.0,
+        timeout=300.0,
         **changes,
     )
 

@@ -86,7 +86,7 @@ def complete(scripts: Path, folder: Path, *lines: str) -> list[set[str]]:
         check=False,
         cwd=folder,
         env={"PATH": str(scripts / "path"), "HOME": str(folder)},
-        timeout=60,
+        timeout=300,
     )
     assert not done.stderr
     answers = done.stdout.split("---\n")[:-1]
@@ -172,4 +172,4 @@ def test_a_program_prints_its_completion_and_ends(program: str, shell: str, caps
     assert re.search(rf"^(#compdef |complete .*){program}$|^complete -c {program}", printed, flags=re.MULTILINE)
     interpreter = shutil.which(shell)
     if interpreter:  # bash is always there
-        subprocess.run([interpreter, "-n"], input=printed, text=True, check=True, env=dict(os.environ), timeout=60)
+        subprocess.run([interpreter, "-n"], input=printed, text=True, check=True, env=dict(os.environ), timeout=300)

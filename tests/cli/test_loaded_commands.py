@@ -25,7 +25,7 @@ print(*sys.modules)
 def loaded(*arguments: str, module: str = "positioner.cli.main") -> set[str]:
     """Return the modules that a program has loaded when it ends."""
     command = [sys.executable, "-c", LOADED, module, *arguments]
-    out = subprocess.run(command, check=True, capture_output=True, text=True, timeout=60.0).stdout
+    out = subprocess.run(command, check=True, capture_output=True, text=True, timeout=300.0).stdout
     return set(out.splitlines()[-1].split())
 
 

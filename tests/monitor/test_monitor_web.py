@@ -41,7 +41,7 @@ def served(source: Source) -> Iterator[PageServer]:
 
 def asked(server: PageServer, method: str, path: str, body: str = "", **headers: str) -> http.client.HTTPResponse:
     """Return the answer to a request, not read yet."""
-    connection = http.client.HTTPConnection("127.0.0.1", server.server_address[1], timeout=20.0)
+    connection = http.client.HTTPConnection("127.0.0.1", server.server_address[1], timeout=300.0)
     names = {name.replace("_", "-"): value for name, value in headers.items()}
     connection.request(method, path, body or None, names)
     return connection.getresponse()
@@ -131,7 +131,7 @@ def test_a_browser_that_reads_nothing_holds_up_no_other_and_there_is_a_limit(tmp
         port = server.server_address[1]
         slow = []
         for _ in range(MOST_STREAMS - 1):
-            connection = socket.create_connection(("127.0.0.1", port), timeout=20.0)
+            connection = socket.create_connection(("127.0.0.1", port), timeout=300.0)
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
             connection.sendall(f"GET /events HTTP/1.0\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode())
             assert connection.recv(1)

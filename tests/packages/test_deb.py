@@ -63,7 +63,7 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def told(*command: str | Path) -> str:
-    return subprocess.run(list(map(str, command)), capture_output=True, text=True, check=True, timeout=60).stdout
+    return subprocess.run(list(map(str, command)), capture_output=True, text=True, check=True, timeout=300).stdout
 
 
 def test_the_fields_name_the_python_that_it_was_built_with(package: Path) -> None:
@@ -126,7 +126,7 @@ def test_the_scripts_are_shell_that_a_machine_without_systemd_runs(package: Path
     # nothing is done to this machine: /run/systemd/system and /opt/positioner become folders that are nowhere
     nowhere = re.sub(r"/(run/systemd/system|opt/positioner)", r"/nowhere/\1", text)
     for arguments in (["install"], ["configure"], ["upgrade", "2.0"], ["remove"], ["purge"], ["abort-upgrade", "1.0"]):
-        subprocess.run(["sh", "-e", "-u", "-s", "--", *arguments], input=nowhere, text=True, check=True, timeout=60)
+        subprocess.run(["sh", "-e", "-u", "-s", "--", *arguments], input=nowhere, text=True, check=True, timeout=300)
 
 
 def test_a_valve_under_control_and_an_installation_by_make_are_refused(package: Path, tmp_path: Path) -> None:
@@ -150,7 +150,7 @@ def test_a_valve_under_control_and_an_installation_by_make_are_refused(package: 
             capture_output=True,
             text=True,
             check=False,
-            timeout=60,
+            timeout=300,
             env={"PATH": f"{tools}:{os.environ['PATH']}"},
         )
         assert done.returncode == 1

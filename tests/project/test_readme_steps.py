@@ -41,7 +41,7 @@ def test_there_are_five_steps_each_with_one_block() -> None:
 def test_a_step_is_a_script_that_bash_can_read(step: int) -> None:
     bash = shutil.which("bash")
     assert bash, "bash is missing"
-    done = subprocess.run([bash, "-n"], input=STEPS[step - 1], capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run([bash, "-n"], input=STEPS[step - 1], capture_output=True, text=True, check=False, timeout=300)
     assert (done.returncode, done.stderr) == (0, "")
 
 

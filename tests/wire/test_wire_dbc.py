@@ -184,7 +184,7 @@ def test_cantools_decodes_a_line_of_candump() -> None:
         input=line,
         capture_output=True,
         text=True,
-        timeout=30,
+        timeout=300,
         check=True,
     )
     assert "STEM_POSITION(" in done.stdout

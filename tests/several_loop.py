@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any, Self
 
 import can
 import tomli_w
+from still_clock import StillClock
 
 from plant_emulator.device import advance, initial_device, publish, take
 from plant_emulator.presets import plant_settings
 from positioner.bus.port import Ports
 from positioner.config.reader import load_valves
 from positioner.machine.journal import logger
-from positioner.machine.time import Instant
 from positioner.runtime.daemon import Daemon
 from positioner.runtime.session import RunOptions
 from positioner.wire.codec import Codec, make_codec
@@ -41,23 +41,14 @@ _NS = 1_000_000_000
 BUS, OTHER_BUS = "one", "two"
 
 
-class VirtualTime:
+class VirtualTime(StillClock):
     """Time passes only where the loop waits; meanwhile each of the `ticks` happens every period, one after another."""
 
     def __init__(self) -> None:
-        self.now_ns = 5_000 * _NS
+        super().__init__()
         self.ticks: list[Callable[[], None]] = []
         self._tick_ns = self.now_ns
         self._ticked = 0
-
-    def instant(self) -> Instant:
-        return Instant(self.now_ns, self.now_ns)
-
-    def monotonic_ns(self) -> int:
-        return self.now_ns
-
-    def monotonic_s(self) -> float:
-        return self.now_ns / _NS
 
     def sleep(self, duration_s: float, queue: Sequence[object] = ()) -> None:
         """Let time pass, until something is in the `queue`."""

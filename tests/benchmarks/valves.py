@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from unittest import mock
 
 import tomli_w
+from still_clock import StillClock
 
 from benchmarks.case import Play
 from benchmarks.paired_bus import PairedBus
@@ -26,7 +27,6 @@ from positioner.bus import port as port_module
 from positioner.bus.frame_socket import FrameSocket
 from positioner.bus.port import BusPort, Ports
 from positioner.config.reader import load_valves
-from positioner.machine.time import Instant
 from positioner.runtime.daemon import Daemon
 from positioner.runtime.session import RunOptions
 from positioner.store.client import TableWriterClient
@@ -56,22 +56,11 @@ _SETPOINTS_M = (0.08, 0.087, 0.073, 0.084, 0.076)
 _PER_BUS = len(ID_OFFSETS)
 
 
-class _Clock:
+class _Clock(StillClock):
     """The daemon's clock: the plants let its time pass."""
 
-    now_ns = 5_000_000_000_000
-
-    def instant(self) -> Instant:
-        return Instant(self.now_ns, self.now_ns)
-
-    def monotonic_ns(self) -> int:
-        return self.now_ns
-
-    def monotonic_s(self) -> float:
-        return self.now_ns / 1e9
-
     def sleep(self, duration_s: float) -> None:
-        self.now_ns += round(duration_s * 1e9)
+        self.pass_time(duration_s)
 
 
 def _socket_of(bus: can.BusABC, _address: object) -> FrameSocket:

@@ -9,10 +9,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import can
+from still_clock import StillClock
 
 from positioner.bus.port import Ports
 from positioner.config.reader import load_valves
-from positioner.machine.time import Instant
 from positioner.monitor.live import LiveSource
 from positioner.wire.messages import (
     CanFrame,
@@ -78,29 +78,17 @@ def frames_of(codec: Codec, seconds: float, begin_ns: int = 0) -> Iterator[CanFr
             yield replace(frame, received_ns=now_ns)
 
 
-class RecordingBus:
+class RecordingBus(StillClock):
     """A bus of python-can that brings what is put into it, and keeps all that is sent on it; and the clock of its node.
 
     The clock stands still but for `pass_time`, so a machine that is slow changes nothing.
     """
 
     def __init__(self) -> None:
-        self.now_ns = 5_000_000_000_000
+        super().__init__()
         self.brought: queue.Queue[can.Message] = queue.Queue()
         self.sent: list[can.Message] = []
         self.is_cut = threading.Event()
-
-    def pass_time(self, duration_s: float) -> None:
-        self.now_ns += round(duration_s * 1e9)
-
-    def instant(self) -> Instant:
-        return Instant(self.now_ns, self.now_ns)
-
-    def monotonic_ns(self) -> int:
-        return self.now_ns
-
-    def monotonic_s(self) -> float:
-        return self.now_ns / 1e9
 
     def sleep(self, duration_s: float) -> None:
         time.sleep(min(duration_s, 0.01))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import can
 import pytest
 from daemon_helpers import HERE_M, PERIOD_S, Loop
+from service_manager import notifications
 
 from positioner.bus import opening as bus_open
 from positioner.bus import port as bus_module
@@ -372,15 +373,6 @@ def test_the_service_manager_is_notified_of_readiness_life_and_the_end(
             # a positioner that waits does not hang: it must not be restarted
             assert set(notifications(manager)) == {"WATCHDOG=1"}
         assert notifications(manager) == ["STOPPING=1"]
-
-
-def notifications(manager: socket.socket) -> list[str]:
-    found = []
-    while True:
-        try:
-            found.append(manager.recv(4096).decode())
-        except BlockingIOError:
-            return found
 
 
 def test_a_trace_on_a_full_disk_ends_with_a_line_and_the_loop_goes_on(tmp_path: Path) -> None:

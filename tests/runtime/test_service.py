@@ -6,6 +6,7 @@ import socket
 from typing import TYPE_CHECKING
 
 import pytest
+from service_manager import notifications
 from several_loop import OTHER_BUS, SeveralLoop
 
 from positioner.errors import UsageError
@@ -25,15 +26,6 @@ def manager(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.
         made.setblocking(False)
         monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
         yield made
-
-
-def notifications(manager: socket.socket) -> list[str]:
-    found = []
-    while True:
-        try:
-            found.append(manager.recv(4096).decode())
-        except BlockingIOError:
-            return found
 
 
 def valve(name: str, state: str, *, in_trouble: bool = False) -> Announcer:

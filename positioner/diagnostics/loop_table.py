@@ -22,9 +22,21 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _ROLES = {
-    "op": ("op", "out", "output", "co", "controlleroutput", "opvalue", "current_ma", "command", "u"),
-    "pv": ("pv", "process", "processvalue", "processvariable", "measurement", "meas", "y"),
-    "sp": ("sp", "setpoint", "set", "wsp", "ref", "reference", "r"),
+    "op": (
+        "op",
+        "out",
+        "output",
+        "co",
+        "controlleroutput",
+        "opvalue",
+        "current_ma",
+        "command",
+        "u",
+        "stellgröße",
+        "stellwert",
+    ),
+    "pv": ("pv", "process", "processvalue", "processvariable", "measurement", "meas", "y", "istwert"),
+    "sp": ("sp", "setpoint", "set", "wsp", "ref", "reference", "r", "sollwert"),
     "time": ("time", "timestamp", "datetime", "date", "t", "time_s", "seconds", "zeit"),
     "stem": ("measured_m", "stem", "travel", "position", "pos", "valveposition", "vp", "zt", "mv"),
 }
@@ -72,6 +84,10 @@ def loop_of(table: CsvTable, wanted: dict[str, str | None], period_s: float | No
     names = _names(table, wanted)
     columns = {column.name: column for column in table.columns}
     notes: list[str] = []
+    if table.uneven:
+        notes.append(
+            f"{len(table.uneven)} lines with another number of cells are left out, first line {table.uneven[0]}"
+        )
     signals = {role: _numbers(table, columns[name], notes) for role, name in names.items() if role != "time"}
     time, is_timed = None, period_s is not None
     if period_s is None and "time" in names:
@@ -185,7 +201,8 @@ def _in_order(
         notes.append(f"{int(np.sum(~rises))} rows are left out: their time is missing, or does not grow")
     time = time[rises]
     if time.size < 2:  # noqa: PLR2004
-        raise RecordError(f"{table.source}: fewer than two rows have a time: name the right column with --time")
+        text = "fewer than two rows have a time that grows: name the right column with --time"
+        raise RecordError(f"{table.source}: {text}")
     return float(np.median(np.diff(time))), time, {role: values[rises] for role, values in signals.items()}
 
 

@@ -29,11 +29,15 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class CsvTable:
-    """The columns of a file; lines: the number of the line in the file for each row."""
+    """The columns of a file; lines: the number of the line in the file for each row; uneven: lines left out of them.
+
+    A line below the first row that has more or fewer cells than the rows is left out.
+    """
 
     source: str
     columns: tuple[Column, ...]
     lines: tuple[int, ...]
+    uneven: tuple[int, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -69,7 +73,7 @@ def read_table(source: str, text: str) -> CsvTable:
     """Return the table in `text`; without a header the columns are called by their numbers, from 1.
 
     Raises:
-        RecordError: there are no rows of numbers in it.
+        RecordError: there are no rows of numbers in it, or commas are both decimal and between the cells.
     """
     numbered = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
     numbered = [(number, line) for number, line in numbered if not line.lstrip().startswith("#")]
@@ -85,6 +89,10 @@ def read_table(source: str, text: str) -> CsvTable:
             f"{source}: holds no row of at least two numbers: is it a CSV file? (A bus log needs --config.)"
         )
     heads = [cells for _, cells in rows[:begin] if len(cells) == width and any(cells)]
+    if begin and delimiter == "," and not heads and 1 < len(rows[begin - 1][1]) < width:
+        number, cells = rows[begin - 1]
+        text = f"{source}: line {number} has {len(cells)} cells, and the rows have {width}"
+        raise RecordError(f"{text}: are the commas decimal ones, too? Save it with semicolons between the cells")
     names = heads[0] if heads else [str(number + 1) for number in range(width)]
     body = [(number, cells) for number, cells in rows[begin:] if len(cells) == width]
     seen: dict[str, int] = {}
@@ -94,7 +102,8 @@ def read_table(source: str, text: str) -> CsvTable:
         seen[name] = seen.get(name, 0) + 1
         unique = name if seen[name] == 1 else f"{name}.{seen[name]}"
         columns.append(Column(unique, tuple([row[index] for _, row in body])))
-    return CsvTable(source, tuple(columns), tuple([number for number, _ in body]))
+    uneven = tuple([number for number, cells in rows[begin:] if len(cells) != width])
+    return CsvTable(source, tuple(columns), tuple([number for number, _ in body]), uneven)
 
 
 def number_in(cell: str) -> float:

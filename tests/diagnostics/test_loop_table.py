@@ -33,9 +33,10 @@ def loop(text: str, wanted: dict[str, str] | None = None, period_s: float | None
             "2024-02-01T10:00:04Z,52.5,20,21\n"
         ),
         "t,MV,PV,SP\n0,50.5,20,21\n2,51.5,20.5,21\n4,52.5,20,21\n",
+        "Zeit;Stellgröße;Istwert;Sollwert\n0;50,5;20;21\n2;51,5;20,5;21\n4;52,5;20;21\n",
     ],
 )
-def test_the_same_loop_in_eight_ways(text: str) -> None:
+def test_the_same_loop_in_nine_ways(text: str) -> None:
     found = loop(text)
     assert found.pv is not None
     assert found.sp is not None
@@ -60,6 +61,17 @@ def test_a_short_gap_is_filled_and_text_is_told_with_its_line() -> None:
     found = loop("time,OP,PV\n" + "\n".join(rows))
     assert found.op.tolist() == pytest.approx(list(range(40)))
     assert found.notes == ("column 'OP': 1 of 40 cells hold no number, first in line 12 (Bad)",)
+
+
+def test_a_line_with_another_number_of_cells_is_left_out_and_told() -> None:
+    found = loop("OP,PV\n1,2\n2\n3,4,5\n4,5\n")
+    assert found.op.tolist() == [1.0, 4.0]
+    assert found.notes == ("2 lines with another number of cells are left out, first line 3",)
+
+
+def test_commas_that_are_decimal_and_between_the_cells_are_refused() -> None:
+    with pytest.raises(RecordError, match=r"line 2 has 2 cells, and the rows have 4: are the commas decimal ones, too"):
+        loop("Trend of FIC101\nOP,PV\n50,5,20,1\n51,5,20,5\n52,5,20,1\n")
 
 
 def test_the_longest_stretch_without_a_long_gap_is_used() -> None:

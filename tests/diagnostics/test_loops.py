@@ -56,6 +56,17 @@ def test_the_transients_after_setpoint_steps_are_left_out_and_nothing_else() -> 
         assert keep[step + 120 : step + 300].all()
 
 
+@pytest.mark.parametrize(
+    ("op", "pv", "reason"),
+    [(0.0, 1.0, "OP stands still"), (1.0, 0.0, "OP moves, and PV stands still"), (0.0, 0.0, "OP stands still")],
+)
+def test_a_signal_that_stands_still_says_nothing(op: float, pv: float, reason: str) -> None:
+    wave = np.sin(2.0 * np.pi * np.arange(1000) / 50.0)
+    found = diagnose_loop(Recorded(50.0 + op * wave, 40.0 + pv * wave, np.zeros(0), 1.0))
+    assert found.verdict is Verdict.UNDECIDED
+    assert reason in found.reason
+
+
 def test_a_sinusoid_in_both_signals_is_no_proof() -> None:
     answers = tuple(
         Answer(name, "", index, 0.6, 0.4)

@@ -95,14 +95,14 @@ def combined(answers: tuple[Answer, ...], pitfalls: Pitfalls) -> tuple[Verdict, 
     """
     if pitfalls.is_stuck:
         return Verdict.YES, "OP moves for a persistent error, and PV does not answer: the valve is stuck, or cut off"
+    if pitfalls.unexcited:
+        return Verdict.UNDECIDED, pitfalls.unexcited
     deciding = [each for each in answers if each.name in _DECIDING]
     said = [each.name for each in deciding if each.verdict is Verdict.YES]
     if said:
         return _with(said, pitfalls.doubt or _sinusoidal(answers))
     if all(math.isnan(each.index) for each in deciding if each.name in _MODELS):
         return Verdict.UNDECIDED, next(each.note for each in deciding if each.name in _MODELS)
-    if pitfalls.unexcited:
-        return Verdict.UNDECIDED, pitfalls.unexcited
     return Verdict.NO, f"none of {_and(list(_DECIDING))} says yes"
 
 

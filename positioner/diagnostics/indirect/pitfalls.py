@@ -27,7 +27,7 @@ class Pitfalls:
     """What stands out in a record.
 
     is_stuck: PV does nothing while OP moves for an error that stays; doubt: why a yes would be worth little;
-    unexcited: why a no would be; notes: what the reader must know.
+    unexcited: why the record says nothing; notes: what the reader must know.
     """
 
     is_stuck: bool
@@ -51,8 +51,11 @@ def pitfalls_of(loop: Loop, keep: NDArray[np.bool_]) -> Pitfalls:
         doubt = f"{straight:.0%} of PV lies on straight lines: a compressed history, not readings"
     if _saturates(loop.op):
         doubt = "OP swings between two limits, which makes a cycle of its own"
-    still = float(np.ptp(loop.op)) <= 0.0
-    unexcited = "OP stands still: nothing shows what the valve does" if still else ""
+    unexcited = ""
+    if float(np.ptp(loop.op)) <= 0.0:
+        unexcited = "OP stands still: nothing shows what the valve does"
+    elif float(np.ptp(loop.pv)) <= 0.0:
+        unexcited = "OP moves, and PV stands still: the valve is stuck, or PV is not measured"
     return Pitfalls(_is_stuck(loop), doubt, unexcited, tuple(notes))
 
 

@@ -2,7 +2,8 @@
 
 Each `tests/*/acceptance_*.py`, and `loop_acceptance.py` beside this file, plays emulated valves whose faults are known,
 and prints its goals, its figures and whether they are met; `--short` plays a few. Goals that a test holds are played by
-pytest. A section of the page is replaced when its runner has run.
+pytest. A section of the page is replaced when its runner has run. With a compiled build on PYTHONPATH, `--build-of`
+names its commit.
 """
 
 from __future__ import annotations
@@ -67,8 +68,8 @@ def runners() -> tuple[Runner, ...]:
     return (*found, *TESTED)
 
 
-def played(runner: Runner, more: list[str]) -> tuple[str, bool]:
-    """Return the section of a runner, and whether its goals are met."""
+def played(runner: Runner, more: list[str], source: str) -> tuple[str, bool]:
+    """Return the section of a runner, and whether its goals are met; `source` says what was played."""
     arguments = [*runner.command, *(more if runner.prints_table else [])]
     begin_s = time.monotonic()
     done = subprocess.run(
@@ -83,7 +84,7 @@ def played(runner: Runner, more: list[str]) -> tuple[str, bool]:
     minutes = (time.monotonic() - begin_s) / 60.0
     when = datetime.now(UTC).strftime("%Y-%m-%d")
     verdict = "all goals met" if met else "**not all goals met**"
-    tail = f"`{command}`: {verdict} ({when}, commit {_commit()}, {minutes:.1f} min)"
+    tail = f"`{command}`: {verdict} ({when}, {source}, {minutes:.1f} min)"
     return f"## {runner.name}\n\n{runner.about.strip()}\n\n{output.strip()}\n\n{tail}\n", met
 
 
@@ -92,11 +93,26 @@ def _environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join([own, given]) if given else own}
 
 
-def _commit() -> str:
-    told = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, cwd=ROOT, check=False
-    )
-    return told.stdout.strip() or "unknown"
+def source_of(build_of: str) -> str:
+    """Return which source is played: this commit, or the compiled build of a commit of this history.
+
+    Raises:
+        ValueError: a compiled build is played and not named, or the other way round, or the commit is not known.
+    """
+    asks = "from positioner.machine.build import is_compiled; print(is_compiled())"
+    is_compiled = _told([sys.executable, "-c", asks], _environment()) == "True"
+    if is_compiled != bool(build_of):
+        told = "a compiled build: name its commit with --build-of" if is_compiled else "no compiled build"
+        raise ValueError(f"PYTHONPATH leads to {told}")
+    commit = _told(["git", "rev-parse", "--short", "--verify", f"{build_of or 'HEAD'}^{{commit}}"])
+    if not commit:
+        raise ValueError(f"--build-of {build_of}: no such commit")
+    return f"compiled build of commit {commit}" if build_of else f"commit {commit}"
+
+
+def _told(command: list[str], environment: dict[str, str] | None = None) -> str:
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False, env=environment)
+    return done.stdout.strip()
 
 
 def sections_of(text: str) -> dict[str, str]:
@@ -115,17 +131,22 @@ def main() -> int:
     parser.add_argument("--short", action="store_true", help="a few valves of each runner; the page stays as it is")
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help="this section only")
     parser.add_argument("--page", type=Path, default=PAGE, help="the page to write (default: %(default)s)")
+    parser.add_argument("--build-of", default="", metavar="COMMIT", help="commit of the compiled build on PYTHONPATH")
     arguments = parser.parse_args()
     every = runners()
     names = tuple(each.name for each in every)
     for name in arguments.only:
         if name not in names:
             parser.error(f"--only {name}: no such section; known: {', '.join(names)}")
+    try:
+        source = source_of(arguments.build_of)
+    except ValueError as error:
+        parser.error(str(error))
     all_met = True
     for runner in every:
         if arguments.only and runner.name not in arguments.only:
             continue
-        section, met = played(runner, ["--short"] if arguments.short else [])
+        section, met = played(runner, ["--short"] if arguments.short else [], source)
         all_met = all_met and met
         sys.stdout.write(f"{section}\n")
         sys.stdout.flush()

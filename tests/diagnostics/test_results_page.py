@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 import results_page
-from results_page import PAGE, Runner, main, page_of, played, runners, sections_of
+from results_page import PAGE, Runner, main, page_of, played, runners, sections_of, source_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -34,10 +34,36 @@ def test_a_section_is_replaced_in_its_place_and_one_without_a_runner_goes() -> N
 def test_a_section_tells_whether_the_goals_are_met(tmp_path: Path, status: int, words: str) -> None:
     runner = tmp_path / "acceptance_x.py"
     runner.write_text(f"import sys\nprint('| a | b |', sys.argv[1:])\nsys.exit({status})\n", encoding="utf-8")
-    section, met = played(Runner("x", "What it shows.", (str(runner),)), ["--short"])
+    section, met = played(Runner("x", "What it shows.", (str(runner),)), ["--short"], "commit abc")
     assert met is (status == 0)
     assert words in section
     assert "What it shows.\n\n| a | b | ['--short']\n" in section
+
+
+@pytest.mark.parametrize(
+    ("compiled", "build_of", "told"),
+    [
+        ("False", "", "commit abc1234"),
+        ("True", "base", "compiled build of commit abc1234"),
+        ("True", "", "name its commit with --build-of"),
+        ("False", "base", "no compiled build"),
+        ("True", "gone", "no such commit"),
+    ],
+)
+def test_the_page_names_a_commit_that_can_be_checked_out(
+    monkeypatch: pytest.MonkeyPatch, compiled: str, build_of: str, told: str
+) -> None:
+    def answer(command: list[str], _environment: dict[str, str] | None = None) -> str:
+        if command[0] != "git":
+            return compiled
+        return "" if "gone" in command[-1] else "abc1234"
+
+    monkeypatch.setattr(results_page, "_told", answer)
+    if "abc1234" in told:
+        assert source_of(build_of) == told
+    else:
+        with pytest.raises(ValueError, match=told):
+            source_of(build_of)
 
 
 def test_an_unknown_section_is_refused_with_the_known_ones(
@@ -53,5 +79,5 @@ def test_an_unknown_section_is_refused_with_the_known_ones(
 @pytest.mark.parametrize("name", [each.name for each in runners() if each.prints_table])
 def test_the_short_form_of_a_runner_meets_its_goals(name: str) -> None:
     runner = next(each for each in results_page.runners() if each.name == name)
-    section, met = played(runner, ["--short"])
+    section, met = played(runner, ["--short"], "this source")
     assert met, section

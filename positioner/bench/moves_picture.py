@@ -1,7 +1,7 @@
 """The picture of single moves, `moves.png`: one panel a move, its time axis in ms. Shell, because it writes a file.
 
-A panel shows position, speed and current of one move, with what the law knew of them: its prediction, the movable bound
-of the speed, the bounds of the current and the breakaway current Γ.
+A panel shows position, speed and current of one move, with what the law knew when it began: its prediction, the movable
+bound of the speed, the bounds of the current and the breakaway current Γ.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def moves_figure(data: MovesData) -> Figure:
         cell = grid[row, column].subgridspec(3, 1, height_ratios=(1.7, 1.0, 1.15), hspace=0.1)
         position = figure.add_subplot(cell[0])
         panels = [position, *(figure.add_subplot(cell[place], sharex=position) for place in (1, 2))]
-        draw_move(panels, data, window, data.predicted_m[number], names=column == 0)
+        draw_move(panels, data, window, data.predicted[number], names=column == 0)
         if row == rows - 1 or number + columns >= len(data.shown):
             panels[-1].set_xlabel("time since the stem began to move, ms", fontsize=LABEL)
     _legend(figure, data, 1.0 - 0.72 / height_in)
@@ -98,7 +98,7 @@ def _legend(figure: Figure, data: MovesData, top: float) -> None:
         (Patch(color=FAINT), "± 1 % of span"),
         (
             Line2D([], [], color=BELIEF, linewidth=2.0, linestyle=PREDICTED),
-            "predicted by the law's model; its speed estimate",
+            "predicted at the move's start; speed estimate",
         ),
         (Line2D([], [], color=COMMAND, linewidth=1.6), "command"),
         (Line2D([], [], color=BOUND, linewidth=2.6, alpha=0.8), _BOUND),

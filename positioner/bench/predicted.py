@@ -1,7 +1,7 @@
 """Where the law's model of the valve takes the stem, from the law's own estimate under the commands of the run. Pure.
 
-The model has the parameters that the law has learned by the end of the run: its fit, or what the stiction table
-implies, as after a restart; else the configured ones. It begins where the law begins a move, or sees the stem slide.
+The model has the parameters that the law had learned when the move began: its fit, or what the stiction table implies,
+as after a restart; else the configured ones. It begins where the law begins a move, or sees the stem slide.
 """
 
 from __future__ import annotations

@@ -22,7 +22,6 @@ from positioner.bench.modes import mode_spans
 from positioner.bench.moves_picture import draw_moves
 from positioner.bench.play import BenchOptions, play
 from positioner.bench.playable import check_playable
-from positioner.bench.predicted import believed
 from positioner.bench.result import Result, RunInfo, installed_versions, summary_of, to_json
 from positioner.bench.trace_data import picture_data
 from positioner.bench.trend import draw_trend
@@ -103,7 +102,7 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
         commission(scenario, options, configuration, say)
         configuration = parse_config((out / "valve.toml").read_text(encoding="utf-8"), str(out / "valve.toml"), out)
     started, begun_s = datetime.now(UTC), time.monotonic()
-    before = summary_of(_stored(state, configuration))
+    initial = _stored(state, configuration)
     _copy_start(state, out / "state-before")
     recording, timing = play(scenario, options, configuration, state)
     after = summary_of(_stored(state, configuration))
@@ -119,7 +118,7 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
         ),
         totals=metrics.totals(dwells),
         dwells=dwells,
-        table_before=before,
+        table_before=summary_of(initial),
         table_after=after,
         run=RunInfo(
             bus=str(address),
@@ -136,8 +135,7 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
         recording.write_log(out / "bus.log")
     else:
         add_truth(out / "bus.log", recording)
-    known = believed(configuration, _stored(state, configuration))
-    trend, moves = picture_data(result, recording, out / "trace.csv", known)
+    trend, moves = picture_data(result, recording, out / "trace.csv", configuration, initial)
     draw_trend(out / "trend.png", trend)
     draw_moves(out / "moves.png", moves)
     return result

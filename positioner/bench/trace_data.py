@@ -7,32 +7,41 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from pydantic import TypeAdapter
 
-from positioner.bench.moves import Breakaway, MovesData, telling, windows
+from positioner.bench.moves import Breakaway, MovesData, Predicted, telling, windows
 from positioner.bench.moves_picture import MOST_MOVES
+from positioner.bench.predicted import believed
 from positioner.bench.reasons import reasons
 from positioner.bench.trend import TrendData
 from positioner.laws.move_reason import current_in, source_in
-from positioner.valve.stiction import Quantity
+from positioner.valve.stiction import LearnedSample, Quantity, StictionTable
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from positioner.bench.predicted import Believed
     from positioner.bench.recording import Recording
     from positioner.bench.result import Result
+    from positioner.config.schema import Configuration
 
 _TOLERANCE = 1e-9
 _TRACED = (
     *("current_low_ma", "current_high_ma", "speed_low_m_per_s", "speed_high_m_per_s", "velocity_m_per_s"),
     *("position_m", "stuck"),
 )
+_SAMPLES = TypeAdapter(tuple[LearnedSample, ...])
 
 
-def picture_data(result: Result, recording: Recording, trace: Path, believed: Believed) -> tuple[TrendData, MovesData]:
-    """Return the data of the pictures: signals from the bus, estimates and bounds of the law from the trace."""
+def picture_data(
+    result: Result, recording: Recording, trace: Path, configuration: Configuration, table: StictionTable
+) -> tuple[TrendData, MovesData]:
+    """Return the data of the pictures: signals from the bus, estimates and bounds of the law from the trace.
+
+    table: with which the run began.
+    """
     scenario = result.scenario
     time_s = recording.time_s
     with trace.open(encoding="utf-8", newline="") as file:
@@ -40,8 +49,13 @@ def picture_data(result: Result, recording: Recording, trace: Path, believed: Be
     cycle_s = np.array([float(row["time_s"]) - recording.period_s for row in rows])
     traced = {name: [float(row[name]) for row in rows] for name in _TRACED}
     columns = {name: _at(time_s, cycle_s, values) for name, values in traced.items()}
+    samples = [
+        (float(learned_s), _SAMPLES.validate_json(row["learned"]))
+        for learned_s, row in zip(cycle_s, rows, strict=True)
+        if row["learned"]
+    ]
     learned = {
-        quantity: np.array([t for t, row in zip(cycle_s, rows, strict=True) if quantity in row["learned"].split("+")])
+        quantity: np.array([t for t, some in samples if quantity in {sample.quantity for sample in some}])
         for quantity in Quantity
     }
     loop_low = min(traced["current_low_ma"], default=math.nan)
@@ -70,7 +84,11 @@ def picture_data(result: Result, recording: Recording, trace: Path, believed: Be
     every = windows(trend.position_m, trend.span_m, recording.period_s)
     shown = telling(every, trend.span_m, MOST_MOVES)
     slides, estimate = columns["stuck"] == 0.0, (columns["position_m"], columns["velocity_m_per_s"])
-    paths_m = tuple([believed.path_m(estimate, slides, trend.current_ma, each.first, each.last) for each in shown])
+    predicted = []
+    for window in shown:
+        known = believed(configuration, _table_at(table, samples, float(time_s[window.begin])))
+        path_m = known.path_m(estimate, slides, trend.current_ma, window.first, window.last)
+        predicted.append(Predicted(path_m, known.shift_s))
     breakaways = [
         Breakaway(float(begun_s), current_ma, source)
         for begun_s, row in zip(cycle_s, rows, strict=True)
@@ -80,11 +98,22 @@ def picture_data(result: Result, recording: Recording, trace: Path, believed: Be
         trend=trend,
         shown=shown,
         count=len(every),
-        predicted_m=paths_m,
-        shift_s=believed.shift_s,
+        predicted=tuple(predicted),
         breakaways=tuple(breakaways),
     )
     return trend, moves
+
+
+def _table_at(
+    table: StictionTable, samples: Sequence[tuple[float, tuple[LearnedSample, ...]]], time_s: float
+) -> StictionTable:
+    """Return the table at an instant: that of the start with all samples until then."""
+    for learned_s, some in samples:
+        if learned_s > time_s + _TOLERANCE:
+            break
+        for sample in some:
+            table = table.record(sample.quantity, sample.position_m, sample.direction, sample.value, sample.fit)
+    return table
 
 
 def _at(time_s: NDArray[np.float64], known_s: NDArray[np.float64], values: list[float]) -> NDArray[np.float64]:

@@ -1,7 +1,13 @@
-"""The trace of a run: one CSV row for each closed cycle, for pictures and analysis. Shell."""
+"""The trace of a run: one CSV row for each closed cycle, for pictures and analysis. Shell.
+
+A row that learned has its samples as JSON, with the fit, in the column `learned`: so the table of any instant follows
+from the one at the start.
+"""
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from positioner.cycle.events import Controlled, Event, Learned
@@ -32,13 +38,13 @@ class TraceWriter:
         self.close = self._file.close
 
     def cycle(self, events: Sequence[Event]) -> None:
-        """Append the closed cycle among `events`, if there is one, with the quantities it learned, + between them."""
+        """Append the closed cycle among `events`, if there is one, with the samples that it learned."""
         if not self._file.is_open:
             return
-        learned = "+".join(event.sample.quantity for event in events if isinstance(event, Learned))
+        learned = [asdict(event.sample) for event in events if isinstance(event, Learned)]
         for event in events:
             if isinstance(event, Controlled):
-                self._file.write(_row(event, learned))
+                self._file.write(_row(event, _quoted(json.dumps(learned)) if learned else ""))
 
 
 def _row(cycle: Controlled, learned: str) -> str:
@@ -51,6 +57,10 @@ def _row(cycle: Controlled, learned: str) -> str:
         f"{cycle.mode:d},{decision.motion:d},{decision.passes},{cycle.table_sequence},"
         f"{learned},{_cell(decision.fallback)},{_cell(str(decision.reason or ''))}\n"
     )
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace('"', '""') + '"'
 
 
 def _cell(words: str) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import json
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -15,18 +17,20 @@ from positioner.bench.metrics import dwell_metrics, totals
 from positioner.bench.modes import ModeSpan
 from positioner.bench.moves import MOTION_SHARE, MovesData, telling, windows
 from positioner.bench.moves_picture import MOST_MOVES, draw_moves, moves_figure
-from positioner.bench.predicted import believed
 from positioner.bench.result import Result, RunInfo, summary_of
 from positioner.bench.scenario import parse_scenario
 from positioner.bench.trace_data import picture_data
+from positioner.cycle.events import Learned
 from positioner.pictures.colours import BELIEF, BOUND, BREAKAWAY, COMMAND, MEASURED, POSITION, SETPOINT
 from positioner.runtime.trace import TraceWriter
+from positioner.valve.stiction import Direction, Quantity, StictionTable
 from positioner.wire.messages import Cause, Mode
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from matplotlib.axes import Axes
+    from numpy.typing import NDArray
 
 QUICK = """
 name = "quick"
@@ -35,6 +39,14 @@ law = "nmpc"
 setpoints_mm = [73.0, 87.0, 80.0]
 dwell_s = 0.15
 plant = { preset = "noise-free" }
+"""
+OTHER = """
+name = "other"
+title = "friction 15 % above what the law knows"
+law = "nmpc"
+setpoints_mm = [73.0, 87.0, 80.0, 73.0, 87.0, 80.0]
+dwell_s = 0.15
+plant = { preset = "noise-free", valve = { static_friction_n = 1963.9, coulomb_friction_n = 1636.5 } }
 """
 SLOW = """
 name = "slow"
@@ -46,15 +58,23 @@ plant = { preset = "real-valve" }
 """
 
 
+def paths_m(data: MovesData) -> list[NDArray[np.float64]]:
+    return [each.position_m for each in data.predicted]
+
+
 def data_of(text: str, folder: Path) -> MovesData:
     """Return the data of the picture of a run without a bus."""
     scenario = parse_scenario(text, "s.toml")
     configuration = configure(scenario)
     run = run_in_process(scenario)
     trace = TraceWriter(folder / "trace.csv")
+    lessons = [event for event in run.events if isinstance(event, Learned)]
     for cycle in run.cycles:
-        trace.cycle([cycle])
+        told = [event for event in lessons if event.sequence <= cycle.table_sequence]
+        trace.cycle([*told, cycle])
+        del lessons[: len(told)]
     trace.close()
+    assert not lessons
     span_m = configuration.valve.span_m
     dwells = dwell_metrics(run.recording.trace, scenario.dwell_edges_s, span_m)
     result = Result(
@@ -67,8 +87,8 @@ def data_of(text: str, folder: Path) -> MovesData:
         table_after=summary_of(run.table),
         run=RunInfo(bus="", clock="", started_at="", wall_s=0.0, machine="", versions={}),
     )
-    known = believed(configuration, run.table)
-    return picture_data(result, run.recording, folder / "trace.csv", known)[1]
+    empty = StictionTable(cell_width_m=configuration.control.table_cell_m)
+    return picture_data(result, run.recording, folder / "trace.csv", configuration, empty)[1]
 
 
 @pytest.fixture(scope="module")
@@ -129,14 +149,43 @@ def test_most_of_each_time_axis_is_motion(run: str, request: pytest.FixtureReque
 
 
 def test_without_noise_the_prediction_is_the_motion(quick: MovesData) -> None:
-    for window, path_m in zip(quick.shown, quick.predicted_m, strict=True):
+    for window, path_m in zip(quick.shown, paths_m(quick), strict=True):
         true_m = quick.trend.position_m[window.first : window.last + 1]
         off_m = np.abs(path_m - true_m)[window.begin - window.first :]
         assert 0.0 < float(off_m.max()) < 0.03 * abs(window.travel_m)
 
 
+def test_a_prediction_knows_what_was_learned_before_its_move_and_nothing_of_later(tmp_path: Path) -> None:
+    whole = data_of(OTHER, tmp_path)
+    begin = data_of(OTHER.replace("73.0, 87.0, 80.0, 73.0, 87.0, 80.0", "73.0, 87.0, 80.0"), tmp_path)
+    assert len(whole.shown) == 6
+    assert begin.shown[:3] == whole.shown[:3]
+    for early, late in zip(paths_m(begin)[:3], paths_m(whole)[:3], strict=True):
+        np.testing.assert_array_equal(early, late)
+    first, again = (  # the same move from 87 to 80 mm
+        float(np.nanmax(np.abs(paths_m(whole)[number] - whole.trend.position_m[window.first : window.last + 1])))
+        for number, window in enumerate(whole.shown)
+        if number in {2, 5}
+    )
+    assert first > 1e-3
+    assert 0.0 < again < 0.1 * first
+
+
+def test_the_trace_holds_the_samples_of_the_table_to_the_bit(tmp_path: Path) -> None:
+    data_of(OTHER, tmp_path)
+    scenario = parse_scenario(OTHER, "s.toml")
+    with (tmp_path / "trace.csv").open(encoding="utf-8", newline="") as file:
+        learned = [json.loads(row["learned"]) for row in csv.DictReader(file) if row["learned"]]
+    table = StictionTable(cell_width_m=configure(scenario).control.table_cell_m)
+    for sample in (each for some in learned for each in some):
+        quantity, direction = Quantity(sample["quantity"]), Direction(sample["direction"])
+        table = table.record(quantity, sample["position_m"], direction, sample["value"])
+    assert table == run_in_process(scenario).table
+    assert table.sequence > 10
+
+
 def test_behind_a_lag_the_prediction_begins_where_the_law_sees_the_slide(slow: MovesData) -> None:
-    for window, path_m in zip(slow.shown, slow.predicted_m, strict=True):
+    for window, path_m in zip(slow.shown, paths_m(slow), strict=True):
         assert np.isfinite(path_m[-1])
         assert not np.isfinite(path_m[0])
         assert abs(path_m[-1] - slow.trend.position_m[window.end]) < 0.1 * abs(window.travel_m) + 1e-3

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import http.client
+import itertools
+import logging
+import os
 import socket
 import stat
 import sys
@@ -20,6 +23,7 @@ from positioner.bus.address import BusAddress
 from positioner.cli.main import main
 from positioner.config.reader import load_valves
 from positioner.metrics import writer
+from positioner.metrics.settings import MetricsSettings
 from positioner.runtime import metrics as metrics_module
 from positioner.runtime.metrics import Metrics, metrics_of
 
@@ -150,16 +154,109 @@ def test_a_cycle_without_a_hand_over_takes_the_same_instructions(tmp_path: Path)
     assert 3 <= looks <= 5  # where the daemon reports life, ten times a second: 40 cycles of 10 ms
 
 
-def test_a_writer_that_is_killed_costs_one_line_and_no_command(tmp_path: Path) -> None:
-    with VirtualShell(tmp_path, metrics={"file": "metrics.prom", "every_s": 0.5}) as shell:
+def test_a_writer_that_is_killed_is_started_again_and_costs_one_line_and_no_command(tmp_path: Path) -> None:
+    file = tmp_path / "metrics.prom"
+    with VirtualShell(tmp_path, metrics={"file": file.name, "every_s": 0.5}) as shell:
         shell.arm()
         (metrics,) = shell.daemon._metrics
-        metrics._process.kill()
-        metrics._process.wait()
+        killed = metrics._process
+        assert killed is not None
+        killed.kill()
+        killed.wait()
+        file.unlink(missing_ok=True)
         before = len(shell.world.sent)
         shell.cycle_for(3.0)
-        assert len(shell.logged("metrics")) == 1
-        assert "no metrics until the positioner starts again" in shell.logged("metrics")[0]
+        assert len(shell.world.sent) - before >= 300
+        (line,) = shell.logged("metrics")
+        assert line.endswith("has ended; it is started again in 1 s, and where it ends again, ever later, up to 300 s")
+        assert metrics._process is not killed
+        until(file.exists)
+    until(lambda: not file.exists())
+
+
+class Ended:
+    """A process that has ended at once."""
+
+    def poll(self) -> int:
+        return 1
+
+
+@pytest.mark.interpreted
+def test_the_starts_come_ever_later_and_a_writer_that_lived_long_begins_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    kept: list[socket.socket] = []
+    starts_s: list[float] = []
+    now_s = 0.0
+    lives = False
+
+    def start(_program: str, *_arguments: str, descriptors: tuple[int, ...]) -> Ended:
+        starts_s.append(now_s)
+        if lives:
+            kept.append(socket.socket(fileno=os.dup(descriptors[0])))
+        return Ended()
+
+    def look_until(end_s: float) -> None:
+        nonlocal now_s
+        while now_s < end_s:
+            now_s += 0.5
+            metrics.look(now_s)
+
+    monkeypatch.setattr(metrics_module, "shielded", start)
+    monkeypatch.setattr(logging.getLogger("positioner"), "propagate", True)
+    metrics = Metrics(MetricsSettings(file=tmp_path / "metrics.prom", every_s=0.5), ())
+    look_until(1200.0)
+    assert [later - earlier for earlier, later in itertools.pairwise(starts_s[1:])] == [
+        *(2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 300.0, 300.0)
+    ]
+    assert starts_s[:2] == [0.0, 1.5]  # its end is seen at the first hand-over
+    assert len(caplog.records) == 1
+    lives = True
+    look_until(2200.0)
+    (end,) = kept
+    assert end.recv(10) == b"[]"
+    starts_s.clear()
+    lives = False
+    end.close()
+    look_until(2203.0)
+    assert starts_s == [2201.5]
+    assert len(caplog.records) == 2
+
+
+@pytest.mark.interpreted
+def test_a_start_that_fails_is_told_once_and_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise BlockingIOError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(logging.getLogger("positioner"), "propagate", True)
+    with monkeypatch.context() as patch:
+        patch.setattr(metrics_module, "shielded", full)
+        metrics = Metrics(MetricsSettings(file=tmp_path / "metrics.prom"), ())
+        for tenth in range(100):
+            metrics.look(tenth / 10.0)
+    (record,) = caplog.records
+    assert "the metrics writer cannot be started: [Errno 11]" in record.getMessage()
+    metrics.look(100.0)
+    until((tmp_path / "metrics.prom").exists)
+    metrics.close()
+    assert not (tmp_path / "metrics.prom").exists()
+
+
+@pytest.mark.interpreted
+def test_a_defect_ends_the_metrics_with_one_line_and_never_the_loop(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def defect(*_: object) -> None:
+        raise KeyError("mode")
+
+    monkeypatch.setattr(metrics_module, "snapshot_of", defect)
+    with VirtualShell(tmp_path, metrics={"file": "metrics.prom", "every_s": 0.5}) as shell:
+        shell.arm()
+        before = len(shell.world.sent)
+        shell.cycle_for(3.0)
+        assert shell.logged("metrics") == ["metrics: no more until the positioner starts again: 'mode'"]
         assert len(shell.world.sent) - before >= 300
 
 

@@ -11,10 +11,9 @@ from documents.keys import REQUIRED, tables_of
 from positioner.config.schema import Configuration
 from positioner.health.causes import LIMITS
 from positioner.valve.parameters import ValveParameters
+from positioner.wire.words import in_words
 
 if TYPE_CHECKING:
-    import enum
-
     from documents.keys import Table
 
 _INTRODUCTION = """\
@@ -65,10 +64,6 @@ def _alike(table: Table) -> list[str]:
     for name, text in zip(names, table.texts, strict=True):
         limits = usual[name]
         serious = f"{limits.serious_limit:g}" if limits.serious_limit else ""
-        category = _words(limits.serious_category) if serious else ""
-        rows.append(f"| `{name}` | {text} | {limits.limit:g} | {_words(limits.category)} | {serious} | {category} |")
+        category = in_words(limits.serious_category) if serious else ""
+        rows.append(f"| `{name}` | {text} | {limits.limit:g} | {in_words(limits.category)} | {serious} | {category} |")
     return rows
-
-
-def _words(member: enum.Enum) -> str:
-    return member.name.lower().replace("_", " ")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from positioner.bench.modes import in_words, name_of
+from positioner.bench.modes import cause_in_words, name_of
 from positioner.pictures.bands import Band
 from positioner.wire.messages import Mode
 
@@ -21,6 +21,6 @@ def bands_of(spans: Iterable[ModeSpan]) -> list[Band]:
     for span in spans:
         begun = begun or span.mode is Mode.ACTIVE
         if not span.is_normal:
-            words = f"{name_of(span.mode)}: {in_words(span.cause)}"
+            words = f"{name_of(span.mode)}: {cause_in_words(span.cause)}"
             bands.append(Band(span.begin_s, span.end_s, name_of(span.mode), words, notable=begun))
     return bands

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from positioner.values import dataclass, replace
 from positioner.wire.messages import Cause, Mode
+from positioner.wire.words import in_words
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -64,7 +65,7 @@ class ModeSpan:
 
     def __str__(self) -> str:
         """Mode and cause in words: `FAILSAFE (feedback stale)`."""
-        return f"{name_of(self.mode)} ({in_words(self.cause)})" if self.cause else name_of(self.mode)
+        return f"{name_of(self.mode)} ({cause_in_words(self.cause)})" if self.cause else name_of(self.mode)
 
 
 def name_of(mode: Mode | None) -> str:
@@ -72,9 +73,9 @@ def name_of(mode: Mode | None) -> str:
     return "SILENT" if mode is None else mode.name
 
 
-def in_words(cause: Cause | None) -> str:
+def cause_in_words(cause: Cause | None) -> str:
     """Return a cause in words."""
-    return "cause unknown" if cause is None else cause.name.lower().replace("_", " ")
+    return "cause unknown" if cause is None else in_words(cause)
 
 
 @dataclass(slots=True)
@@ -144,7 +145,7 @@ def mode_lines(spans: Sequence[ModeSpan]) -> tuple[str, ...]:
     others = [span for span in spans if not span.is_normal]
     lines = [f"ACTIVE {_percent(active_fraction(spans))} of the time"]
     lines += [
-        f"{span.begin_s:9.3f} to {span.end_s:.3f} s  {name_of(span.mode)}: {in_words(span.cause)}"
+        f"{span.begin_s:9.3f} to {span.end_s:.3f} s  {name_of(span.mode)}: {cause_in_words(span.cause)}"
         for span in others[:_MOST_SHOWN]
     ]
     if len(others) > _MOST_SHOWN:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from positioner.bench.modes import ACTIVE_AT_LEAST, active_fraction, in_words, mode_lines, name_of
+from positioner.bench.modes import ACTIVE_AT_LEAST, active_fraction, cause_in_words, mode_lines, name_of
 from positioner.bench.result import blocks
 from positioner.report.page import Page, Section, Status, Verdict
 from positioner.report.table import Table
@@ -74,7 +74,7 @@ def _verdict(result: Result) -> Verdict:
 
 def _modes(spans: list[ModeSpan]) -> Section:
     rows = [
-        (name_of(each.mode), in_words(each.cause), f"{each.begin_s:.3f}", f"{1e3 * each.duration_s:.0f}")
+        (name_of(each.mode), cause_in_words(each.cause), f"{each.begin_s:.3f}", f"{1e3 * each.duration_s:.0f}")
         for each in spans[:_MOST_SPANS]
     ]
     left = (f"and {len(spans) - _MOST_SPANS} more: see result.json",) if len(spans) > _MOST_SPANS else ()

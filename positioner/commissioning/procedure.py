@@ -17,6 +17,7 @@ from positioner.laws.law import Decision, Estimate, Observation
 from positioner.values import dataclass, replace
 from positioner.valve.state import StemState
 from positioner.wire.messages import Cause, Mode
+from positioner.wire.words import in_words
 
 if TYPE_CHECKING:
     from positioner.cycle.state import Setup
@@ -127,7 +128,7 @@ def ended_by(mode: Mode, cause: Cause) -> str:
     """Return that the guard has ended a procedure that had begun, and why; empty while it may go on."""
     if mode is Mode.HOLD or (mode is Mode.ACTIVE and cause in TOLERATED):
         return ""
-    return f"ended by the guard: {mode.name}, {cause_in_words(cause)}"
+    return f"ended by the guard: {mode.name}, {in_words(cause)}"
 
 
 def aborted_by(mode: Mode, cause: Cause) -> str:
@@ -136,10 +137,5 @@ def aborted_by(mode: Mode, cause: Cause) -> str:
     A stall of this process loses some readings, and no more.
     """
     if cause is Cause.PERIOD_WRONG or (mode is Mode.HOLD and cause is not Cause.STALLED):
-        return f"the guard reports: {cause_in_words(cause)}; the stem was brought back to its start"
+        return f"the guard reports: {in_words(cause)}; the stem was brought back to its start"
     return ""
-
-
-def cause_in_words(cause: Cause) -> str:
-    """Return the cause in small letters."""
-    return cause.name.lower().replace("_", " ")

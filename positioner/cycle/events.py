@@ -12,6 +12,7 @@ from positioner.cycle.trust_events import ActingChanged, ActuatorFound, NotBelie
 from positioner.values import dataclass
 from positioner.wire.loop_current import LoopSignal, signal_of
 from positioner.wire.messages import Counted
+from positioner.wire.words import in_words
 
 if TYPE_CHECKING:
     from positioner.laws.law import Decision
@@ -112,7 +113,7 @@ class ModeChanged:
 
     def __str__(self) -> str:
         """One line for the log."""
-        return f"mode {self.before.name} -> {self.after.name} ({self.cause.name.lower().replace('_', ' ')})"
+        return f"mode {self.before.name} -> {self.after.name} ({in_words(self.cause)})"
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from positioner.diagnostics.explanation import ActiveBound
 from positioner.wire.messages import Motion
+from positioner.wire.words import in_words
 
 if TYPE_CHECKING:
     from collections import Counter
@@ -39,7 +40,7 @@ def move_row(move: ExplainedMove) -> tuple[str, ...]:
 
 def command_lines(command: ExplainedCommand, cell_m: float) -> list[str]:
     """Return the explanation of one command; `cell_m` is the width of the table's cells."""
-    mode = f"{command.mode.name} ({command.cause.name.lower().replace('_', ' ')})"
+    mode = f"{command.mode.name} ({in_words(command.cause)})"
     lines = [f"command   {command.current_ma:.3f} mA at {command.time_s:.6f} s", f"mode      {mode}"]
     controlled, move = command.controlled, command.move
     if controlled is None or command.bound is None:

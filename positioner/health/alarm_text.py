@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from positioner.health.causes import TEXTS
 from positioner.health.reference import CONFIGURED
 from positioner.health.watch import changes_of
+from positioner.wire.words import in_words
 
 if TYPE_CHECKING:
     from positioner.health.alarms import Alarm, Changed
@@ -117,4 +118,4 @@ def _limit(alarm: Alarm) -> str:
 
 
 def _category(alarm: Alarm) -> str:
-    return alarm.category.name.lower().replace("_", " ")
+    return in_words(alarm.category)

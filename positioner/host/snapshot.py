@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from positioner.host.words import ALARMS, alarms_in_words, in_mm, state_in_words
+from positioner.host.words import ALARMS, alarms_in_words, counters_in_words, in_mm, state_in_words
 from positioner.wire.messages import Mode, Quality
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Snapshot:
             ("error", "-" if error_m is None else in_mm(error_m, self.span_m)),
             ("current", "no commands come" if self.current_ma is None else f"{self.current_ma:.3f} mA"),
             ("alarms", alarms_in_words(self.alarms)),
-            ("counters", self._counters(status)),
+            ("counters", counters_in_words(status, self.counts)),
         )
         return [f"{name:<9} {value}" for name, value in rows]
 
@@ -74,8 +74,3 @@ class Snapshot:
             "fallbacks": status.fallback_count,
             "counts": {kind.name.lower(): count for kind, count in sorted(self.counts.items())},
         }
-
-    def _counters(self, status: PositionerStatus) -> str:
-        own = f"learned {status.learned_count}, refused {status.rejected_count}, fallbacks {status.fallback_count}"
-        counts = [f"{kind.name.lower().replace('_', ' ')} {count}" for kind, count in sorted(self.counts.items())]
-        return ", ".join((f"{own} (each modulo 256)", *counts))

@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from positioner.wire.messages import Cause, Health
+from positioner.wire.words import in_words
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from positioner.wire.messages import PositionerAlarms, PositionerStatus
+    from positioner.wire.messages import Counted, PositionerAlarms, PositionerStatus
 
 CAUSES: Mapping[Cause, str] = {
     Cause.NONE: "controls the valve",
@@ -38,10 +39,10 @@ CAUSES: Mapping[Cause, str] = {
 
 def state_in_words(status: PositionerStatus) -> str:
     """Return mode, cause and NE 107 signal in one line."""
-    health, cause = status.health.name.lower().replace("_", " "), CAUSES[status.cause]
+    cause = CAUSES[status.cause]
     if status.cause is Cause.NONE and status.health is Health.FUNCTION_CHECK:
         cause = "a test procedure moves the valve"
-    return f"{status.mode.name}: {cause} (NE 107: {health})"
+    return f"{status.mode.name}: {cause} (NE 107: {in_words(status.health)})"
 
 
 ALARMS = (
@@ -64,8 +65,14 @@ def alarms_in_words(alarms: PositionerAlarms | None) -> str:
             told.append(f"{name} (over, not acknowledged)")
     if not told:
         return "none"
-    worst = alarms.worst.name.lower().replace("_", " ")
-    return f"{', '.join(told)} (NE 107: {worst}; see `positioner health`)"
+    return f"{', '.join(told)} (NE 107: {in_words(alarms.worst)}; see `positioner health`)"
+
+
+def counters_in_words(status: PositionerStatus, counts: Mapping[Counted, int]) -> str:
+    """Return the counters of the status, which count modulo 256, and what the positioner counts by its cause."""
+    own = (("learned", status.learned_count), ("refused", status.rejected_count), ("fallbacks", status.fallback_count))
+    by_cause = ((cause.text, count) for cause, count in sorted(counts.items()))
+    return ", ".join(f"{name} {count}" for name, count in (*own, *by_cause))
 
 
 def in_mm(position_m: float, span_m: float) -> str:

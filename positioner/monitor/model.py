@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from positioner.host.valve_view import SILENT_S
-from positioner.host.words import alarms_in_words, state_in_words
+from positioner.host.words import alarms_in_words, counters_in_words, state_in_words
 from positioner.monitor.rates import Rate
 from positioner.monitor.trend import Trend
 from positioner.monitor.view import Seen, View
@@ -146,11 +146,8 @@ class ValveModel:
             health=status.health.name if status else None,
             armed=status.armed if status else None,
             table_saved=status.table_saved if status else None,
-            learned=status.learned_count if status else None,
-            refused=status.rejected_count if status else None,
-            fallbacks=status.fallback_count if status else None,
             alarms=alarms_in_words(alarms),
-            counts=tuple((each.text, self._counts[each]) for each in sorted(self._counts)),
+            counters=counters_in_words(status, self._counts) if status else None,
             rates=tuple((kind.__name__, rate.per_s(now_ns)) for kind, rate in self._rates.items()),
             seen=self._seen,
         )

@@ -44,7 +44,7 @@ def valve_lines(snapshot: Snapshot, width: int) -> list[Text]:
     damage = f"damaged {seen.damaged}, disordered {seen.disordered}"
     lines.append(_row("pressure", _pressure(view.pressure_pa), damage))
     lines.append(_row("alarms", view.alarms, ""))
-    lines.append(_row("counts", _counts(view), ""))
+    lines.append(_row("counts", view.counters or _NONE, ""))
     for line in lines:
         line.truncate(width, overflow="ellipsis")
     return lines
@@ -156,10 +156,3 @@ def _positioner(view: View) -> str:
         return _NONE
     saved = "table saved" if view.table_saved else "table NOT saved"
     return f"{'armed' if view.armed else 'not armed'}, {saved}"
-
-
-def _counts(view: View) -> str:
-    if view.learned is None:
-        return _NONE
-    own = f"learned {view.learned}, refused {view.refused}, fallbacks {view.fallbacks}"
-    return ", ".join((own, *(f"{name} {count}" for name, count in view.counts)))

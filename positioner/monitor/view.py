@@ -41,8 +41,8 @@ class Seen:
 class View:
     """One valve at one instant; None for what does not come.
 
-    state: mode, cause and NE 107 signal in words, or why there is none. learned, refused, fallbacks: as the status
-    counts them, modulo 256. counts: what the positioner counts, by its cause in words. rates: messages in a second.
+    state: mode, cause and NE 107 signal in words, or why there is none. counters: those of the status and of the
+    causes that the positioner counts, in words. rates: messages in a second.
     """
 
     valve_id: str
@@ -60,11 +60,8 @@ class View:
     health: str | None
     armed: bool | None
     table_saved: bool | None
-    learned: int | None
-    refused: int | None
-    fallbacks: int | None
     alarms: str
-    counts: tuple[tuple[str, int], ...]
+    counters: str | None
     rates: tuple[tuple[str, float], ...]
     seen: Seen
 

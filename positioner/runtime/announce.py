@@ -18,6 +18,7 @@ from positioner.cycle.events import (
 from positioner.cycle.trust_events import PushFailed
 from positioner.machine.journal import Throttle, log_of
 from positioner.wire.messages import Cause, Mode
+from positioner.wire.words import in_words
 
 if TYPE_CHECKING:
     from positioner.machine.time import TimePort
@@ -67,7 +68,6 @@ class Announcer:
         troubled = {Mode.HOLD, Mode.FAILSAFE, Mode.MANUAL}
         serious = (event.after in troubled and event.cause not in {Cause.NONE, Cause.MANUAL}) or event.cause in _SERIOUS
         self.throttle.log(logging.WARNING if serious else logging.INFO, f"mode {event.after.name}", str(event))
-        cause = event.cause.name.lower().replace("_", " ")
         self.ready |= event.after is not Mode.INIT
-        state = f"{event.after.name}: {cause}" if event.cause is not Cause.NONE else event.after.name
+        state = f"{event.after.name}: {in_words(event.cause)}" if event.cause is not Cause.NONE else event.after.name
         self.tell(state, in_trouble=event.cause not in _USUAL)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from positioner.commissioning.procedure import aborted_by, cause_in_words, ended_by
+from positioner.commissioning.procedure import aborted_by, ended_by
 from positioner.errors import PositionerError
 from positioner.runtime.daemon import Daemon
 from positioner.values import replace
+from positioner.wire.words import in_words
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -98,7 +99,7 @@ class ProcedureRun(Daemon):
         if self._begun:
             self._end(ended_by(mode, cause))
         elif self._time.monotonic_s() > self._wait_until_s:
-            self.ended_because = f"did not begin within {_BEGINS_WITHIN_S:g} s: {cause_in_words(cause)}"
+            self.ended_because = f"did not begin within {_BEGINS_WITHIN_S:g} s: {in_words(cause)}"
             self._stopping = True
 
     def _end(self, because: str) -> None:

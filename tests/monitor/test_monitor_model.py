@@ -45,8 +45,7 @@ def test_a_view_shows_what_the_frames_say(tmp_path: Path) -> None:
     assert view.current_ma == pytest.approx(12.0)
     assert (view.mode, view.cause, view.health) == ("ACTIVE", "NONE", "GOOD")
     assert view.state == "ACTIVE: controls the valve (NE 107: good)"
-    assert (view.learned, view.refused, view.fallbacks) == (42, 2, 3)
-    assert view.counts == (("frame lost", 5),)
+    assert view.counters == "learned 42, refused 2, fallbacks 3, frame lost 5"
     rates = dict(view.rates)
     assert rates == pytest.approx({"StemPosition": 100, "CurrentCommand": 100, "Setpoint": 100, "PositionerStatus": 10})
     assert view.seen == replace(view.seen, lost=0, late=0, damaged=0, disordered=0)

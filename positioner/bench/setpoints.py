@@ -38,7 +38,7 @@ _KEYS = {
     "sine": ("amplitude", "middle", "cycles"),
 }
 _FIRST = {"steps": "the size of a step", "ramp": "a time", "sine": "a period"}
-_EXAMPLE = {"steps": "steps:10%", "ramp": "ramp:30,from=20%,to=80%", "sine": "sine:20,amplitude=5%,cycles=3"}
+_EXAMPLE = {"steps": "steps:5%", "ramp": "ramp:30,from=50%,to=70%", "sine": "sine:20,amplitude=5%,cycles=3"}
 _MOST = 100_000
 _TINY = 1e-9
 

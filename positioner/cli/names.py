@@ -31,7 +31,7 @@ def add_signals(parser: argparse.ArgumentParser, more: str = "") -> None:
     parser.add_argument(
         "--setpoints",
         metavar="LIST|FILE.csv",
-        help="setpoints to play: 73,87 (mm), 20%%,80%% (of span), reach, steps:10%%, ramp:30,from=20%%,to=80%%, "
+        help="setpoints to play: 73,87 (mm), 50%%,70%% (of span), reach, steps:5%%, ramp:30,from=50%%,to=70%%, "
         "sine:20,amplitude=5%%, or a file with the columns time_s,setpoint_mm (docs/own-law.md)",
     )
     parser.add_argument(

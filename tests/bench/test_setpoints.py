@@ -72,7 +72,7 @@ def test_rows_of_a_file_hold_until_the_next_one_and_are_dwells(tmp_path: Path) -
         ("sprout:3", "'sprout' is unknown"),
         ("80,x", "setpoint 'x' is no number; 80 is in mm, 60% of span"),
         ("80,nan", "setpoint 'nan' is no number"),
-        ("steps:", "begins with the size of a step; write it like steps:10%"),
+        ("steps:", "begins with the size of a step; write it like steps:5%"),
         ("steps:from=3", "begins with the size of a step"),
         ("steps:0", "a step must be larger than 0"),
         ("steps:90%", "does not fit"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import sys
 import time
@@ -14,7 +15,7 @@ from positioner.bus.port import BusPort
 from positioner.errors import BenchError, ExitCode
 from positioner.machine.line_sink import LineSink
 from positioner.machine.notify import Notifier
-from positioner.values import dataclass
+from positioner.values import dataclass, replace
 from positioner.wire.messages import CurrentCommand, Setpoint, StemPosition
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 _WAIT_S = 0.1
 _STALL_S = 30.0
 _NS = 1_000_000_000
+_LATEST_PERIODS = 4
+"""Where the emulator was kept waiting, a reading later than this is not sent: a sensor node sends no old ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,14 +123,18 @@ class EmulatorDaemon:
                 raise BenchError(f"{text}; is the positioner armed (guard.auto_arm), in lockstep, and on this bus?")
 
     def _run_real_time(self) -> None:
-        """Publish every period, with or without commands."""
+        """Publish every period, with or without commands; what is too late is lost, but never in a bench."""
         period_ns, delay_ns = round(self._options.period_s * _NS), round(self._options.command_delay_s * _NS)
         if self._options.setpoint_every:
             self._await(partial(_has_setpoint, number=0), "setpoint frame")
             self._wait_until(time.monotonic_ns() + period_ns // 2)
         self._start_ns = begin_ns = time.monotonic_ns()
+        latest_ns = math.inf if self._options.setpoint_every else _LATEST_PERIODS * period_ns
         while not self._stopping:
-            self._publish()
+            if time.monotonic_ns() - begin_ns <= latest_ns:
+                self._publish()
+            else:
+                self._state = replace(self._state, position_counter=self._state.position_counter + 1)
             if delay_ns:
                 self._act_together(begin_ns + delay_ns, begin_ns + period_ns)
             else:

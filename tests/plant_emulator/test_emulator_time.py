@@ -113,6 +113,16 @@ def test_commands_that_waited_while_the_emulator_stood_still_act_when_they_shoul
     assert played(world, monkeypatch, 0.0008) == [0.8, 2.8, 3.8]
 
 
+def test_after_a_long_stall_readings_that_are_too_late_are_lost_and_not_sent_together(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world = World([], 24_500_000, stall=(1_000_000, 20_500_000))
+    played(world, monkeypatch, 0.0)
+    decoded = (CODEC.decode(frame) for frame in world.sent)
+    counters = [counter for message, counter in decoded if isinstance(message, StemPosition)]
+    assert counters == [0, 17, 18, 19, 20, 21, 22, 23, 24]  # 1 to 16 would be more than four periods late
+
+
 def test_a_delay_of_more_than_a_period_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "--period", "0.001", "--command-delay", "0.002"]) == ExitCode.USAGE
     assert "--command-delay 0.002 is longer than --period 0.001" in capsys.readouterr().err

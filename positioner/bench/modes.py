@@ -22,11 +22,15 @@ ACTIVE_AT_LEAST = 0.99
 _MOST_SHOWN = 12
 _COMMANDING = frozenset({Mode.ACTIVE, Mode.HOLD, Mode.FAILSAFE})
 _SLOW = "this machine was too slow for this period: free a processor, or choose a longer sample_period_s"
+_NO_SETPOINT = (
+    "no setpoint came for guard.setpoint_hold_s: let it be longer than setpoint_period_s; where it is, this machine "
+    "was too slow: free a processor"
+)
 _NEVER_ARMED = "nothing armed it: do not set guard.auto_arm to false"
 """A positioner that was never armed sends no status, so the cause of its INIT is unknown."""
 _ADVICE = {
     Cause.FEEDBACK_STALE: _SLOW,
-    Cause.SETPOINT_STALE: _SLOW,
+    Cause.SETPOINT_STALE: _NO_SETPOINT,
     Cause.LAW_FAILED: "the law gave no answer",
     Cause.FEEDBACK_IMPLAUSIBLE: "[guard] and the travel of [valve] define which readings are plausible",
     Cause.FEEDBACK_FROZEN: "[guard] frozen_s and frozen_command_ma define when a sensor counts as frozen",

@@ -68,7 +68,7 @@ law's); 78 the scenario is wrong.
 def add_parser(commands: Commands) -> None:
     """Add `positioner bench`."""
     parser = add_command(
-        commands, "bench", _run, "control an emulated valve, with figures and a picture; no hardware needed", _EPILOG
+        commands, "bench", _run, "control an emulated valve, with figures and pictures; no hardware needed", _EPILOG
     )
     scenario = parser.add_argument(
         "--scenario", default="paper-valve", metavar="NAME|FILE", help="scenario to play (default: %(default)s)"

@@ -183,6 +183,7 @@ def test_a_bench_that_fails_safe_shows_it_everywhere_and_ends_with_status_1(
     assert "FAILSAFE: setpoint stale" in printed.out
     assert printed.err.splitlines()[-1].startswith("positioner: ACTIVE for ")
     assert "FAILSAFE (setpoint stale)" in printed.err.splitlines()[-1]
+    assert "let it be longer than setpoint_period_s" in printed.err.splitlines()[-1]
     assert drawn[0].modes[-1].mode is Mode.FAILSAFE
     # the same run with the usual timeouts is in control from its first sample to its last
     scenario.write_text(

@@ -53,6 +53,7 @@ class WatchSettings:
     wear: the part of the packing's life that a cycle of each class takes, empty where nobody knows.
     response, stroke_test: what the kept results of these tests show; stroke_test_due_s: the time from the start until
     another stroke test is due.
+    testing: a test procedure is in the place of the law, and no setpoint is pursued.
     """
 
     moves: MoveSettings
@@ -66,6 +67,7 @@ class WatchSettings:
     response: Watched | None = None
     stroke_test: Watched = NO_STROKE_TEST
     stroke_test_due_s: float = math.inf
+    testing: bool = False
 
     @classmethod
     def of(
@@ -142,7 +144,7 @@ def watch_cycle(settings: WatchSettings, watch: Watch, cycle: ObservedCycle, cou
     if not moved and 0 <= now_us - watch.judged_us < _JUDGED_EVERY_US:
         return
     watch.judged_us = now_us
-    setpoint_m = None if cycle.controlled is None else cycle.controlled.setpoint_m
+    setpoint_m = None if settings.testing or cycle.controlled is None else cycle.controlled.setpoint_m
     watched = _watched(settings, watch, position_m, applied_ma, setpoint_m)
     watched += _counted(settings, counters, now_us * 1e-6)
     now_s = counters.total_us * 1e-6

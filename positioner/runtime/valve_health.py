@@ -41,7 +41,8 @@ class ValveHealth:
     def __init__(self, configuration: Configuration, table: LearnedTable, log: Log, *, testing: bool = False) -> None:
         """Go on from the health that was kept; `testing`: a test procedure is in the place of the law."""
         settings = measured_health_settings(configuration, log.warning)
-        self._settings = replace(settings, counters=replace(settings.counters, testing=testing))
+        counters, watch = replace(settings.counters, testing=testing), replace(settings.watch, testing=testing)
+        self._settings = replace(settings, counters=counters, watch=watch)
         self._table, self._log = table, log
         self._due_ns: int | None = None
         self.state: HealthState | None = self._begun(table.health)

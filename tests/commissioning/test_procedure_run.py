@@ -88,6 +88,9 @@ def test_the_experiment_runs_in_the_loop_to_its_end_and_the_status_says_function
     assert abs(run.where_m - run.start_m) < 0.005 * SPAN_M
     statuses = run.messages(PositionerStatus)
     assert {status.health for status in statuses} == {Health.FUNCTION_CHECK}
+    health = run.run.sessions[0].health.state
+    assert health is not None
+    assert health.watch.trends.alarms == ()  # the stem is away from its setpoint for long: nothing pursues it
     assert state_in_words(statuses[-1]) == "ACTIVE: a test procedure moves the valve (NE 107: function check)"
     currents = [message.current_ma for message in run.messages(CurrentCommand)]
     assert min(currents) == 4.0

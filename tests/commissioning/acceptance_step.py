@@ -12,7 +12,7 @@ import argparse
 import multiprocessing
 import sys
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,8 +49,8 @@ class Case:
     ladder: float
 
 
-def cases(*, short: bool) -> list[Case]:
-    """Return the tests."""
+def cases(*, short: bool, later: int = 0) -> list[Case]:
+    """Return the tests; `later` is added to each seed."""
     low, high, clean = (tuple(each.items()) for each in (LOW, HIGH, CLEAN))
     found = [
         Case("A", "paper", low, "nmpc", 301, (0.01, 0.1), 5, 2.0, 0.001),
@@ -64,7 +64,8 @@ def cases(*, short: bool) -> list[Case]:
     found += [Case("B", "paper", high, "nmpc", seed, (0.1, 0.2), 20, 2.0, 0.0) for seed in (340, 341, 342)]
     found += [Case("clean", "paper", clean, "nmpc", 350, (0.1,), 1, 2.0, 0.0002)]
     found += [Case("clean open", "paper", clean, "hold", 351, (0.8,), 1, 0.4, 0.0002)]
-    return [*found, *(Case("open", "paper", low, "hold", seed, (0.65, 0.8), 5, 1.0, 0.005) for seed in (360, 361))]
+    found += [Case("open", "paper", low, "hold", seed, (0.65, 0.8), 5, 1.0, 0.005) for seed in (360, 361)]
+    return [replace(each, seed=each.seed + later) for each in found]
 
 
 def passed(gone: NDArray[np.float64], level_m: float) -> float:
@@ -174,8 +175,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--short", action="store_true", help="one test in closed loop and one in open loop")
     parser.add_argument("--workers", type=int, default=multiprocessing.cpu_count())
+    parser.add_argument("--seed", type=int, default=0, help="add to each seed (default: %(default)s)")
     arguments = parser.parse_args()
-    chosen = cases(short=arguments.short)
+    chosen = cases(short=arguments.short, later=arguments.seed)
     found: dict[tuple[str, str], list[float]] = defaultdict(list)
     with multiprocessing.Pool(arguments.workers) as pool:
         for case, errors in tqdm(pool.imap_unordered(run, chosen), total=len(chosen), unit=" tests", disable=None):

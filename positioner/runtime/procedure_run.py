@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import signal
 from typing import TYPE_CHECKING, Any
 
 from positioner.commissioning.procedure import aborted_by, ended_by
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from positioner.bus.port import Ports
     from positioner.commissioning.procedure import Procedure, Progress
     from positioner.config.schema import Configuration
+    from positioner.errors import ExitCode
     from positioner.runtime.session import RunOptions
     from positioner.wire.messages import Cause, Mode
 
@@ -60,6 +63,17 @@ class ProcedureRun(Daemon):
         self._interrupted = False
         self.memory: Any = None
         self.ended_because = ""
+
+    def run(self) -> ExitCode:
+        """Run until the procedure has ended; then signals end the command again, while the record is evaluated."""
+        before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
+        try:
+            return super().run()
+        finally:
+            gc.enable()
+            gc.unfreeze()
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
     def result(self) -> Any:
         """Return the memory of the procedure at its end.

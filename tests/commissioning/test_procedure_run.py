@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import json
+import signal
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -113,6 +115,15 @@ def test_a_second_interrupt_ends_it_at_once(tmp_path: Path) -> None:
     run.until_end(2_010, each=lambda number: run.run._stop(2, None) if number in {2_000, 2_003} else None)
     with pytest.raises(ProcedureError, match="stopped at once"):
         run.run.result()
+
+
+def test_while_the_record_is_evaluated_an_interrupt_ends_the_command(tmp_path: Path) -> None:
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    run = Run(tmp_path)
+    run.run._stopping = True
+    run.run.run()
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+    assert gc.isenabled()
 
 
 def test_lost_feedback_ends_it_by_the_guard(tmp_path: Path) -> None:

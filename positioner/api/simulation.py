@@ -150,7 +150,7 @@ def _scenario(
         seed=seed,
         sample_period_s=period_s,
         setpoint_period_s=10.0 * period_s,
-        setpoints_mm=(80.0,) if isinstance(setpoints, str) else tuple(float(each) for each in setpoints),
+        setpoints_mm=(80.0,) if isinstance(setpoints, str) else _in_mm(setpoints),
         dwell_s=dwell_s,
         valve=valve,
         control=control,
@@ -167,3 +167,11 @@ def _scenario(
         scenario = with_setpoints(scenario, setpoints)
     check_scenario(scenario, _NAME)
     return scenario
+
+
+def _in_mm(setpoints: Sequence[float]) -> tuple[float, ...]:
+    try:
+        return tuple(float(each) for each in setpoints)
+    except (TypeError, ValueError) as error:
+        example = '(73.0, 87.0), or text such as "ramp:10"'
+        raise UsageError(f"setpoints = {setpoints!r}: give numbers in mm, such as {example}") from error

@@ -104,6 +104,7 @@ def test_a_run_is_diagnosed_by_its_readings() -> None:
         ({"law": "nmcp"}, "is no law; did you mean 'nmpc'?"),
         ({"setpoints": (10.0,)}, "setpoint 10 mm: 4 to 20 mA restart paper both ways from 57.9 to 94.5 mm only"),
         ({"setpoints": ()}, "setpoints_mm = []"),
+        ({"setpoints": 73.0}, "setpoints = 73.0: give numbers in mm, such as (73.0, 87.0), or text such as"),
         ({"dwell_s": 0.015}, "must be a whole multiple of setpoint_period_s = 0.01"),
         ({"configuration": {"valv": {}}}, "'valv' is unknown; did you mean 'valve'?"),
         ({"configuration": {"guard": {"current_low": 4.0}}}, "guard.current_low: unknown key"),

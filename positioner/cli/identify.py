@@ -9,20 +9,22 @@ from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command, check_picture
 from positioner.cli.procedure import add_procedure, bar, keep_result, procedure_configuration, stretches_of
-from positioner.cli.tables import show_json
+from positioner.cli.tables import below, show, show_json
 from positioner.commissioning.experiment import Experiment
 from positioner.commissioning.identify import identify
 from positioner.commissioning.procedure import ProcedureLimits
-from positioner.commissioning.report import as_json, remarks, rows
+from positioner.commissioning.report import as_json
 from positioner.commissioning.units import PASCALS, area_m2, pressure_gain
 from positioner.config.written_values import write_values
 from positioner.errors import ExitCode
+from positioner.report.quantities import quantity_table
 
 if TYPE_CHECKING:
     import argparse
 
     from positioner.cli.command import Commands
     from positioner.config.schema import Configuration
+    from positioner.report.text import Block
 
 _EPILOG = """\
 examples:
@@ -65,15 +67,19 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     limits = ProcedureLimits.of(valve, configuration.guard)
     experiment = Experiment.of(valve, limits, period_s)
     stretches = stretches_of(arguments, configuration, experiment)
-    with bar("fit") as show:
-        found = identify(stretches, valve, limits, period_s, show)
+    with bar("fit") as tell:
+        found = identify(stretches, valve, limits, period_s, tell)
     document = as_json(found, valve, arguments.pressure_unit)
     if arguments.json:
         show_json(document)
     else:
-        lines = [str(row) for row in rows(found, valve, arguments.pressure_unit)]
-        head = f"{valve.id}, with 95 % intervals:"
-        sys.stdout.write("\n".join([head, *lines, *(f"  {line}" for line in remarks(found))]) + "\n")
+        blocks: list[Block] = [
+            f"{valve.id}: identification",
+            "",
+            quantity_table(document["rows"]),
+            *below(document["remarks"]),
+        ]
+        show(blocks, as_markdown=arguments.markdown)
     if arguments.picture:
         from positioner.cli.identify_picture import draw  # noqa: PLC0415 - matplotlib would slow every command down
 

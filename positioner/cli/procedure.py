@@ -13,7 +13,7 @@ from tqdm import tqdm
 from positioner.bus.address import parse_address
 from positioner.cli.command import add_config, add_state, add_valve, refuse_without_folder
 from positioner.cli.question import agreed
-from positioner.cli.tables import add_json
+from positioner.cli.tables import add_output
 from positioner.commissioning import results
 from positioner.commissioning.procedure import Procedure
 from positioner.config.locations import location_of
@@ -49,7 +49,7 @@ def add_procedure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--record", type=Path, metavar="FILE", help="record the test, for --from and replay")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write the result as an HTML page")
-    add_json(parser)
+    add_output(parser)
     parser.add_argument(
         "--as-reference", action="store_true", help="compare later results with this one (else with the first one)"
     )

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 from positioner.cli.command import add_command, check_picture
 from positioner.cli.procedure import add_procedure, keep_result, procedure_configuration, reference_of, stretches_of
-from positioner.cli.tables import show_json
+from positioner.cli.tables import below, show, show_json
 from positioner.commissioning.procedure import ProcedureLimits
 from positioner.commissioning.signature import signature
 from positioner.commissioning.signature_limits import Beyond, beyond_limits
-from positioner.commissioning.signature_report import as_json, changes, loop_points, remarks, rows
+from positioner.commissioning.signature_report import as_json, loop_points
 from positioner.commissioning.signature_stages import signature_experiment
 from positioner.commissioning.units import PASCALS
 from positioner.errors import ExitCode, UsageError
+from positioner.report.quantities import quantity_table
 
 if TYPE_CHECKING:
     import argparse
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from positioner.cli.command import Commands
     from positioner.commissioning.signature import Signature
     from positioner.config.schema import Configuration
+    from positioner.report.text import Block
 
 _EPILOG = """\
 examples:
@@ -89,11 +91,9 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.json:
         show_json(document)
     else:
-        lines = [f"{valve.id}: signature, with 95 % intervals:"]
-        lines += [str(row) for row in rows(found, valve, arguments.pressure_unit)]
-        lines += changes(found, reference) if reference else ()
-        lines += [f"  {line}" for line in (*remarks(found, valve), *beyond)]
-        sys.stdout.write("\n".join(lines) + "\n")
+        table = quantity_table(document["rows"], reference["rows"] if reference else None)
+        blocks: list[Block] = [*_verdict(valve.id, reference, beyond), "", table, *below(document["remarks"])]
+        show(blocks, as_markdown=arguments.markdown)
     if arguments.picture:
         from positioner.cli.signature_picture import draw  # noqa: PLC0415 - matplotlib would slow every command down
 
@@ -101,6 +101,14 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         sys.stderr.write(f"picture: {arguments.picture}\n")
     keep_result(arguments, configuration, "signature", document)
     return ExitCode.FAILURE if beyond else ExitCode.OK
+
+
+def _verdict(valve: str, reference: dict[str, Any] | None, beyond: tuple[Beyond, ...]) -> list[str]:
+    """Return whether the changes since the reference keep the limits, and a line for each that does not."""
+    if reference is None:
+        return [f"{valve}: signature"]
+    kept = "beyond the limits" if beyond else "within the limits"
+    return [f"{valve}: signature, changed {kept} of [health] since the reference", *map(str, beyond)]
 
 
 def _beyond(found: Signature, reference: dict[str, Any] | None, configuration: Configuration) -> tuple[Beyond, ...]:
@@ -130,6 +138,7 @@ def _reference(path: Path | None) -> dict[str, Any] | None:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         known = all(isinstance(each, float | int) for each in found["quantities"].values())
+        known = known and all(isinstance(row["name"], str) and row["value"] * 0.0 == 0.0 for row in found["rows"])
         places = [[float(x), float(f)] for x, f in found["sliding_friction_by_place"]]
     except OSError as error:
         raise UsageError(f"--reference {path}: cannot be read: {error.strerror}") from error

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from positioner.cli.command import add_command, check_picture, numbers_in
 from positioner.cli.names import add_law
 from positioner.cli.procedure import add_procedure, keep_result, memory_of, procedure_configuration
-from positioner.cli.tables import show_json
+from positioner.cli.tables import below, show, show_json
 from positioner.commissioning.closed_loop import ClosedLoop
 from positioner.commissioning.procedure import ProcedureLimits
 from positioner.commissioning.step.curves import curves
@@ -18,18 +18,22 @@ from positioner.commissioning.step.hold import HoldLaw
 from positioner.commissioning.step.limits import broken
 from positioner.commissioning.step.plan import LADDER, OPEN_LADDER, OPEN_SIZES, REPEATS, SIZES, Plan
 from positioner.commissioning.step.procedure import StepTest
-from positioner.commissioning.step.report import as_json, lines
+from positioner.commissioning.step.report import SIZE_HEAD, as_json, band_rows, heading, size_rows
 from positioner.commissioning.step.result import result_of
 from positioner.errors import ExitCode, UsageError
 from positioner.laws.registry import law_names, law_problem
+from positioner.report.quantities import quantity_table
+from positioner.report.table import Table
 from positioner.values import replace
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
 
     from positioner.cli.command import Commands
+    from positioner.commissioning.step.result import StepResult
     from positioner.config.schema import Configuration
+    from positioner.report.text import Block
 
 _HOLD = "hold"
 _EPILOG = """\
@@ -106,7 +110,10 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.json:
         show_json(document)
     else:
-        sys.stdout.write("\n".join([*lines(result, valve), *(f"  limit broken: {line}" for line in problems)]) + "\n")
+        has_limits = bool(document["limits"])
+        blocks: list[Block] = [heading(result, valve, has_limits=has_limits, broken=problems)]
+        blocks += below(f"limit broken: {line}" for line in problems)
+        show([*blocks, *_tables(result), *below(document["remarks"])], as_markdown=arguments.markdown)
     if arguments.picture:
         from positioner.cli.step_picture import draw  # noqa: PLC0415 - matplotlib would slow every command down
 
@@ -114,6 +121,17 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         sys.stderr.write(f"picture: {arguments.picture}\n")
     keep_result(arguments, configuration, "step-test", document)
     return ExitCode.FAILURE if problems else ExitCode.OK
+
+
+def _tables(result: StepResult) -> Iterator[Block]:
+    """Yield the sizes, and dead band and resolution with what the ladders leave open."""
+    if result.rows:
+        yield ""
+        yield Table.of(SIZE_HEAD, size_rows(result))
+    bands = [row.as_json() for row in band_rows(result)]
+    if bands:
+        yield ""
+        yield quantity_table(bands, between="lies between")
 
 
 def step_test_of(arguments: argparse.Namespace, configuration: Configuration) -> StepTest:

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command
 from positioner.cli.procedure import add_procedure, keep_result, outcome_of, procedure_configuration, reference_of
-from positioner.cli.tables import show_json
+from positioner.cli.tables import below, show, show_json
 from positioner.commissioning.closed_loop import ClosedLoop
 from positioner.commissioning.procedure import ProcedureLimits
 from positioner.commissioning.stroke.procedure import StrokeTest
-from positioner.commissioning.stroke.report import as_json, changes, remarks, rows, verdict_line
+from positioner.commissioning.stroke.report import as_json, compared, rows, verdict_line
 from positioner.commissioning.stroke.result import Verdict, stroke_result
 from positioner.errors import ExitCode
+from positioner.report.quantities import quantity_table
 
 if TYPE_CHECKING:
     import argparse
 
     from positioner.cli.command import Commands
     from positioner.config.schema import Configuration
+    from positioner.report.text import Block
 
 KIND = "stroke-test"
 _EPILOG = """\
@@ -71,8 +72,9 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.json:
         show_json(document)
     else:
-        lines = [verdict_line(found, valve), *(str(row) for row in rows(found) if row.seen)]
-        lines += changes(found, reference) if reference else ()
-        sys.stdout.write("\n".join([*lines, *(f"  {line}" for line in remarks(found))]) + "\n")
+        seen = [row.as_json() for row in rows(found) if row.seen]
+        table = quantity_table(seen, compared(found, reference) if reference else None)
+        blocks: list[Block] = [verdict_line(found, valve), "", table, *below(document["remarks"])]
+        show(blocks, as_markdown=arguments.markdown)
     keep_result(arguments, configuration, KIND, document, finished=found.verdict is not Verdict.ABORTED)
     return ExitCode.OK if found.verdict is Verdict.PASSED else ExitCode.FAILURE

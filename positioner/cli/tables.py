@@ -50,6 +50,12 @@ def show(blocks: Iterable[Block], *, as_markdown: bool = False) -> None:
     stream.flush()
 
 
+def below(lines: Iterable[str]) -> list[str]:
+    """Return sentences as the list that follows a table."""
+    found = [f"- {line}" for line in lines]
+    return ["", *found] if found else []
+
+
 def show_json(document: Any) -> None:
     """Print the only document of a command to the standard output; NaN and infinities, which JSON has not, are null."""
     is_ascii = showable("µ", sys.stdout) != "µ"

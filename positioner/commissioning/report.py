@@ -1,4 +1,4 @@
-"""The result of an identification in words: one row for each quantity, with unit and 95 % interval. Pure."""
+"""The result of an identification: one row for each quantity, with unit and 95 % interval, and remarks. Pure."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ from positioner.commissioning.units import PASCALS
 from positioner.health.reference import kept_travel_m
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from positioner.commissioning.identified import IdentifiedValve, Interval
     from positioner.valve.parameters import ValveParameters
 
 _SIGNAL_MA = 16.0
 _OTHER_RESPONSE = 1.2
 """Mean square of the steps' residuals, over that of the noise."""
-_UNSEEN = "not shown by this experiment; the configured value is kept"
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One line of the table: what it is, in which unit, value and ends of its interval."""
+    """One quantity: what it is, in which unit, value and ends of its interval."""
 
     name: str
     unit: str
@@ -29,13 +30,6 @@ class Row:
     low: float
     high: float
     seen: bool = True
-
-    def __str__(self) -> str:
-        """Return the line."""
-        if not self.seen:
-            return f"  {self.name:<28} {self.value:>10.4g} {self.unit:<9} {_UNSEEN}"
-        interval = "" if self.low == self.value == self.high else f" {self.low:.4g} to {self.high:.4g}"
-        return f"  {self.name:<28} {self.value:>10.4g} {self.unit:<9}{interval}".rstrip()
 
     @classmethod
     def of(cls, name: str, unit: str, each: Interval, factor: float = 1.0) -> Row:
@@ -91,6 +85,12 @@ def rows(found: IdentifiedValve, valve: ValveParameters, pressure_unit: str) -> 
     )
 
 
+def unseen(quantities: Sequence[Row]) -> tuple[str, ...]:
+    """Return a line that names what the experiment did not show, nothing where it has shown all."""
+    names = dict.fromkeys(row.name for row in quantities if not row.seen)
+    return (f"not shown by this experiment, so the configured value is kept: {', '.join(names)}",) if names else ()
+
+
 def remarks(found: IdentifiedValve) -> tuple[str, ...]:
     """Return what a person should know besides the values, a line each."""
     lines = [f"from {found.breakaways} breakaways and {found.steps} steps"]
@@ -116,12 +116,13 @@ def remarks(found: IdentifiedValve) -> tuple[str, ...]:
 
 def as_json(found: IdentifiedValve, valve: ValveParameters, pressure_unit: str) -> dict[str, Any]:
     """Return the result for a program: the keys of a configuration, the rows, and the remarks."""
+    quantities = rows(found, valve, pressure_unit)
     return {
         "valve": valve.id,
         "travel_m": kept_travel_m(valve),
         "configuration": found.tables(),
-        "rows": [row.as_json() for row in rows(found, valve, pressure_unit)],
-        "remarks": list(remarks(found)),
+        "rows": [row.as_json() for row in quantities],
+        "remarks": [*remarks(found), *unseen(quantities)],
         "friction_scatter": found.friction_scatter,
         "noise_correlation": found.noise_correlation,
         "misfit": found.misfit,

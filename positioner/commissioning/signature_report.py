@@ -1,4 +1,4 @@
-"""A signature in words: a row for each quantity, what was not reached, the change since a reference. Pure."""
+"""A signature in words: a row for each quantity, and what was not reached. Pure."""
 
 from __future__ import annotations
 
@@ -18,13 +18,8 @@ if TYPE_CHECKING:
 
 _MM = 1e3
 _LOOP_POINTS = 150
-_NAMES = {
-    "spring_n_per_m": "spring rate",
-    "sliding_n": "sliding friction",
-    "static_n": "static friction",
-    "hysteresis_m": "hysteresis",
-}
-"""The quantities that are compared with a reference."""
+_NAMES = ("spring_n_per_m", "sliding_n", "static_n", "hysteresis_m")
+"""The quantities in SI units, by which a later signature is compared with this one."""
 
 
 def rows(found: Signature, valve: ValveParameters, pressure_unit: str) -> tuple[Row, ...]:
@@ -102,20 +97,6 @@ def loop_points(loop: Sequence[Branch]) -> list[dict[str, Any]]:
 
 def _step(branch: Branch) -> int:
     return max(len(branch.pressure_ma) // _LOOP_POINTS, 1)
-
-
-def changes(found: Signature, reference: dict[str, Any]) -> tuple[str, ...]:
-    """Return a line for each quantity of a reference, the JSON of an earlier signature, with the change in percent.
-
-    Raises:
-        KeyError: the reference is no signature.
-    """
-    lines = []
-    for name, text in _NAMES.items():
-        before, now = float(reference["quantities"][name]), _number(found, name)
-        change = f"{100.0 * (now / before - 1.0):+.1f} %" if before else "was 0"
-        lines.append(f"  {text:<28} {change:>10} since the reference")
-    return tuple(lines)
 
 
 def _number(found: Signature, name: str) -> float:

@@ -18,8 +18,8 @@ Block: TypeAlias = str | Table
 
 MARKS = re.compile(r"\*\*(?P<strong>.+?)\*\*|`(?P<code>.+?)`")
 _HEADING = re.compile(r"#+ ")
-_NUMBER = re.compile(r"[-+−±<>=≤≥ ]*\d[^A-Za-zα-ωΑ-Ωµ]*")
-_NO_NUMBER = frozenset({"", "-", "–", "never", "not played"})
+_NUMBER = re.compile(r"[-+−±<>=≤≥ ]*\d(?:[^A-Za-zα-ωΑ-Ωµ]| to )*")
+_NO_NUMBER = frozenset({"", "-", "–", "never", "not played", "not shown"})
 _GAP = "  "
 
 

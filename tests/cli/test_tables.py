@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-import io
 import json
 import re
-import sys
 from typing import TYPE_CHECKING
 
 import pytest
 from host_in_terminal import InTerminal
 from hypothesis import given
 from hypothesis import strategies as st
+from screens import PLAIN, shown
 from store_helpers import series, taught
 
-from positioner.cli.tables import show, show_json
+from positioner.cli.tables import show_json
 from positioner.errors import ExitCode
 from positioner.report.table import Table
 from positioner.report.text import is_numeric, unmarked
 from positioner.store import access
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
-
-    from positioner.report.text import Block
 
 LEAGUE = Table.of(
     ("law", "nominal, %", "worst plant, %", "settles to 1 %, ms", "travel / ideal", "verdict"),
@@ -33,7 +30,6 @@ LEAGUE = Table.of(
         ("`nmpc-without-table`", "12.345", "0.10 (paper)", "never", "–", "**not met**"),
     ],
 )
-PLAIN = {"TERM": "dumb"}
 PIPED = """\
                     nominal  worst plant         settles to 1 %
 law                       %  %                               ms  travel / ideal  verdict
@@ -41,44 +37,6 @@ law                       %  %                               ms  travel / ideal 
 nmpc                  0.046  0.056 (stochastic)             6.3            1.02  met
 nmpc-without-table   12.345  0.10 (paper)                 never               –  not met
 """
-
-
-class Screen(io.TextIOWrapper):
-    """A stream that says whether it is a terminal."""
-
-    def __init__(self, encoding: str = "utf-8", *, is_terminal: bool) -> None:
-        super().__init__(io.BytesIO(), encoding=encoding, errors="strict", write_through=True)
-        self._is_terminal = is_terminal
-
-    def isatty(self) -> bool:
-        return self._is_terminal
-
-    @property
-    def text(self) -> str:
-        assert isinstance(self.buffer, io.BytesIO)
-        return self.buffer.getvalue().decode(self.encoding)
-
-
-def shown(
-    blocks: Iterable[Block],
-    width: int | None = None,
-    *,
-    encoding: str = "utf-8",
-    as_markdown: bool = False,
-    environment: Mapping[str, str] = {},
-) -> str:
-    """Return what is shown in a terminal of this width, or in a pipe."""
-    stream = Screen(encoding, is_terminal=width is not None)
-    with pytest.MonkeyPatch.context() as patch:
-        for name in ("NO_COLOR", "FORCE_COLOR", "COLORTERM", "TTY_COMPATIBLE", "TTY_INTERACTIVE"):
-            patch.delenv(name, raising=False)
-        patch.setenv("TERM", "xterm-256color")
-        for name, value in environment.items():
-            patch.setenv(name, value)
-        patch.setenv("COLUMNS", str(width or 80))
-        patch.setattr(sys, "stdout", stream)
-        show(blocks, as_markdown=as_markdown)
-    return stream.text
 
 
 def test_a_pipe_gets_plain_aligned_text_of_any_width() -> None:
@@ -153,6 +111,8 @@ def test_lines_lose_their_marks_and_a_command_stays_one_line() -> None:
         (("1.0", "–", "never"), True),
         (("0.4 (0.39–0.41)", "≤ 3"), True),
         (("1.60 → 1.60",), True),
+        (("0 to 5", "−5 to 0.98", "not shown"), True),
+        (("1 to mm",), False),
         (("−3.2", "+1e"), False),
         (("0.40 (paper)",), False),
         (("–", "never"), False),

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from positioner.commissioning.identified import IdentifiedValve, Interval
-from positioner.commissioning.report import as_json, remarks, rows
+from positioner.commissioning.report import as_json, remarks, rows, unseen
 from positioner.valve.parameters import ValveParameters
 
 VALVE = ValveParameters(id="FV-101")
@@ -39,7 +39,8 @@ def test_the_bench_set_of_the_papers_valve_is_0_to_15_psi() -> None:
     assert found["bench set, at 100 %", "psi"].value == pytest.approx(15.0, abs=0.01)
     assert found["static friction", "% signal"].value == pytest.approx(31.99, abs=0.01)
     assert found["stick band and dead band S", "% signal"].value == pytest.approx(58.647, abs=0.01)
-    assert "not shown" in str(found["viscous friction", "N s/m"])
+    names = "viscous friction, Stribeck velocity"
+    assert unseen(tuple(found.values())) == (f"not shown by this experiment, so the configured value is kept: {names}",)
 
 
 def test_what_was_not_seen_is_not_written() -> None:

@@ -23,13 +23,14 @@ from positioner.commissioning.readings import smooth
 from positioner.commissioning.record import Kind
 from positioner.commissioning.signature import SignatureError, signature
 from positioner.commissioning.signature_limits import beyond_limits
-from positioner.commissioning.signature_report import as_json, changes, remarks
+from positioner.commissioning.signature_report import as_json, remarks
 from positioner.commissioning.signature_stages import signature_experiment
 from positioner.commissioning.stages import Stroke
 from positioner.errors import ExitCode
 from positioner.guard.settings import GuardSettings
 from positioner.health.settings import AlarmSettings, Category, HealthTable
 from positioner.report.page import Status
+from positioner.report.quantities import quantity_table
 from positioner.report.signature_charts import signature_verdict
 from positioner.studies.identified_plant import experiment_on
 from positioner.valve.actuator import ActuatorParameters
@@ -174,8 +175,10 @@ def test_a_change_since_the_reference_is_told() -> None:
     valve = believed("paper")
     before, _ = well_measured("paper")
     after, _ = measured("paper", LOW, valve={"coulomb_friction_n": 1.2 * 1423.0, "static_friction_n": 1.2 * 1707.7})
-    lines = changes(after, json.loads(json.dumps(as_json(before, valve, "bar"))))
-    assert [line.split()[-5] for line in lines[1:3]] == ["+20.0", "+20.0"]
+    table = quantity_table(as_json(after, valve, "bar")["rows"], as_json(before, valve, "psi")["rows"])
+    changes = {cells[:2]: cells[-1] for cells in table.rows}
+    assert changes["sliding friction", "N"] == changes["static friction", "N"] == "+20.0\N{NARROW NO-BREAK SPACE}%"
+    assert changes["bench set, at 100 %", "bar"] == "–", "the reference has it in another unit"
 
 
 def test_a_reference_that_is_none_is_refused_before_anything_moves(

@@ -103,7 +103,8 @@ def test_a_limit_that_is_broken_is_told_and_ends_with_status_1(
     command = ["step-test", "--config", str(path), "--from", str(run.log), *OPTIONS]
     assert main(command) == ExitCode.FAILURE
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split(":")[1].split(" at")[0] for line in lines if "limit broken" in line] == [" travel gain"] * 2
+    assert lines[0] == "FV-101: step response test, closed loop with nmpc: a limit is broken"
+    assert [line.split(" at")[0] for line in lines[2:4]] == ["- limit broken: travel gain"] * 2
     assert main([*command, "--repeats", "2"]) == ExitCode.IO
     assert "not its record" in capsys.readouterr().err
 

@@ -12,10 +12,11 @@ from stroke_runs import Played, configured, play
 from plant_emulator.presets import plant_settings
 from positioner.cli.stroke_test import stroke_test_of
 from positioner.commissioning.stroke.memory import Cause, Phase
-from positioner.commissioning.stroke.report import NO_CREDIT, as_json, changes, remarks, rows, verdict_line
+from positioner.commissioning.stroke.report import NO_CREDIT, as_json, compared, remarks, rows, verdict_line
 from positioner.commissioning.stroke.result import Limit, StrokeResult, Verdict
 from positioner.errors import ConfigurationError
 from positioner.laws.law import Observation
+from positioner.report.quantities import quantity_table
 from positioner.wire.messages import HostRequest, ManualCurrent, Setpoint
 
 if TYPE_CHECKING:
@@ -294,9 +295,10 @@ def test_the_report_names_verdict_values_and_what_the_test_does_not_show() -> No
     assert document["quantities"]["breakaway, mean"] == found.static_n
     assert len(document["trace"]) <= 400
     _, worse = stroked(1.1)
-    lines = changes(worse, document)
-    assert lines[0].split()[:2] == ["breakaway,", "mean"]
-    assert float(lines[0].split()[2]) == pytest.approx(0.1 * STATIC_N, rel=0.03)
+    table = quantity_table([row.as_json() for row in rows(worse)], compared(worse, document))
+    changes = {cells[0]: cells[-1] for cells in table.rows if cells[-1] != "–"}
+    assert list(changes) == ["breakaway, mean", "lag", "time out", "time back"]
+    assert float(changes["breakaway, mean"].rstrip("%")) == pytest.approx(10.0, abs=0.3)
 
 
 def test_what_a_test_did_not_come_to_is_not_known() -> None:

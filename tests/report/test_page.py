@@ -65,8 +65,15 @@ def test_what_is_not_measured_names_the_command_that_measures_it() -> None:
 
 def test_a_result_is_compared_with_the_reference_of_its_kind_and_not_with_itself() -> None:
     first, later = result("signature", SIGNATURE, "a"), result("signature", signature(1.27), "b")
-    assert section_of(later, first).tables[0].head == ("", "unit", "value", "95 % interval", "reference", "change")
-    assert section_of(first, first).tables[0].head == ("", "unit", "value", "95 % interval")
+    assert section_of(later, first).tables[0].head == (
+        "quantity",
+        "unit",
+        "value",
+        "95 % interval",
+        "reference",
+        "change",
+    )
+    assert section_of(first, first).tables[0].head == ("quantity", "unit", "value", "95 % interval")
     assert "this is the reference" in section_of(first, first).since
     rows = {row[0]: row for row in section_of(later, first).tables[0].rows}
     cells = [cell.replace("\N{NARROW NO-BREAK SPACE}", "") for cell in rows["sliding friction"][2:]]

@@ -6,11 +6,13 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from positioner.commissioning.report import Row
-from positioner.commissioning.step.sizes import QUANTITIES, Spread
+from positioner.commissioning.step.sizes import QUANTITIES
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from positioner.commissioning.step.result import StepResult
-    from positioner.commissioning.step.sizes import SizeRow
+    from positioner.commissioning.step.sizes import SizeRow, Spread
 
 SIDES = {1.0: "up", -1.0: "down"}
 _MS, _PERCENT = 1e3, 100.0
@@ -22,34 +24,36 @@ _HEADS = {
     "overshoot": ("over, %", _PERCENT),
     "gain": ("gain", 1.0),
 }
+SIZE_HEAD = ("step, %", "moved", "region", *(head for head, _ in _HEADS.values()))
 _BANDS = {"dead_band": "dead band", "resolution": "resolution"}
 _SHORT_S = 0.1
 _CERTAIN_SIGMA = 5.0
 
 
-def lines(result: StepResult, valve: str) -> tuple[str, ...]:
-    """Return the table of the sizes, dead band and resolution, and remarks, for a person."""
-    plan = result.plan
-    loop = "open loop" if plan.is_open else f"closed loop with {result.law}"
-    heads = "".join(f"{head:>12}" for head, _ in _HEADS.values())
-    text = [f"{valve}: step response test, {loop}: medians, and ranges below them"]
-    if result.rows:
-        text.append(f"  {'step, %':<13}{'moved':>6}  region{heads}")
-    for row in result.rows:
-        text += _row_lines(row, result.regions[row.size])
-    return (*text, *(str(row) for row in band_rows(result)), *(f"  {line}" for line in remarks(result)))
+def heading(result: StepResult, valve: str, *, has_limits: bool, broken: Sequence[str]) -> str:
+    """Return what was tested and whether it keeps its limits, in one line."""
+    loop = "open loop" if result.plan.is_open else f"closed loop with {result.law}"
+    verdict = ": a limit is broken" if broken else ": all limits are kept" if has_limits else ""
+    return f"{valve}: step response test, {loop}{verdict}"
 
 
-def _row_lines(row: SizeRow, region: str) -> list[str]:
-    name = f"{_PERCENT * row.size:g} {SIDES[row.direction]}"
-    medians = ranges = ""
-    for quantity, (_, factor) in _HEADS.items():
-        spread = row.spread(quantity)
-        medians += f"{_number(spread.median * factor):>12}"
-        ranges += f"{_number(spread.low * factor) + '..' + _number(spread.high * factor) if spread.count else '':>12}"
-    moved = f"{row.moved}/{row.count}"
-    told = [f"  {name:<13}{moved:>6}  {region:<6}{medians}", f"  {'':<27}{ranges}".rstrip()]
-    return told if row.moved else told[:1]
+def size_rows(result: StepResult) -> list[tuple[str, ...]]:
+    """Return the cells of each size and direction: medians, with the range of the repeats in brackets."""
+    return [
+        (
+            f"{_PERCENT * row.size:g} {SIDES[row.direction]}",
+            f"{row.moved}/{row.count}",
+            result.regions[row.size],
+            *(_cell(row.spread(quantity), factor) for quantity, (_, factor) in _HEADS.items()),
+        )
+        for row in result.rows
+    ]
+
+
+def _cell(spread: Spread, factor: float) -> str:
+    if not spread.count:
+        return "–"
+    return f"{_number(spread.median * factor)} ({_number(spread.low * factor)}–{_number(spread.high * factor)})"
 
 
 def _number(value: float) -> str:

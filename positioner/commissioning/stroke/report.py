@@ -1,4 +1,4 @@
-"""The result of a stroke test in words and for programs: verdict, rows, remarks, the change since a reference. Pure."""
+"""The result of a stroke test in words and for programs: verdict, rows, remarks, rows of a reference. Pure."""
 
 from __future__ import annotations
 
@@ -106,12 +106,11 @@ def as_json(found: StrokeResult, valve: ValveParameters, settings: StrokeSetting
     }
 
 
-def changes(found: StrokeResult, reference: dict[str, Any]) -> tuple[str, ...]:
-    """Return a line for each quantity that the reference, the JSON of an earlier test, has too."""
-    lines = []
+def compared(found: StrokeResult, reference: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return as rows what an earlier test, as its JSON, has of the quantities by which tests are compared."""
     before = reference.get("quantities", {})
-    for row in rows(found):
-        value = before.get(row.name)
-        if row.name in _COMPARED and row.seen and value is not None:
-            lines.append(f"  {row.name:<28} {row.value - value:>+10.4g} {row.unit:<9} since the reference")
-    return tuple(lines)
+    return [
+        {"name": row.name, "unit": row.unit, "value": before[row.name]}
+        for row in rows(found)
+        if row.name in _COMPARED and before.get(row.name) is not None
+    ]

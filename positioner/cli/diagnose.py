@@ -8,23 +8,35 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command, add_config, add_valve, check_picture, numbers_in
-from positioner.cli.tables import add_json, show_json
+from positioner.cli.tables import add_output, below, show, show_json
 from positioner.config.reader import load_config
 from positioner.diagnostics.finding import finding_of, percent
 from positioner.diagnostics.loop_table import OPTIONS, LoopTable, loop_of
-from positioner.diagnostics.report import as_text, as_values
+from positioner.diagnostics.report import (
+    METHOD_HEAD,
+    answer_row,
+    as_values,
+    direct_lines,
+    indirect_lines,
+    notes,
+    size_rows,
+    verdict_line,
+)
 from positioner.diagnostics.verdict import Verdict
 from positioner.errors import ExitCode, RecordError, UsageError, writing
 from positioner.inputs.csv_table import read_table, text_of
+from positioner.report.table import Table
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Iterator
 
     import numpy as np
     from numpy.typing import NDArray
 
     from positioner.cli.command import Commands
     from positioner.diagnostics.finding import Finding
+    from positioner.report.text import Block
 
 _EPILOG = """\
 examples:
@@ -61,7 +73,7 @@ def add_parser(commands: Commands) -> None:
         parser.add_argument(option, dest=role, metavar="COLUMN", help=f"column of the {meanings[role]}")
     parser.add_argument("--period", type=float, metavar="S", help="sample period, where there are no time stamps")
     parser.add_argument("--op-range", default="0,100", metavar="A,B", help="OP at 0 and 100 %% (default: %(default)s)")
-    add_json(parser)
+    add_output(parser)
     parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the trend and the evidence (PNG and SVG)")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write the finding as an HTML page")
 
@@ -81,7 +93,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.json:
         show_json(as_values(finding))
     else:
-        sys.stdout.write(as_text(finding))
+        show(_blocks(finding), as_markdown=arguments.markdown)
     if arguments.report:
         _write_report(arguments.report, finding, table, percent(table.op, low, high))
     if arguments.picture:
@@ -90,6 +102,22 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         draw(arguments.picture, table, finding, percent(table.op, low, high))
         sys.stderr.write(f"picture: {arguments.picture}\n")
     return ExitCode.FAILURE if finding.verdict is Verdict.YES else ExitCode.OK
+
+
+def _blocks(finding: Finding) -> Iterator[Block]:
+    """Yield the verdict, S and J, the evidence, and what the methods on OP and PV answer."""
+    yield verdict_line(finding)
+    sizes = size_rows(finding)
+    if sizes:
+        yield ""
+        yield Table.of(("of the command", "value, %", "95 % interval"), sizes)
+    if finding.direct:
+        yield from below(direct_lines(finding.direct))
+    if finding.indirect:
+        yield from below(indirect_lines(finding.indirect, finding))
+        yield ""
+        yield Table.of(METHOD_HEAD, map(answer_row, finding.indirect.answers))
+    yield from below(f"note: {note}" for note in notes(finding))
 
 
 def _write_report(path: Path, finding: Finding, table: LoopTable, command: NDArray[np.float64]) -> None:

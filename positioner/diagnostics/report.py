@@ -1,4 +1,4 @@
-"""A finding as text for people, and as values for programs. Pure."""
+"""A finding in words and rows for people, and as values for programs. Pure."""
 
 from __future__ import annotations
 
@@ -21,24 +21,33 @@ _SENTENCES = {
 }
 
 
-def as_text(finding: Finding) -> str:
-    """Return the finding, its verdict first."""
-    lines = [f"{finding.source}: {headline(finding)}: {finding.reason}", ""]
-    if finding.stick:
-        lines.append(f"  S, stick band and dead band  {_interval(finding.stick)} of the command")
-    if finding.jump:
-        lines.append(f"  J, slip jump                 {_interval(finding.jump)} of the command")
-    elif finding.stick:
-        lines.append("  J, slip jump                 cannot be told from OP and PV")
-    if finding.direct:
-        lines += _direct_lines(finding.direct)
-    if finding.indirect:
-        lines += _indirect_lines(finding.indirect, finding)
-    notes = [*finding.notes, *(finding.indirect.notes if finding.indirect else ())]
+METHOD_HEAD = ("method", "index", "yes above", "no below", "verdict", "source")
+
+
+def verdict_line(finding: Finding) -> str:
+    """Return the verdict and its reason in one line."""
+    return f"{finding.source}: {headline(finding)}: {finding.reason}"
+
+
+def size_rows(finding: Finding) -> list[tuple[str, str, str]]:
+    """Return S and J in percent of the command with their intervals; a dash where J cannot be told."""
+    sizes = (("S, stick band and dead band", finding.stick), ("J, slip jump", finding.jump))
+    if not finding.stick and not finding.jump:
+        return []
+    return [
+        (name, f"{size.value:.2f}", f"{size.low:.2f} to {size.high:.2f}") if size else (name, "–", "–")
+        for name, size in sizes
+    ]
+
+
+def notes(finding: Finding) -> list[str]:
+    """Return what a person should know besides."""
+    found = [*finding.notes, *(finding.indirect.notes if finding.indirect else ())]
+    if finding.stick and not finding.jump:
+        found.insert(0, "J cannot be told from OP and PV")
     if finding.verdict is Verdict.NO:
-        notes.append("no stiction is not healthy: other faults are not looked for")
-    lines += ["", *(f"  note: {note}" for note in notes)] if notes else []
-    return "\n".join(lines) + "\n"
+        found.append("no stiction is not healthy: other faults are not looked for")
+    return found
 
 
 def headline(finding: Finding) -> str:
@@ -69,47 +78,39 @@ def _interval(value: Estimate) -> str:
     return f"{value.value:.2f} % ({value.low:.2f} to {value.high:.2f})"
 
 
-def _direct_lines(found: DirectDiagnosis) -> list[str]:
+def direct_lines(found: DirectDiagnosis) -> list[str]:
+    """Return what the position of the stem shows, and from what."""
     up = sum(slip.direction > 0.0 for slip in found.slips)
     lines = [
-        "",
-        f"  direct, from the stem position: {found.verdict}: {found.reason}",
-        f"    slips {len(found.slips)} ({up} up), noise of a reading {found.noise:.3f} %, band {found.band:.2f} %",
+        f"direct, from the stem position: {found.verdict}: {found.reason}",
+        f"slips {len(found.slips)} ({up} up), noise of a reading {found.noise:.3f} %, band {found.band:.2f} %",
     ]
     if found.friction:
         friction = found.friction
         lines.append(
-            f"    S {_interval(friction.stick)}, J {_interval(friction.jump)}, residual {friction.residual:.3f} %, "
+            f"S {_interval(friction.stick)}, J {_interval(friction.jump)}, residual {friction.residual:.3f} %, "
             f"{friction.slope:.3f} % of command per % of travel"
         )
     return lines
 
 
-def _indirect_lines(found: Diagnosis, finding: Finding) -> list[str]:
+def indirect_lines(found: Diagnosis, finding: Finding) -> list[str]:
+    """Return what OP and PV show, besides the answers of the methods."""
     unit = "s" if finding.is_timed else "samples"
     period = found.oscillation.period * (finding.period_s if finding.is_timed else 1.0)
-    lines = [
-        "",
-        f"  indirect, from OP and PV: {found.verdict}: {found.reason}",
-        f"    oscillation: period {period:.4g} {unit}, regularity {found.oscillation.regularity:.2f} (regular above 1)",
-        f"    the methods use means of {found.factor} samples",
-        f"    apparent S of the PV-OP ellipse {found.ellipse:.2f} %",
-        "",
-        f"    {'method':<6} {'index':>8} {'yes above':>10} {'no below':>9}  {'verdict':<9}  source",
+    return [
+        f"indirect, from OP and PV: {found.verdict}: {found.reason}",
+        f"oscillation: period {period:.4g} {unit}, regularity {found.oscillation.regularity:.2f} (regular above 1)",
+        f"the methods use means of {found.factor} samples",
+        f"apparent S of the PV-OP ellipse {found.ellipse:.2f} %",
     ]
-    return lines + [f"    {_answer_line(each)}" for each in found.answers]
 
 
 def answer_row(answer: Answer) -> tuple[str, ...]:
-    """Return name, index, both limits, verdict and source of a method's answer."""
-    index = "-" if math.isnan(answer.index) else f"{answer.index:.3f}"
+    """Return the cells of a method's answer: name, index, both limits, verdict and source."""
+    index = "–" if math.isnan(answer.index) else f"{answer.index:.3f}"
     source = f"{answer.source}: {answer.note}" if answer.note else answer.source
     return answer.name, index, f"{answer.yes_above:.3f}", f"{answer.no_below:.3f}", str(answer.verdict), source
-
-
-def _answer_line(answer: Answer) -> str:
-    name, index, yes, no, verdict, source = answer_row(answer)
-    return f"{name:<6} {index:>8} {yes:>10} {no:>9}  {verdict:<9}  {source}"
 
 
 def _values(value: Estimate | None) -> dict[str, float | None] | None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from positioner.diagnostics.report import answer_row, headline
+from positioner.diagnostics.report import METHOD_HEAD, answer_row, headline
 from positioner.diagnostics.shown import shown_part
 from positioner.diagnostics.verdict import Verdict as Sticks
 from positioner.report import words
@@ -41,9 +41,8 @@ def diagnosis_page(finding: Finding, table: LoopTable, command: Array, made: dat
     verdict = Verdict(status, f"{headline(finding).capitalize()}: {finding.reason}.", action)
     sections = [_signals(finding, table, command)]
     if finding.indirect:
-        head = ("method", "index", "yes above", "no below", "verdict", "source")
-        rows = tuple(answer_row(each) for each in finding.indirect.answers)
-        sections.append(Section("Methods on OP and PV", tables=(Table(head, rows),)))
+        methods = Table.of(METHOD_HEAD, map(answer_row, finding.indirect.answers))
+        sections.append(Section("Methods on OP and PV", tables=(methods,)))
     period = (("sample period", f"{finding.period_s:g} s"),) if finding.is_timed else ()
     facts = (
         ("record", finding.source),

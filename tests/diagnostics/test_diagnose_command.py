@@ -33,7 +33,7 @@ def test_the_verdict_comes_first_and_the_exit_status_tells_it(
     text = capsys.readouterr().out
     assert text.startswith(f"{sticking}: the valve sticks: ")
     for name in ("HAMM", "ADD", "YAM", "CORR", "CURVE", "RELAY", "AREA", "BIC"):
-        assert f"\n    {name} " in text
+        assert f"\n{name} " in text
 
 
 def test_the_report_has_the_verdict_the_signals_and_each_method(

@@ -12,24 +12,29 @@ from typing import TYPE_CHECKING, Any
 from positioner.cli.command import add_command, add_config, add_state, add_valve
 from positioner.cli.health_source import FoundHealth, health_in_log, kept_health, service_of
 from positioner.cli.question import agreed
-from positioner.cli.tables import add_json, show_json
+from positioner.cli.tables import add_output, below, note, show, show_json
 from positioner.commissioning import results
 from positioner.config.locations import location_of
 from positioner.config.reader import load_config
 from positioner.errors import ExitCode, StateError, UsageError, writing
-from positioner.health.alarm_text import alarm_as_json, alarm_lines, trend_lines, trends_as_json
+from positioner.health.alarm_text import alarm_as_json, alarm_lines, trend_line, trends_as_json
 from positioner.health.causes import AlarmCause
 from positioner.health.counters_document import COUNTERS
-from positioner.health.counters_report import as_lines, as_values
+from positioner.health.counters_report import as_values, count_rows, histograms
 from positioner.health.trends_document import TRENDS, trends_in
+from positioner.health.watch import changes_of
 from positioner.machine.completion import suggest
+from positioner.report.table import Table
+from positioner.report.trend_table import trend_table
 from positioner.store import access
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Iterator
 
     from positioner.cli.command import Commands
     from positioner.config.schema import Configuration
+    from positioner.report.text import Block
 
 _EPILOG = """\
 examples:
@@ -56,7 +61,7 @@ def add_parser(commands: Commands) -> None:
     add_config(parser)
     add_valve(parser)
     add_state(parser)
-    add_json(parser)
+    add_output(parser)
     parser.add_argument("--from", type=Path, metavar="LOG", dest="log", help="compute it again from a recorded run")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write it as an HTML page")
     parser.add_argument("--reset", action="store_true", help="begin the counters anew; the trends stay")
@@ -82,7 +87,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.json:
         show_json(_values(configuration, found))
     else:
-        sys.stdout.write("\n".join(_lines(configuration, found)) + "\n")
+        show(_blocks(configuration, found), as_markdown=arguments.markdown)
     if arguments.report:
         _write_report(arguments, configuration, found)
     return ExitCode.FAILURE if any(alarm.is_active for alarm in found.trends.alarms) else ExitCode.OK
@@ -111,19 +116,15 @@ def _directory(arguments: argparse.Namespace, configuration: Configuration) -> P
 
 
 def _kept(arguments: argparse.Namespace, configuration: Configuration) -> FoundHealth:
-    return kept_health(configuration, _directory(arguments, configuration), _notice)
-
-
-def _notice(line: str) -> None:
-    sys.stderr.write(f"{line}\n")
+    return kept_health(configuration, _directory(arguments, configuration), note)
 
 
 def _from_log(arguments: argparse.Namespace, configuration: Configuration) -> FoundHealth:
     directory = _directory(arguments, configuration)
     if not arguments.state:
-        return health_in_log(arguments.log, configuration, directory, _notice)
+        return health_in_log(arguments.log, configuration, directory, note)
     before = _kept(arguments, configuration).sections
-    return health_in_log(arguments.log, configuration, directory, _notice, table=directory, before=before)
+    return health_in_log(arguments.log, configuration, directory, note, table=directory, before=before)
 
 
 def _values(configuration: Configuration, found: FoundHealth) -> dict[str, Any]:
@@ -139,16 +140,23 @@ def _values(configuration: Configuration, found: FoundHealth) -> dict[str, Any]:
     }
 
 
-def _lines(configuration: Configuration, found: FoundHealth) -> list[str]:
+def _blocks(configuration: Configuration, found: FoundHealth) -> Iterator[Block]:
+    """Yield the alarms, how friction and spring have changed, and what was counted."""
     settings, trends = found.settings, found.trends
+    active = sum(alarm.is_active for alarm in trends.alarms)
+    told = {0: "no alarm is active", 1: "an alarm is active"}.get(active, f"{active} alarms are active")
+    yield f"{configuration.valve.id}: {told}"
     since = f"counted since {found.started}" if found.started else "counted from the log"
-    alarms = [f"  {line}" for alarm in trends.alarms for line in alarm_lines(alarm)]
-    return [
-        f"{configuration.valve.id}: {since}, in {found.source}",
-        *("", "alarms" if alarms else "alarms: none", *alarms),
-        *("", *trend_lines(settings.watch, trends), ""),
-        *as_lines(settings.counters, found.counters),
-    ]
+    yield f"{since}, in {found.source}"
+    for alarm in trends.alarms:
+        yield from below(alarm_lines(alarm))
+    yield from ("", trend_line(settings.watch, trends), "")
+    yield trend_table(changes_of(settings.watch, trends), settings.watch.limits)
+    yield ""
+    yield Table.of(("counter", "value", "", ""), count_rows(settings.counters, found.counters))
+    for head, rows in histograms(found.counters):
+        yield ""
+        yield Table.of(head, rows) if rows else f"{head[0].partition(', ')[0]}: none yet"
 
 
 def _reset(arguments: argparse.Namespace, configuration: Configuration) -> ExitCode:

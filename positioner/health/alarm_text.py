@@ -11,7 +11,6 @@ from positioner.wire.words import in_words
 
 if TYPE_CHECKING:
     from positioner.health.alarms import Alarm, Changed
-    from positioner.health.friction_trend import Share
     from positioner.health.watch import Trends, WatchSettings
 
 _HOUR_S = 3600.0
@@ -36,8 +35,8 @@ def alarm_lines(alarm: Alarm) -> tuple[str, ...]:
     sure = f"{100.0 * alarm.sure:.0f} % sure" if alarm.is_active and alarm.sigma > 0.0 else ""
     evidence = ", ".join(each for each in (alarm.evidence, sure) if each)
     lines = [f"{state}: {text.what}: {_value(alarm)}, limit {_limit(alarm)}, since {since}, {seen}"]
-    lines += [f"    evidence: {evidence}"] if evidence else []
-    return (*lines, f"    remedy: {text.remedy}")
+    lines += [f"evidence: {evidence}"] if evidence else []
+    return (*lines, f"remedy: {text.remedy}")
 
 
 def alarm_as_json(alarm: Alarm) -> dict[str, Any]:
@@ -58,24 +57,14 @@ def alarm_as_json(alarm: Alarm) -> dict[str, Any]:
     }
 
 
-def trend_lines(settings: WatchSettings, trends: Trends) -> tuple[str, ...]:
-    """Return friction, spring and offset against the reference, a line each, with 95 % intervals."""
+def trend_line(settings: WatchSettings, trends: Trends) -> str:
+    """Return against what friction and spring are compared, and from how many moves."""
     reference = settings.reference
     if reference.source == CONFIGURED:
         head = "against the configuration, so that it raises no alarm: measure the valve with `positioner identify`"
     else:
         head = f"against `{reference.source}` of {reference.recorded}"
-    found = changes_of(settings, trends)
-    rows = [
-        ("sliding friction", found.friction),
-        ("static friction", found.static),
-        ("spring rate", found.spring),
-        ("spring force, of bench range", found.offset),
-        ("slip jump, of span", found.jump),
-    ]
-    lines = [f"  {name:<30} {_share(share)}" for name, share in rows if share is not None]
-    moves = f"{trends.friction.moves} moves, {trends.friction.moves_up} of them opening"
-    return (f"{head}; {moves}", *lines)
+    return f"{head}; {trends.friction.moves} moves, {trends.friction.moves_up} of them opening"
 
 
 def trends_as_json(settings: WatchSettings, trends: Trends) -> dict[str, Any]:
@@ -102,10 +91,6 @@ def trends_as_json(settings: WatchSettings, trends: Trends) -> dict[str, Any]:
             "open": {"value": trends.open, "seen": trends.openings},
         },
     }
-
-
-def _share(share: Share) -> str:
-    return f"{100.0 * share.value:+6.1f} %   {100.0 * share.low:+.1f} to {100.0 * share.high:+.1f} %"
 
 
 def _value(alarm: Alarm) -> str:

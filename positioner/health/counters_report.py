@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from positioner.health.counters import Counters, CounterSettings
 
 _US, _US_PER_H = 1e-6, 3.6e9
-_BAR = 40
+_BAR = 30
 
 
 def as_values(settings: CounterSettings, counters: Counters) -> dict[str, Any]:
@@ -48,40 +48,50 @@ def as_values(settings: CounterSettings, counters: Counters) -> dict[str, Any]:
     }
 
 
-def as_lines(settings: CounterSettings, counters: Counters) -> list[str]:
-    """Return the counters as text, one line each, and the histograms as bars."""
-    values = as_values(settings, counters)
-    stuck = "unknown" if values["stuck_share"] is None else f"{100.0 * values['stuck_share']:.1f} %"
+def count_rows(settings: CounterSettings, counters: Counters) -> list[tuple[str, str, str, str]]:
+    """Return each counter as name, number, unit and what belongs to it."""
     cycle_band, travel_band = (
         100.0 * settings.dead_band_m(of_span, settings.travel_min_m + 0.5 * settings.span_m) / settings.span_m
         for of_span in (settings.cycle_band_of_span, settings.travel_band_of_span)
     )
     times_us = {**{mode.name: counters.mode_us[mode] for mode in Mode}, "FUNCTION_CHECK": counters.checked_us}
-    modes = ", ".join(f"{name} {time_us / _US_PER_H:.2f} h" for name, time_us in times_us.items() if time_us)
-    ends = (counters.closed_us, counters.near_closed_us, counters.open_us)
-    closed_h, near_closed_h, open_h = (each / _US_PER_H for each in ends)
-    rows = (
-        ("hours of operation", f"{values['hours']:.2f}, in {counters.starts} starts"),
-        ("time in each mode", modes or "none"),
-        ("cycles", f"{counters.cycles} reversals beyond {cycle_band:.2g} % of the span"),
-        ("changes of direction", f"{counters.reversals} beyond {travel_band:.2g} %"),
-        (
-            "travel",
-            f"{counters.travel_m:.3f} m, {values['travel_percent']:.0f} %: {values['full_strokes']:.2f} strokes",
-        ),
-        ("slips, sticks", f"{counters.slips}, {counters.sticks}; stuck for {stuck} of the time under control"),
-        ("moves", f"{counters.moves}, {counters.table_moves} of them from the table"),
-        ("failed pushes", f"{counters.failed_pushes}"),
-        ("closed, near it, open", f"{closed_h:.2f} h, {near_closed_h:.2f} h, {open_h:.2f} h"),
-    )
-    lines = [f"{name:<22} {text}" for name, text in rows]
+    percent = 100.0 * counters.travel_m / settings.span_m
+    share = 100.0 * counters.stuck_us / counters.controlled_us if counters.controlled_us else None
+    stuck = "unknown" if share is None else f"{share:.1f} %"
+    rows = [
+        ("hours of operation", _hours(counters.total_us), "h", f"in {counters.starts} starts"),
+        *((f"time in {name}", _hours(time_us), "h", "") for name, time_us in times_us.items() if time_us),
+        ("cycles", f"{counters.cycles}", "", f"reversals beyond {cycle_band:.2g} % of the span"),
+        ("changes of direction", f"{counters.reversals}", "", f"beyond {travel_band:.2g} %"),
+        ("travel", f"{counters.travel_m:.3f}", "m", f"{percent:.0f} % of the span"),
+        ("full strokes", f"{counters.full_strokes(settings.span_m):.2f}", "", ""),
+        ("slips", f"{counters.slips}", "", ""),
+        ("sticks", f"{counters.sticks}", "", f"stuck for {stuck} of the time under control"),
+        ("moves", f"{counters.moves}", "", f"{counters.table_moves} of them from the table"),
+        ("failed pushes", f"{counters.failed_pushes}", "", ""),
+        ("closed", _hours(counters.closed_us), "h", ""),
+        ("nearly closed", _hours(counters.near_closed_us), "h", ""),
+        ("open", _hours(counters.open_us), "h", ""),
+    ]
     if settings.wear:
-        lines.append(f"{'packing, life spent':<22} {100.0 * values['stress_factor']:.3g} %")
-    last = "seconds, and of the last 100"
-    position, error = f"position, % of travel: {last}", f"setpoint - position, % of the span: {last}"
-    lines += ["", position, *_bars(TRAVEL_EDGES_PERCENT, counters.travel, _travel_short(counters))]
-    lines += ["", error, *_bars(DEVIATION_EDGES_PERCENT, counters.deviation, _deviation_short(counters))]
-    return [*lines, "", "span between reversals, % of the span: cycles", *_bars(SPAN_EDGES_PERCENT, counters.spans)]
+        rows.append(("packing, life spent", f"{100.0 * stress(settings.wear, counters.spans):.3g}", "%", ""))
+    return rows
+
+
+def histograms(counters: Counters) -> tuple[tuple[tuple[str, ...], list[tuple[str, ...]]], ...]:
+    """Return heads and rows of each histogram: class, samples, those of the last 100, and a bar."""
+    sampled = ("seconds", "of the last 100", "")
+    position = _classes(TRAVEL_EDGES_PERCENT, counters.travel, _travel_short(counters))
+    deviation = _classes(DEVIATION_EDGES_PERCENT, counters.deviation, _deviation_short(counters))
+    return (
+        (("position, % of travel", *sampled), position),
+        (("setpoint - position, % of the span", *sampled), deviation),
+        (("span between reversals, % of the span", "cycles", ""), _classes(SPAN_EDGES_PERCENT, counters.spans)),
+    )
+
+
+def _hours(time_us: int) -> str:
+    return f"{time_us / _US_PER_H:.2f}"
 
 
 def _travel_short(counters: Counters) -> tuple[int, ...]:
@@ -97,17 +107,18 @@ def _histogram(edges: tuple[float, ...], histogram: tuple[int, ...]) -> dict[str
     return {"edges_percent": list(edges), "counts": list(histogram)}
 
 
-def _bars(edges: tuple[float, ...], histogram: tuple[int, ...], recent: tuple[int, ...] = ()) -> list[str]:
-    """Return a line for each class from the first that holds something to the last; `recent` is a second column."""
-    most = max(histogram)
-    if most == 0:
-        return ["  none yet"]
-    held = [at for at, count in enumerate(histogram) if count]
-    lines = []
-    for at in range(held[0], held[-1] + 1):
-        low = f"{edges[at - 1]:g}" if at else ""
-        high = f"{edges[at]:g}" if at < len(edges) else ""
-        beside = f"{recent[at]:>5}" if recent else ""
-        bar = "#" * round(_BAR * histogram[at] / most)
-        lines.append(f"  {low:>5} … {high:<5} {histogram[at]:>9}{beside}  {bar}".rstrip())
-    return lines
+def _classes(
+    edges: tuple[float, ...], histogram: tuple[int, ...], recent: tuple[int, ...] = ()
+) -> list[tuple[str, ...]]:
+    """Return a row for each class from the first that holds something to the last; `recent` is a second column."""
+    most, held = max(histogram), [at for at, count in enumerate(histogram) if count]
+    rows = []
+    for at in range(held[0], held[-1] + 1) if held else ():
+        name = f"< {edges[0]:g}" if at == 0 else f"≥ {edges[-1]:g}" if at == len(edges) else _between(edges, at)
+        beside = (f"{recent[at]}",) if recent else ()
+        rows.append((name, f"{histogram[at]}", *beside, "#" * round(_BAR * histogram[at] / most)))
+    return rows
+
+
+def _between(edges: tuple[float, ...], at: int) -> str:
+    return f"{edges[at - 1]:g} to {edges[at]:g}"

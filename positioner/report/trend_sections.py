@@ -14,6 +14,7 @@ from positioner.report.chart import Chart
 from positioner.report.layers import Limit, Line, Marks, Whiskers
 from positioner.report.page import Section, Status, Verdict
 from positioner.report.table import Table
+from positioner.report.trend_table import trend_table
 from positioner.wire.messages import Health
 
 if TYPE_CHECKING:
@@ -98,35 +99,13 @@ def trend_section(service: Service, signatures: Sequence[KeptResult]) -> Section
     if not trends.friction.moves:
         return Section(title, missing="No move in service has shown the friction yet: it takes full slips of the stem.")
     found = changes_of(settings, trends)
-    shares: list[tuple[str, Share, tuple[AlarmCause, ...]]] = [
-        (_FRICTION, found.friction, (AlarmCause.FRICTION_LOW, AlarmCause.FRICTION_HIGH)),
-        ("spring rate", found.spring, (AlarmCause.SPRING_RATE,)),
-        ("spring force", found.offset, (AlarmCause.SPRING_FORCE,)),
-    ]
-    if found.static is not None:
-        shares.insert(1, ("static friction", found.static, (AlarmCause.FRICTION_LOW, AlarmCause.FRICTION_HIGH)))
-    if found.jump is not None:
-        shares.append(("slip jump, of the span", found.jump, (AlarmCause.SLIP_JUMP,)))
-    limits = settings.limits
-    rows = tuple([_share_row(name, share, limits, causes) for name, share, causes in shares])
-    head = ("change in service", "value", "95 % interval", "maintenance at", "out of spec. at")
     moves = f"from {trends.friction.moves} moves, {trends.friction.moves_up} of them opening"
     one_sided = ("One direction alone has changed: this is no friction, but air supply or converter.",)
     remarks = (*(one_sided if found.one_sided else ()), f"In service: {moves}; λ = {settings.averaging:g}.")
     since = f"against the {reference.source} of {_date(reference.recorded)}"
     newest = (service.until, found.friction) if service.until else None
-    chart = friction_chart(signatures, reference.sliding_n, newest, limits)
-    return Section(title, since, (chart,) if chart else (), (Table(head, rows),), remarks)
-
-
-def _share_row(
-    name: str, share: Share, limits: Mapping[AlarmCause, Limits], causes: tuple[AlarmCause, ...]
-) -> tuple[str, ...]:
-    low, high = (f"{_PERCENT * end:+.1f}".replace("-", "\N{MINUS SIGN}") for end in (share.low, share.high))
-    value = f"{_PERCENT * share.value:+.1f} %".replace("-", "\N{MINUS SIGN}")
-    ends = [min(getattr(limits[cause], key) for cause in causes) for key in ("limit", "serious_limit")]
-    sign = "+" if causes == (AlarmCause.SLIP_JUMP,) else "±"
-    return (name, value, f"{low} to {high}", *(f"{sign}{_PERCENT * end:g} %" if end else words.NONE for end in ends))
+    chart = friction_chart(signatures, reference.sliding_n, newest, settings.limits)
+    return Section(title, since, (chart,) if chart else (), (trend_table(found, settings.limits),), remarks)
 
 
 def friction_chart(

@@ -13,7 +13,7 @@ from positioner.cycle.trust_events import PushFailed
 from positioner.health.classes import DEVIATION_EDGES_PERCENT, TRAVEL_EDGES_PERCENT, counted, empty
 from positioner.health.counters import Counters, CounterSettings
 from positioner.health.counters_document import counters_from, counters_in
-from positioner.health.counters_report import as_lines, as_values
+from positioner.health.counters_report import as_values, count_rows, histograms
 from positioner.health.counting import Counting, begin, count
 from positioner.health.observed import ObservedCycle
 from positioner.health.settings import HealthTable
@@ -153,7 +153,7 @@ def test_the_packing_spends_its_life_by_the_spans_of_the_cycles() -> None:
     assert stress(wear, spans) == pytest.approx(1000 / 1e6 + 400 / 4e4)
     settings, counters = replace(SETTINGS, wear=wear), replace(some(), spans=tuple(spans))
     assert as_values(settings, counters)["stress_factor"] == pytest.approx(0.011)
-    assert "packing, life spent    1.1 %" in as_lines(settings, counters)
+    assert count_rows(settings, counters)[-1] == ("packing, life spent", "1.1", "%", "")
     assert as_values(SETTINGS, counters)["stress_factor"] is None
     assert HealthTable().wear == ()
 
@@ -172,8 +172,18 @@ def test_the_time_of_a_test_procedure_is_function_check_and_not_active() -> None
     assert (counters.mode_us[Mode.READY], counters.mode_us[Mode.ACTIVE]) == (5 * PERIOD_US, 0)
     assert counters.checked_us == 30 * PERIOD_US
     assert counters.total_us == 35 * PERIOD_US
-    assert "FUNCTION_CHECK 0.00 h" in "\n".join(as_lines(testing, counters))
+    assert ("time in FUNCTION_CHECK", "0.00", "h", "") in count_rows(testing, counters)
     assert as_values(testing, counters)["function_check_s"] == pytest.approx(0.3)
+
+
+def test_a_histogram_shows_the_classes_from_the_first_to_the_last_that_hold_something() -> None:
+    travel, spans = [0] * 22, [0] * 21
+    travel[0], travel[2], travel[21], spans[20] = 15, 30, 7, 1
+    counters = replace(some(), travel=tuple(travel), travel_recent=(2, 2, 21), spans=tuple(spans))
+    (_, position), _, (head, cycles) = histograms(counters)
+    assert position[:3] == [("< 0", "15", "0", "#" * 15), ("0 to 5", "0", "0", ""), ("5 to 10", "30", "2", "#" * 30)]
+    assert (position[-1], len(position)) == (("≥ 100", "7", "1", "#" * 7), 22)
+    assert (head, cycles) == (("span between reversals, % of the span", "cycles", ""), [("≥ 100", "1", "#" * 30)])
 
 
 def test_counters_of_an_earlier_version_are_taken_over() -> None:

@@ -9,7 +9,7 @@ import pytest
 from stem import GAIN, PERIOD_S, REFERENCE, SETTINGS, SPAN, Stem, pushes
 
 from positioner.commissioning.stroke.memory import Cause as Stopped
-from positioner.health.alarm_text import alarm_as_json, alarm_lines, change_in_words, trend_lines, trends_as_json
+from positioner.health.alarm_text import alarm_as_json, alarm_lines, change_in_words, trend_line, trends_as_json
 from positioner.health.alarms import Changed, dated, packed_alarms
 from positioner.health.causes import LIMITS, AlarmCause
 from positioner.health.counters import Counters
@@ -19,7 +19,8 @@ from positioner.health.pressure import Pressure, PressureSettings, acted_ma
 from positioner.health.reference import Reference, reference_of
 from positioner.health.settings import HealthTable
 from positioner.health.trends_document import trends_from, trends_in
-from positioner.health.watch import Trends, Watch, WatchSettings, watch_cycle
+from positioner.health.watch import Trends, Watch, WatchSettings, changes_of, watch_cycle
+from positioner.report.trend_table import trend_table
 from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
 from positioner.wire.messages import Cause, Health, Mode
@@ -56,7 +57,7 @@ def test_friction_that_has_risen_is_told_once_with_evidence_and_remedy() -> None
     assert first.startswith("maintenance required: friction has risen: 2")
     assert "limit 20, since 2026-11-22T10:00:00Z, not acknowledged" in first
     assert evidence.endswith("% sure")
-    assert remedy.startswith("    remedy: look at the packing: too tight")
+    assert remedy.startswith("remedy: look at the packing: too tight")
     assert change_in_words(changed[0]).startswith("alarm: friction has risen: 2")
     assert json.loads(json.dumps(alarm_as_json(alarm)))["cause"] == "friction_high"
     assert packed_alarms(watch.trends.alarms) == 1 << 32 | 1 << 16 | 1
@@ -72,7 +73,7 @@ def test_without_a_measured_reference_no_trend_is_an_alarm() -> None:
     configured = replace(SETTINGS_OF, reference=replace(REFERENCE, source="configuration"))
     watch, changed = watched(Stem(friction=1.3), pushes(60), configured)
     assert changed == []
-    assert trend_lines(configured, watch.trends)[0].startswith("against the configuration")
+    assert trend_line(configured, watch.trends).startswith("against the configuration")
 
 
 def test_a_supply_that_limits_one_direction_is_not_called_friction() -> None:
@@ -128,9 +129,11 @@ def test_trends_that_were_not_written_so_are_refused(change: dict[str, Any]) -> 
 
 def test_the_trends_are_told_in_words_and_for_programs() -> None:
     watch, _ = watched(Stem(friction=1.3), pushes(60))
-    head, *rows = trend_lines(SETTINGS_OF, watch.trends)
-    assert head.startswith("against `identify` of 2026-01-01; 4")
-    assert rows[0].split()[:2] == ["sliding", "friction"]
+    assert trend_line(SETTINGS_OF, watch.trends).startswith("against `identify` of 2026-01-01; 4")
+    found = changes_of(SETTINGS_OF, watch.trends)
+    first, *_ = trend_table(found, SETTINGS_OF.limits).rows
+    assert (first[0], *first[3:]) == ("sliding friction", "±20 %", "±40 %")
+    assert float(first[1].removesuffix(" %")) == pytest.approx(100.0 * found.friction.value, abs=0.05)
     assert json.loads(json.dumps(trends_as_json(SETTINGS_OF, watch.trends)))["reference"]["source"] == "identify"
 
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import add_command, add_config, add_valve
-from positioner.cli.tables import add_json, show_json
+from positioner.cli.tables import add_output, show, show_json
 from positioner.config.reader import load_config
 from positioner.doctor import bus_load
 from positioner.errors import ExitCode
 from positioner.reach.case import Case
 from positioner.reach.figures import figures_of
 from positioner.reach.improvements import improvements
-from positioner.reach.report import as_table, as_text
+from positioner.reach.report import as_values, blocks
 
 if TYPE_CHECKING:
     import argparse
@@ -36,7 +35,7 @@ def add_parser(commands: Commands) -> None:
     parser = add_command(commands, "reach", _run, "compute what a valve can reach, and what would improve it", _EPILOG)
     add_config(parser)
     add_valve(parser)
-    add_json(parser)
+    add_output(parser)
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
@@ -47,8 +46,8 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     codec = configuration.make_codec()
     if arguments.json:
         load = bus_load.bus_load(codec, case.period_s, bus_load.FASTEST).total
-        table = {**as_table(case, figures, changes), "bus_load_at_1_mbit_per_s": load}
-        show_json(table)
+        show_json({**as_values(case, figures, changes), "bus_load_at_1_mbit_per_s": load})
     else:
-        sys.stdout.write(as_text(case, figures, changes, bus_load.in_words(codec, case.period_s)))
+        found = blocks(case, figures, changes, bus_load.in_words(codec, case.period_s))
+        show(found, as_markdown=arguments.markdown)
     return ExitCode.OK

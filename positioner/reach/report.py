@@ -1,13 +1,14 @@
-"""The figures as text for people, and as a table for programs. Pure."""
+"""The figures in tables for people, and as values for programs. Pure."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 from positioner.reach.figures import MOVE_OF_SPAN
 from positioner.reach.large_moves import SETTLED_OF_SPAN
+from positioner.report.table import Table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -15,9 +16,10 @@ if TYPE_CHECKING:
     from positioner.reach.case import Case
     from positioner.reach.figures import Figures
     from positioner.reach.improvements import Improvement
+    from positioner.report.text import Block
 
 
-def as_table(case: Case, figures: Figures, changes: Sequence[Improvement]) -> dict[str, object]:
+def as_values(case: Case, figures: Figures, changes: Sequence[Improvement]) -> dict[str, object]:
     """Return everything in SI units; what has no finite value is None."""
     return {
         "valve": case.valve.id,
@@ -34,21 +36,27 @@ def _finite(figures: Figures) -> dict[str, float | None]:
     return {key: value if math.isfinite(value) else None for key, value in values.items()}
 
 
-def as_text(case: Case, figures: Figures, changes: Sequence[Improvement], bus_load: str) -> str:
-    """Return the figures, a line each, with what would improve them."""
-    lines = [f"{case.valve.id}: what this valve can reach, computed from its configuration"]
+def blocks(case: Case, figures: Figures, changes: Sequence[Improvement], bus_load: str) -> Iterator[Block]:
+    """Yield the figures, and what would improve them, for a person."""
+    yield f"{case.valve.id}: what this valve can reach, computed from its configuration"
     for title, rows in _sections(case, figures, bus_load):
-        lines += ["", title, *(f"  {name:<30} {value}" for name, value in rows)]
-    lines += ["", "what would improve it, one change at a time"]
+        yield ""
+        yield replace(Table.of(("", ""), rows), caption=title)
+    yield ""
     if not changes:
-        lines.append("  nothing of what was tried: noise, period, lags, dead time, packing")
-    width = max((len(each.change) for each in changes), default=0)
-    for each in changes:
-        lines.append(
-            f"  {each.change:<{width}}   resolution {_length(each.figures.resolution_m, case)}, "
-            f"mean error {_length(each.figures.error_m, case)}, duration {_duration(each.figures.mean_s)}"
+        yield "nothing of what was tried would improve it: noise, period, lags, dead time, packing"
+        return
+    head = ("change", "resolution, mm", "resolution, %", "mean error, mm", "mean error, %", "duration, ms")
+    helped = [
+        (
+            each.change,
+            *_cells(each.figures.resolution_m, case),
+            *_cells(each.figures.error_m, case),
+            _milliseconds(each.figures.mean_s),
         )
-    return "\n".join(lines) + "\n"
+        for each in changes
+    ]
+    yield replace(Table.of(head, helped), caption="what would improve it, one change at a time")
 
 
 def _sections(case: Case, found: Figures, bus_load: str) -> Iterator[tuple[str, list[tuple[str, str]]]]:
@@ -104,8 +112,19 @@ def _range(low_m: float, high_m: float) -> str:
 
 
 def _length(length_m: float, case: Case) -> str:
-    percent = 100.0 * length_m / case.valve.span_m
-    return f"{length_m * 1e3:.{_digits(length_m * 1e3)}f} mm ({percent:.{_digits(percent)}f} %)"
+    length_mm, percent = _cells(length_m, case)
+    return f"{length_mm} mm ({percent} %)"
+
+
+def _cells(length_m: float, case: Case) -> tuple[str, str]:
+    """Return a length in mm and in percent of the span."""
+    length_mm, percent = length_m * 1e3, 100.0 * length_m / case.valve.span_m
+    return f"{length_mm:.{_digits(length_mm)}f}", f"{percent:.{_digits(percent)}f}"
+
+
+def _milliseconds(duration_s: float) -> str:
+    duration_ms = duration_s * 1e3
+    return f"{duration_ms:.{_digits(duration_ms)}f}" if math.isfinite(duration_s) else "never"
 
 
 def _duration(duration_s: float) -> str:

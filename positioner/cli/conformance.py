@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from typing import TYPE_CHECKING
 
 from positioner.bus.address import parse_address
 from positioner.cli.command import add_command
-from positioner.cli.tables import add_json
+from positioner.cli.tables import add_output, show, show_json
 from positioner.conformance.host import HostLimits, HostTest
 from positioner.conformance.on_bus import ConformanceTest, run_test
 from positioner.conformance.plant import PlantLimits, PlantTest
-from positioner.conformance.report import as_json, lines
+from positioner.conformance.report import as_values, blocks
 from positioner.conformance.rules import conforms
 from positioner.conformance.script import Script
 from positioner.errors import ExitCode
@@ -30,8 +29,8 @@ if TYPE_CHECKING:
 
 _SECONDS = number(0.0001, 3600.0, "a time from 0.0001 to 3600 s")
 _EPILOG = """\
-It prints one line for each rule: pass, FAIL or not seen (the node had no occasion to break it). Below a FAIL it
-prints the first frame that breaks the rule, and the fix.
+It prints one line for each rule: pass, FAIL or not seen (the node had no occasion to break it). For each FAIL there
+follow the first frame that breaks the rule, and the fix.
 
 examples:
   positioner conformance plant --bus socketcan:can0
@@ -75,7 +74,7 @@ def add_parser(commands: Commands) -> None:
             help="wire.id_offset of the positioner (default: %(default)s)",
         )
         node.add_argument("--travel", type=_range(-1e3, 1e3, "mm"), metavar="LOW:HIGH", help="allowed positions, in mm")
-        add_json(node)
+        add_output(node)
         if name == "plant":
             node.add_argument(
                 "--period",
@@ -138,8 +137,10 @@ def _host(arguments: argparse.Namespace) -> ExitCode:
 
 def _run(node: str, arguments: argparse.Namespace, codec: Codec, test: ConformanceTest, *, alone: bool) -> ExitCode:
     results, start_ns = run_test(parse_address(arguments.bus), codec, test, alone=alone)
-    text = [as_json(node, results, start_ns)] if arguments.json else lines(results, start_ns)
-    sys.stdout.write("".join(f"{line}\n" for line in text))
+    if arguments.json:
+        show_json(as_values(node, results, start_ns))
+    else:
+        show(blocks(node, results, start_ns), as_markdown=arguments.markdown)
     return ExitCode.OK if conforms(results) else ExitCode.FAILURE
 
 

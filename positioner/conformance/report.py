@@ -1,37 +1,42 @@
-"""The results of a conformance test in lines for people, and as JSON for programs. Pure."""
+"""The results of a conformance test in a table for people, and as values for programs. Pure."""
 
 from __future__ import annotations
 
-import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from positioner.conformance.rules import RuleResult, Verdict, conforms
+from positioner.report.table import Table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from positioner.report.text import Block
     from positioner.wire.messages import CanFrame
 
 _MARKS = {Verdict.PASS: "pass", Verdict.FAIL: "FAIL", Verdict.NOT_SEEN: "not seen"}
 _NS = 1e9
 
 
-def lines(results: Sequence[RuleResult], start_ns: int) -> Iterator[str]:
-    """Yield one line for each rule, its first violation and the fix below a broken one, and the sums at the end."""
-    width = max(len(result.rule.name) for result in results)
+def blocks(node: str, results: Sequence[RuleResult], start_ns: int) -> Iterator[Block]:
+    """Yield the verdict, each rule, and for a broken one the first frame that breaks it, and the fix."""
+    verdicts = [result.verdict for result in results]
+    counts = ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in Verdict)
+    kept = "breaks no rule" if conforms(results) else "breaks the rules"
+    yield f"the {node} {kept}: {counts}"
+    yield ""
+    rows = [(_MARKS[result.verdict], result.rule.name, result.rule.demands) for result in results]
+    yield Table.of(("verdict", "rule", "what it demands"), rows, names=2)
     for result in results:
-        yield f"{_MARKS[result.verdict]:8}  {result.rule.name:{width}}  {result.rule.demands}"
         if result.first is not None:
             times = f" ({result.violations} times)" if result.violations > 1 else ""
-            yield f"{'':8}  first: {_place(result.first.frame, start_ns)}{result.first.found}{times}"
-            yield f"{'':8}  fix:   {result.fix}"
-    verdicts = [result.verdict for result in results]
-    yield ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in Verdict)
+            yield ""
+            yield f"- {result.rule.name}, first: {_place(result.first.frame, start_ns)}{result.first.found}{times}"
+            yield f"- {result.rule.name}, fix: {result.fix}"
 
 
-def as_json(node: str, results: Sequence[RuleResult], start_ns: int) -> str:
-    """Return the results as one JSON object."""
-    report = {
+def as_values(node: str, results: Sequence[RuleResult], start_ns: int) -> dict[str, Any]:
+    """Return the results as the values of one JSON document."""
+    return {
         "node": node,
         "conforms": conforms(results),
         "rules": [
@@ -47,7 +52,6 @@ def as_json(node: str, results: Sequence[RuleResult], start_ns: int) -> str:
             for result in results
         ],
     }
-    return json.dumps(report, indent=2, ensure_ascii=False)
 
 
 def _place(frame: CanFrame | None, start_ns: int) -> str:

@@ -16,9 +16,10 @@ from conformance_plants import CODEC, DEADMAN_S, OFFSET, Plant
 from positioner.conformance.crc_mistakes import mistake
 from positioner.conformance.host import HOST_RULES, HostLimits, HostTest
 from positioner.conformance.plant import PLANT_RULES, PlantLimits, PlantTest
-from positioner.conformance.report import as_json, lines
+from positioner.conformance.report import as_values, blocks
 from positioner.conformance.rules import RuleResult, Verdict, conforms
 from positioner.conformance.script import Script
+from positioner.report.table import Table
 from positioner.wire import e2e
 from positioner.wire.codec import own_database
 from positioner.wire.messages import CanFrame, CurrentCommand, Health, PositionerAlarms, Setpoint, StemPosition
@@ -141,18 +142,20 @@ def test_one_mistake_breaks_no_rule_that_it_does_not_touch(faulty: type[Plant], 
 
 def test_the_report_names_the_first_frame_that_breaks_a_rule_and_the_fix() -> None:
     results = host_results(conformance_hosts.CountsByTwo())
-    text = list(lines(results, START_NS))
-    at = next(index for index, line in enumerate(text) if line.startswith("FAIL      counter"))
+    verdict, _, table, _, first, fix = blocks("host", results, START_NS)
+    assert verdict == "the host breaks the rules: 12 pass, 1 fail, 0 not seen"
+    assert isinstance(table, Table)
+    assert [row[:2] for row in table.rows if row[0] != "pass"] == [("FAIL", "counter")]
     assert re.fullmatch(
-        r" +first: 0\.010000 s  1A0  ([0-9A-F]{2} ){8} SETPOINT has the counter 2 after 0 \(999 times\)", text[at + 1]
+        r"- counter, first: 0\.010000 s  1A0  ([0-9A-F]{2} ){8} SETPOINT has the counter 2 after 0 \(999 times\)",
+        str(first),
     )
-    assert text[at + 2].endswith("fix:   give each message a counter of its own, add 1 for each frame, and lose none")
-    assert text[-1] == "12 pass, 1 fail, 0 not seen"
+    assert fix == "- counter, fix: give each message a counter of its own, add 1 for each frame, and lose none"
 
 
 def test_the_json_report_has_the_same_content() -> None:
     results = host_results(conformance_hosts.SpeaksInMetres())
-    report = json.loads(as_json("host", results, START_NS))
+    report = json.loads(json.dumps(as_values("host", results, START_NS)))
     assert (report["node"], report["conforms"]) == ("host", False)
     by_name = {rule["name"]: rule for rule in report["rules"]}
     assert {name for name, rule in by_name.items() if rule["verdict"] == "fail"} == {"travel"}

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from tqdm import tqdm
+
 from positioner.cli.command import add_command, add_config, add_state
-from positioner.cli.tables import add_json, show_json
+from positioner.cli.tables import add_output, show, show_json
 from positioner.doctor.examination import Examination
 from positioner.doctor.finding import Level, worst
+from positioner.report.table import Table
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Iterator
 
     from positioner.cli.command import Commands
     from positioner.errors import ExitCode
+    from positioner.report.text import Block
 
 _EPILOG = """\
 examples:
@@ -22,8 +27,8 @@ examples:
   positioner doctor --config /etc/positioner/fv101.toml           a valve: bus, load, state, daemon, live feedback
   positioner doctor --config /etc/positioner/fv101.toml --json    the same for programs
 
-It changes nothing and sends nothing. Each finding is OK, WARN or FAIL; below a problem follows the
-command that solves it, where there is one.
+It changes nothing and sends nothing. Each finding is OK, WARN or FAIL; below them follow the commands that solve the
+problems.
 
 exit status: 0 no finding is FAIL, 1 a finding is FAIL, 78 the configuration is wrong.
 """
@@ -36,20 +41,34 @@ def add_parser(commands: Commands) -> None:
     )
     add_config(parser, required=False)
     add_state(parser)
-    add_json(parser)
+    add_output(parser)
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
     examination = Examination(arguments.config, arguments.state)
-    for finding in examination.findings():
-        if not arguments.json:
-            sys.stdout.write(f"{finding}\n")
-            sys.stdout.flush()
+    for _ in tqdm(examination.findings(), "doctor", unit=" findings", delay=1, leave=False, disable=None):
+        pass
     if arguments.json:
         show_json(_as_json(examination))
     else:
-        sys.stdout.write(f"{_summary(examination)}\n")
+        show(_blocks(examination), as_markdown=arguments.markdown)
     return examination.exit_code
+
+
+def _blocks(examination: Examination) -> Iterator[Block]:
+    """Yield how many findings are how serious, each of them, and the commands that solve problems."""
+    found = examination.found
+    levels = [finding.level for finding in found]
+    yield ", ".join(f"{levels.count(level)} {level.name}" for level in reversed(Level))
+    yield ""
+    rows = [(finding.level.name, finding.subject, finding.text) for finding in found]
+    problems = frozenset(number for number, level in enumerate(levels) if level is Level.FAIL)
+    yield replace(Table.of(("level", "subject", "finding"), rows, names=2), marked=problems)
+    for finding in found:
+        if finding.fix:
+            yield ""
+            yield f"{finding.level.name} {finding.subject}, fix:"
+            yield f"  `{finding.fix}`"
 
 
 def _as_json(examination: Examination) -> dict[str, object]:
@@ -61,8 +80,3 @@ def _as_json(examination: Examination) -> dict[str, object]:
             for finding in examination.found
         ],
     }
-
-
-def _summary(examination: Examination) -> str:
-    levels = [finding.level for finding in examination.found]
-    return f"{levels.count(Level.OK)} OK, {levels.count(Level.WARN)} WARN, {levels.count(Level.FAIL)} FAIL"

@@ -27,11 +27,6 @@ class Finding:
     text: str
     fix: str = ""
 
-    def __str__(self) -> str:
-        """One line, and where there is a fix a second, indented one with it."""
-        line = f"{self.level.name:<5} {self.subject:<14} {self.text}"
-        return f"{line}\n{'':<20} fix:  {self.fix}" if self.fix else line
-
 
 def worst(findings: Iterable[Finding]) -> Level:
     """Return the most serious level of the findings."""

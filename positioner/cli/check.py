@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from positioner.cli.command import add_command
-from positioner.cli.tables import add_json, show_json
+from positioner.cli.tables import add_output, show, show_json
 from positioner.config.locations import location_of
 from positioner.config.reader import load_valves
 from positioner.config.several import by_bus
@@ -18,6 +18,7 @@ from positioner.errors import ConfigurationError, ExitCode
 from positioner.laws.outside import OutsideLaw
 from positioner.laws.registry import is_outside
 from positioner.reach.expected import in_words
+from positioner.report.table import Table
 
 if TYPE_CHECKING:
     import argparse
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
     from positioner.cli.command import Commands
     from positioner.config.schema import Configuration
+    from positioner.report.text import Block
     from positioner.valve.parameters import ValveParameters
 
 _EPILOG = """\
@@ -45,7 +47,7 @@ def add_parser(commands: Commands) -> None:
     which = parser.add_mutually_exclusive_group(required=True)
     which.add_argument("config", nargs="?", type=Path, metavar="FILE.toml", help="the configuration")
     which.add_argument("--example", action="store_true", help="print a commented configuration")
-    add_json(parser)
+    add_output(parser)
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
@@ -55,8 +57,10 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.json:
         return _as_json(arguments.config)
     configurations = load_valves(arguments.config)
-    summaries = [summary(each, location_of(each, arguments.config).state) for each in configurations]
-    sys.stdout.write(f"{arguments.config}: good\n" + "\n".join(summaries) + shared_buses(configurations))
+    blocks: list[Block] = [f"{arguments.config}: good"]
+    for each in configurations:
+        blocks += ["", Table.of(("", ""), summary_rows(each, location_of(each, arguments.config).state))]
+    show([*blocks, *shared_buses(configurations)], as_markdown=arguments.markdown)
     return ExitCode.OK
 
 
@@ -113,13 +117,8 @@ def example_text() -> str:
     return resources.files("positioner").joinpath("example.toml").read_text(encoding="utf-8")
 
 
-def summary(configuration: Configuration, state: Path) -> str:
-    """Return the main properties of the configured valve in mm, % and ms, a line each; `state` holds its table."""
-    return "".join(f"  {name:<22} {value}\n" for name, value in summary_rows(configuration, state))
-
-
 def summary_rows(configuration: Configuration, state: Path) -> tuple[tuple[str, str], ...]:
-    """Return the main properties of the configured valve: names, and values with their units."""
+    """Return the main properties of the configured valve: names, and values with units; `state` holds its table."""
     valve = configuration.valve
     friction_n = valve.static_friction_n
     return (
@@ -152,14 +151,14 @@ def _outside(configuration: Configuration) -> list[tuple[str, str]]:
     return [("law from outside", law.in_words())] if isinstance(law, OutsideLaw) else []
 
 
-def shared_buses(configurations: Sequence[Configuration]) -> str:
-    """Return the load of each bus that several of the valves share, a line each."""
+def shared_buses(configurations: Sequence[Configuration]) -> list[str]:
+    """Return the load of each bus that several of the valves share, a line each below an empty one."""
     loads = [
         bus_load.of_several(str(some[0].bus), [(each.make_codec(), each.control.sample_period_s) for each in some])
         for some in by_bus(configurations)
         if len(some) > 1
     ]
-    return "".join(f"\n{load.subject} of {load.text}\n" for load in loads)
+    return [line for load in loads for line in ("", f"{load.subject} of {load.text}")]
 
 
 def _deadman(configuration: Configuration) -> str:

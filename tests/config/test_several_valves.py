@@ -169,12 +169,12 @@ def test_check_shows_every_valve_and_the_load_of_a_shared_bus(
 ) -> None:
     assert main(["check", str(written(tmp_path, THREE))]) == ExitCode.OK
     shown = capsys.readouterr().out
-    assert [line.split()[1] for line in shown.splitlines() if line.startswith("  valve ")] == [
+    assert [line.split()[1] for line in shown.splitlines() if line.startswith("valve ")] == [
         "FV-101,",
         "FV-102,",
         "FV-103,",
     ]
     # 1400 frames of samples and 420 others in a second, of 135 bits each with all stuff bits
-    assert [line for line in shown.splitlines() if line.startswith("bus load")] == [
+    assert [line for line in shown.splitlines() if line.startswith("bus load of")] == [
         "bus load of socketcan:can1 with 2 valves: 25 % of 1 Mbit/s at most"
     ]

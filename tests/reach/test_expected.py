@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from positioner.cli.check import summary
+from positioner.cli.check import summary_rows
 from positioner.cli.main import main
 from positioner.config.reader import parse_config
 from positioner.doctor import cycle_time
@@ -68,8 +68,7 @@ def test_check_and_doctor_name_the_error_to_expect_and_a_law_or_period_that_does
         assert found is not None
         assert float(found.group(1)) == pytest.approx(percent, rel=0.4)
         assert why in text
-    rows = dict(line.strip().split("  ", 1) for line in summary(configuration, tmp_path).splitlines())
-    assert rows.get("error to expect", "").strip() == text
+    assert dict(summary_rows(configuration, tmp_path)).get("error to expect", "") == text
     findings = [finding for finding in Examination(path, tmp_path).findings() if finding.subject == "error"]
     assert [finding.text for finding in findings] == ([text] if text else [])
     for finding in findings:
@@ -92,5 +91,5 @@ def test_a_period_that_is_no_problem_is_no_warning(tmp_path: Path, capsys: pytes
     path.write_text(text_of("nmpc", 0.005), encoding="utf-8")
     assert main(["check", str(path)]) == 0
     out = capsys.readouterr().out
-    assert "  error to expect  " in out
+    assert "\nerror to expect  " in out
     assert "too long" not in out

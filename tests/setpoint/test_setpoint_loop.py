@@ -13,7 +13,7 @@ from positioner.bench import inprocess
 from positioner.bench.configure import configuration_text
 from positioner.bench.scenario import Scenario
 from positioner.bus.address import BusAddress
-from positioner.cli.check import summary
+from positioner.cli.check import summary_rows
 from positioner.cli.main import main
 from positioner.commissioning.experiment import Experiment
 from positioner.commissioning.procedure import ProcedureLimits, commissioning_setup
@@ -107,6 +107,7 @@ def test_a_test_procedure_knows_no_setpoint_functions() -> None:
 
 
 def test_check_shows_the_functions_that_are_on() -> None:
-    on = summary(configured(wanted((75.0,)), 'characteristic = "quick opening"\nclosing_per_s = 0.5'), Path("state"))
-    assert "  setpoint               quick opening, closing at most 50 %/s\n" in on
-    assert "  setpoint " not in summary(configured(wanted((75.0,)), ""), Path("state"))
+    given = 'characteristic = "quick opening"\nclosing_per_s = 0.5'
+    on = dict(summary_rows(configured(wanted((75.0,)), given), Path("state")))
+    assert on["setpoint"] == "quick opening, closing at most 50 %/s"
+    assert "setpoint" not in dict(summary_rows(configured(wanted((75.0,)), ""), Path("state")))

@@ -105,6 +105,13 @@ def test_lines_lose_their_marks_and_a_command_stays_one_line() -> None:
     assert text.splitlines() == ["Title", "a strong word", f"  {command[1:-1]}"]
 
 
+@pytest.mark.parametrize("width", [None, 80])
+def test_a_comment_of_a_command_is_no_heading(width: int | None) -> None:
+    line = "  `positioner reach --config fv101.toml  # what would help`"
+    text = shown(["## Title", line], width, environment=PLAIN)
+    assert text == f"Title\n{line.replace('`', '')}\n"
+
+
 @pytest.mark.parametrize(
     ("cells", "numeric"),
     [

@@ -80,4 +80,4 @@ def test_check_reports_when_the_sample_period_is_too_long_for_the_deadman(
     bus = BusAddress(interface="virtual", channel="none")
     path = write_configuration(tmp_path, bus, control={"sample_period_s": period_s}, guard=guard)
     assert main(["check", str(path)]) == 0
-    assert f"  actuator's deadman     {expected}" in capsys.readouterr().out
+    assert f"\nactuator's deadman     {expected}" in capsys.readouterr().out

@@ -7,7 +7,7 @@ gives a line and an exit status, never a traceback.
 import os
 import sys
 
-_SYSTEM, _INTERNAL = 71, 70
+_SYSTEM, _INTERNAL, _INTERRUPTED = 71, 70, 130
 TRACEBACK = "POSITIONER_TRACEBACK"
 """Name of an environment variable: where it is set, an unexpected error ends in a traceback."""
 
@@ -21,7 +21,9 @@ def load(program: str, module: str) -> int:
     """Run what `module` has `prepared`; return its exit status, or that of a program that cannot be loaded."""
     try:
         command = __import__(module, fromlist=("prepared",)).prepared()  # importlib might have to be loaded first
-    except (KeyboardInterrupt, SystemExit):
+    except KeyboardInterrupt:  # loading takes seconds on a busy machine
+        return _INTERRUPTED
+    except SystemExit:
         raise
     except BaseException as error:  # a library written in Rust panics with a BaseException
         if os.environ.get(TRACEBACK):

@@ -84,6 +84,20 @@ def test_a_program_that_cannot_be_loaded_ends_in_one_line(
         program.main()
 
 
+@pytest.mark.parametrize("program", [start, plant_start])
+def test_ctrl_c_while_a_program_is_loaded_ends_it_without_a_traceback(
+    program: Any, monkeypatch: pytest.MonkeyPatch, capsys: Output
+) -> None:
+    def interrupted(*_arguments: object, **_named: object) -> Any:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(builtins, "__import__", interrupted)
+    status = program.main()
+    monkeypatch.undo()
+    assert status == 130
+    assert capsys.readouterr().err == ""
+
+
 @pytest.mark.parametrize("number", [errno.EIO, errno.EMFILE, errno.ENOMEM])
 def test_a_file_that_the_system_refuses_for_now_is_no_mistake_of_the_configuration(
     number: int, monkeypatch: pytest.MonkeyPatch, capsys: Output, tmp_path: Path

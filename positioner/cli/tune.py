@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from positioner.cli.command import add_command, add_workers, workers_of
+from positioner.cli.command import add_command, add_workers, refuse_without_folder, workers_of
 from positioner.cli.names import add_plant, plant_of
 from positioner.cli.tables import add_json, note, show_json
 from positioner.errors import ExitCode, UsageError, writing
@@ -70,6 +70,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         raise UsageError(f"--seed must not be negative, nor {reserved}: the league compares the laws on those seeds")
     if arguments.law not in LAWS and (problem := law_problem(arguments.law, tuple(SEARCHES))):
         raise UsageError(f"law {arguments.law!r} {problem}")
+    refuse_without_folder("--out", arguments.out)  # a search takes minutes to hours
     if arguments.real_valves:
         if arguments.plant:
             raise UsageError("--plant does not go with --real-valves: it has a plant for each lag")

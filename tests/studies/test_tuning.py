@@ -235,6 +235,7 @@ def test_the_command_writes_the_result_of_the_search(tmp_path: Path, capsys: pyt
         (["--seed", "102"], "nor 101 to 103"),
         (["--seed", "-1"], "must not be negative"),
         (["--budget", "0"], "--budget must be at least 1"),
+        (["--out", "/nowhere/pi.toml"], "--out /nowhere/pi.toml: there is no folder /nowhere"),
     ],
 )
 def test_what_cannot_be_searched_is_refused(
@@ -246,6 +247,5 @@ def test_what_cannot_be_searched_is_refused(
 
 @pytest.mark.usefixtures("short")
 def test_a_file_that_cannot_be_written_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "missing" / "pi.toml"
-    assert main(["tune", "two-move", "--budget", "1", "--out", str(out)]) == ExitCode.IO
+    assert main(["tune", "two-move", "--budget", "1", "--out", str(tmp_path)]) == ExitCode.IO
     assert "cannot be written" in capsys.readouterr().err

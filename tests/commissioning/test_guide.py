@@ -125,7 +125,7 @@ def expected_after(line: str) -> list[str]:
 
 def label_of(line: str) -> str:
     """Return what a line begins with, before its figures."""
-    return re.split(r"[-+]?\d|  +", line.strip())[0].strip()
+    return re.split(r"[-+]?\d|  +|─+", line.strip())[0].strip()
 
 
 @pytest.mark.slow

@@ -131,7 +131,7 @@ positioner.simulate
 assert "numpy" in sys.modules
 assert "matplotlib" not in sys.modules
 """
-    done = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True, text=True, timeout=300.0)
+    done = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True, text=True, timeout=900.0)
     assert done.returncode == 0, done.stderr
     with pytest.raises(AttributeError, match="no attribute 'simulat'"):
         positioner.simulat  # type: ignore[attr-defined]  # noqa: B018
@@ -146,7 +146,7 @@ def test_a_type_checker_knows_the_names(tmp_path: Any) -> None:
         encoding="utf-8",
     )
     command = [sys.executable, "-m", "mypy", "--no-incremental", "--follow-imports=silent", str(own)]
-    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=300.0)
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=900.0)
     assert "numpy.dtype[numpy.floating[numpy._typing._nbit_base._64Bit]]" in done.stdout or "float64" in done.stdout
     assert "Verdict" in done.stdout
     assert 'Module has no attribute "simulat"' in done.stdout

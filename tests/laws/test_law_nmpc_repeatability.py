@@ -42,25 +42,6 @@ def test_the_factor_is_that_of_the_landings(part: float, least: float, most: flo
     assert least <= float(np.median(factors)) <= most
 
 
-@pytest.mark.parametrize(("part", "least", "most"), [(4.0, 6.0, 16.0), (2.0, 1.5, 8.0)])
-def test_landings_that_scatter_more_than_configured_are_believed_too(part: float, least: float, most: float) -> None:
-    known = [after(Repeatability(), part * LANDING_M, 60, seed) for seed in range(5)]
-    assert least <= float(np.median([each.factor for each in known])) <= most
-
-
-def test_the_larger_factors_do_not_count_where_landings_scatter_no_more_than_configured() -> None:
-    known = after(Repeatability(), 0.5 * LANDING_M, 60)
-    assert max(known.logs[4:]) < 0.0
-    unlikely = replace(known, logs=(*known.logs[:4], -6.0, -6.0))
-    assert known.followed_by(rest_after(known, 1e-4)).factor == unlikely.followed_by(rest_after(known, 1e-4)).factor
-
-
-@pytest.mark.parametrize("part", [0.0, 1.0, 4.0])
-def test_the_scatter_is_that_of_the_landings_without_the_error_of_the_readings(part: float) -> None:
-    found = [after(Repeatability(), part * LANDING_M, 60, seed).scatter_m2 for seed in range(9)]
-    assert np.sqrt(np.median(found)) == pytest.approx(part * LANDING_M, rel=0.25, abs=0.4 * READING_M)
-
-
 def test_a_valve_that_no_longer_repeats_itself_is_believed_after_a_few_landings() -> None:
     precise = after(Repeatability(), 0.0, 200)
     assert precise.factor < 0.05

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -15,9 +15,6 @@ from positioner.laws.nmpc.untold.law import UntoldLagLaw, UntoldMemory
 from positioner.valve.fit import ValveFit
 from positioner.valve.stiction import StictionTable
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
 PERIOD_S = 1e-3
 QUIET = {"noise_of_reading": 0.0, "noise_of_span": 0.0005}
 
@@ -26,21 +23,11 @@ NOISY = {"noise_of_reading": 0.02, "noise_of_span": 0.0}
 
 def played(setpoints_mm: tuple[float, ...], sensor: dict[str, float], **actuator: float) -> tuple[UntoldMemory, int]:
     """Return the memory after a second at each setpoint, and the number of moves until another actuator was found."""
-    *_, last = played_on(setpoints_mm, sensor, PERIOD_S, **actuator)
-    return last
-
-
-def played_on(
-    setpoints_mm: tuple[float, ...], sensor: dict[str, float], period_s: float, **actuator: float
-) -> Iterator[tuple[UntoldMemory, int]]:
-    """Yield the memory after each cycle, and the number of moves until then, as long as no other actuator is found."""
     scenario = Scenario(
         name="untold",
         title="a lag that nobody has told",
         law="nmpc",
         seed=5,
-        sample_period_s=period_s,
-        setpoint_period_s=10.0 * period_s,
         setpoints_mm=setpoints_mm,
         dwell_s=1.0,
         plant={"preset": "paper", "actuator": actuator, "sensor": sensor},
@@ -53,16 +40,16 @@ def played_on(
     applied_ma, time_s, moves = configuration.valve.balance_current_ma(plant.stem.position_m), 0.0, 0
     memory: Any = None
     for setpoint_mm in setpoints_mm:
-        for _ in range(round(scenario.dwell_s / period_s)):
+        for _ in range(round(scenario.dwell_s / PERIOD_S)):
             plant, measured_m = valve.measure(settings, plant)
             memory = memory or law.begin(measured_m)
-            seen = Observation(measured_m, applied_ma, period_s, setpoint_mm * 1e-3, time_s)
+            seen = Observation(measured_m, applied_ma, PERIOD_S, setpoint_mm * 1e-3, time_s)
             memory, estimate = law.estimate(memory, seen)
             memory, decision = law.decide(memory, estimate.stem, seen, StictionTable())
             moves += decision.reason is not None and decision.actuator is None
-            applied_ma, time_s = decision.current_ma, time_s + period_s
-            plant = valve.step(settings, plant, applied_ma, period_s)
-            yield memory, moves
+            applied_ma, time_s = decision.current_ma, time_s + PERIOD_S
+            plant = valve.step(settings, plant, applied_ma, PERIOD_S)
+    return memory, moves
 
 
 def test_an_untold_lag_is_found_and_taken_over() -> None:
@@ -87,15 +74,6 @@ def test_a_valve_without_lag_is_never_taken_for_one_and_soon_watched_no_more() -
     assert memory.actuator is None
     assert memory.watch.is_over
     assert moves < 15
-
-
-def test_at_a_long_period_courses_are_explained_before_the_next_move_and_no_experiment_is_made() -> None:
-    waiting, experiments = 0, 0
-    for memory, _ in played_on((73.0, 87.0, 80.0, 74.0, 83.0, 77.0), NOISY, 0.02):
-        waiting, experiments = max(waiting, len(memory.watch.waiting)), memory.probes
-
-    assert waiting == 1
-    assert experiments == 0
 
 
 def test_a_lag_that_the_table_keeps_leads_from_the_first_cycle_on() -> None:

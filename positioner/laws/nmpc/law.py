@@ -10,6 +10,7 @@ corrects Γ. The stiction table keeps both, and the law reads them from it after
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from positioner.laws.bounds import Bounds
@@ -17,7 +18,6 @@ from positioner.laws.estimator_settings import measurement_sigma_m
 from positioner.laws.law import Decision
 from positioner.laws.move_reason import MoveReason
 from positioner.laws.nmpc.breakaway import load_from_table
-from positioner.laws.nmpc.correction import is_worth_a_move
 from positioner.laws.nmpc.departure import Departing
 from positioner.laws.nmpc.filter import Resting, Sliding, as_one_more_m2, average, believed_m, taught
 from positioner.laws.nmpc.landing import Landing
@@ -113,7 +113,7 @@ class NmpcLaw:
             pushes = memory.pushes.for_setpoint(wanted_m, self.valve.span_m)
             is_new = memory.setpoint_m is not None
             memory = replace(memory, setpoint_m=wanted_m, is_new=is_new, aim_m=wanted_m, corrections=0, pushes=pushes)
-        here = memory.stem
+        here, setpoint_m = memory.stem, observation.setpoint_m
         if isinstance(here, Sliding):
             soon = ahead(self.filter, memory, here, observation, self.period_s)
             if soon.stopped:
@@ -125,12 +125,7 @@ class NmpcLaw:
         may = pushes.may_push(observation.time_s) or pushes.has_moved(here.x, here.sigma_m)
         # a first command that acts later, or late, must be one that holds the stem: no echo can tell yet what acts
         may = may and (memory.hold_ma is not None or not self.command_delay_s)
-        if (
-            stem.stuck
-            and may
-            and memory.motion is Motion.REST
-            and is_worth_a_move(self.settings, memory, here, self.period_s)
-        ):
+        if stem.stuck and may and memory.motion is Motion.REST and self._is_worth_a_move(memory, here, setpoint_m):
             memory, begin = without_trial(self.settings.watch, memory, here, observation.time_s)
             memory, decision = self._start(memory, begin, observation, table)
         else:
@@ -175,6 +170,25 @@ class NmpcLaw:
         )
         return replace(memory, stem=self.filter.at_rest(stem.x, stem.variance_m2, load, sigmas))
 
+    def _is_worth_a_move(self, memory: NmpcMemory, here: Resting, setpoint_m: float) -> bool:
+        """Whether the error is probably beyond the tolerance: a new setpoint is worth a move sooner than a correction.
+
+        While it is open whether the move before has happened, a correction must be right in both cases.
+        """
+        own, error_m, tried = self.settings, setpoint_m - here.x, memory.monitor.verification
+        patience = 1.0 + own.patience * min(memory.corrections, own.patience_limit)
+        doubt_sigma = own.doubt_sigma if memory.corrections else own.doubt_sigma_unasked
+        if memory.is_new:
+            doubt_sigma = own.doubt_sigma_first
+        if abs(error_m) <= patience * (own.tolerance_m + doubt_sigma * here.sigma_m):
+            return False
+        if tried is None or not memory.corrections:
+            return True
+        origin, s = tried.origin, math.copysign(1.0, error_m)
+        # two places far apart are soon told apart
+        is_near = abs(here.x - origin.x) < _NEAR * abs(error_m)
+        return is_near and s * (setpoint_m - origin.x) > patience * (own.tolerance_m + doubt_sigma * origin.sigma_m)
+
     def _rest(self, memory: NmpcMemory, here: Resting) -> tuple[NmpcMemory, Decision]:
         """Return the middle of the stick band; the current follows it in steps only."""
         decision, held_ma = self._held(here.spring_n_per_m * here.x, memory.motion), memory.hold_ma
@@ -205,7 +219,7 @@ class NmpcLaw:
         monitor = replace(monitor, verification=verification, landing=Landing(here.x, aim_m, direction))
         ends_s, count = observation.time_s + self.longest_move_s, memory.corrections + 1
         memory = replace(memory, stem=sliding, motion=Motion.MOVE, aim_m=aim_m, monitor=monitor, ends_s=ends_s)
-        memory = replace(with_current_of_rest(memory, observation), corrections=count, shortest_m=begun.shortest_m)
+        memory = replace(with_current_of_rest(memory, observation), corrections=count)
         reason = MoveReason(setpoint_m - here.x, begun.gamma, aim_m)
         return memory, replace(decision, reason=reason, fallback=fallback or decision.fallback)
 
@@ -227,6 +241,8 @@ class NmpcLaw:
         )
 
 
+_NEAR = 0.5
+"""Two possible places of the stem are near each other within this part of the error."""
 _INSTANT_S = 1e-9
 """Rounding of a sum of periods."""
 _SAME_MA = 0.05

@@ -48,7 +48,6 @@ class NmpcMemory:
     settle_s: remaining time in SETTLE. hold_ma: the current at rest, None to choose one.
     setpoint_m: the setpoint that the law pursues; is_new: whether the stem has not rested since it came; aim_m: where
         the move is to end for it; corrections: moves made for it so far; pushes: those that failed.
-    shortest_m: the way of the smallest push, in the last move.
     ends_s: when the move must be over, in the law's time. lateness: of the commands.
     """
 
@@ -61,7 +60,6 @@ class NmpcMemory:
     is_new: bool = False
     aim_m: float = 0.0
     corrections: int = 0
-    shortest_m: float = 0.0
     ends_s: float = math.inf
     pushes: Pushes = field(default_factory=Pushes)
     lateness: Lateness = field(default_factory=Lateness)

@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from positioner.valve.stiction import StictionTable
 
 
-_WORK_EVERY_S = 1e-3
-"""A longer period has time for more work in a cycle: courses are explained as soon as at 1 kHz."""
 _MOST_NOISE = 200.0
 """The variance of an average is believed to be at most so many times that of white noise: AR(0.99)."""
 
@@ -102,8 +100,7 @@ class UntoldLagLaw:
             for _ in range(max(round(observation.elapsed_s / self.believed.period_s), 1)):
                 watch = watching.read(watch, observation.applied_ma, observation.measured_m, noise_m2, rests=rests)
             if rests or watch.course is None:  # a move of a law that believes in no lag may have no end
-                for _ in range(max(round(self.believed.period_s / _WORK_EVERY_S), 1)):
-                    watch = watching.worked(self.nominal, watch, self.believed.period_s)
+                watch = watching.worked(self.nominal, watch, self.believed.period_s)
         return replace(memory, inner=inner, watch=watch, probe=probe), estimate
 
     def decide(

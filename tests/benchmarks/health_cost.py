@@ -1,7 +1,7 @@
 """What the health of the valve adds to a cycle: `PYTHONPATH=tests python -m benchmarks.health_cost`.
 
-A recorded run of the paper's valve, mostly at rest, is given to the daemon's part for health again and again; the least
-time counts, beside the least time of `step` for the same cycles.
+A recorded run of the paper's valve is played again and again, each cycle followed by the daemon's part for health. The
+least time of each cycle counts, and the least time of its health, which stand side by side by the mode of the cycle.
 """
 
 from __future__ import annotations
@@ -12,22 +12,21 @@ import sys
 from time import perf_counter_ns
 from typing import TYPE_CHECKING, Any, cast
 
-from benchmarks.cycles import initial_state, scenario
+from benchmarks.cycles import CycleCase, scenario
+from benchmarks.distribution import smallest
 from benchmarks.valves import _NoWriter
-from plant_emulator.device import advance, initial_device, publish, take
 from positioner.bench.inprocess import configure
-from positioner.bench.playable import check_playable
-from positioner.cycle.input import CycleInput
 from positioner.cycle.step import step
 from positioner.runtime.valve_health import ValveHealth
-from positioner.wire.messages import Setpoint
 
 if TYPE_CHECKING:
+    from positioner.config.schema import Configuration
     from positioner.machine.journal import Log
     from positioner.runtime.learned_table import LearnedTable
 
-_NS = 1_000_000_000
-_REPEATS, _SETPOINTS, _DWELL_S, _SEED = 20, 6, 0.12, 3
+_REPEATS, _SETPOINTS, _SEED = 10, 3, 3
+_DWELLS_S = (0.12, 0.5)
+"""Eight moves a second, and two."""
 
 
 class _NoTable:
@@ -41,35 +40,42 @@ class _NoTable:
 
 
 def main() -> None:
-    """Print what a cycle takes, and what health adds."""
-    wanted = scenario(1e-3, _SETPOINTS, _DWELL_S, _SEED)
-    configuration = configure(wanted)
-    settings, setup = check_playable(wanted, configuration), configuration.make_setup()
-    state, device, cycles, steps_ns = initial_state(configuration), initial_device(settings, _SEED), [], 0
+    """Print what a cycle takes, and what health adds, for both dwells."""
     gc.disable()
-    for sample in range(round(wanted.duration_s / wanted.sample_period_s)):
-        inbox = []
-        if sample % wanted.samples_per_setpoint == 0:
-            inbox.append(setup.codec.encode(Setpoint(wanted.setpoint_m_at(sample)), sample % 256))
-        device, published = publish(setup.codec, settings, device)
-        cycle_input = CycleInput((*inbox, *published), round((sample + 1) * wanted.sample_period_s * _NS))
-        before, begin_ns = state, perf_counter_ns()
-        state, outbox, events = step(setup, before, cycle_input)
-        steps_ns += perf_counter_ns() - begin_ns
-        device = advance(settings, take(setup.codec, device, outbox), wanted.sample_period_s)
-        cycles.append((cycle_input, before, state, outbox, events))
-    least_ns = min(_observed_ns(configuration, cycles) for _ in range(_REPEATS))
-    each_us, step_us = least_ns / len(cycles) * 1e-3, steps_ns / len(cycles) * 1e-3
-    share = 100.0 * each_us / step_us
-    sys.stdout.write(f"health {each_us:.2f} us of a cycle, step {step_us:.0f} us: {share:.1f} % more\n")
+    for dwell_s in _DWELLS_S:
+        wanted = scenario(1e-3, _SETPOINTS, dwell_s, _SEED)
+        case, configuration = CycleCase(wanted), configure(wanted)
+        played = [_played(case, configuration) for _ in range(_REPEATS)]
+        timer_ns = min(_timer_ns() for _ in range(1000))
+        steps_ns, healths_ns = ([least - timer_ns for least in smallest([each[i] for each in played])] for i in (0, 1))
+        sys.stdout.write(f"a move each {dwell_s:g} s:\n")
+        for label in ("all", *dict.fromkeys(case.labels)):
+            chosen = [i for i, own in enumerate(case.labels) if label in ("all", own)]
+            step_us, health_us = (sum(part[i] for i in chosen) / len(chosen) * 1e-3 for part in (steps_ns, healths_ns))
+            share = 100.0 * health_us / step_us
+            sys.stdout.write(
+                f"  {label}, {len(chosen)} cycles: step {step_us:.1f} us, health {health_us:.2f} us: {share:.2f} %\n"
+            )
 
 
-def _observed_ns(configuration: Any, cycles: list[Any]) -> int:
+def _played(case: CycleCase, configuration: Configuration) -> tuple[list[int], list[int]]:
+    """Return the durations in ns of all cycles, and of their health."""
     health = ValveHealth(configuration, cast("LearnedTable", _NoTable()), cast("Log", logging.getLogger("none")))
-    begin_ns = perf_counter_ns()
-    for cycle in cycles:
-        health.cycle(*cycle)
-    return perf_counter_ns() - begin_ns
+    setup, state, inputs = case.start()
+    steps_ns, healths_ns = [0] * len(inputs), [0] * len(inputs)
+    now = perf_counter_ns
+    for index, cycle_input in enumerate(inputs):
+        before, began = state, now()
+        state, outbox, events = step(setup, before, cycle_input)
+        done = now()
+        health.cycle(cycle_input, before, state, outbox, events)
+        healths_ns[index], steps_ns[index] = now() - done, done - began
+    return steps_ns, healths_ns
+
+
+def _timer_ns() -> int:
+    began = perf_counter_ns()
+    return perf_counter_ns() - began
 
 
 if __name__ == "__main__":

@@ -105,9 +105,13 @@ class DaemonSlot:
             self._play(daemon, self._chance.uniform(0.0, _EARLY_S))
             return
         deadline_s = time.monotonic() + LONG_S
-        while not self._sample_log.exists() and time.monotonic() < deadline_s:
+        while not self._has_learned() and time.monotonic() < deadline_s:
             self._play(daemon, 0.05)
         self._play(daemon, self._chance.uniform(0.0, _LEARNING_S))
+
+    def _has_learned(self) -> bool:
+        """Return whether this daemon has learned a sample: how long it takes to start says nothing about its table."""
+        return self._sample_log.exists() and self._sample_log.stat().st_size > 0
 
     def _play(self, daemon: subprocess.Popen[bytes], duration_s: float) -> None:
         """Play the valve and the host: the stem moves, rests and trembles by the script, whatever the command."""

@@ -44,7 +44,7 @@ def test_kills_of_learners_and_daemons_leave_a_table_that_loads_without_a_hole(t
     loads = [int(found) for found in re.findall(r"^(\d+) loads after", report, re.MULTILINE)]
     assert [loads[0] >= 20, loads[1]] == [True, 2], report
     saved = [int(found) for found in re.findall(r"^  (\d+) samples saved", report, re.MULTILINE)]
-    assert saved[0] > 0, report  # two daemons on a slow machine may learn nothing: `make crash-test` kills 200
+    assert [saved[0] > 0, saved[1] > 0] == [True, True], report
     assert report.endswith("violations: 0\n"), report
 
 

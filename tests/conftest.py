@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
 
+import positioner.machine.can_libraries  # noqa: F401 - before a test loads python-can, which would load asammdf and pandas
 from positioner.start import TRACEBACK
 
 if TYPE_CHECKING:

@@ -11,10 +11,8 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import cantools.database
-from cantools.database.can import Database
-
 from positioner.errors import ConfigurationError, Problem
+from positioner.machine.can_libraries import cantools
 from positioner.wire import foreign, identifiers, messages, ranges
 from positioner.wire.fields import FieldFormat, field_format, field_names
 from positioner.wire.formats import FrameFormat, FrameRejectedError
@@ -24,6 +22,7 @@ from positioner.wire.settings import ID_OFFSETS, WireSettings
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from cantools.database.can import Database
     from cantools.database.can.message import Message as DbcMessage
 
     from positioner.wire.messages import CanFrame, Message
@@ -136,7 +135,8 @@ def packaged_dbc_text() -> str:
 def own_database() -> Database:
     """Return our DBC, parsed."""
     database = cantools.database.load_string(packaged_dbc_text(), "dbc")
-    assert isinstance(database, Database)  # noqa: S101 - for the type checker: "dbc" gives no other kind
+    # for the type checker: "dbc" gives no other kind
+    assert isinstance(database, cantools.database.can.Database)  # noqa: S101
     return database
 
 

@@ -7,11 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import cantools.database
-from cantools.database.can import Database
-from cantools.database.errors import Error as CantoolsError
-
 from positioner.errors import Problem
+from positioner.machine.can_libraries import cantools
 from positioner.wire.fields import field_format, field_names
 from positioner.wire.formats import FrameFormat
 from positioner.wire.signals import UnfitSignalError, check_numbers, counter_modulus, is_plain_integer
@@ -44,10 +41,11 @@ def read_messages(path: Path, problems: list[Problem]) -> tuple[DbcMessage, ...]
     except OSError as error:
         problems.append(Problem(where, None, f"cannot be read: {error.strerror}"))
         return ()
-    except (CantoolsError, ValueError) as error:
+    except (cantools.database.errors.Error, ValueError) as error:
         problems.append(Problem(where, None, f"is no DBC: {error}"))
         return ()
-    assert isinstance(database, Database)  # noqa: S101 - for the type checker: "dbc" gives no other kind
+    # for the type checker: "dbc" gives no other kind
+    assert isinstance(database, cantools.database.can.Database)  # noqa: S101
     if not database.messages:
         problems.append(Problem(where, None, "holds no message"))
     return tuple(database.messages)

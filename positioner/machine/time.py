@@ -6,6 +6,11 @@ import time
 from typing import NamedTuple, Protocol
 
 
+_TOGETHER_NS = 100_000
+"""Clocks that are read within this time are read together."""
+_MOST_READINGS = 5
+
+
 class Instant(NamedTuple):
     """One instant on both clocks, in ns: the monotonic one, and the wall clock, which may be stepped."""
 
@@ -33,8 +38,12 @@ class MachineTime:
     """The machine's own clocks."""
 
     def instant(self) -> Instant:
-        """Return the present instant on both clocks."""
-        return Instant(time.monotonic_ns(), time.time_ns())
+        """Return the present instant on both clocks, read again where this process was interrupted in between."""
+        for _ in range(_MOST_READINGS):
+            before_ns, wall_ns = time.monotonic_ns(), time.time_ns()
+            if time.monotonic_ns() - before_ns < _TOGETHER_NS:
+                break
+        return Instant(before_ns, wall_ns)
 
     def monotonic_ns(self) -> int:
         """Return the monotonic clock in ns."""

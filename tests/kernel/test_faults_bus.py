@@ -23,8 +23,8 @@ def calm(rig: Rig) -> None:
     ("discipline", "word"),
     [
         (("netem", "loss", "10%"), "lost"),
-        (("netem", "duplicate", "30%"), "repeated"),
-        (("netem", "delay", "15ms", "reorder", "50%", "50%"), "order"),
+        pytest.param(("netem", "duplicate", "30%"), "repeated", marks=pytest.mark.slow),
+        pytest.param(("netem", "delay", "15ms", "reorder", "50%", "50%"), "order", marks=pytest.mark.slow),
         (("netem", "corrupt", "20%"), "wrong CRC"),
     ],
     ids=["loss", "duplication", "reordering", "corruption"],
@@ -41,6 +41,7 @@ def test_a_bad_bus_is_counted_and_the_valve_stays_controlled(rig: Rig, disciplin
     assert not rig.logged("Traceback")
 
 
+@pytest.mark.slow
 def test_the_valve_stays_controlled_with_a_delay_of_a_period(rig: Rig) -> None:
     disturb(rig, "netem", "delay", "20ms", "5ms")
     rig.go_to(LOW_M)
@@ -50,6 +51,7 @@ def test_the_valve_stays_controlled_with_a_delay_of_a_period(rig: Rig) -> None:
     assert rig.mode() is Mode.ACTIVE
 
 
+@pytest.mark.slow
 def test_a_bus_that_takes_no_frames_is_logged_and_comes_back(rig: Rig) -> None:
     disturb(rig, "tbf", "rate", "800bit", "burst", "64", "limit", "64")
     rig.until(lambda: rig.logged("did not take a frame"))
@@ -76,6 +78,7 @@ def test_a_link_that_goes_down_fails_safe_on_both_sides_and_waits_to_be_armed(ri
     rig.go_to(HIGH_M)
 
 
+@pytest.mark.slow
 def test_a_link_that_is_deleted_and_made_again_is_found_again(rig: Rig) -> None:
     name = rig.bus.channel
     command("ip", "link", "delete", name)

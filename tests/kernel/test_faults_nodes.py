@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.kernel("faults")
 
 
+@pytest.mark.slow
 def test_a_flood_of_higher_priority_does_not_reach_the_positioner(rig: Rig, tmp_path: Path) -> None:
     before = len(rig.logged("mode "))
     words = ["cangen", rig.bus.channel, "-g", "0.5", "-I", "001", "-L", "8", "-n", "4000"]
@@ -32,6 +33,7 @@ def test_a_flood_of_higher_priority_does_not_reach_the_positioner(rig: Rig, tmp_
     rig.go_to(HIGH_M)
 
 
+@pytest.mark.slow
 def test_a_second_controller_is_an_alarm_for_as_long_as_it_speaks(rig: Rig) -> None:
     numbers = iter(range(100_000))
     rig.after(15, PositionerStatus)  # within a second after the arming it means that one ARM has armed two
@@ -49,6 +51,7 @@ def test_a_second_controller_is_an_alarm_for_as_long_as_it_speaks(rig: Rig) -> N
     assert rig.next(PositionerStatus).health is Health.GOOD
 
 
+@pytest.mark.slow
 def test_a_clock_that_is_stepped_by_an_hour_changes_nothing(rig: Rig) -> None:
     modes = len(rig.logged("mode "))
     for step in (1, -2):

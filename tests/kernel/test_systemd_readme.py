@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-pytestmark = pytest.mark.kernel("systemd")
+pytestmark = [pytest.mark.kernel("systemd"), pytest.mark.slow]
 WIRE = "vcan9"
 EDIT = f"""#!/bin/sh
 # what a user types into the editor: the period of the sensor, and limits that a busy machine does not reach

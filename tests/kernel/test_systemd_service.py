@@ -92,6 +92,7 @@ def test_a_killed_positioner_is_back_within_two_seconds_and_keeps_its_table(valv
     valve.go_to(0.080)
 
 
+@pytest.mark.slow
 def test_the_valve_fails_safe_while_nobody_commands_it(valve: Valve) -> None:
     valve.go_to(HIGH_M)
     systemctl("stop", valve.unit)
@@ -130,6 +131,7 @@ def running_s(valve: Valve) -> float:
     return time.monotonic() - int(show(valve.unit, "ExecMainStartTimestampMonotonic")) * 1e-6
 
 
+@pytest.mark.slow
 def test_a_positioner_waits_for_its_first_feedback_without_end_and_is_killed_if_it_hangs_meanwhile(
     valve: Valve,
 ) -> None:
@@ -148,6 +150,7 @@ def test_a_positioner_waits_for_its_first_feedback_without_end_and_is_killed_if_
     until(lambda: valve.is_active, valve.story)
 
 
+@pytest.mark.slow
 def test_a_positioner_that_hangs_before_its_first_cycle_is_killed_and_comes_back(valve: Valve) -> None:
     with start_within(valve, 5.0):
         late = journal(valve.unit).count("start operation timed out")
@@ -161,6 +164,7 @@ def test_a_positioner_that_hangs_before_its_first_cycle_is_killed_and_comes_back
     until(lambda: valve.is_active, valve.story, TIMEOUT_S * 2)
 
 
+@pytest.mark.slow
 def test_a_positioner_that_is_killed_again_and_again_is_not_given_up(valve: Valve) -> None:
     for _ in range(12):
         killed = valve.pid
@@ -170,6 +174,7 @@ def test_a_positioner_that_is_killed_again_and_again_is_not_given_up(valve: Valv
     assert int(show(valve.unit, "NRestarts")) >= 12
 
 
+@pytest.mark.slow
 def test_the_memory_of_the_positioner_stays_in_ram_and_within_a_limit(valve: Valve) -> None:
     status = Path(f"/proc/{valve.pid}/status").read_text(encoding="utf-8")
     held = dict(re.findall(r"^(VmLck|VmRSS):\s+(\d+) kB", status, re.MULTILINE))
@@ -179,6 +184,7 @@ def test_the_memory_of_the_positioner_stays_in_ram_and_within_a_limit(valve: Val
     assert 0.05 * most < int(held["VmRSS"]) * 1024 < 0.4 * most
 
 
+@pytest.mark.slow
 def test_a_bus_that_is_deleted_and_made_again_brings_the_service_back_by_itself(valve: Valve) -> None:
     systemctl("enable", valve.unit)
     command("ip", "link", "delete", "vcan0")
@@ -212,6 +218,7 @@ def test_a_stop_is_clean_and_saves_what_was_learned(valve: Valve) -> None:
     assert samples_in(valve) >= before
 
 
+@pytest.mark.slow
 def test_two_valves_on_two_buses_do_not_disturb_each_other(valve: Valve) -> None:
     add_vcan("vcan1")
     configure("fv102", "vcan1")

@@ -68,6 +68,7 @@ def test_lockstep_gives_the_numbers_of_the_embedded_bus_and_of_none(tmp_path: Pa
     assert (tmp_path / "bus.log").read_bytes() == logs[0].read_bytes()
 
 
+@pytest.mark.slow
 def test_a_vcan_that_is_up_is_found_and_used(tmp_path: Path) -> None:
     scenario = tmp_path / "scenario.toml"
     scenario.write_text(LOCKSTEP.replace("87.0, 80.0", "87.0"), encoding="utf-8")
@@ -79,6 +80,7 @@ def test_a_vcan_that_is_up_is_found_and_used(tmp_path: Path) -> None:
     assert "a virtual CAN interface of this machine" in output
 
 
+@pytest.mark.slow
 def test_thirty_seconds_in_real_time_at_100_hz_close_the_loop(tmp_path: Path) -> None:
     with vcan() as address:
         result = bench(tmp_path, REAL_TIME, str(address), "--clock", "realtime")

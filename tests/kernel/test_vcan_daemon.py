@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from positioner.bus.address import BusAddress
 
-pytestmark = pytest.mark.kernel("vcan")
+pytestmark = [pytest.mark.kernel("vcan"), pytest.mark.slow]
 
 
 @pytest.fixture(autouse=True)

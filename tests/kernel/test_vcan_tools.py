@@ -62,6 +62,7 @@ def test_candump_records_what_the_emulator_says_and_python_can_reads_it(bus: Bus
     assert kinds == {PlantTruth, StemPosition}
 
 
+@pytest.mark.slow
 def test_cantools_decodes_what_candump_shows(bus: BusAddress, tmp_path: Path) -> None:
     log = tmp_path / "dump.txt"
     with Program(["candump", "-n", "20", bus.channel], log) as candump, emulator(bus, tmp_path):
@@ -74,6 +75,7 @@ def test_cantools_decodes_what_candump_shows(bus: BusAddress, tmp_path: Path) ->
     assert all(-20.0 < float(value) < 160.0 for value in position)
 
 
+@pytest.mark.slow
 def test_cantools_monitor_shows_the_running_valve(bus: BusAddress, tmp_path: Path) -> None:
     words = [sys.executable, "-m", "cantools", "monitor", "-i", "socketcan", "-c", bus.channel, str(DBC)]
     with emulator(bus, tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import shutil
 import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -152,6 +153,21 @@ def test_a_kernel_that_panics_before_its_first_test_is_no_test_that_failed(
     assert "failed," not in said
     line = f"the kernel for vcan-test_two (QEMU) ended before its first test: {REASONS['qemu_no_root']}"
     assert f"Exit: {line}" in said
+
+
+def test_a_kernel_whose_tests_take_too_long_is_ended_and_its_tests_fail_without_another_try(
+    pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    engines = Engines(user_mode="")
+    endless = replace(KINDS["vcan"], timeout_s=0.0)
+    monkeypatch.setattr(dispatch, "KINDS", {**KINDS, "vcan": endless})
+    monkeypatch.setattr(fleet, "why_user_mode_cannot_run", lambda _kind: "")
+    monkeypatch.setattr(fleet.Guest, "kernel", "6.1")  # it came as far as its tests
+    status, said = play(pytester, engines, monkeypatch)
+    assert status == 1, said
+    assert [tests for _, tests in engines.asked if tests] == [["test_two.py::test_short", "test_two.py::test_long"]]
+    assert "2 failed" in said
+    assert "its tests were not over after 0 s" in said
 
 
 def test_a_selection_of_which_nothing_can_run_is_not_green(

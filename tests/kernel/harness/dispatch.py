@@ -94,7 +94,8 @@ class Dispatcher:
             for nodeid in guest.group.tests:
                 if not any(report.when == "teardown" for report in reports[nodeid]):
                     reports[nodeid].append(_died(by_id[nodeid], guest))
-                    self._report(by_id[nodeid], guest, reports[nodeid], again, last=last)
+                    # another try would take as long again
+                    self._report(by_id[nodeid], guest, reports[nodeid], again, last=last or guest.is_overdue)
         return again
 
     def _report(

@@ -83,6 +83,11 @@ class Guest:
         return self._process.poll() is not None
 
     @property
+    def is_overdue(self) -> bool:
+        """Whether it was ended because its tests took too long."""
+        return bool(self._overdue)
+
+    @property
     def kernel(self) -> str:
         """The name and version of the kernel, empty before it has come as far as its tests."""
         began = self._text(BEGAN).strip()

@@ -11,6 +11,7 @@ import pytest
 from daemon_helpers import write_configuration
 from links import command
 
+from positioner.bench import host, processes
 from positioner.bench.configure import configuration_text
 from positioner.bench.inprocess import run_in_process
 from positioner.bench.play import BenchOptions, play
@@ -32,6 +33,10 @@ seed = 7
 """
 
 
+_LONG_S = 900.0
+"""How long a process may take to start, and a frame to be answered: Python is some 25 times slower here."""
+
+
 @pytest.fixture(scope="module", autouse=True)
 def controllers() -> Iterator[None]:
     """Bring both interfaces up, as in docs/install.md."""
@@ -42,7 +47,11 @@ def controllers() -> Iterator[None]:
         command("ip", "link", "set", name, "down")
 
 
-def test_lockstep_between_two_controllers_gives_the_numbers_of_no_bus_at_all(tmp_path: Path) -> None:
+def test_lockstep_between_two_controllers_gives_the_numbers_of_no_bus_at_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(processes, "_START_S", _LONG_S)
+    monkeypatch.setattr(host, "_TIMEOUT_S", _LONG_S)
     (tmp_path / "scenario.toml").write_text(SCENARIO, encoding="utf-8")
     scenario = load_scenario(str(tmp_path / "scenario.toml"))
     text = configuration_text(scenario, BusAddress(channel="can0"), Path("state"))

@@ -13,6 +13,7 @@ import sys
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias
 
+from goal_table import show
 from tqdm import tqdm
 
 from plant_emulator.presets import plant_settings
@@ -146,11 +147,7 @@ def main() -> int:
             )
             lags = f"{case.preset}, lag {1e3 * case.lag_s:g} ms, dead time {1e3 * case.dead_s:g} ms"
             tqdm.write(f"{lags}, {'0.05 % of span' if case.is_low else '2 % of reading'}: {told}", file=sys.stderr)
-    lines = [
-        f"| {name} | {goal} | {figure} | {'yes' if met else '**no**'} |" for name, goal, figure, met in rows(results)
-    ]
-    sys.stdout.write("\n".join(["| quantity | goal | figure | met |", "|---|---|---|---|", *lines]) + "\n")
-    return 0 if all(met for *_, met in rows(results)) else 1
+    return show(rows(results))
 
 
 if __name__ == "__main__":

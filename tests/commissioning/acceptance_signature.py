@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from goal_table import show
 from tqdm import tqdm
 
 from plant_emulator import valve as plant_valve
@@ -205,11 +206,7 @@ def main() -> int:
     chosen = cases(short=arguments.short)
     with multiprocessing.Pool(min(arguments.workers, len(chosen))) as pool:
         results = list(tqdm(pool.imap(run, chosen), total=len(chosen), unit=" valves", disable=None))
-    lines = [
-        f"| {name} | {goal} | {figure} | {'yes' if met else '**no**'} |" for name, goal, figure, met in rows(results)
-    ]
-    sys.stdout.write("\n".join(["| quantity | goal | figure | met |", "|---|---|---|---|", *lines]) + "\n")
-    return 0 if all(met for *_, met in rows(results)) else 1
+    return show(rows(results))
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from goal_table import show
 from step_plant import CLEAN, HIGH, LOW, Played, make_test, play
 from tqdm import tqdm
 
@@ -24,7 +25,7 @@ from positioner.commissioning.step.memory import Doing
 from positioner.commissioning.step.result import StepResult, result_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from numpy.typing import NDArray
 
@@ -170,6 +171,26 @@ GOALS = (
 """Case, quantities, the largest error, its factor and its unit."""
 
 
+TITLES = {
+    "A": "closed loop, 0.05 % noise",
+    "B": "closed loop, 2 % noise",
+    "clean": "closed loop, no noise",
+    "clean open": "open loop, no noise",
+    "open": "open loop, 0.05 % noise",
+}
+
+
+def rows(found: Mapping[tuple[str, str], list[float]]) -> Iterator[tuple[str, str, str, bool]]:
+    """Yield quantity, goal, figure and whether it is met."""
+    for case_name, names, goal, factor, unit in GOALS:
+        for name in names:
+            values = [factor * each for each in found[case_name, name]]
+            if values:
+                met = max(abs(value) for value in values) <= goal + 1e-9
+                figure = f"{min(values):+.3f} to {max(values):+.3f} ({len(values)} medians)"
+                yield f"{TITLES[case_name]}: {name}", f"± {goal:g} {unit}", figure, met
+
+
 def main() -> int:
     """Print a row for each goal; return 1 where one is missed."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -183,28 +204,7 @@ def main() -> int:
         for case, errors in tqdm(pool.imap_unordered(run, chosen), total=len(chosen), unit=" tests", disable=None):
             for name, error in errors:
                 found[case.name, name].append(error)
-    failed = 0
-    tqdm.write("| step-test | goal | figure | met |\n|---|---|---|---|", file=sys.stdout)
-    for case_name, names, goal, factor, unit in GOALS:
-        for name in names:
-            values = [factor * each for each in found[case_name, name]]
-            if not values:
-                continue
-            met = max(abs(value) for value in values) <= goal + 1e-9
-            failed += not met
-            figure = f"{min(values):+.3f} to {max(values):+.3f} ({len(values)} medians)"
-            title = f"{TITLES[case_name]}: {name}"
-            tqdm.write(f"| {title} | ± {goal:g} {unit} | {figure} | {'yes' if met else '**no**'} |", file=sys.stdout)
-    return 1 if failed else 0
-
-
-TITLES = {
-    "A": "closed loop, 0.05 % noise",
-    "B": "closed loop, 2 % noise",
-    "clean": "closed loop, no noise",
-    "clean open": "open loop, no noise",
-    "open": "open loop, 0.05 % noise",
-}
+    return show(rows(found))
 
 
 if __name__ == "__main__":

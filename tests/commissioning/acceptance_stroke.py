@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
+from goal_table import show
 from stroke_runs import Played, configured, play
 from tqdm import tqdm
 
@@ -268,15 +269,13 @@ def main() -> int:
     with multiprocessing.Pool(arguments.workers) as pool:
         outcomes = list(tqdm(pool.imap(run, cases), total=len(cases), unit=" tests", disable=None))
     table(outcomes)
-    told = goals(outcomes)
-    tqdm.write("\n| goal | wanted | figure | met |\n|---|---|---|---|", file=sys.stdout)
-    for name, wanted, figure, met in told:
-        tqdm.write(f"| {name} | {wanted} | {figure} | {'yes' if met else '**no**'} |", file=sys.stdout)
+    tqdm.write("", file=sys.stdout)
+    status = show(goals(outcomes))
     for each in outcomes:
         if not each.right or not each.cause_right:
-            told_ = f"{each.case.kind}, seed {each.case.seed}: {each.verdict}, {each.cause or 'no cause'}"
-            tqdm.write(f"- {told_}", file=sys.stdout)
-    return 0 if all(met for *_, met in told) else 1
+            told = f"{each.case.kind}, seed {each.case.seed}: {each.verdict}, {each.cause or 'no cause'}"
+            tqdm.write(f"- {told}", file=sys.stdout)
+    return status
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from goal_table import show
 from tqdm import tqdm
 
 from plant_emulator.device import advance, initial_device, publish, take
@@ -174,11 +175,8 @@ def main() -> int:
     with multiprocessing.Pool(arguments.workers) as pool:
         outcomes = list(tqdm(pool.imap(play, jobs), total=len(jobs), unit=" runs", disable=None))
     table(outcomes)
-    tqdm.write("\n| goal | wanted | figure | |\n|---|---|---|---|", file=sys.stdout)
-    goals = judged(outcomes)
-    for what, wanted, figure, reached in goals:
-        tqdm.write(f"| {what} | {wanted} | {figure} | {'met' if reached else '**missed**'} |", file=sys.stdout)
-    return 0 if all(reached for *_, reached in goals) else 1
+    tqdm.write("", file=sys.stdout)
+    return show(judged(outcomes))
 
 
 if __name__ == "__main__":

@@ -120,14 +120,24 @@ def test_the_current_found_by_shooting_stops_the_stem_at_its_target(lag_s: float
     model = own.model
     pressure_ma = model.pressure_ma(own.spring_n_per_m * x + direction * 1650.0)
     brake_ma = model.pressure_ma(own.spring_n_per_m * x - direction * 850.0)
-    planned = own.with_drive(own.drive.with_reserve(0.2))
+    planned = own.with_drive(own.drive.with_reserve(0.2, 0.4))
 
     def stop_m(current_ma: float) -> float:
         return planned.stop_m(x, v, pressure_ma, pressure_ma, current_ma, brake_ma)
 
     target_m = 0.5 * (stop_m(4.0) + stop_m(20.0))
     found_ma = stopping_current_ma(
-        own, x, v, pressure_ma, pressure_ma, target_m, brake_ma, brake_ma, fastest_m_per_s=5.0, reserve=0.2
+        own,
+        x,
+        v,
+        pressure_ma,
+        pressure_ma,
+        target_m,
+        brake_ma,
+        brake_ma,
+        fastest_m_per_s=5.0,
+        reserve=0.2,
+        slew_reserve=0.4,
     )
 
     assert abs(stop_m(20.0) - stop_m(4.0)) > 2e-5

@@ -229,7 +229,7 @@ def test_the_end_of_a_rise_is_told_before_it_is_reached(true_lag: float) -> None
     own = drive_of(ActuatorParameters(fill_time_constant_s=0.1, vent_time_constant_s=0.1), PERIOD_S, 4.0, 20.0)
     share, rise, pressure_ma, end_ma = -math.expm1(-PERIOD_S / (0.1 * true_lag)), NO_RISE, 8.0, None
     while end_ma is None:
-        rise, end_ma = rise.after(own, pressure_ma, 20.0, 1e-3)
+        rise, end_ma = rise.after(own, pressure_ma, 20.0, 20.0, 1e-3)
         pressure_ma += share * (15.0 - pressure_ma)
 
     assert 15.0 < end_ma < 15.6
@@ -243,7 +243,7 @@ def test_a_rise_to_its_current_has_no_other_end() -> None:
     )
     pressure_ma = 8.0
     for _ in range(1000):
-        rise, end_ma = rise.after(own, pressure_ma, 18.0, 1e-3)
+        rise, end_ma = rise.after(own, pressure_ma, 18.0, 18.0, 1e-3)
         pressure_ma += 0.0075 * (18.0 - pressure_ma)
         assert end_ma is None
 

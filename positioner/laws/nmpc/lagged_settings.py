@@ -23,6 +23,7 @@ class LaggedSettings(SettingsTable):
     brake_share: distance of the braking pressure from the middle of the target's stick band, as a part of F_s.
     brake_limit: the strongest braking, as a part of F_c: inside the stick band, or the valve would reverse.
     brake_reserve: the share of the current's range, at each end, that a planned brake leaves unused.
+    slew_reserve: the share of the slew limit that a planned brake leaves unused.
     fastest_m_per_s: the cap of the speed.
     ramp_share: rise of the pressure while a slip is noticed, as a part of (F_s - F_c)/B, on the slowest ramp.
     ramp_reach: the fastest ramp is taken whose detectable jump is below this part of the error.
@@ -45,6 +46,7 @@ class LaggedSettings(SettingsTable):
     brake_share: Annotated[float, Interval(ge=0.0, lt=1.0)] = 0.5
     brake_limit: Annotated[float, Interval(ge=0.0, lt=1.0)] = 0.9
     brake_reserve: Annotated[float, Interval(ge=0.0, lt=0.4)] = 0.2
+    slew_reserve: Annotated[float, Interval(ge=0.0, lt=1.0)] = 0.4
     fastest_m_per_s: Annotated[float, Interval(gt=0.0, le=100.0)] = 1.0
     ramp_share: Annotated[float, Interval(gt=0.0, le=1.0)] = 0.12
     ramp_reach: Annotated[float, Interval(gt=0.0, le=1.0)] = 0.6

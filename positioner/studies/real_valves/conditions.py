@@ -117,6 +117,11 @@ def _all() -> dict[str, Condition]:
         "told-backlash-0.1": _told("backlash 0.1 % of span", _sensor(backlash_m=0.000127), 0.10),
         "told-backlash-0.5": _told("backlash 0.5 % of span", _sensor(backlash_m=0.000635), 0.30),
         "told-slew-40": _told("slew limit 40 mA/s", _actuator(slew_pa_per_s=40.0 * _PA_PER_MA), 0.06),
+        "told-three": _told(
+            "dead time 3 ms, I/P lag 8 ms and slew limit 77 mA/s",
+            _actuator(dead_time_s=0.003, converter_time_constant_s=0.008, slew_pa_per_s=77.0 * _PA_PER_MA),
+            0.06,
+        ),
         "no-lag-told": Condition(
             text="no lag configured, true lag up to 2 ms",
             believed=_no_lag_told,

@@ -20,6 +20,9 @@ _LONGEST_STEP_S = 2.5e-4
 _HORIZON_OF_CONVERTER = 2.0
 """With a converter that lags, the pressure is to arrive after one period and so many of the converter's τ_c."""
 
+_SLEWS = 0.999
+"""A change of so much of the slew limit's is limited by it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Drive:
@@ -56,20 +59,34 @@ class Drive:
             fill_s,
             vent_s,
             self.converter_s,
-            self.most_ma / self.step_s,
+            self.slew_ma_per_s,
             self.low_ma,
             self.high_ma,
         )
 
-    def with_reserve(self, share: float) -> Drive:
-        """Return the drive that leaves this share of the current's range unused at each end."""
+    def with_reserve(self, share: float, slew_share: float) -> Drive:
+        """Return the drive that leaves these shares unused: of the current's range at each end, of the slew limit."""
         reserve_ma = share * (self.high_ma - self.low_ma)
-        return replace(self, low_ma=self.low_ma + reserve_ma, high_ma=self.high_ma - reserve_ma)
+        return replace(
+            self,
+            low_ma=self.low_ma + reserve_ma,
+            high_ma=self.high_ma - reserve_ma,
+            most_ma=(1.0 - slew_share) * self.most_ma,
+        )
 
     @property
     def fill_sample(self) -> float:
         """The part of its way that a rising pressure covers in a sample."""
         return _covered(self.period_s, self.fill_s)
+
+    @property
+    def slew_ma_per_s(self) -> float:
+        """The highest rate of the pressure, infinity without a limit."""
+        return self.most_ma / self.step_s
+
+    def is_slewing(self, change_ma: float) -> bool:
+        """Return whether it is the slew limit, and no lag, that makes this change of the pressure in a sample."""
+        return abs(change_ma) >= _SLEWS * self.most_ma * self.steps
 
     def with_limit(self, high_ma: float) -> Drive:
         """Return the drive that gives no more than `high_ma`."""
@@ -77,8 +94,10 @@ class Drive:
 
     def step(self, pressure_ma: float, converter_ma: float, current_ma: float) -> tuple[float, float]:
         """Return pressure and converter output after one step of a sample under `current_ma`."""
+        before_ma = converter_ma
         converter_ma += self.converter_step * (current_ma - converter_ma)
-        gap_ma = converter_ma - pressure_ma
+        driving_ma = converter_ma if self.converter_s == 0.0 else 0.5 * (before_ma + converter_ma)
+        gap_ma = driving_ma - pressure_ma
         change_ma = (self.fill_step if gap_ma > 0.0 else self.vent_step) * gap_ma
         return pressure_ma + min(max(change_ma, -self.most_ma), self.most_ma), converter_ma
 

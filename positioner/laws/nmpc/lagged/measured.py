@@ -78,11 +78,12 @@ class MeasuredPressure:
         fills = change_ma > 0.0
         lag_s = drive.fill_s if fills else drive.vent_s
         left, slope = 0.0, 0.0
-        if lag_s > 0.0:
+        if drive.is_slewing(change_ma):
+            left = 1.0
+        elif lag_s > 0.0:
             r = min(drive.period_s / lag_s, _LONGEST_R)
             left = math.exp(-r)
-            if abs(change_ma) < _SLEWS * drive.most_ma * drive.steps:
-                slope = -change_ma * r / math.expm1(r) / (self.fill if fills else self.vent)
+            slope = -change_ma * r / math.expm1(r) / (self.fill if fills else self.vent)
         unknown_ma, wander = _UNKNOWN * change_ma, _WANDER * abs(change_ma)
         ff, vv = (self.ff + wander, self.vv) if fills else (self.ff, self.vv + wander)
         pa, aa, ao = (self.pf, ff, self.fo) if fills else (self.pv, vv, self.vo)
@@ -164,7 +165,5 @@ def unmeasured(lag2: float, fill: float = 1.0, vent: float = 1.0) -> MeasuredPre
     return MeasuredPressure(fill, vent, 0.0, 0.0, 0.0, 0.0, 0.0, lag2, 0.0, 0.0, lag2, 0.0, _OFFSET2)
 
 
-_SLEWS = 0.999
-"""A change of so much of the slew limit's is limited by it."""
 _ROUNDING_MA2 = 1e-6
 """Of a pressure in its frame, and of a current: 1 µA squared, with some spare."""

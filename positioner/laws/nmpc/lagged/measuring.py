@@ -46,7 +46,7 @@ def with_pressure(valve: LaggedValve, memory: LaggedMemory, reading_ma: float) -
         return replace(memory, measured=measured, notice=notice)
     pipeline = pipeline.measured(pressure_ma, measured.pp)
     read_ma, sigma_ma = reading_ma - measured.offset_ma, math.sqrt(noise.variance_ma2)
-    supply, limit_ma = measured.supply.after(valve.drive, read_ma, pipeline.acting_ma, sigma_ma)
+    supply, limit_ma = measured.supply.after(valve.drive, read_ma, pipeline.acting_ma, pipeline.converter_ma, sigma_ma)
     measured = replace(measured, noise=noise, supply=supply)
     stem = memory.stem
     if limit_ma is not None and limit_ma > _LEAST_LIMIT_MA:

@@ -34,11 +34,14 @@ class Pipeline:
         currents = (*self.waiting, current_ma)
         acting_ma = self.share * currents[0] + (1.0 - self.share) * currents[1]
         pressure_ma, converter_ma = drive.after(self.pressure_ma, self.converter_ma, acting_ma)
-        lag_s = drive.fill_s if acting_ma > self.pressure_ma else drive.vent_s
+        driving_ma = acting_ma if drive.converter_s == 0.0 else 0.5 * (self.converter_ma + converter_ma)
+        lag_s = drive.fill_s if driving_ma > self.pressure_ma else drive.vent_s
         by_lag, left = 0.0, 0.0
-        if lag_s > 0.0:
+        if drive.is_slewing(pressure_ma - self.pressure_ma):
+            by_lag, left = self.by_lag, 1.0
+        elif lag_s > 0.0:
             left = math.exp(-drive.period_s / lag_s)
-            by_lag = left * (self.by_lag + (self.pressure_ma - acting_ma) * drive.period_s / (lag_s * lag_s))
+            by_lag = left * (self.by_lag + (self.pressure_ma - driving_ma) * drive.period_s / (lag_s * lag_s))
         return Pipeline(pressure_ma, converter_ma, currents[1:], self.share, acting_ma, by_lag, left * self.doubt_ma)
 
     def measured(self, pressure_ma: float, variance_ma2: float) -> Pipeline:

@@ -95,5 +95,15 @@ def command(valve: LaggedValve, memory: LaggedMemory, slipping: Slipping) -> flo
     if stopped:
         return drive.command_ma(pressure_ma, converter_ma, brake_ma)
     return stopping_current_ma(
-        slip, x, v, pressure_ma, converter_ma, move.aim_m, brake_ma, hardest_ma, own.fastest_m_per_s, own.brake_reserve
+        slip,
+        x,
+        v,
+        pressure_ma,
+        converter_ma,
+        move.aim_m,
+        brake_ma,
+        hardest_ma,
+        own.fastest_m_per_s,
+        own.brake_reserve,
+        own.slew_reserve,
     )

@@ -120,7 +120,11 @@ class Slip:
     ) -> float:
         """Return where in m the stem stops after one sample under `first_ma`, then with the pressure to `brake_ma`."""
         x, v, pressure_ma, converter_ma, stopped = self.after(x, v, pressure_ma, converter_ma, first_ma)
-        left_s = _LONGEST_STOP_S
+        return x if stopped else self.braked_m(x, v, pressure_ma, converter_ma, brake_ma)
+
+    def braked_m(self, x: float, v: float, pressure_ma: float, converter_ma: float, brake_ma: float) -> float:
+        """Return where in m a stem that slides stops with the pressure to `brake_ma` from now on."""
+        left_s, stopped = _LONGEST_STOP_S, False
         while not stopped and left_s > 0.0:
             current_ma = self.drive.command_ma(pressure_ma, converter_ma, brake_ma)
             x, v, pressure_ma, converter_ma, stopped = self.after(x, v, pressure_ma, converter_ma, current_ma)

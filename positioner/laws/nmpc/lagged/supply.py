@@ -2,7 +2,8 @@
 
 A rise follows ṗ = κ (c - p)/τ̂, with the end c = u where the supply suffices, and κ = τ̂/τ. The rate of the pressure,
 times τ̂, at the beginning of a rise (a_1 at p_1) and later (a_2 at p_2) gives κ = (a_1 - a_2)/(p_2 - p_1) and
-c = p_2 + a_2/κ, whatever the lag is.
+c = p_2 + a_2/κ, whatever the lag is. This holds where the lag alone limits the rise: not before the I/P converter has
+come to its current, and not at the slew limit.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
 
 _ABOVE_MA = 0.5
 """The current is so far above a pressure that rises."""
+_SETTLED_MA = 0.05
+"""A converter that is nearer to its current has come there."""
 _WINDOW_MA, _WINDOW_SIGMA = 1.5, 12.0
 """A rate is measured over an expected rise of so much, and of so many σ of a reading."""
 _APART_MA = 1.0
@@ -43,10 +46,15 @@ class Supply:
     first_rate_ma: float = 0.0
     first_sigma_ma: float = 0.0
 
-    def after(self, drive: Drive, measured_ma: float, acting_ma: float, sigma_ma: float) -> tuple[Supply, float | None]:
-        """Return the rise after a reading, and the highest current in mA that has an effect, None without a limit."""
+    def after(
+        self, drive: Drive, measured_ma: float, acting_ma: float, converter_ma: float, sigma_ma: float
+    ) -> tuple[Supply, float | None]:
+        """Return the rise after a reading, and the highest current in mA that has an effect, None without a limit.
+
+        acting_ma, converter_ma: the current that acts, and the output of the I/P converter in the model.
+        """
         ahead_ma = acting_ma - measured_ma
-        if ahead_ma < _ABOVE_MA or acting_ma != self.current_ma:
+        if ahead_ma < _ABOVE_MA or acting_ma != self.current_ma or abs(acting_ma - converter_ma) > _SETTLED_MA:
             return Supply(acting_ma, 0.0, measured_ma), None
         expected_ma = self.expected_ma + drive.fill_sample * ahead_ma
         if expected_ma < max(_WINDOW_MA, _WINDOW_SIGMA * sigma_ma):
@@ -54,6 +62,8 @@ class Supply:
         here_ma = 0.5 * (self.begin_ma + measured_ma)
         rate_ma = (measured_ma - self.begin_ma) / expected_ma * (acting_ma - here_ma)
         rate_sigma_ma = _ROOT_2 * sigma_ma / expected_ma * (acting_ma - here_ma)
+        if rate_ma + 2.0 * rate_sigma_ma > drive.slew_ma_per_s * drive.fill_s:
+            return Supply(acting_ma, 0.0, measured_ma), None
         if self.first_sigma_ma == 0.0:
             return Supply(acting_ma, 0.0, measured_ma, here_ma, rate_ma, rate_sigma_ma), None
         apart_ma = here_ma - self.first_ma

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from typing import NamedTuple, Protocol
 
-
 _TOGETHER_NS = 100_000
 """Clocks that are read within this time are read together."""
 _MOST_READINGS = 5

@@ -243,7 +243,7 @@ CYCLE = positioner/cycle/step.py positioner/cycle/state.py positioner/cycle/sent
 
 .PHONY: coverage
 coverage: $(VENV)/installed
-	$(BIN)/coverage run -m pytest -q $(GUARDING)
+	$(BIN)/pytest -q --numprocesses $(WORKERS) --dist worksteal --cov --cov-report= $(GUARDING)
 	$(BIN)/coverage report --show-missing --fail-under=100 \
 		--include=$(subst $(space),$(comma),$(strip $(GUARDED) $(CYCLE)))
 

@@ -28,13 +28,14 @@ _EPILOG = """\
 examples:
   positioner export out/bench/bus.log --to parquet
   positioner export bus.blf --config fv101.toml --out bus.csv
-  positioner export bus.log --config fv101.toml --to mf4 --signals 'Position*,CURRENT_COMMAND'
+  positioner export bus.log --config fv101.toml --to mf4 --signals 'Position_m,CURRENT_COMMAND'
 
 The log may be candump (.log), ASC, BLF, CSV or another format that python-can reads. A column is named after message,
 signal and unit, as in STEM_POSITION/Position_m: in SI units, the loop current in mA. A unit that SI lacks is kept. With
 --config the messages are those of the valve, and all others of its own DBC; without it they are ours.
 
---signals takes names of columns, signals or messages, with * and ?; commas separate them.
+--signals takes names of columns, signals or messages, with * and ?; commas separate them. Capitals count where a name
+has any.
 
 exit status: 0 done, 2 wrong command line, 74 the log cannot be read or the file cannot be written, 78 the configuration
 is wrong.

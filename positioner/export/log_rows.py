@@ -121,6 +121,8 @@ def _group(message: Message, wanted: Sequence[str]) -> Group:
 
 
 def _fits(pattern: str, message: Message, signal: Signal) -> bool:
+    """Return whether a name of the signal fits; capitals count where the pattern has any."""
     bare = signal.column.partition("/")[2]
     names = (signal.column, bare, f"{message.name}/{signal.name}", signal.name, message.name)
-    return any(fnmatchcase(name.lower(), pattern.lower()) for name in names)
+    any_case = pattern == pattern.lower()
+    return any(fnmatchcase(name.lower() if any_case else name, pattern) for name in names)

@@ -167,7 +167,8 @@ def test_a_frame_of_ours_with_a_wrong_checksum_is_left_out_and_counted(
     ("wanted", "columns"),
     [
         ("positionc*,Position_m", ["STEM_POSITION/Position_m", "CURRENT_COMMAND/PositionCounter"]),
-        ("STEM_POSITION/Position_m, plant_truth/True*", None),
+        ("Position*", ["STEM_POSITION/Position_m", "CURRENT_COMMAND/PositionCounter"]),
+        ("STEM_POSITION/Position_m, plant_truth/true*", None),
         ("CURRENT_COMMAND", None),
     ],
 )

@@ -39,6 +39,11 @@ class Runner:
     command: tuple[str, ...]
     prints_table: bool = True
 
+    @property
+    def folder(self) -> Path:
+        """Where a program finds its neighbours."""
+        return (ROOT / self.command[-1]).parent
+
 
 TESTED = (
     Runner(
@@ -73,7 +78,12 @@ def played(runner: Runner, more: list[str], source: str) -> tuple[str, bool]:
     arguments = [*runner.command, *(more if runner.prints_table else [])]
     begin_s = time.monotonic()
     done = subprocess.run(
-        [sys.executable, *arguments], stdout=subprocess.PIPE, text=True, cwd=ROOT, check=False, env=_environment()
+        [sys.executable, *arguments],
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+        check=False,
+        env=_environment(runner.folder),
     )
     lines = [line.rstrip() for line in done.stdout.splitlines()]
     output = "\n".join(
@@ -88,9 +98,11 @@ def played(runner: Runner, more: list[str], source: str) -> tuple[str, bool]:
     return f"## {runner.name}\n\n{runner.about.strip()}\n\n{output.strip()}\n\n{tail}\n", met
 
 
-def _environment() -> dict[str, str]:
-    own, given = str(ROOT / "tests"), os.environ.get("PYTHONPATH")  # a compiled build may be given
-    return {**os.environ, "PYTHONPATH": os.pathsep.join([own, given]) if given else own}
+def _environment(*folders: Path) -> dict[str, str]:
+    """Return the environment in which modules of the tests are found, also with PYTHONSAFEPATH."""
+    given = os.environ.get("PYTHONPATH")  # a compiled build may be given
+    paths = [str(ROOT / "tests"), *map(str, folders), *([given] if given else [])]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
 
 
 def source_of(build_of: str) -> str:

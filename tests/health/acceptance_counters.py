@@ -1,6 +1,6 @@
 """Whether the counters are those of the log, exactly, live and over kill -9: `make diagnostics-test`.
 
-    PYTHONPATH=tests:tests/health python tests/health/acceptance_counters.py [--short] [--kills N]
+    PYTHONPATH=tests python tests/health/acceptance_counters.py [--short] [--kills N]
 
 Daemons control emulated valves, and each record is counted again. Then processes that count are killed at random
 instants, half of them with the table writer, which saves every 3 ms here; after each kill what is kept must be what the
@@ -14,6 +14,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from goal_table import show
 from killed_counters import Lives, counted, real_run
 from tqdm import tqdm
 
@@ -45,17 +46,17 @@ def main() -> int:
                 wrong.append(f"kill {number}: {error}")
                 break
             done, lost = done + counts, lost + not_kept
-    print("| what | goal | found | |\n|---|---|---|---|")  # noqa: T201
-    runs = 2 * len(lengths)
-    _row(f"counters of {runs} runs ({cycles} cycles) unlike a recount of their record", "0", differ, not differ)
-    _row(f"kills with kill -9 ({done} cycles counted, {lost} of them lost)", f"{kills}", kills - len(wrong), not wrong)
-    _row("kept counters unlike a recount of all lives", "0", len(wrong), not wrong)
+    recounted = f"counters of {2 * len(lengths)} runs ({cycles} cycles) unlike a recount of their record"
+    killed = f"kills with kill -9 ({done} cycles counted, {lost} of them lost)"
+    status = show(
+        [
+            (recounted, "0", f"{differ}", not differ),
+            (killed, f"{kills}", f"{kills - len(wrong)}", not wrong),
+            ("kept counters unlike a recount of all lives", "0", f"{len(wrong)}", not wrong),
+        ]
+    )
     print("\n".join(wrong))  # noqa: T201
-    return int(bool(differ or wrong))
-
-
-def _row(what: str, goal: str, found: int, met: bool) -> None:
-    print(f"| {what} | {goal} | {found} | {'met' if met else 'NOT MET'} |")  # noqa: T201
+    return status
 
 
 if __name__ == "__main__":

@@ -37,7 +37,10 @@ _SWEEP = 20
 _LOW_M, _HIGH_M, _TREMOR_M = 0.06, 0.09, 2e-5
 _EARLY_SHARE, _EARLY_S = 0.1, 1.0
 _LEARNING_S = 3.0
-_ANSWER_S = 0.02
+_MOST_SAMPLES = 1000
+"""Samples until the first lesson; where the script contradicts what the table knows of the valve, there is none."""
+_FIRST_PAUSE_S, _ANSWER_S, _POLL_S = 0.1, 10.0, 0.05
+"""How long to wait for a first answer at first, for another one, and in one piece."""
 
 
 class DaemonSlot:
@@ -53,6 +56,7 @@ class DaemonSlot:
         self._codec = make_codec()
         self._sample = 0
         self._acting: int | None = None
+        self._pause_s, self._again_s = _FIRST_PAUSE_S, 0.0
         self._check = TableCheck(folder / "state", _VALVE, StictionTable(cell_width_m=_WIDTH_M))
         self._configuration = folder / "valve.toml"
         self._configuration.write_text(tomli_w.dumps(self._tables()), encoding="utf-8")
@@ -101,12 +105,15 @@ class DaemonSlot:
             )
 
     def _play_to_the_end(self, daemon: subprocess.Popen[bytes]) -> None:
+        self._pause_s, self._again_s = _FIRST_PAUSE_S, 0.0
         if self._chance.random() < _EARLY_SHARE:
             self._play(daemon, self._chance.uniform(0.0, _EARLY_S))
             return
-        deadline_s = time.monotonic() + LONG_S
-        while not self._has_learned() and time.monotonic() < deadline_s:
-            self._play(daemon, 0.05)
+        deadline_s, most = time.monotonic() + LONG_S, self._sample + _MOST_SAMPLES
+        while not self._has_learned() and self._sample < most and daemon.poll() is None:
+            self._play(daemon, _POLL_S)
+            if time.monotonic() > deadline_s:
+                raise AssertionError(f"the daemon does not answer: {self._log.read_text(encoding='utf-8')[-2000:]}")
         self._play(daemon, self._chance.uniform(0.0, _LEARNING_S))
 
     def _has_learned(self) -> bool:
@@ -114,20 +121,29 @@ class DaemonSlot:
         return self._sample_log.exists() and self._sample_log.stat().st_size > 0
 
     def _play(self, daemon: subprocess.Popen[bytes], duration_s: float) -> None:
-        """Play the valve and the host: the stem moves, rests and trembles by the script, whatever the command."""
+        """Play the valve and the host: the next position frame follows the answer to the last one.
+
+        One without an answer is followed by the next after a pause that doubles each time: a daemon in lockstep ends
+        where several wait for it at its start.
+        """
         end_s = time.monotonic() + duration_s
-        while time.monotonic() < end_s and daemon.poll() is None:
-            number, self._sample = self._sample, self._sample + 1
-            opening = number // _SWEEP % 2 == 0
-            done = min(number % _SWEEP / (_SWEEP / 2), 1.0)
-            stem_m = (
-                _LOW_M + (_HIGH_M - _LOW_M) * (done if opening else 1.0 - done) + _TREMOR_M * math.sin(1.7 * number)
-            )
-            self._bus.send(self._codec.encode(Setpoint(_HIGH_M if opening else _LOW_M), number))
-            self._bus.send(self._codec.encode(StemPosition(stem_m, self._acting), number))
-            for frame in self._bus.receive(min(_ANSWER_S, max(end_s - time.monotonic(), 0.0))):
+        while (now_s := time.monotonic()) < end_s and daemon.poll() is None:
+            if now_s >= self._again_s:
+                self._send_next()
+                self._again_s, self._pause_s = now_s + self._pause_s, 2.0 * self._pause_s
+            for frame in self._bus.receive(min(_POLL_S, end_s - now_s)):
                 message, counter = self._codec.decode(frame)
-                self._acting = counter if isinstance(message, CurrentCommand) else self._acting
+                if isinstance(message, CurrentCommand):
+                    self._acting, self._again_s, self._pause_s = counter, 0.0, _ANSWER_S
+
+    def _send_next(self) -> None:
+        """Send the next frames of the script: the stem moves, rests and trembles, whatever the command."""
+        number, self._sample = self._sample, self._sample + 1
+        opening = number // _SWEEP % 2 == 0
+        done = min(number % _SWEEP / (_SWEEP / 2), 1.0)
+        stem_m = _LOW_M + (_HIGH_M - _LOW_M) * (done if opening else 1.0 - done) + _TREMOR_M * math.sin(1.7 * number)
+        self._bus.send(self._codec.encode(Setpoint(_HIGH_M if opening else _LOW_M), number))
+        self._bus.send(self._codec.encode(StemPosition(stem_m, self._acting), number))
 
     def _tables(self) -> dict[str, object]:
         bus = self._bus.address

@@ -8,10 +8,14 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from positioner.valve.stiction import Direction, LearnedSample, Quantity
+from pydantic import TypeAdapter
+
+from positioner.valve.stiction import LearnedSample
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+_SAMPLE = TypeAdapter(LearnedSample)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +35,8 @@ class SampleLogWriter:
 
     def write(self, sequence: int, sample: LearnedSample) -> None:
         """Write the sample that the store receives next, as number `sequence` of the table."""
-        fields = [sample.quantity, sample.position_m, sample.direction, sample.value]
-        os.write(self._descriptor, json.dumps([time.monotonic_ns(), sequence, *fields]).encode() + b"\n")
+        plain = _SAMPLE.dump_python(sample, mode="json")
+        os.write(self._descriptor, json.dumps([time.monotonic_ns(), sequence, plain]).encode() + b"\n")
 
 
 def read(path: Path) -> list[Entry]:
@@ -42,5 +46,5 @@ def read(path: Path) -> list[Entry]:
 
 
 def _entry(line: str) -> Entry:
-    written_ns, sequence, quantity, position_m, direction, value = json.loads(line)
-    return Entry(written_ns, sequence, LearnedSample(Quantity(quantity), position_m, Direction(direction), value))
+    written_ns, sequence, plain = json.loads(line)
+    return Entry(written_ns, sequence, _SAMPLE.validate_python(plain))

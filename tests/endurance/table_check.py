@@ -90,5 +90,5 @@ def taught(table: StictionTable, entries: Iterable[Entry]) -> StictionTable:
     """Return the table with the samples of the sample log."""
     for entry in entries:
         one = entry.sample
-        table = table.record(one.quantity, one.position_m, one.direction, one.value)
+        table = table.record(one.quantity, one.position_m, one.direction, one.value, one.fit)
     return table

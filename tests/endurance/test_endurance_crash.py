@@ -6,9 +6,11 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
+from golden_table import FIT
 from store_helpers import VALVE, WIDTH_M, series
 
 from endurance import damage, sample_log
@@ -110,7 +112,7 @@ def test_the_check_sees_a_table_that_went_back_and_one_that_was_set_aside(tmp_pa
 
 
 def test_a_sample_log_keeps_every_digit_and_leaves_out_a_line_cut_short(tmp_path: Path) -> None:
-    samples = series(3)
+    samples = [*series(3), replace(series(1)[0], fit=FIT)]
     writer = SampleLogWriter(tmp_path / "sample_log")
     for number, sample in enumerate(samples):
         writer.write(number + 1, sample)
@@ -118,5 +120,6 @@ def test_a_sample_log_keeps_every_digit_and_leaves_out_a_line_cut_short(tmp_path
         file.write("[1, 4, ")
     found = sample_log.read(tmp_path / "sample_log")
     assert [entry.sample for entry in found] == samples
-    assert [entry.sequence for entry in found] == [1, 2, 3]
+    assert [entry.sequence for entry in found] == [1, 2, 3, 4]
+    assert taught(EMPTY, found).fit == FIT
     assert sample_log.read(tmp_path / "none") == []

@@ -12,8 +12,14 @@ bench: $(VENV)/installed
 # one worker more than processors: many tests wait for processes of their own
 WORKERS ?= $(shell expr $$(nproc) + 1)
 
+# without the tests marked `slow`, which `make test-slow` plays
 test: $(VENV)/installed
-	$(BIN)/pytest --numprocesses $(WORKERS) --dist worksteal
+	$(BIN)/pytest --numprocesses $(WORKERS) --dist worksteal -m 'not slow'
+
+# the tests that take many seconds each
+.PHONY: test-slow
+test-slow: $(VENV)/installed
+	$(BIN)/pytest --numprocesses $(WORKERS) --dist worksteal -m slow
 
 # SocketCAN, systemd and CAN controllers in kernels of its own, fetched as packages; nothing is installed on the host.
 test-kernel: $(VENV)/installed
@@ -252,7 +258,7 @@ coverage: $(VENV)/installed
 reactions: $(VENV)/installed
 	PYTHONPATH=.:tests $(BIN)/python -m endurance.reactions
 
-# The limits of the stiction table and of the daemon, at full length; `make test` runs short forms of both.
+# The limits of the stiction table and of the daemon, at full length; `make test` and `make test-slow` run short forms.
 ENDURANCE = PYTHONPATH=tests $(BIN)/python -m endurance
 SOAK_SECONDS ?= 3600
 

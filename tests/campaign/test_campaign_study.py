@@ -117,6 +117,7 @@ def test_a_damaged_line_is_played_again_and_the_others_stay(tmp_path: Path) -> N
             assert [journal.outcome(key, "code") for key in "abc"] == [Outcome(None, "a"), None, Outcome(None, "c")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("when", ["in a run", "before a line", "in a line", "after a line", "in the table"])
 def test_a_campaign_that_is_killed_continues_without_a_run_twice(tmp_path: Path, when: str) -> None:
     campaign, out = small(tmp_path), tmp_path / "out"

@@ -15,7 +15,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import pytest
 from plant_world import PlantWorld
 
 from plant_emulator.cli.plant_options import add_plant_options, plant_of
@@ -29,6 +28,8 @@ from positioner.wire.messages import HostRequest, Setpoint
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "commission.md").read_text(encoding="utf-8")
@@ -128,7 +129,6 @@ def label_of(line: str) -> str:
     return re.split(r"[-+]?\d|  +|─+", line.strip())[0].strip()
 
 
-@pytest.mark.slow
 def test_a_reader_of_the_guide_commissions_a_valve(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -75,6 +75,7 @@ def well_measured(preset: str) -> tuple[Signature, PlantSettings]:
     return measured(preset, LOW)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exact", [1.0, 5.0], ids=["0.05 % of span", "2 % of reading"])
 @pytest.mark.parametrize("preset", ["paper", "graphite", "seated"])
 def test_it_shows_the_plant_s_parameters(preset: str, exact: float) -> None:
@@ -118,6 +119,7 @@ def test_stops_are_found_and_the_seat_load_is_preload_less_pressure() -> None:
     assert any("met the open stop, at 30.0" in line for line in remarks(graphite, believed("graphite")))
 
 
+@pytest.mark.slow
 def test_a_lag_that_is_configured_or_a_pressure_that_is_measured_does_not_look_like_friction() -> None:
     lag = {"fill_time_constant_s": 0.1, "vent_time_constant_s": 0.1}
     told = replace(believed("paper"), actuator=ActuatorParameters(**lag))
@@ -131,6 +133,7 @@ def test_a_lag_that_is_configured_or_a_pressure_that_is_measured_does_not_look_l
     assert blind.sliding_n.value == pytest.approx(truth_n + 0.1 * 333.637, rel=0.01)
 
 
+@pytest.mark.slow
 def test_friction_by_place_follows_the_friction_of_the_place() -> None:
     found, settings = measured(
         "friction-by-place", LOW, believed("paper"), packing={"place_fraction": 0.05, "direction_fraction": 0.0}
@@ -154,6 +157,7 @@ def test_where_a_stem_sticks_again_and_again_quick_strokes_show_the_friction_by_
     assert len({each.rate_ma_per_s for each in stages if isinstance(each, Stroke) and each.records}) == 1
 
 
+@pytest.mark.slow
 def test_the_error_band_contains_the_lag_and_the_friction_does_not() -> None:
     # 100 ms of lag make the band 1.3 mm of 10 mm wider; over the pressure it would be missing
     _, errors, _ = run(Case("graphite", 210))

@@ -67,6 +67,7 @@ class Run:
         self.run._close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["nmpc", "hold"])
 def test_the_record_gives_the_same_figures_to_the_last_digit(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], law: str

@@ -60,6 +60,7 @@ def bound_in(row: dict[str, str], direction: float) -> str:
     return "speed bound" if limit and float(row["velocity_m_per_s"]) / limit >= 0.95 else "none"
 
 
+@pytest.mark.slow
 def test_every_command_of_a_bench_is_explained_as_the_trace_has_it(
     played: tuple[Path, list[Any], str], capsys: Output
 ) -> None:

@@ -75,8 +75,15 @@ def test_an_unknown_section_is_refused_with_the_known_ones(
     assert f"known: {', '.join(NAMES)}" in capsys.readouterr().err
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [each.name for each in runners() if each.prints_table])
+_LONG = {"identify", "counters"}
+_SHORT_FORMS = [
+    pytest.param(each.name, marks=[pytest.mark.slow] if each.name in _LONG else [])
+    for each in runners()
+    if each.prints_table
+]
+
+
+@pytest.mark.parametrize("name", _SHORT_FORMS)
 def test_the_short_form_of_a_runner_meets_its_goals(name: str) -> None:
     runner = next(each for each in results_page.runners() if each.name == name)
     section, met = played(runner, ["--short"], "this source")

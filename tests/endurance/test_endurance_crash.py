@@ -35,7 +35,6 @@ def crash(*arguments: str) -> tuple[int, str]:
     return done.returncode, done.stdout + done.stderr
 
 
-@pytest.mark.slow
 @pytest.mark.bus
 def test_kills_of_learners_and_daemons_leave_a_table_that_loads_without_a_hole(tmp_path: Path) -> None:
     code, report = crash(

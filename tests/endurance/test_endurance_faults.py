@@ -13,7 +13,6 @@ from positioner.cycle import deviation
 from positioner.wire.messages import Cause
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("law", "sensor"), [("nmpc", "noisy"), ("pi", "noise-free"), ("two-move-retry", "noisy")])
 def test_every_fault_is_reported_within_two_seconds(law: str, sensor: str) -> None:
     found = trials(Series(law, sensor, 1, 3))

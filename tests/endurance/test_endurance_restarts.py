@@ -19,7 +19,6 @@ HELD = restarts.Case("feedback lost", "kill", HostRequest.ARM, (0, 0.0))
 QUEUED = restarts.Case("none", "kill", HostRequest.NONE, (128, 0.0))
 
 
-@pytest.mark.slow
 def test_no_restart_arms_without_a_request_and_no_unit_stays_down(tmp_path: Path) -> None:
     every = list(restarts.cases())
     assert len(every) * restarts.ROUNDS >= 1000

@@ -18,7 +18,6 @@ def stalls(*arguments: str) -> tuple[int, str]:
     return done.returncode, done.stdout + done.stderr
 
 
-@pytest.mark.slow
 @pytest.mark.bus
 def test_stalls_at_random_instants_fail_safe_and_let_nothing_old_through() -> None:
     code, report = stalls("--virtual", "60", "--real", "3", "--seed", "5")

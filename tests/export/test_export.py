@@ -180,8 +180,8 @@ def test_chosen_signals_alone_are_exported(
     rows = rows_of(out)
     assert columns is None or set(rows[0]) == {"time_s", *columns}
     assert all(len([text for text in row.values() if text]) > 1 for row in rows)
-    kinds = {name.partition("/")[0] for name in rows[0]} - {"time_s"}
-    assert len(rows) == sum(frame.arbitration_id in _ids(kinds) for frame in can.LogReader(bench[0]))
+    identifiers = _ids({name.partition("/")[0] for name in rows[0]} - {"time_s"})
+    assert len(rows) == sum(frame.arbitration_id in identifiers for frame in can.LogReader(bench[0]))
 
 
 def _ids(kinds: set[str]) -> set[int]:

@@ -229,6 +229,7 @@ def test_a_stall_before_arming_is_not_reported(tmp_path: Path) -> None:
         assert shell.mode() is Mode.ACTIVE
 
 
+@pytest.mark.slow
 def test_a_record_with_stalls_replays_to_the_bit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "bus.log"
     with VirtualShell(tmp_path, options=RunOptions(record=log)) as shell:

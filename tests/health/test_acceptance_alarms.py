@@ -8,6 +8,7 @@ from acceptance_alarms import judged, play
 from positioner.health.causes import AlarmCause
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "cause"),
     [

@@ -97,7 +97,6 @@ def comparable(sections: dict[str, Any]) -> dict[str, Any]:
 
 
 @pytest.mark.bus
-@pytest.mark.slow
 def test_what_a_killed_daemon_had_handed_over_is_kept_and_is_what_its_record_gives(tmp_path: Path) -> None:
     address = own_address()
     control = {"sample_period_s": 0.01, "law": "pi"}

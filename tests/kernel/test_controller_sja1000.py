@@ -22,7 +22,7 @@ from positioner.config.reader import parse_config
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-pytestmark = pytest.mark.kernel("controller")
+pytestmark = [pytest.mark.kernel("controller"), pytest.mark.slow]
 SCENARIO = """
 name = "controllers"
 title = "two setpoints, a twentieth of a second each"

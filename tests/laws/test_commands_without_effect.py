@@ -66,6 +66,7 @@ class Counting:
         return self.law.begin(measured_m)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("kind", ["failed", "ignored", "replaced"])
 def test_a_law_learns_nothing_while_its_commands_do_not_act_and_begins_anew_after(law: str, kind: str) -> None:

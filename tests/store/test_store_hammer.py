@@ -7,7 +7,6 @@ import subprocess
 import time
 from typing import TYPE_CHECKING
 
-import pytest
 from store_helpers import opened, python, sample, wait_for
 
 from positioner.store import database, document
@@ -107,7 +106,6 @@ class Learner:
         assert all(recorded_ns >= self._replaced_ns[stored.generation] for recorded_ns in later_ns)
 
 
-@pytest.mark.slow
 def test_commands_hammering_at_a_table_writer_that_records_lose_nothing(tmp_path: Path) -> None:
     state, exports = tmp_path / "state", [tmp_path / f"{number}.json" for number in range(4)]
     changer = User(

@@ -268,7 +268,6 @@ assert not [names for names in loaded if names[0] in UNUSED_ROOMS]
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.slow
 def test_the_short_league_shows_our_law_ahead_within_its_bands(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -371,6 +370,7 @@ def test_setpoints_in_reach_go_where_the_real_valve_can_go_and_the_believed_one_
     assert max(beyond) > 112.0
 
 
+@pytest.mark.slow
 def test_after_a_restart_the_law_has_the_table_that_it_learned(tmp_path: Path) -> None:
     command = [
         "league",

@@ -106,6 +106,7 @@ def test_the_nominal_valve_visits_the_setpoints_of_the_league_and_others_the_sam
     assert first == pytest.approx(48.25 + 0.413 * (78.75 - 48.25), abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("lag_ms", "optimum_ms"), [(5, 11.8), (10, 17.6), (20, 28.0), (50, 59.0)])
 def test_with_lag_the_time_optimal_limit_is_that_of_an_independent_computation(
     lag_ms: float, optimum_ms: float
@@ -160,6 +161,7 @@ def test_without_its_table_the_law_learns_and_never_uses_it() -> None:
     assert len(play(bout)) == 1
 
 
+@pytest.mark.slow
 def test_the_command_plays_a_part_and_resumes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["league", "--real-valves", "--short", "--laws", "nmpc,two-move-retry,pi", "--tau", "0,20", "--dwell",
                "0.2", "--conditions", "no-lag-told", "--out", str(tmp_path), "--workers", "1",

@@ -84,7 +84,7 @@ def _draw_plans(axes: Axes, ratios: dict[str, dict[int, float]]) -> None:
     axes.axvline(1.0, color=INK, linewidth=1)
     axes.set_yticks(range(len(ratios)), ratios)
     axes.set_ylim(len(ratios) - 0.4, -0.8)
-    _logarithmic(axes, "median time of one programme, times ours")
+    _logarithmic(axes, "median time, times ours")
     axes.set_title("The same plan by other programs\n", fontsize=NORMAL, loc="left")
     for horizon, (marker, face) in _HORIZONS.items():
         axes.plot([], [], marker, markerfacecolor=face, markeredgecolor="#444444", label=f"H_p = H_u = {horizon}")

@@ -112,7 +112,7 @@ def _table_at(
         if learned_s > time_s + _TOLERANCE:
             break
         for sample in some:
-            table = table.record(sample.quantity, sample.position_m, sample.direction, sample.value, sample.fit)
+            table = table.learned(sample)
     return table
 
 

@@ -46,7 +46,7 @@ class ClosedLoop:
         table = state.table
         for sample in () if state.is_first else estimate.lessons:
             if self.limits.allows(sample, table.cell_width_m / 2.0):
-                table = table.record(sample.quantity, sample.position_m, sample.direction, sample.value, sample.fit)
+                table = table.learned(sample)
         memory, decision = self.law.decide(memory, estimate.stem, observation, table)
         found = state.actuator if state.actuator is not None else decision.actuator
         return LoopState(memory, table, is_first=False, actuator=found), decision.current_ma

@@ -35,7 +35,7 @@ def learn(
         if not low <= sample.value <= high:
             events.append(NotBelieved(sample, low, high, 1, taught=True))
             continue
-        table = table.record(sample.quantity, sample.position_m, sample.direction, sample.value, sample.fit)
+        table = table.learned(sample)
         events.append(Learned(sample, table.sequence))
     return table
 

@@ -32,7 +32,7 @@ class StoredTable:
 
     def learned(self, sample: LearnedSample, now_s: int) -> StoredTable:
         """Return the table with one more sample, or itself where `StictionTable.record` refuses the sample."""
-        table = self.table.record(sample.quantity, sample.position_m, sample.direction, sample.value, sample.fit)
+        table = self.table.learned(sample)
         if table is self.table:
             return self
         key = CellKey(sample.quantity, table.index_of(sample.position_m), sample.direction)

@@ -148,6 +148,10 @@ class StictionTable:
         cell = Cell(samples, (old.count if old else 0) + 1, sequence)
         return replace(self, sequence=sequence, cells=MappingProxyType(self.cells | {key: cell}), fit=fit or self.fit)
 
+    def learned(self, sample: LearnedSample) -> StictionTable:
+        """Return the table with this sample, as `record` does."""
+        return self.record(sample.quantity, sample.position_m, sample.direction, sample.value, sample.fit)
+
     def cell(self, quantity: Quantity, position_m: float, direction: Direction) -> Cell | None:
         """Return the cell that covers `position_m`, or None where nothing was learned."""
         return self.cells.get(CellKey(quantity, self.index_of(position_m), direction))

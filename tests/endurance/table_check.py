@@ -89,6 +89,5 @@ class TableCheck:
 def taught(table: StictionTable, entries: Iterable[Entry]) -> StictionTable:
     """Return the table with the samples of the sample log."""
     for entry in entries:
-        one = entry.sample
-        table = table.record(one.quantity, one.position_m, one.direction, one.value, one.fit)
+        table = table.learned(entry.sample)
     return table

@@ -38,7 +38,7 @@ def taught(spring: float, static_n: float, places: tuple[float, ...], times: int
         for x in places:
             for s in (1.0, -1.0):
                 one = breakaway_lesson(MODEL, table.cell_width_m, x, s, spring, static_n)
-                table = table.record(one.quantity, one.position_m, one.direction, one.value)
+                table = table.learned(one)
     return table
 
 
@@ -89,7 +89,7 @@ def test_a_restart_believes_what_was_learned_last(places: tuple[float, ...], hig
             one = breakaway_lesson(
                 MODEL, table.cell_width_m, x, s, 0.9 * NOMINAL.spring_n_per_m, 1.05 * RATIO * NOMINAL.friction_n
             )
-            table = table.record(one.quantity, one.position_m, one.direction, one.value)
+            table = table.learned(one)
     assert table.sequence == 18
     load, _ = load_from_table(BreakawaySettings(largest_spread=1.0), MODEL, table, NOMINAL, SIGMAS, RATIO)
     assert 0.895 < load.spring_n_per_m / NOMINAL.spring_n_per_m < highest
@@ -189,7 +189,7 @@ def test_a_landing_bias_counts_once_it_is_beyond_doubt() -> None:
     for bias in (4e-4, 5e-4, 6e-4, 5e-4):
         assert landing_bias_m(table.record(Quantity.LANDING_BIAS, 0.08, Direction.OPENING, -bias), 0.08, 1.0) <= 0.0
         (sample,) = Landing(0.07, 0.08, 1.0).samples(FILTER.at_rest(0.08 + bias, 1e-10, NOMINAL, SIGMAS))
-        table = table.record(sample.quantity, sample.position_m, sample.direction, sample.value)
+        table = table.learned(sample)
     assert landing_bias_m(table, 0.08, 1.0) == pytest.approx(5e-4)
     assert landing_bias_m(table, 0.08, -1.0) == 0.0
     for bias in (-4e-4, -6e-4, 5e-4, -5e-4):

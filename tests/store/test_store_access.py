@@ -129,7 +129,7 @@ def test_imports_hammering_at_a_daemon_leave_daemon_table_writer_and_disk_with_t
         (one,) = series(1, number)
         number += 1
         writer.record([one])
-        table = table.record(one.quantity, one.position_m, one.direction, one.value)
+        table = table.learned(one)
         for event in writer.poll():
             if isinstance(event, Replaced):
                 table = event.stored.table

@@ -95,7 +95,7 @@ class Learner:
         count = stored.table.sequence - table.sequence
         for number in numbers[:count]:
             one = sample(number)
-            table = table.record(one.quantity, one.position_m, one.direction, one.value)
+            table = table.learned(one)
         assert stored.table == table
         return len(numbers) - count
 

@@ -70,7 +70,7 @@ def test_a_daemon_takes_a_table_of_any_released_version_over_without_a_notice(ve
     assert writer.close(60.0) is None
     after = database.read(tmp_path / TABLE)
     one = sample(9)
-    assert after.table == before.table.record(one.quantity, one.position_m, one.direction, one.value)
+    assert after.table == before.table.learned(one)
     assert (after.valve_id, after.generation) == (before.valve_id, before.generation)
     assert layout(tmp_path / TABLE) == layout(golden_table.sqlite_file(PRESENT))
 

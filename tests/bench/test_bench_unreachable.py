@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from slow_cases import slow
 
 from plant_emulator.presets import plant_settings
 from positioner.bench import inprocess
@@ -43,9 +44,8 @@ def run_of(
     )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("lag_s", [0.0, 0.05])
-@pytest.mark.parametrize(("setpoint_mm", "end_mm"), [(110.0, 99.9), (48.0, 52.5)])
+@pytest.mark.parametrize(("setpoint_mm", "end_mm"), [(110.0, 99.9), *slow((48.0, 52.5))])
 def test_the_stem_rests_at_the_end_of_its_reach_and_moves_on_from_there(
     lag_s: float, setpoint_mm: float, end_mm: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -59,10 +59,12 @@ def test_the_stem_rests_at_the_end_of_its_reach_and_moves_on_from_there(
     assert "which is out of reach: " in told[0]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "lag_s", "stiffer", "setpoint_mm"),
-    [("nmpc", 0.0, 1.25, 84.0), ("nmpc", 0.0, 1.25, 92.0), ("nmpc", 0.05, 1.25, 92.0), ("pi", 0.0, 1.25, 84.0)],
+    [
+        ("nmpc", 0.0, 1.25, 84.0),
+        *slow(("nmpc", 0.0, 1.25, 92.0), ("nmpc", 0.05, 1.25, 92.0), ("pi", 0.0, 1.25, 84.0)),
+    ],
 )
 def test_a_spring_stiffer_than_configured_ends_the_reach_sooner(
     law: str, lag_s: float, stiffer: float, setpoint_mm: float, monkeypatch: pytest.MonkeyPatch
@@ -81,8 +83,7 @@ def test_a_spring_stiffer_than_configured_ends_the_reach_sooner(
     assert float(place.group(1)) == pytest.approx(away_m[-1] * 1e3, abs=0.3)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("law", "lag_s"), [("nmpc", 0.0), ("nmpc", 0.3), ("pi", 0.3)])
+@pytest.mark.parametrize(("law", "lag_s"), [("nmpc", 0.0), *slow(("nmpc", 0.3), ("pi", 0.3))])
 def test_a_long_move_on_a_valve_that_is_as_configured_is_no_deviation(
     law: str, lag_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:

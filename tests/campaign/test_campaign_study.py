@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from dask_cluster import dask_cluster
+from slow_cases import slow
 from small import STARTED, counted, rows, small, started
 
 from positioner.campaign import study
@@ -117,8 +118,7 @@ def test_a_damaged_line_is_played_again_and_the_others_stay(tmp_path: Path) -> N
             assert [journal.outcome(key, "code") for key in "abc"] == [Outcome(None, "a"), None, Outcome(None, "c")]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("when", ["in a run", "before a line", "in a line", "after a line", "in the table"])
+@pytest.mark.parametrize("when", ["in a line", *slow("in a run", "before a line", "after a line", "in the table")])
 def test_a_campaign_that_is_killed_continues_without_a_run_twice(tmp_path: Path, when: str) -> None:
     campaign, out = small(tmp_path), tmp_path / "out"
     program = [sys.executable, str(Path(__file__).with_name("killed.py")), campaign.source, str(out), when]

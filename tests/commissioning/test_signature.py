@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from acceptance_signature import Case, run
 from daemon_helpers import write_configuration
+from slow_cases import slow
 
 from plant_emulator.presets import plant_settings
 from positioner.bus.address import BusAddress
@@ -75,9 +76,8 @@ def well_measured(preset: str) -> tuple[Signature, PlantSettings]:
     return measured(preset, LOW)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("exact", [1.0, 5.0], ids=["0.05 % of span", "2 % of reading"])
-@pytest.mark.parametrize("preset", ["paper", "graphite", "seated"])
+@pytest.mark.parametrize("preset", ["paper", *slow("graphite", "seated")])
 def test_it_shows_the_plant_s_parameters(preset: str, exact: float) -> None:
     found, settings = well_measured(preset) if exact == 1.0 else measured(preset, HIGH)
     truth = settings.valve

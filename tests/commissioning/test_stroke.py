@@ -7,6 +7,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from slow_cases import slow
 from stroke_runs import Played, configured, play
 
 from plant_emulator.presets import plant_settings
@@ -192,8 +193,7 @@ class Host:
         return (Setpoint(START_M),) if number % 10 == 0 else ()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("at", [50, 500, 750, 850, 1050, 1650])
+@pytest.mark.parametrize("at", [500, *slow(50, 750, 850, 1050, 1650)])
 def test_a_new_setpoint_is_obeyed_in_its_period_with_all_the_current(at: int) -> None:
     played, found = stroked(host=Host(at, Setpoint(0.0)))
     assert found.verdict is Verdict.ABORTED

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from loop_helpers import Loop, passed
+from slow_cases import slow
 
 from positioner.cycle.events import ForeignCommand, Learned, ModeChanged
 from positioner.cycle.trust_events import ActingChanged
@@ -66,9 +67,8 @@ class Counting:
         return self.law.begin(measured_m)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("kind", ["failed", "ignored", "replaced"])
+@pytest.mark.parametrize("kind", ["failed", *slow("ignored", "replaced")])
 def test_a_law_learns_nothing_while_its_commands_do_not_act_and_begins_anew_after(law: str, kind: str) -> None:
     loop = Loop(law)
     counting = Counting(loop.setup.law)

@@ -10,6 +10,7 @@ from statistics import median
 from typing import TYPE_CHECKING
 
 import pytest
+from slow_cases import slow
 
 from plant_emulator.presets import plant_settings
 from positioner.bench.configure import told
@@ -106,8 +107,7 @@ def test_the_nominal_valve_visits_the_setpoints_of_the_league_and_others_the_sam
     assert first == pytest.approx(48.25 + 0.413 * (78.75 - 48.25), abs=0.1)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("lag_ms", "optimum_ms"), [(5, 11.8), (10, 17.6), (20, 28.0), (50, 59.0)])
+@pytest.mark.parametrize(("lag_ms", "optimum_ms"), [(5, 11.8), *slow((10, 17.6), (20, 28.0), (50, 59.0))])
 def test_with_lag_the_time_optimal_limit_is_that_of_an_independent_computation(
     lag_ms: float, optimum_ms: float
 ) -> None:

@@ -16,10 +16,11 @@ from positioner.errors import BenchError, ExitCode
 from positioner.machine.line_sink import LineSink
 from positioner.machine.notify import Notifier
 from positioner.values import dataclass, replace
+from positioner.wire.e2e import CounterCheck
 from positioner.wire.messages import CurrentCommand, Setpoint, StemPosition
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
     from types import FrameType
 
     from plant_emulator.device import DeviceState
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 
 _WAIT_S = 0.1
 _STALL_S = 30.0
+_AGAIN_S = 2.0
+"""In lockstep a reading that nobody answers is sent again so often: the positioner may start after the emulator."""
 _NS = 1_000_000_000
 _LATEST_PERIODS = 4
 """Where the emulator was kept waiting, a reading later than this is not sent: a sensor node sends no old ones."""
@@ -74,6 +77,7 @@ class EmulatorDaemon:
         self._failure = ""
         self._start_ns = 0
         self._waiting: list[CanFrame] = []
+        self._published: tuple[CanFrame, ...] = ()
 
     def run(self) -> ExitCode:
         """Run until SIGTERM or SIGINT.
@@ -113,14 +117,24 @@ class EmulatorDaemon:
                 self._advance(self._options.period_s - delay_s)
 
     def _await(self, arrived: Callable[[DeviceState], bool], frame_name: str) -> None:
-        deadline_s = time.monotonic() + _STALL_S
+        """Take frames until what is waited for `arrived`: `_STALL_S` at most in a bench, or else until there is one."""
+        began_s = time.monotonic()
+        deadline_s, again_s = began_s + _STALL_S, began_s + _AGAIN_S
         while not arrived(self._state) and not self._stopping:
             frames = self._bus.receive(_WAIT_S)
             self._state = take(self._codec, self._state, frames)
-            if not frames and time.monotonic() > deadline_s:
-                sample = self._state.position_counter
-                text = f"it waits at sample {sample}: no {frame_name} within {_STALL_S:g} s"
-                raise BenchError(f"{text}; is the positioner armed (guard.auto_arm), in lockstep, and on this bus?")
+            now_s, sample = time.monotonic(), self._state.position_counter
+            if self._options.setpoint_every:
+                if not frames and now_s > deadline_s:
+                    text = f"it waits at sample {sample}: no {frame_name} within {_STALL_S:g} s"
+                    raise BenchError(f"{text}; is the positioner armed (guard.auto_arm), in lockstep, and on this bus?")
+            elif now_s > again_s:
+                if again_s == began_s + _AGAIN_S:
+                    self._report(f"waits at sample {sample} for a {frame_name} of a positioner in lockstep")
+                again_s = now_s + _AGAIN_S
+                # whoever answers now is a new positioner, whose counter does not go on from the last one's
+                self._state = replace(self._state, command_check=CounterCheck())
+                self._send(self._published)
 
     def _run_real_time(self) -> None:
         """Publish every period, with or without commands; what is too late is lost, but never in a bench."""
@@ -188,7 +202,10 @@ class EmulatorDaemon:
             self._notifier.send(STATUS=line)
 
     def _publish(self) -> None:
-        self._state, frames = publish(self._codec, self._settings, self._state)
+        self._state, self._published = publish(self._codec, self._settings, self._state)
+        self._send(self._published)
+
+    def _send(self, frames: Iterable[CanFrame]) -> None:
         for frame in frames:
             self._bus.send(frame)
 

@@ -12,6 +12,8 @@ from typing import Annotated, Any
 
 from annotated_types import Interval
 
+from plant_emulator.chamber_settings import ChamberSettings
+from plant_emulator.friction_settings import FrictionModel, FrictionSettings
 from plant_emulator.sensor_settings import SensorSettings
 from positioner.inputs.nearest import nearest
 from positioner.inputs.table import SettingsTable
@@ -76,14 +78,23 @@ class ValveSettings(SettingsTable):
             raise ValueError("initial_position_m must be from travel_min_m to travel_max_m")
 
 
+class ActuatorModel(StrEnum):
+    """The equations of the pressure in the chamber."""
+
+    LAG = "lag"
+    MASS_FLOW = "mass-flow"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActuatorSettings(SettingsTable):
     """I/P converter, air line and chamber; all 0 is eq. 10 (P = K_p·u at once).
 
     The current passes the dead time, then the converter's offset, play, dead band, supply limit and lag, then the
-    chamber's slew limit and lag.
+    chamber: its slew limit and lag, or with `model = "mass-flow"` the flow of air through a spool into its volume.
     """
 
+    model: ActuatorModel = ActuatorModel.LAG
+    """"lag", or "mass-flow": `[chamber]` fills and vents through ISO 6358 orifices, and grows with the stem."""
     fill_time_constant_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 0.0
     """Lag while the pressure rises."""
     vent_time_constant_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 0.0
@@ -101,7 +112,21 @@ class ActuatorSettings(SettingsTable):
     dead_band_ma: Annotated[float, Interval(ge=0.0, le=5.0)] = 0.0
     """A change of the current by less than this does not pass the I/P converter."""
     supply_pa: Annotated[float, Interval(ge=0.0, le=2e6)] = 0.0
-    """Highest pressure of the I/P converter; 0 is no limit."""
+    """Highest pressure of the I/P converter; 0 is no limit. With `mass-flow` it fills the chamber."""
+
+    def __post_init__(self) -> None:
+        """Check that a chamber with mass flow has a supply, and no lag beside it.
+
+        Raises:
+            ValueError: it has no supply, or a lag or a slew limit.
+        """
+        if self.model is not ActuatorModel.MASS_FLOW:
+            return
+        if self.supply_pa <= 0.0:
+            raise ValueError("model = 'mass-flow' needs a supply_pa above 0: the air must come from somewhere")
+        if self.fill_time_constant_s > 0.0 or self.vent_time_constant_s > 0.0 or self.slew_pa_per_s > 0.0:
+            keys = "fill_time_constant_s, vent_time_constant_s and slew_pa_per_s"
+            raise ValueError(f"model = 'mass-flow' makes its own lag of conductance and volume: leave {keys} 0")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,6 +141,15 @@ class ProcessSettings(SettingsTable):
     """Root mean square of the Gaussian noise."""
     noise_bandwidth_hz: Annotated[float, Interval(ge=0.01, le=1e3)] = 10.0
     """Corner frequency of the noise."""
+    sine_n: Annotated[float, Interval(ge=0.0, le=1e5)] = 0.0
+    """Amplitude of a part that swings as a sine, such as a slow wave of the flow."""
+    sine_hz: Annotated[float, Interval(ge=1e-3, le=100.0)] = 0.2
+    """Frequency of the sine; its phase is 0 at the plant's start."""
+
+    @property
+    def is_disturbed(self) -> bool:
+        """Whether the force changes by itself."""
+        return self.noise_n > 0.0 or self.sine_n > 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,11 +192,15 @@ class StochasticSettings(SettingsTable):
 _CHANGEABLE: dict[str, Any] = {
     "valve": ValveSettings,
     "actuator": ActuatorSettings,
+    "chamber": ChamberSettings,
     "process": ProcessSettings,
     "sensor": SensorSettings,
     "packing": PackingSettings,
     "stochastic": StochasticSettings,
 }
+
+_BESIDE_OWN_PHYSICS = ("sensor.zero_m", "sensor.noise_of_reading", "sensor.noise_of_span", "sensor.resolution_m")
+"""What may change in a plant with its own physics: it acts on the reading."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,12 +240,17 @@ class PlantSettings(SettingsTable):
 
     preset: str | None = None
     """The plant on which this one is based: `plant-emulator presets` lists them."""
+    physics: str | None = None
+    """Physics of your own in place of the emulator's: FILE.py:NAME, beside this file if it is relative, or an installed
+    plant. `[valve]`, `[actuator]`, lag and backlash of the `[sensor]` are then what a positioner is told."""
     valve: ValveSettings
     actuator: ActuatorSettings = field(default_factory=ActuatorSettings)
+    chamber: ChamberSettings = field(default_factory=ChamberSettings)
     process: ProcessSettings = field(default_factory=ProcessSettings)
     sensor: SensorSettings = field(default_factory=SensorSettings)
     packing: PackingSettings = field(default_factory=PackingSettings)
     stochastic: StochasticSettings = field(default_factory=StochasticSettings)
+    friction: FrictionSettings = field(default_factory=FrictionSettings)
     schedule: tuple[ScheduledChange, ...] = ()
     fail_position: FailPosition = FailPosition.CLOSE
     """Where the valve goes when no commands come."""
@@ -217,11 +260,16 @@ class PlantSettings(SettingsTable):
     """Age of the last command at which the valve goes to its `fail_position`."""
 
     def __post_init__(self) -> None:
-        """Check the relation between the process and the spring, and the order of the changes.
+        """Check the relation between the process and the spring, the friction model, and the order of the changes.
 
         Raises:
-            ValueError: the process is stronger than the spring, or two changes of one parameter overlap.
+            ValueError: the process is stronger than the spring, two changes of one parameter overlap, the friction
+                model lacks something, or physics of one's own stand beside effects of the emulator's.
         """
+        if self.physics is not None:
+            self._check_own_physics()
+        if self.friction.model is not FrictionModel.KARNOPP:
+            self._check_elastic_contact()
         ends_s: dict[str, float] = {}
         for change in sorted(self.schedule, key=lambda each: each.at_s):
             until_s = ends_s.get(change.key, 0.0)
@@ -231,3 +279,34 @@ class PlantSettings(SettingsTable):
         if self.valve.spring_rate_n_per_m + self.process.gradient_n_per_m < _LOWEST_RATE_N_PER_M:
             least = _LOWEST_RATE_N_PER_M - self.valve.spring_rate_n_per_m
             raise ValueError(f"process.gradient_n_per_m must be at least {least:g}: else the spring holds no position")
+
+    def _check_elastic_contact(self) -> None:
+        model = self.friction.model
+        if self.valve.coulomb_friction_n <= 0.0:
+            raise ValueError(f"friction.model = '{model}' needs a valve.coulomb_friction_n above 0")
+        if self.packing.growth_per_decade > 0.0 or self.packing.creep_fraction > 0.0:
+            keys = "packing.growth_per_decade and packing.creep_fraction"
+            raise ValueError(f"friction.model = '{model}' knows no growth of F_s: leave {keys} 0")
+
+    def _check_own_physics(self) -> None:
+        """Refuse what acts in the emulator's physics alone.
+
+        Raises:
+            ValueError: such a table, key or change is given.
+        """
+        acting = {
+            "friction": self.friction,
+            "chamber": self.chamber,
+            "process": self.process,
+            "packing": self.packing,
+            "stochastic": self.stochastic,
+        }
+        for name, table in acting.items():
+            if table != type(table)():
+                raise ValueError(f"[{name}] does not act on a plant with its own physics: leave it out")
+        if self.sensor.reports_pressure:
+            raise ValueError("sensor.reports_pressure: a plant with its own physics has no pressure: leave it out")
+        for change in self.schedule:
+            if change.key not in _BESIDE_OWN_PHYSICS:
+                known = ", ".join(_BESIDE_OWN_PHYSICS)
+                raise ValueError(f"schedule: {change.key} does not act on a plant with its own physics; {known} do")

@@ -1,7 +1,7 @@
 """Plants by name: presets, plants that others have installed, plant files, and FILE.py:NAME.
 
 A plant from outside is what a plant file holds: its tables, as a mapping, or a function without arguments that returns
-them. Shell.
+them. Or it has its own physics (`plant_emulator.own_physics`). Shell.
 """
 
 from __future__ import annotations
@@ -12,13 +12,17 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from plant_emulator.presets import overridden, plant_settings, preset_names
-from positioner.errors import ConfigurationError, Problem
-from positioner.inputs.plug_in import Kind, installed, loaded, problem_of
-from positioner.inputs.toml_reader import read_text, tables
+from plant_emulator.own_physics import is_physics, made, tables_of
+from plant_emulator.presets import DEFAULT_PRESET, overridden, plant_settings, preset_names
+from positioner.errors import ConfigurationError, PositionerError, Problem
+from positioner.inputs.plug_in import Kind, anchored, file_and_name, installed, is_interrupt, problem_of, text_of_error
+from positioner.inputs.toml_reader import laid_over, read_text, tables
 
 if TYPE_CHECKING:
     from plant_emulator.parameters import PlantSettings
+
+_UNDER_OWN_PHYSICS = {"preset": DEFAULT_PRESET, "sensor": {"noise_of_reading": 0.0, "noise_of_span": 0.0}}
+"""What a plant with its own physics has where its tables say nothing."""
 
 
 def plant_names() -> tuple[str, ...]:
@@ -42,21 +46,50 @@ def plant_named(name: str) -> PlantSettings:
     if name in preset_names():
         return plant_settings(name)
     if name.endswith(".toml"):
-        text = read_text(Path(name))
-        return overridden(tables(text, name), {}, name, text)
+        return plant_in_file(Path(name))
     if problem := plant_problem(name):
         raise ConfigurationError(name, (Problem("plant", None, problem),))
-    found = loaded(Kind.PLANT, name)
-    if callable(found):
-        try:
-            found = found()
-        except Exception as error:  # code of others may raise anything
-            message = f"cannot be made: {type(error).__name__}: {error}"
-            raise ConfigurationError(name, (Problem("plant", None, message),)) from error
+    found = made(name)
+    if is_physics(found):
+        return _of_others(name, tables_of(name, found), _UNDER_OWN_PHYSICS, {"physics": anchored(name, Path.cwd())})
     if not isinstance(found, Mapping):
-        message = f"is a {type(found).__name__}; a plant is the tables of a plant file, or a function that returns them"
-        raise ConfigurationError(name, (Problem("plant", None, message),))
-    return overridden(found, {}, name)
+        what = "the tables of a plant file, a function that returns them, or physics (docs/own-plant.md)"
+        raise ConfigurationError(name, (Problem("plant", None, f"is a {type(found).__name__}; a plant is {what}"),))
+    own_file = file_and_name(name)
+    folder = Path.cwd() if own_file is None else own_file.file.absolute().parent
+    return _of_others(name, with_physics_in(found, folder), {}, {})
+
+
+def _of_others(
+    name: str, tables: Mapping[str, Any], below: Mapping[str, Any], above: Mapping[str, Any]
+) -> PlantSettings:
+    """Return the plant of tables that the code of others has made."""
+    try:
+        return overridden(laid_over(below, tables), above, name)
+    except PositionerError:
+        raise
+    except BaseException as error:  # such as a table that holds itself
+        if is_interrupt(error):
+            raise
+        message = f"cannot be read: {text_of_error(error)}; give plain tables, as a plant file has them"
+        raise ConfigurationError(name, (Problem("tables", None, message),)) from error
+
+
+def plant_in_file(path: Path, changes: Mapping[str, Any] | None = None) -> PlantSettings:
+    """Return the plant of a plant file, with the values of `changes` instead of its own.
+
+    Raises:
+        ConfigurationError: as `plant_named`.
+    """
+    text = read_text(path)
+    source = f"{path} with --set" if changes else str(path)
+    return overridden(with_physics_in(tables(text, str(path)), path.absolute().parent), changes or {}, source, text)
+
+
+def with_physics_in(plant: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
+    """Return the tables of a plant with the file of its own physics beside `folder`, where that file is relative."""
+    physics = plant.get("physics")
+    return {**plant, "physics": anchored(physics, folder.absolute())} if isinstance(physics, str) else plant
 
 
 def complete_tables(settings: PlantSettings) -> dict[str, Any]:
@@ -71,7 +104,7 @@ def _without_none(table: dict[str, Any]) -> dict[str, Any]:
         if isinstance(value, dict):
             found[key] = _without_none(value)
         elif isinstance(value, list):
-            found[key] = [_without_none(each) for each in value]
+            found[key] = [_without_none(each) if isinstance(each, dict) else each for each in value]
         elif value is not None:
             found[key] = value
     return found

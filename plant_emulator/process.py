@@ -1,8 +1,9 @@
-"""The force of the process on the plug: constant, growing with the travel, and noise. Pure.
+"""The force of the process on the plug: constant, growing with the travel, noise, and a sine. Pure.
 
 The constant part acts like a preload, the gradient like a spring. The noise is a white sequence, held for a quarter of
 its correlation time and filtered once: ṅ = (w_k - n)/τ_n, τ_n = 1/(2π·bandwidth). So it is continuous, and one
-exponential between two edges.
+exponential between two edges. The sine is drawn in 32 straight pieces a period, which are at most
+1 - cos(π/32) = 0.5 % of its amplitude away from it.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ _HOLD = 0.25
 """Of the correlation time: how long one value of the white sequence lasts."""
 _HOLD_SLACK = 1e-9
 """Of a hold: an instant this little before its end belongs to the next hold, however it was rounded."""
+_PIECES = 32
+"""Straight pieces in one period of the sine."""
 
 
 def initial_noise_n(settings: ProcessSettings, seed: int) -> float:
@@ -35,7 +38,11 @@ def disturbed(
     start_s: float,
     forces: tuple[tuple[PushingForce, float], ...],
 ) -> tuple[float, tuple[tuple[PushingForce, float], ...]]:
-    """Return the noise in N after `forces`, (force, seconds) each from `start_s` on, and these with the noise."""
+    """Return the noise in N after `forces`, (force, seconds) each from `start_s` on, and these with noise and sine."""
+    if settings.sine_n > 0.0:
+        forces = _with_sine(settings, start_s, forces)
+    if settings.noise_n == 0.0:
+        return noise_n, forces
     lag_s = 1.0 / (math.tau * settings.noise_bandwidth_hz)
     hold_s, white_n = _HOLD * lag_s, settings.noise_n * _white_over_rms()
     index = math.floor(start_s / hold_s + _HOLD_SLACK)
@@ -53,6 +60,29 @@ def disturbed(
             now_s, left_s, index = now_s + part_s, left_s - part_s, index + ends
             force = force.after(part_s)
     return noise_n, tuple(disturbed_forces)
+
+
+def _with_sine(
+    settings: ProcessSettings, start_s: float, forces: tuple[tuple[PushingForce, float], ...]
+) -> tuple[tuple[PushingForce, float], ...]:
+    """Return `forces` less the sine, each divided where one straight piece of it ends."""
+    piece_s = 1.0 / (_PIECES * settings.sine_hz)
+    index = math.floor(start_s / piece_s + _HOLD_SLACK)
+    now_s, found = start_s, []
+    for given, seconds in forces:
+        force, left_s = given, seconds
+        while left_s > 0.0:
+            begin_n = settings.sine_n * math.sin(math.tau * index / _PIECES)
+            end_n = settings.sine_n * math.sin(math.tau * (index + 1) / _PIECES)
+            slope = (end_n - begin_n) / piece_s
+            until_s = (index + 1) * piece_s - now_s
+            ends = until_s <= left_s
+            part_s = max(until_s, 0.0) if ends else left_s
+            here_n = begin_n + slope * (now_s - index * piece_s)
+            found.append((PushingForce(force.final_n - here_n, force.decays, force.ramp_n_per_s - slope), part_s))
+            now_s, left_s, index = now_s + part_s, left_s - part_s, index + ends
+            force = force.after(part_s)
+    return tuple(found)
 
 
 @lru_cache(maxsize=1)

@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from plant_emulator.plants import complete_tables, plant_in_file, plant_named, plant_names
 from plant_emulator.presets import DEFAULT_PRESET, overridden, preset_names
 from positioner.inputs.numbers import number
-from positioner.inputs.toml_reader import changes_of, read_text, tables
+from positioner.inputs.toml_reader import changes_of
+from positioner.machine.completion import suggest
 
 if TYPE_CHECKING:
     import argparse
@@ -28,6 +30,10 @@ def add_plant_options(parser: argparse.ArgumentParser) -> None:
         help=f"plant to emulate (default: {DEFAULT_PRESET}; see `plant-emulator presets`)",
     )
     plant.add_argument("--config", type=Path, metavar="PLANT.toml", help="plant file, which may be based on a preset")
+    other = plant.add_argument(
+        "--plant", metavar="FILE.py:NAME", help="a plant of others: FILE.py:NAME, an installed one, a preset or a file"
+    )
+    suggest(other, plant_names, "*.toml", "*.py")
     parser.add_argument(
         "--set",
         action="append",
@@ -45,8 +51,9 @@ def plant_of(options: argparse.Namespace) -> PlantSettings:
         ConfigurationError: a file, a key or a value is wrong.
     """
     changes = changes_of(options.changes, "valve.mass_kg=2")
-    if options.config is None:
+    if options.config is not None:
+        return plant_in_file(options.config, changes)
+    if options.plant is None:
         return overridden({"preset": options.preset or DEFAULT_PRESET}, changes, "--set")
-    text = read_text(options.config)
-    source = f"{options.config} with --set" if changes else str(options.config)
-    return overridden(tables(text, str(options.config)), changes, source, text)
+    settings = plant_named(options.plant)
+    return overridden(complete_tables(settings), changes, "--set") if changes else settings

@@ -5,19 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+import pytest
+
 from plant_emulator import daemon as emulator
 from plant_emulator.cli.main import main
 from plant_emulator.daemon import EmulatorDaemon, EmulatorOptions
 from plant_emulator.presets import plant_settings
 from positioner.bus.address import BusAddress
-from positioner.errors import ExitCode
+from positioner.errors import BenchError, ExitCode
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import CanFrame, CurrentCommand, StemPosition
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    import pytest
 
 CODEC = make_codec()
 PERIOD_NS = 1_000_000
@@ -28,12 +28,14 @@ NS = 1_000_000_000
 class World:
     """A clock, and a bus on which commands come at known instants, in ns since the start.
 
-    stall: from the first instant to the second the emulator does not run.
+    stall: from the first instant to the second the emulator does not run. restarted_at: which command is the first of
+    another positioner.
     """
 
     commands: Sequence[int]
     end_ns: int
     stall: tuple[int, int] = (0, 0)
+    restarted_at: int = -1
     now_ns: int = 0
     sent: list[CanFrame] = field(default_factory=list)
     _given: int = 0
@@ -41,11 +43,15 @@ class World:
     def monotonic_ns(self) -> int:
         return self.now_ns
 
+    def monotonic(self) -> float:
+        return self.now_ns / NS
+
     def receive(self, timeout_s: float) -> tuple[CanFrame, ...]:
         end_ns = self.now_ns + round(timeout_s * NS)
         if self._given < len(self.commands) and self.commands[self._given] <= end_ns:
             self.now_ns = max(self.now_ns, self.commands[self._given])
-            frame = CODEC.encode(CurrentCommand(12.0 + 0.01 * self._given, self._given), self._given)
+            counter = 0 if self._given == self.restarted_at else self._given
+            frame = CODEC.encode(CurrentCommand(12.0 + 0.01 * self._given, self._given), counter)
             self._given += 1
             return (replace(frame, received_ns=self.commands[self._given - 1]),)
         self.now_ns = end_ns
@@ -121,6 +127,46 @@ def test_after_a_long_stall_readings_that_are_too_late_are_lost_and_not_sent_tog
     decoded = (CODEC.decode(frame) for frame in world.sent)
     counters = [counter for message, counter in decoded if isinstance(message, StemPosition)]
     assert counters == [0, 17, 18, 19, 20, 21, 22, 23, 24]  # 1 to 16 would be more than four periods late
+
+
+def waiting(world: World, monkeypatch: pytest.MonkeyPatch, setpoint_every: int) -> list[int | None]:
+    """Return the counters of the readings of an emulator in lockstep that two commands reach, and then no more."""
+    options = EmulatorOptions(
+        bus=BusAddress(), period_s=PERIOD_NS / NS, seed=1, lockstep=True, setpoint_every=setpoint_every
+    )
+    node = EmulatorDaemon(plant_settings("paper"), CODEC, options)
+    receive = world.receive
+
+    def until_its_end(timeout_s: float) -> tuple[CanFrame, ...]:
+        node._stopping = world.now_ns >= world.end_ns
+        return receive(timeout_s)
+
+    monkeypatch.setattr(emulator, "time", world)
+    monkeypatch.setattr(world, "receive", until_its_end)
+    monkeypatch.setattr(node, "_bus", world)
+    node._run_lockstep()
+    decoded = (CODEC.decode(frame) for frame in world.sent)
+    return [counter for message, counter in decoded if isinstance(message, StemPosition)]
+
+
+def test_in_lockstep_a_reading_is_sent_again_until_a_positioner_is_there(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    world = World([5 * NS, 5 * NS + 1_000_000, 10 * NS], 100 * NS, restarted_at=2)
+    counters = waiting(world, monkeypatch, 0)
+    # again after 2 s and 4 s; two commands; again after two s and four s; the first command of the next positioner
+    assert counters[:8] == [0, 0, 0, 1, 2, 2, 2, 3]
+    assert set(counters[8:]) == {3}
+    assert len(counters[8:]) == pytest.approx(90 / 2.1, abs=1)  # it looks every 0.1 s
+    told = [line for line in capsys.readouterr().err.splitlines() if "waits at sample" in line]
+    assert len(told) == 3
+
+
+def test_in_a_bench_a_reading_that_nobody_answers_is_sent_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World([], 100 * NS)
+    with pytest.raises(BenchError, match="it waits at sample 0: no setpoint frame within 30 s"):
+        waiting(world, monkeypatch, 10)
+    assert world.sent == []
 
 
 def test_a_delay_of_more_than_a_period_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

@@ -25,7 +25,8 @@ def plant_of(text: str) -> PlantSettings:
 def test_the_presets_are_these_and_all_can_be_read() -> None:
     assert preset_names() == (
         "ageing", "creeping", "failing", "friction+10", "friction+20", "friction-10", "friction-20",
-        "friction-by-place", "frictionless", "graphite", "low-supply", "noise-free", "paper", "pneumatics", "process",
+        "friction-by-place", "frictionless", "graphite", "low-supply", "lugre", "lugre-graphite", "mass-flow",
+        "mass-flow-booster", "mass-flow-lugre", "maxwell-slip", "noise-free", "paper", "pneumatics", "process",
         "real-valve", "seated", "spring+20", "spring-10", "spring-20", "stochastic", "wearing",
     )  # fmt: skip
     for name in preset_names():
@@ -184,7 +185,7 @@ def test_a_plant_file_replaces_values_of_its_preset() -> None:
 def test_the_example_shows_every_key_of_its_tables_but_three_of_the_sensor() -> None:
     text = (Path(__file__).parents[2] / "examples" / "plant.toml").read_text(encoding="utf-8")
     settings, shown = plant_of(text), tables(text, "plant.toml")
-    for table in ("actuator", "process", "packing"):
+    for table in ("friction", "actuator", "chamber", "process", "packing"):
         assert set(shown[table]) == {each.name for each in fields(getattr(settings, table))}
     missing = {each.name for each in fields(settings.sensor)} - set(shown["sensor"])
     assert missing == {"noise_of_reading", "noise_hold_s", "reports_pressure"}

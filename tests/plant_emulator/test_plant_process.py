@@ -76,6 +76,18 @@ def test_the_noise_of_a_seed_does_not_depend_on_the_steps() -> None:
     assert noise(10.0, 1e-3, 700)[69::70] == pytest.approx(noise(10.0, 0.07, 10), abs=1e-9)
 
 
+def test_the_sine_acts_against_opening_and_is_drawn_within_half_a_percent() -> None:
+    process = ProcessSettings(sine_n=300.0, sine_hz=0.2)
+    farthest_n = 0.0
+    for index in range(700):
+        start_s = index * 0.01
+        _, forces = disturbed(process, 3, 0.0, start_s, ((PushingForce(500.0), 0.01),))
+        assert sum(seconds for _, seconds in forces) == pytest.approx(0.01, rel=1e-9)
+        (force, seconds), true_n = forces[-1], 500.0 - 300.0 * math.sin(math.tau * 0.2 * (start_s + 0.01))
+        farthest_n = max(farthest_n, abs(force.at(seconds) - true_n))
+    assert 0.004 * 300.0 < farthest_n < 0.005 * 300.0
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_a_force_that_jumps_above_static_friction_frees_the_stem_at_once_whichever_way_the_noise_goes(
     seed: int,
@@ -94,16 +106,23 @@ commands = st.lists(st.tuples(st.floats(0.0, 24.0), st.sampled_from([1e-3, 5e-3,
     st.sampled_from(["paper", "frictionless", "stochastic", "graphite"]),
     st.sampled_from([0.0, 0.003]),
     st.sampled_from([0.0, 60.0, 400.0]),
+    st.sampled_from([0.0, 300.0]),
     commands,
     st.integers(2, 30),
 )
 def test_no_cut_of_time_changes_a_motion_in_the_process(
-    preset: str, lag_s: float, noise_n: float, sequence: list[tuple[float, float]], pieces: int
+    preset: str, lag_s: float, noise_n: float, sine_n: float, sequence: list[tuple[float, float]], pieces: int
 ) -> None:
     plant = plant_settings(
         preset,
         {
-            "process": {"force_n": 200.0, "gradient_n_per_m": 3000.0, "noise_n": noise_n},
+            "process": {
+                "force_n": 200.0,
+                "gradient_n_per_m": 3000.0,
+                "noise_n": noise_n,
+                "sine_n": sine_n,
+                "sine_hz": 3.0,
+            },
             "actuator": {"converter_time_constant_s": lag_s, "hysteresis_ma": 0.1, "dead_band_ma": 0.02},
         },
     )

@@ -21,7 +21,6 @@ from positioner.cycle.events import Controlled
 from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState
 from positioner.cycle.step import step
-from positioner.values import replace
 from positioner.valve.stiction import StictionTable
 from positioner.wire.messages import Setpoint
 
@@ -61,19 +60,19 @@ def run_in_process(
     table: StictionTable | None = None,
     progress: Callable[[int], None] = lambda _samples: None,
     law: Law[Any] | None = None,
+    *,
+    beyond_reach: bool = False,
 ) -> InProcessRun:
     """Return the run of `scenario`, starting from `table`; `progress` is called with the number of samples done.
 
-    law: it plays in place of the scenario's.
+    law: it plays in place of the scenario's. beyond_reach: setpoints that no law can serve are played, too.
 
     Raises:
         ConfigurationError: the scenario's tables do not make a valve or a positioner, or contradict each other.
     """
     configuration = configure(scenario)
-    settings = check_playable(scenario, configuration)
-    setup = configuration.make_setup()
-    if law is not None:
-        setup = replace(setup, law=law)
+    settings = check_playable(scenario, configuration, beyond_reach=beyond_reach)
+    setup = configuration.make_setup(plays=True, law=law)
     delay_s = configuration.control.command_delay_s
     codec, period_s, every = setup.codec, scenario.sample_period_s, scenario.samples_per_setpoint
     state = CycleState(table=table or StictionTable(cell_width_m=configuration.control.table_cell_m))

@@ -27,7 +27,6 @@ _NO_SETPOINT = (
     "was too slow: free a processor"
 )
 _NEVER_ARMED = "nothing armed it: do not set guard.auto_arm to false"
-"""A positioner that was never armed sends no status, so the cause of its INIT is unknown."""
 _ADVICE = {
     Cause.FEEDBACK_STALE: _SLOW,
     Cause.SETPOINT_STALE: _NO_SETPOINT,
@@ -35,7 +34,7 @@ _ADVICE = {
     Cause.FEEDBACK_IMPLAUSIBLE: "[guard] and the travel of [valve] define which readings are plausible",
     Cause.FEEDBACK_FROZEN: "[guard] frozen_s and frozen_command_ma define when a sensor counts as frozen",
     Cause.FOREIGN_COMMAND: "another controller is on this bus: give --bus another one",
-    Cause.WAITING_FOR_ARM: "nothing armed it again",
+    Cause.WAITING_FOR_ARM: _NEVER_ARMED,
 }
 
 
@@ -169,8 +168,7 @@ def complaint(spans: Sequence[ModeSpan], log: str) -> str | None:
     worst = max(spent_s, key=lambda each: spent_s[each])
     first = next(span for span in others if (span.mode, span.cause) == worst)
     mode, cause = worst
-    unknown = {None: _SLOW, Mode.INIT: _NEVER_ARMED}.get(mode)
-    advice = unknown if cause is None else _ADVICE.get(cause)
+    advice = _ADVICE.get(cause) if cause is not None else _SLOW if mode is None else None
     where_to_look = f"{advice}; see {log}" if advice else f"see {log}"
     return (
         f"ACTIVE for {_percent(active)} of the run: below {_percent(ACTIVE_AT_LEAST)} its figures are not the law's; "

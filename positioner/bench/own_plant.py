@@ -22,8 +22,19 @@ def with_plant(scenario: Scenario, name: str) -> Scenario:
         ConfigurationError: there is no such plant, or a value of it is wrong.
     """
     if name in preset_names():
-        return replace(scenario, plant={**scenario.plant, "preset": name})
+        changes = {key: value for key, value in scenario.plant.items() if key != "physics"}
+        return replace(scenario, plant={**changes, "preset": name})
     return on_own_plant(scenario, plant_named(name))
+
+
+def with_own_physics(scenario: Scenario) -> Scenario:
+    """Return the scenario with the tables of the physics that its plant names, where it names some, under its own.
+
+    Raises:
+        ConfigurationError: the code of the physics cannot be loaded, or its tables are wrong.
+    """
+    physics = scenario.plant.get("physics")
+    return with_plant(scenario, physics) if isinstance(physics, str) else scenario
 
 
 def on_own_plant(scenario: Scenario, settings: PlantSettings) -> Scenario:
@@ -36,7 +47,7 @@ def on_own_plant(scenario: Scenario, settings: PlantSettings) -> Scenario:
     # a valve shows only the sum of spring and process
     own["spring_rate_n_per_m"] += process.gradient_n_per_m
     own["bench_set_n"] = max(own["bench_set_n"] + process.force_n, 0.0)
-    changes = {key: value for key, value in scenario.plant.items() if key != "preset"}
+    changes = {key: value for key, value in scenario.plant.items() if key not in {"preset", "physics"}}
     sensor = settings.sensor
     noise = {"noise_of_reading": sensor.noise_of_reading, "noise_of_span": sensor.noise_of_span}
     return replace(

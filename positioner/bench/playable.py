@@ -71,8 +71,10 @@ def setpoint_problems(
         yield Problem(f"setpoint {setpoint_mm:g} mm", None, text)
 
 
-def check_playable(scenario: Scenario, configuration: Configuration) -> PlantSettings:
+def check_playable(scenario: Scenario, configuration: Configuration, *, beyond_reach: bool = False) -> PlantSettings:
     """Return the plant of `scenario`, which the positioner of `configuration` is to control.
+
+    beyond_reach: setpoints from which the plant cannot be restarted are played, too.
 
     Raises:
         ConfigurationError: the plant's parameters are wrong, the positioner is configured for another valve, or the
@@ -81,7 +83,8 @@ def check_playable(scenario: Scenario, configuration: Configuration) -> PlantSet
     plant, guard = plant_settings(overrides=scenario.plant), configuration.guard
     problems = [*_contradictions(scenario, plant, configuration)]
     name = plant.preset or "the plant"
-    problems += setpoint_problems(scenario.setpoints_mm, name, plant, guard.current_low_ma, guard.current_high_ma)
+    if not beyond_reach:
+        problems += setpoint_problems(scenario.setpoints_mm, name, plant, guard.current_low_ma, guard.current_high_ma)
     problems += _unsent(scenario, configuration)
     if problems:
         raise ConfigurationError(scenario.name, tuple(problems))

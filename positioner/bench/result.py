@@ -75,6 +75,8 @@ class Result:
     table_before: TableSummary
     table_after: TableSummary
     run: RunInfo
+    notes: tuple[str, ...] = ()
+    """What is to be said of the length of the dwells."""
 
 
 def summary_of(table: StictionTable) -> TableSummary:
@@ -125,6 +127,7 @@ def blocks(result: Result) -> list[Block]:
         *_labelled("time", () if run.timing is None else timing_lines(run.timing, scenario.sample_period_s)),
         f"error    {totals.worst_mean_abs_error_pct:.2f} % of the {result.span_mm:g} mm span in the worst dwell",
         f"settled  {settled_1pct} to 1 %, {settled_2pct} to 2 %, of {totals.dwells}",
+        *_labelled("dwell", result.notes),
         f"cycling  {totals.limit_cycles}",
         f"travel   {_or_dash(totals.travel_ratio)} times the shortest way",
         f"table    {before.recorded} → {after.recorded} samples, {before.cells} → {after.cells} cells",

@@ -17,6 +17,7 @@ from plant_emulator.presets import DEFAULT_PRESET
 from positioner.bench import metrics
 from positioner.bench.commission import commission
 from positioner.bench.configure import configuration_text
+from positioner.bench.dwell_length import dwell_notes
 from positioner.bench.machine_load import machine
 from positioner.bench.modes import mode_spans
 from positioner.bench.moves_picture import draw_moves
@@ -44,13 +45,16 @@ _COMMAND_DELAY_PERIODS = 0.8
 """When commands act after a reading in real time: most of the period is for the cycle, the rest for the emulator."""
 
 
+ON_VCAN = "a virtual CAN interface of this machine"
+
+
 def choose_bus(address: BusAddress | None) -> tuple[BusAddress, str]:
     """Return the bus to use, and a line that gives the reason."""
     if address is not None:
         return address, f"bus {address}"
     vcan = find_vcan()
     if vcan is not None:
-        return vcan, f"bus {vcan}: a virtual CAN interface of this machine"
+        return vcan, f"bus {vcan}: {ON_VCAN}"
     embedded = embedded_address(os.getpid())
     advice = "for a vcan: sudo modprobe vcan && sudo ip link add dev vcan0 type vcan && sudo ip link set vcan0 up"
     return embedded, f"bus {embedded}: embedded, never leaves this machine ({advice})"
@@ -95,7 +99,7 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
     configuration = _write_configuration(scenario, options, address, state)
     plant = check_playable(scenario, configuration)
     if is_outside(scenario.law):
-        configuration.make_law()  # one that cannot be made is told here, and not in the log of the daemon
+        configuration.make_law(plays=True)  # one that cannot be made is told here, and not in the log of the daemon
     if options.state is None:
         _empty(state, say)
     if scenario.commission:
@@ -129,6 +133,7 @@ def _run(scenario: Scenario, options: BenchOptions, say: Callable[[str], object]
             versions=installed_versions(),
             timing=timing,
         ),
+        notes=dwell_notes(scenario, configuration, dwells),
     )
     (out / "result.json").write_text(to_json(result), encoding="utf-8")
     if options.lockstep:

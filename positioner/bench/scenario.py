@@ -14,6 +14,7 @@ from typing import Annotated, Any
 
 from annotated_types import Interval, Len
 
+from plant_emulator.plants import with_physics_in
 from positioner.errors import ConfigurationError
 from positioner.inputs import toml_reader
 from positioner.inputs.nearest import check_name
@@ -30,6 +31,9 @@ _MULTIPLES = (
 
 MOST_SAMPLES_PER_SETPOINT = 60
 """In lockstep the host sends setpoints for so many samples ahead: a raw CAN socket holds 278 frames, three a sample."""
+
+_OWN_KEYS = ("law", "sample_period_s")
+"""Keys of `[control]` that a scenario has itself: there they would contradict it."""
 
 _MULTIPLE_TOLERANCE = 1e-9
 """Relative; decimal fractions such as 0.01 / 0.0001 are not exact in binary."""
@@ -119,7 +123,7 @@ def scenario_names() -> tuple[str, ...]:
 def load_scenario(name_or_path: str) -> Scenario:
     """Return the packaged scenario of that name, or the one in that file: a path has a slash or ends in `.toml`.
 
-    The file of a law, and a DBC, lie beside that of the scenario, if they are relative.
+    The file of a law, that of a plant's own physics, and a DBC lie beside that of the scenario, if they are relative.
 
     Raises:
         UsageError: no scenario has the name.
@@ -129,7 +133,8 @@ def load_scenario(name_or_path: str) -> Scenario:
         path = Path(name_or_path)
         scenario = parse_scenario(toml_reader.read_text(path), name_or_path)
         wire = wire_table(path) if scenario.wire else {}
-        return replace(scenario, law=anchored(scenario.law, path.parent), wire=wire)
+        law, plant = anchored(scenario.law, path.parent), dict(with_physics_in(scenario.plant, path.parent))
+        return replace(scenario, law=law, plant=plant, wire=wire)
     check_name("scenario", name_or_path, scenario_names(), "or give the path of a .toml file")
     file = resources.files(__package__).joinpath("scenarios", f"{name_or_path}.toml")
     return parse_scenario(file.read_text(encoding="utf-8"), f"{name_or_path}.toml")
@@ -170,6 +175,10 @@ def _check_periods(scenario: Scenario, source: str, text: str = "") -> None:
         where = f"setpoint_period_s = {scenario.setpoint_period_s}"
         most = f"must be at most {MOST_SAMPLES_PER_SETPOINT} sample periods: the sockets have no room for more frames"
         problems = (*problems, problem_at(text, where, most))
+    for key in _OWN_KEYS:
+        if key in scenario.control:
+            own = f"the scenario itself has {key} = {getattr(scenario, key)}, for plant and positioner: leave it out"
+            problems = (*problems, problem_at(text, f"control.{key} = {scenario.control[key]}", own))
     if problems:
         raise ConfigurationError(source, problems)
 

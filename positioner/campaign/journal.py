@@ -1,4 +1,4 @@
-"""The journal of a campaign: one line for each outcome, on the disk before the next one is waited for. Shell.
+"""The journal of a study: one line for each outcome, on the disk before the next one is waited for. Shell.
 
 A process that is killed leaves a journal that ends at any byte. The next one cuts off a line that has no end, and plays
 again what no whole line holds. An outcome counts as long as the code of its run is the same.
@@ -9,27 +9,35 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import asdict
-from typing import TYPE_CHECKING, BinaryIO, Self
+from typing import TYPE_CHECKING, Any, BinaryIO, Generic, Self, TypeVar
 
-from positioner.campaign.run import Figures, Outcome
 from positioner.errors import writing
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
+    from _typeshed import DataclassInstance
 
-class Journal:
-    """The outcomes of the runs that were played, in the file `path`; a context manager."""
+Result = TypeVar("Result", bound="DataclassInstance")
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+
+class Journal(Generic[Result]):
+    """The outcomes of the runs that were played, in the file `path`; a context manager.
+
+    An outcome is a dataclass; `outcome_of` makes it of its fields as JSON has them. Where that raises a ValueError, a
+    KeyError or a TypeError, the line is damaged, or of another version, and its run is played again.
+    """
+
+    def __init__(self, path: Path, outcome_of: Callable[[dict[str, Any]], Result]) -> None:
+        self._path, self._outcome_of = path, outcome_of
         with writing(path):
             self._file: BinaryIO = path.open("a+b")
             self._file.seek(0)
             content = self._file.read()
             whole = content.rfind(b"\n") + 1
             self._file.truncate(whole)
-        self._known: dict[tuple[str, str], Outcome] = {}
+        self._known: dict[tuple[str, str], Result] = {}
         for line in content[:whole].splitlines():
             self._read(line)
 
@@ -39,11 +47,11 @@ class Journal:
     def __exit__(self, *_: object) -> None:
         self._file.close()
 
-    def outcome(self, key: str, code: str) -> Outcome | None:
+    def outcome(self, key: str, code: str) -> Result | None:
         """Return the outcome of the run with this key, played by this code; None where there is none."""
         return self._known.get((key, code))
 
-    def add(self, key: str, code: str, outcome: Outcome) -> None:
+    def add(self, key: str, code: str, outcome: Result) -> None:
         """Keep the outcome of a run.
 
         Raises:
@@ -58,7 +66,7 @@ class Journal:
     def _read(self, line: bytes) -> None:
         try:
             kept = json.loads(line)
-            figures = None if kept["figures"] is None else Figures(**kept["figures"])
-            self._known[kept["run"], kept["code"]] = Outcome(figures, kept["failure"])
-        except (ValueError, KeyError, TypeError):
-            return  # damaged, or of a version with other figures: the run is played again
+            key, code = kept.pop("run"), kept.pop("code")
+            self._known[key, code] = self._outcome_of(kept)
+        except (ValueError, KeyError, TypeError, AttributeError):
+            return

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, fields, is_dataclass
 from enum import StrEnum
 from functools import cache
-from typing import TYPE_CHECKING, Any, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, get_args, get_origin, get_type_hints
 
 from plant_emulator.parameters import PlantSettings
 from plant_emulator.presets import plant_settings
@@ -54,6 +54,8 @@ def _kind(hint: Any) -> type | None:
     """Return the kind of a value with this type hint, None where no campaign can change it."""
     if isinstance(hint, type) and issubclass(hint, StrEnum):
         return str
+    if get_origin(hint) is tuple:
+        return None
     return next((kind for kind in _KINDS if hint is kind or kind in get_args(hint)), None)
 
 

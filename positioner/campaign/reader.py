@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
+from plant_emulator.plants import with_physics_in
 from plant_emulator.presets import plant_settings
 from positioner.bench.inprocess import configure
+from positioner.bench.own_plant import with_own_physics
 from positioner.bench.scenario import Scenario, check_scenario, load_scenario
 from positioner.campaign.check import (
     design_problems,
@@ -93,9 +95,14 @@ def _base(table: Any, text: str, path: Path) -> Scenario:
         raise ConfigurationError(str(path), (*problems, problem_at(text, where, str(error)))) from error
     try:
         scenario = toml_reader.build(toml_reader.laid_over(asdict(below), own), Scenario, str(path))
+        scenario = replace(scenario, plant=dict(with_physics_in(scenario.plant, path.parent)))
         check_scenario(scenario, str(path))
     except ConfigurationError as error:
         raise ConfigurationError(str(path), (*problems, *_under("scenario", error, text))) from error
+    try:
+        scenario = with_own_physics(scenario)
+    except ConfigurationError as error:
+        raise ConfigurationError(str(path), (*problems, *_under("scenario.plant.physics", error, text))) from error
     for prefix, make in (("scenario.plant", _plant), ("scenario", configure)):
         try:
             make(scenario)

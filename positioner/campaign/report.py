@@ -11,6 +11,7 @@ import tomli_w
 
 from positioner.campaign.check import shown
 from positioner.campaign.pictures import draw_corners, draw_sensitivity
+from positioner.campaign.summary import by_chance
 from positioner.report.table import Table
 from positioner.report.text import markdown
 from positioner.studies.bouts import file_name
@@ -26,6 +27,12 @@ if TYPE_CHECKING:
     from positioner.report.text import Block
 
 _CORNERS = "corners"
+_MOST_BY_CHANCE = 0.25
+"""What chance may explain of the variance before the points are called few."""
+_ENOUGH_POINTS = 32
+"""The fewest of a Sobol sequence that leave less than that to chance: 19 %, and 16 leave 34 % (`by_chance`)."""
+_ENOUGH_SEEDS = 4
+"""A bootstrap of n values is n times the smallest with 1/nⁿ: above 2.5 %, and so the interval's end, up to n = 3."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,10 +126,18 @@ def _about(campaign: Campaign, summary: Summary) -> str:
     has_interval = any(law.error.low_pct is not None for law in summary.laws)
     interval = f"In parentheses: 95 % percentile bootstrap over the means of the {over}."
     none = f"No intervals: they are over the {over}, and there is only one."
+    chance, few = by_chance(campaign), ""
+    if chance is not None and chance > _MOST_BY_CHANCE:
+        few = (
+            f" These are few points: a parameter without any effect may explain {100.0 * chance:.0f} % by chance "
+            f"(2 σ), and the intervals are too narrow; give {_ENOUGH_POINTS} or more."
+        )
+    elif kind == "grid" and 1 < seeds < _ENOUGH_SEEDS:
+        few = f" {seeds} seeds are few: an interval ends at the smallest and the largest; give {_ENOUGH_SEEDS} or more."
     return (
         f"{points} points ({kind}, seed {campaign.file.design.seed}) × {len(campaign.laws)} laws × {seeds} seeds. "
         "Errors in percent of span; unsettled and limit cycles in dwells; settling is the median of the runs. "
-        f"{interval if has_interval else none}"
+        f"{interval if has_interval else none}{few}"
     )
 
 

@@ -51,6 +51,16 @@ class Run:
         return self.scenario.seed
 
     @property
+    def physics(self) -> str:
+        """The name of the plant's own physics, empty where it has those of the emulator."""
+        return str(self.scenario.plant.get("physics", ""))
+
+    @property
+    def label(self) -> str:
+        """What the progress bar shows."""
+        return f"{self.law} at point {self.point}"
+
+    @property
     def key(self) -> str:
         """A digest of all that the figures depend on, except the code."""
         return digest_of(played_part(self.scenario))
@@ -77,6 +87,15 @@ class Outcome:
 
     figures: Figures | None
     failure: str | None = None
+
+
+def outcome_of(kept: dict[str, Any]) -> Outcome:
+    """Return the outcome in a line of the journal.
+
+    Raises:
+        TypeError: it is of a version with other figures.
+    """
+    return Outcome(None if kept["figures"] is None else Figures(**kept["figures"]), kept["failure"])
 
 
 @dataclass(frozen=True, slots=True)

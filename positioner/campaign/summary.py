@@ -177,6 +177,22 @@ def _edges(campaign: Campaign, parameter: Parameter) -> list[float]:
     return [part / count for part in range(count + 1)]
 
 
+def by_chance(campaign: Campaign) -> float | None:
+    """Return what a parameter without any effect may explain by chance, from 0 to 1; None for a grid.
+
+    Two standard deviations of ε² of n points in k parts: η² of values without an effect has the beta distribution of
+    ((k - 1)/2, (n - k)/2), and ε² = 1 - (1 - η²)(n - 1)/(n - k). 1 where every part has a single point.
+    """
+    if campaign.file.design.kind is Kind.GRID:
+        return None
+    points = campaign.file.design.points or 0
+    parts = max((len(_edges(campaign, each)) - 1 for each in campaign.parameters), default=1)
+    if points <= parts:
+        return 1.0
+    spread = math.sqrt(2.0 * (parts - 1) * (points - parts) / ((points - 1) ** 2 * (points + 1)))
+    return min(2.0 * spread * (points - 1) / (points - parts), 1.0)
+
+
 def explained(groups: Sequence[Sequence[float]]) -> float | None:
     """Return ε² of values in `groups`, from 0 to 1; None where they do not suffice or are all equal."""
     values = [value for group in groups for value in group]

@@ -17,7 +17,7 @@ from positioner.bench.metrics import DwellMetrics
 from positioner.cycle.events import LawFellBack
 from positioner.errors import writing
 from positioner.laws.registry import is_outside
-from positioner.studies.code_digest import code_digest
+from positioner.studies.code_digest import code_digest, code_of_each
 from positioner.studies.pool import spread_out
 
 if TYPE_CHECKING:
@@ -87,7 +87,8 @@ def computed(
     Raises:
         StateError: `folder` cannot be written.
     """
-    code = {law: code_digest(law) for law in {item.law for item in items}}
+    of_law = {law: code_digest(law) for law in {item.law for item in items}}
+    code = dict(zip(items, code_of_each(items, of_law), strict=True))
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         return _resumed(items, function, folder, workers, as_json, code)
@@ -99,11 +100,11 @@ def _resumed(
     folder: Path,
     workers: Workers,
     as_json: Callable[[Any], Any],
-    code: Mapping[str, str],
+    code: Mapping[B, str],
 ) -> dict[B, Any]:
     found: dict[B, Any] = {}
     for item in items:
-        known = _stored(folder / f"{item.key}.json", code[item.law])
+        known = _stored(folder / f"{item.key}.json", code[item])
         if known is not None:
             found[item] = known
     missing = [item for item in items if item not in found]
@@ -113,7 +114,7 @@ def _resumed(
     ):
         for item, result in results:
             found[item] = as_json(result)
-            text = json.dumps({"code": code[item.law], "result": found[item]})
+            text = json.dumps({"code": code[item], "result": found[item]})
             (folder / f"{item.key}.json").write_text(text, encoding="utf-8")
             bar.set_postfix_str(item.title)
             bar.update()

@@ -17,7 +17,7 @@ from positioner.errors import BenchError, UsageError, shortened
 from positioner.inputs.plug_in import Kind
 from positioner.inputs.plug_in_digest import plug_in_digest
 from positioner.laws.registry import is_outside
-from positioner.studies.code_digest import whole_digest
+from positioner.studies.code_digest import own_code, whole_digest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator, Sequence
@@ -116,12 +116,13 @@ def _run(code: str, function: Callable[[T], R], item: T) -> R:
         BenchError: this worker has other code than the study.
     """
     if code != _code_of(item):
-        what = "this package, or of a law from outside"
+        what = "this package, or of a law or a plant from outside"
         raise BenchError(f"--dask: the worker on {platform.node()} has another version of {what}: update it")
     return function(item)
 
 
 def _code_of(item: object) -> str:
-    """Return a digest of all code that an item may run; its law may be one from outside."""
+    """Return a digest of all code that an item may run; its law, and the physics of its plant, may be from outside."""
     law = getattr(item, "law", None)
-    return whole_digest() + (plug_in_digest(Kind.LAW, law) if isinstance(law, str) and is_outside(law) else "")
+    of_law = plug_in_digest(Kind.LAW, law) if isinstance(law, str) and is_outside(law) else ""
+    return whole_digest() + of_law + own_code(item)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import plant_emulator
 import positioner
@@ -15,9 +15,22 @@ from positioner.laws.registry import is_outside
 from positioner.wire.codec import packaged_dbc_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping, Sequence
 
-UNUSED_ROOMS = frozenset(("campaign", "cli", "conformance", "doctor", "host", "pictures", "replay", "runtime", "store"))
+
+class HasLaw(Protocol):
+    """An item of a study; `physics`, if it has that, is the name of its plant's own physics."""
+
+    @property
+    def law(self) -> str:
+        """Name of the law."""
+
+
+T = TypeVar("T", bound=HasLaw)
+
+UNUSED_ROOMS = frozenset(
+    ("campaign", "cli", "conformance", "doctor", "host", "pictures", "replay", "robustness", "runtime", "store")
+)
 """Rooms whose code no bout runs."""
 USED_MODULES = {
     "bench": frozenset(
@@ -44,21 +57,56 @@ USED_MODULES = {
 """Modules that a bout runs, for each room of which it runs only some."""
 
 
+_FOLDERS = ("nmpc", "paper", "rivals")
+"""Folders of `laws` that hold a law, or laws, each by itself."""
+
+
+def _folder_of(law: str) -> str:
+    """Return the only folder of `laws` whose code a law runs, empty where it may be any."""
+    if is_outside(law) and not law.startswith("nmpc"):
+        return ""
+    return next((each for each in _FOLDERS if law.startswith(each)), "rivals")
+
+
 def code_digest(law: str) -> str:
     """Return a digest of everything that a bout of `law` depends on: sources, presets and its tuned parameters.
 
     Of a law from outside it covers the source of that law, too.
     """
+    of_law = _folder_of(law)
 
     def is_used(within: Path) -> bool:
-        room = within.parts[0]
-        is_of_another_law = "tuned" in within.parts[:-1] and within.stem != law.replace("-", "_")
+        room, folders = within.parts[0], within.parts[:-1]
+        is_of_another_law = "tuned" in folders and within.stem != law.replace("-", "_")
+        if of_law and folders[:1] == ("laws",) and folders[1:2] and folders[1] in _FOLDERS:
+            is_of_another_law = folders[1] != of_law
         return (
             room not in UNUSED_ROOMS and within.stem in USED_MODULES.get(room, {within.stem}) and not is_of_another_law
         )
 
     own = plug_in_digest(Kind.LAW, law) if is_outside(law) else ""
     return _digest(is_used, own)
+
+
+def own_code(item: object) -> str:
+    """Return a digest of the source of an item's `physics`, where its plant has physics of its own; else nothing."""
+    physics = getattr(item, "physics", "")
+    return plug_in_digest(Kind.PLANT, physics) if physics else ""
+
+
+def code_of_each(items: Sequence[T], of_law: Mapping[str, str]) -> list[str]:
+    """Return for each item a digest of the code on which its result depends.
+
+    of_law: that of its law, by name. To it comes that of its own physics, where its plant has some.
+    """
+    own: dict[str, str] = {}
+    found = []
+    for item in items:
+        physics = getattr(item, "physics", "")
+        if physics not in own:
+            own[physics] = own_code(item)
+        found.append(of_law[item.law] + own[physics])
+    return found
 
 
 @lru_cache(maxsize=1)

@@ -34,7 +34,7 @@ def play_directly(scenario: Scenario) -> Iterator[DwellMetrics]:
         ConfigurationError: the scenario's tables do not make a valve or a positioner.
     """
     configuration = configure(scenario)
-    law = configuration.make_law()
+    law = configuration.make_law(plays=True)
     settings = check_playable(scenario, configuration)
     codec = configuration.make_codec()
     as_reading, as_truth = _rounding(codec, StemPosition, "position_m"), _rounding(codec, PlantTruth, "position_m")

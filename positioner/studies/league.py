@@ -19,6 +19,7 @@ from positioner.bench.own_plant import on_own_plant
 from positioner.bench.scenario import Scenario, check_scenario
 from positioner.bench.sensor_noise import with_noise
 from positioner.bench.setpoints import Setpoints, setpoints_in
+from positioner.errors import ConfigurationError
 from positioner.studies.bouts import computed, file_name, law_failure
 from positioner.studies.conditions import check_setpoints, setpoints_in_reach
 from positioner.studies.entrants import entered
@@ -114,6 +115,11 @@ class Bout:
         return f"{names}-{hashlib.sha256(text).hexdigest()[:10]}"
 
     @property
+    def physics(self) -> str:
+        """The name of the plant's own physics, empty where it has those of the emulator."""
+        return str(json.loads(self.own).get("physics", "")) if self.own else ""
+
+    @property
     def title(self) -> str:
         """What the progress bar shows."""
         return f"{self.law} on {self.plant}"
@@ -146,7 +152,7 @@ def _own(plant: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The figures of every dwell of a bout, or the error that its law, which is from outside, raised."""
+    """The figures of every dwell of a bout, or the error of code from outside, its law or its plant's own physics."""
 
     dwells: tuple[metrics.DwellMetrics, ...]
     failure: str = ""
@@ -155,8 +161,13 @@ class Outcome:
 def play(bout: Bout) -> Outcome:
     """Return the outcome of a bout."""
     scenario = bout.scenario
-    table = run_in_process(scenario).table if bout.restarted else None
-    run = run_in_process(scenario, table)
+    try:
+        table = run_in_process(scenario).table if bout.restarted else None
+        run = run_in_process(scenario, table)
+    except ConfigurationError as error:
+        if not bout.physics:
+            raise
+        return Outcome((), str(error))
     if failure := law_failure(scenario.law, run.events):
         return Outcome((), failure)
     span_m = configure(scenario).valve.span_m
@@ -171,7 +182,7 @@ def play_league(
 ) -> dict[Bout, tuple[metrics.DwellMetrics, ...]]:
     """Return the figures of every bout; a bout with a result of the same code in `folder` is not played again.
 
-    A bout whose law raised an error has no figures: `tell` gets it with the error.
+    A bout whose law, or whose plant's own physics, raised an error has no figures: `tell` gets it with the error.
 
     Raises:
         ConfigurationError: some plant cannot be restarted from a setpoint, a period, dwell or seed is out of its
@@ -184,7 +195,9 @@ def play_league(
     for bout in {bout.seed: bout for bout in bouts}.values():
         check_scenario(bout.scenario, "league")
     for bout in {bout.law: bout for bout in bouts}.values():
-        configure(bout.scenario).make_law()  # a law from outside that cannot be made is told before workers start
+        configure(bout.scenario).make_law(
+            plays=True
+        )  # a law from outside that cannot be made is told before workers start
     found = {}
     for bout, result in computed(bouts, play, folder, workers, _as_json).items():
         if isinstance(result, str):

@@ -5,13 +5,18 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import pytest
 
+from positioner.bench.dwell_length import dwell_notes
+from positioner.bench.inprocess import configure
 from positioner.bench.metrics import DwellMetrics, totals
 from positioner.bench.modes import ModeSpan
+from positioner.bench.own_plant import with_plant
 from positioner.bench.result import Result, RunInfo, TableSummary, blocks, installed_versions, summary_of, to_json
-from positioner.bench.scenario import parse_scenario
+from positioner.bench.scenario import load_scenario, parse_scenario
 from positioner.report.text import plain
 from positioner.valve.stiction import Direction, Quantity, StictionTable
 from positioner.wire.messages import Cause, Mode
@@ -91,7 +96,8 @@ def test_the_last_digits_of_a_figure_do_not_reach_the_file() -> None:
 
 def test_the_keys_stand_in_the_order_of_the_dataclasses() -> None:
     assert list(json.loads(to_json(result()))) == [
-        "scenario", "span_mm", "modes", "totals", "dwells", "table_before", "table_after", "run", "active_fraction",
+        "scenario", "span_mm", "modes", "totals", "dwells", "table_before", "table_after", "run", "notes",
+        "active_fraction",
     ]  # fmt: skip
 
 
@@ -151,3 +157,41 @@ def test_the_table_shows_which_dwells_settle_and_which_cycle() -> None:
 def test_a_run_without_moves_has_a_dash_for_its_travel_ratio() -> None:
     still = totals([replace(DWELL, ideal_travel_mm=0.0)])
     assert "travel   – times" in text_of(replace(result(), totals=still))
+
+
+def noted(dwell_s: float, settled_s: tuple[float | None, ...], plant: str, **changes: Any) -> tuple[str, ...]:
+    scenario = replace(with_plant(load_scenario("paper-valve"), plant), dwell_s=dwell_s, law="nmpc")
+    dwells = [replace(DWELL, settle_1pct_s=each, ideal_travel_mm=14.0) for each in settled_s]
+    return dwell_notes(replace(scenario, **changes), configure(scenario), dwells)
+
+
+def test_a_dwell_that_is_too_short_for_the_valve_is_told_with_one_that_is_long_enough() -> None:
+    own = str(Path(__file__).parents[2] / "examples" / "plant.toml")
+    first, second = noted(1.2, (0.1, 0.9, None), own)
+    assert first == (
+        "1.2 s are too short for this valve: in 2 of 3 dwells the stem was outside of 1 % of span in its last 0.5 s, "
+        "of which the error is the mean"
+    )
+    found = re.fullmatch(r"by its model .* take (\d\.\d) s: play it with --dwell (\d\.?\d?)", second)
+    assert found
+    needed_s, advised_s = map(float, found.groups())
+    assert 1.2 < needed_s < 3.0
+    assert (advised_s >= 2.4, advised_s >= needed_s, advised_s % 0.5) == (True, True, 0.0)
+    told = noted(3.0, (0.1, None), own)
+    assert told[0].startswith("in 1 of 2 dwells")
+    assert told[1].endswith("the law still learns it; --dwell 6 shows which")
+
+
+def test_nothing_is_said_of_dwells_in_which_the_stem_was_there_in_time_or_whose_setpoint_moves() -> None:
+    assert noted(1.2, (0.1, 0.7), "paper") == ()
+    assert noted(1.2, (None, None), "paper", edges_s=(0.0, 1.2, 2.4)) == ()
+    assert noted(1.2, (None, None), "paper", law="pi") == ()  # it may never come there, however long it has
+    (line,) = noted(1.2, (0.1, 0.8), "paper", law="pi")
+    assert line.endswith("--dwell 2.5 shows the error at rest")
+
+
+def test_the_notes_stand_in_the_text_and_in_the_file() -> None:
+    shown = replace(result(), notes=("too short", "play longer"))
+    assert "dwell    too short\n         play longer\n" in text_of(shown)
+    assert json.loads(to_json(shown))["notes"] == ["too short", "play longer"]
+    assert "dwell " not in text_of(result())

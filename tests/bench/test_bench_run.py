@@ -357,6 +357,17 @@ def test_a_bench_that_is_stopped_ends_its_processes(tmp_path: Path) -> None:
         (["--bus", "socketcan:vcan77"], ExitCode.UNAVAILABLE, "bus socketcan:vcan77 cannot be opened"),
         (["--out", "/proc/nothing"], ExitCode.IO, "/proc/nothing: cannot be written: No such file or directory"),
         (["--seed", "-1"], ExitCode.USAGE, "--seed"),
+        (["--dwell", "0"], ExitCode.CONFIG, "--dwell: dwell_s = 0.0: must be greater than 0 s"),
+        (
+            ["--dwell", "0.015"],
+            ExitCode.CONFIG,
+            "--dwell: dwell_s = 0.015: must be a whole multiple of setpoint_period_s",
+        ),
+        (
+            ["--dwell", "2", "--setpoints", "ramp:10"],
+            ExitCode.USAGE,
+            "--dwell is for setpoints that stand still; these move",
+        ),
     ],
 )
 def test_what_cannot_be_played_ends_in_one_line_and_a_status(

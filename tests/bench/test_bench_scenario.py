@@ -173,3 +173,10 @@ def test_decimal_dwells_that_are_multiples_are_accepted(dwell_s: float) -> None:
     # 1.1 / 0.01 is 110.00000000000001
     scenario = parse_scenario(SHORT.replace("dwell_s = 0.3", f"dwell_s = {dwell_s}"), "short.toml")
     assert scenario.samples_per_dwell == round(dwell_s * 1000)
+
+
+@pytest.mark.parametrize(("key", "value"), [("sample_period_s", "0.002"), ("law", '"pi"')])
+def test_a_key_of_control_that_the_scenario_has_itself_is_refused(key: str, value: str) -> None:
+    text = f"name='s'\ntitle='t'\nsetpoints_mm=[73]\ndwell_s=1\n[control]\n{key} = {value}\n"
+    with pytest.raises(ConfigurationError, match=rf"control\.{key} = .*: the scenario itself has {key} = "):
+        parse_scenario(text, "s.toml")

@@ -165,7 +165,7 @@ MISTAKES: Mapping[str, tuple[str, str, str]] = {
         "Travel : 7|16@0+ (0.0025,0) [0|90]",
         "'Travel': carries -0.00079375 to 114.301 mm, too little for the stem, which goes from 0 to 127 mm: widen its",
     ),
-    "clash": ("BO_ 513 Where", "BO_ 514 Where", "Where and Drive share the identifier 202"),
+    "clash": ("BO_ 513 Where", "BO_ 514 Where", "gives the identifier 202 to Where and to Drive"),
     "clash with ours": ("BO_ 513 Where", "BO_ 320 Where", "Where and POSITIONER_STATUS share the identifier 140"),
     "no file": ('"bare.dbc"', '"bear.dbc"', "bear.dbc': cannot be read: No such file or directory"),
     "unknown key": ("[wire.setpoint]", "[wire.setpiont]", "wire.setpiont: unknown key; did you mean 'setpoint'?"),

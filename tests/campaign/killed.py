@@ -42,7 +42,7 @@ def at_journal(before: Callable[[BinaryIO, bytes], None], after: Callable[[], No
     add = Journal.add
     added = 0
 
-    def instead(self: Journal, key: str, code: str, outcome: Outcome) -> None:
+    def instead(self: Journal[Outcome], key: str, code: str, outcome: Outcome) -> None:
         nonlocal added
         added += 1
         if added == RUN:
@@ -51,7 +51,7 @@ def at_journal(before: Callable[[BinaryIO, bytes], None], after: Callable[[], No
         if added == RUN:
             after()
 
-    Journal.add = instead  # type: ignore[method-assign]
+    Journal.add = instead  # type: ignore[method-assign,assignment]
 
 
 def half_a_line(file: BinaryIO, line: bytes) -> None:

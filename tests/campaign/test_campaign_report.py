@@ -16,9 +16,10 @@ import positioner
 from positioner.bench.scenario import load_scenario
 from positioner.campaign import study
 from positioner.campaign.reader import load_campaign
+from positioner.campaign.report import blocks
 from positioner.campaign.run import Figures, Outcome, PlayedRun, Run
 from positioner.campaign.study import code_of
-from positioner.campaign.summary import explained, summary_of
+from positioner.campaign.summary import by_chance, explained, summary_of
 from positioner.cli.main import main
 from positioner.errors import ExitCode
 from positioner.studies.standings import bootstrap_interval
@@ -89,6 +90,29 @@ def test_a_parameter_that_decides_explains_all_and_one_without_an_effect_nothing
     assert [part.error.mean_pct for part in of_spring.parts] == [1.0] * 4 + [2.0] * 4
     assert [part.runs for part in of_spring.parts] == [16] * 8  # 64 points of a Sobol sequence, two seeds
     assert (of_spring.parts[0].begin, of_spring.parts[-1].end) == (0.0, 1.0)
+
+
+def test_what_chance_explains_is_that_of_random_values(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    for points, parts in ((16, 4), (32, 5)):
+        campaign = small(tmp_path, points=f"points = {points}")
+        groups = np.array_split(np.arange(points), parts)
+        found = []
+        for _ in range(4000):
+            values = rng.normal(size=points)
+            inside = sum(np.sum((values[group] - values[group].mean()) ** 2) for group in groups)
+            found.append(1.0 - inside / np.sum((values - values.mean()) ** 2) * (points - 1) / (points - parts))
+        assert by_chance(campaign) == pytest.approx(2.0 * np.std(found), rel=0.1)
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(("points", "few"), [("points = 4", True), ("points = 32", False)])
+def test_a_campaign_with_too_few_points_says_so(points: str, few: bool, tmp_path: Path) -> None:
+    campaign = small(tmp_path, points=points, seeds="seeds = [7]")
+    about = blocks(campaign, summary_of(campaign, played(campaign, lambda _: Outcome(figures(0.1)))), [])[2]
+    assert isinstance(about, str)
+    assert ("These are few points: a parameter without any effect may explain 89 % by chance" in about) is few
+    assert ("give 32 or more" in about) is few
 
 
 def test_what_is_explained_is_kelleys_epsilon_squared() -> None:

@@ -16,7 +16,7 @@ from small import STARTED, counted, rows, small, started
 
 from positioner.campaign import study
 from positioner.campaign.journal import Journal
-from positioner.campaign.run import Outcome, Run, play
+from positioner.campaign.run import Outcome, Run, outcome_of, play
 from positioner.campaign.study import JOURNAL, play_campaign
 from positioner.campaign.table import write_table
 from positioner.errors import AlreadyRunningError
@@ -87,14 +87,14 @@ def test_points_that_differ_in_nothing_are_one_run(tmp_path: Path) -> None:
 
 def test_a_journal_that_was_cut_at_any_byte_holds_its_whole_lines_and_goes_on(tmp_path: Path) -> None:
     path, outcome = tmp_path / JOURNAL, Outcome(None, "failed, with a ’ in its text")
-    with Journal(path) as journal:
+    with Journal(path, outcome_of) as journal:
         for key in "abc":
             journal.add(key, "code", outcome)
     content = path.read_bytes()
     for length in range(len(content) + 1):
         path.write_bytes(content[:length])
         whole = content[:length].count(b"\n")
-        with Journal(path) as journal:
+        with Journal(path, outcome_of) as journal:
             assert [journal.outcome(key, "code") for key in "abc"] == [outcome] * whole + [None] * (3 - whole)
             for key in "abc"[whole:]:
                 journal.add(key, "code", outcome)
@@ -103,7 +103,7 @@ def test_a_journal_that_was_cut_at_any_byte_holds_its_whole_lines_and_goes_on(tm
 
 def test_a_damaged_line_is_played_again_and_the_others_stay(tmp_path: Path) -> None:
     path = tmp_path / JOURNAL
-    with Journal(path) as journal:
+    with Journal(path, outcome_of) as journal:
         for key in "abc":
             journal.add(key, "code", Outcome(None, key))
     lines = path.read_bytes().splitlines(keepends=True)
@@ -114,7 +114,7 @@ def test_a_damaged_line_is_played_again_and_the_others_stay(tmp_path: Path) -> N
         b'{"run": "b", "code": "code", "figures": {"x": 1}, "failure": 0}\n',
     ):
         path.write_bytes(lines[0] + damage + lines[2])
-        with Journal(path) as journal:
+        with Journal(path, outcome_of) as journal:
             assert [journal.outcome(key, "code") for key in "abc"] == [Outcome(None, "a"), None, Outcome(None, "c")]
 
 
@@ -152,7 +152,7 @@ def test_a_worker_that_is_killed_on_a_cluster_changes_no_row(tmp_path: Path, mon
 
     with dask_cluster(tmp_path / "dask") as cluster:
 
-        def then_kill(self: Journal, key: str, code: str, outcome: Outcome) -> None:
+        def then_kill(self: Journal[Outcome], key: str, code: str, outcome: Outcome) -> None:
             add(self, key, code, outcome)
             kept.append(key)
             if len(kept) == 3:

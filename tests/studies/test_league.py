@@ -370,7 +370,7 @@ def test_setpoints_in_reach_go_where_the_real_valve_can_go_and_the_believed_one_
     assert max(beyond) > 112.0
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="test_an_interrupted_league_plays_only_the_missing_bouts")
 def test_after_a_restart_the_law_has_the_table_that_it_learned(tmp_path: Path) -> None:
     command = [
         "league",

@@ -161,7 +161,7 @@ def test_without_its_table_the_law_learns_and_never_uses_it() -> None:
     assert len(play(bout)) == 1
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="test_goals_are_judged_by_the_worst_lag_and_the_best_rival")
 def test_the_command_plays_a_part_and_resumes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["league", "--real-valves", "--short", "--laws", "nmpc,two-move-retry,pi", "--tau", "0,20", "--dwell",
                "0.2", "--conditions", "no-lag-told", "--out", str(tmp_path), "--workers", "1",
@@ -221,7 +221,7 @@ def test_an_identified_valve_is_what_every_law_is_told(tmp_path: Path, monkeypat
     assert len(asked) == len(PLANTS) + 1  # once for all seeds
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="test_an_identified_valve_is_what_every_law_is_told")
 def test_the_identification_of_the_league_finds_spring_friction_and_lag() -> None:
     found = identify(Identification("spring-20", 0.02, "0.05", 0.004))
     assert found["valve"]["spring_rate_n_per_m"] == pytest.approx(42030.4, rel=0.005)

@@ -283,7 +283,7 @@ def test_the_json_has_the_same_figures_and_assessments() -> None:
     assert all(assessment["holds"] is True for assessment in page["verdicts"])
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="test_the_report_names_every_run_and_marks_what_does_not_hold")
 def test_the_command_writes_the_page_the_figures_and_the_report(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

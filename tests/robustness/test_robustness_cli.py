@@ -1,0 +1,116 @@
+"""`positioner robustness`, as a user calls it: tables, pictures, the worst dwells, what is accepted, and mistakes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from positioner.bench.scenario import load_scenario
+from positioner.campaign import study
+from positioner.cli import robustness as command
+from positioner.cli.main import main
+from positioner.robustness import sets
+from positioner.robustness.cases import BEYOND, Case, drawn
+from positioner.robustness.judgement import Verdict
+from positioner.robustness.play import Dwell
+from positioner.robustness.report import short_of_reach_pct
+from positioner.robustness.space import packaged_space
+from positioner.robustness.study import code_of
+
+
+def run(*arguments: str) -> int:
+    return main(["robustness", *arguments])
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One valve of each class with two setpoints, played in this process."""
+    space = replace(packaged_space(), dwells=2)
+    monkeypatch.setattr("positioner.robustness.space.packaged_space", lambda: space)
+    monkeypatch.setattr(command, "_SHORT_VALVES", 1)
+    monkeypatch.setattr(command, "_SHORT_DWELLS", 2)
+    monkeypatch.setattr(command, "_SHORT_BEYOND", 1)
+    monkeypatch.setattr(study, "spread_out", lambda function, items, _: ((item, function(item)) for item in items))
+
+
+@pytest.mark.usefixtures("small")
+def test_a_short_study_shows_every_class_and_is_compared_with_what_was_accepted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, accepted = tmp_path / "out", tmp_path / "accepted.json"
+    short = ("--short", "--laws", "pi,two-move-retry", "--out", str(out))
+    assert run(*short, "--accept", str(accepted)) == 0
+    shown = capsys.readouterr().out
+    for name in ("as configured", "within 20 %", "configured wrongly", "not configured", "all"):
+        assert f"\n{name} " in shown
+    assert "Setpoints beyond reach: 1; the status said so in time in" in shown
+    for name in ("report.md", "report.json", "lost.png", "lost.svg", "factors.png"):
+        assert (out / name).stat().st_size > 500
+    for path in (out / "worst").glob("*.toml"):
+        assert load_scenario(str(path)).law == "pi"
+
+    assert run(*short, "--accepted", str(accepted)) == 0  # from the journal: nothing is played
+    assert "no class is worse" in capsys.readouterr().err
+    kept = json.loads(accepted.read_text(encoding="utf-8"))
+    valve = next(iter(kept["as configured"].values()))
+    valve["error_pct"] = [0.001, 0.001]
+    valve["lost"] = []
+    accepted.write_text(json.dumps(kept), encoding="utf-8")
+    assert run(*short, "--accepted", str(accepted)) == 1
+    assert "worse: as configured: lost" in capsys.readouterr().err
+    accepted.write_text("{}", encoding="utf-8")
+    assert run(*short, "--accepted", str(accepted)) == 2
+    assert "accept anew" in capsys.readouterr().err
+
+    assert run(*short, "--json") == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["laws"] == ["pi", "two-move-retry"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("--valves", "0"), "--valves 0: at least 1 is needed"),
+        (("--laws", "nmcp"), "nmpc"),
+        (("--config", "missing.toml"), "missing.toml"),
+    ],
+)
+def test_a_mistake_is_one_line(
+    arguments: tuple[str, ...], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(*arguments, "--out", str(tmp_path / "out")) != 0
+    error = capsys.readouterr().err
+    assert says in error
+    assert "Traceback" not in error
+
+
+def test_the_help_names_every_set() -> None:
+    assert sorted(command.SETS) == sorted(sets.SETS)
+
+
+def test_a_change_of_nmpc_leaves_the_baselines_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = {law: code_of(law) for law in ("nmpc", "pi", "two-move-retry", "paper", "time-optimal")}
+    read = Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda self: read(self) + (b"#" if "nmpc" in self.parent.parts else b""))
+    after = {law: code_of(law) for law in before}
+    assert {law for law in before if before[law] != after[law]} == {"nmpc"}
+
+
+def test_a_stem_at_the_end_of_its_reach_is_0_percent_short() -> None:
+    def end_of(case: Case) -> float:
+        valve = case.true["valve"]
+        push_n = valve["diaphragm_area_m2"] * 5171.06775 * 20.0
+        return float((push_n - valve["bench_set_n"] - valve["coulomb_friction_n"]) / valve["spring_rate_n_per_m"])
+
+    case = next(each for each in drawn(packaged_space(), BEYOND, 8, 1) if end_of(each) < 0.1397)  # not at the stop
+    end_m = end_of(case)
+    for ends_mm, short in ((end_m * 1e3, 0.0), (end_m * 1e3 - 1.27, 1.0), (end_m * 1e3 + 5.0, 0.0)):
+        dwell = Dwell(
+            setpoint_mm=200.0, step_mm=50.0, error_pct=9.0, worst_pct=9.0, settle_s=None, overshoot_pct=0.0, moves=1,
+            travel_mm=50.0, ideal_mm=60.0, hunts=False, good=False, told_s=1.0, end_mm=ends_mm,
+        )  # fmt: skip
+        verdict = Verdict(case=case, number=1, by_law={"pi": dwell}, optimal_s=0.1, reachable=False)
+        assert short_of_reach_pct(verdict, "pi") == pytest.approx(short, abs=1e-6)

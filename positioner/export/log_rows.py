@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from positioner.errors import UsageError
 from positioner.inputs.nearest import nearest
+from positioner.inputs.plain_file import MOST_MIB
 from positioner.replay.log import LogError, read_log
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ class LeftOut:
 class LogRows:
     """The log of a bus as rows: the instant, the group of signals and their values."""
 
-    def __init__(self, path: Path, messages: Messages, wanted: Sequence[str] = ()) -> None:
+    def __init__(self, path: Path, messages: Messages, wanted: Sequence[str] = (), most_mib: int = MOST_MIB) -> None:
         """Read the log once; `wanted` are patterns of columns or of messages, none for all.
 
         Raises:
@@ -82,7 +83,7 @@ class LogRows:
             else:
                 seen[id(message)] += 1
 
-        self.log: BusLog = read_log(path, look)
+        self.log: BusLog = read_log(path, look, most_mib)
         if not seen:
             text = "; ".join(self.left_out.lines())
             raise LogError(f"{path}: holds no message that [wire] or our DBC describes: {text}")

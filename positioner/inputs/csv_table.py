@@ -1,4 +1,4 @@
-"""A table of numbers from a text file that any program wrote: its delimiter, its header, its columns. Pure.
+"""A table of numbers from a text file that any program wrote: its delimiter, header, columns. Shell: it reads a file.
 
 Commas, semicolons, tabs or blanks may separate the cells; a decimal comma is understood where no comma separates. Lines
 that begin with # are comments. Cells without a number become NaN, and are counted.
@@ -6,17 +6,28 @@ that begin with # are comments. Cells without a number become NaN, and are count
 
 from __future__ import annotations
 
+import io
 import math
 import re
+from array import array
+from collections import deque
 from dataclasses import dataclass
 from statistics import median
+from typing import TYPE_CHECKING
 
 from positioner.errors import RecordError
+from positioner.inputs.plain_file import MOST_MIB, read_plainly
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
 
 _DELIMITERS = (";", "\t", ",", "|")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _LOOKED_AT = 50
 _MOST_BYTES = 1 << 28
+_BYTES_PER_BYTE = 32
+"""Memory that a table takes for a byte of its file, with its diagnosis: 24 where it was measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +35,7 @@ class Column:
     """One column: its name, its cells as they stand, and the line of the first one."""
 
     name: str
-    cells: tuple[str, ...]
+    cells: Sequence[str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,13 +47,32 @@ class CsvTable:
 
     source: str
     columns: tuple[Column, ...]
-    lines: tuple[int, ...]
-    uneven: tuple[int, ...] = ()
+    lines: Sequence[int]
+    uneven: Sequence[int] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the columns."""
         return tuple(column.name for column in self.columns)
+
+
+def table_in(path: Path, otherwise: str = "", most_mib: int = MOST_MIB) -> CsvTable:
+    """Return the table in a file, which may take `most_mib` of memory.
+
+    otherwise: as for `text_of`.
+
+    Raises:
+        RecordError: the file cannot be read, holds no table, or is too large.
+    """
+    most_bytes = (most_mib << 20) // _BYTES_PER_BYTE
+    try:
+        data = read_plainly(path, most_bytes)
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be read: {error.strerror}") from error
+    if len(data) > most_bytes:
+        text = f"is larger than {most_bytes / 2**20:.1f} MiB, and would take more than {most_mib} MiB of memory"
+        raise RecordError(f"{path}: {text}: give a part of it, or allow more by --max-size")
+    return read_table(str(path), text_of(str(path), data, otherwise))
 
 
 def text_of(source: str, data: bytes, otherwise: str = "") -> str:
@@ -75,35 +105,48 @@ def read_table(source: str, text: str) -> CsvTable:
     Raises:
         RecordError: there are no rows of numbers in it, or commas are both decimal and between the cells.
     """
-    numbered = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
-    numbered = [(number, line) for number, line in numbered if not line.lstrip().startswith("#")]
-    if not numbered:
+    last = [line for _, line in deque(_lines(text), _LOOKED_AT)]
+    if not last:
         raise RecordError(f"{source}: holds no line of a table")
-    delimiter = _delimiter([line for _, line in numbered[-_LOOKED_AT:]])
-    rows = [(number, _cells(line, delimiter)) for number, line in numbered]
-    width = round(median(len(cells) for _, cells in rows[-_LOOKED_AT:]))
-    full = [len(cells) == width and _numbers(cells) >= min(2, width) for _, cells in rows]
-    begin = full.index(True) if any(full) else None
-    if begin is None:
+    delimiter = _delimiter(last)
+    width = round(median(len(_cells(line, delimiter)) for line in last))
+    head: list[str] | None = None
+    before: tuple[int, list[str]] | None = None
+    columns: tuple[list[str], ...] = tuple([] for _ in range(width))
+    kept, uneven = array("q"), array("q")
+    for number, line in _lines(text):
+        cells = _cells(line, delimiter)
+        if not kept and (len(cells) != width or _numbers(cells) < min(2, width)):
+            head = cells if head is None and len(cells) == width and any(cells) else head
+            before = number, cells
+        elif len(cells) != width:
+            uneven.append(number)
+        else:
+            kept.append(number)
+            for column, cell in zip(columns, cells, strict=True):
+                column.append(cell)
+    if not kept:
         raise RecordError(
             f"{source}: holds no row of at least two numbers: is it a CSV file? (A bus log needs --config.)"
         )
-    heads = [cells for _, cells in rows[:begin] if len(cells) == width and any(cells)]
-    if begin and delimiter == "," and not heads and 1 < len(rows[begin - 1][1]) < width:
-        number, cells = rows[begin - 1]
-        text = f"{source}: line {number} has {len(cells)} cells, and the rows have {width}"
+    if before and delimiter == "," and head is None and 1 < len(before[1]) < width:
+        text = f"{source}: line {before[0]} has {len(before[1])} cells, and the rows have {width}"
         raise RecordError(f"{text}: are the commas decimal ones, too? Save it with semicolons between the cells")
-    names = heads[0] if heads else [str(number + 1) for number in range(width)]
-    body = [(number, cells) for number, cells in rows[begin:] if len(cells) == width]
     seen: dict[str, int] = {}
-    columns = []
-    for index in range(width):
-        name = names[index].strip() or str(index + 1)
+    named = []
+    for index, found in enumerate(columns):
+        name = (head[index] if head else "").strip() or str(index + 1)
         seen[name] = seen.get(name, 0) + 1
-        unique = name if seen[name] == 1 else f"{name}.{seen[name]}"
-        columns.append(Column(unique, tuple([row[index] for _, row in body])))
-    uneven = tuple([number for number, cells in rows[begin:] if len(cells) != width])
-    return CsvTable(source, tuple(columns), tuple([number for number, _ in body]), uneven)
+        named.append(Column(name if seen[name] == 1 else f"{name}.{seen[name]}", found))
+    return CsvTable(source, tuple(named), kept, uneven)
+
+
+def _lines(text: str) -> Iterator[tuple[int, str]]:
+    """Yield the lines that are neither empty nor a comment, one at a time: a list of them would take much memory."""
+    for number, line in enumerate(io.StringIO(text, newline=None), 1):
+        bare = line.rstrip("\n")
+        if bare.strip() and not bare.lstrip().startswith("#"):
+            yield number, bare
 
 
 def number_in(cell: str) -> float:

@@ -11,6 +11,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 
+_NEAR = 0.6
+"""Least similarity, twice the common letters over all letters: most of a name is right, as where one is mistyped."""
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return advice for a `name` that is none of `known`: the nearest one, if there is one, and all of them."""
     names = tuple(map(str, known))
@@ -19,7 +23,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return the question whether the nearest of `known` is meant, with a blank behind it; empty where none is near."""
-    close = difflib.get_close_matches(name, tuple(known), n=1, cutoff=0.4)
+    close = difflib.get_close_matches(name, tuple(known), n=1, cutoff=_NEAR)
     return f"did you mean {close[0]!r}? " if close else ""
 
 

@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import os
 import re
+import signal
+import stat
 import sys
 from dataclasses import dataclass
 from enum import StrEnum
@@ -16,12 +19,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from positioner.errors import ConfigurationError, Problem
+from positioner.errors import ConfigurationError, Problem, shortened
 from positioner.inputs.nearest import nearest
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from importlib.metadata import EntryPoint
 
+_LARGEST_BYTES = 1 << 20
+_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 _FILE_AND_NAME = re.compile(r"(?P<file>.*\.py):(?P<name>\w+)")
 
 
@@ -109,14 +115,55 @@ def loaded(kind: Kind, given: str) -> Any:
         raise _refused(given, str(kind), None, "is not installed here")
     try:
         return entry.load()
-    except Exception as error:  # code of others may raise anything
+    except BaseException as error:  # code of others may raise anything
+        if is_interrupt(error):
+            raise
         where = f"{entry.value} of {entry.dist.name}" if entry.dist else entry.value
-        raise _refused(given, where, None, f"cannot be loaded: {type(error).__name__}: {error}") from error
+        raise _refused(given, where, None, f"cannot be loaded: {text_of_error(error)}") from error
 
 
 def _lacks(found: FileAndName, names: list[str]) -> str:
     listed = nearest(found.name, names) if names else "it defines nothing"
     return f"{found.file} has no {found.name}; {listed}"
+
+
+def is_interrupt(error: BaseException) -> bool:
+    """Return whether an error out of the code of others is a person's Ctrl-C, which ends the command.
+
+    Where the program has a handler of its own for SIGINT, as the daemon has, Python raises no KeyboardInterrupt: then
+    the code itself has raised it, and it is an error as any other.
+    """
+    return isinstance(error, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def text_of_error(error: BaseException) -> str:
+    """Return the kind and the text of an error out of the code of others, in one line; the text may fail, too."""
+    try:
+        text = " ".join(str(error).split())
+    except BaseException as failure:  # noqa: BLE001 - code of others may raise anything
+        text = f"its text cannot be had: {type(failure).__name__}"
+    return f"{type(error).__name__}: {shortened(text)}"
+
+
+def changeable_by_others(file: Path, owner: int = 0) -> str | None:
+    """Return who but `owner` can change the code of a file, what it imports beside it, or the way to them; else None.
+
+    A folder above may be one like /tmp, in which everybody writes, but where nobody can replace what is the owner's.
+    """
+    for code in with_imports(file):
+        for way in (code.absolute(), code.resolve()):
+            own = (way, way.parent, way.parent / "__pycache__")
+            for place in (*own, *way.parent.parents):
+                try:
+                    status = place.lstat()
+                except OSError:
+                    continue  # not there; who reads the code says so
+                if status.st_uid != owner:
+                    return f"{place} belongs to user {status.st_uid}"
+                is_shared = bool(status.st_mode & stat.S_ISVTX) and place not in own
+                if not stat.S_ISLNK(status.st_mode) and status.st_mode & _BY_OTHERS and not is_shared:
+                    return f"{place} can be written by others"
+    return None
 
 
 def _parsed(file: Path) -> ast.Module:
@@ -130,7 +177,12 @@ def _compiled(file: Path) -> tuple[bytes, Any]:
         ConfigurationError: it cannot be read, or is no Python.
     """
     try:
-        source = file.read_bytes()
+        if not file.is_file() and file.exists():
+            raise _refused(str(file), "file", None, f"{file} is no plain file")
+        with file.open("rb") as opened:
+            source = opened.read(_LARGEST_BYTES + 1)
+        if len(source) > _LARGEST_BYTES:
+            raise _refused(str(file), "file", None, f"{file} is larger than {_LARGEST_BYTES >> 20} MiB: no law is")
         return source, compile(source, str(file), "exec", dont_inherit=True)
     except OSError as error:
         raise _refused(str(file), "file", None, f"{file} cannot be read: {error.strerror}") from error
@@ -138,8 +190,9 @@ def _compiled(file: Path) -> tuple[bytes, Any]:
         line = f", line {error.lineno}" if error.lineno else ""  # none where the file holds null bytes
         text = f"{file}{line}: {error.msg}"
         raise _refused(str(file), "syntax", error.lineno, text) from error
-    except ValueError as error:
-        raise _refused(str(file), "file", None, f"{file} is no Python source: {error}") from error
+    except (ValueError, RecursionError, MemoryError) as error:
+        text = f"{file} is no Python source: {str(error) or 'nested too deeply'}"
+        raise _refused(str(file), "file", None, text) from error
 
 
 def _names_in(tree: ast.Module) -> list[str]:
@@ -165,6 +218,9 @@ def _module(file: Path) -> ModuleType:
     Raises:
         ConfigurationError: as `loaded`.
     """
+    if os.geteuid() == 0 and (problem := changeable_by_others(file)):
+        text = f"as root only code that root alone can change is run, and {problem}; run this as another user"
+        raise _refused(str(file), "file", None, f"{text}, or give the file and its folders to root")
     source, code = _compiled(file)
     digest = hashlib.sha256(str(file.absolute()).encode() + b"\0" + source).hexdigest()
     name = f"positioner_plug_in_{digest[:16]}"
@@ -180,10 +236,41 @@ def _module(file: Path) -> ModuleType:
         exec(code, module.__dict__)  # noqa: S102 - the user asks for this file
     except BaseException as error:
         del sys.modules[name]
-        if isinstance(error, KeyboardInterrupt):
+        if is_interrupt(error):
             raise
-        raise _refused(str(file), "code", line_in(error, file), f"{type(error).__name__}: {error}") from error
+        raise _refused(str(file), "code", line_in(error, file), text_of_error(error)) from error
     return module
+
+
+def with_imports(file: Path) -> list[Path]:
+    """Return `file` and, in a fixed order, the modules in its folder that it imports, directly or through others."""
+    found, waiting = [file], [file]
+    while waiting:
+        for each in _imported_beside(waiting.pop(), file.parent):
+            if each not in found:
+                found.append(each)
+                waiting.append(each)
+    return [file, *sorted(found[1:])]
+
+
+def _imported_beside(file: Path, folder: Path) -> Iterator[Path]:
+    try:
+        tree = ast.parse(file.read_bytes())
+    except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
+        return  # who loads it says so
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            names = [node.module or ""]
+        else:
+            continue
+        for name in names:
+            root = folder / name.partition(".")[0]
+            if root.is_dir():
+                yield from sorted(each for each in root.rglob("*.py") if "__pycache__" not in each.parts)
+            elif root.with_suffix(".py").is_file():
+                yield root.with_suffix(".py")
 
 
 def line_in(error: BaseException, file: Path) -> int | None:

@@ -6,17 +6,14 @@ that a file reads is not covered.
 
 from __future__ import annotations
 
-import ast
 import hashlib
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from positioner.inputs.plug_in import file_and_name, installed
+from positioner.inputs.plug_in import file_and_name, installed, with_imports
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from positioner.inputs.plug_in import Kind
 
 
@@ -24,7 +21,7 @@ def plug_in_digest(kind: Kind, given: str) -> str:
     """Return a digest of the source behind a name; empty where it is no plug-in."""
     found = file_and_name(given)
     if found is not None:
-        return _digest(_with_imports(found.file), found.file.parent)
+        return _digest(with_imports(found.file), found.file.parent)
     entry = installed(kind).get(given)
     if entry is None:
         return ""
@@ -47,34 +44,3 @@ def _digest(files: list[Path], folder: Path) -> str:
         name = file.relative_to(folder) if file.is_relative_to(folder) else file.name
         digest.update(f"{name}\0".encode() + (file.read_bytes() if file.is_file() else b"") + b"\0")
     return digest.hexdigest()
-
-
-def _with_imports(file: Path) -> list[Path]:
-    """Return `file` and, in a fixed order, the modules in its folder that it imports, directly or through others."""
-    found, waiting = [file], [file]
-    while waiting:
-        for each in _imported_beside(waiting.pop(), file.parent):
-            if each not in found:
-                found.append(each)
-                waiting.append(each)
-    return [file, *sorted(found[1:])]
-
-
-def _imported_beside(file: Path, folder: Path) -> Iterator[Path]:
-    try:
-        tree = ast.parse(file.read_bytes())
-    except (OSError, SyntaxError, ValueError):
-        return  # who loads it says so
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            names = [node.module or ""]
-        else:
-            continue
-        for name in names:
-            root = folder / name.partition(".")[0]
-            if root.is_dir() and (root / "__init__.py").is_file():
-                yield from sorted(each for each in root.rglob("*.py") if _is_source(each))
-            elif root.with_suffix(".py").is_file():
-                yield root.with_suffix(".py")

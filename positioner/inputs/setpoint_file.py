@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from positioner.errors import ConfigurationError, Problem
 from positioner.inputs.csv_table import number_in
+from positioner.inputs.durations import duration
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,6 +24,10 @@ _DELIMITERS = (",", ";", "\t")
 _SHOWN = 20
 """Mistakes of one file that are told."""
 _LEAST = 2
+_LATEST_S = 1e9
+"""Instants up to here differ by less than a µs in a float: the spacing is 2⁻²³ s."""
+_SHORTEST_S = 1e-3
+"""No host sends setpoints so fast, and no count of rounds of a longer file leaves the range of a float."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +68,8 @@ def setpoint_rows(
         problems = [*problems[:_SHOWN], Problem("file", None, f"and {left} more mistakes")]
     if not problems and len(rows) < _LEAST:
         problems = [Problem("file", None, "holds fewer than two rows; give at least two instants")]
+    if not problems and rows[-1].time_s - rows[0].time_s < _SHORTEST_S:
+        problems = [Problem("file", None, f"lasts less than {duration(_SHORTEST_S)}: are the times in {TIME} seconds?")]
     if problems:
         raise ConfigurationError(source, tuple(problems))
     return tuple(rows)
@@ -106,9 +113,11 @@ class _Columns:
             return Problem("row", line, f"has {len(cells)} cells, and the header has {self.count}")
         time_s, value = number_in(cells[self.time]), number_in(cells[self.setpoint])
         setpoint_m, given = value * self.factor, cells[self.setpoint].strip()
-        if math.isnan(time_s):
+        if math.isnan(time_s) or cells[self.time].strip().endswith("%"):
             return Problem(TIME, line, f"{cells[self.time].strip()!r} is no number")
         why = f"must be later than {after_s:g} of the row before; sort the rows" if time_s <= after_s else ""
+        if abs(time_s) > _LATEST_S:
+            why = f"must be within {_LATEST_S:.0f} s, which is 31 years; count from the begin of the file"
         if why:
             return Problem(f"{TIME} = {time_s:g}", line, why)
         if math.isnan(value):

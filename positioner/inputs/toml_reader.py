@@ -7,9 +7,11 @@ Shell. The positioner and the plant emulator share it; it contains no physics. L
 from __future__ import annotations
 
 import difflib
+import itertools
 import json
 import re
 import tomllib
+from copy import deepcopy
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
@@ -31,12 +33,15 @@ _LARGEST_BYTES = 1 << 20
 _MOST_PROBLEMS = 50
 _LIMITS = frozenset({"greater_than", "greater_than_equal", "less_than", "less_than_equal"})
 _UNITS = {
-    "_n_s_per_m": "N s/m", "_n_per_m": "N/m", "_m_per_s": "m/s", "_pa_per_ma": "Pa/mA", "_ma_per_s": "mA/s",
-    "_ma_per_m_s": "mA/(m s)", "_ma_s_per_m": "mA s/m", "_ma_per_m": "mA/m", "_per_cm2": "1/cm²", "_per_ma2": "1/mA²",
-    "_pa_per_s": "Pa/s", "_per_m": "1/m", "_per_s": "1/s", "_kg": "kg", "_m2": "m²", "_ma": "mA", "_pa": "Pa",
-    "_hz": "Hz", "_mm": "mm", "_n": "N", "_m": "m", "_s": "s", "_days": "d",
+    "_m3_per_s_pa": "m³/(s Pa)", "_n_s_per_m": "N s/m", "_n_per_m": "N/m", "_m_per_s": "m/s", "_pa_per_ma": "Pa/mA",
+    "_ma_per_s": "mA/s", "_ma_per_m_s": "mA/(m s)", "_ma_s_per_m": "mA s/m", "_ma_per_m": "mA/m", "_per_cm2": "1/cm²",
+    "_per_ma2": "1/mA²", "_pa_per_s": "Pa/s", "_n_per_s": "N/s", "_per_m": "1/m", "_per_s": "1/s", "_kg": "kg",
+    "_m2": "m²", "_m3": "m³", "_ma": "mA", "_pa": "Pa", "_hz": "Hz", "_mm": "mm", "_n": "N", "_m": "m", "_s": "s",
+    "_days": "d",
 }  # fmt: skip
 """Suffix of a key and its unit, longer suffixes first."""
+_RULE = "value_error"
+"""The type of an error that a table's own rule between several keys raises; its message names them."""
 _MOST_DOTS = 50
 _BETWEEN = re.compile(r"[,=\[\]{}]")
 _LINE_IN_TOML_ERROR = re.compile(r"\(at line (\d+)")
@@ -127,19 +132,58 @@ def laid_over(base: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]
 def build(values: dict[str, Any], kind: type[T], source: str, text: str = "") -> T:
     """Return `values` as a `kind`; lines are looked up in `text`.
 
+    A table with a wrong value is not asked for its rules between several keys. So after the first mistakes the wrong
+    values are left out, and the table is asked again, until no rule is left that is broken by values that stand there.
+
     Raises:
         ConfigurationError: a key is unknown, or a value is out of its limits; every mistake is in `problems`.
     """
     try:
-        # JSON in between: its strict mode takes tables as dataclasses and still refuses "1.361" as a number
-        built: T = _adapter(kind).validate_json(json.dumps(values, default=str), strict=True)  # type: ignore[arg-type]
+        return _validated(values, kind)
     except ValidationError as error:
-        found = error.errors(include_url=False)
-        problems = sorted((_problem(item, kind, text) for item in found[:_MOST_PROBLEMS]), key=lambda p: p.line or 0)
-        if more := len(found) - len(problems):
-            problems.append(Problem("file", problems[-1].line, f"has {more} more mistake(s); mend these first"))
-        raise ConfigurationError(source, tuple(problems)) from error
+        found = list(error.errors(include_url=False))
+    items, left, out = list(found), values, set[str]()
+    while found and len(items) <= _MOST_PROBLEMS:
+        left, removed = _without(left, found)
+        if not removed:
+            break
+        out |= removed
+        try:
+            _validated(left, kind)
+            break
+        except ValidationError as error:
+            found = [item for item in error.errors(include_url=False) if item["type"] == _RULE]
+        items += [item for item in found if item["loc"] and not out & _words(item["msg"])]
+    problems = sorted((_problem(item, kind, text) for item in items[:_MOST_PROBLEMS]), key=lambda p: p.line or 0)
+    if more := len(items) - len(problems):
+        problems.append(Problem("file", problems[-1].line, f"has {more} more mistake(s); mend these first"))
+    raise ConfigurationError(source, tuple(problems))
+
+
+def _validated(values: dict[str, Any], kind: type[T]) -> T:
+    # JSON in between: its strict mode takes tables as dataclasses and still refuses "1.361" as a number
+    built: T = _adapter(kind).validate_json(json.dumps(values, default=str), strict=True)  # type: ignore[arg-type]
     return built
+
+
+def _without(values: dict[str, Any], found: Sequence[ErrorDetails]) -> tuple[dict[str, Any], set[str]]:
+    """Return the tables without the values that are wrong, or that a broken rule names; and the keys left out."""
+    left, removed = deepcopy(values), set[str]()
+    for item in found:
+        path = tuple(str(part) for part in itertools.takewhile(lambda part: isinstance(part, str), item["loc"]))
+        table: Any = left
+        for part in path if item["type"] == _RULE else path[:-1]:
+            table = table.get(part) if isinstance(table, dict) else None
+        if isinstance(table, dict):
+            keys = _words(item["msg"]) & table.keys() if item["type"] == _RULE else {*path[-1:]} & table.keys()
+            removed |= keys
+            for key in keys:
+                del table[key]
+    return left, removed
+
+
+def _words(message: str) -> set[str]:
+    return set(re.findall(r"\w+", message))
 
 
 @lru_cache
@@ -166,12 +210,27 @@ def _problem(item: ErrorDetails, kind: type[Any], text: str) -> Problem:
         return Problem(key, line, f"unknown key{_nearest(path, kind)}")
     if item["type"] in {"missing", "missing_argument"}:
         return Problem(key, line_of(text, path[:-1]), "is required and missing")
-    if item["type"] == "value_error":  # a rule between several keys: its text names them
+    if item["type"] == _RULE:
         return Problem(key, line, item["msg"].removeprefix("Value error, "))
-    message = item["msg"].replace("Input should be", "must be")
+    message = item["msg"].replace("Input should be", "must be").replace("a valid boolean", "true or false")
     if item["type"] in _LIMITS:
-        message += unit_of(path[-1])
-    return Problem(f"{key} = {item['input']!r}", line, message)
+        message += unit_of(path[-1]) + _in_millimetres(path[-1], item)
+    return Problem(f"{key} = {written(item['input'])}", line, message)
+
+
+def written(value: object) -> str:
+    """Return a value as a TOML file has it, or nearly so."""
+    return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
+def _in_millimetres(key: str, item: ErrorDetails) -> str:
+    """Return the question whether a length in m was given in mm; empty where that would be out of its limits, too."""
+    value, limit = item["input"], next(iter(item.get("ctx", {}).values()), None)
+    if unit_of(key) != " m" or not isinstance(value, int | float) or not isinstance(limit, int | float):
+        return ""
+    metres = value / 1000.0
+    is_fit = metres <= limit if item["type"].startswith("less") else metres >= limit
+    return f"; did you mean {metres:.12g}? Lengths are in m" if is_fit else ""
 
 
 def unit_of(key: str) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from positioner.health.monitor import begin_health, observe
+from positioner.inputs.plain_file import MOST_MIB
 from positioner.replay.compare import Comparison
 from positioner.replay.log import LogError
 from positioner.replay.prepare import prepare
@@ -27,6 +28,7 @@ def health_in(
     settings: HealthSettings,
     state: Path | None,
     sections: Mapping[str, Any],
+    most_mib: int = MOST_MIB,
 ) -> tuple[HealthState, tuple[str, ...]]:
     """Return the health after the log, and lines about what makes it inexact.
 
@@ -37,7 +39,7 @@ def health_in(
         StateError: the table cannot be read.
         ValueError: the sections are not as they were written.
     """
-    prepared = prepare(path, configuration, state)
+    prepared = prepare(path, configuration, state, most_mib)
     if prepared.late:
         raise LogError(f"{path}: starts late: {prepared.late}: start the log before the positioner")
     health = begin_health(settings, sections)

@@ -5,27 +5,28 @@ The frames stay in the file, and each pass reads them again: a log may be larger
 
 from __future__ import annotations
 
-import io
+import os
 from dataclasses import dataclass
 from itertools import count, islice
-from typing import TYPE_CHECKING, Any, Self
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from positioner.bus import can
 from positioner.errors import ExitCode, PositionerError, shortened
+from positioner.inputs.plain_file import MOST_MIB
+from positioner.replay.log_file import FORMATS, LogFile, NotALogError
 from positioner.wire.messages import CanFrame
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-    from pathlib import Path
+
+    from positioner.bus import can
 
 _NS = 1_000_000_000
-_BLF_HEADER_BYTES = 144
-_BLF_OBJECT, _BLF_OBJECT_BYTES = b"LOBJ", 16
-"""The first bytes of every object, and the length of its header, in which bytes 8 to 11 are the object's size."""
-_NOT_READ = {".mf4": "convert it to .blf or .asc"}
-"""Formats of python-can that are not read here (`positioner.bus` says why), and what to do."""
+_LOOKS_EVERY = 1 << 12
+"""Frames between two looks at the memory: a frame takes less than 1 KiB wherever it is kept."""
+_MEMORY = Path("/proc/self/statm")
 _LATEST_S = 1e11
 """A later time stamp is invalid: it would be after the year 5000."""
 
@@ -59,15 +60,16 @@ class BusLog:
     end_s: float
     cut: str = ""
     is_damaged: bool = False
+    most_mib: int = MOST_MIB
 
     def frames(self) -> Iterator[LogFrame]:
         """Yield the frames in order, read from the file again.
 
         Raises:
-            LogError: the file has changed.
+            LogError: the file has changed, or what is done with the frames takes more memory than `most_mib`.
         """
         found = 0
-        for frame in islice(_Pass(self.path), self.count):
+        for frame in islice(_Pass(self.path, self.most_mib), self.count):
             found = frame.number
             yield frame
         if found < self.count:
@@ -78,135 +80,93 @@ class BusLog:
         return self.begin_s + frame.time_ns / _NS
 
 
-def read_log(path: Path, show: Callable[[LogFrame], None] = lambda _: None) -> BusLog:
+def read_log(path: Path, show: Callable[[LogFrame], None] = lambda _: None, most_mib: int = MOST_MIB) -> BusLog:
     """Return the log in `path` after one pass, which gives each frame to `show`; of a damaged log, the readable part.
 
+    Nothing but the file is opened, and that only for reading. most_mib: memory in MiB that a pass may take.
+
     Raises:
-        LogError: it cannot be read at all, or holds no frame.
+        LogError: it cannot be read at all, holds no frame, or takes more memory.
     """
-    read, last = _Pass(path), None
+    read, last = _Pass(path, most_mib), None
     for last in tqdm(read, "reading", unit=" frames", delay=1.0, leave=False, disable=None):
         show(last)
     if last is None:
         raise LogError(f"{path}: holds no frame{f': {read.cut}' if read.cut else ''}; known formats: {_formats()}")
-    return BusLog(path, last.number, read.begin_s, read.begin_s + last.time_ns / _NS, read.cut, read.is_damaged)
+    end_s = read.begin_s + last.time_ns / _NS
+    return BusLog(path, last.number, read.begin_s, end_s, read.cut, read.is_damaged, most_mib)
 
 
 class _Pass:
     """One pass over a file: its frames, and after the last one why no further frame can be read."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, most_mib: int) -> None:
         self.path = path
         self.begin_s = 0.0
         self.cut = ""
         self.is_damaged = False
+        self._most_mib = most_mib
 
     def __iter__(self) -> Iterator[LogFrame]:
         read, last = 0, None
-        with _opened(self.path) as reader:
-            lines = _Lines.of(reader)
-            messages: Iterator[can.Message] = iter(reader)
+        begin_mib = _memory_mib()
+        with _opened(self.path) as file:
+            messages = iter(file)
             for number in count(1):
                 try:
                     message = next(messages, None)
                     _check_stamp(message)
                 except Exception as error:  # noqa: BLE001 - a damaged file makes python-can raise any of them
                     why = f"{type(error).__name__}: {shortened(str(error))}"
-                    self.cut = f"{lines.place}the part after frame {read} cannot be read ({why})"
+                    self.cut = f"{file.place}the part after frame {read} cannot be read ({why})"
                     self.is_damaged = True
                     break
                 if message is None:
                     break
+                if number % _LOOKS_EVERY == 0 and _memory_mib() - begin_mib > self._most_mib:
+                    raise LogError(self._too_large(read))
                 if last:
                     yield last
                 self.begin_s = self.begin_s if last else message.timestamp
                 # to the microsecond: stamps that are large floating-point numbers carry no more
                 time_ns = round((message.timestamp - self.begin_s) * 1e6) * 1000
                 read, last = number, LogFrame(number, time_ns, _frame(message), sent=not message.is_rx)
-            promised = getattr(reader, "object_count", read)
-        if not self.cut and _ends_within_a_line(self.path):
+            promised, is_within_a_line = file.promised, file.ends_within_a_line
+        if not self.cut and is_within_a_line:
             self.cut = f"the line after frame {max(0, read - 1)} is not complete"
             return
-        if not self.cut and promised > read:
+        if not self.cut and promised is not None and promised > read:
             self.cut = f"frame {read} is the last of {promised}"
+        self.cut = self.cut or file.remark
         if last:
             yield last
 
-
-class _Lines:
-    """The file of a text log, whose lines are counted while a reader of python-can takes them."""
-
-    def __init__(self, file: Any) -> None:
-        self._file = file
-        self._number = 0
-
-    @classmethod
-    def of(cls, reader: can.io.generic.MessageReader) -> Self:
-        """Return the lines of this reader; of a binary log, none."""
-        file = getattr(reader, "file", None)
-        lines = cls(file)
-        if isinstance(file, io.TextIOBase):
-            reader.file = lines  # type: ignore[attr-defined]
-        return lines
-
-    @property
-    def place(self) -> str:
-        """The newest line, for a message: `line 12: `; empty without lines."""
-        return f"line {self._number}: " if self._number else ""
-
-    def __iter__(self) -> Self:
-        return self
-
-    def __next__(self) -> str:
-        self._number += 1
-        return next(self._file)  # type: ignore[no-any-return]
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._file, name)
+    def _too_large(self, read: int) -> str:
+        text = f"its first {read} frames take more than {self._most_mib} MiB of memory"
+        return f"{self.path}: {text}: give a part of it, or allow more by --max-size, such as {4 * self._most_mib}"
 
 
-def _opened(path: Path) -> can.io.generic.MessageReader:
-    if advice := _NOT_READ.get(path.suffix.lower()):
-        raise LogError(f"{path}: cannot be read: {advice}; known formats: {_formats()}")
+def _opened(path: Path) -> LogFile:
     try:
-        with path.open("rb") as file:  # python-can's own message would name neither the file nor the reason
-            _check_head(path, file.read(_BLF_HEADER_BYTES))
-        return _finite(can.LogReader(path))
+        return LogFile(path)
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
-    except LogError:
-        raise
     except Exception as error:
-        text = shortened(str(error)) or type(error).__name__
+        text = (
+            shortened(str(error))
+            if isinstance(error, NotALogError)
+            else f"{type(error).__name__}: {shortened(str(error))}"
+        )
         raise LogError(f"{path}: cannot be read: {text}; known formats: {_formats()}") from error
 
 
-def _check_head(path: Path, head: bytes) -> None:
-    """Refuse a file whose name ends in .blf but whose content is not BLF: python-can would not close it."""
-    if path.suffix.lower() == ".blf" and not (head.startswith(b"LOGG") and len(head) == _BLF_HEADER_BYTES):
-        raise LogError(f"{path}: cannot be read: it is not a BLF file")
-
-
-def _finite(reader: can.io.generic.MessageReader) -> can.io.generic.MessageReader:
-    """Return the reader; a reader of BLF gets only objects that have a valid size."""
-    if isinstance(reader, can.BLFReader):
-        parse = reader._parse_data  # noqa: SLF001 - a damaged size would make it loop for ever
-        reader._parse_data = lambda data: parse(_advancing(data))  # type: ignore[method-assign]  # noqa: SLF001
-    return reader
-
-
-def _advancing(data: bytes) -> bytes:
-    """Return a part of a BLF file up to the first object that is smaller than its own header.
-
-    python-can steps from object to object by their sizes, and loops for ever at one of size 0.
-    """
-    at = data.find(_BLF_OBJECT)
-    while 0 <= at <= len(data) - _BLF_OBJECT_BYTES:
-        size = int.from_bytes(data[at + 8 : at + 12], "little")
-        if size < _BLF_OBJECT_BYTES:
-            return data[:at]
-        at = data.find(_BLF_OBJECT, at + size)
-    return data
+def _memory_mib() -> float:
+    """Return the memory of this process that is in use, in MiB; 0 where the system does not tell."""
+    try:
+        pages = int(_MEMORY.read_bytes().split()[1])
+    except (OSError, ValueError, IndexError):
+        return 0.0
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
 def _check_stamp(message: can.Message | None) -> None:
@@ -224,16 +184,5 @@ def _frame(message: can.Message) -> CanFrame:
     )
 
 
-def _ends_within_a_line(path: Path) -> bool:
-    """Return whether a text log ends without a line end: bytes of its last line may be missing."""
-    if path.suffix.lower() not in {".log", ".asc", ".csv", ".trc"}:
-        return False
-    with path.open("rb") as file:
-        if file.seek(0, 2) == 0:
-            return False
-        file.seek(-1, 2)
-        return file.read(1) != b"\n"
-
-
 def _formats() -> str:
-    return ", ".join(sorted(can.io.player.MESSAGE_READERS.keys() - _NOT_READ.keys()))
+    return ", ".join(FORMATS)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from positioner.errors import StateError
+from positioner.inputs.plain_file import MOST_MIB
 from positioner.replay.cycles import cycles_of
 from positioner.replay.log import BusLog, LogError, LogFrame, read_log
 from positioner.replay.recorded import FrameClassifier, RecordedCycle
@@ -44,8 +45,10 @@ class PreparedLog:
         return cycles_of(self.kind, self.classifier, self.log.frames(), self.period_ns)
 
 
-def prepare(path: Path, configuration: Configuration, state: Path | None) -> PreparedLog:
+def prepare(path: Path, configuration: Configuration, state: Path | None, most_mib: int = MOST_MIB) -> PreparedLog:
     """Return the log in `path`, ready to be replayed, starting from the table in `state`, which is only read.
+
+    most_mib: see `read_log`.
 
     Raises:
         LogError: the log cannot be read, or holds no position frame of this valve.
@@ -54,7 +57,7 @@ def prepare(path: Path, configuration: Configuration, state: Path | None) -> Pre
     classifier = FrameClassifier(configuration.make_codec())
     period_ns = round(configuration.control.sample_period_s * 1e9)
     survey = Survey(classifier, period_ns)
-    log = read_log(path, survey.add)
+    log = read_log(path, survey.add, most_mib)
     if not survey.readings:
         raise LogError(
             f"{path}: holds {log.count} frames, and no position frame among them: is it another valve's, or does "

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from tqdm import tqdm
 
-from positioner.commissioning.procedure import aborted_by, commissioning_setup, ended_by
+from positioner.commissioning.procedure import aborted_by, commissioning_setup, ended_by, procedure_law
+from positioner.inputs.plain_file import MOST_MIB
 from positioner.replay.compare import Comparison
 from positioner.replay.log import LogError
 from positioner.replay.prepare import prepare
@@ -47,13 +48,13 @@ class _Kept:
         return self._procedure.abort(memory, why)
 
 
-def memory_in(path: Path, configuration: Configuration, procedure: Procedure[M]) -> M:
+def memory_in(path: Path, configuration: Configuration, procedure: Procedure[M], most_mib: int = MOST_MIB) -> M:
     """Return the memory at its end of the procedure whose frames are in the log at `path`.
 
     Raises:
         LogError: the log cannot be read, or is no complete record of this procedure with this configuration.
     """
-    memory, _ = outcome_in(path, configuration, procedure)
+    memory, _ = outcome_in(path, configuration, procedure, most_mib)
     progress = procedure.progress(memory)
     if progress.aborted or not progress.ended:
         reason = progress.aborted or f"it ends while {progress.doing}"
@@ -61,15 +62,18 @@ def memory_in(path: Path, configuration: Configuration, procedure: Procedure[M])
     return memory
 
 
-def outcome_in(path: Path, configuration: Configuration, procedure: Procedure[M]) -> tuple[M, str]:
+def outcome_in(
+    path: Path, configuration: Configuration, procedure: Procedure[M], most_mib: int = MOST_MIB
+) -> tuple[M, str]:
     """Return the memory as `memory_in`, also where it was ended before its time, and how the guard ended it.
 
     Raises:
         LogError: the log cannot be read, or is no record of this procedure with this configuration.
     """
-    prepared, kept, ended = prepare(path, configuration, None), _Kept(procedure), ""
+    prepared, kept, ended = prepare(path, configuration, None, most_mib), _Kept(procedure), ""
     comparison = Comparison(configuration.make_codec(), prepared.kind.has_instants)
-    setup = commissioning_setup(configuration.make_setup(), kept)
+    law = procedure_law(kept, configuration.valve, configuration.guard)
+    setup = commissioning_setup(configuration.make_setup(law=law), kept)
     cycles = replay_cycles(configuration, prepared.cycles(), prepared.table, setup=setup)
     for cycle in tqdm(cycles, "log", prepared.cycle_count, unit=" cycles", delay=1, leave=False, disable=None):
         comparison.add(cycle)

@@ -47,15 +47,20 @@ def replay_cycles(
     cycles: Iterable[RecordedCycle],
     table: StictionTable,
     *,
+    plays: bool = False,
     follows: bool = False,
     setup: Setup | None = None,
 ) -> Iterator[ReplayedCycle]:
     """Yield every cycle computed again; the first one starts with `table`.
 
     With `follows` the recorded command counts as sent after each cycle, instead of the computed one: another law then
-    observes the valve with the current that really moved it. `setup` replaces that of the configuration.
+    observes the valve with the current that really moved it. `setup` replaces that of the configuration; without it,
+    a plug-in is loaded only where the command `plays`.
+
+    Raises:
+        ConfigurationError: the law is a plug-in that may not be loaded, or cannot be.
     """
-    setup = setup or configuration.make_setup()
+    setup = setup or configuration.make_setup(plays=plays)
     state = CycleState(table=table)
     for cycle in cycles:
         before, cycle_input = state, _cycle_input(cycle, state)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import shutil
+import stat
 from typing import TYPE_CHECKING, Any
 
 import can
@@ -18,6 +20,7 @@ from positioner.cli.main import main
 from positioner.errors import ExitCode
 from positioner.export.signals import Messages
 from positioner.export.units import column_name
+from positioner.export.whole_file import whole_file
 from positioner.machine.console import INTERRUPTED
 from positioner.replay.log import read_log
 from positioner.wire.codec import make_codec, packaged_dbc_text
@@ -258,7 +261,7 @@ def test_every_format_of_the_log_gives_the_same_values(suffix: str, bench: tuple
         (["{log}", "--to", "csv", "--signals", "Positon_m"], ExitCode.USAGE, "'Positon_m': no signal in the log has"),
         (["{log}", "--out", "absent/x.csv"], ExitCode.IO, "positioner: absent/x.csv: cannot be written: No such"),
         (["absent.log", "--to", "csv"], ExitCode.IO, "absent.log: cannot be read: No such file"),
-        (["{config}", "--to", "csv"], ExitCode.IO, "cannot be read: No read support for unknown log format"),
+        (["{config}", "--to", "csv"], ExitCode.IO, "cannot be read: nobody knows the format '.toml'"),
         (["{log}", "--to", "csv", "--config", "absent.toml"], ExitCode.CONFIG, "absent.toml: file: cannot be read"),
     ],
 )
@@ -272,6 +275,35 @@ def test_a_mistake_is_one_line(
     error = capsys.readouterr().err
     assert text in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet", "mf4"])
+def test_planted_links_lead_an_export_to_no_other_file(kind: str, bench: tuple[Path, Path], tmp_path: Path) -> None:
+    folder, secret = tmp_path / "shared", tmp_path / "victim"
+    folder.mkdir()
+    secret.write_text("precious", encoding="ascii")
+    name = f"bus.{kind}"
+    for link in (f".bus.part.{kind}", f".{name}.part", f"{name}.part", f"{name}.tmp", name, f"{name}-metadata.json"):
+        (folder / link).symlink_to(secret)
+    os.link(secret, folder / f".{name}-metadata.part.json")
+    before = {path.name for path in folder.iterdir()}
+    assert export(bench[0], "--out", folder / name) == ExitCode.OK
+    assert secret.read_text(encoding="ascii") == "precious"
+    assert (folder / name).is_file()
+    assert not (folder / name).is_symlink(), "the link at the place itself is replaced"
+    assert {path.name for path in folder.iterdir()} == before
+    assert (folder / f".bus.part.{kind}").is_symlink()
+
+
+def test_the_unfinished_file_lies_where_no_other_user_may_enter(tmp_path: Path) -> None:
+    with whole_file(tmp_path / "bus.csv") as part:
+        assert stat.S_IMODE(part.parent.stat().st_mode) == 0o700
+        assert part.parent.parent == tmp_path
+        part.write_text("whole", encoding="ascii")
+        umask = os.umask(0o022)
+        os.umask(umask)
+    assert [path.name for path in tmp_path.iterdir()] == ["bus.csv"]
+    assert stat.S_IMODE((tmp_path / "bus.csv").stat().st_mode) == 0o666 & ~umask
 
 
 def test_a_log_without_a_known_message_says_what_is_in_it(user: tuple[Path, Path], capsys: Output) -> None:

@@ -39,7 +39,7 @@ MOST_MIB = 256.0
 STRETCHES = 64
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="test_the_cycles_follow_the_frames_at_a_bounded_distance")
 def test_a_log_of_four_times_the_frames_takes_no_more_memory(tmp_path: Path) -> None:
     short, long = (long_replay.replay(frames, tmp_path) for frames in (10_000, 40_000))
     assert "a log of the bus, 40000 frames, 19048 position frames" in long.text

@@ -7,6 +7,7 @@ from a bus that is away (always worth one).
 from __future__ import annotations
 
 import errno
+import re
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntEnum
@@ -23,6 +24,7 @@ class ExitCode(IntEnum):
     OK = 0
     FAILURE = 1
     USAGE = 2
+    DATA = 65
     UNAVAILABLE = 69
     SOFTWARE = 70
     SYSTEM = 71
@@ -53,8 +55,26 @@ class Problem:
 
     def __str__(self) -> str:
         """One line: `line 12: valve.mass_kg = 1361: must be at most 200`; a very long text is cut."""
-        where, message = shortened(self.where), shortened(self.message)
+        where, message = (shortened(in_one_line(text)) for text in (self.where, self.message))
         return f"line {self.line}: {where}: {message}" if self.line else f"{where}: {message}"
+
+
+_OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Control characters (ISO 6429), separators of lines, and what changes the direction of a text (Unicode, UAX 9)."""
+
+
+def visible(text: str) -> str:
+    r"""Return a text with the characters that a terminal would obey and not show written as \u001b; its lines stay.
+
+    Names and units in files, and the names of files, are other people's: an escape sequence among them could clear the
+    screen, or write what nobody has said.
+    """
+    return _OBEYED.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def in_one_line(text: str) -> str:
+    r"""Return a text as `visible`, with its line breaks written as \n: one line of a message or a log stays one."""
+    return visible(text).replace("\n", "\\n")
 
 
 _LONGEST_SHOWN = 600
@@ -73,7 +93,7 @@ class ConfigurationError(PositionerError):
     def __init__(self, source: str, problems: tuple[Problem, ...]) -> None:
         self.source = source
         self.problems = problems
-        super().__init__("\n".join(f"{source}: {problem}" for problem in problems))
+        super().__init__("\n".join(f"{in_one_line(source)}: {problem}" for problem in problems))
 
     def __reduce__(self) -> tuple[type[ConfigurationError], tuple[str, tuple[Problem, ...]]]:
         """Return what a worker's error is made of again in the process that waits for it."""

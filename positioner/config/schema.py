@@ -11,6 +11,7 @@ from positioner.bus.address import BusAddress
 from positioner.commissioning.step.limits import StepTestSettings
 from positioner.commissioning.stroke.settings import StrokeSettings
 from positioner.cycle.state import Setup
+from positioner.errors import ConfigurationError, Problem
 from positioner.guard.settings import GuardSettings
 from positioner.health.counters import counter_settings
 from positioner.health.monitor import HealthSettings
@@ -21,7 +22,7 @@ from positioner.health.settings import HealthTable
 from positioner.health.watch import WatchSettings
 from positioner.inputs.table import SettingsTable
 from positioner.laws.estimator_settings import EstimatorSettings
-from positioner.laws.registry import Ingredients, make_law
+from positioner.laws.registry import Ingredients, is_outside, make_law
 from positioner.laws.settings import ControlSettings
 from positioner.metrics.settings import MetricsSettings
 from positioner.setpoint.settings import SetpointSettings
@@ -115,23 +116,31 @@ class Configuration(SettingsTable):
         """
         return make_codec(self.wire, span_m=self.valve.span_m)
 
-    def make_setup(self) -> Setup:
-        """Return the constants of every cycle of this valve, with a new instance of its law.
+    def make_setup(self, *, plays: bool = False, law: Law[Any] | None = None) -> Setup:
+        """Return the constants of every cycle of this valve, with `law`, or else a new instance of its own.
+
+        plays: as `make_law`.
 
         Raises:
             ConfigurationError: as `make_codec` and `make_law`.
         """
         codec = self.make_codec()
         setpoint = self.setpoint if self.setpoint.shapes else None
-        period_s, law = self.control.sample_period_s, self.make_law()
+        period_s, law = self.control.sample_period_s, law or self.make_law(plays=plays)
         return Setup(codec, self.valve, self.guard, law, period_s, limits=self.limits, setpoint=setpoint)
 
-    def make_law(self) -> Law[Any]:
+    def make_law(self, *, plays: bool = False) -> Law[Any]:
         """Return a new instance of the chosen law, with a solver of its own.
 
+        plays: the command plays a law or a plant, so the code of a plug-in may run. A command that only reads, as
+            `check` or `explain`, never runs code that a configuration names.
+
         Raises:
-            ConfigurationError: a law from outside cannot be loaded or made.
+            ConfigurationError: a law from outside cannot be loaded or made, or nobody said that it may be.
         """
+        if not plays and is_outside(self.control.law):
+            message = "is a plug-in, and this command runs no code that a configuration names; `positioner replay` does"
+            raise ConfigurationError(self.control.law, (Problem("law", None, message),))
         return make_law(self.control.law, self.ingredients)
 
     @property

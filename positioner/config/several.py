@@ -64,7 +64,7 @@ def placed(sections: Sequence[Section], mistakes: Sequence[Sequence[Problem]], t
                     found.append(replace(problem, line=line))
                     continue
             found.append(_named(section.name, problem, line))
-    return _in_order(found)
+    return in_order(found)
 
 
 def _depth(tables: Any, path: tuple[str, ...]) -> int:
@@ -81,7 +81,8 @@ def _named(name: str, problem: Problem, line: int | None) -> Problem:
     return replace(problem, where=f"valve {name}: {problem.where.removeprefix('valve.')}", line=line)
 
 
-def _in_order(problems: Sequence[Problem]) -> tuple[Problem, ...]:
+def in_order(problems: Sequence[Problem]) -> tuple[Problem, ...]:
+    """Return the mistakes by their lines, each once."""
     return tuple(sorted(dict.fromkeys(problems), key=lambda problem: problem.line or 0))
 
 
@@ -91,10 +92,15 @@ def by_bus(found: Sequence[Configuration]) -> tuple[tuple[Configuration, ...], .
     return tuple(tuple(each for each in found if each.bus.place == place) for place in places)
 
 
-def clashes(found: Sequence[Configuration], text: str) -> tuple[Problem, ...]:
-    """Return where two valves clash: by their id, or on one bus by an identifier or by its options."""
+def clashes(sections: Sequence[Configuration | None], text: str) -> tuple[Problem, ...]:
+    """Return where two valves clash: by their id, or on one bus by an identifier or by its options.
+
+    A section with a mistake of its own is None.
+    """
     problems = []
-    for (_, first), (number, second) in combinations(enumerate(found), 2):
+    numbered = [(number, each) for number, each in enumerate(sections) if each is not None]
+    found = [each for _, each in numbered]
+    for (_, first), (number, second) in combinations(numbered, 2):
         name, other = second.valve.id, first.valve.id
         if name == other:
             line = line_of(text, ("valve", "id"), number)
@@ -109,7 +115,7 @@ def clashes(found: Sequence[Configuration], text: str) -> tuple[Problem, ...]:
             if message := _shared_identifier(first, second, found):
                 line = line_of(text, ("valve", "wire"), number)
                 problems.append(Problem(f"valve {name}: wire", line, message))
-    return _in_order(problems)
+    return in_order(problems)
 
 
 def _shared_identifier(first: Configuration, second: Configuration, all_of_them: Sequence[Configuration]) -> str:

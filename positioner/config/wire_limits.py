@@ -17,9 +17,10 @@ from positioner.wire.rounding import fits
 from positioner.wire.settings import WireSettings
 
 if TYPE_CHECKING:
-    from positioner.config.schema import Configuration
     from positioner.errors import Problem
     from positioner.guard.settings import GuardSettings
+    from positioner.valve.parameters import ValveParameters
+    from positioner.wire.codec import Codec
     from positioner.wire.fields import FieldFormat
     from positioner.wire.formats import FrameFormat
 
@@ -34,12 +35,11 @@ def wire_problems(tables: dict[str, Any], text: str) -> list[Problem]:
     return []
 
 
-def range_problems(found: Configuration, text: str) -> list[Problem]:
+def range_problems(codec: Codec, valve: ValveParameters, guard: GuardSettings, text: str) -> list[Problem]:
     """Return the currents in [guard] that the command frame of the DBC cannot carry, and a position signal too narrow.
 
     The command frame must carry every counter that it echoes, too.
     """
-    codec, guard, valve = found.make_codec(), found.guard, found.valve
     position, setpoint = (_largest_count(codec.by_kind[kind]) for kind in (StemPosition, Setpoint))
     failsafe = "failsafe_current_ma" if guard.failsafe_action is FailsafeAction.CURRENT else "failsafe_action"
     currents_ma = {

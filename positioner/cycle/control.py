@@ -16,19 +16,23 @@ from positioner.setpoint.path import NEW_PATH, followed
 from positioner.values import replace
 
 if TYPE_CHECKING:
+    from positioner.cycle.input import CycleInput
     from positioner.cycle.link import Reading
     from positioner.cycle.state import CycleState, Setup
     from positioner.setpoint.path import SetpointPath
 
 
-def control(setup: Setup, state: CycleState, reading: Reading, now_ns: int, events: list[Event]) -> Decision | None:
+def control(
+    setup: Setup, state: CycleState, reading: Reading, cycle_input: CycleInput, events: list[Event]
+) -> Decision | None:
     """Bring the state over estimate, learning and decision, and return the decision; None where the law failed."""
+    disturbed = cycle_input.sent_late or reading.periods > 1
     table, before = credible(setup, state, events), state.control
     try:
         if before.memory is None:
             before = _begun(setup, state, reading)
         path, setpoint_m = _pursued(setup, state, before, reading)
-        observation = _observation(setup, state, reading, setpoint_m, before.time_s)
+        observation = _observation(setup, state, reading, setpoint_m, before.time_s, disturbed=disturbed)
         memory, estimate = setup.law.estimate(before.memory, observation)
         if before.stem is not None:  # in the law's first cycle nothing is learned
             table = learn(setup, state, table, estimate.lessons, events)
@@ -50,7 +54,7 @@ def control(setup: Setup, state: CycleState, reading: Reading, now_ns: int, even
         events.append(ActuatorFound(decision.actuator, setup.valve.actuator))
     handover = state.handover
     if handover is not None and state.output.last_ma is not None:
-        state.handover, decision = blend(handover, decision, state.output.last_ma, now_ns)
+        state.handover, decision = blend(handover, decision, state.output.last_ma, cycle_input.now_ns)
     state.guard = state.guard.after_law(answered=True)
     state.control = ControlState(
         memory=memory,
@@ -88,7 +92,9 @@ def _shut(setup: Setup, way: int) -> Decision:
     return Decision(high_ma if way > 0 else low_ma, Bounds(0.0, 0.0, low_ma, high_ma))
 
 
-def _observation(setup: Setup, state: CycleState, reading: Reading, setpoint_m: float, time_s: float) -> Observation:
+def _observation(
+    setup: Setup, state: CycleState, reading: Reading, setpoint_m: float, time_s: float, *, disturbed: bool
+) -> Observation:
     """Return the input of the law; before the first command, `applied_ma` is the current that balances the spring."""
     applied_ma = state.effect.current_ma
     return Observation(
@@ -101,6 +107,7 @@ def _observation(setup: Setup, state: CycleState, reading: Reading, setpoint_m: 
         pending_ma=_pending_ma(state),
         pressure_is_new=reading.pressure_is_new,
         actuator=state.actuator,
+        disturbed=disturbed,
     )
 
 

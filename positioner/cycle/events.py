@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 
 from positioner.cycle.counted_event import CountedEvent
 from positioner.cycle.deviation import Deviates
+from positioner.cycle.hunting import Hunts
 from positioner.cycle.timing_events import LawLate, PeriodWrong, Stalled
 from positioner.cycle.trust_events import ActingChanged, ActuatorFound, NotBelieved, PushFailed
+from positioner.cycle.vain_pushes import NoMotion
 from positioner.values import dataclass
 from positioner.wire.loop_current import LoopSignal, signal_of
 from positioner.wire.messages import Counted
@@ -31,6 +33,18 @@ class FrameRefused(CountedEvent):
     def __str__(self) -> str:
         """One line for the log."""
         return f"frame refused: {self.detail}"
+
+
+@dataclass(frozen=True, slots=True)
+class StrayDisarm:
+    """A DISARM that its counter does not put into the sequence of the host: it is obeyed, and nothing else of it."""
+
+    counter: int
+    last: int | None
+
+    def __str__(self) -> str:
+        """One line for the log."""
+        return f"a DISARM that is not of the host in sequence (counter {self.counter} after {self.last}) is obeyed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,12 +188,15 @@ class Controlled:
 
 Event = (
     FrameRefused
+    | StrayDisarm
     | FramesLost
     | SetpointRefused
     | OrderDisputed
     | FeedbackRefused
     | ForeignCommand
     | Deviates
+    | Hunts
+    | NoMotion
     | ModeChanged
     | Learned
     | NotBelieved

@@ -12,6 +12,7 @@ from positioner.cycle.events import (
     FramesLost,
     OrderDisputed,
     SetpointRefused,
+    StrayDisarm,
 )
 from positioner.cycle.link import FeedbackState, LastSetpoint, LinkState, Reading, Received
 from positioner.cycle.plausibility import check_reading
@@ -28,6 +29,7 @@ from positioner.wire.messages import (
     CurrentCommand,
     HostRequest,
     ManualCurrent,
+    ManualRequest,
     Message,
     Quality,
     Setpoint,
@@ -148,7 +150,8 @@ class _Batch:
     def in_sequence(self, message: Message, counter: int | None, modulus: int, data: bytes) -> int:
         """Check the counter and return how many frames were lost before it.
 
-        A DISARM is obeyed whatever its counter: one too many is safe, one too few is not.
+        A DISARM is obeyed whatever its counter: one too many is safe, one too few is not. One that is not in sequence
+        is of another host that only disarms, or is old. It is no error: it disputes nothing and is not counted.
 
         Raises:
             FrameRejectedError: the counter is repeated or out of order.
@@ -159,11 +162,14 @@ class _Batch:
         # kept even where the frame is refused: it may be the first of a restarted sender
         self.senders[type(message)], verdict, lost = known.receive(counter, data)
         if verdict is not Sequence.FRESH:
-            disarms = isinstance(message, Setpoint) and message.request is HostRequest.DISARM
-            self.stray_disarm |= disarms
+            last = known.check.last
+            if isinstance(message, Setpoint) and message.request is HostRequest.DISARM:
+                self.stray_disarm = True
+                self.senders[Setpoint] = replace(self.senders[Setpoint], window=known.window)
+                self.events.append(StrayDisarm(counter, last))
+                raise FrameRejectedError(None, "a DISARM out of sequence")
             counted = Counted.REPEATED if verdict is Sequence.REPEATED else Counted.OUT_OF_ORDER
-            text = f"{type(message).__name__} counter {counter} after {known.check.last}"
-            raise FrameRejectedError(counted, f"{text}; its DISARM is obeyed" if disarms else text)
+            raise FrameRejectedError(counted, f"{type(message).__name__} counter {counter} after {last}")
         if lost:
             self.events.append(FramesLost(type(message).__name__, count=lost))
         return lost
@@ -176,7 +182,7 @@ class _Batch:
             case Setpoint():
                 self._use_setpoint(message, counter, arrived_ns)
             case ManualCurrent():
-                self._use_manual(message)
+                self._use_manual(message, arrived_ns)
             case ActuatorState():
                 self.pressure_pa, self.pressure_is_new = message.pressure_pa, True
             case CurrentCommand():
@@ -208,10 +214,11 @@ class _Batch:
         reading = Reading(message.position_m, counter, message.command_counter, self.periods_unread, obeys)
         self.reading = reading if fresh else None
 
-    def _use_manual(self, message: ManualCurrent) -> None:
+    def _use_manual(self, message: ManualCurrent, arrived_ns: int) -> None:
         sender = self.senders.get(ManualCurrent)
         if sender is None or sender.window.valid:
-            self.manual = message
+            if message.request is ManualRequest.AUTO or arrived_ns >= self.fresh.orders_since_ns:
+                self.manual = message
         else:
             self.events.append(OrderDisputed(f"current {message.current_ma:.3f} mA by hand", sender.window.why))
 
@@ -234,7 +241,7 @@ class _Batch:
             self.events.append(SetpointRefused(message.setpoint_m, low_m, high_m))
 
     def _use_request(self, request: HostRequest, arrived_ns: int) -> None:
-        if request is not HostRequest.DISARM and arrived_ns < self.fresh.arms_since_ns:
+        if request is not HostRequest.DISARM and arrived_ns < self.fresh.orders_since_ns:
             self.waiting_request = request
         elif [request] != self.requests[-1:]:
             self.requests.append(request)

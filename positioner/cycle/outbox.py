@@ -31,8 +31,8 @@ def send(
     state.output, frames = _command(setup, state, decision, reading, now_ns)
     output = state.output
     due = output.status_ns is None or now_ns - output.status_ns >= STATUS_PERIOD_NS
-    if not due or not state.guard.arming.ever_armed:
-        return frames
+    if not due or (not state.guard.arming.ever_armed and state.guard.last.foreign_ns is not None):
+        return frames  # beside another controller, one that was never armed leaves the status to it
     state.counters, count = state.counters.next_message()
     alarms = message_of(state.alarms) if state.alarmed else None
     messages = (_status(state), count, alarms)

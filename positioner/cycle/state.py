@@ -11,6 +11,7 @@ from positioner.cycle.deviation import NO_DEVIATION, Deviation
 from positioner.cycle.link import LinkState
 from positioner.cycle.second_daemon import NO_RETURNED_COMMANDS, ReturnedCommands
 from positioner.cycle.sent import OutputState
+from positioner.cycle.vain_pushes import NO_PUSHES, VainPushes
 from positioner.guard.state import GuardState
 from positioner.setpoint.path import NEW_PATH, SetpointPath
 from positioner.values import dataclass
@@ -18,6 +19,7 @@ from positioner.valve.stiction import StictionTable
 
 if TYPE_CHECKING:
     from positioner.cycle.handover import Handover
+    from positioner.cycle.hunting import Hunting
     from positioner.guard.settings import GuardSettings
     from positioner.laws.law import Law
     from positioner.setpoint.settings import SetpointSettings
@@ -69,6 +71,7 @@ class CycleState:
 
     credible_table: the last table that was checked; another `table` comes from outside, and is checked before its use.
     alarms: of the valve's condition; alarmed: there was one since the start.
+    hunting: the swings of the stem, None while no law controls it; vain: the pushes that moved nothing.
     answered: the law answered in the last cycle. actuator: the one that the law has found, None where it is as
         configured; kept when control ends.
     """
@@ -82,6 +85,8 @@ class CycleState:
     returned: ReturnedCommands = NO_RETURNED_COMMANDS
     effect: CommandEffect = EFFECT_UNKNOWN
     deviation: Deviation = NO_DEVIATION
+    hunting: Hunting | None = None
+    vain: VainPushes = NO_PUSHES
     guard: GuardState = field(default_factory=GuardState)
     handover: Handover | None = None
     control: ControlState = field(default_factory=ControlState)

@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING
 
 from positioner.cycle.command_effect import EFFECT_UNKNOWN, CommandEffect, track_effect
 from positioner.cycle.control import control
-from positioner.cycle.deviation import NO_DEVIATION, Deviates, Deviation, description, track_deviation
+from positioner.cycle.deviation import NO_DEVIATION, Deviates, Deviation, description, is_reachable, track_deviation
 from positioner.cycle.events import Controlled, Event, LinesDropped, ModeChanged
 from positioner.cycle.handover import update_handover
+from positioner.cycle.hunting import Hunting, Hunts, track_hunting
 from positioner.cycle.inbox import receive
 from positioner.cycle.outbox import send
 from positioner.cycle.second_daemon import without_own_commands
 from positioner.cycle.timing_events import LawLate, Stalled
 from positioner.cycle.trust_events import ActingChanged
+from positioner.cycle.vain_pushes import NO_PUSHES, NoMotion, VainPushes, are_in_vain, track_vain
 from positioner.guard.stall import freshness, stall_of
 from positioner.guard.state import Conditions
 from positioner.guard.supervisor import is_feedback_stale, supervise
@@ -60,10 +62,12 @@ def step(
     # estimate, detect, learn, decide
     decision: Decision | None = None
     if state.guard.controls and reading is not None:
-        decision = control(setup, state, reading, now_ns, events)
+        decision = control(setup, state, reading, cycle_input, events)
         if decision is not None and decision.failed_pushes and state.control.stem is not None:
-            stem_m = state.control.stem.position_m
-            state.deviation = state.deviation.after_failed(decision.failed_pushes, stem_m)
+            stem_m, pushes = state.control.stem.position_m, decision.failed_pushes
+            state.deviation = state.deviation.after_failed(pushes, stem_m)
+            mean_m = state.deviation.position_m
+            state.vain = state.vain.after_failed(setup.valve, pushes, stem_m if mean_m is None else mean_m)
     # admit, encode
     state.counters = state.counters.add(events)
     outbox: list[CanFrame] = []
@@ -80,8 +84,7 @@ def _receive(setup: Setup, state: CycleState, cycle_input: CycleInput, stall_ns:
     """Return the result of the frames without the commands like ours, whose record the state then holds."""
     before = state.guard
     commanded_ma = state.output.last_ma if before.controls or before.mode is Mode.MANUAL else None
-    armed, stalled = before.arming.armed, stall_ns > 0
-    fresh = freshness(setup.guard, setup.period_s, cycle_input.now_ns, armed=armed, stalled=stalled)
+    fresh = freshness(setup.guard, setup.period_s, cycle_input.now_ns, stalled=stall_ns > 0)
     received = receive(
         setup.codec, setup.guard, setup.valve, state.link, cycle_input.frames, commanded_ma, setup.period_s, fresh
     )
@@ -110,12 +113,16 @@ def _supervise(
     """Take over what was received, and the mode that follows; where control ends, its memory is lost."""
     reading, link, before = received.reading, received.link, state.guard
     effect, deviation = _effect(setup, state, reading), _deviation(setup, state, reading, events)
+    hunting = _hunting(setup, state, reading, events)
+    vain, no_motion = _vain(setup, state, received, deviation, events)
     conditions = Conditions(
         stall_ns=stall_ns,
         late=cycle_input.late_ns > 0,
         answered=state.answered,
         no_effect=effect.fault if setup.learns else None,
         deviation=deviation.cause,
+        hunting=hunting is not None and hunting.swings.told,
+        no_motion=no_motion,
         period_wrong=link.feedback.frame_period.is_wrong(setup.period_s),
         actuator_differs=state.actuator is not None,
         testing=setup.testing,
@@ -124,12 +131,15 @@ def _supervise(
     measured_m = reading.position_m if reading else None
     if state.control.memory is not None and (not guard.controls or guard.acts_again(before)):
         state.control = replace(state.control, memory=None, stem=None)
+    if guard.arming.armed and not before.arming.armed:
+        state.output = replace(state.output, status_ns=None)  # an arming is answered at once
     if cycle_input.table is not None:
         state.table = cycle_input.table
     state.table_saved, state.answered = cycle_input.table_saved, False
     state.alarms = cycle_input.alarms
     state.alarmed = state.alarmed or cycle_input.alarms != 0
-    state.link, state.effect, state.deviation, state.guard = link, effect, deviation, guard
+    state.link, state.effect, state.guard = link, effect, guard
+    state.deviation, state.hunting, state.vain = deviation, hunting, vain
     state.handover = update_handover(
         state.handover, guard.mode, measured_m, link.setpoint.position_m, state.output.last_ma
     )
@@ -156,6 +166,44 @@ def _deviation(setup: Setup, state: CycleState, reading: Reading | None, events:
     if known.cause is not state.deviation.cause and known.cause is not Cause.NONE:
         events.append(Deviates(description(setup.guard, setup.valve, known, setpoint_m)))
     return known
+
+
+def _hunting(setup: Setup, state: CycleState, reading: Reading | None, events: list[Event]) -> Hunting | None:
+    """Return the swings of the stem under the law; add an event where they are first reported."""
+    if not state.guard.controls or setup.testing or setup.guard.deviation_of_span == 0.0:
+        return None
+    before = state.hunting
+    if reading is None or state.control.memory is None:
+        return before
+    elapsed_s, setpoint_m = reading.periods * setup.period_s, state.control.setpoint_m
+    measured_m, sent_ma = reading.position_m, state.output.last_ma
+    known = track_hunting(setup.valve, before, measured_m, setpoint_m, elapsed_s, setup.period_s, sent_ma)
+    if known is not None and known.swings.told and not (before is not None and before.swings.told):
+        events.append(Hunts(known.swings.count, known.swung_s, known.swings.mean_m, setpoint_m))
+    return known
+
+
+def _vain(
+    setup: Setup, state: CycleState, received: Received, deviation: Deviation, events: list[Event]
+) -> tuple[VainPushes, bool]:
+    """Return the pushes that moved nothing, and whether they are in vain; add an event where that is first so."""
+    reading, mean_m = received.reading, deviation.position_m
+    if not state.guard.controls or setup.testing or mean_m is None:
+        return NO_PUSHES, False
+    before = state.guard.conditions.no_motion
+    if reading is None or state.control.memory is None:
+        return state.vain, before
+    repeat_s, arrived_ma = received.link.feedback.readings.noise.repeat_s, deviation.push.current_ma
+    if arrived_ma is None or (repeat_s == 0.0 and state.vain is NO_PUSHES):
+        return NO_PUSHES, False
+    if not is_reachable(setup.guard, setup.valve, state.control.setpoint_m, mean_m):
+        return NO_PUSHES, False
+    elapsed_s = reading.periods * setup.period_s
+    vain = track_vain(setup.valve, state.vain, reading.position_m, mean_m, repeat_s, arrived_ma, elapsed_s)
+    told = are_in_vain(vain, repeat_s)
+    if told and not before:
+        events.append(NoMotion(max(vain.count, vain.failed), reading.position_m))
+    return vain, told
 
 
 def _changes(before: GuardState, after: GuardState) -> list[Event]:

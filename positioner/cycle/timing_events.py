@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import field
 
 from positioner.cycle.counted_event import CountedEvent
+from positioner.inputs.durations import duration
 from positioner.values import dataclass
 from positioner.wire.messages import Counted
+
+_NS = 1e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +23,7 @@ class LawLate(CountedEvent):
     def __str__(self) -> str:
         """One line for the log."""
         return (
-            f"a cycle took {self.spent_ns / 1e6:.3g} ms, longer than the period of {self.period_s * 1e3:g} ms: "
+            f"a cycle took {duration(self.spent_ns / _NS, 3)}, longer than the period of {duration(self.period_s)}: "
             "give the positioner a processor of its own, or a longer control.sample_period_s"
         )
 
@@ -35,8 +38,8 @@ class PeriodWrong:
     def __str__(self) -> str:
         """One line for the log."""
         return (
-            f"position frames come every {self.measured_s * 1e3:.3g} ms, and control.sample_period_s is "
-            f"{self.period_s * 1e3:g} ms: ages and the law's time are wrong by as much; correct one of them"
+            f"position frames come every {duration(self.measured_s, 3)}, and control.sample_period_s is "
+            f"{duration(self.period_s)}: ages and the law's time are wrong by as much; correct one of them"
         )
 
 
@@ -50,6 +53,6 @@ class Stalled(CountedEvent):
     def __str__(self) -> str:
         """One line for the log."""
         return (
-            f"stood still for {self.stall_ns / 1e6:.3g} ms: the readings of that time are not acted on; "
+            f"stood still for {duration(self.stall_ns / _NS, 3)}: the readings of that time are not acted on; "
             "give the positioner a processor of its own (systemd/realtime.conf), or a longer control.sample_period_s"
         )

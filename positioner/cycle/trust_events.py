@@ -6,6 +6,7 @@ from dataclasses import field
 from typing import TYPE_CHECKING
 
 from positioner.cycle.counted_event import CountedEvent
+from positioner.inputs.durations import duration
 from positioner.values import dataclass
 from positioner.wire.messages import Cause, Counted
 
@@ -72,10 +73,9 @@ class ActuatorFound:
 
 def _in_words(actuator: ActuatorParameters) -> str:
     """Return lag and dead time to two digits, as precisely as moves can show them."""
-    dead_ms, lag_ms = actuator.dead_time_s * 1e3, actuator.fill_time_constant_s * 1e3
-    if lag_ms:
-        return f"a lag of about {lag_ms:.2g} ms"
-    return f"a dead time of about {dead_ms:.2g} ms" if dead_ms else "no lag"
+    if actuator.fill_time_constant_s:
+        return f"a lag of about {duration(actuator.fill_time_constant_s, 2)}"
+    return f"a dead time of about {duration(actuator.dead_time_s, 2)}" if actuator.dead_time_s else "no lag"
 
 
 @dataclass(frozen=True, slots=True)

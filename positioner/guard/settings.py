@@ -42,8 +42,9 @@ class GuardSettings(SettingsTable):
         moves in one, or the law's own moves are refused.
     frozen_s, frozen_command_ma: a reading that stays the same to the bit for so long (0: no check), while the command
         is so far beyond the stick band, is frozen; an actuator with a lag needs several times its lag.
-    deviation_of_span, deviation_s: an error beyond this part of the span (0: no check), while the stem comes no nearer
-        for so long, is reported as a deviation; an actuator with a lag needs several times its lag.
+    deviation_of_span, deviation_s: an error beyond this part of the span (0: no check, nor of a stem that hunts or that
+        pushes do not move), while the stem comes no nearer for so long, is reported as a deviation; an actuator with a
+        lag needs several times its lag.
     """
 
     auto_arm: bool = False

@@ -12,9 +12,8 @@ from positioner.wire.messages import Cause, Health, HostRequest, ManualCurrent, 
 CONTROLLING = (Mode.ACTIVE, Mode.HOLD)
 """The modes in which the law's answer counts."""
 _SENDING = (*CONTROLLING, Mode.FAILSAFE, Mode.MANUAL)
-_OUT_OF_SPECIFICATION = frozenset(
-    {Cause.LAW_LATE, Cause.PERIOD_WRONG, Cause.ACTUATOR_DIFFERS, Cause.DEVIATION, Cause.SETPOINT_UNREACHABLE}
-)
+_OF_MOTION = frozenset({Cause.DEVIATION, Cause.SETPOINT_UNREACHABLE, Cause.HUNTING, Cause.NO_MOTION})
+_OUT_OF_SPECIFICATION = _OF_MOTION | {Cause.LAW_LATE, Cause.PERIOD_WRONG, Cause.ACTUATOR_DIFFERS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +46,8 @@ class Conditions:
     stall_ns: how long the process stood still just before, 0 for no stall; late: the cycle before took longer than a
         period; answered: the law had answered in it.
     no_effect: why commands do not act on the valve; deviation: DEVIATION or SETPOINT_UNREACHABLE, where the error does
-        not shrink; period_wrong: position frames come at another period than the configured one.
+        not shrink; hunting: the stem swings without an end; no_motion: pushes move neither it nor its reading.
+    period_wrong: position frames come at another period than the configured one.
     actuator_differs: the law has found another actuator than the configured one.
     testing: a test procedure is in the place of the law.
     """
@@ -57,6 +57,8 @@ class Conditions:
     answered: bool = False
     no_effect: Cause | None = None
     deviation: Cause = Cause.NONE
+    hunting: bool = False
+    no_motion: bool = False
     period_wrong: bool = False
     actuator_differs: bool = False
     testing: bool = False

@@ -132,8 +132,12 @@ def _mode(  # noqa: C901, PLR0911, PLR0912 - a table, line by line
         return Mode.ACTIVE, Cause.FOREIGN_COMMAND
     if found.no_effect is not None:
         return Mode.ACTIVE, found.no_effect
+    if found.hunting:
+        return Mode.ACTIVE, Cause.HUNTING
     if found.deviation is not Cause.NONE:
         return Mode.ACTIVE, found.deviation
+    if found.no_motion:
+        return Mode.ACTIVE, Cause.NO_MOTION
     if found.period_wrong:
         return Mode.ACTIVE, Cause.PERIOD_WRONG
     if found.actuator_differs:

@@ -39,6 +39,8 @@ class Observation:
     pressure_pa: the measured actuator pressure, None without a sensor.
     pressure_is_new: whether it was measured with this reading, and not before.
     pending_ma: the currents of commands that were sent after the one that acted, the oldest first: they may act yet.
+    disturbed: other currents than `applied_ma` may have acted since the reading before: the command was sent late, or
+        readings between them were lost. What the stem did then says nothing of the actuator.
     actuator: the actuator that the law itself has found in place of the configured one, None while it has found none.
     """
 
@@ -51,6 +53,7 @@ class Observation:
     pending_ma: tuple[float, ...] = ()
     pressure_is_new: bool = False
     actuator: ActuatorParameters | None = None
+    disturbed: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from positioner.inputs.plug_in import line_in
+from positioner.inputs.plug_in import is_interrupt, line_in, text_of_error
 from positioner.laws.bounds import Bounds
 from positioner.laws.law import Decision, Estimate
 from positioner.laws.rivals.model_free import report
@@ -79,15 +79,20 @@ class OutsideLaw:
         except (TypeError, ValueError):
             wanted = "(memory, current in mA) or (memory, Decision)"
             raise TypeError(f"decide answers with {_kind(answer)}; it must be {wanted}") from None
+        except BaseException as error:
+            raise self._told(error) from error
         return memory, Decision(current_ma, Bounds(-math.inf, math.inf, self.current_low_ma, self.current_high_ma))
 
     def _told(self, error: BaseException) -> BaseException:
-        """Return the error that the cycle is to report: with the line of the law's file in which it arose."""
-        if isinstance(error, KeyboardInterrupt):
+        """Return the error that the cycle is to report: with the line of the law's file in which it arose.
+
+        It is an error of this law alone, whatever its code has raised: SystemExit, KeyboardInterrupt, CancelledError.
+        """
+        if is_interrupt(error):
             return error
         line = line_in(error, Path(self.file))
         where = f" ({Path(self.file).name}, line {line})" if line else ""
-        return OutsideLawError(f"{type(error).__name__}: {error}{where}")
+        return OutsideLawError(f"{text_of_error(error)}{where}")
 
 
 class OutsideLawError(Exception):

@@ -12,7 +12,16 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from positioner.errors import ConfigurationError, Problem
-from positioner.inputs.plug_in import Kind, file_and_name, installed, line_in, loaded, problem_of
+from positioner.inputs.plug_in import (
+    Kind,
+    file_and_name,
+    installed,
+    is_interrupt,
+    line_in,
+    loaded,
+    problem_of,
+    text_of_error,
+)
 from positioner.laws.nmpc.filter import AdaptiveFilter
 from positioner.laws.nmpc.lagged.law import LaggedLaw
 from positioner.laws.nmpc.lagged.valve import is_lagged, lagged_valve
@@ -234,9 +243,11 @@ def outside_law(label: str, make: Callable[..., Any], parts: Ingredients) -> Out
     file = getattr(module, "__file__", None) or ""
     try:
         own = make(parts, **parts.control.parameters)
-    except Exception as error:  # code of others may raise anything
+    except BaseException as error:  # code of others may raise anything
+        if is_interrupt(error):
+            raise
         line = line_in(error, Path(file))
-        problem = Problem("law", line, f"cannot be made: {type(error).__name__}: {error}")
+        problem = Problem("law", line, f"cannot be made: {text_of_error(error)}")
         raise ConfigurationError(label, (problem,)) from error
     if lacks := [name for name in ("begin", "decide") if not callable(getattr(own, name, None))]:
         message = f"has no {' and no '.join(lacks)}: docs/own-law.md shows what a law is"

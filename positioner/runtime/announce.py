@@ -13,8 +13,10 @@ from positioner.cycle.events import (
     LinesDropped,
     ModeChanged,
     MoveBegan,
+    StrayDisarm,
     kind_of,
 )
+from positioner.cycle.timing_events import LawLate
 from positioner.cycle.trust_events import PushFailed
 from positioner.machine.journal import Throttle, log_of
 from positioner.wire.messages import Cause, Mode
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
 
 _SERIOUS = frozenset({Cause.FOREIGN_COMMAND, Cause.PERIOD_WRONG})
 _USUAL = frozenset({Cause.NONE, Cause.MANUAL, Cause.WAITING_FOR_ARM, Cause.DISARMED})
+_LATE_EVERY_S = 60.0
+"""A machine that others use makes many cycles late; each is counted, and a person needs the worst of a minute."""
 
 
 class Announcer:
@@ -59,8 +63,13 @@ class Announcer:
                     self.log.debug("%s", event)
                 case LinesDropped():
                     pass  # the log itself says where lines are missing
+                case StrayDisarm():
+                    self.throttle.log(logging.INFO, kind_of(event), str(event))
                 case ForeignCommand():
                     self.throttle.log(logging.ERROR, kind_of(event), str(event))
+                case LawLate():
+                    size, every_s = float(event.spent_ns), _LATE_EVERY_S
+                    self.throttle.log(logging.WARNING, kind_of(event), str(event), size=size, period_s=every_s)
                 case _:
                     self.throttle.log(logging.WARNING, kind_of(event), str(event))
 

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from positioner.runtime.session import RunOptions, Session
     from positioner.wire.messages import CanFrame
 
+STOPPED = "stopped; the stiction table is saved"
+"""The last line of a daemon that has lost nothing."""
+
 
 class Daemon:
     """The loop: one wait for the frames of every bus, and one session for each valve."""
@@ -135,7 +138,7 @@ class Daemon:
         for session, problem in problems:
             session.announcer.log.error("%s", problem)
         if not problems:
-            logger.info("stopped; the stiction table is saved")
+            logger.info(STOPPED)
         return ExitCode.IO if problems else ExitCode.OK
 
     def _stop(self, number: int, frame: FrameType | None) -> None:

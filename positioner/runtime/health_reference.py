@@ -21,29 +21,36 @@ if TYPE_CHECKING:
 
 
 def measured_health_settings(
-    configuration: Configuration, report: Callable[[str], object], directory: Path | None = None
+    configuration: Configuration,
+    report: Callable[[str], object],
+    directory: Path | None = None,
+    *,
+    aside: bool = False,
 ) -> HealthSettings:
     """Return what health is computed with, against the valve as it was measured; `report` gets a line of what is wrong.
 
     directory: the state directory; that of the configuration without one. Without a kept result the configured valve
-    stands in, and no trend is an alarm.
+    stands in, and no trend is an alarm. With `aside`, for who holds the directory, what is no result is moved aside.
     """
     settings, folder = configuration.health_settings, directory or configuration.state_directory
     valve_id = configuration.valve.id
     try:
-        signature, identified = (_measured(configuration, folder, kind, report) for kind in ("signature", "identify"))
+        signature, identified = (
+            _measured(configuration, folder, kind, report, aside=aside) for kind in ("signature", "identify")
+        )
         watch = replace(settings.watch, reference=reference_of(configuration.valve, identified, signature))
-        steps = results.kept_of(folder, "step-test", valve_id, report)
-        if steps and (reference := results.reference_of(folder, steps)) is not None:
+        steps = results.kept_of(folder, "step-test", valve_id, report, aside=aside)
+        if steps and (reference := results.reference_of(folder, steps, report, aside=aside)) is not None:
             watch = replace(watch, response=response_watched(_date(steps[-1]), steps[-1].document, reference.document))
-        strokes = results.kept_of(folder, "stroke-test", valve_id, report)
+        strokes = results.kept_of(folder, "stroke-test", valve_id, report, aside=aside)
         if strokes:
             watch = replace(watch, stroke_test=stroke_test_watched(_date(strokes[-1]), strokes[-1].document))
         every_s = configuration.health.stroke_test_s
         if every_s > 0.0:
             last = [each.recorded for each in strokes if each.document["verdict"] != "aborted"]
             age_s = (datetime.now(UTC) - last[-1]).total_seconds() if last else every_s
-            watch = replace(watch, stroke_test_due_s=max(every_s - age_s, 0.0))
+            # after a step of the clock a test may be of the future: it is then as one of this moment
+            watch = replace(watch, stroke_test_due_s=min(max(every_s - age_s, 0.0), every_s))
     except (StateError, KeyError, TypeError, ValueError) as error:
         report(f"{folder}: a kept result is not as expected ({error}): friction and spring have no reference")
         return settings
@@ -51,10 +58,10 @@ def measured_health_settings(
 
 
 def _measured(
-    configuration: Configuration, folder: Path, kind: str, report: Callable[[str], object]
+    configuration: Configuration, folder: Path, kind: str, report: Callable[[str], object], *, aside: bool
 ) -> tuple[str, Mapping[str, Any]] | None:
     """Return date and document of the reference of this valve, None without one; one of another travel is told."""
-    found = results.reference(folder, kind, configuration.valve.id, report)
+    found = results.reference(folder, kind, configuration.valve.id, report, aside=aside)
     if found is None:
         return None
     if other := other_travel(configuration.valve, found.document):
@@ -64,4 +71,5 @@ def _measured(
 
 
 def _date(kept: KeptResult) -> str:
-    return kept.recorded.strftime("%Y-%m-%d")
+    """Return the instant of a result: two of one day are two references."""
+    return kept.recorded.strftime("%Y-%m-%dT%H:%M:%SZ")

@@ -92,15 +92,20 @@ class LockstepCheck:
     def __init__(self, codec: Codec) -> None:
         """Begin before the first frame."""
         self._position = codec.identifier(StemPosition)
+        self._is_counted = codec.by_kind[StemPosition].counter is not None
+        self._newest = b""
         self._unanswered = 0
 
     def add(self, frames: tuple[CanFrame, ...], *, answered: bool) -> None:
-        """Count the position frames that came while none was answered; a plant in lockstep sends one and waits.
+        """Count the position frames that came while none was answered; a plant in lockstep waits, or sends it again.
 
         Raises:
             UsageError: the plant does not wait.
         """
-        self._unanswered += sum(frame.identifier == self._position for frame in frames)
+        for frame in frames:
+            if frame.identifier == self._position:
+                self._unanswered += not self._is_counted or frame.data != self._newest
+                self._newest = frame.data
         if self._unanswered > _MOST_UNANSWERED:
             raise UsageError(
                 f"{self._unanswered} position frames came without an answer: this plant does not wait, and --clock "

@@ -6,11 +6,12 @@ import logging
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from positioner.commissioning.procedure import commissioning_setup
+from positioner.commissioning.procedure import commissioning_setup, procedure_law
 from positioner.cycle.events import Learned
 from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState
 from positioner.cycle.step import IDLE_COMMAND_PERIOD_S, step
+from positioner.guard.stall import is_sent_late
 from positioner.guard.supervisor import deadline_ns
 from positioner.machine.journal import dropped_lines
 from positioner.machine.time import MachineTime, TimePort
@@ -93,19 +94,22 @@ class Session:
         log = self.announcer.log
         self.table = LearnedTable(configuration, log)
         try:
-            self.setup = configuration.make_setup()
+            procedure = options.procedure
+            law = None if procedure is None else procedure_law(procedure, configuration.valve, configuration.guard)
+            self.setup = configuration.make_setup(plays=True, law=law)
             self._trace = TraceWriter(options.trace, log)
             self._recorder = BusRecorder(options.record, log)
         except Exception:
             self.table.close(CLOSE_TIMEOUT_S)
             raise
-        if options.procedure is not None:
-            self.setup = commissioning_setup(self.setup, options.procedure)
+        if procedure is not None:
+            self.setup = commissioning_setup(self.setup, procedure)
         if options.dry_run:
             self.setup = replace(self.setup, guard=replace(configuration.guard, auto_arm=True), learns=False)
-        self.state = CycleState(table=self.table.initial)
+        self._state = CycleState(table=self.table.initial)
         self.health = ValveHealth(configuration, self.table, log, testing=options.procedure is not None)
         codec, self._period_s = self.setup.codec, self.setup.period_s
+        self._delay_s = configuration.control.command_delay_s
         # a dry run runs beside a controller: the commands of that controller are not foreign to it
         kinds = RECEIVED if options.dry_run else (*RECEIVED, CurrentCommand)
         self.identifiers = tuple(codec.identifier(kind) for kind in kinds)
@@ -113,10 +117,19 @@ class Session:
         self._gate = LockstepGate(codec, options.setpoint_every if options.lockstep else 0)
         self._lockstep = LockstepCheck(codec)
         self._other = OtherController()
-        self._unsent = False
+        self._unsent = self._sent_late = False
         self._lines_dropped = self._reported_dropped = 0
         self.due_s, self._poll_due_s = time.monotonic_s() + _IDLE_WAIT_S, 0.0
         self.ended = False
+
+    @property
+    def state(self) -> CycleState:
+        """The state after the last cycle; only the session writes it, and only between two calls of `step`."""
+        return self._state
+
+    def put_memory(self, memory: Any) -> None:
+        """Put another memory in the place of the law's, between two cycles."""
+        self._state = replace(self._state, control=replace(self._state.control, memory=memory))
 
     def cycle(self, frames: tuple[CanFrame, ...], gap_ns: int) -> None:
         """Compute and send once; then report and keep the result. An empty cycle lets time pass.
@@ -132,12 +145,12 @@ class Session:
         if not self.clock.is_real:  # when a frame arrived means nothing to a virtual clock
             frames = tuple(replace(frame, received_ns=0) for frame in frames)
         cycle_input = self._input(frames, now_ns, self._late_ns(gap_ns))
-        before = self.state
-        self.state, outbox, events = step(self.setup, before, cycle_input)
+        before = self._state
+        self._state, outbox, events = step(self.setup, before, cycle_input)
         if not self._options.dry_run:
             self._send(outbox, now_ns)
         if self._options.lockstep:
-            self._lockstep.add(frames, answered=bool(outbox))
+            self._lockstep.add(frames, answered=bool(outbox) and self.state.guard.transmits)
         self.announcer.cycle(events)  # before the table may log that it was replaced
         self._recorder.cycle(cycle_input, outbox, self.state.guard)
         self._trace.cycle(events)
@@ -158,6 +171,7 @@ class Session:
             unsent=self._unsent,
             table=self.table.take_replaced(),
             alarms=self.health.alarms,
+            sent_late=self._sent_late,
         )
         self._reported_dropped, self._unsent = self._lines_dropped, False
         return cycle_input
@@ -189,12 +203,15 @@ class Session:
         sent = [self.port.send(frame, too_old_ns) for frame in outbox]
         if not all(sent[:1]):  # the command goes first
             self._unsent = True
+        read_ns = guard.last.feedback_ns
+        if self.clock.is_real and read_ns is not None and self.state.output.command_ns == now_ns:
+            self._sent_late = is_sent_late(self._period_s, self._delay_s, self._time.monotonic_ns() - read_ns)
 
     def start_again(self, error: Exception) -> None:
         """Begin anew after an unexpected error, as a new daemon would: not armed, with the table alone."""
         line, _ = unexpected(error)
         self.announcer.throttle.log(logging.ERROR, "failed", f"{line}; this valve starts again, not armed")
-        self.state = CycleState(table=self.state.table)
+        self._state = CycleState(table=self._state.table)
         self._pass_time()
 
     def end(self, error: PositionerError) -> None:

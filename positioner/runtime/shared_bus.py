@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from positioner.runtime.session import Session
     from positioner.wire.messages import CanFrame
 
+WAITING = "waiting for position frames"
+"""What a service reports until its first cycle."""
+
 
 class SharedBus:
     """The port to one bus, and the sessions of the valves on it."""
@@ -48,7 +51,7 @@ class SharedBus:
             return False
         self._was_open = True
         for session in self._sessions:
-            session.announcer.tell(f"waiting for position frames on {self.port.address}")
+            session.announcer.tell(f"{WAITING} on {self.port.address}")
         return True
 
 

@@ -40,7 +40,7 @@ class ValveHealth:
 
     def __init__(self, configuration: Configuration, table: LearnedTable, log: Log, *, testing: bool = False) -> None:
         """Go on from the health that was kept; `testing`: a test procedure is in the place of the law."""
-        settings = measured_health_settings(configuration, log.warning)
+        settings = measured_health_settings(configuration, log.warning, aside=True)
         counters, watch = replace(settings.counters, testing=testing), replace(settings.watch, testing=testing)
         self._settings = replace(settings, counters=counters, watch=watch)
         self._table, self._log = table, log

@@ -26,7 +26,7 @@ _NS = 1_000_000_000
 
 def warm_up(configuration: Configuration) -> None:
     """Run some cycles of a valve like this one, with a law and a solver of their own, and forget them."""
-    setup = configuration.make_setup()
+    setup = configuration.make_setup(plays=True)
     setup = replace(setup, guard=replace(configuration.guard, auto_arm=True))
     codec, valve = setup.codec, setup.valve
     state = CycleState(table=StictionTable(cell_width_m=configuration.control.table_cell_m))

@@ -16,6 +16,13 @@ from positioner.inputs.table import SettingsTable
 from positioner.valve.actuator import ActuatorParameters
 
 
+def id_problem(given: object) -> str:
+    """Return why this is no id of a valve, empty where it is one: it is the name of a folder, and part of messages."""
+    if isinstance(given, str) and re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", given):
+        return ""
+    return "must be 1 to 64 letters, digits, dots, dashes or underscores"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ValveParameters(SettingsTable):
     """Nominal parameters of the valve (paper Table 3), the `[valve]` table of a configuration.
@@ -58,8 +65,8 @@ class ValveParameters(SettingsTable):
 
     def __post_init__(self) -> None:
         """Refuse combinations that the limits of the single keys allow."""
-        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", self.id):
-            raise ValueError(f"id '{self.id}' must be 1 to 64 letters, digits, dots, dashes or underscores")
+        if problem := id_problem(self.id):
+            raise ValueError(f"id '{self.id}' {problem}")
         if self.coulomb_friction_n > self.static_friction_n:
             raise ValueError("coulomb_friction_n exceeds static_friction_n: sliding friction is never the larger")
         if self.travel_max_m <= self.travel_min_m:

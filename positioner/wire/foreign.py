@@ -14,6 +14,7 @@ from positioner.wire.formats import FrameFormat
 from positioner.wire.signals import UnfitSignalError, check_numbers, counter_modulus, is_plain_integer
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from pathlib import Path
 
     from cantools.database.can.message import Message as DbcMessage
@@ -48,7 +49,20 @@ def read_messages(path: Path, problems: list[Problem]) -> tuple[DbcMessage, ...]
     assert isinstance(database, cantools.database.can.Database)  # noqa: S101
     if not database.messages:
         problems.append(Problem(where, None, "holds no message"))
+    if twice := _twice(database.messages):
+        problems.append(Problem(where, None, f"{twice}: a frame holds one message; keep the right one of them"))
+        return ()
     return tuple(database.messages)
+
+
+def _twice(found: Iterable[DbcMessage]) -> str:
+    """Return the first identifier that the DBC gives to two messages, in words; empty where each has its own."""
+    names: dict[tuple[int, bool], str] = {}
+    for message in found:
+        other = names.setdefault((message.frame_id, message.is_extended_frame), message.name)
+        if other != message.name:  # one that stands there twice is told where it is chosen
+            return f"gives the identifier {message.frame_id:X} to {other} and to {message.name}"
+    return ""
 
 
 def frame_format(

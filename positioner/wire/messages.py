@@ -112,6 +112,8 @@ class Cause(IntEnum):
     MANUAL = 21
     PERIOD_WRONG = 22
     ACTUATOR_DIFFERS = 23
+    HUNTING = 24
+    NO_MOTION = 25
 
 
 class Counted(IntEnum):

@@ -116,6 +116,65 @@ channel = "can0"
     assert "did you mean 'bus'?" in problems[6]
 
 
+def test_the_rules_between_keys_are_asked_beside_wrong_values_and_in_every_table() -> None:
+    text = """[valve]
+id = "FV 101"
+preset = "paper"
+span_m = 101.6
+static_friction_n = 100.0
+coulomb_friction_n = 200.0
+travel_min_m = 0.3
+[bus]
+interface = "socketcann"
+[guard]
+current_low_ma = 12.0
+current_high_ma = 11.0
+feedback_hold_periods = 6
+feedback_failsafe_periods = 5
+auto_arm = "yes"
+[control]
+sample_period_s = true
+[setpoint]
+travel_low = 0.9
+travel_high = 0.1
+points = [[0.0, 0.0], [1.0, 1.0]]
+"""
+    assert problems_of(text) == [
+        f"valve.toml: {line}"
+        for line in (
+            "line 1: valve: coulomb_friction_n exceeds static_friction_n: sliding friction is never the larger",
+            "line 1: valve: travel_max_m must be greater than travel_min_m",
+            "line 2: valve.id = 'FV 101': must be 1 to 64 letters, digits, dots, dashes or underscores",
+            "line 4: valve.span_m = 101.6: must be less than or equal to 1.3 m; did you mean 0.1016? Lengths are in m",
+            "line 9: bus.interface = 'socketcann': is unknown; did you mean 'socketcan'?",
+            "line 10: guard: current_low_ma must be below current_high_ma",
+            "line 10: guard: feedback_failsafe_periods must exceed feedback_hold_periods",
+            "line 15: guard.auto_arm = 'yes': must be true or false",
+            "line 17: control.sample_period_s = true: must be a valid number",
+            "line 18: setpoint: travel_low must be below travel_high",
+            'line 18: setpoint: points belong to characteristic = "points", and to no other',
+        )
+    ]
+
+
+def test_a_wrong_value_makes_no_rule_of_its_table_look_broken() -> None:
+    guard = "[guard]\ncurrent_low_ma = 30.0\ncurrent_high_ma = 4.0\n"
+    (line,) = problems_of(f'[valve]\nid = "v"\npreset = "paper"\n{guard}')
+    assert "guard.current_low_ma = 30.0: must be less than" in line
+
+
+@pytest.mark.parametrize(("key", "given", "meant"), [("backlash_m", 0.2, "0.0002"), ("travel_min_m", -5, "-0.005")])
+def test_a_length_in_millimetres_is_guessed(key: str, given: float, meant: str) -> None:
+    (line,) = problems_of(f'[valve]\nid = "v"\npreset = "paper"\n{key} = {given}\n')
+    assert line.endswith(f" m; did you mean {meant}? Lengths are in m")
+
+
+def test_a_length_that_is_none_in_millimetres_either_gets_no_guess() -> None:
+    for text in ("span_m = 5000.0", "spring_rate_n_per_m = 1e9", "backlash_m = -0.2"):
+        (line,) = problems_of(f'[valve]\nid = "v"\npreset = "paper"\n{text}\n')
+        assert "did you mean" not in line
+
+
 def test_a_missing_valve_is_reported() -> None:
     assert problems_of("") == ["valve.toml: valve: is required and missing"]
     assert "valve.toml: line 1: valve.id: is required and missing" in problems_of("[valve]\n")

@@ -146,9 +146,10 @@ def test_a_scripted_exchange_gives_these_frames() -> None:
         exchange.sample(0.0802, echo=1, setpoint=Setpoint(0.087, HostRequest.DISARM)),
     ]
     assert [[(frame.arbitration_id, frame.data.hex()) for frame in outbox] for outbox in seen] == [
-        [],
+        # CRC, counter, READY, FUNCTION_CHECK, waiting for arm, not armed, saved
+        [(0x140, "a061003182000000")],
         # CRC, counter, 10000 µA, answers reading 1, obeys setpoint 0, ACTIVE and MOVE; then ACTIVE, GOOD, armed, saved
-        [(0x100, "255a001027010022"), (0x140, "ff010002c0000000")],
+        [(0x100, "255a001027010022"), (0x140, "2c460102c0000000")],
         [(0x100, "454b011127020022")],
         [],
     ]
@@ -202,7 +203,7 @@ def test_a_table_from_outside_takes_the_place_of_the_present_one_and_stays() -> 
     assert (before.table, replaced.table, after.table) == (StictionTable(), other, other)
 
 
-def test_the_status_is_sent_ten_times_a_second_once_it_was_armed() -> None:
+def test_the_status_is_sent_ten_times_a_second_from_the_first_reading_on_and_at_once_when_it_is_armed() -> None:
     exchange = Exchange(guard=GuardSettings())
     stamps_ms = []
     for sample in range(1000):
@@ -210,7 +211,21 @@ def test_the_status_is_sent_ten_times_a_second_once_it_was_armed() -> None:
         outbox = exchange.sample(setpoint=Setpoint(0.08, request) if sample % 10 == 0 else None)
         if any(frame.arbitration_id == 0x140 for frame in outbox):
             stamps_ms.append(sample)
-    assert stamps_ms == list(range(50, 1000, 100))
+    assert stamps_ms == [0, *range(50, 1000, 100)]
+
+
+def test_before_the_first_reading_nothing_is_sent_and_unarmed_beside_another_controller_no_status() -> None:
+    silent = Exchange(guard=GuardSettings())
+    for _ in range(300):
+        assert silent.step(CODEC.encode(Setpoint(0.08), 0)) == ()
+    beside = Exchange(guard=GuardSettings())
+    for counter in range(200):
+        foreign = CODEC.encode(CurrentCommand(9.5), counter)
+        assert beside.step(foreign, CODEC.encode(StemPosition(0.08), counter)) == ()
+    beside.counter = 200
+    alone = [beside.sample() for _ in range(1300)]
+    stamps_ms = [sample for sample, outbox in enumerate(alone) if outbox]
+    assert stamps_ms == list(range(1000, 1300, 100))  # a foreign command is remembered for a second
 
 
 def test_the_status_reports_mode_health_and_counts() -> None:

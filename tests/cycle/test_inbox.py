@@ -34,6 +34,7 @@ from positioner.wire.messages import (
     Health,
     HostRequest,
     ManualCurrent,
+    ManualRequest,
     Mode,
     PlantTruth,
     PositionerStatus,
@@ -200,13 +201,23 @@ def test_two_hosts_under_one_identifier_are_disputed_and_only_their_disarm_count
 
 @pytest.mark.parametrize("age_ns", [-1, 0, 1])
 def test_a_request_that_waited_for_too_long_does_not_count_but_to_disarm(age_ns: int) -> None:
-    fresh = Freshness(now_ns=2000, arms_since_ns=1000.0)
+    fresh = Freshness(now_ns=2000, orders_since_ns=1000.0)
     for request in HostRequest:
         frame = replace(setpoint(0.07, 1, request), received_ns=1000 - age_ns)
         seen = receive(CODEC, GUARD, VALVE, LinkState(), (frame,), fresh=fresh).guard_input
         waited = age_ns > 0 and request is not HostRequest.DISARM
         assert seen.requests == (() if waited else (request,))
         assert seen.waiting_request is (request if waited else None)
+
+
+@pytest.mark.parametrize("age_ns", [-1, 0, 1])
+def test_a_current_by_hand_that_waited_for_too_long_does_not_count_but_the_end_of_manual_mode_does(age_ns: int) -> None:
+    fresh = Freshness(now_ns=2000, orders_since_ns=1000.0)
+    for request in ManualRequest:
+        message = ManualCurrent(9.5, request)
+        frame = replace(CODEC.encode(message, 1), received_ns=1000 - age_ns)
+        seen = receive(CODEC, GUARD, VALVE, LinkState(), (frame,), fresh=fresh).guard_input
+        assert seen.manual == (None if age_ns > 0 and request is ManualRequest.MANUAL else message)
 
 
 def test_two_hosts_that_give_currents_by_hand_are_both_refused() -> None:
@@ -226,12 +237,28 @@ def test_an_intact_disarm_is_obeyed_whatever_its_counter(counter: int) -> None:
     in_sequence = 101 <= counter <= 111
     assert received.guard_input.requests == ((HostRequest.DISARM,) if in_sequence else ())
     assert received.guard_input.stray_disarm is not in_sequence
-    assert len(reasons(received)) == (not in_sequence)
+    assert reasons(received) == []
     if not in_sequence:
-        assert str(received.events[0]).endswith(f"Setpoint counter {counter} after 100; its DISARM is obeyed")
+        line = f"a DISARM that is not of the host in sequence (counter {counter} after 100) is obeyed"
+        assert [str(event) for event in received.events] == [line]
         assert received.link.setpoint.position_m == 0.07
+        assert received.link.senders[Setpoint].window == link.senders[Setpoint].window
     for other in (HostRequest.NONE, HostRequest.ARM):
         assert not take(setpoint(0.07, counter, other), link=link).guard_input.stray_disarm
+
+
+@pytest.mark.parametrize("late", [0, 1])
+@pytest.mark.parametrize("at_once", [1, 2, 3])
+def test_disarms_with_the_counters_of_a_host_that_goes_on_leave_its_sequence_alone(late: int, at_once: int) -> None:
+    link = take(setpoint(0.07, 0)).link
+    for counter in range(1, 600):
+        heard = [setpoint(0.09, counter - late, HostRequest.DISARM)] * at_once
+        received = take(setpoint(0.07, counter), *heard, link=link)
+        link = received.link
+        assert received.guard_input.stray_disarm
+        assert (reasons(received), received.guard_input.setpoint_refused) == ([], None)
+        assert (link.setpoint.position_m, link.setpoint.counter) == (0.07, counter % 256)
+    assert link.senders[Setpoint].window.errors == 0
 
 
 def test_a_damaged_disarm_is_not_obeyed() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import pytest
@@ -40,20 +39,13 @@ def test_a_shorter_gap_is_none(gap_ns: int) -> None:
 
 
 def test_readings_count_up_to_the_hold_limit_and_an_arm_up_to_the_failsafe_limit() -> None:
-    assert freshness(SETTINGS, PERIOD_S, NOW_NS, armed=True, stalled=False) == Freshness(
+    assert freshness(SETTINGS, PERIOD_S, NOW_NS, stalled=False) == Freshness(
         NOW_NS, NOW_NS - HOLD_NS, NOW_NS - FAILSAFE_NS
     )
 
 
-def test_an_arm_of_any_age_counts_before_the_arming() -> None:
-    assert freshness(SETTINGS, PERIOD_S, NOW_NS, armed=False, stalled=False) == Freshness(
-        NOW_NS, NOW_NS - HOLD_NS, -math.inf
-    )
-
-
-@pytest.mark.parametrize("armed", [True, False])
-def test_after_a_stall_nothing_counts_that_has_arrived(armed: bool) -> None:
-    assert freshness(SETTINGS, PERIOD_S, NOW_NS, armed=armed, stalled=True) == Freshness(NOW_NS, NOW_NS + 1, NOW_NS + 1)
+def test_after_a_stall_nothing_counts_that_has_arrived() -> None:
+    assert freshness(SETTINGS, PERIOD_S, NOW_NS, stalled=True) == Freshness(NOW_NS, NOW_NS + 1, NOW_NS + 1)
 
 
 def test_a_frame_without_a_stamp_arrives_when_it_is_handled() -> None:

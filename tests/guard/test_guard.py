@@ -802,6 +802,8 @@ class AnythingOnTheBus(RuleBasedStateMachine):
         commands = [message for message in sent if isinstance(message, CurrentCommand)]
         assert len(commands) <= 1
         if not self.was_armed:
+            assert not commands
+        if guard.last.feedback_ns is None:
             assert not sent
         for command in commands:
             assert guard.arming.armed

@@ -89,9 +89,11 @@ MEANING: dict[str, Callable[[GuardState], bool]] = {
     "the node's actuator obeys no command, or no newer command of ours is named as acting": lambda it: (
         it.conditions.no_effect is not None
     ),
+    "a stem that swings without an end": lambda it: it.conditions.hunting,
     "an error that does not shrink (`deviation_of_span`, `deviation_s`)": lambda it: (
         it.conditions.deviation is not Cause.NONE
     ),
+    "pushes that move neither the stem nor its reading": lambda it: it.conditions.no_motion,
     "position frames come at another period than `sample_period_s`, by a fifth": lambda it: it.conditions.period_wrong,
     "the moves show another actuator than the configured one": lambda it: it.conditions.actuator_differs,
     "`law_failsafe_cycles` (10) cycles in a row longer than a period": lambda it: it.law.late_cycles >= 2,
@@ -120,6 +122,8 @@ AGES = st.one_of(st.none(), st.sampled_from([0, 3, 4, 5, 6, 10, 11, 20, 21]))
     deviation=st.sampled_from(DEVIATIONS),
     period_wrong=st.booleans(),
     actuator_differs=st.booleans(),
+    hunting=st.booleans(),
+    no_motion=st.booleans(),
 )
 @example(
     Mode.ACTIVE,
@@ -138,6 +142,8 @@ AGES = st.one_of(st.none(), st.sampled_from([0, 3, 4, 5, 6, 10, 11, 20, 21]))
     0,
     None,
     Cause.NONE,
+    False,
+    False,
     False,
     False,
 )
@@ -161,6 +167,8 @@ def test_the_first_row_that_holds_gives_mode_and_cause(
     deviation: Cause,
     period_wrong: bool,
     actuator_differs: bool,
+    hunting: bool,
+    no_motion: bool,
 ) -> None:
     state = GuardState(
         mode=mode,
@@ -181,6 +189,8 @@ def test_the_first_row_that_holds_gives_mode_and_cause(
             deviation=deviation,
             period_wrong=period_wrong,
             actuator_differs=actuator_differs,
+            hunting=hunting,
+            no_motion=no_motion,
         ),
     )
     _, its_mode, its_cause = next(row for row in CONDITIONS if MEANING[row[0]](state))
@@ -229,6 +239,8 @@ def wander(steps: int) -> dict[tuple[Mode, Mode], set[Cause]]:
             late=chance.random() < 0.4,
             period_wrong=chance.random() < 0.3,
             actuator_differs=chance.random() < 0.3,
+            hunting=before.controls and chance.random() < 0.2,
+            no_motion=before.controls and chance.random() < 0.2,
             deviation=chance.choice((*DEVIATIONS, Cause.NONE)) if before.controls else Cause.NONE,
             no_effect=chance.choice((None, None, None, *NO_EFFECT)),
         )

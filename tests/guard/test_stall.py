@@ -192,6 +192,31 @@ def test_an_arm_that_was_asked_during_a_stall_does_not_undo_the_latch(shell: Vir
     assert shell.mode() is Mode.ACTIVE
 
 
+@pytest.mark.parametrize(("waited_ms", "arms"), [(7_400.0, False), (FAILSAFE_MS + 10, False), (FAILSAFE_MS - 10, True)])
+def test_an_arm_that_waited_in_the_queue_of_a_stopped_positioner_does_not_arm_it(
+    waited_ms: float, arms: bool, tmp_path: Path
+) -> None:
+    with VirtualShell(tmp_path) as shell:
+        shell.cycle_for(0.5)
+        assert shell.mode() is Mode.READY
+        stopped_ns, world = shell.world.now_ns, shell.world
+        # the host sends a setpoint every 100 ms: five with NONE, one with ARM after 510 ms, and no more
+        instants_ms = (0, 450, 550)
+        requests = (HostRequest.NONE, HostRequest.ARM, None)
+        world.asks.extend((stopped_ns + ms * MS, request) for ms, request in zip(instants_ms, requests, strict=True))
+        world.struck = once(0, 510.0 + waited_ms)
+        shell.cycle_for(9.0)
+        commands = [each for each in world.sent if isinstance(each.message, CurrentCommand)]
+        assert bool(commands) is arms
+        if not arms:
+            assert shell.mode() is Mode.READY
+            world.request = HostRequest.ARM  # the same request again: used up
+            shell.cycle_for(0.5)
+            assert shell.mode() is Mode.READY
+            shell.arm()
+            assert shell.mode() is Mode.ACTIVE
+
+
 def test_a_disarm_that_was_asked_during_a_stall_disarms(shell: VirtualShell) -> None:
     shell.world.request = HostRequest.DISARM
     shell.world.struck = once(3, 500.0)
@@ -229,7 +254,29 @@ def test_a_stall_before_arming_is_not_reported(tmp_path: Path) -> None:
         assert shell.mode() is Mode.ACTIVE
 
 
-@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("delay_s", "spent_ms", "is_late"), [(0.0, 0.3, False), (0.0, 1.5, True), (0.008, 1.5, False), (0.008, 4.0, True)]
+)
+def test_a_reading_that_is_answered_late_is_noted_for_the_next_cycle(
+    tmp_path: Path, delay_s: float, spent_ms: float, is_late: bool
+) -> None:
+    """After a fifth of a period of 10 ms, or after the instant at which commands are known to act.
+
+    The time is spent at each look at the clock, of which a cycle has three or more.
+    """
+    log = tmp_path / "bus.log"
+    with VirtualShell(tmp_path, options=RunOptions(record=log), control={"command_delay_s": delay_s}) as shell:
+        shell.arm()
+        assert "1FFFFFFF#05" not in log.read_text(encoding="ascii")
+        shell.world.compute_ns = lambda: round(spent_ms * MS)
+        shell.cycle_for(0.1)
+        shell.world.compute_ns = lambda: 0
+        shell.cycle_for(0.1)
+    assert ("1FFFFFFF#0501" in log.read_text(encoding="ascii")) == is_late
+    assert main(["replay", str(log), "--config", str(tmp_path / "valve.toml")]) == 0
+
+
+@pytest.mark.slow(short="test_a_stall_beyond_the_failsafe_limit_is_latched_and_reported_wherever_it_strikes")
 def test_a_record_with_stalls_replays_to_the_bit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "bus.log"
     with VirtualShell(tmp_path, options=RunOptions(record=log)) as shell:

@@ -370,7 +370,7 @@ def landings_m(run: InProcessRun, dwells: range, dwell_s: float) -> list[float]:
     return [abs(float(record.true_position_m[k] - record.setpoint_m[k])) for k in samples]
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="test_the_first_move_after_a_restart_is_better_than_the_first_ever")
 def test_the_first_moves_after_a_restart_are_about_as_good_as_the_last_before_it() -> None:
     first, last, after = [], [], []
     for preset in ("spring-20", "friction+20"):

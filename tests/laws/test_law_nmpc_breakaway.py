@@ -52,6 +52,16 @@ def test_what_the_table_was_taught_anywhere_in_a_cell_holds_everywhere_in_it(x: 
 
 
 @pytest.mark.parametrize("s", [1.0, -1.0])
+def test_a_push_from_a_table_that_is_too_weak_has_nine_tenths_of_the_models_friction(s: float) -> None:
+    centre_m = taught(50e3, 600.0, (0.08,)).index_of(0.08) * 0.005
+    for static_n, expected_n in ((600.0, 0.9 * 1700.0), (1600.0, 1600.0)):
+        table = taught(50e3, static_n, (0.08,))
+        found = breakaway(SETTINGS, MODEL, table, centre_m, s, 50e3, 1700.0)
+        wanted_ma = gamma_ma(50e3, expected_n + SETTINGS.margin * 1700.0, centre_m, s)
+        assert found.current_ma == pytest.approx(wanted_ma, abs=1e-9)
+
+
+@pytest.mark.parametrize("s", [1.0, -1.0])
 def test_a_thin_a_stale_and_a_scattered_cell_leave_it_to_the_model(s: float) -> None:
     direction = Direction.OPENING if s > 0.0 else Direction.CLOSING
     model = gamma_ma(50e3, 1700.0 * (1.0 + SETTINGS.margin), 0.08, s)

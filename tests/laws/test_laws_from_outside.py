@@ -71,10 +71,10 @@ def test_a_law_gets_its_parameters_from_the_configuration(tmp_path: Path) -> Non
     path.write_text(VALVE.format(law="own.py:Simple") + "[control.parameters]\ngain = 4.5\n", encoding="utf-8")
     configuration = load_config(path)
     assert configuration.control.law == f"{tmp_path}/own.py:Simple"  # beside the configuration
-    assert configuration.make_law().own.gain == 4.5  # type: ignore[attr-defined]
+    assert configuration.make_law(plays=True).own.gain == 4.5  # type: ignore[attr-defined]
     path.write_text(VALVE.format(law="own.py:Simple") + "[control.parameters]\nspeed = 4.5\n", encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"own.py:Simple: law: cannot be made: TypeError: .*'speed'"):
-        load_config(path).make_law()
+        load_config(path).make_law(plays=True)
     path.write_text(VALVE.format(law="pi") + "[control.parameters]\ngain = 4.5\n", encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"control.parameters: are for a law from outside"):
         load_config(path)
@@ -124,7 +124,7 @@ def test_code_that_cannot_make_a_law_is_one_line_with_the_line_in_the_file(
 ) -> None:
     law = written(tmp_path, text=text)
     with pytest.raises(ConfigurationError, match=expected) as caught:
-        configure(replace(SCENARIO, law=law)).make_law()
+        configure(replace(SCENARIO, law=law)).make_law(plays=True)
     assert len(str(caught.value).splitlines()) == 1
 
 
@@ -133,7 +133,7 @@ def test_code_that_cannot_make_a_law_is_one_line_with_the_line_in_the_file(
     [
         ("1 / 0", "OutsideLawError: ZeroDivisionError: division by zero (own.py, line 7)"),
         ("raise SystemExit('no')", "OutsideLawError: SystemExit: no (own.py, line 7)"),
-        ("return memory", "OutsideLawError: TypeError: cannot unpack non-iterable float object"),
+        ("return memory", "OutsideLawError: TypeError: "),  # of an unpacking, in the words of each build
         ("return memory, None", "TypeError: decide answers with a NoneType; it must be (memory, current in mA) or"),
         ("return memory, float('nan')", "ValueError: a current of nan mA"),
     ],
@@ -246,19 +246,6 @@ def test_in_a_league_a_law_that_raises_loses_its_bout_and_the_others_are_played(
     assert main([*words, "--laws", law, "--setpoints", "80"]) == ExitCode.OK
 
 
-def test_log_and_check_say_that_a_law_from_outside_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    law = written(tmp_path)
-    path = tmp_path / "valve.toml"
-    path.write_text(VALVE.format(law=law), encoding="utf-8")
-    assert main(["check", str(path)]) == ExitCode.OK
-    told = f"law own.py:Simple ({tmp_path}/own.py) is from outside of this package; the guard limits its commands"
-    assert told in capsys.readouterr().out
-    written(tmp_path, text="Simple = 3\n")
-    assert main(["check", str(path)]) == ExitCode.CONFIG
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "own.py:Simple: law: cannot be made: TypeError: 'int' object is not callable" in line
-
-
 def test_a_law_from_outside_is_tuned_within_the_limits_that_it_names(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -272,7 +259,7 @@ def test_a_law_from_outside_is_tuned_within_the_limits_that_it_names(
         (tmp_path / "tuned.toml").write_text(text, encoding="utf-8")
         configuration = load_config(tmp_path / "tuned.toml")
         assert 1.0 < configuration.control.parameters["gain"] < 2.0
-        assert configuration.make_law().name == "own.py:Simple"
+        assert configuration.make_law(plays=True).name == "own.py:Simple"
         assert configuration.valve.static_friction_n == pytest.approx(1707.7 * (1.2 if plant else 1.0), rel=1e-3)
 
 

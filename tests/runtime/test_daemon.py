@@ -71,9 +71,10 @@ def own_frame(name: str, data_id: int, **signals: float) -> CanFrame:
     return CanFrame(dbc.frame_id, e2e.protect(dbc.encode(raw, scaling=False, strict=False), data_id))
 
 
-def test_no_frame_is_sent_before_it_is_armed(loop: Loop) -> None:
+def test_before_it_is_armed_it_sends_no_command_and_its_status_only(loop: Loop) -> None:
     sent = [message for _ in range(60) for message in loop.sample()]
-    assert sent == []
+    assert {type(message) for message in sent} == {PositionerStatus}
+    assert {(status.mode, status.armed) for status in statuses(sent)} == {(Mode.READY, False)}
     assert loop.logged("mode INIT") == ["mode INIT -> READY (waiting for arm)"]
 
 

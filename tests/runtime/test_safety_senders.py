@@ -81,4 +81,4 @@ def test_a_disarm_of_any_counter_silences(tmp_path: Path) -> None:
             assert any(isinstance(message, CurrentCommand) for message in sent)
             assert not [message for message in loop.sample() if isinstance(message, CurrentCommand)]
             assert loop.session.state.guard.mode is Mode.READY
-        assert loop.logged("its DISARM is obeyed")
+        assert loop.logged("is obeyed")

@@ -233,7 +233,11 @@ def test_a_law_that_cannot_be_made_refuses_the_start_and_names_the_valve(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     real = Configuration.make_law
-    monkeypatch.setattr(Configuration, "make_law", lambda self: raising() if self.valve.id == FAILING else real(self))
+    monkeypatch.setattr(
+        Configuration,
+        "make_law",
+        lambda self, *, plays=False: raising() if self.valve.id == FAILING else real(self, plays=plays),
+    )
     with pytest.raises(ValueError, match=r"^valve FV-4: no such valve$"):
         SeveralLoop(tmp_path, ALL)
     for name in ALL:

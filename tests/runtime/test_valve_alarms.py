@@ -16,7 +16,12 @@ if TYPE_CHECKING:
 
     import pytest
 
-STUCK = {"valve": "FV-1", "stop": {"cause": "stuck, breakaway too high"}, "findings": [], "verdict": "failed"}
+STUCK = {
+    "valve": "FV-1",
+    "stop": {"cause": "stuck, breakaway too high", "why": "no motion"},
+    "findings": [],
+    "verdict": "failed",
+}
 
 
 def test_an_alarm_is_told_once_in_the_log_on_the_bus_and_in_the_record(

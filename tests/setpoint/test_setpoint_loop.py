@@ -47,7 +47,7 @@ def configured(scenario: Scenario, functions: str) -> Configuration:
 def played(scenario: Scenario, functions: str, monkeypatch: pytest.MonkeyPatch) -> inprocess.InProcessRun:
     monkeypatch.setattr(inprocess, "configure", lambda each: configured(each, functions))
     # a bench knows no setpoint functions, and refuses signals that the stem cannot reach as they are
-    monkeypatch.setattr(inprocess, "check_playable", lambda each, _: plant_settings(overrides=each.plant))
+    monkeypatch.setattr(inprocess, "check_playable", lambda each, _, **_options: plant_settings(overrides=each.plant))
     return inprocess.run_in_process(scenario)
 
 

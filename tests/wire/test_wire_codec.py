@@ -239,7 +239,7 @@ def test_a_rounding_error_beyond_the_range_is_sent_as_the_limit_and_a_third_of_a
         (0x100, 0x1F00, (60, 4, 4), Counted.UNDEFINED_VALUE),
         (0x140, 0x1F40, (24, 4, 6), Counted.UNDEFINED_VALUE),
         (0x140, 0x1F40, (28, 4, 5), Counted.UNDEFINED_VALUE),
-        (0x140, 0x1F40, (32, 6, 24), Counted.UNDEFINED_VALUE),
+        (0x140, 0x1F40, (32, 6, 26), Counted.UNDEFINED_VALUE),
     ],
 )
 def test_one_bit_beyond_a_range_or_an_enumeration_is_refused_in_spite_of_its_crc(

@@ -207,6 +207,14 @@ def test_a_dbc_without_messages_is_reported(tmp_path: Path) -> None:
     assert problems(WireSettings(dbc=path, setpoint=ALL.setpoint)) == [f"wire.dbc = '{path}': holds no message"]
 
 
+def test_two_messages_under_one_identifier_are_refused_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "own.dbc"
+    path.write_text(USER_DBC + '\nBO_ 512 Impostor: 4 PLC\n SG_ X : 0|8@1+ (1,0) [0|0] "" VALVE\n', "utf-8")
+    told = "gives the identifier 200 to Drive and to Impostor: a frame holds one message; keep the right one of them"
+    for settings in (replace(ALL, dbc=path), WireSettings(dbc=path)):
+        assert problems(settings) == [f"wire.dbc = '{path}': {told}"]
+
+
 def test_every_mistake_in_the_wire_table_has_its_line_at_once(dbc: Path) -> None:
     settings = WireSettings(
         dbc=dbc,

@@ -97,6 +97,8 @@ class UntoldLagLaw:
         if not watch.is_over:
             rests = inner.motion is Motion.REST and (probe is None or probe.is_over)
             noise_m2 = self._noise_m2(inner)
+            if observation.disturbed:
+                watch = watching.cut(watch, noise_m2)
             for _ in range(max(round(observation.elapsed_s / self.believed.period_s), 1)):
                 watch = watching.read(watch, observation.applied_ma, observation.measured_m, noise_m2, rests=rests)
             if rests or watch.course is None:  # a move of a law that believes in no lag may have no end

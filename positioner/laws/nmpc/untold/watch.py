@@ -176,6 +176,18 @@ def pushed(watch: Watch, direction: float, noise_m2: float, *, is_probe: bool = 
     return replace(watch, course=course, rest=0, quiet=Quiet())
 
 
+def cut(watch: Watch, noise_m2: float) -> Watch:
+    """Return the watch before a reading since the last of which other currents may have acted than was commanded.
+
+    A command of ours was late, or a reading was lost: it is no evidence of the actuator. The course ends before it.
+    """
+    if watch.course is None:
+        return watch
+    unmoved = watch.unmoved
+    watch = _ended(watch, watch.course, noise_m2)
+    return watch if watch.unmoved <= unmoved else replace(watch, unmoved=unmoved)
+
+
 def worked(nominal: Nominal, watch: Watch, period_s: float) -> Watch:
     """Return the watch after the work of one cycle at rest."""
     work = watch.work

@@ -31,6 +31,8 @@ from positioner.commissioning.observed import (
 from positioner.commissioning.slips import play
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from positioner.commissioning.observed import Observed
@@ -46,14 +48,26 @@ _DONE = 0.5
 _SLOW = 2.5
 _FACTORS = (0.4, 0.8, 1.6)
 _OFF_SIGMAS = np.linspace(-2.0, 2.0, 5)
+_ALIGNED_PART, _DIVIDED_PART = 0.2, 0.4
+"""Of the time of a first guess, at these places of it."""
 _BLOCK = 50
 """Readings of a stroke, a quarter of a second, beyond which they say something new."""
 
 
 def first_guess(
-    strokes: Observed, breakaways: Observed, steps: Observed, mass_kg: float, gain: float, prior: Prior, ramp: float
+    strokes: Observed,
+    breakaways: Observed,
+    steps: Observed,
+    mass_kg: float,
+    gain: float,
+    prior: Prior,
+    ramp: float,
+    tell: Callable[[float], object],
 ) -> tuple[Array, Array]:
-    """Return θ, and the own unknowns of the breakaways; `ramp` is that of the breakaways in mA/s."""
+    """Return θ, and the own unknowns of the breakaways.
+
+    ramp: that of the breakaways in mA/s; tell: receives the part that is done.
+    """
     theta = prior.theta.copy()
     theta[DEAD] = 0.0
     own = np.zeros((2, len(breakaways.rest_m)))
@@ -62,6 +76,7 @@ def first_guess(
         theta[[FILL, VENT]] = np.maximum(sums_s - theta[VISCOUS] / theta[SPRING], 0.0)
         for width in widths:
             theta, own = _aligned(breakaways, mass_kg, gain, theta, width)
+        tell(_ALIGNED_PART)
     strokes = weakened(strokes, wrong)
     starts: list[Array] = []
     for dead_s in (np.zeros(1), np.r_[0.0, np.geomspace(0.0005, 0.05, 9)]):
@@ -70,17 +85,21 @@ def first_guess(
             sums = Sums(sums_s, sigma_s, off_sigmas)
             start, nearest = _divided(steps, mass_kg, gain, start, ramp, sums, start[VISCOUS] * factors, dead_s)
             off_sigmas = nearest + 0.25 * _OFF_SIGMAS
+        tell(_DIVIDED_PART)
         if not any(np.array_equal(start, other) for other in starts):
             starts.append(start)
     seen = stribeck_is_seen(strokes, gain, theta, prior)
     if seen:  # F_c and V_s explain slow strokes nearly alike: several beginnings, too
         starts = [_with_stribeck(start, factor * prior.theta[STRIBECK]) for start in starts for factor in _FACTORS]
     still = [np.zeros((2, len(each.rest_m))) for each in (strokes, steps)]
+    fits, all_fits = 0, len(starts) + _ROUNDS - 1
     for _ in range(_ROUNDS):
         found = []
         for start in starts:  # without a dead time, and with one: between the two lie hills that no descent crosses
             held = bound(prior, start, [STATIC] if seen else [STATIC, STRIBECK])
             found.append(fit([strokes, steps], mass_kg, gain, held, _SCATTER, (start, still), _DONE))
+            fits += 1
+            tell(_DIVIDED_PART + (1.0 - _DIVIDED_PART) * fits / all_fits)
         theta = min(found, key=lambda one: one.cost).theta
         for width in _WIDTHS[1:]:
             theta, own = _aligned(breakaways, mass_kg, gain, theta, width)

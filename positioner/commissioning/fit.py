@@ -26,7 +26,7 @@ from positioner.commissioning.observed import (
 from positioner.commissioning.slips import play
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -69,17 +69,20 @@ def fit(
     friction_sigma: float,
     start: tuple[Array, Sequence[Array]] | None = None,
     done: float = _DONE,
+    tell: Callable[[float], object] = lambda _part: None,
 ) -> Fitted:
     """Return the parameters that explain the readings best, from `start` or the values of `prior`.
 
     gain: B in N/mA; friction_sigma: the expected scatter of the friction between slips, as a part of it.
     start: θ and the own unknowns of the slips; done: it ends where a pass gains less of the cost.
+    tell: receives after each pass the part of all passes that it may take.
     """
     theta = prior.theta.copy() if start is None else start[0].copy()
     own = tuple(start[1]) if start else tuple(np.zeros((2, len(each.rest_m))) for each in observed)
     changes = least = least_changes(theta, observed, gain)
     known = _normal(observed, mass_kg, gain, prior, theta, own, friction_sigma, changes)
-    for _ in range(_PASSES):
+    for number in range(_PASSES):
+        tell(number / _PASSES)
         trials = []
         for damping in _DAMPINGS:
             change = _step(known, theta, damping)
@@ -98,11 +101,11 @@ def fit(
     return Fitted(theta, inverse[:COUNT, :COUNT], known.cost, _scatter(own, inverse, friction_sigma), own)
 
 
-def residuals_of(observed: Sequence[Observed], mass_kg: float, gain: float, fitted: Fitted) -> list[Array]:
-    """Return the weighted residuals of a fit for each of `observed`, as arrays of (reading, slip)."""
+def positions_of(observed: Sequence[Observed], mass_kg: float, gain: float, fitted: Fitted) -> list[Array]:
+    """Return the positions in m that a fit gives each of `observed`, as arrays of (reading, slip)."""
     theta = fitted.theta[None, :]
     return [
-        residuals(each, play(each.slips, sets_of(theta, own[None], each, mass_kg, gain)))[:, 0, :]
+        play(each.slips, sets_of(theta, own[None], each, mass_kg, gain))[:, 0, :]
         for each, own in zip(observed, fitted.own, strict=True)
     ]
 
@@ -112,6 +115,15 @@ class _Normal:
     matrix: Array
     vector: Array
     cost: float
+
+
+def _solved(matrix: Array, vector: Array) -> Array:
+    """Return the solution of the normal equations, scaled as in `_inverse`; the shortest where they are singular."""
+    scale = 1.0 / np.sqrt(np.diag(matrix))
+    try:
+        return np.asarray(np.linalg.solve(matrix * scale * scale[:, None], vector * scale) * scale)
+    except np.linalg.LinAlgError:
+        return np.asarray(_inverse(matrix) @ vector)
 
 
 def _inverse(matrix: Array) -> Array:
@@ -182,7 +194,7 @@ def _step(known: _Normal, theta: Array, damping: float) -> Array:
     change, free = np.zeros(len(known.vector)), np.ones(len(known.vector), dtype=bool)
     while True:
         wanted = known.vector[free] - matrix[np.ix_(free, ~free)] @ change[~free]
-        change[free] = _inverse(matrix[np.ix_(free, free)]) @ wanted
+        change[free] = _solved(matrix[np.ix_(free, free)], wanted)
         beyond = [number for number in (FILL, VENT, DEAD) if free[number] and change[number] < -theta[number]]
         if not beyond:
             return change

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from positioner.commissioning.explained import Part
     from positioner.valve.parameters import ValveParameters
 
 
@@ -31,6 +32,7 @@ class IdentifiedValve:
     noise_correlation: 1 for white noise, more where neighbouring readings are alike.
     breakaways, steps: how many of each could be used.
     misfit, step_misfit: mean square of the weighted residuals, of all and of the steps; 1 in a perfect fit.
+    parts: the residuals by what the stem did.
     """
 
     spring_rate_n_per_m: Interval
@@ -50,6 +52,12 @@ class IdentifiedValve:
     steps: int
     misfit: float
     step_misfit: float
+    parts: tuple[Part, ...] = ()
+
+    @property
+    def unexplained(self) -> tuple[Part, ...]:
+        """The parts of the record that this valve does not explain: with any of them it is no result."""
+        return tuple(each for each in self.parts if not each.explained)
 
     def tables(self) -> dict[str, dict[str, Any]]:
         """Return the values by table and key of a configuration; what could not be seen is left out."""

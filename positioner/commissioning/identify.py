@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from positioner.commissioning.explained import parts_of
 from positioner.commissioning.first_guess import bound, first_guess, stribeck_is_seen
-from positioner.commissioning.fit import Prior, fit, residuals_of
+from positioner.commissioning.fit import Prior, fit, positions_of
 from positioner.commissioning.identified import IdentifiedValve, Interval
 from positioner.commissioning.noise import noise_of
 from positioner.commissioning.observed import (
@@ -21,6 +22,7 @@ from positioner.commissioning.observed import (
     VENT,
     VISCOUS,
     excess,
+    residuals,
     theta_of,
     weakened,
 )
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from positioner.commissioning.explained import Part
     from positioner.commissioning.fit import Fitted
     from positioner.commissioning.noise import Noise
     from positioner.commissioning.observed import Observed
@@ -93,7 +96,9 @@ def identify(
     observed = (slow, ramps, steps)
     gain, prior = valve.force_gain_n_per_ma, _prior(valve)
     report(0.05)
-    theta, slips = first_guess(slow, ramps, steps, valve.mass_kg, gain, prior, RAMP_MA_PER_S)
+    theta, slips = first_guess(
+        slow, ramps, steps, valve.mass_kg, gain, prior, RAMP_MA_PER_S, _part_of(report, 0.05, 0.3)
+    )
     if not stribeck_is_seen(slow, gain, theta, prior):
         prior = bound(prior, prior.theta, [STRIBECK])
     report(0.3)
@@ -107,10 +112,12 @@ def identify(
     wrong = np.ones(len(observed))
     for number in range(_ROUNDS):
         believed = [weakened(each, by) for each, by in zip(observed, wrong, strict=True)]
-        fitted = fit(believed, valve.mass_kg, gain, prior, scatter, (theta, own))
+        tell = _part_of(report, *(0.3 + 0.7 * part / _ROUNDS for part in (number, number + 1)))
+        fitted = fit(believed, valve.mass_kg, gain, prior, scatter, (theta, own), tell=tell)
         theta, own, before = fitted.theta, fitted.own, np.array([scatter * scatter, *wrong])
         scatter = max(fitted.friction_sigma, _LEAST_SCATTER)
-        left = residuals_of(observed, valve.mass_kg, gain, fitted)
+        played = positions_of(observed, valve.mass_kg, gain, fitted)
+        left = [residuals(each, at[:, None, :])[:, 0, :] for each, at in zip(observed, played, strict=True)]
         wrong = np.array([_excess(each, off) for each, off in zip(observed, left, strict=True)])
         report(0.3 + 0.7 * (number + 1) / _ROUNDS)
         if np.all(np.abs(np.array([scatter * scatter, *wrong]) - before) < 0.4 * before):
@@ -118,7 +125,13 @@ def identify(
     squares = np.array([[float(np.sum(off * off)), np.count_nonzero(off)] for off in left])
     total = squares.sum(axis=0)
     misfits = float(total[0] / total[1]), float(squares[-1, 0] / squares[-1, 1])
-    return _result(fitted, misfits, observed, noise, valve, limits, period_s)
+    parts = parts_of(observed, played, float(theta[COULOMB] / theta[SPRING]))
+    return _result(fitted, misfits, parts, observed, noise, valve, limits, period_s)
+
+
+def _part_of(report: Callable[[float], object], low: float, high: float) -> Callable[[float], object]:
+    """Return a function that reports the part of a stage, which is the whole from `low` to `high`."""
+    return lambda part: report(low + (high - low) * part)
 
 
 def _excess(observed: Observed, off: Array) -> float:
@@ -139,6 +152,7 @@ def _prior(valve: ValveParameters) -> Prior:
 def _result(
     fitted: Fitted,
     misfits: tuple[float, float],
+    parts: tuple[Part, ...],
     observed: Sequence[Observed],
     noise: Noise,
     valve: ValveParameters,
@@ -203,4 +217,5 @@ def _result(
         steps=len(observed[2].rest_m),
         misfit=misfits[0],
         step_misfit=misfits[1],
+        parts=parts,
     )

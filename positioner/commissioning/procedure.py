@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 M = TypeVar("M")
 TOLERATED = frozenset({Cause.NONE, Cause.LAW_LATE, Cause.PERIOD_WRONG})
 """What the guard may report while a procedure goes on."""
+_OF_LOAD = frozenset({Cause.LAW_LATE, Cause.STALLED, Cause.PERIOD_WRONG})
+"""What a machine that is too busy leads to by itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,8 +122,13 @@ class ProcedureLaw(Generic[M]):
 def commissioning_setup(setup: Setup, procedure: Procedure[M]) -> Setup:
     """Return the setup in which `procedure` runs in place of the law: armed at once, without setpoints of a host."""
     guard = replace(setup.guard, auto_arm=True, setpoint_hold_s=0.0, setpoint_failsafe_s=0.0, deviation_of_span=0.0)
-    law = ProcedureLaw(procedure, ProcedureLimits.of(setup.valve, setup.guard))
+    law = procedure_law(procedure, setup.valve, setup.guard)
     return replace(setup, guard=guard, law=law, testing=True, setpoint=None)
+
+
+def procedure_law(procedure: Procedure[M], valve: ValveParameters, guard: GuardSettings) -> ProcedureLaw[M]:
+    """Return the law that `procedure` is, for this valve within these limits."""
+    return ProcedureLaw(procedure, ProcedureLimits.of(valve, guard))
 
 
 def ended_by(mode: Mode, cause: Cause) -> str:
@@ -137,5 +144,20 @@ def aborted_by(mode: Mode, cause: Cause) -> str:
     A stall of this process loses some readings, and no more.
     """
     if cause is Cause.PERIOD_WRONG or (mode is Mode.HOLD and cause is not Cause.STALLED):
-        return f"the guard reports: {in_words(cause)}; the stem was brought back to its start"
+        return f"the guard reports: {in_words(cause)}"
     return ""
+
+
+def load_remedy(cause: Cause, late: int, stalls: int) -> str:
+    """Return what to do where a busy machine may have ended a procedure; empty where nothing points to it.
+
+    late, stalls: how many late cycles and stalls were counted.
+    """
+    if not (late or stalls or cause in _OF_LOAD):
+        return ""
+    counts = ((late, "late cycle"), (stalls, "stall"))
+    counted = " and ".join([f"{count} {what}{'s' if count > 1 else ''}" for count, what in counts if count])
+    return (
+        f"where other programs kept the machine busy ({counted or 'no cycle of the positioner was late'}): start them "
+        "with `nice`, or give a longer control.sample_period_s; with an emulator, --clock lockstep for both"
+    )

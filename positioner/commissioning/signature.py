@@ -61,7 +61,7 @@ class Signature:
     dynamic_error_band_m: the largest difference of the branches over the current, at this ramp.
     reached_m: the lowest and the highest place of the strokes.
     closed_m, open_m: stops that it met, NaN where it met none; seat_load_n: force of the spring on the closed
-    stop beyond that of the pressure, without friction.
+    stop beyond that of the pressure, without friction, NaN where it did not meet that stop.
     strokes: those that show the sliding stem; rate_ma_per_s, speed_m_per_s: theirs; slow_ma_per_s: of the error band.
     """
 
@@ -85,10 +85,6 @@ class Signature:
     def hysteresis_m(self) -> float:
         """The difference of the branches at equal pressure in m, 2 F_c/K."""
         return 2.0 * self.sliding_n.value / self.spring_n_per_m.value
-
-    def bench_set_n(self, span_m: float) -> tuple[float, float]:
-        """Return the force of the spring at 0 and at 100 % of the travel, in N."""
-        return self.preload_n.value, self.preload_n.value + self.spring_n_per_m.value * span_m
 
 
 def signature(
@@ -203,15 +199,15 @@ def _mean(values: Sequence[float], believed: float) -> Interval:
 
 
 def _error_band_m(loop: Sequence[Branch]) -> float:
-    """Return the largest difference between the branches at one current, over the currents that both have, in m."""
-    largest_m = 0.0
+    """Return the largest difference in m of the branches at one current, over those that both have, NaN without any."""
+    largest_m = math.nan
     ups, downs = ([each for each in loop if each.direction == side] for side in (1.0, -1.0))
     for up, down in zip(ups, downs, strict=False):
         low, high = max(up.current_ma.min(), down.current_ma.min()), min(up.current_ma.max(), down.current_ma.max())
         at = np.linspace(low, high, _BAND_POINTS)
         rising = np.interp(at, up.current_ma, up.position_m)
         falling = np.interp(at, down.current_ma[::-1], down.position_m[::-1])
-        largest_m = max(largest_m, float(np.max(falling - rising)))
+        largest_m = float(np.fmax(largest_m, np.max(falling - rising)))
     return largest_m
 
 
@@ -231,8 +227,8 @@ def _stop(loop: Sequence[Branch], direction: float, limits: ProcedureLimits, fit
 
 
 def _seat_load_n(loop: Sequence[Branch], closed_m: float, fitted: ValveParameters) -> float:
-    """Return the spring's force at the closed stop less that of the pressure, in N; 0 where no stroke met that stop."""
+    """Return the spring's force at the closed stop less that of the pressure, in N; NaN where none met that stop."""
     if math.isnan(closed_m):
-        return 0.0
+        return math.nan
     end_ma = float(np.mean([each.end_ma for each in loop if each.direction < 0.0]))
     return max(fitted.bench_set_n + fitted.spring_rate_n_per_m * closed_m - fitted.force_gain_n_per_ma * end_ma, 0.0)

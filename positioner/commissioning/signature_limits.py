@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 from positioner.health.causes import TEXTS, AlarmCause
@@ -44,18 +45,17 @@ def beyond_limits(
 ) -> tuple[Beyond, ...]:
     """Return the changes since a reference, the JSON of an earlier signature, that are beyond their limits.
 
-    The larger change of sliding and static friction counts. The spring's force is that at position 0, and its shift a
-    part of what the spring takes over the span.
+    The larger change of sliding and static friction counts, where both tests have measured it. The spring's force is
+    that at position 0, and its shift a part of what the spring takes over the span.
 
     Raises:
         KeyError, TypeError, ValueError: the reference is no signature.
     """
-    before = {name: float(value) for name, value in reference["quantities"].items()}
+    before = {name: math.nan if value is None else float(value) for name, value in reference["quantities"].items()}
     preload_n = kept_preload_n(reference)
-    frictions = (
-        found.sliding_n.value / before["sliding_n"] - 1.0,
-        found.static_n.value / before["static_n"] - 1.0,
-    )
+    static_n = found.static_n.value if found.static_n.seen else math.nan
+    ratios = (found.sliding_n.value / before["sliding_n"], static_n / before["static_n"])
+    frictions = [each - 1.0 for each in ratios if not math.isnan(each)]
     changes = (
         (AlarmCause.FRICTION_HIGH, max(frictions), 1.0),
         (AlarmCause.FRICTION_LOW, min(frictions), -1.0),

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from positioner.commissioning.report import Row
-from positioner.commissioning.units import PASCALS
+from positioner.commissioning.report import Row, bench_set
 from positioner.health.reference import kept_travel_m
 
 if TYPE_CHECKING:
@@ -24,26 +23,19 @@ _NAMES = ("spring_n_per_m", "sliding_n", "static_n", "hysteresis_m")
 
 def rows(found: Signature, valve: ValveParameters, pressure_unit: str) -> tuple[Row, ...]:
     """Return the quantities, with a 95 % interval where there is one."""
-    per_newton = 1.0 / (valve.diaphragm_area_m2 * PASCALS[pressure_unit])
     of_span = 100.0 / valve.span_m
-    closed_n, open_n = found.bench_set_n(valve.span_m)
     friction = [each.friction_n for each in found.by_place]
-
-    def plain(name: str, unit: str, value: float) -> Row:
-        return Row(name, unit, value, value, value)
-
     return (
         Row.of("spring rate", "N/m", found.spring_n_per_m),
         Row.of("spring force at 0", "N", found.preload_n),
         Row.of("sliding friction", "N", found.sliding_n),
-        plain("sliding friction, least", "N", min(friction)),
-        plain("sliding friction, largest", "N", max(friction)),
+        Row.exact("sliding friction, least", "N", min(friction)),
+        Row.exact("sliding friction, largest", "N", max(friction)),
         Row.of("static friction", "N", found.static_n),
-        plain("hysteresis", "% of span", found.hysteresis_m * of_span),
-        plain("dynamic error band", "% of span", found.dynamic_error_band_m * of_span),
-        plain("bench set, at 0 %", pressure_unit, closed_n * per_newton),
-        plain("bench set, at 100 %", pressure_unit, open_n * per_newton),
-        plain("seat load", "N", found.seat_load_n),
+        Row.exact("hysteresis", "% of span", found.hysteresis_m * of_span),
+        Row.exact("dynamic error band", "% of span", found.dynamic_error_band_m * of_span),
+        *bench_set(found.spring_n_per_m, found.preload_n, valve, pressure_unit, found.reached_m),
+        Row.exact("seat load", "N", found.seat_load_n),
     )
 
 
@@ -64,7 +56,7 @@ def remarks(found: Signature, valve: ValveParameters) -> tuple[str, ...]:
             lines.append(
                 f"not reached: {begin_m * _MM:.1f} to {end_m * _MM:.1f} mm; bench set and stop there are extrapolated"
             )
-    if found.seat_load_n == 0.0 and math.isnan(found.closed_m):
+    if math.isnan(found.seat_load_n):
         lines.append("seat load: not measured, the stem did not meet the closed stop")
     return tuple(lines)
 
@@ -80,6 +72,19 @@ def as_json(found: Signature, valve: ValveParameters, pressure_unit: str) -> dic
         "breakaways": [[each.position_m, each.direction, each.static_n] for each in found.breakaways],
         "reached_m": list(found.reached_m),
         "remarks": list(remarks(found, valve)),
+    }
+
+
+def fitted_lines(found: Signature, valve: ValveParameters) -> dict[str, Any]:
+    """Return the spring, and the spring with the sliding friction both ways, as lines over the travel that was seen."""
+    gain, friction_n = valve.force_gain_n_per_ma, found.sliding_n.value
+    spring_n = [found.spring_n_per_m.value * place_m + found.preload_n.value for place_m in found.reached_m]
+    return {
+        name: {
+            "position_m": list(found.reached_m),
+            "pressure_ma": [[(force_n + side * friction_n) / gain for force_n in spring_n] for side in sides],
+        }
+        for name, sides in (("spring", (0.0,)), ("friction", (1.0, -1.0)))
     }
 
 
@@ -99,6 +104,9 @@ def _step(branch: Branch) -> int:
     return max(len(branch.pressure_ma) // _LOOP_POINTS, 1)
 
 
-def _number(found: Signature, name: str) -> float:
+def _number(found: Signature, name: str) -> float | None:
+    """Return a quantity, None for one that was not measured."""
     value = getattr(found, name)
-    return float(value if isinstance(value, float) else value.value)
+    if isinstance(value, float):
+        return value
+    return float(value.value) if value.seen else None

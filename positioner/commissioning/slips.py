@@ -100,26 +100,45 @@ def play(slips: Slips, sets: Candidates) -> Array:
             target = late_part * old + (1.0 - late_part) * new
             pressure = target + (pressure - target) * np.where(target > pressure, rest_fill, rest_vent)
             continue
+        highest = np.maximum(np.maximum(side * pressure, side * new), side * old)
+        rests = not speed.any() and bool(np.all(gain * highest - side * load_n - spring * way < static_n))
         for j in range(steps):
             target = new if steps == 1 and not late_part.any() else parts[j] * old + (1.0 - parts[j]) * new
             off = pressure - target
             rises = off < 0.0
             mean = target + off * np.where(rises, fill_mean, vent_mean)
             pressure = target + off * np.where(rises, fill, vent)
+            if rests:
+                continue
             push_n = side * (gain * mean - load_n) - coulomb_n - spring * (way + 0.5 * step_s * speed)
             for _ in range(within):
-                ratio = speed * inverse
-                final = (push_n - excess_n * np.exp(-ratio * ratio)) / viscous
-                after = final + (speed - final) * fade
-                goes = after > 0.0
-                # again, with the friction of the middle of the step: a fast slip leaves F_s within microseconds
-                ratio = 0.5 * (speed + after) * inverse
-                final = (push_n - excess_n * np.exp(-ratio * ratio)) / viscous
-                after = final + (speed - final) * fade
-                way = way + np.maximum(final * part_s + (speed - final) * lag_s, 0.0) * (goes | (speed > 0.0))
-                speed = np.where(goes, np.maximum(after, 0.0), 0.0)
+                way, speed = _slid(way, speed, push_n, excess_n, viscous, inverse, fade, part_s, lag_s)
         found[k - slips.begins] = way
     return sets.rest_m + side * found
+
+
+def _slid(
+    way: Array,
+    speed: Array,
+    push_n: Array,
+    excess_n: Array,
+    viscous: Array,
+    inverse: Array,
+    fade: Array,
+    part_s: float,
+    lag_s: Array,
+) -> tuple[Array, Array]:
+    """Return way in m and speed in m/s after a step of `part_s`; inverse: 1/V_s in s/m; fade: e^(-F_v·part_s/m)."""
+    ratio = speed * inverse
+    final = (push_n - excess_n * np.exp(-ratio * ratio)) / viscous
+    after = final + (speed - final) * fade
+    goes = after > 0.0
+    # again, with the friction of the middle of the step: a fast slip leaves F_s within microseconds
+    ratio = 0.5 * (speed + after) * inverse
+    final = (push_n - excess_n * np.exp(-ratio * ratio)) / viscous
+    after = final + (speed - final) * fade
+    way = way + np.maximum(final * part_s + (speed - final) * lag_s, 0.0) * (goes | (speed > 0.0))
+    return way, np.where(goes, np.maximum(after, 0.0), 0.0)
 
 
 def _decay(time_constant_s: Array, duration_s: float) -> Array:

@@ -68,8 +68,8 @@ def trend_line(settings: WatchSettings, trends: Trends) -> str:
 
 
 def trends_as_json(settings: WatchSettings, trends: Trends) -> dict[str, Any]:
-    """Return the trends for a program; changes are parts of the reference, 0.2 is +20 %."""
-    reference, found = settings.reference, changes_of(settings, trends)
+    """Return the trends for a program; changes are parts of the reference (0.2 is +20 %), None if unseen."""
+    reference, found, moves = settings.reference, changes_of(settings, trends), trends.friction.moves
     shares = {
         "sliding_friction": found.friction,
         "static_friction": found.static,
@@ -79,16 +79,16 @@ def trends_as_json(settings: WatchSettings, trends: Trends) -> dict[str, Any]:
     }
     return {
         "reference": {"source": reference.source, "recorded": reference.recorded},
-        "moves": trends.friction.moves,
+        "moves": moves,
         "moves_opening": trends.friction.moves_up,
         "one_sided": found.one_sided,
         "changes": {
-            name: None if each is None else {"value": each.value, "low": each.low, "high": each.high}
+            name: None if each is None or not moves else {"value": each.value, "low": each.low, "high": each.high}
             for name, each in shares.items()
         },
         "ends": {
-            "closed": {"value": trends.closed, "seen": trends.closings},
-            "open": {"value": trends.open, "seen": trends.openings},
+            "closed": {"value": trends.closed if trends.closings else None, "seen": trends.closings},
+            "open": {"value": trends.open if trends.openings else None, "seen": trends.openings},
         },
     }
 

@@ -6,6 +6,7 @@ from enum import IntEnum
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from positioner.cycle.hunting import SWING_OF_SPAN
 from positioner.values import dataclass
 from positioner.wire.messages import Health
 
@@ -29,6 +30,7 @@ class AlarmCause(IntEnum):
     TRAVEL = 10
     STROKE_TEST = 11
     STUCK = 12
+    HUNTING = 13
 
     @property
     def key(self) -> str:
@@ -79,6 +81,7 @@ LIMITS: Mapping[AlarmCause, Limits] = MappingProxyType(
         AlarmCause.TRAVEL: Limits(0.9, _M, 0.0, _M, 0.0, 1.0),
         AlarmCause.STROKE_TEST: Limits(1.0, _M, 2.0, _F, 0.0, 1.0),
         AlarmCause.STUCK: Limits(1.5, _F, 0.0, _F, 2.0),
+        AlarmCause.HUNTING: Limits(SWING_OF_SPAN, _S, 0.0, _S, 0.0),
     }
 )
 """Parts of the reference, of the span or of the count's own limit; of STROKE_TEST 1 is failed or overdue, 2 stuck."""
@@ -146,6 +149,12 @@ TEXTS: Mapping[AlarmCause, CauseText] = MappingProxyType(
             "times its friction",
             1.0,
             "free the stem or remove the obstacle; the output cannot be trusted",
+        ),
+        AlarmCause.HUNTING: CauseText(
+            "the stem hunts",
+            "% of span",
+            100.0,
+            "look for less friction or more lag than configured, or a law tuned too fast; then `positioner identify`",
         ),
     }
 )

@@ -157,7 +157,7 @@ def _add_position(settings: CounterSettings, after: Counting, position_m: float,
         after.sampled_us += (cycle.now_us - after.sampled_us) // _SAMPLE_US * _SAMPLE_US
         travel = counted(travel, TRAVEL_EDGES_PERCENT, after.percent)
         travel_recent = with_newest(travel_recent, class_of(TRAVEL_EDGES_PERCENT, after.percent))
-        if cycle.controlled is not None:
+        if cycle.controlled is not None and not settings.testing:  # a procedure pursues no setpoint
             error_percent = 100.0 * (cycle.controlled.setpoint_m - position_m) / settings.span_m
             deviation = counted(deviation, DEVIATION_EDGES_PERCENT, error_percent)
             deviation_recent = with_newest(deviation_recent, class_of(DEVIATION_EDGES_PERCENT, error_percent))

@@ -149,6 +149,25 @@ def _with_static(trend: FrictionTrend, reference: Reference, averaging: float, m
     return replace(trend, static_log=trend.static_log + averaging * change, static_moves=trend.static_moves + 1)
 
 
+def is_possible(trend: FrictionTrend) -> bool:
+    """Whether moves can have led to the trend: its matrix is positive definite, and F_s within what is believed."""
+    try:
+        inverse = _inverse(trend)
+    except ZeroDivisionError:
+        return False
+    normal = trend.normal
+    for value in (normal[0], normal[3], normal[5], inverse[0], inverse[3], inverse[5]):
+        if not 0.0 < value < math.inf:
+            return False
+    offset, spring, friction = _solved(inverse, trend.right)
+    return (
+        math.isfinite(offset + spring + friction)
+        and trend.scatter >= 0.0
+        and abs(trend.static_log) <= math.log(1.0 / _LEAST)
+        and trend.moves_up <= trend.moves
+    )
+
+
 def changes(trend: FrictionTrend, reference: Reference, averaging: float) -> Changes:
     """Return what has changed since the reference; `averaging` is λ."""
     inverse = _inverse(trend)

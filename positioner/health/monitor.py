@@ -52,6 +52,16 @@ def begin_health(settings: HealthSettings, sections: Mapping[str, Any]) -> Healt
     return HealthState(begin(counters_from(sections.get(COUNTERS))), Watch(trends))
 
 
+def check_sections(sections: Mapping[str, Any]) -> None:
+    """Check that the sections that were kept can be gone on from, whatever the reference is.
+
+    Raises:
+        ValueError: a section is not as it was written.
+    """
+    counters_from(sections.get(COUNTERS))
+    trends_from(sections.get(TRENDS), None)
+
+
 def observe(settings: HealthSettings, health: HealthState, cycle: ObservedCycle) -> bool:
     """Take in one more cycle; return whether a tenth of a second is over or an alarm has changed: time to look."""
     counting, watch = health.counting, health.watch

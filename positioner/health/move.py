@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from positioner.values import dataclass
+from positioner.valve.motion import Load, MotionModel
 
 if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters
@@ -50,10 +51,10 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class MoveSettings:
-    """What a move is measured with, in SI units; period_s: of the readings."""
+    """What a move is measured with, in SI units: the motion as it is configured, noise, and the period of readings."""
 
-    gain_n_per_ma: float
-    viscous_n_s_per_m: float
+    model: MotionModel
+    load: Load
     noise_of_reading: float
     noise_of_span_m: float
     period_s: float
@@ -62,12 +63,17 @@ class MoveSettings:
     def of(cls, valve: ValveParameters, noise_of_reading: float, noise_of_span: float, period_s: float) -> MoveSettings:
         """Return the settings of a configured valve and its sensor's noise."""
         return cls(
-            valve.force_gain_n_per_ma,
-            valve.viscous_friction_n_s_per_m,
+            MotionModel.of(valve),
+            Load.of(valve),
             noise_of_reading,
             max(noise_of_span * valve.span_m, 1e-6),
             period_s,
         )
+
+    @property
+    def gain_n_per_ma(self) -> float:
+        """The force of a milliampere in N."""
+        return self.model.gain_n_per_ma
 
     def sigma_m(self, position_m: float) -> float:
         """Return the standard deviation of a reading in m."""

@@ -8,6 +8,7 @@ from positioner.cycle.events import Controlled, Event
 from positioner.values import dataclass
 
 if TYPE_CHECKING:
+    from positioner.cycle.hunting import Hunting
     from positioner.cycle.input import CycleInput
     from positioner.cycle.state import CycleState
     from positioner.valve.state import StemState
@@ -25,7 +26,7 @@ class ObservedCycle:
     position_m: the plausible reading that came in it, None where none came. pressure_pa: the newest one, None without a
         sensor. applied_ma: the current that acted on the stem, None where unknown.
     controlled: the closed cycle with setpoint, estimate and current, None where no law has decided.
-    events: all that it reported.
+    events: all that it reported. hunting: the swings of the stem under the law, None while it does not control.
     """
 
     now_us: int
@@ -36,6 +37,7 @@ class ObservedCycle:
     applied_ma: float | None
     controlled: Controlled | None
     events: tuple[Event, ...]
+    hunting: Hunting | None = None
 
     @property
     def stem(self) -> StemState | None:
@@ -71,4 +73,5 @@ def observed_cycle(
         after.effect.current_ma,
         controlled,
         events,
+        after.hunting,
     )

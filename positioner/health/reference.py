@@ -21,7 +21,7 @@ CONFIGURED = "configuration"
 class Reference:
     """Spring rate K, its force F_0 at position 0, F_c and F_s in SI units.
 
-    source: the kind of test procedure, or `CONFIGURED`; recorded: its date, empty without one.
+    source: the kind of test procedure, or `CONFIGURED`; recorded: its instant (ISO 8601, UTC), empty without one.
     by_place: places in m, rising, and F_c there; empty where it was not measured by place.
     closed_m, open_m: the stops. span_m: 100 % of travel.
     """
@@ -91,7 +91,8 @@ def reference_of(
     bare = Reference.configured(valve)
     if signature is not None:
         recorded, document = signature
-        values = document["quantities"]
+        values, static_n = document["quantities"], document["quantities"]["static_n"]
+        sliding_n = float(values["sliding_n"])
         places = tuple(sorted((float(x), float(f)) for x, f in document["sliding_friction_by_place"]))
         return _checked(
             bare,
@@ -99,8 +100,8 @@ def reference_of(
             recorded,
             float(values["spring_n_per_m"]),
             kept_preload_n(document),
-            float(values["sliding_n"]),
-            float(values["static_n"]),
+            sliding_n,
+            max(bare.static_n, sliding_n) if static_n is None else float(static_n),
             places,
         )
     if identified is not None:

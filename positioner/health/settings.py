@@ -96,6 +96,7 @@ class HealthTable(SettingsTable):
     travel: part of travel_limit.
     stroke_test: 1 is failed or overdue, 2 is stuck.
     stuck: force on a stem that rests, times its static friction.
+    hunting: how far a stem that hunts swings from turn to turn, as a part of the span.
     """
 
     averaging: Annotated[float, Interval(ge=0.001, le=0.2)] = 0.01
@@ -118,6 +119,7 @@ class HealthTable(SettingsTable):
     travel: AlarmSettings = _USUAL
     stroke_test: AlarmSettings = _USUAL
     stuck: AlarmSettings = _USUAL
+    hunting: AlarmSettings = _USUAL
 
     def __post_init__(self) -> None:
         """Refuse limits that contradict each other."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from positioner.health.alarms import Alarm
 from positioner.health.causes import AlarmCause
-from positioner.health.friction_trend import FrictionTrend
+from positioner.health.friction_trend import FrictionTrend, is_possible
 from positioner.health.plain_values import plain, value_like
 from positioner.health.watch import Trends
 from positioner.values import replace
@@ -22,6 +22,8 @@ TRENDS = "trends"
 _FRICTION = tuple(each.name for each in fields(FrictionTrend))
 _ENDS = ("closed", "closings", "open", "openings")
 _ALARM = tuple(each.name for each in fields(Alarm))
+_DAY = len("2026-01-01")
+"""Of a reference, earlier versions kept the day alone."""
 
 
 def trends_in(trends: Trends) -> dict[str, Any]:
@@ -35,8 +37,8 @@ def trends_in(trends: Trends) -> dict[str, Any]:
     }
 
 
-def trends_from(section: Any, reference: Reference) -> Trends:
-    """Return the trends in their section; None stands for one that was never written.
+def trends_from(section: Any, reference: Reference | None) -> Trends:
+    """Return the trends in their section, None for one that was never written; without a reference to check it only.
 
     Friction and ends begin anew where they were against another reference; the alarms stay until the new trends say
     otherwise.
@@ -44,7 +46,7 @@ def trends_from(section: Any, reference: Reference) -> Trends:
     Raises:
         ValueError: it is not as it was written.
     """
-    against = (reference.source, reference.recorded)
+    against = (reference.source, reference.recorded) if reference is not None else ("", "")
     if section is None:
         return Trends(against)
     if not isinstance(section, dict) or set(section) != {"against", "friction", "ends", "alarms"}:
@@ -53,15 +55,17 @@ def trends_from(section: Any, reference: Reference) -> Trends:
     if not isinstance(alarms, list) or len(alarms) > len(AlarmCause):
         raise ValueError("the alarms are no list of causes")
     found = Trends(against, alarms=tuple([_alarm_from(each) for each in alarms]))
-    if section["against"] != list(against):
-        return found
     friction, ends = section["friction"], section["ends"]
     if not isinstance(friction, dict) or set(friction) != set(_FRICTION):
         raise ValueError("the friction's trend is not as this version writes it")
     none = FrictionTrend()
     trend = replace(none, **{name: value_like(name, getattr(none, name), friction[name]) for name in _FRICTION})
+    if not is_possible(trend):
+        raise ValueError("the friction's trend is none that moves lead to")
     match ends:
         case [float(closed), int(closings), float(opened), int(openings)] if closings >= 0 and openings >= 0:
+            if section["against"] not in ([*against], [against[0], against[1][:_DAY]]):
+                return found
             return replace(found, friction=trend, closed=closed, closings=closings, open=opened, openings=openings)
     raise ValueError("the end positions are not as this version writes them")
 

@@ -1,4 +1,4 @@
-"""What is watched in each cycle: moves, friction, end positions, deviation, a stuck stem; and the alarms. Pure.
+"""What is watched in each cycle: moves, friction, ends, deviation, a stem that is stuck or hunts; and the alarms. Pure.
 
 Everything follows from the instant, the position, the current that acted and the setpoint of each cycle, so that a
 record gives the same digits as the live valve.
@@ -23,6 +23,7 @@ from positioner.values import dataclass, replace
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from positioner.cycle.hunting import Hunting
     from positioner.health.counters import Counters
     from positioner.health.move import Move, MoveSettings
     from positioner.health.observed import ObservedCycle
@@ -146,6 +147,7 @@ def watch_cycle(settings: WatchSettings, watch: Watch, cycle: ObservedCycle, cou
     watch.judged_us = now_us
     setpoint_m = None if settings.testing or cycle.controlled is None else cycle.controlled.setpoint_m
     watched = _watched(settings, watch, position_m, applied_ma, setpoint_m)
+    watched.append(_hunting(settings, cycle.hunting))
     watched += _counted(settings, counters, now_us * 1e-6)
     now_s = counters.total_us * 1e-6
     alarms, watch.changed = judged(watch.trends.alarms, settings.limits, watched, now_s)
@@ -215,6 +217,15 @@ def _counted(settings: WatchSettings, counters: Counters, running_s: float) -> l
         stroke_test,
     ]
     return found if settings.response is None else [*found, settings.response]
+
+
+def _hunting(settings: WatchSettings, hunting: Hunting | None) -> Watched:
+    """Return how far a stem that hunts swings, of the span; 0 of one that does not."""
+    if hunting is None or not hunting.swings.told:
+        return Watched(AlarmCause.HUNTING, 0.0)
+    swings, span_m = hunting.swings, settings.reference.span_m
+    what = f"{swings.count} reversals in {hunting.swung_s:.1f} s around {swings.setpoint_m * 1e3:.1f} mm"
+    return Watched(AlarmCause.HUNTING, swings.mean_m / span_m, 0.0, what)
 
 
 def _stuck(settings: WatchSettings, tracker: MoveTracker, applied_ma: float | None, friction: float) -> Watched:

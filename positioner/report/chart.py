@@ -23,14 +23,15 @@ _HEIGHT = 176.0
 _WIDTHS = {"half": 372.0, "wide": 768.0, "third": 246.0}
 _LEFT, _RIGHT, _TOP, _BOTTOM = 50.0, 10.0, 24.0, 36.0
 _TICK_EVERY_X, _TICK_EVERY_Y = 62.0, 28.0
-_LETTER, _SWATCH = 5.8, 18.0
+_LETTER, _SWATCH, _ROW = 5.8, 18.0, 14.0
 
 
 @dataclass(frozen=True, slots=True)
 class Chart:
     """The layers, the first one at the back; `size` is `half`, `third` or `wide`, a part of the column.
 
-    `names` stand below the axis in place of numbers, at 0, 1, 2.
+    `names` stand below the axis in place of numbers, at 0, 1, 2. from_zero: of the vertical axis; tight: the horizontal
+    one ends with the values, and not at a round number beyond them.
     """
 
     title: str
@@ -40,27 +41,30 @@ class Chart:
     from_zero: bool = False
     size: str = "half"
     names: tuple[str, ...] = ()
+    tight: bool = False
 
     def svg(self) -> Markup:
         """Return the SVG element."""
         width = _WIDTHS[self.size]
-        x, y = self._scales(width)
-        content = [*_axes(self, x, y), *(part for layer in self.layers for part in layer.drawn(x, y))]
-        content += _legend(self.layers, max(len(self.y_label) * _LETTER + 14.0, 40.0))
+        legend, rows = _legend(self.layers, max(len(self.y_label) * _LETTER + 14.0, 40.0), width)
+        x, y = self.scales(_TOP + (rows - 1) * _ROW)
+        content = [*_axes(self, x, y), *(part for layer in self.layers for part in layer.drawn(x, y)), *legend]
         place = f'viewBox="0 0 {width:g} {_HEIGHT:g}" preserveAspectRatio="xMinYMid"'
         head = f'<svg class="chart" {place} role="img" aria-label="{escape(self.title)}">'
         return Markup("\n".join([head, *content, "</svg>"]))  # noqa: S704 - every text in it is escaped
 
-    def _scales(self, width: float) -> tuple[Scale, Scale]:
+    def scales(self, top: float = _TOP) -> tuple[Scale, Scale]:
+        """Return both scales, in the units of the SVG, below `top`."""
+        width = _WIDTHS[self.size]
         is_histogram = any(isinstance(layer, Bars) for layer in self.layers)
         xs = [each for layer in self.layers for each in layer.xs()]
         across = round((width - _LEFT) / _TICK_EVERY_X)
-        x = scale(xs, _LEFT, width - _RIGHT, across, tight=is_histogram)
+        x = scale(xs, _LEFT, width - _RIGHT, across, tight=is_histogram or self.tight)
         if self.names:
             x = Scale(-0.5, len(self.names) - 0.5, _LEFT, width - _RIGHT, 1.0)
         ys = [each for layer in self.layers for each in layer.ys()]
-        up = round((_HEIGHT - _BOTTOM - _TOP) / _TICK_EVERY_Y)
-        return x, scale(ys, _HEIGHT - _BOTTOM, _TOP, up, from_zero=self.from_zero)
+        up = round((_HEIGHT - _BOTTOM - top) / _TICK_EVERY_Y)
+        return x, scale(ys, _HEIGHT - _BOTTOM, top, up, from_zero=self.from_zero)
 
 
 def _axes(chart: Chart, x: Scale, y: Scale) -> Iterator[str]:
@@ -77,10 +81,15 @@ def _axes(chart: Chart, x: Scale, y: Scale) -> Iterator[str]:
     yield text(0.0, 11.0, chart.y_label, "start")
 
 
-def _legend(layers: tuple[Layer, ...], at: float) -> Iterator[str]:
-    """Yield a sign and a name for each layer that has one, in the row above the axes, from the place `at` on."""
+def _legend(layers: tuple[Layer, ...], begin: float, width: float) -> tuple[list[str], int]:
+    """Return a sign and a name for each layer that has one, above the axes from `begin` on, and their rows."""
+    drawn, at, row = list[str](), begin, 0
     for layer in layers:
         if layer.label:
-            yield layer.swatch(at)
-            yield text(at + _SWATCH, 11.0, layer.label, "start")
-            at += _SWATCH + 12.0 + _LETTER * len(layer.label)
+            wide = _SWATCH + 12.0 + _LETTER * len(layer.label)
+            if at > begin and at + wide - 12.0 > width:
+                at, row = begin, row + 1
+            sign, name = layer.swatch(at), text(at + _SWATCH, 11.0, layer.label, "start")
+            drawn.append(f'<g transform="translate(0 {row * _ROW:g})">{sign}{name}</g>' if row else sign + name)
+            at += wide
+    return drawn, row + 1

@@ -56,7 +56,10 @@ class _Points:
 
 @dataclass(frozen=True, slots=True)
 class Line(_Points):
-    """A line through points; `style` is `now`, `reference` or `fit`. A number that is none parts it."""
+    """A line through points; a number that is none parts it.
+
+    style: `now`, `reference` or `fit`; of a loop `opening` and `closing`, its `spring`, and that with `friction`.
+    """
 
     style: str = "now"
 
@@ -88,7 +91,7 @@ class Marks(_Points):
 
 @dataclass(frozen=True, slots=True)
 class Whiskers:
-    """An upright line from `low` to `high` at each place: the interval of a point."""
+    """An upright line from `low` to `high` at each place: the interval of a point; none where an end is no number."""
 
     x: Sequence[float]
     low: Sequence[float]
@@ -106,6 +109,8 @@ class Whiskers:
     def drawn(self, x: Scale, y: Scale) -> Iterator[str]:
         """Yield the upright lines."""
         for across, low, high in zip(self.x, self.low, self.high, strict=True):
+            if not (math.isfinite(low) and math.isfinite(high)):
+                continue
             yield f'<path class="whisker" d="M{x.at(across):.1f} {y.at(low):.1f}V{y.at(high):.1f}"/>'
 
     def swatch(self, at: float) -> str:

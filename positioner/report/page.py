@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from positioner.pictures.colours import INK, REFERENCE, STATUS
+from positioner.pictures.colours import BELIEF, CLOSING, INK, OPENING, REFERENCE, STATUS
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from positioner.report.chart import Chart
     from positioner.report.picture import Picture
     from positioner.report.table import Table
+
+
+_SIDES = {"opening": OPENING, "closing": CLOSING}
 
 
 class Status(Enum):
@@ -111,6 +114,6 @@ def _template() -> Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals["colours"] = {"ink": INK, "reference": REFERENCE, **STATUS}
+    environment.globals["colours"] = {"ink": INK, "reference": REFERENCE, "belief": BELIEF, **_SIDES, **STATUS}
     environment.globals["style"] = Markup(files.get_source(environment, "page.css")[0])  # noqa: S704 - our own file
     return environment.get_template("page.html.j2")

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from positioner.report import words
+from positioner.report.identify_parts import identify_charts, identify_verdict
 from positioner.report.page import Page, Section
 from positioner.report.procedure_section import procedure_section
 from positioner.report.signature_charts import signature_charts, signature_verdict
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
     Document = dict[str, Any]
 
-_UNREADABLE = (KeyError, TypeError, ValueError, AttributeError, IndexError)
+_UNREADABLE = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 """What a document of another version, or a damaged one, leads to."""
 
 
@@ -42,7 +43,7 @@ class Parts:
 
 
 _PARTS = {
-    "identify": Parts("Identification"),
+    "identify": Parts("Identification", identify_charts, verdict=identify_verdict),
     "signature": Parts("Signature", signature_charts, verdict=signature_verdict),
     "step-test": Parts("Step response", step_charts, step_table, verdict=step_verdict),
     "stroke-test": Parts("Partial stroke test", stroke_charts, facts=stroke_facts, verdict=stroke_verdict),
@@ -56,12 +57,18 @@ def parts_of(kind: str) -> Parts:
     return _PARTS.get(kind, Parts(kind.replace("-", " ").capitalize()))
 
 
+def charts_of(kind: str, document: Document, reference: Document | None) -> tuple[Chart, ...]:
+    """Return the figures of a result, over those of an earlier one, None where there is none to compare with."""
+    draw = parts_of(kind).charts
+    return draw(document, reference) if draw else ()
+
+
 def section_of(result: KeptResult, reference: KeptResult | None) -> Section:
     """Return the section of a result, over the reference of its kind; a damaged one says so."""
     parts = parts_of(result.kind)
     before = reference.document if reference is not None and reference.name != result.name else None
     try:
-        charts = parts.charts(result.document, before) if parts.charts else ()
+        charts = charts_of(result.kind, result.document, before)
         tables = (parts.table(result.document),) if parts.table else ()
         facts = parts.facts(result.document, before) if parts.facts else ()
         return procedure_section(parts.title, result, reference, charts, tables, facts)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     Row = dict[str, Any]
 
-UNSEEN = "not shown"
+UNSEEN = words.NOT_MEASURED
 _INTERVAL = "95 % interval"
 _PARTS = ("value", "low", "high")
 _SINCE = ("reference", "change")
@@ -31,7 +31,8 @@ def quantity_table(rows: Sequence[Row], reference: Sequence[Row] | None = None, 
     lines = []
     for row in rows:
         digits, is_seen = decimals[row["unit"]], row.get("seen", True)
-        cells = [str(row["name"]), str(row["unit"]), words.number(row["value"] if is_seen else None, digits)]
+        name = f"{row['name']} ({row['note']})" if row.get("note") else str(row["name"])
+        cells = [name, str(row["unit"]), words.number(row["value"] if is_seen else None, digits)]
         if is_open:
             cells.append(words.interval(row.get("low"), row.get("high"), digits) if is_seen else UNSEEN)
         if reference is not None:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+_BEYOND = 0.03
+"""A value that lies beyond a tick by less than this part of a step needs no other tick: the scale ends with it."""
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
@@ -56,7 +58,8 @@ def scale(
     step = _round_step((high - low) / max(ticks, 1))
     if tight:
         return Scale(low, high, begin, end, step)
-    return Scale(math.floor(low / step + 1e-9) * step, math.ceil(high / step - 1e-9) * step, begin, end, step)
+    first, last = math.floor(low / step + _BEYOND) * step, math.ceil(high / step - _BEYOND) * step
+    return Scale(min(first, low), max(last, high), begin, end, step)
 
 
 def _round_step(least: float) -> float:

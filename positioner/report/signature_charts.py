@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from positioner.report.layers import Layer
 
 _MM = 1e3
+_SIDES = ("closing", "opening")
+_FITTED = {"spring": "spring", "friction": "with friction"}
 
 
 def signature_charts(document: dict[str, Any], reference: dict[str, Any] | None) -> tuple[Chart, ...]:
@@ -22,24 +24,23 @@ def signature_charts(document: dict[str, Any], reference: dict[str, Any] | None)
     friction: list[Layer] = []
     for each, style, label in ((reference, "reference", "reference"), (document, "now", "now")):
         if each is not None:
-            named = label if reference is not None else ""
             for number, line in enumerate(each.get("loop", ())):
-                x = _numbers(line["position_m"], _MM)
-                loops.append(Line(x, _numbers(line["pressure_ma"]), named if number == 0 else "", style))
+                side = _SIDES[line["direction"] > 0.0] if style == "now" else style
+                name = side if style == "now" or number == 0 else ""
+                loops.append(Line(_numbers(line["position_m"], _MM), _numbers(line["pressure_ma"]), name, side))
             places = each["sliding_friction_by_place"]
             x, y = _numbers((row[0] for row in places), _MM), _numbers(row[1] for row in places)
             friction.append(Line(x, y, "sliding" if label == "now" else label, style))
-    for direction, mark, label in ((1.0, "up", "opening"), (-1.0, "down", "closing")):
+    for name, ends in document.get("fitted", {}).items():
+        for number, pressures in enumerate(ends["pressure_ma"]):
+            x, y = _numbers(ends["position_m"], _MM), _numbers(pressures)
+            loops.append(Line(x, y, "" if number else _FITTED[name], name))
+    for direction, mark, label in ((1.0, "up", "static, opening"), (-1.0, "down", "static, closing")):
         chosen = [row for row in document["breakaways"] if row[1] == direction]
         x, y = _numbers((row[0] for row in chosen), _MM), _numbers(row[2] for row in chosen)
         friction.append(Marks(x, y, label, mark))
-    loop = (
-        (Chart("Loop: pressure over travel", "travel, mm", "pressure as current, mA", tuple(loops)),) if loops else ()
-    )
-    return (
-        *loop,
-        Chart("Friction, sliding and at breakaways", "travel, mm", "force, N", tuple(friction), from_zero=True),
-    )
+    loop = (Chart("Loop: pressure, as the current that holds it", "travel, mm", "mA", tuple(loops)),) if loops else ()
+    return (*loop, Chart("Friction along the travel", "travel, mm", "force, N", tuple(friction), from_zero=True))
 
 
 def _numbers(values: Any, factor: float = 1.0) -> Sequence[float]:

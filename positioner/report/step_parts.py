@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
+from positioner.commissioning.step.report import time_decimals
 from positioner.report import words
 from positioner.report.chart import Chart
-from positioner.report.layers import Line
+from positioner.report.layers import Line, Marks
 from positioner.report.page import Status, Verdict
 from positioner.report.table import Table
 
@@ -15,6 +17,9 @@ if TYPE_CHECKING:
 
     from positioner.report.layers import Layer
 
+_PERCENT = 100.0
+_FINE_S = 1e-4
+"""The sample period of a result that does not name it."""
 _FIGURES = (
     ("dead_time_s", "Td, ms", 1e3),
     ("t63_s", "T63, ms", 1e3),
@@ -30,19 +35,24 @@ def step_table(document: dict[str, Any]) -> Table:
     for each in document["sizes"]:
         by_size.setdefault(each["size"], []).append(each)
     head = ("step", "region", "moved", *(name for _, name, _ in _FIGURES))
-    rows = tuple([_row(size, sides) for size, sides in by_size.items()])
-    return Table(head, rows, "Medians by step size, up and down where they differ")
+    period_s = document.get("period_s", _FINE_S)
+    rows = tuple([_row(size, sides, time_decimals(period_s)) for size, sides in by_size.items()])
+    within = f"; times ±{1e3 * document['period_s']:g} ms, the sample period" if "period_s" in document else ""
+    return Table(head, rows, f"Medians by step size, up and down where they differ{within}")
 
 
-def _row(size: float, sides: list[dict[str, Any]]) -> tuple[str, ...]:
+def _row(size: float, sides: list[dict[str, Any]], of_times: int) -> tuple[str, ...]:
     moved, responses = (sum(each[key] for each in sides) for key in ("moved", "responses"))
-    figures = (_of_sides([_figure(each[key]["median"], factor) for each in sides]) for key, _, factor in _FIGURES)
+    figures = (
+        _of_sides([_figure(each[key]["median"], factor, of_times if key.endswith("_s") else 2) for each in sides])
+        for key, _, factor in _FIGURES
+    )
     return (f"{100.0 * size:g} %", str(sides[0]["region"]), f"{moved} of {responses}", *figures)
 
 
-def _figure(value: float | None, factor: float) -> str:
+def _figure(value: float | None, factor: float, most_decimals: int) -> str:
     scaled = None if value is None else value * factor
-    return words.number(scaled, min(words.decimals_of(scaled or 0.0, 3), 2))
+    return words.number(scaled, min(words.decimals_of(scaled or 0.0, 3), most_decimals))
 
 
 def _of_sides(texts: list[str]) -> str:
@@ -52,22 +62,21 @@ def _of_sides(texts: list[str]) -> str:
 def step_charts(document: dict[str, Any], reference: dict[str, Any] | None) -> tuple[Chart, ...]:
     """Return T86 and gain over the size of the step, over those of an earlier test."""
     charts = list(_responses(document))
-    for key, title, label in (
-        ("t86_s", "Response time by step size", "T86, ms"),
-        ("gain", "Travel gain by step size", "gain"),
+    regions = {row["size"]: row["region"] for row in document["sizes"] if row["region"] != "A"}
+    sizes = sorted(regions)
+    names = tuple(f"{_PERCENT * size:g} % {regions[size]}" for size in sizes)
+    for key, title, label, factor in (
+        ("t86_s", "Response time by step size", "T86, ms", 1e3),
+        ("gain", "Travel gain by step size", "gain", 1.0),
     ):
-        factor = 1e3 if key == "t86_s" else 1.0
-        names = tuple(f"{100.0 * each:g} %" for each in sorted({row["size"] for row in document["sizes"]}))
         layers: list[Layer] = []
         if reference is not None:
-            layers.append(_line(reference, names, key, factor, "up", "reference", "reference"))
-        layers.append(_line(document, names, key, factor, "up", "now", "up"))
-        layers.append(_line(document, names, key, factor, "down", "fit", "down"))
-        charts.append(
-            Chart(
-                title, f"step, % of {document.get('input', 'span')}", label, tuple(layers), from_zero=True, names=names
-            )
-        )
+            layers.append(Line(*_medians(reference, sizes, key, factor, "up"), "reference", "reference"))
+        for side, style in (("up", "now"), ("down", "fit")):
+            x, y = _medians(document, sizes, key, factor, side)
+            layers += [Line(x, y, side, style), Marks(x, y, mark=side)]
+        label_x = f"step, % of {document.get('input', 'span')}, and its region"
+        charts.append(Chart(title, label_x, label, tuple(layers), from_zero=True, names=names))
     return tuple(charts)
 
 
@@ -84,7 +93,10 @@ def _responses(document: dict[str, Any]) -> Iterator[Chart]:
                 for each in own
             ]
         if layers:
-            yield Chart(f"Responses to {100.0 * size:g} %", "time, ms", "part of the step", tuple(layers))
+            begin, end = min(layer.xs()[0] for layer in layers), max(layer.xs()[-1] for layer in layers)
+            asked = Line([min(begin, 0.0), 0.0, 0.0, end], [0.0, 0.0, 1.0, 1.0], "the step", "reference")
+            title = f"Responses to {100.0 * size:g} %"
+            yield Chart(title, "time since the step, ms", "part of the step", (asked, *layers), tight=True)
 
 
 def step_verdict(document: dict[str, Any]) -> Verdict | None:
@@ -96,17 +108,10 @@ def step_verdict(document: dict[str, Any]) -> Verdict | None:
     return Verdict(Status.GOOD, "The step test keeps its limits.", "Nothing.") if document.get("limits") else None
 
 
-def _line(
-    document: dict[str, Any], names: Sequence[str], key: str, factor: float, side: str, style: str, label: str
-) -> Line:
-    found = {
-        f"{100.0 * row['size']:g} %": _scaled(row[key]["median"], factor)
-        for row in document["sizes"]
-        if row["direction"] == side
-    }
-    heights = [float("nan") if found.get(name) is None else float(found[name] or 0.0) for name in names]
-    return Line([float(number) for number in range(len(names))], heights, label, style)
-
-
-def _scaled(value: float | None, factor: float) -> float | None:
-    return None if value is None else value * factor
+def _medians(
+    document: dict[str, Any], sizes: Sequence[float], key: str, factor: float, side: str
+) -> tuple[list[float], list[float]]:
+    """Return places and medians of a quantity for these sizes, NaN where there is none."""
+    found = {row["size"]: row[key]["median"] for row in document["sizes"] if row["direction"] == side}
+    medians = [found.get(size) for size in sizes]
+    return [float(at) for at in range(len(sizes))], [math.nan if each is None else factor * each for each in medians]

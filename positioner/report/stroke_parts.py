@@ -22,7 +22,7 @@ def stroke_facts(document: dict[str, Any], reference: dict[str, Any] | None) -> 
     facts = []
     for name, value in document["quantities"].items():
         change = words.change(earlier.get(name), value)
-        told = f"{words.number(value)} {document['units'][name]}" if value is not None else words.NONE
+        told = f"{words.number(value)} {document['units'][name]}" if value is not None else words.NOT_MEASURED
         facts.append((name, told if change == words.NONE else f"{told} ({change})"))
     return tuple(facts)
 

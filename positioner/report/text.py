@@ -19,7 +19,7 @@ Block: TypeAlias = str | Table
 MARKS = re.compile(r"\*\*(?P<strong>.+?)\*\*|`(?P<code>.+?)`")
 _HEADING = re.compile(r"^#+ ")
 _NUMBER = re.compile(r"[-+−±<>=≤≥ ]*\d(?:[^A-Za-zα-ωΑ-Ωµ]| to )*")
-_NO_NUMBER = frozenset({"", "-", "–", "never", "not played", "not shown"})
+_NO_NUMBER = frozenset({"", "-", "–", "never", "not played", "not measured"})
 _GAP = "  "
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
@@ -29,7 +30,9 @@ if TYPE_CHECKING:
     from positioner.report.layers import Layer
 
 _PERCENT, _Z = 100.0, 1.96
-_DAY_S = 86_400.0
+_AGES = (("years", 365.25 * 86_400.0), ("days", 86_400.0), ("hours", 3600.0), ("minutes", 60.0), ("seconds", 1.0))
+"""Units of an age, in s; it is told in the first one of which it has two or more."""
+_FEWEST = 2.0
 _FRICTION = "sliding friction"
 
 
@@ -114,12 +117,16 @@ def friction_chart(
     service: tuple[datetime, Share] | None,
     limits: Mapping[AlarmCause, Limits],
 ) -> Chart | None:
-    """Return the sliding friction of each signature, and that in service, against the reference, by days."""
+    """Return the sliding friction of each signature, and that in service, against the reference, by their age."""
     points = [point for point in map(_point, signatures) if point is not None]
     if not points or len(points) + (service is not None) < 2:  # noqa: PLR2004 - one point is no trend
         return None
     first = points[0][0]
-    days = [(moment - first).total_seconds() / _DAY_S for moment, _, _ in points]
+    ages_s = [(moment - first).total_seconds() for moment, _, _ in points]
+    served_s = max((service[0] - first).total_seconds(), 0.0) if service else 0.0
+    oldest_s = max(*ages_s, served_s)
+    unit, unit_s = next((each for each in _AGES if oldest_s >= _FEWEST * each[1]), _AGES[-1])
+    ages = [age_s / unit_s for age_s in ages_s]
     values = [_PERCENT * (value / reference_n - 1.0) for _, value, _ in points]
     halves = [_PERCENT * half / reference_n for _, _, half in points]
     low = [value - half for value, half in zip(values, halves, strict=True)]
@@ -131,19 +138,17 @@ def friction_chart(
         for level, category in ((each.limit, each.category), (each.serious_limit, each.serious_category))
         if level > 0.0 and category is not Health.GOOD
     ]
-    drawn: list[Layer] = [*layers, Line(days, values), Whiskers(days, low, high), Marks(days, values, "signatures")]
+    drawn: list[Layer] = [*layers, Line(ages, values), Whiskers(ages, low, high), Marks(ages, values, "signatures")]
     if service is not None:
-        moment, share = service
-        at = [max((moment - first).total_seconds() / _DAY_S, 0.0)]
+        share, at = service[1], [served_s / unit_s]
         ends = [_PERCENT * share.low], [_PERCENT * share.high]
         drawn += [Whiskers(at, *ends), Marks(at, [_PERCENT * share.value], "in service", "down")]
-    return Chart(
-        "Sliding friction against the reference", "days since the first signature", "%", tuple(drawn), size="wide"
-    )
+    title = "Sliding friction against the reference"
+    return Chart(title, f"{unit} since the first signature", "%", tuple(drawn), size="wide")
 
 
 def _point(signature: KeptResult) -> tuple[datetime, float, float] | None:
-    """Return date, sliding friction and half its interval in N, None where a damaged result has none."""
+    """Return date, sliding friction and half its interval in N (NaN without one); None for a damaged result."""
     try:
         return signature.recorded, float(signature.document["quantities"]["sliding_n"]), _half(signature.document)
     except (KeyError, TypeError, ValueError):
@@ -153,7 +158,7 @@ def _point(signature: KeptResult) -> tuple[datetime, float, float] | None:
 def _half(document: dict[str, Any]) -> float:
     row = next((each for each in document["rows"] if each["name"] == _FRICTION), None)
     if row is None or row["low"] is None or row["high"] is None:
-        return 0.0
+        return math.nan
     return float(row["high"] - row["low"]) / 2.0
 
 

@@ -34,7 +34,7 @@ class ValveReport:
 
     results: by kind, the newest result and the reference, which may be the same. signatures: all, oldest first.
     service: None where nothing was counted. running: the test procedure that moves the valve now, empty without one.
-    options: of the commands that it names.
+    warnings: what the configuration will not do well. options: of the commands that it names.
     """
 
     valve: str
@@ -46,6 +46,7 @@ class ValveReport:
     facts: tuple[tuple[str, str], ...]
     options: str
     running: str = ""
+    warnings: tuple[str, ...] = ()
 
 
 def valve_page(report: ValveReport) -> Page:
@@ -61,6 +62,8 @@ def valve_page(report: ValveReport) -> Page:
     sections.append(_measured(report, "stroke-test"))
     if "signature" not in report.results:
         sections.append(_measured(report, "identify"))
+    if report.warnings:
+        sections.append(Section("Warnings of the configuration", remarks=report.warnings))
     verdict = verdict_of_valve(report.results, service, report.running, report.options)
     return Page(report.valve, f"Valve report, {words.date(report.made)}", tuple(sections), verdict, report.facts)
 

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from datetime import datetime
 
 NONE = "–"
+NOT_MEASURED = "not measured"
 _THIN = "\N{NARROW NO-BREAK SPACE}"
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from positioner.errors import ConfigurationError, StateError
+from positioner.machine import kept_files
 from positioner.store import file_check, schema
 from positioner.store.file_check import SIDECARS, Fault, TableRejectedError
 
@@ -42,7 +43,7 @@ def create(path: Path, stored: StoredTable) -> None:
         schema.migrate(connection)
         schema.write(connection, None, stored)
     fresh.replace(path)
-    sync_directory(path.parent)
+    kept_files.sync(path.parent)
 
 
 def connect(path: Path) -> sqlite3.Connection:
@@ -90,15 +91,6 @@ def read(path: Path) -> StoredTable:
         if not Path(f"{path}-journal").exists():
             raise TableRejectedError(path, Fault.DAMAGED, f"is damaged: {error}") from error
     return _read_interrupted(path)
-
-
-def sync_directory(directory: Path) -> None:
-    """Make renames in the directory last through a power cut."""
-    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def _read_interrupted(path: Path) -> StoredTable:

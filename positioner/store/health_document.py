@@ -11,11 +11,16 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from dataclasses import dataclass, field
+from datetime import datetime
 from typing import Any
+
+from positioner.health.monitor import check_sections
 
 FORMAT, SCHEMA = "positioner-health", 1
 _KEYS = {"format", "schema", "valve", "generation", "started", "saved", "sections", "sha256"}
+_DATE = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ")
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +56,7 @@ def from_plain(plain: Any) -> HealthDocument:
     """Return the document in an object that `json.loads` has read.
 
     Raises:
-        ValueError: it is none, or not as it was written.
+        ValueError: it is none, or not as it was written, or a section of it cannot be used.
     """
     if not isinstance(plain, dict) or plain.get("format") != FORMAT:
         raise ValueError("is no health of a valve")
@@ -60,9 +65,15 @@ def from_plain(plain: Any) -> HealthDocument:
     content = {key: value for key, value in plain.items() if key != "sha256"}
     if set(plain) != _KEYS or plain["sha256"] != _digest(content):
         raise ValueError("is damaged: its content does not fit its digest")
-    return HealthDocument(
-        plain["valve"], plain["started"], plain["generation"], plain["saved"], dict(plain["sections"])
-    )
+    valve, generation, sections = plain["valve"], plain["generation"], plain["sections"]
+    if not isinstance(valve, str) or type(generation) is not int or generation < 0 or not isinstance(sections, dict):
+        raise ValueError("has an impossible valve, generation or sections")
+    for date in (plain["started"], *filter(None, (plain["saved"],))):
+        if not isinstance(date, str) or not _DATE.fullmatch(date):
+            raise ValueError("has an impossible date")
+        datetime.fromisoformat(date)
+    check_sections(sections)
+    return HealthDocument(valve, plain["started"], generation, plain["saved"], sections)
 
 
 def _digest(content: dict[str, Any]) -> str:

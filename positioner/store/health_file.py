@@ -12,13 +12,14 @@ import os
 import time
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from positioner.errors import StateError
 from positioner.machine import kept_files
 from positioner.store.document import utc_text
 from positioner.store.health_document import HealthDocument, from_plain, to_plain
-from positioner.store.table_directory import BACKUPS, unused
+from positioner.store.table_directory import BACKUPS
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -44,17 +45,9 @@ class HealthFile:
 
     def load(self) -> HealthDocument:
         """Return the newest document that can be used, else a new one that starts now; nothing is written."""
-        found = None
-        for name in _IN_ORDER:
-            try:
-                found = self._read(name)
-            except FileNotFoundError:
-                continue
-            except (*FAILED, TypeError, RecursionError) as error:
-                self._aside.append((name, "damaged"))
-                self._notices.append(f"{self._directory / name}: {getattr(error, 'strerror', None) or error}")
-                continue
-            break
+        with _opened(self._directory) as folder:
+            take = partial(self._taken, folder)
+            found = next(kept_files.used(folder, _IN_ORDER, take, self._reject), None)
         if found is None:
             if self._aside:
                 self._notices.append("the counters of this valve start anew")
@@ -81,7 +74,7 @@ class HealthFile:
         """Return the path of a new backup of the document."""
         place = self._directory / BACKUPS
         place.mkdir(exist_ok=True)
-        path = unused(place, "before-health-reset", ".json")
+        path = kept_files.unused_name(place, "before-health-reset", ".json")
         with _opened(place) as folder:
             kept_files.write(folder, path.name, to_plain(document))
         return path
@@ -91,28 +84,28 @@ class HealthFile:
         notices, self._notices = tuple(self._notices), []
         return notices
 
-    def _read(self, name: str) -> HealthDocument:
-        with _opened(self._directory) as folder:
-            document = from_plain(kept_files.read(folder, name))
-            inode = os.stat(name, dir_fd=folder, follow_symlinks=False).st_ino
+    def _taken(self, folder: int, name: str, plain: dict[str, Any]) -> HealthDocument:
+        document = from_plain(plain)
         if document.valve_id != self._valve_id:
             raise ValueError(f"belongs to valve {document.valve_id!r}, this is {self._valve_id!r}")
         if name == HEALTH:
-            self._inode = inode
+            self._inode = os.stat(name, dir_fd=folder, follow_symlinks=False).st_ino
         return document
+
+    def _reject(self, name: str, error: Exception) -> None:
+        self._aside.append((name, kept_files.DAMAGED))
+        self._notices.append(f"{self._directory / name} {kept_files.why(error)}")
 
     def _clear_the_place(self) -> None:
         """Move files aside that are not ours: those that were not used, and one that somebody has put there since."""
         with suppress(FileNotFoundError):
             newest = os.lstat(self._directory / HEALTH).st_ino
-            if newest != self._inode and (HEALTH, "damaged") not in self._aside:
+            if newest != self._inode and (HEALTH, kept_files.DAMAGED) not in self._aside:
                 self._aside.append((HEALTH, "unexpected"))
         while self._aside:
             name, fault = self._aside[-1]
-            with suppress(FileNotFoundError):
-                aside = unused(self._directory, f"health.{fault}", ".json")
-                (self._directory / name).rename(aside)
-                self._notices.append(f"{self._directory / name}: not used, moved aside to {aside}")
+            moved = kept_files.set_aside(self._directory, name, fault)
+            self._notices += [f"{before}: not used, moved aside to {after}" for before, after in moved]
             self._aside.pop()
 
 
@@ -122,16 +115,23 @@ def read(directory: Path) -> HealthDocument:
     Raises:
         StateError: there is none, or it cannot be read.
     """
-    why = ""
-    for name in _IN_ORDER:
-        try:
-            with _opened(directory) as folder:
-                return from_plain(kept_files.read(folder, name))
-        except FileNotFoundError:
-            continue
-        except (*FAILED, TypeError, RecursionError) as error:
-            why = why or f"{directory / name}: {getattr(error, 'strerror', None) or error}"
-    raise StateError(why or f"{directory}: holds no health of a valve yet: a daemon that runs writes it")
+    wrong: list[str] = []
+    try:
+        with _opened(directory) as folder:
+            taken = kept_files.used(
+                folder,
+                _IN_ORDER,
+                lambda _, plain: from_plain(plain),
+                lambda name, error: wrong.append(f"{directory / name} {kept_files.why(error)}"),
+            )
+            found = next(taken, None)
+    except OSError as error:
+        raise StateError(f"{directory}: cannot be read: {error.strerror}") from error
+    if found is None:
+        raise StateError(
+            wrong[0] if wrong else f"{directory}: holds no health of a valve yet: a running daemon writes it"
+        )
+    return found
 
 
 def _opened(directory: Path) -> AbstractContextManager[int]:

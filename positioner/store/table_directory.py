@@ -5,10 +5,10 @@ from __future__ import annotations
 import errno
 import os
 import sqlite3
-import time
 from typing import TYPE_CHECKING
 
 from positioner.errors import StateError
+from positioner.machine import kept_files
 from positioner.store import database, document, file_check
 from positioner.store.content import StoredTable
 from positioner.store.file_check import Fault, TableRejectedError
@@ -87,12 +87,12 @@ class TableDirectory:
         """Return the path of a new backup of the table, made before a reset or an import (`occasion`)."""
         place = self._directory / BACKUPS
         place.mkdir(exist_ok=True)
-        path = unused(place, f"before-{occasion}", ".json")
+        path = kept_files.unused_name(place, f"before-{occasion}", ".json")
         with path.open("x", encoding="utf-8") as file:
             file.write(document.dumps(stored))
             file.flush()
             os.fsync(file.fileno())
-        database.sync_directory(place)
+        kept_files.sync(place)
         return path
 
     def take_notices(self) -> tuple[str, ...]:
@@ -147,13 +147,9 @@ class TableDirectory:
         self._inode = self._path.stat().st_ino
 
     def _set_aside(self, rejected: TableRejectedError) -> None:
-        aside = unused(self._directory, f"stiction.{rejected.fault}", ".sqlite")
-        for suffix in ("", *file_check.SIDECARS):  # a journal left behind would be rolled back into the next table
-            path = rejected.path.with_name(f"{rejected.path.name}{suffix}")
-            if path.exists():
-                path.rename(self._directory / f"{aside.name}{suffix}")
-                self._notices.append(f"{path} {rejected.detail}: moved aside to {aside}{suffix}")
-        database.sync_directory(self._directory)
+        # a journal left behind would be rolled back into the next table
+        moved = kept_files.set_aside(self._directory, rejected.path.name, rejected.fault, file_check.SIDECARS)
+        self._notices += [f"{before} {rejected.detail}: moved aside to {after}" for before, after in moved]
 
 
 def remedy(error: Exception) -> str:
@@ -168,13 +164,3 @@ def remedy(error: Exception) -> str:
     if code in {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}:
         return f"{why}; close the other program that holds the table"
     return f"{why}; check the disk"
-
-
-def unused(directory: Path, stem: str, suffix: str) -> Path:
-    """Return a path in the directory that no file has: `stem`, the UTC time, a number, `suffix`."""
-    stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
-    names = {path.name for path in directory.iterdir()}
-    number = 1
-    while any(name.startswith(f"{stem}-{stamp}-{number}{suffix}") for name in names):
-        number += 1
-    return directory / f"{stem}-{stamp}-{number}{suffix}"

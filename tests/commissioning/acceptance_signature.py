@@ -171,7 +171,7 @@ def run(case: Case) -> tuple[Case, dict[str, float], bool]:
         "spring rate": found.spring_n_per_m.value / truth.spring_rate_n_per_m,
         "sliding friction by place": worst / fitting_n,
         "hysteresis": found.hysteresis_m / (2.0 * fitting_n / truth.spring_rate_n_per_m),
-        "bench set, upper end": found.bench_set_n(truth.span_m)[1] / upper_n,
+        "bench set, upper end": (found.preload_n.value + found.spring_n_per_m.value * truth.span_m) / upper_n,
         "dynamic error band": found.dynamic_error_band_m / true_band_m(strokes),
     }
     if case.preset == "seated":

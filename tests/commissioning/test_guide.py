@@ -7,14 +7,19 @@ from __future__ import annotations
 
 import argparse
 import gc
+import os
 import re
+import secrets
 import shlex
 import shutil
 import signal
+import subprocess
+import sys
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pytest
 from plant_world import PlantWorld
 
 from plant_emulator.cli.plant_options import add_plant_options, plant_of
@@ -28,8 +33,6 @@ from positioner.wire.messages import HostRequest, Setpoint
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-    import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "commission.md").read_text(encoding="utf-8")
@@ -133,7 +136,7 @@ def test_a_reader_of_the_guide_commissions_a_valve(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     plant, copy, *procedures, run, host, health, report = COMMANDS
-    assert [line.split()[1] for line in procedures] == ["identify", "signature", "step-test"]
+    assert [line.split()[1] for line in procedures] == ["identify", "signature", "step-test", "stroke-test"]
     walk = Walk(tmp_path, monkeypatch, capsys)
     walk.copy(copy)
     walk.plant(plant)
@@ -149,9 +152,12 @@ def test_a_reader_of_the_guide_commissions_a_valve(
     code, output = walk.done(health)
     assert code == ExitCode.OK
     check_shown(health, output)
+    (friction,) = [line for line in output.splitlines() if line.startswith("sliding friction ")]
+    low, high = (float(each) for each in re.findall(r"[-+−]?[\d.]+", friction.replace("−", "-"))[1:3])
+    assert low <= 0.0 <= high, friction  # nothing has changed since the signature
     code, _ = walk.done(report)
     assert code == ExitCode.OK
-    for name in ("signature.html", "step-test.html", "fv101.html"):
+    for name in ("signature.html", "step-test.html", "stroke-test.html", "fv101.html"):
         assert "FV-101" in (tmp_path / name).read_text(encoding="utf-8")
 
 
@@ -161,3 +167,33 @@ def check_shown(line: str, output: str) -> None:
     assert len(labels) > 3, line
     printed = {label_of(each) for each in output.splitlines()}
     assert [label for label in labels if label not in printed] == []
+
+
+@pytest.mark.bus
+def test_in_lockstep_the_guides_emulator_serves_one_procedure_after_another(tmp_path: Path) -> None:
+    channel = f"guide{secrets.token_hex(8)}"
+    text = (ROOT / "examples" / "fv101.toml").read_text(encoding="utf-8")
+    (tmp_path / "fv101.toml").write_text(text.replace('"fv101"', f'"{channel}"'), encoding="utf-8")
+    lockstep = "`--clock lockstep` to the emulator's command of step 1 and to those of steps 2 to 4"
+    assert lockstep in PAGE.replace("\n", " ")
+    plant, copy, *procedures = COMMANDS[:5]
+    assert copy.startswith("cp ")
+    step_test = f"{procedures[-1].partition('--sizes')[0]} --sizes 5 --repeats 1 --wait 1 --ladder 0"
+
+    def words(line: str) -> list[str]:
+        program, *arguments = shlex.split(line.replace("embedded:fv101", f"embedded:{channel}"))
+        return [str(Path(sys.executable).parent / Path(program).name), *arguments, "--clock", "lockstep"]
+
+    environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path / "home")}
+    with subprocess.Popen(words(plant), stderr=subprocess.PIPE, text=True) as emulator:
+        try:
+            assert emulator.stderr is not None
+            assert "waits at sample 1" in emulator.stderr.readline()  # nobody was there for its first reading
+            for _ in range(2):
+                done = subprocess.run(
+                    words(step_test), cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+                )
+                assert done.returncode == ExitCode.OK, done.stderr
+                assert "5 up      1/1" in done.stdout
+        finally:
+            emulator.terminate()

@@ -12,8 +12,9 @@ import pytest
 from plant_emulator import valve as plant_valve
 from plant_emulator.presets import plant_settings
 from positioner.commissioning.experiment import Experiment
+from positioner.commissioning.explained import BREAKAWAYS, STEPS, STROKES, parts_of
 from positioner.commissioning.identify import IdentifyError, identify
-from positioner.commissioning.observed import excess
+from positioner.commissioning.observed import Observed, excess
 from positioner.commissioning.pressure import times_of
 from positioner.commissioning.procedure import ProcedureLaw, ProcedureLimits
 from positioner.commissioning.record import Kind
@@ -62,7 +63,7 @@ def test_the_experiment_has_strokes_breakaways_and_steps_and_ends(memory: Identi
     assert experiment.progress(memory).ended
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="test_a_measured_pressure_shows_lags_and_dead_time_by_itself")
 def test_the_fit_finds_spring_friction_lags_dead_time_and_noise(memory: IdentifyMemory) -> None:
     parts: list[float] = []
     found = identify(memory.stretches, BELIEVED, LIMITS, PERIOD_S, parts.append)
@@ -76,8 +77,57 @@ def test_the_fit_finds_spring_friction_lags_dead_time_and_noise(memory: Identify
     assert found.noise_of_reading.value == 0.0
     truths = {"spring_rate_n_per_m": 52538.0, "static_friction_n": 1707.7, "coulomb_friction_n": 1423.0}
     assert all(getattr(found, name).contains(truth) for name, truth in truths.items())
+    assert found.unexplained == ()
+    assert {each.kind for each in found.parts} == {STROKES, BREAKAWAYS, STEPS}
     assert parts == sorted(parts)
+    assert len(parts) > 10
     assert 0.0 < parts[0] < parts[-1] <= 1.0
+
+
+@pytest.mark.slow(short="test_a_part_of_the_record_is_explained_within_twice_its_noise_and_a_tenth_of_the_friction")
+def test_a_valve_whose_air_is_limited_in_its_rate_is_no_result_and_the_strokes_tell() -> None:
+    """40 kPa/s is 7.7 mA/s: the quickest strokes run at 8 mA/s, and no lag explains them."""
+    settings = plant(fill_time_constant_s=0.05, vent_time_constant_s=0.05, slew_pa_per_s=40e3)
+    memory, _ = experiment_on(settings, Experiment.of(BELIEVED, LIMITS, PERIOD_S), 7)
+    found = identify(memory.stretches, BELIEVED, LIMITS, PERIOD_S)
+    assert {"strokes, opening", "strokes, closing"} < {str(each) for each in found.unexplained}
+    assert abs(found.spring_rate_n_per_m.value / 52538.0 - 1.0) > 0.05
+
+
+def test_a_part_of_the_record_is_explained_within_twice_its_noise_and_a_tenth_of_the_friction() -> None:
+    """Three strokes at places of their own: white noise of 0.1 mm, and an offset of the one that opens."""
+    noise = np.random.default_rng(5).standard_normal((2, 400)) * 1e-4
+    places_m = np.linspace(0.05, 0.09, 400) * np.ones((2, 1))
+    way = np.array([1.0, -1.0])
+
+    def found(off_m: float, friction_m: float) -> list[tuple[str, bool]]:
+        readings_m = places_m + noise + off_m * (way[:, None] > 0.0)
+        slips = Slips(PERIOD_S, way, readings_m, readings_m, 0)
+        each = Observed(slips, np.full((2, 400), 1e4), np.zeros(2), np.ones(2))
+        nothing = Observed(slips, np.zeros((2, 400)), np.zeros(2), np.ones(2))
+        return [(str(one), one.explained) for one in parts_of((each, nothing, nothing), 3 * (places_m.T,), friction_m)]
+
+    assert found(0.0, 0.0) == [("strokes, opening", True), ("strokes, closing", True)]
+    assert found(1.65e-4, 0.0)[0] == ("strokes, opening", True)  # √(1.65² + 1²) = 1.93 σ
+    assert found(1.85e-4, 0.0)[0] == ("strokes, opening", False)
+    assert found(1.85e-4, 0.0)[1] == ("strokes, closing", True)
+    assert found(2.6e-3, 0.027)[0] == ("strokes, opening", True)  # 2 · 0.05 · 27 mm
+    assert found(2.8e-3, 0.027)[0] == ("strokes, opening", False)
+
+
+def test_a_slip_that_the_fitted_valve_makes_too_late_is_told_in_the_slip() -> None:
+    """Both go 5 mm at once, the true one where it was seen, the fitted one 40 ms later; at rest they agree."""
+    number = np.arange(200)
+    readings_m, played_m = (0.05 + 0.005 * (number >= begins) for begins in (100, 110))
+    slips = Slips(PERIOD_S, np.ones(3), *2 * (np.tile(readings_m, (3, 1)),), 0, seen=100)
+    each = Observed(slips, np.full((3, 200), 1e5), np.zeros(3), np.ones(3))
+    nothing = replace(each, weight=np.zeros((3, 200)))
+    parts = parts_of((nothing, nothing, each), 3 * (np.tile(played_m[:, None], (1, 3)),), 0.0)
+    assert [(str(one), one.explained) for one in parts] == [
+        ("steps, at rest before the slip, opening", True),
+        ("steps, in the slip, opening", False),
+        ("steps, after the slip, opening", True),
+    ]
 
 
 def test_a_valve_that_answers_at_once_repeats_its_steps_within_180_s() -> None:

@@ -6,6 +6,7 @@ import gc
 import json
 import re
 import signal
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -18,7 +19,7 @@ from positioner.cli.main import main
 from positioner.cli.stroke_test import stroke_test_of
 from positioner.commissioning import results
 from positioner.commissioning.experiment import Experiment
-from positioner.commissioning.procedure import ProcedureLimits, Progress
+from positioner.commissioning.procedure import ProcedureLimits, Progress, load_remedy
 from positioner.commissioning.stroke.report import as_json
 from positioner.commissioning.stroke.result import stroke_result
 from positioner.config.reader import load_config
@@ -27,7 +28,7 @@ from positioner.host.words import state_in_words
 from positioner.replay.procedure import outcome_in
 from positioner.runtime.procedure_run import ProcedureError, ProcedureRun
 from positioner.runtime.session import RunOptions
-from positioner.wire.messages import CurrentCommand, Health, HostRequest, PositionerStatus, StemPosition
+from positioner.wire.messages import Cause, CurrentCommand, Health, HostRequest, PositionerStatus, StemPosition
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
     from positioner.commissioning.procedure import Procedure
     from positioner.config.schema import Configuration
+    from positioner.laws.law import Observation
 
 PERIOD_S = 0.02
 SPAN_M = 0.127
@@ -94,6 +96,9 @@ def test_the_experiment_runs_in_the_loop_to_its_end_and_the_status_says_function
     health = run.run.sessions[0].health.state
     assert health is not None
     assert health.watch.trends.alarms == ()  # the stem is away from its setpoint for long: nothing pursues it
+    counters = health.counting.so_far
+    assert (sum(counters.deviation), counters.deviation_recent) == (0, ())
+    assert sum(counters.travel) > 100  # one a second
     assert state_in_words(statuses[-1]) == "ACTIVE: a test procedure moves the valve (NE 107: function check)"
     currents = [message.current_ma for message in run.messages(CurrentCommand)]
     assert min(currents) == 4.0
@@ -107,15 +112,120 @@ def test_an_interrupt_brings_the_stem_back_and_a_second_one_ends_it_at_once(tmp_
     run = Run(tmp_path)
     run.until_end(each=lambda number: run.run._stop(2, None) if number == 2_000 else None)
     assert abs(run.where_m - run.start_m) < 0.005 * SPAN_M
-    with pytest.raises(ProcedureError, match="stopped by a person; the stem was brought back"):
+    with pytest.raises(
+        ProcedureError, match=r"^identify: stopped by a person; at the last reading the stem was 0\.\d mm"
+    ):
         run.run.result()
 
 
 def test_a_second_interrupt_ends_it_at_once(tmp_path: Path) -> None:
     run = Run(tmp_path)
     run.until_end(2_010, each=lambda number: run.run._stop(2, None) if number in {2_000, 2_003} else None)
-    with pytest.raises(ProcedureError, match="stopped at once"):
+    told = error_of(run)
+    assert told.startswith("identify: stopped by a person; stopped at once by a second signal; at the last reading")
+    assert distance_mm(told) == pytest.approx(abs(run.where_m - run.start_m) * 1e3, abs=0.5)
+    assert distance_mm(told) > 1.0  # it had not come back, and nothing says that it had
+
+
+class Interrupted:
+    """A procedure in the course of whose decision a signal comes, at this observation of it."""
+
+    def __init__(self, procedure: Procedure[Any], at: int) -> None:
+        self._procedure, self._at, self.seen = procedure, at, 0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._procedure, name)
+
+    def advance(self, memory: Any, observation: Observation) -> tuple[Any, float]:
+        self.seen += 1
+        if self.seen == self._at:
+            signal.raise_signal(signal.SIGTERM)
+        return self._procedure.advance(memory, observation)
+
+
+@pytest.mark.parametrize("at", [1, 2_000])
+def test_a_signal_within_a_cycle_always_ends_the_procedure(tmp_path: Path, at: int) -> None:
+    made: list[Interrupted] = []
+
+    def interrupted(configuration: Configuration) -> Any:
+        limits = ProcedureLimits.of(configuration.valve, configuration.guard)
+        made.append(Interrupted(Experiment.of(configuration.valve, limits, PERIOD_S), at))
+        return made[0]
+
+    run = Run(tmp_path, interrupted)
+    run.run.run()
+    assert at <= made[0].seen < at + 3_000
+    assert abs(run.where_m - run.start_m) < 0.005 * SPAN_M
+    assert error_of(run).startswith("identify: stopped by a person")
+
+
+def test_a_signal_before_it_begins_ends_it(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    run.world.plant_silent = True
+    run.until_end(20, each=lambda number: run.run._stop(2, None) if number == 3 else None)
+    assert error_of(run) == "identify: stopped before it began"
+
+
+def test_nothing_but_a_session_writes_its_state(tmp_path: Path) -> None:
+    run = Run(tmp_path).run
+    (session,) = run.sessions
+    with pytest.raises(AttributeError):
+        session.state = session.state  # type: ignore[misc]
+    run._close()
+
+
+def error_of(run: Run) -> str:
+    with pytest.raises(ProcedureError) as caught:
         run.run.result()
+    return str(caught.value)
+
+
+def distance_mm(told: str) -> float:
+    (found,) = re.findall(r"the stem was (\d+\.\d) mm from its start", told)
+    return float(found)
+
+
+def test_a_procedure_that_raises_has_no_result(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    law: Any = run.run.sessions[0].setup.law
+
+    def fails(*_: Any) -> Any:
+        raise ZeroDivisionError
+
+    def break_it(number: int) -> None:
+        if number == 2_000:
+            object.__setattr__(
+                law, "procedure", SimpleNamespace(advance=fails, begin=law.procedure.begin, name="identify")
+            )
+
+    run.until_end(each=break_it)
+    assert error_of(run).startswith("identify: ")
+
+
+@pytest.mark.parametrize(
+    ("late", "cause", "told"),
+    [
+        (0, Cause.FEEDBACK_STALE, ""),
+        (0, Cause.PERIOD_WRONG, "where other programs kept the machine busy (no cycle of the positioner was late)"),
+        (1, Cause.FEEDBACK_STALE, "where other programs kept the machine busy (1 late cycle and 2 stalls)"),
+        (5, Cause.ACTUATOR_FAILED, "where other programs kept the machine busy (5 late cycles and 2 stalls)"),
+    ],
+)
+def test_an_end_that_a_busy_machine_may_have_caused_names_the_remedy(late: int, cause: Cause, told: str) -> None:
+    found = load_remedy(cause, late, 2 if late else 0)
+    assert found.partition(":")[0] == told
+    for remedy in ("`nice`", "a longer control.sample_period_s", "--clock lockstep") if told else ():
+        assert remedy in found
+
+
+def test_position_frames_at_another_period_end_it_with_the_remedy(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    run.world.period_ns *= 2
+    run.until_end()
+    told = error_of(run)
+    assert told.startswith("identify: the guard reports: period wrong; at the last reading the stem was ")
+    assert told.endswith("--clock lockstep for both")
+    assert distance_mm(told) == pytest.approx(abs(run.where_m - run.start_m) * 1e3, abs=0.5)
 
 
 def test_while_the_record_is_evaluated_an_interrupt_ends_the_command(tmp_path: Path) -> None:
@@ -134,8 +244,9 @@ def test_lost_feedback_ends_it_by_the_guard(tmp_path: Path) -> None:
         run.world.plant_silent = run.world.plant_silent or number == 1_000
 
     run.until_end(each=silence)
-    with pytest.raises(ProcedureError, match="FAILSAFE, feedback stale"):
-        run.run.result()
+    told = error_of(run)
+    assert "ended by the guard: FAILSAFE, feedback stale; at the last reading the stem was " in told
+    assert distance_mm(told) > 1.0
 
 
 def test_a_host_that_disarms_ends_it(tmp_path: Path) -> None:

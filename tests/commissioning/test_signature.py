@@ -29,6 +29,7 @@ from positioner.commissioning.signature_stages import signature_experiment
 from positioner.commissioning.stages import Stroke
 from positioner.errors import ExitCode
 from positioner.guard.settings import GuardSettings
+from positioner.health.reference import reference_of
 from positioner.health.settings import AlarmSettings, Category, HealthTable
 from positioner.report.page import Status
 from positioner.report.quantities import quantity_table
@@ -88,7 +89,8 @@ def test_it_shows_the_plant_s_parameters(preset: str, exact: float) -> None:
     assert worst < 0.02 * exact
     hysteresis_m = 2.0 * truth.coulomb_friction_n / truth.spring_rate_n_per_m
     assert found.hysteresis_m == pytest.approx(hysteresis_m, rel=0.005 * exact)
-    closed_n, open_n = found.bench_set_n(truth.span_m)
+    closed_n = found.preload_n.value
+    open_n = closed_n + found.spring_n_per_m.value * truth.span_m
     upper_n = truth.bench_set_n + truth.spring_rate_n_per_m * truth.span_m
     assert open_n == pytest.approx(upper_n, rel=0.002 * exact)
     assert closed_n == pytest.approx(truth.bench_set_n, abs=0.005 * exact * upper_n)
@@ -115,11 +117,11 @@ def test_stops_are_found_and_the_seat_load_is_preload_less_pressure() -> None:
     graphite, _ = well_measured("graphite")
     assert graphite.open_m == pytest.approx(0.03, abs=5e-5)
     assert math.isnan(graphite.closed_m)
-    assert graphite.seat_load_n == 0.0
+    assert math.isnan(graphite.seat_load_n), "no stroke met the closed stop"
     assert any("met the open stop, at 30.0" in line for line in remarks(graphite, believed("graphite")))
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="test_a_lag_is_exact_and_a_mean_skips_lost_readings")
 def test_a_lag_that_is_configured_or_a_pressure_that_is_measured_does_not_look_like_friction() -> None:
     lag = {"fill_time_constant_s": 0.1, "vent_time_constant_s": 0.1}
     told = replace(believed("paper"), actuator=ActuatorParameters(**lag))
@@ -133,7 +135,7 @@ def test_a_lag_that_is_configured_or_a_pressure_that_is_measured_does_not_look_l
     assert blind.sliding_n.value == pytest.approx(truth_n + 0.1 * 333.637, rel=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="test_where_a_stem_sticks_again_and_again_quick_strokes_show_the_friction_by_place")
 def test_friction_by_place_follows_the_friction_of_the_place() -> None:
     found, settings = measured(
         "friction-by-place", LOW, believed("paper"), packing={"place_fraction": 0.05, "direction_fraction": 0.0}
@@ -157,7 +159,7 @@ def test_where_a_stem_sticks_again_and_again_quick_strokes_show_the_friction_by_
     assert len({each.rate_ma_per_s for each in stages if isinstance(each, Stroke) and each.records}) == 1
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="test_the_error_band_is_that_of_the_loop_that_4_to_20_ma_drive")
 def test_the_error_band_contains_the_lag_and_the_friction_does_not() -> None:
     # 100 ms of lag make the band 1.3 mm of 10 mm wider; over the pressure it would be missing
     _, errors, _ = run(Case("graphite", 210))
@@ -175,6 +177,48 @@ def test_a_valve_that_does_not_move_shows_no_signature() -> None:
         signature(short, valve, limits, PERIOD_S)
 
 
+def test_what_the_strokes_did_not_show_has_no_value_and_what_lies_beyond_them_is_extrapolated() -> None:
+    found, valve = well_measured("paper")[0], believed("paper")
+    document = as_json(found, valve, "bar")
+    told = {row["name"]: row for row in document["rows"]}
+    assert told["seat load"] == {
+        "name": "seat load",
+        "unit": "N",
+        "value": None,
+        "low": None,
+        "high": None,
+        "seen": False,
+        "note": "",
+    }
+    cells = {row[0]: row[2:] for row in quantity_table(document["rows"]).rows}
+    assert cells["seat load"] == ("–", "not measured")
+    ends = [told[f"bench set, at {part} %"] for part in (0, 100)]
+    assert [each["note"] for each in ends] == ["extrapolated"] * 2, "it slid over 52 to 100 mm of 0 to 127"
+    assert ends[1]["low"] <= 1.0343 <= ends[1]["high"], "52538 N/m times 127 mm over 645.2 cm²"
+    assert f"{cells['bench set, at 100 % (extrapolated)'][0]}" == "1.034"
+    reached = replace(found, reached_m=(-1e-4, 0.127), closed_m=0.0, seat_load_n=310.0)
+    rows = {row["name"]: row for row in as_json(reached, valve, "bar")["rows"]}
+    assert [rows[f"bench set, at {part} %"]["note"] for part in (0, 100)] == ["", ""]
+    assert rows["seat load"]["value"] == 310.0
+    assert json.dumps(document, allow_nan=False)
+
+
+def test_a_static_friction_that_no_breakaway_has_shown_is_neither_told_nor_compared() -> None:
+    valve, (found, _) = believed("paper"), well_measured("paper")
+    blind = replace(found, static_n=Interval(9e9, 9e9, 9e9, seen=False), breakaways=())
+    document = as_json(blind, valve, "bar")
+    assert document["quantities"]["static_n"] is None
+    assert {row[0]: row[2:] for row in quantity_table(document["rows"]).rows}["static friction"] == (
+        "–",
+        "not measured",
+    )
+    health, span_m = HealthTable(), valve.span_m
+    assert beyond_limits(blind, as_json(found, valve, "bar"), health, span_m) == ()
+    assert beyond_limits(found, document, health, span_m) == ()
+    reference = reference_of(valve, signature=("2026-01-01T00:00:00Z", document))
+    assert reference.static_n == valve.static_friction_n, "as configured"
+
+
 def test_a_change_since_the_reference_is_told() -> None:
     valve = believed("paper")
     before, _ = well_measured("paper")
@@ -182,7 +226,7 @@ def test_a_change_since_the_reference_is_told() -> None:
     table = quantity_table(as_json(after, valve, "bar")["rows"], as_json(before, valve, "psi")["rows"])
     changes = {cells[:2]: cells[-1] for cells in table.rows}
     assert changes["sliding friction", "N"] == changes["static friction", "N"] == "+20.0\N{NARROW NO-BREAK SPACE}%"
-    assert changes["bench set, at 100 %", "bar"] == "–", "the reference has it in another unit"
+    assert changes["bench set, at 100 % (extrapolated)", "bar"] == "–", "the reference has it in another unit"
 
 
 def test_a_reference_that_is_none_is_refused_before_anything_moves(

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from step_plant import CLEAN, HIGH, LOW, STARTS_M, Played, make_test, play
 
+from positioner.commissioning.step.curves import curves
 from positioner.commissioning.step.limits import StepTestSettings, broken
 from positioner.commissioning.step.memory import StepMemory, repeats_needed
 from positioner.commissioning.step.plan import wait_s_of
@@ -133,6 +134,49 @@ def test_in_open_loop_the_times_are_those_of_the_poles() -> None:
         assert row.spread("overshoot").high < 0.005
         slides_m = (16.0 * row.size * 333.637 - 2.0 * BREAKAWAY_C) / 52538.0
         assert row.spread("gain").median == pytest.approx(slides_m / (row.size * SPAN_M), rel=0.01)
+
+
+def test_a_curve_begins_before_the_step_and_ends_after_two_and_a_half_t86() -> None:
+    played, result = open_loop()
+    found = curves(played.memory.responses, result)
+    assert [each["size"] for each in found] == [each.size for each in played.memory.responses]
+    for each, response in zip(found, played.memory.responses, strict=True):
+        times = np.array(each["time_s"])
+        if result.regions[response.size] == "A":
+            assert times[-1] == pytest.approx(0.5, abs=0.02), "the whole wait, where nothing moved"
+            continue
+        assert np.diff(times) == pytest.approx(np.full(len(times) - 1, 1e-3), abs=1e-9)
+        t86_s = max(row.spread("t86_s").median for row in result.rows if row.size == response.size)
+        assert times[-1] == pytest.approx(2.5 * t86_s, abs=2e-3)
+        assert times[0] == pytest.approx(-0.25 * 2.5 * t86_s, abs=2e-3)
+        before = np.array(each["part"])[times < 0.0]
+        assert float(np.abs(before.mean())) < 0.01, "at rest"
+        truth = np.array(response.measured_m)[: len(times) - len(before)]
+        parts = response.direction * (truth - response.before_m) / abs(response.final_m - response.before_m)
+        assert np.array(each["part"])[times >= 0.0] == pytest.approx(parts, abs=1e-4)
+
+
+@pytest.mark.parametrize("part", [0.632, 0.865])
+def test_between_two_readings_an_instant_has_the_uncertainty_of_the_sampling(part: float) -> None:
+    # a stem that slips between two readings: the instant is anywhere between them
+    phases = np.linspace(0.01, 0.99, 99)
+    jumps = [np.where(np.arange(200) >= 20.0 + phase, 1.0, 0.0) for phase in phases]
+    errors = [abs(instant(each, part, 1.0, 0.0) - 20.0 - phase) for each, phase in zip(jumps, phases, strict=True)]
+    assert 0.6 < max(errors) < 1.0
+
+
+def test_a_time_is_told_with_its_uncertainty_and_the_repeats_where_they_differ_by_more() -> None:
+    spread, near = Spread(0.0121, 0.0118, 0.0245, 3), Spread(0.00031, 0.0, 0.00049, 3)
+    nothing = Spread.of([])
+    row = SizeRow(0.02, 1.0, 3, 3, (near, near, spread, nothing, Spread(0.01, 0.0, 0.2, 3), Spread(1.0, 0.9, 1.1, 3)))
+    cells = {
+        period_s: size_rows(replace(open_loop()[1], rows=(row,), regions={0.02: "C"}, period_s=period_s))[0][3:]
+        for period_s in (0.005, 0.0001, 0.02)
+    }
+    assert cells[0.005] == (*("0.3 ±5",) * 2, "12.1 ±5 (11.8–24.5)", "–", "1.00 (0.00–20.0)", "1.00 (0.90–1.10)")
+    assert cells[0.0001][1:3] == ("0.31 ±0.1 (0.00–0.49)", "12.10 ±0.1 (11.80–24.50)")
+    assert cells[0.02][1:3] == ("0 ±20", "12 ±20")
+    assert as_json(open_loop()[1], "v", ())["time_uncertainty_s"] == 0.001
 
 
 def test_a_step_inside_the_dead_band_moves_nothing_and_is_in_region_a() -> None:

@@ -67,7 +67,7 @@ class Run:
         self.run._close()
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="commissioning/test_step.py::test_in_closed_loop_the_figures_are_those_of_the_true_positions")
 @pytest.mark.parametrize("law", ["nmpc", "hold"])
 def test_the_record_gives_the_same_figures_to_the_last_digit(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], law: str
@@ -102,8 +102,12 @@ def test_a_limit_that_is_broken_is_told_and_ends_with_status_1(
     path = written(tmp_path, step_test={"gain_error": 1e-9, "t86_s": 60.0})
     capsys.readouterr()
     command = ["step-test", "--config", str(path), "--from", str(run.log), *OPTIONS]
-    assert main(command) == ExitCode.FAILURE
+    assert main([*command, "--picture", str(tmp_path / "step.svg")]) == ExitCode.FAILURE
     lines = capsys.readouterr().out.splitlines()
+    drawn = (tmp_path / "step.svg").read_text(encoding="utf-8")
+    for words in ("Responses to 5 %", "time since the step, ms", "5 % C"):
+        assert words in drawn
+    assert any(line.startswith("Median ± sample period (least to largest of the repeats") for line in lines)
     assert lines[0] == "FV-101: step response test, closed loop with nmpc: a limit is broken"
     assert [line.split(" at")[0] for line in lines[2:4]] == ["- limit broken: travel gain"] * 2
     assert main([*command, "--repeats", "2"]) == ExitCode.IO
@@ -113,7 +117,7 @@ def test_a_limit_that_is_broken_is_told_and_ends_with_status_1(
 def test_an_interrupt_brings_the_stem_back(tmp_path: Path) -> None:
     run = Run(tmp_path, OPTIONS)
     run.until_end(lambda number: run.run._stop(2, None) if number == 400 else None)
-    with pytest.raises(ProcedureError, match="step-test: stopped by a person; the stem was brought back"):
+    with pytest.raises(ProcedureError, match="step-test: stopped by a person; at the last reading the stem was 0"):
         run.run.result()
     assert run.world.device.plant.stem.position_m == pytest.approx(0.075, abs=0.006 * SPAN_M)
 

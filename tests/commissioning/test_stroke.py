@@ -7,20 +7,25 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from daemon_helpers import write_configuration
 from slow_cases import slow
 from stroke_runs import Played, configured, play
 
 from plant_emulator.presets import plant_settings
+from positioner.bus.address import BusAddress
+from positioner.cli.main import main
 from positioner.cli.stroke_test import stroke_test_of
 from positioner.commissioning.stroke.memory import Cause, Phase
 from positioner.commissioning.stroke.report import NO_CREDIT, as_json, compared, remarks, rows, verdict_line
 from positioner.commissioning.stroke.result import Limit, StrokeResult, Verdict
-from positioner.errors import ConfigurationError
+from positioner.errors import ConfigurationError, ExitCode
 from positioner.laws.law import Observation
 from positioner.report.quantities import quantity_table
 from positioner.wire.messages import HostRequest, ManualCurrent, Setpoint
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from positioner.wire.messages import Message
 
 PERIOD_S = 0.01
@@ -160,11 +165,15 @@ def test_a_stroke_shorter_than_the_natural_jump_is_predicted_and_told() -> None:
 
 
 @pytest.mark.parametrize(
-    ("stroke", "text"),
-    [({"stroke_of_span": 0.5}, "cannot take the stem to 16.5 mm"), ({"direction": "opening"}, "would end at a stop")],
+    ("stroke", "start_m", "text"),
+    [
+        ({"stroke_of_span": 0.5}, 0.08, "cannot take the stem to 16.5 mm"),
+        ({"direction": "opening", "approach": False}, 0.13, "would end at a stop: begin elsewhere"),
+    ],
 )
-def test_a_stroke_that_cannot_be_done_here_moves_nothing(stroke: dict[str, Any], text: str) -> None:
-    start_m = 0.08 if "stroke_of_span" in stroke else 0.13
+def test_a_stroke_that_can_be_done_nowhere_or_may_not_be_elsewhere_moves_nothing(
+    stroke: dict[str, Any], start_m: float, text: str
+) -> None:
     valve = {"initial_position_m": start_m}
     played = play(configured(stroke_test=stroke), plant_settings("noise-free", {"valve": valve}))
     assert played.result is not None
@@ -174,9 +183,58 @@ def test_a_stroke_that_cannot_be_done_here_moves_nothing(stroke: dict[str, Any],
     assert max(played.stem_m) == min(played.stem_m) == start_m
 
 
+LOW_M, HIGH_M = 0.0652, 0.1000
+"""Where a stroke of 12.7 mm can begin, closing: its end not below (4 mA·B + F_c)/K, its start not above
+(20 mA·B - F_c)/K. Opening, the upper end is a stroke lower."""
+
+
+@pytest.mark.parametrize(
+    ("start_m", "stroke", "goal_m", "left_m"),
+    [
+        (0.010, {}, LOW_M + 0.00635, LOW_M + 0.00635),  # 4 mA do not bring it back
+        (0.060, {}, LOW_M + 0.00635, 0.060),
+        (0.095, {"direction": "opening"}, HIGH_M - 0.0127 - 0.00635, 0.095),
+    ],
+    ids=["the guide's", "near the lower end", "near the upper end"],
+)
+def test_a_valve_whose_stroke_is_not_possible_here_moves_to_where_it_is_and_back_as_far_as_it_can(
+    start_m: float, stroke: dict[str, Any], goal_m: float, left_m: float
+) -> None:
+    played, found = stroked(valve={"initial_position_m": start_m}, stroke=stroke)
+    assert found.verdict is Verdict.PASSED
+    assert found.found_m == pytest.approx(start_m, abs=1e-4)
+    assert found.start_m == pytest.approx(goal_m, abs=0.01 * 0.127)
+    assert found.static_n == pytest.approx(STATIC_N, rel=0.004)
+    assert abs(found.back_m - found.start_m) < 0.005 * 0.127
+    assert found.left_m == pytest.approx(played.stem_m[-1], abs=2e-4)
+    assert played.stem_m[-1] == pytest.approx(left_m, abs=0.01 * 0.127)
+    assert remarks(found)[0].startswith(f"first moved from {start_m * 1e3:.1f} mm to ")
+
+
+def test_a_person_who_stops_the_way_to_the_start_of_the_stroke_ends_it_and_a_host_gets_its_setpoint() -> None:
+    valve = {"initial_position_m": 0.060}
+    played, found = stroked(valve=valve, after=lambda number: number == 230)
+    assert found.verdict is Verdict.ABORTED
+    assert found.cause == "stopped by the guard or a person"
+    assert played.stem_m[-1] == pytest.approx(0.060, abs=0.01 * 0.127)
+    host = Host(230, Setpoint(0.09))
+    held = [Setpoint(0.060)]
+    played, found = stroked(valve=valve, host=lambda n: host(n) if n >= 230 else (held if n % 10 == 0 else ()))
+    assert found.cause == "new setpoint"
+    assert played.stem_m[-1] == pytest.approx(0.09, abs=0.01 * 0.127)
+
+
+def test_a_host_that_holds_the_old_place_does_not_end_a_test_that_began_elsewhere() -> None:
+    _, found = stroked(
+        valve={"initial_position_m": 0.060}, host=lambda number: (Setpoint(0.060),) if number % 10 == 0 else ()
+    )
+    assert found.verdict is Verdict.PASSED
+
+
 def test_a_stroke_beyond_the_limit_ends() -> None:
     """The spring is half as stiff as configured: the stem runs ahead."""
-    _, found = stroked(valve={"spring_rate_n_per_m": 0.5 * SPRING_N_PER_M})
+    valve = {"spring_rate_n_per_m": 0.5 * SPRING_N_PER_M, "initial_position_m": 0.064}
+    _, found = stroked(valve=valve, stroke={"stroke_of_span": 0.08, "direction": "opening"})
     assert found.stop is not None
     assert found.stop.cause in {Cause.BEYOND, Cause.OFF_COURSE}
 
@@ -300,6 +358,22 @@ def test_the_report_names_verdict_values_and_what_the_test_does_not_show() -> No
     changes = {cells[0]: cells[-1] for cells in table.rows if cells[-1] != "–"}
     assert list(changes) == ["breakaway, mean", "lag", "time out", "time back"]
     assert float(changes["breakaway, mean"].rstrip("%")) == pytest.approx(10.0, abs=0.3)
+
+
+def test_the_picture_has_travel_and_current_of_the_stroke(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    played, _ = stroked()
+    monkeypatch.setattr("positioner.cli.stroke_test.outcome_of", lambda *_: (played.memory, ""))
+    path = write_configuration(tmp_path, BusAddress(interface="virtual", channel="none"))
+    assert (
+        main(["stroke-test", "--config", str(path), "--yes", "--picture", str(tmp_path / "stroke.png")]) == ExitCode.OK
+    )
+    assert f"picture: {tmp_path / 'stroke.png'}\n" in capsys.readouterr().err
+    assert (tmp_path / "stroke.png").read_bytes()[:4] == b"\x89PNG"
+    drawn = (tmp_path / "stroke.svg").read_text(encoding="utf-8")
+    for words in ("FV-101: stroke test passed", "Travel during the stroke", "Current during the stroke", "time, s"):
+        assert words in drawn
 
 
 def test_what_a_test_did_not_come_to_is_not_known() -> None:

@@ -8,7 +8,7 @@ from acceptance_alarms import judged, play
 from positioner.health.causes import AlarmCause
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="test_the_runner_counts_what_is_missed_and_what_is_called_friction_wrongly")
 @pytest.mark.parametrize(
     ("kind", "cause"),
     [

@@ -176,6 +176,16 @@ def test_the_time_of_a_test_procedure_is_function_check_and_not_active() -> None
     assert as_values(testing, counters)["function_check_s"] == pytest.approx(0.3)
 
 
+@pytest.mark.parametrize("testing", [False, True])
+def test_a_test_procedure_leaves_no_sample_in_the_deviation_and_its_travel_counts(testing: bool) -> None:
+    counting = begin(Counters())
+    for number in range(300):
+        count(replace(SETTINGS, testing=testing), counting, cycle(number, 0.05, stuck=True))
+    counters = counting.so_far
+    assert (sum(counters.deviation), len(counters.deviation_recent)) == ((0, 0) if testing else (2, 2))
+    assert sum(counters.travel) == 2
+
+
 def test_a_histogram_shows_the_classes_from_the_first_to_the_last_that_hold_something() -> None:
     travel, spans = [0] * 22, [0] * 21
     travel[0], travel[2], travel[21], spans[20] = 15, 30, 7, 1

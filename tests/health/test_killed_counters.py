@@ -11,7 +11,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-@pytest.mark.slow
+@pytest.mark.slow(
+    short="health/test_killed_daemon.py::test_what_a_killed_daemon_had_handed_over_is_kept_and_is_what_its_record_gives"
+)
 def test_kept_counters_are_exactly_those_of_the_cycles_over_kills(tmp_path: Path) -> None:
     real = real_run(tmp_path / "run", 1200, lockstep=True)
     lives = Lives(tmp_path / "lives", real, seed=5)

@@ -110,6 +110,17 @@ def test_trends_are_kept_and_begin_anew_against_another_reference() -> None:
     assert trends_from(None, REFERENCE) == Trends(("identify", "2026-01-01"))
 
 
+def test_a_reference_of_which_only_the_day_was_kept_goes_on_and_one_of_another_instant_begins_anew() -> None:
+    watch, _ = watched(Stem(friction=1.3), pushes(60))
+    kept = json.loads(json.dumps(trends_in(replace(watch.trends, against=("identify", "2026-01-01")))))
+    morning = replace(REFERENCE, recorded="2026-01-01T08:15:00Z")
+    found = trends_from(kept, morning)
+    assert found == replace(watch.trends, against=("identify", "2026-01-01T08:15:00Z"))
+    kept = json.loads(json.dumps(trends_in(found)))
+    assert trends_from(kept, morning).friction.moves == watch.trends.friction.moves > 0
+    assert trends_from(kept, replace(REFERENCE, recorded="2026-01-01T16:15:00Z")).friction.moves == 0
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -138,6 +149,16 @@ def test_the_trends_are_told_in_words_and_for_programs() -> None:
 
 
 VALVE = ValveParameters(id="FV-101")
+
+
+def test_a_change_that_no_move_has_shown_is_none_and_not_zero() -> None:
+    told = trends_as_json(SETTINGS_OF, Trends(("identify", "2026-01-01")))
+    assert set(told["changes"].values()) == {None}
+    assert told["ends"] == {name: {"value": None, "seen": 0} for name in ("closed", "open")}
+    watch, _ = watched(Stem(friction=1.3), pushes(60))
+    assert trends_as_json(SETTINGS_OF, watch.trends)["changes"]["sliding_friction"]["value"] == pytest.approx(
+        0.3, abs=0.05
+    )
 
 
 def test_the_reference_is_the_signature_else_the_identification_else_the_configuration() -> None:

@@ -9,18 +9,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+import report_samples as samples
 from matplotlib.figure import Figure
+from picture_checks import check
 
 from positioner.bench.metrics import Trace, dwell_metrics, totals
 from positioner.bench.modes import ModeSpan
 from positioner.bench.report_page import bench_page
 from positioner.bench.result import Result, RunInfo, TableSummary
 from positioner.bench.scenario import parse_scenario
+from positioner.cli.chart_picture import figure_of
 from positioner.cli.main import build_parser
 from positioner.cli.run_report import command_again
 from positioner.pictures.files import save
+from positioner.report.chart import Chart
+from positioner.report.layers import Line, Marks
 from positioner.report.page import Page, Section, html
 from positioner.report.picture import Picture
+from positioner.report.procedure_page import charts_of
 from positioner.wire.messages import Cause, Mode
 
 if TYPE_CHECKING:
@@ -73,6 +79,63 @@ def test_a_picture_is_inside_the_page_without_what_would_reach_beyond_it(tmp_pat
     names = re.findall(r' id="([^"]*)"', page)
     assert names
     assert all(f"#{name}" in page for name in names)
+
+
+DOCUMENTS = {
+    "signature": (samples.SIGNATURE, samples.signature(1.27)),
+    "step-test": (samples.step_test(), samples.step_test(1.3)),
+    "stroke-test": (samples.stroke_test(), samples.stroke_test(friction=1.2)),
+}
+
+
+@pytest.mark.parametrize("kind", DOCUMENTS)
+@pytest.mark.parametrize("compared", [False, True], ids=["alone", "over a reference"])
+def test_the_picture_of_a_procedure_has_the_figures_of_its_page_and_can_be_read(kind: str, compared: bool) -> None:
+    before, now = DOCUMENTS[kind]
+    charts = charts_of(kind, now, before if compared else None)
+    figure = figure_of("FV-101: a title", charts)
+    check(figure)
+    assert len(figure.axes) == len(charts) > 1
+    for panel, chart in zip(figure.axes, charts, strict=True):
+        drawn = [(np.asarray(line.get_xdata()), np.asarray(line.get_ydata())) for line in panel.get_lines()]
+        wanted = [(np.asarray(each.x), np.asarray(each.y)) for each in chart.layers if isinstance(each, Line | Marks)]
+        np.testing.assert_equal(drawn, wanted)
+        page = re.findall(r">([^<>]+)</text>", chart.svg())
+        shown = [*panel.get_xticklabels(), *panel.get_yticklabels(), panel.xaxis.label]
+        assert {text.get_text() for text in shown} | {chart.y_label} <= set(page)
+        legend = panel.get_legend()
+        names = [text.get_text() for text in legend.get_texts()] if legend else []
+        assert names == [each.label for each in chart.layers if each.label]
+        assert panel.get_xscale() == panel.get_yscale() == "linear"
+
+
+def test_the_responses_are_shown_from_before_the_step_to_its_end_over_a_linear_time() -> None:
+    first = charts_of("step-test", samples.step_test(), None)[0]
+    x, _ = first.scales()
+    assert (x.low, x.high) == (-14.0, 56.0), "the axis ends with the curves"
+    asked = first.layers[0]
+    assert isinstance(asked, Line)
+    assert (asked.x, asked.y) == ([-14.0, 0.0, 0.0, 56.0], [0.0, 0.0, 1.0, 1.0])
+
+
+def test_sizes_that_moved_nothing_take_no_room_and_one_that_did_is_seen_alone() -> None:
+    document = samples.step_test()
+    *_, times, gains = charts_of("step-test", document, None)
+    assert times.names == gains.names == ("0.5 % B", "1 % C", "2 % C", "5 % C", "10 % C")
+    document["sizes"] = document["sizes"][-2:]
+    *_, times, _ = charts_of("step-test", document, None)
+    assert [len(each.x) for each in times.layers if isinstance(each, Marks)] == [1, 1]
+
+
+def test_a_legend_that_is_too_long_goes_on_in_a_second_row_above_the_axes() -> None:
+    names = ("reference", "opening", "closing", "with a very long name", "and another one")
+    chart = Chart("t", "x", "y", tuple(Line([0.0, 1.0], [0.0, 1.0], name) for name in names))
+    text = chart.svg()
+    assert text.count('<g transform="translate(0 14)">') == 2
+    first = replace(chart, layers=chart.layers[:3]).svg()
+    assert "translate" not in first
+    levels = [[float(y) for y in re.findall(r'class="grid" d="M50 ([\d.]+)H', each)] for each in (text, first)]
+    assert min(levels[0]) == pytest.approx(min(levels[1]) + 14.0)
 
 
 def test_what_is_no_svg_is_no_picture() -> None:

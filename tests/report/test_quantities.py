@@ -1,4 +1,4 @@
-"""Measured quantities as a table: digits, intervals, what was not shown, the change since a reference."""
+"""Measured quantities as a table: digits, intervals, what was not measured, the change since a reference."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def test_a_value_of_nothing_has_the_digits_of_its_interval() -> None:
     assert quantity_table([row("band", "%", 0.0, None, None)]).rows == (("band", "%", "0"),)
 
 
-def test_what_was_not_shown_has_no_value() -> None:
+def test_what_was_not_measured_has_no_value() -> None:
     table = quantity_table([SPRING, row("Stribeck velocity", "mm/s", 0.254, 0.0, None, seen=False)])
-    assert table.rows[1][2:] == ("–", "not shown")
+    assert table.rows[1][2:] == ("–", "not measured")
 
 
 def test_a_change_is_in_percent_of_the_reference_in_the_same_unit() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import timedelta
 from typing import TYPE_CHECKING
 
 import pytest
@@ -11,7 +12,7 @@ from positioner.health.alarms import Alarm
 from positioner.health.causes import AlarmCause
 from positioner.report.layers import Limit, Line, Marks, Whiskers
 from positioner.report.page import Status
-from positioner.report.trend_sections import alarm_section, trend_section, verdict_of_alarm
+from positioner.report.trend_sections import alarm_section, friction_chart, trend_section, verdict_of_alarm
 from positioner.report.valve_verdict import verdict_of_valve
 from positioner.wire.messages import Health
 
@@ -95,6 +96,44 @@ def test_the_trend_is_drawn_against_the_reference_with_its_limits_and_intervals(
     in_service = [each for each in layers if isinstance(each, Marks)][-1]
     assert in_service.y == pytest.approx([27.0], abs=0.1)
     assert section.tables[0].rows[0][:2] == ("sliding friction", "+27.0 %")
+
+
+@pytest.mark.parametrize(
+    ("apart", "unit", "last"),
+    [
+        (timedelta(seconds=90), "seconds", 90.0),
+        (timedelta(minutes=7), "minutes", 7.0),
+        (timedelta(hours=47), "hours", 47.0),
+        (timedelta(days=48.0), "days", 48.0),
+        (timedelta(days=4 * 365.25), "years", 4.0),
+    ],
+)
+def test_the_axis_of_the_trend_fits_the_age(apart: timedelta, unit: str, last: float) -> None:
+    signatures = [
+        samples.result("signature", samples.signature(), name, samples.MOMENT + part * apart)
+        for name, part in (("a", 0.0), ("b", 1.0))
+    ]
+    service = samples.service(0.0)
+    chart = friction_chart(signatures, 1423.0, None, service.watch.limits)
+    assert chart is not None
+    assert chart.x_label == f"{unit} since the first signature"
+    (line,) = (each for each in chart.layers if isinstance(each, Line))
+    assert line.x == pytest.approx([0.0, last])
+
+
+def test_a_signature_without_an_interval_has_no_whisker() -> None:
+    document = samples.signature() | {"rows": []}
+    signatures = [
+        samples.result("signature", document, name, moment)
+        for name, moment in (("a", samples.MOMENT), ("b", samples.LATER))
+    ]
+    chart = friction_chart(signatures, 1423.0, None, samples.service(0.0).watch.limits)
+    assert chart is not None
+    assert "whisker" not in chart.svg()
+
+
+def test_the_reference_is_told_with_its_time() -> None:
+    assert trend_section(samples.service(0.0), ()).since == "against the signature of 9 Mar 2026, 14:05 UTC"
 
 
 def test_a_damaged_signature_is_no_point_of_the_trend() -> None:

@@ -56,10 +56,10 @@ def test_root_reads_and_replaces_the_table_as_its_owner(state: Path) -> None:
 
 
 def test_root_reads_and_resets_the_health_as_its_owner(state: Path) -> None:
-    HealthFile(state, VALVE).save(HealthDocument(VALVE, "2026-05-09T07:35:25Z", sections={"counters": 7}))
+    HealthFile(state, VALVE).save(HealthDocument(VALVE, "2026-05-09T07:35:25Z", sections={"numbers": 7}))
     give_away(state)
-    assert access.health(state).sections == {"counters": 7}
-    assert access.reset_health(state, ("counters",)).startswith(f"{state}/{BACKUPS}/before-health-reset-")
+    assert access.health(state).sections == {"numbers": 7}
+    assert access.reset_health(state, ("numbers",)).startswith(f"{state}/{BACKUPS}/before-health-reset-")
     assert access.health(state).sections == {}
     assert {path.stat().st_uid for path in state.rglob("*")} == {OWNER}
 

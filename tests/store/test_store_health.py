@@ -31,16 +31,16 @@ from itertools import count
 from pathlib import Path
 from store_helpers import opened
 writer, _, _ = opened(Path(sys.argv[1]))
-first = writer.health.found.sections.get("counters", 0)
+first = writer.health.found.sections.get("numbers", 0)
 for number in count(first + 1):
-    writer.keep_health({"counters": number})
+    writer.keep_health({"numbers": number})
     writer.poll()
     print(number, flush=True)
 """
 
 
 def document(number: int) -> HealthDocument:
-    return HealthDocument(VALVE, STARTED, sections={"counters": {"slips": number}, "friction": [0.25, None]})
+    return HealthDocument(VALVE, STARTED, sections={"numbers": {"slips": number}, "friction": [0.25, None]})
 
 
 def test_a_document_is_read_as_it_was_written(tmp_path: Path) -> None:
@@ -107,7 +107,7 @@ def test_a_file_that_is_not_used_is_moved_aside_by_the_next_save_and_never_delet
 
 
 def test_the_health_of_another_valve_is_not_used(tmp_path: Path) -> None:
-    HealthFile(tmp_path, "FV-999").save(HealthDocument("FV-999", STARTED, sections={"counters": 1}))
+    HealthFile(tmp_path, "FV-999").save(HealthDocument("FV-999", STARTED, sections={"numbers": 1}))
     file = HealthFile(tmp_path, VALVE)
     assert file.load().sections == {}
     assert "belongs to valve 'FV-999'" in file.take_notices()[0]
@@ -173,19 +173,19 @@ def test_the_first_sections_are_saved_at_once_and_later_ones_every_ten_minutes(t
     assert one.due_in(1000.0) is None
     saves = []
     for second in range(1000, 3000, 5):
-        one.take(KeepHealth(0, {"counters": second}))
+        one.take(KeepHealth(0, {"numbers": second}))
         before = one.document.saved, one._is_saved
         one.work(float(second))
         saves += [second] if one._is_saved and not before[1] else []
     assert saves == [1000, 1600, 2200, 2800]
     assert SAVE_AFTER_S == 600.0
     one.finish()
-    assert health_file.read(tmp_path).sections == {"counters": 2995}
+    assert health_file.read(tmp_path).sections == {"numbers": 2995}
 
 
 def test_a_full_disk_is_told_once_and_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     one = keeper(tmp_path)
-    one.take(KeepHealth(0, {"counters": 1}))
+    one.take(KeepHealth(0, {"numbers": 1}))
 
     def full(_descriptor: int) -> None:
         raise OSError(28, "No space left on device")
@@ -196,27 +196,27 @@ def test_a_full_disk_is_told_once_and_tried_again(tmp_path: Path, monkeypatch: p
     assert one.due_in(100.0) == 20.0
     monkeypatch.undo()
     assert one.work(120.0) == ("the health of the valve is saved again",)
-    assert health_file.read(tmp_path).sections == {"counters": 1}
+    assert health_file.read(tmp_path).sections == {"numbers": 1}
 
 
 def test_sections_that_json_cannot_hold_are_not_saved(tmp_path: Path) -> None:
     one = keeper(tmp_path)
-    one.take(KeepHealth(0, {"counters": float("nan")}))
+    one.take(KeepHealth(0, {"numbers": float("nan")}))
     (line,) = one.work(0.0)
     assert "cannot be saved" in line
 
 
 def test_a_reset_backs_up_and_what_was_counted_before_it_never_comes_back(tmp_path: Path) -> None:
     one = keeper(tmp_path)
-    one.take(KeepHealth(0, {"counters": 7, "friction": 1.5}))
-    backup = one.reset(("counters",), {})
-    assert from_plain(json.loads((tmp_path / backup).read_text("utf-8"))).sections == {"counters": 7, "friction": 1.5}
-    one.take(KeepHealth(0, {"counters": 8, "friction": 1.5}))
+    one.take(KeepHealth(0, {"numbers": 7, "friction": 1.5}))
+    backup = one.reset(("numbers",), {})
+    assert from_plain(json.loads((tmp_path / backup).read_text("utf-8"))).sections == {"numbers": 7, "friction": 1.5}
+    one.take(KeepHealth(0, {"numbers": 8, "friction": 1.5}))
     one.finish()
     assert health_file.read(tmp_path).sections == {"friction": 1.5}
-    one.take(KeepHealth(1, {"counters": 1, "friction": 1.5}))
+    one.take(KeepHealth(1, {"numbers": 1, "friction": 1.5}))
     one.finish()
-    assert health_file.read(tmp_path).sections == {"counters": 1, "friction": 1.5}
+    assert health_file.read(tmp_path).sections == {"numbers": 1, "friction": 1.5}
 
 
 def test_a_daemon_that_is_killed_loses_nothing_that_it_had_handed_over(tmp_path: Path) -> None:
@@ -230,30 +230,30 @@ def test_a_daemon_that_is_killed_loses_nothing_that_it_had_handed_over(tmp_path:
             daemon.kill()
             handed_over = int((first + daemon.stdout.read()).split()[-1])
         with lock.held(tmp_path, 10.0):  # its table writer saves, then releases the lock
-            last = health_file.read(tmp_path).sections["counters"]
+            last = health_file.read(tmp_path).sections["numbers"]
         # what finds the channel full is not sent: the next one holds it
         assert 0 < last <= handed_over + 1
 
 
 def test_a_table_writer_that_is_killed_gets_the_sections_again(tmp_path: Path) -> None:
     writer, _, _ = opened(tmp_path)
-    writer.keep_health({"counters": 41})
+    writer.keep_health({"numbers": 41})
     wait_for(writer, (tmp_path / HEALTH).exists)
-    writer.keep_health({"counters": 42})
+    writer.keep_health({"numbers": 42})
     os.kill(writer._child.process.pid, signal.SIGKILL)
     wait_for(writer, lambda: writer.problem is not None)
     wait_for(writer, lambda: writer.saved)
     assert writer.close(10.0) is None
-    assert health_file.read(tmp_path).sections == {"counters": 42}
+    assert health_file.read(tmp_path).sections == {"numbers": 42}
     assert (tmp_path / PREVIOUS).exists()
 
 
 def test_the_command_line_reads_what_the_daemon_has_and_resets_it(tmp_path: Path, writer: TableWriterClient) -> None:
-    writer.keep_health({"counters": 41})
+    writer.keep_health({"numbers": 41})
     wait_for(writer, (tmp_path / HEALTH).exists)
-    writer.keep_health({"counters": 42})
-    assert access.health(tmp_path).sections == {"counters": 42}
-    assert "before-health-reset" in access.reset_health(tmp_path, ("counters",))
+    writer.keep_health({"numbers": 42})
+    assert access.health(tmp_path).sections == {"numbers": 42}
+    assert "before-health-reset" in access.reset_health(tmp_path, ("numbers",))
     events = wait_for(writer, lambda: writer.health.found.generation == 1)
     assert HealthReplaced(1, {}) in events
     assert access.health(tmp_path).sections == {}
@@ -262,7 +262,7 @@ def test_the_command_line_reads_what_the_daemon_has_and_resets_it(tmp_path: Path
 def test_without_a_daemon_the_command_line_works_on_the_files(tmp_path: Path) -> None:
     HealthFile(tmp_path, VALVE).save(document(5))
     assert access.health(tmp_path).sections == document(5).sections
-    access.reset_health(tmp_path, ("counters",))
+    access.reset_health(tmp_path, ("numbers",))
     after = access.health(tmp_path)
     assert (after.sections, after.generation) == ({"friction": [0.25, None]}, 1)
     assert after.started > STARTED
@@ -272,7 +272,7 @@ def test_a_notice_about_a_damaged_file_reaches_the_daemon(tmp_path: Path) -> Non
     (tmp_path / HEALTH).write_text("{", encoding="utf-8")
     writer, _, notices = opened(tmp_path)
     assert any(HEALTH in notice for notice in notices)
-    writer.keep_health({"counters": 1})
+    writer.keep_health({"numbers": 1})
     events = wait_for(writer, lambda: bool(list(tmp_path.glob("health.damaged-*"))))
     events += wait_for(writer, lambda: True)
     assert writer.close(10.0) is None

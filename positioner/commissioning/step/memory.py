@@ -34,7 +34,8 @@ class Response:
     """What followed one step of `size` in `direction`.
 
     before_m: the mean of the last quarter of the wait before; final_m: that of the wait after. trail: the readings from
-    the step on; they become numbers only when no valve waits for its next step.
+    the step on, earlier: those of the wait before, whose last one is the first of the trail. They become numbers only
+    when no valve waits for its next step.
     """
 
     size: float
@@ -42,18 +43,25 @@ class Response:
     before_m: float
     final_m: float
     trail: Trail | None
+    earlier: Trail | None = None
 
     @property
     def measured_m(self) -> tuple[float, ...]:
         """The readings in m, at equal distances in time; a lost one is NaN."""
         return stretch(self.trail, Kind.STEP).measured_m
 
+    @property
+    def earlier_m(self) -> tuple[float, ...]:
+        """The readings in m before the step, likewise."""
+        return stretch(self.earlier, Kind.STEP).measured_m[:-1]
+
 
 @dataclass(frozen=True, slots=True)
 class StepMemory:
     """Where the test is.
 
-    level: the present input; time_s: since it was asked for; mean: of the readings in the last quarter of the wait.
+    level: the present input; time_s: since it was asked for; mean: of the readings in the last quarter of the wait;
+    trail, earlier: the readings since then, and those of the wait before.
     steps: the levels to come with size and direction, 0 for the way to a first level; ladders: those to come.
     loop: of the law, None at rest, where the current is held. correlation: see `Noise`.
     sigma_m: of a reading; seen_m: the smallest difference between two rests that is certain.
@@ -68,6 +76,7 @@ class StepMemory:
     whole_s: float = 0.0
     mean: Mean = Mean()
     trail: Trail | None = None
+    earlier: Trail | None = None
     before_m: float = 0.0
     steps: tuple[tuple[float, float, float], ...] = ()
     ladder: Ladder | None = None
@@ -91,4 +100,4 @@ def repeats_needed(size: float, sigma_m: float, span_m: float) -> int:
 
 def asks(memory: StepMemory, level: float) -> StepMemory:
     """Return the memory that begins to ask for a level."""
-    return replace(memory, level=level, time_s=0.0, mean=Mean(), trail=None)
+    return replace(memory, level=level, time_s=0.0, mean=Mean(), trail=None, earlier=memory.trail)

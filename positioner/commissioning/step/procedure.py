@@ -149,7 +149,7 @@ class StepTest:
         _, size, direction = memory.steps[0]
         responses = memory.responses
         if direction:
-            responses = (*responses, Response(size, direction, memory.before_m, mean_m, memory.trail))
+            responses = (*responses, Response(size, direction, memory.before_m, mean_m, memory.trail, memory.earlier))
         return self._step(replace(memory, steps=memory.steps[1:], responses=responses))
 
     def _after_rung(self, memory: StepMemory, mean_m: float) -> StepMemory:

@@ -16,15 +16,10 @@ if TYPE_CHECKING:
 
 SIDES = {1.0: "up", -1.0: "down"}
 _MS, _PERCENT = 1e3, 100.0
-_HEADS = {
-    "dead_time_s": ("Td, ms", _MS),
-    "t63_s": ("T63, ms", _MS),
-    "t86_s": ("T86, ms", _MS),
-    "t98_s": ("T98, ms", _MS),
-    "overshoot": ("over, %", _PERCENT),
-    "gain": ("gain", 1.0),
-}
-SIZE_HEAD = ("step, %", "moved", "region", *(head for head, _ in _HEADS.values()))
+_TIMES = {"dead_time_s": "Td, ms", "t63_s": "T63, ms", "t86_s": "T86, ms", "t98_s": "T98, ms"}
+_PARTS = {"overshoot": ("over, %", _PERCENT), "gain": ("gain", 1.0)}
+SIZE_HEAD = ("step, %", "moved", "region", *_TIMES.values(), *(head for head, _ in _PARTS.values()))
+SIZE_NOTE = "Median ± sample period (least to largest of the repeats, where they differ by more)"
 _BANDS = {"dead_band": "dead band", "resolution": "resolution"}
 _SHORT_S = 0.1
 _CERTAIN_SIGMA = 5.0
@@ -37,17 +32,37 @@ def heading(result: StepResult, valve: str, *, has_limits: bool, broken: Sequenc
     return f"{valve}: step response test, {loop}{verdict}"
 
 
+def time_decimals(period_s: float) -> int:
+    """Return the decimals of a time in ms that a sample period leaves: a tenth of it, and no finer."""
+    return max(1 - math.floor(math.log10(_MS * period_s) + 1e-9), 0)
+
+
 def size_rows(result: StepResult) -> list[tuple[str, ...]]:
-    """Return the cells of each size and direction: medians, with the range of the repeats in brackets."""
+    """Return the cells of each size and direction: medians, and in parentheses the least and largest of the repeats."""
     return [
         (
             f"{_PERCENT * row.size:g} {SIDES[row.direction]}",
             f"{row.moved}/{row.count}",
             result.regions[row.size],
-            *(_cell(row.spread(quantity), factor) for quantity, (_, factor) in _HEADS.items()),
+            *(_time_cell(row.spread(quantity), result.period_s) for quantity in _TIMES),
+            *(_cell(row.spread(quantity), factor) for quantity, (_, factor) in _PARTS.items()),
         )
         for row in result.rows
     ]
+
+
+def _time_cell(spread: Spread, period_s: float) -> str:
+    """Return a time in ms with its uncertainty, and the repeats where they differ by more than that.
+
+    An instant lies between two readings, a period apart, one before it and one behind it; what the readings around it
+    tell between them holds for a smooth motion only, and a stem that slips has none.
+    """
+    if not spread.count:
+        return "–"
+    digits = time_decimals(period_s)
+    median, low, high = (f"{_MS * each:.{digits}f}" for each in (spread.median, spread.low, spread.high))
+    told = f"{median} ±{_MS * period_s:g}"
+    return f"{told} ({low}–{high})" if spread.high - spread.low > period_s else told
 
 
 def _cell(spread: Spread, factor: float) -> str:
@@ -123,6 +138,7 @@ def as_json(result: StepResult, valve: str, broken: tuple[str, ...]) -> dict[str
         "law": result.law,
         "input": plan.unit,
         "period_s": result.period_s,
+        "time_uncertainty_s": result.period_s,
         "wait_s": plan.wait_s,
         "repeats": plan.repeats,
         "place": plan.place,
@@ -151,7 +167,7 @@ def _bands(result: StepResult, name: str) -> dict[str, Any]:
 
 def _row(row: Row) -> dict[str, Any]:
     # what the ladders leave open is no confidence interval
-    return {**row.as_json(), "value": _finite(row.value), "low": None, "high": None}
+    return {**row.as_json(), "low": None, "high": None}
 
 
 def _spread(spread: Spread) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 class Phase(StrEnum):
     """What the test does."""
 
+    APPROACH = "moving to a place from which the stroke is possible"
     REST = "measuring the noise at rest"
     OUT = "stroke"
     COAST = "holding the current"
@@ -27,6 +29,7 @@ class Phase(StrEnum):
     AWAY = "moving away from the start, to return to it"
     RETURN = "returning to the start"
     SETTLE = "settling at the start"
+    HOME = "moving back to where the stem was found"
     DEMAND = "moving to the new setpoint"
     ENDED = "ended"
 
@@ -75,7 +78,9 @@ class StrokeMemory:
     began: the first sample of each phase, in their order; moved: the breakaways. from_m: where the stem rested before
     the present ramp. still_m, still_s: the place that it has not left since.
     asked_m: the setpoint at the start, NaN before a host has sent one. loop: of the law that
-    pursues a new setpoint.
+    pursues a new setpoint, or takes the stem to goal_m, where the stroke is possible.
+    found_m: where the stem stood before it went there, and elsewhere: why the stroke was not possible from there; NaN
+    and empty where it was. back_m: where it stood after the test, before it left for found_m.
     """
 
     phase: Phase
@@ -97,23 +102,28 @@ class StrokeMemory:
     moved: tuple[Moved, ...] = ()
     stop: Stop | None = None
     loop: LoopState | None = None
+    goal_m: float = math.nan
+    found_m: float = math.nan
+    back_m: float = math.nan
+    elsewhere: str = ""
 
     def observed(self, observation: Observation, period_s: float) -> StrokeMemory:
-        """Return the memory with time, smoothed reading and record brought forward."""
+        """Return the memory with time, smoothed reading and record brought forward; the way home is in no record."""
         elapsed_s, measured_m = observation.elapsed_s, observation.measured_m
         smoothing_s = self.plan.smoothing_s if self.plan else SMOOTHING_S
         smooth_m = self.smooth_m + elapsed_s / (smoothing_s + elapsed_s) * (measured_m - self.smooth_m)
         seen_m = self.plan.seen_m if self.plan else 0.0
         left = abs(smooth_m - self.still_m) > seen_m
+        recorded = self.phase is not Phase.HOME
         return replace(
             self,
             smooth_m=smooth_m,
             time_s=self.time_s + elapsed_s,
             phase_s=self.phase_s + elapsed_s,
-            samples=self.samples + max(round(elapsed_s / period_s), 1),
+            samples=self.samples + (max(round(elapsed_s / period_s), 1) if recorded else 0),
             still_m=smooth_m if left else self.still_m,
             still_s=0.0 if left else self.still_s + elapsed_s,
-            trail=longer(self.trail, observation, period_s),
+            trail=longer(self.trail, observation, period_s) if recorded else self.trail,
         )
 
     def then(self, phase: Phase) -> StrokeMemory:

@@ -129,6 +129,30 @@ def plan_of(
     )
 
 
+def places_m(valve: ValveParameters, limits: ProcedureLimits, plan: Plan) -> tuple[float, float]:
+    """Return from where to where in m the currents can do the stroke; the first is above the second if nowhere.
+
+    Both ends of the stroke lie within the travel and within the reach of a sliding stem; the current frees the stem at
+    the start for the way out, and at the end for the way back.
+    """
+    low_m, high_m = valve.reach_m(limits.current_low_ma, limits.current_high_ma)
+    free_low_m, free_high_m = valve.restartable_m(limits.current_low_ma, limits.current_high_ma)
+    way_m = plan.way * plan.aim_m
+    least_m, most_m = low_m - min(way_m, 0.0), high_m - max(way_m, 0.0)
+    if plan.way < 0.0:
+        return max(least_m, free_low_m), min(most_m, free_high_m - way_m)
+    return max(least_m, free_low_m - way_m), min(most_m, free_high_m)
+
+
+def place_near_m(valve: ValveParameters, limits: ProcedureLimits, plan: Plan) -> float | None:
+    """Return the nearest place in m from which the stroke is possible, with a tolerance to spare; None if nowhere."""
+    low_m, high_m = places_m(valve, limits, plan)
+    if low_m > high_m:
+        return None
+    margin_m = min(plan.tolerance_m, 0.5 * (high_m - low_m))
+    return min(max(plan.start_m, low_m + margin_m), high_m - margin_m)
+
+
 def lag_of(valve: ValveParameters) -> float:
     """Return the time in s by which a sliding stem follows the current late: actuator, viscous friction, sensor."""
     actuator = valve.actuator

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 from positioner.commissioning.report import Row
@@ -24,13 +23,8 @@ _COMPARED = ("breakaway, mean", "lag", "time out", "time back")
 
 
 def rows(found: StrokeResult) -> tuple[Row, ...]:
-    """Return the quantities of the test; one that it did not come to is not seen, and has the value 0."""
-    of_reference = 100.0 * found.friction_ratio
-
-    def row(name: str, unit: str, value: float) -> Row:
-        seen = not math.isnan(value)
-        return Row(name, unit, *(3 * (value if seen else 0.0,)), seen)
-
+    """Return the quantities of the test; one that it did not come to is not seen."""
+    row = Row.exact
     return (
         row("start", "mm", found.start_m * _MM),
         row("stroke", "mm", abs(found.reached_m - found.start_m) * _MM),
@@ -41,12 +35,13 @@ def rows(found: StrokeResult) -> tuple[Row, ...]:
         row("breakaway, out", "N", found.out_n),
         row("breakaway, back", "N", found.back_n),
         row("breakaway, mean", "N", found.static_n),
-        row("of the configured friction", "%", of_reference),
+        row("of the configured friction", "%", 100.0 * found.friction_ratio),
         row("lag", "ms", found.lag_s * _MM),
         row("lag, expected", "ms", found.expected_lag_s * _MM),
         row("time out", "s", found.out_s),
         row("time back", "s", found.home_s),
         row("noise of the position", "mm", found.sigma_m * _MM),
+        row("found at", "mm", found.found_m * _MM),
         row("duration", "s", found.lasted_s),
     )
 
@@ -65,6 +60,9 @@ def suspects_in_words(suspects: Sequence[str]) -> str:
 def remarks(found: StrokeResult) -> tuple[str, ...]:
     """Return what a person should know besides the values, a line each; the last one is what the test does not show."""
     lines = []
+    if found.elsewhere:
+        where = f"{found.found_m * _MM:.1f} mm to {found.start_m * _MM:.1f} mm"
+        lines.append(f"first moved from {where}, and left at {found.left_m * _MM:.1f} mm: {found.elsewhere}")
     if found.stop:
         stop = found.stop
         where = f"at {stop.current_ma:.2f} mA, {stop.position_m * _MM:.2f} mm, {stop.time_s:.2f} s"

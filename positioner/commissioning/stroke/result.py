@@ -61,6 +61,8 @@ class StrokeResult:
     out_s, home_s: from the begin of each ramp until the stem was at its end. sigma_m: the noise of a reading.
     suspects: what may be the matter where the stem did not move under the force; two where no pressure is measured,
     since a stem that sticks and air that does not come then look alike.
+    found_m, elsewhere: where the stem stood before it was moved to the start, and why; NaN and empty where it was not.
+    left_m: where it was left then.
     trace: time in s, mean reading in m and current in mA, at most some hundred points for a picture.
     """
 
@@ -84,6 +86,9 @@ class StrokeResult:
     out_s: float = math.nan
     home_s: float = math.nan
     sigma_m: float = math.nan
+    found_m: float = math.nan
+    left_m: float = math.nan
+    elsewhere: str = ""
     suspects: tuple[str, ...] = ()
     trace: tuple[tuple[float, float, float], ...] = ()
 
@@ -122,8 +127,11 @@ def stroke_result(
         start_m=plan.start_m if plan else memory.first_m,
         stroke_m=settings.stroke_of_span * valve.span_m,
         trace=record.trace(),
+        found_m=memory.found_m,
+        left_m=math.nan if math.isnan(memory.found_m) else memory.smooth_m,
+        elsewhere=memory.elsewhere,
     )
-    if plan is None:
+    if plan is None or Phase.APPROACH in record.phases:  # the stroke had not begun
         return result
     out, home = (next((m for m in memory.moved if m.phase is phase), None) for phase in (Phase.OUT, Phase.BACK))
     late_s = lag_s(record, plan, out)
@@ -133,7 +141,7 @@ def stroke_result(
         result,
         reached_m=record.rested_m(Phase.PAUSE),
         furthest_m=record.furthest_m(plan),
-        back_m=memory.mean.mean_m if memory.mean.count else memory.smooth_m,
+        back_m=memory.smooth_m if math.isnan(memory.back_m) else memory.back_m,
         out_n=breakaway_n(record, valve, plan, out, slow_s) if out else math.nan,
         back_n=breakaway_n(record, valve, plan, home, slow_s) if home else math.nan,
         jump_m=plan.jump_m,

@@ -24,6 +24,8 @@ class StrokeSettings(SettingsTable):
 
     direction: which way the stem goes from where it is: "closing" or "opening".
     stroke_of_span: how far it goes.
+    approach: where the current cannot do the stroke from where the stem stands, first move it to a place from which it
+        can; false refuses such a test.
     tolerance_of_span: how far the stem may be from its course, and beyond the stroke.
     rate_ma_per_s: rate of the ramp that frees the stem.
     pause_s: for how long the stem stays at the end of the stroke.
@@ -37,6 +39,7 @@ class StrokeSettings(SettingsTable):
 
     direction: Direction = Direction.CLOSING
     stroke_of_span: Annotated[float, Interval(ge=0.01, le=0.5)] = 0.1
+    approach: bool = True
     tolerance_of_span: Annotated[float, Interval(ge=0.005, le=0.5)] = 0.05
     rate_ma_per_s: Annotated[float, Interval(ge=0.05, le=20.0)] = 1.0
     pause_s: Annotated[float, Interval(ge=0.5, le=600.0)] = 2.0
@@ -55,6 +58,6 @@ class StrokeSettings(SettingsTable):
         if self.total_s <= self.breakaway_s:
             raise ValueError("total_s must exceed breakaway_s")
 
-    def as_json(self) -> dict[str, str | float]:
+    def as_json(self) -> dict[str, str | float | bool]:
         """Return the settings for a program."""
         return {name: getattr(self, name) for name in self.__dataclass_fields__}

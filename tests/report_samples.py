@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from datetime import UTC, datetime
 from typing import Any
 
@@ -62,15 +63,22 @@ def signature(more: float = 1.0) -> dict[str, Any]:
             row("static friction", "N", static, 9.0),
             row("hysteresis", "% of span", 100.0 * 2.0 * sliding / spring / 0.127),
             row("dynamic error band", "% of span", 25.9),
-            row("bench set, at 0 %", "bar", 0.0),
-            row("bench set, at 100 %", "bar", 1.034),
-            row("seat load", "N", 0.0),
+            row("bench set, at 0 %", "bar", 0.0) | {"note": "extrapolated"},
+            row("bench set, at 100 %", "bar", 1.034) | {"note": "extrapolated"},
+            {**row("seat load", "N", 0.0), "value": None, "low": None, "high": None, "seen": False},
         ],
         "sliding_friction_by_place": [
             [x, sliding * (1.0 + 0.03 * (-1) ** number * number / 8)] for number, x in enumerate(inside)
         ],
         "breakaways": [[x, side, static * (1.0 + 0.01 * side)] for x in inside[::2] for side in (1.0, -1.0)],
         "loop": loop,
+        "fitted": {
+            "spring": {"position_m": [low, high], "pressure_ma": [[spring * low / gain, spring * high / gain]]},
+            "friction": {
+                "position_m": [low, high],
+                "pressure_ma": [[(spring * x + side * sliding) / gain for x in (low, high)] for side in (1.0, -1.0)],
+            },
+        },
         "remarks": [
             "strokes at 1 mA/s: the stem slid at 6.35 mm/s",
             "from 8 places of the travel, and 8 breakaways",
@@ -106,9 +114,18 @@ def step_test(slower: float = 1.0) -> dict[str, Any]:
             region = "A" if not moves else "B" if size < 0.01 else "C"
             head = {"size": size, "direction": side, "responses": 3, "moved": 3 if moves else 0, "region": region}
             sizes.append({**head, **figures})
+    times = [0.002 * number for number in range(-7, 29)]
+    responses = [
+        {"size": size, "direction": side, "time_s": times,
+         "part": [1.0 - math.exp(-max(each - 0.0028, 0.0) / 0.012) for each in times]}
+        for size in (0.005, 0.1)
+        for side in ("up", "down")
+    ]  # fmt: skip
     return {
         "valve": "FV-101",
+        "period_s": 0.004,
         "sizes": sizes,
+        "responses": responses,
         "rows": [
             row(f"{name}, {side}", "% span", value, 0.05)
             for name, value in (("dead band", 0.31), ("resolution", 0.22))

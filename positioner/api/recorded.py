@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import warnings
+from array import array
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,8 +16,8 @@ from positioner.api.simulation import Simulation
 from positioner.config.reader import load_config
 from positioner.diagnostics.finding import Finding, finding_of
 from positioner.diagnostics.loop_table import OPTIONS, LoopTable, loop_of
-from positioner.errors import RecordError
-from positioner.inputs.csv_table import read_table, text_of
+from positioner.inputs.csv_table import table_in
+from positioner.inputs.plain_file import MOST_MIB
 from positioner.replay.log import LogError, LogFrame, read_log
 from positioner.replay.stem_log import CURRENT_AT_0_MA, CURRENT_AT_100_MA, stem_table
 from positioner.wire.codec import make_codec
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
     from os import PathLike
 
 Array = NDArray[np.float64]
+
+_COLUMNS = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,20 +55,33 @@ class Log:
     rejected: int
 
 
-def load_log(path: str | PathLike[str], config: str | PathLike[str] | None = None, valve: str | None = None) -> Log:
+def load_log(
+    path: str | PathLike[str],
+    config: str | PathLike[str] | None = None,
+    valve: str | None = None,
+    *,
+    complete: bool | None = None,
+    max_size_mib: int = MOST_MIB,
+) -> Log:
     """Return a recorded bus (candump, ASC, BLF, CSV, …) as arrays.
+
+    The rows before the first setpoint and the first command have NaN there, and so has a maximum over them. A warning
+    tells how many there are, unless `complete` says what becomes of them.
 
     Args:
         path: the log.
         config: the configuration of the valve, where the bus has other frames or identifiers than ours.
         valve: which valve is meant, where the configuration has several.
+        complete: True leaves out the rows before the first setpoint and the first command, False keeps them.
+        max_size_mib: memory that reading the log may take, in MiB.
 
     Raises:
-        PositionerError: the log or the configuration cannot be read, or the log has no position frame of the valve.
+        PositionerError: the log or the configuration cannot be read, or the log has no position frame of the valve, or
+            with `complete` none after a setpoint and a command.
     """
     codec = make_codec() if config is None else load_config(Path(config), valve=valve).make_codec()
     wanted = {codec.identifier(kind) for kind in (StemPosition, CurrentCommand, Setpoint)}
-    rows: list[tuple[float, float, float, float, float]] = []
+    rows = array("d")
     setpoint_m = current_ma = math.nan
     mode, rejected = -1, 0
 
@@ -82,12 +99,20 @@ def load_log(path: str | PathLike[str], config: str | PathLike[str] | None = Non
         elif isinstance(message, CurrentCommand):
             current_ma, mode = message.current_ma, int(message.mode)
         elif isinstance(message, StemPosition):
-            rows.append((logged.time_ns / 1e9, message.position_m, setpoint_m, current_ma, mode))
+            rows.extend((logged.time_ns / 1e9, message.position_m, setpoint_m, current_ma, mode))
 
-    log = read_log(Path(path), add)
+    log = read_log(Path(path), add, max_size_mib)
     if not rows:
         raise LogError(f"{path}: holds {log.count} frames, and no stem position among them: is `config` missing?")
-    columns = np.array(rows, np.float64).T
+    columns = np.frombuffer(rows).reshape(-1, _COLUMNS)
+    known = np.flatnonzero(~np.isnan(columns).any(axis=1))
+    unknown = int(known[0]) if known.size else len(columns)
+    if complete and unknown == len(columns):
+        raise LogError(f"{path}: holds no stem position after both a setpoint and a command")
+    if unknown and complete is None:
+        text = f"{path}: {unknown} of {len(columns)} rows, from the first on, have no setpoint or no current yet: NaN"
+        warnings.warn(f"{text}; complete=True leaves them out, complete=False keeps them", stacklevel=2)
+    columns = columns[unknown if complete else 0 :].T.copy()
     return Log(
         time_s=columns[0],
         position_m=columns[1],
@@ -106,6 +131,7 @@ def diagnose(
     valve: str | None = None,
     period_s: float | None = None,
     op_range: tuple[float, float] = (0.0, 100.0),
+    max_size_mib: int = MOST_MIB,
     **columns: str,
 ) -> Finding:
     """Return whether a valve sticks, as `positioner diagnose` tells it: `verdict`, `reason`, `stick`, `jump`.
@@ -116,6 +142,7 @@ def diagnose(
         valve: which valve is meant, where the configuration has several.
         period_s: sample period of a CSV file without time stamps.
         op_range: OP at 0 and at 100 %, of a CSV file.
+        max_size_mib: memory that the record may take, in MiB.
         **columns: names of its columns: op, pv, sp, time, stem.
 
     Raises:
@@ -125,13 +152,9 @@ def diagnose(
         return finding_of("simulation", _of_run(record), CURRENT_AT_0_MA, CURRENT_AT_100_MA)
     path = Path(record)
     if config is not None:
-        table = stem_table(path, load_config(Path(config), valve=valve))
+        table = stem_table(path, load_config(Path(config), valve=valve), max_size_mib)
         return finding_of(str(path), table, CURRENT_AT_0_MA, CURRENT_AT_100_MA)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be read: {error.strerror}") from error
-    csv = read_table(str(path), text_of(str(path), data, ", or a bus log with its configuration"))
+    csv = table_in(path, ", or a bus log with its configuration", max_size_mib)
     loop = loop_of(csv, {role: columns.get(role) for role in OPTIONS}, period_s)
     return finding_of(str(path), loop, *op_range)
 

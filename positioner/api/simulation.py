@@ -36,6 +36,8 @@ Tables: TypeAlias = Mapping[str, Any]
 """Tables of a file, by name."""
 
 _NAME = "simulation"
+_ARGUMENTS = {"law": "law", "sample_period_s": "period_s"}
+"""Keys of `[control]` that are arguments of `simulate`."""
 _TABLES = ("valve", "control", "estimator", "guard")
 
 
@@ -95,7 +97,7 @@ def simulate(
         period_s: sample period in s.
         noise: of the position sensor, as `positioner bench --noise` takes it, such as "gaussian:0.05%".
         configuration: tables of the positioner's configuration that differ from what the plant implies: `valve`,
-            `control`, `estimator`, `guard`.
+            `control` (without `law` and `sample_period_s`, which are arguments), `estimator`, `guard`.
         table: the stiction table to start from; None for an empty one.
 
     Raises:
@@ -142,6 +144,11 @@ def _scenario(
 ) -> Scenario:
     if unknown := [name for name in tables if name not in _TABLES]:
         raise UsageError(f"configuration: {unknown[0]!r} is unknown; {nearest(unknown[0], _TABLES)}")
+    for key, argument in _ARGUMENTS.items():
+        if key in tables.get("control", {}):
+            raise UsageError(
+                f"configuration: control.{key} contradicts {argument}=…, which plant and law share: give that"
+            )
     valve, control, estimator, guard = (dict(tables.get(name, {})) for name in _TABLES)
     scenario = Scenario(
         name=_NAME,

@@ -9,8 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from positioner.bench.own_plant import with_plant
-from positioner.bench.scenario import load_scenario, scenario_names
+from positioner.bench.own_plant import with_own_physics, with_plant
+from positioner.bench.scenario import check_scenario, load_scenario, scenario_names
 from positioner.bench.sensor_noise import with_noise
 from positioner.bench.setpoints import with_setpoints
 from positioner.bus.address import parse_address
@@ -27,6 +27,7 @@ from positioner.wire.file import wire_codec, wire_table
 
 if TYPE_CHECKING:
     from positioner.bench.result import Result
+    from positioner.bench.scenario import Scenario
     from positioner.cli.command import Commands
 
 
@@ -41,7 +42,7 @@ examples:
   positioner bench --state bench-paper-valve/state      start from the table of an earlier run
   positioner bench --law examples/my_law.py:MyLaw       a law of your own: docs/own-law.md
   positioner bench --setpoints ramp:10,from=50%,to=70% --noise uniform:0.05%
-  positioner bench --plant examples/plant.toml          a plant of your own, as `plant-emulator` takes it
+  positioner bench --plant examples/plant.toml --dwell 3   your plant, in a file that `plant-emulator run` takes, too
   positioner bench --scenario paper-3 --reading B       the paper's third simulation with held noise
   positioner bench --report paper-valve.html            and write it all into one HTML page
   positioner bench --clock realtime                     at the machine's own pace, and how well it was kept
@@ -77,6 +78,7 @@ def add_parser(commands: Commands) -> None:
     add_law(parser, "control law instead of the scenario's")
     add_plant(parser, "plant instead of the scenario's")
     add_signals(parser)
+    parser.add_argument("--dwell", type=float, metavar="S", help="length of a dwell instead of the scenario's, in s")
     parser.add_argument("--seed", type=_seed, metavar="N", help="seed instead of the scenario's")
     parser.add_argument(
         "--reading",
@@ -118,6 +120,42 @@ def _seed(text: str) -> int:
     return int(text)
 
 
+def _scenario(arguments: argparse.Namespace) -> Scenario:
+    """Return the scenario with what the command line changes.
+
+    Raises:
+        UsageError, ConfigurationError: it cannot be played so.
+    """
+    scenario = load_scenario(arguments.scenario)
+    scenario = replace(
+        scenario,
+        law=law_of(arguments) or scenario.law,
+        seed=scenario.seed if arguments.seed is None else arguments.seed,
+    )
+    plant = plant_of(arguments)
+    scenario = with_plant(scenario, plant) if plant else with_own_physics(scenario)
+    if arguments.noise:
+        scenario = with_noise(scenario, arguments.noise)
+    if arguments.dwell is not None:
+        scenario = replace(scenario, dwell_s=arguments.dwell)
+    if arguments.setpoints:
+        scenario = with_setpoints(scenario, arguments.setpoints)
+    if arguments.dwell is not None:
+        if scenario.edges_s:
+            raise UsageError("--dwell is for setpoints that stand still; these move")
+        check_scenario(scenario, "--dwell")
+    if arguments.wire:
+        wire_codec(arguments.wire, arguments.valve)  # a mistake is one in this file, with its line
+        scenario = replace(scenario, wire=wire_table(arguments.wire, arguments.valve))
+    elif arguments.valve:
+        raise UsageError("--valve names a valve of the file that --wire gives: give both")
+    return interpreted_as(
+        scenario,
+        NoiseKind(arguments.reading) if arguments.reading else None,
+        Units(arguments.units) if arguments.units else None,
+    )
+
+
 def _run(arguments: argparse.Namespace) -> ExitCode:
     # the runner imports matplotlib, which would slow every other command down
     from positioner.bench.modes import complaint  # noqa: PLC0415
@@ -128,28 +166,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     check_report(arguments)
     # SIGTERM ends the processes of the bench, as Ctrl-C does
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    scenario = load_scenario(arguments.scenario)
-    scenario = replace(
-        scenario,
-        law=law_of(arguments) or scenario.law,
-        seed=scenario.seed if arguments.seed is None else arguments.seed,
-    )
-    if plant := plant_of(arguments):
-        scenario = with_plant(scenario, plant)
-    if arguments.noise:
-        scenario = with_noise(scenario, arguments.noise)
-    if arguments.setpoints:
-        scenario = with_setpoints(scenario, arguments.setpoints)
-    if arguments.wire:
-        wire_codec(arguments.wire, arguments.valve)  # a mistake is one in this file, with its line
-        scenario = replace(scenario, wire=wire_table(arguments.wire, arguments.valve))
-    elif arguments.valve:
-        raise UsageError("--valve names a valve of the file that --wire gives: give both")
-    scenario = interpreted_as(
-        scenario,
-        NoiseKind(arguments.reading) if arguments.reading else None,
-        Units(arguments.units) if arguments.units else None,
-    )
+    scenario = _scenario(arguments)
     out = arguments.out or Path(f"bench-{scenario.name}")
     options = BenchOptions(
         bus=None if arguments.bus == "auto" else parse_address(arguments.bus),
@@ -177,5 +194,18 @@ def _write_report(arguments: argparse.Namespace, result: Result, out: Path) -> N
     write_page(arguments.report, bench_page(result, pictures, again))
 
 
-_PLAYED = ("scenario", "law", "plant", "setpoints", "noise", "seed", "reading", "units", "clock", "wire", "state")
+_PLAYED = (
+    "scenario",
+    "law",
+    "plant",
+    "setpoints",
+    "noise",
+    "dwell",
+    "seed",
+    "reading",
+    "units",
+    "clock",
+    "wire",
+    "state",
+)
 """Options on which the figures depend."""

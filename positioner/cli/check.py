@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from positioner.cli.command import add_command
-from positioner.cli.tables import add_output, show, show_json
+from positioner.cli.tables import add_output, below, show, show_json
 from positioner.config.locations import location_of
 from positioner.config.reader import load_valves
 from positioner.config.several import by_bus
 from positioner.doctor import bus_load
+from positioner.doctor.finding import Level
 from positioner.errors import ConfigurationError, ExitCode
-from positioner.laws.outside import OutsideLaw
+from positioner.inputs.durations import duration
 from positioner.laws.registry import is_outside
 from positioner.reach.expected import in_words
 from positioner.report.table import Table
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
     from positioner.cli.command import Commands
     from positioner.config.schema import Configuration
+    from positioner.doctor.finding import Finding
     from positioner.report.text import Block
     from positioner.valve.parameters import ValveParameters
 
@@ -35,7 +37,7 @@ examples:
   positioner check --example > fv101.toml       write a commented configuration to start from
   positioner check fv101.toml --json            mistakes and properties for programs
 
-exit status: 0 good, 78 a mistake is in it, or it cannot be read.
+exit status: 0 good, perhaps with warnings, 78 a mistake is in it, or it cannot be read.
 """
 
 
@@ -56,18 +58,24 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         return ExitCode.OK
     if arguments.json:
         return _as_json(arguments.config)
-    configurations = load_valves(arguments.config)
+    configurations = load_valves(arguments.config, places=True)
+    told = [f"{each.valve.id}: {line}" for each in configurations for line in warnings(each)]
+    shared = _shared_buses(configurations)
+    told += [each.text for each in shared if each.level is not Level.OK]
     blocks: list[Block] = [f"{arguments.config}: good"]
+    if told:
+        blocks = [f"{arguments.config}: no mistake, but {len(told)} warning{'s' * (len(told) > 1)}", *below(told)]
     for each in configurations:
         blocks += ["", Table.of(("", ""), summary_rows(each, location_of(each, arguments.config).state))]
-    show([*blocks, *shared_buses(configurations)], as_markdown=arguments.markdown)
+    loads = [line for each in shared if each.level is Level.OK for line in ("", f"{each.subject} of {each.text}")]
+    show([*blocks, *loads], as_markdown=arguments.markdown)
     return ExitCode.OK
 
 
 def _as_json(path: Path) -> ExitCode:
     """Print mistakes, or the properties of each valve, as one document; return the exit status."""
     try:
-        configurations = load_valves(path)
+        configurations = load_valves(path, places=True)
     except ConfigurationError as error:
         mistakes = [asdict(problem) for problem in error.problems]
         show_json({"file": str(path), "good": False, "mistakes": mistakes, "valves": []})
@@ -95,6 +103,7 @@ def values(configuration: Configuration, state: Path) -> dict[str, Any]:
         "bus": str(configuration.bus),
         "bus_load_at_1_mbit_per_s": load.total,
         "state": str(state),
+        "warnings": list(warnings(configuration)),
     }
 
 
@@ -133,54 +142,66 @@ def summary_rows(configuration: Configuration, state: Path) -> tuple[tuple[str, 
         *([("setpoint", configuration.setpoint.in_words())] if configuration.setpoint.shapes else []),
         ("actuator's deadman", _deadman(configuration)),
         ("bus", str(configuration.bus)),
-        ("bus load", bus_load.in_words(configuration.make_codec(), configuration.control.sample_period_s)),
+        *([] if _is_too_much(configuration) else [("bus load", _load(configuration))]),
         *([("metrics", configuration.metrics.in_words())] if configuration.metrics.is_on else []),
         ("state", str(state)),
     )
 
 
+def warnings(configuration: Configuration) -> tuple[str, ...]:
+    """Return what is no mistake of the configuration, and yet will not go well, a line each."""
+    guard, period_s = configuration.guard, configuration.control.sample_period_s
+    error, why = in_words(configuration)
+    lines = [f"error to expect: {error}: {why}"] if why else []
+    low_m, high_m = restartable_m(configuration)
+    if max(low_m, configuration.valve.travel_min_m) > min(high_m, configuration.valve.travel_max_m):
+        lines.append("no current within the limits of [guard] frees the stem both ways, anywhere on its travel")
+    longest_s = guard.actuator_deadman_s / guard.feedback_hold_periods
+    if 0.0 < longest_s < period_s:
+        lines.append(
+            f"the sample period is too long for the actuator's deadman of {duration(guard.actuator_deadman_s)}: "
+            f"beyond {duration(longest_s, 3)} the actuator goes to its fail position before HOLD, which comes after "
+            f"{guard.feedback_hold_periods} periods without feedback, repeats a command"
+        )
+    if _is_too_much(configuration):
+        lines.append(f"bus load: {_load(configuration)}")
+    return tuple(lines)
+
+
+def _is_too_much(configuration: Configuration) -> bool:
+    return bus_load.is_too_much(configuration.make_codec(), configuration.control.sample_period_s)
+
+
+def _load(configuration: Configuration) -> str:
+    return bus_load.in_words(configuration.make_codec(), configuration.control.sample_period_s)
+
+
 def _outside(configuration: Configuration) -> list[tuple[str, str]]:
-    """Return the row that says that the law is from outside, after it was made; no row for a law of this package.
-
-    Raises:
-        ConfigurationError: it cannot be loaded or made.
-    """
-    if not is_outside(configuration.control.law):
-        return []
-    law = configuration.make_law()
-    return [("law from outside", law.in_words())] if isinstance(law, OutsideLaw) else []
+    """Return the row that says that the law is a plug-in, whose code was not run; no row for a law of this package."""
+    law = configuration.control.law
+    text = f"{law} is a plug-in, from outside of this package, and was not loaded here; `run` loads it (SECURITY.md)"
+    return [("law from outside", text)] if is_outside(law) else []
 
 
-def shared_buses(configurations: Sequence[Configuration]) -> list[str]:
-    """Return the load of each bus that several of the valves share, a line each below an empty one."""
-    loads = [
+def _shared_buses(configurations: Sequence[Configuration]) -> list[Finding]:
+    """Return the finding on the load of each bus that several of the valves share."""
+    return [
         bus_load.of_several(str(some[0].bus), [(each.make_codec(), each.control.sample_period_s) for each in some])
         for some in by_bus(configurations)
         if len(some) > 1
     ]
-    return [line for load in loads for line in ("", f"{load.subject} of {load.text}")]
 
 
 def _deadman(configuration: Configuration) -> str:
-    """Return the actuator's deadman time, with a warning if the sample period is too long for it."""
-    deadman_s, periods = configuration.guard.actuator_deadman_s, configuration.guard.feedback_hold_periods
-    if deadman_s == 0.0:
-        return "none"
-    text = f"{deadman_s * 1e3:g} ms"
-    longest_s = deadman_s / periods
-    if configuration.control.sample_period_s <= longest_s:
-        return text
-    return (
-        f"{text}: the sample period is too long for it; beyond {longest_s * 1e3:.3g} ms the actuator goes to its fail "
-        f"position before HOLD, which comes after {periods} periods without feedback, repeats a command"
-    )
+    deadman_s = configuration.guard.actuator_deadman_s
+    return duration(deadman_s) if deadman_s else "none"
 
 
 def _range(lowest_m: float, highest_m: float, valve: ValveParameters) -> str:
     """Return a range of positions in mm, cut off at the stops."""
     low_m, high_m = max(lowest_m, valve.travel_min_m), min(highest_m, valve.travel_max_m)
     if low_m > high_m:
-        return "nowhere: no current within the limits frees the stem both ways"
+        return "nowhere"
     stops = [stop for stop, ends in (("lower", low_m > lowest_m), ("upper", high_m < highest_m)) if ends]
     text = f"{low_m * 1e3:.1f} to {high_m * 1e3:.1f} mm"
     return f"{text} (to the {' and the '.join(stops)} stop)" if stops else text

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from positioner.errors import UsageError
+from positioner.inputs.plain_file import MOST_MIB
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from positioner.studies.pool import Workers
 
     Commands: TypeAlias = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse names no type
+
+_HIGHEST_MIB = 1 << 24
 
 
 def add_command(
@@ -53,6 +56,29 @@ def add_valve(parser: argparse.ArgumentParser) -> None:
 def add_state(parser: argparse.ArgumentParser, text: str = "state directory instead of the configuration's") -> None:
     """Add `--state`."""
     parser.add_argument("--state", type=Path, metavar="DIR", help=text)
+
+
+def add_log(parser: argparse.ArgumentParser, text: str = "the recorded bus") -> None:
+    """Add the argument LOG, and `--max-size`."""
+    parser.add_argument("log", type=Path, metavar="LOG", help=text)
+    add_max_size(parser)
+
+
+def add_max_size(parser: argparse.ArgumentParser) -> None:
+    """Add `--max-size`, of commands that read a log."""
+    parser.add_argument(
+        "--max-size",
+        type=_mib,
+        default=MOST_MIB,
+        metavar="MIB",
+        help="memory that reading the log may take, in MiB (default: %(default)s)",
+    )
+
+
+def _mib(given: str) -> int:
+    if not given.isdecimal() or not 0 < int(given[:9]) < _HIGHEST_MIB:
+        raise argparse.ArgumentTypeError(f"{given!r} is no number of MiB, such as 1024")
+    return int(given)
 
 
 def add_study(parser: argparse.ArgumentParser, folder: Path) -> None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from positioner.cli.command import add_command, add_config, add_valve, check_picture, numbers_in
-from positioner.cli.tables import add_output, below, show, show_json
+from positioner.cli.command import add_command, add_config, add_log, add_valve, check_picture, numbers_in
+from positioner.cli.tables import add_output, below, note, show, show_json
 from positioner.config.reader import load_config
 from positioner.diagnostics.finding import finding_of, percent
 from positioner.diagnostics.loop_table import OPTIONS, LoopTable, loop_of
@@ -23,8 +22,8 @@ from positioner.diagnostics.report import (
     verdict_line,
 )
 from positioner.diagnostics.verdict import Verdict
-from positioner.errors import ExitCode, RecordError, UsageError, writing
-from positioner.inputs.csv_table import read_table, text_of
+from positioner.errors import ExitCode, UsageError, writing
+from positioner.inputs.csv_table import table_in
 from positioner.report.table import Table
 
 if TYPE_CHECKING:
@@ -49,7 +48,8 @@ examples:
 
 S and J are in percent of the command's span. From OP and PV alone the published methods stand side by side; the verdict
 is "yes" where two of HAMM, ADD, YAM and CORR agree, one of them with a model of the valve, "no" where none of them says
-yes, else "undecided". Setpoint steps are left out. "No stiction" does not mean that a loop is healthy.
+yes and OP moved by more than 1.4 %, else "undecided": a valve that rests shows nothing. The transients after setpoint
+steps are left out. "No stiction" does not mean that a loop is healthy.
 
 exit status: 0 no stiction found, or undecided, 1 the valve sticks, 2 wrong command line, or a column is not named
 clearly, 74 the log cannot be read, or holds too little, 78 the configuration is wrong.
@@ -59,7 +59,7 @@ clearly, 74 the log cannot be read, or holds too little, 78 the configuration is
 def add_parser(commands: Commands) -> None:
     """Add `positioner diagnose`."""
     parser = add_command(commands, "diagnose", _run, "tell from a log whether a valve sticks, and how much", _EPILOG)
-    parser.add_argument("log", type=Path, metavar="LOG", help="CSV of a loop, or with --config a recorded bus")
+    add_log(parser, "CSV of a loop, or with --config a recorded bus")
     add_config(parser, required=False)
     add_valve(parser)
     meanings = {
@@ -100,7 +100,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         from positioner.cli.diagnose_picture import draw  # noqa: PLC0415 - matplotlib would slow every command down
 
         draw(arguments.picture, table, finding, percent(table.op, low, high))
-        sys.stderr.write(f"picture: {arguments.picture}\n")
+        note(f"picture: {arguments.picture}")
     return ExitCode.FAILURE if finding.verdict is Verdict.YES else ExitCode.OK
 
 
@@ -126,7 +126,7 @@ def _write_report(path: Path, finding: Finding, table: LoopTable, command: NDArr
 
     with writing(path):
         path.write_text(html(diagnosis_page(finding, table, command, datetime.now(UTC))), encoding="utf-8")
-    sys.stderr.write(f"report: {path}\n")
+    note(f"report: {path}")
 
 
 def _table(arguments: argparse.Namespace) -> LoopTable:
@@ -138,12 +138,8 @@ def _table(arguments: argparse.Namespace) -> LoopTable:
     if arguments.config:
         from positioner.replay.stem_log import stem_table  # noqa: PLC0415 - a log library, for a log only
 
-        return stem_table(arguments.log, load_config(arguments.config, valve=arguments.valve))
-    try:
-        data = arguments.log.read_bytes()
-    except OSError as error:
-        raise RecordError(f"{arguments.log}: cannot be read: {error.strerror}") from error
-    table = read_table(str(arguments.log), text_of(str(arguments.log), data, ", or a bus log with --config"))
+        return stem_table(arguments.log, load_config(arguments.config, valve=arguments.valve), arguments.max_size)
+    table = table_in(arguments.log, ", or a bus log with --config", arguments.max_size)
     return loop_of(table, {role: getattr(arguments, role) for role in OPTIONS}, arguments.period)
 
 

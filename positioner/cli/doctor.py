@@ -10,7 +10,7 @@ from tqdm import tqdm
 from positioner.cli.command import add_command, add_config, add_state
 from positioner.cli.tables import add_output, show, show_json
 from positioner.doctor.examination import Examination
-from positioner.doctor.finding import Level, worst
+from positioner.doctor.finding import Level, summary, worst
 from positioner.report.table import Table
 
 if TYPE_CHECKING:
@@ -58,11 +58,10 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
 def _blocks(examination: Examination) -> Iterator[Block]:
     """Yield how many findings are how serious, each of them, and the commands that solve problems."""
     found = examination.found
-    levels = [finding.level for finding in found]
-    yield ", ".join(f"{levels.count(level)} {level.name}" for level in reversed(Level))
+    yield summary(found)
     yield ""
     rows = [(finding.level.name, finding.subject, finding.text) for finding in found]
-    problems = frozenset(number for number, level in enumerate(levels) if level is Level.FAIL)
+    problems = frozenset(number for number, each in enumerate(found) if each.level is Level.FAIL)
     yield replace(Table.of(("level", "subject", "finding"), rows, names=2), marked=problems)
     for finding in found:
         if finding.fix:

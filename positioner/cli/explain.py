@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from positioner.cli.command import add_command, add_config, add_state, add_valve
-from positioner.cli.tables import add_output, finite, show, show_json
+from positioner.cli.command import add_command, add_config, add_log, add_state, add_valve
+from positioner.cli.tables import add_output, finite, note, show, show_json
 from positioner.config.reader import load_config
 from positioner.diagnostics.explanation import Explainer
 from positioner.diagnostics.explanation_text import MOVES_HEAD, command_lines, counts_line, move_row
@@ -51,7 +50,7 @@ the table cannot be read, or the log starts late, 78 the configuration is wrong.
 def add_parser(commands: Commands) -> None:
     """Add `positioner explain`."""
     parser = add_command(commands, "explain", _run, "tell why each command in a log was what it was", _EPILOG)
-    parser.add_argument("log", type=Path, metavar="LOG", help="the recorded bus")
+    add_log(parser)
     add_config(parser)
     add_valve(parser)
     add_state(parser, "start from the table in DIR, which is only read")
@@ -61,7 +60,7 @@ def add_parser(commands: Commands) -> None:
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
     configuration = load_config(arguments.config, valve=arguments.valve)
-    prepared = prepare(arguments.log, configuration, arguments.state)
+    prepared = prepare(arguments.log, configuration, arguments.state, arguments.max_size)
     if prepared.late:
         raise LogError(f"{arguments.log}: starts late: {prepared.late}: start the log before the positioner")
     codec, explainer = configuration.make_codec(), Explainer()
@@ -79,7 +78,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     counters = comparison.counters.get(codec.by_kind[CurrentCommand].dbc.name, FrameCounters())
     differ = counters.recorded - counters.equal
     if differ:
-        sys.stderr.write(f"{differ} recorded commands differ from the explained ones: see positioner replay\n")
+        note(f"{differ} recorded commands differ from the explained ones: see positioner replay")
     return ExitCode.FAILURE if differ else ExitCode.OK
 
 

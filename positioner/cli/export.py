@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from positioner.cli.command import add_command, add_config, add_valve
-from positioner.cli.tables import add_json, note, show_json
+from positioner.cli.command import add_command, add_config, add_log, add_valve
+from positioner.cli.tables import add_json, note, put, show_json
 from positioner.config.reader import load_config
 from positioner.errors import ExitCode, Problem, UsageError
 from positioner.export.formats import FORMATS
@@ -47,7 +46,7 @@ def add_parser(commands: Commands) -> None:
     parser = add_command(
         commands, "export", _run, "write the signals of a recorded bus as CSV, Parquet or MDF 4", _EPILOG
     )
-    parser.add_argument("log", type=Path, metavar="LOG", help="the recorded bus")
+    add_log(parser)
     add_config(parser, required=False)
     add_valve(parser)
     parser.add_argument("--to", choices=tuple(FORMATS), help="format (default: that of --out's name)")
@@ -62,7 +61,8 @@ def add_parser(commands: Commands) -> None:
 def _run(arguments: argparse.Namespace) -> ExitCode:
     kind, out = _output(arguments)
     messages = _messages(arguments)
-    rows = LogRows(arguments.log, messages, [each.strip() for each in arguments.signals.split(",") if each.strip()])
+    wanted = [each.strip() for each in arguments.signals.split(",") if each.strip()]
+    rows = LogRows(arguments.log, messages, wanted, arguments.max_size)
     if rows.log.is_damaged and not arguments.readable_part:
         text = f"{rows.log.cut}; nothing was exported: --readable-part exports what is before it"
         raise LogError(f"{arguments.log}: {text}")
@@ -79,7 +79,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         show_json({"file": str(out), "rows": rows.count, "left_out": left_out, "columns": columns})
     else:
         counts = f"{rows.count} frames, {len(rows.groups)} messages, {len(signals)} signals"
-        sys.stdout.write(f"{out}: {counts}\n")
+        put(f"{out}: {counts}")
     return ExitCode.OK
 
 

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import shlex
-import sys
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from positioner.cli.command import add_command, add_config, add_state, add_valve
+from positioner.cli.command import add_command, add_config, add_max_size, add_state, add_valve
 from positioner.cli.health_source import FoundHealth, health_in_log, kept_health, service_of
 from positioner.cli.question import agreed
-from positioner.cli.tables import add_output, below, note, show, show_json
+from positioner.cli.tables import add_output, below, note, put, show, show_json
 from positioner.commissioning import results
 from positioner.config.locations import location_of
 from positioner.config.reader import load_config
@@ -63,6 +62,7 @@ def add_parser(commands: Commands) -> None:
     add_state(parser)
     add_output(parser)
     parser.add_argument("--from", type=Path, metavar="LOG", dest="log", help="compute it again from a recorded run")
+    add_max_size(parser)
     parser.add_argument("--report", type=Path, metavar="FILE", help="write it as an HTML page")
     parser.add_argument("--reset", action="store_true", help="begin the counters anew; the trends stay")
     acknowledge = parser.add_argument(
@@ -104,7 +104,7 @@ def _write_report(arguments: argparse.Namespace, configuration: Configuration, f
     page = health_page(valve.id, valve.span_m, datetime.now(UTC), service_of(found), signatures, facts, options)
     with writing(arguments.report):
         arguments.report.write_text(html(page), encoding="utf-8")
-    sys.stderr.write(f"report: {arguments.report}\n")
+    note(f"report: {arguments.report}")
 
 
 def _quiet(line: str) -> None:
@@ -122,9 +122,11 @@ def _kept(arguments: argparse.Namespace, configuration: Configuration) -> FoundH
 def _from_log(arguments: argparse.Namespace, configuration: Configuration) -> FoundHealth:
     directory = _directory(arguments, configuration)
     if not arguments.state:
-        return health_in_log(arguments.log, configuration, directory, note)
+        return health_in_log(arguments.log, configuration, directory, note, most_mib=arguments.max_size)
     before = _kept(arguments, configuration).sections
-    return health_in_log(arguments.log, configuration, directory, note, table=directory, before=before)
+    return health_in_log(
+        arguments.log, configuration, directory, note, table=directory, before=before, most_mib=arguments.max_size
+    )
 
 
 def _values(configuration: Configuration, found: FoundHealth) -> dict[str, Any]:
@@ -151,8 +153,9 @@ def _blocks(configuration: Configuration, found: FoundHealth) -> Iterator[Block]
     for alarm in trends.alarms:
         yield from below(alarm_lines(alarm))
     yield from ("", trend_line(settings.watch, trends), "")
-    yield trend_table(changes_of(settings.watch, trends), settings.watch.limits)
-    yield ""
+    if trends.friction.moves:
+        yield trend_table(changes_of(settings.watch, trends), settings.watch.limits)
+        yield ""
     yield Table.of(("counter", "value", "", ""), count_rows(settings.counters, found.counters))
     for head, rows in histograms(found.counters):
         yield ""
@@ -165,10 +168,10 @@ def _reset(arguments: argparse.Namespace, configuration: Configuration) -> ExitC
         nobody = StateError("--reset asks before it begins anew, and there is no terminal to ask on; give --yes")
         held = f"{configuration.valve.id}, {found.counters.cycles} cycles since {found.started}"
         if not agreed(f"Begin the counters anew? {held}", nobody):
-            sys.stdout.write("nothing was changed\n")
+            put("nothing was changed")
             return ExitCode.OK
     backup = access.reset_health(directory, (COUNTERS,))
-    sys.stdout.write(f"the counters begin anew; the former ones are in {shlex.quote(backup)}\n")
+    put(f"the counters begin anew; the former ones are in {shlex.quote(backup)}")
     return ExitCode.OK
 
 
@@ -185,10 +188,10 @@ def _acknowledge(arguments: argparse.Namespace, configuration: Configuration) ->
     wanted = {cause for cause in AlarmCause if arguments.acknowledge in {"all", cause.key}}
     seen = [alarm.cause for alarm in found.trends.alarms if alarm.cause in wanted and not alarm.acknowledged]
     if not seen:
-        sys.stdout.write("no such alarm waits to be acknowledged\n")
+        put("no such alarm waits to be acknowledged")
         return ExitCode.OK
     # one that is over stays, so that a daemon learns that it was acknowledged
     alarms = tuple(replace(each, acknowledged=True) if each.cause in seen else each for each in found.trends.alarms)
     access.change_health(directory, {TRENDS: trends_in(replace(found.trends, alarms=alarms))})
-    sys.stdout.write(f"acknowledged: {', '.join(cause.key for cause in seen)}\n")
+    put(f"acknowledged: {', '.join(cause.key for cause in seen)}")
     return ExitCode.OK

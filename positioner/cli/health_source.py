@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
+from positioner.cli.tables import note
 from positioner.errors import StateError
 from positioner.health.counters_document import COUNTERS, counters_from
 from positioner.health.monitor import sections_of
 from positioner.health.trends_document import TRENDS, trends_from
+from positioner.inputs.plain_file import MOST_MIB
 from positioner.runtime.health_reference import measured_health_settings
 from positioner.store import access
 
@@ -59,6 +60,7 @@ def health_in_log(
     *,
     table: Path | None = None,
     before: Mapping[str, Any] | None = None,
+    most_mib: int = MOST_MIB,
 ) -> FoundHealth:
     """Return the health counted in a log, against the reference in `directory`; what makes it inexact goes to stderr.
 
@@ -70,9 +72,9 @@ def health_in_log(
     from positioner.replay.health_log import health_in  # noqa: PLC0415 - a log library, for a log only
 
     settings = measured_health_settings(configuration, report, directory)
-    health, notices = health_in(log, configuration, settings, table, before or {})
+    health, notices = health_in(log, configuration, settings, table, before or {}, most_mib)
     for notice in notices:
-        sys.stderr.write(f"{log}: {notice}\n")
+        note(f"{log}: {notice}")
     return _found(settings, sections_of(health), log)
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from positioner.commissioning.explained import BREAKAWAYS, STEPS, STROKES
 from positioner.commissioning.played import played_steps
 from positioner.commissioning.record import Kind
 from positioner.pictures.colours import BELIEF, BREAKAWAY, INK, REFERENCE, SERIES, TABLE
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
+    from positioner.commissioning.explained import Part
     from positioner.commissioning.identified import IdentifiedValve
     from positioner.commissioning.record import Stretch
     from positioner.config.schema import Configuration
@@ -27,9 +29,11 @@ _AFTER_S = 0.4
 
 def draw(path: Path, stretches: Sequence[Stretch], found: IdentifiedValve, configuration: Configuration) -> None:
     """Draw into `path`."""
-    figure = new_figure(4.8)
-    left, middle, right = figure.subplots(1, 3)
-    figure.subplots_adjust(left=0.06, right=0.985, top=0.83, bottom=0.12, wspace=0.24)
+    figure = new_figure(8.2)
+    (left, middle, right), below = figure.subplots(2, 3)
+    figure.subplots_adjust(left=0.06, right=0.985, top=0.9, bottom=0.07, wspace=0.24, hspace=0.32)
+    for axes, kind in zip(below, (STROKES, BREAKAWAYS, STEPS), strict=True):
+        _residuals(axes, kind, [each for each in found.parts if each.kind == kind])
     valve, period_s = found.laid_over(configuration.valve), configuration.control.sample_period_s
     gain = valve.force_gain_n_per_ma
     for number, each in enumerate(one for one in stretches if one.kind is Kind.STROKE):
@@ -54,6 +58,22 @@ def draw(path: Path, stretches: Sequence[Stretch], found: IdentifiedValve, confi
     _label(right, "Steps: readings (dots), the fitted valve (lines)", "time after the step, ms", "way, mm")
     head(figure, 0.06, ((f"{valve.id}: identification", HEAD, "bold", INK),))
     save(figure, path)
+
+
+def _residuals(axes: Axes, kind: str, parts: Sequence[Part]) -> None:
+    named: set[float] = set()
+    for each in parts:
+        along, off_m = np.asarray(each.curve).T
+        colour = SERIES[0] if each.direction > 0.0 else SERIES[1]
+        label = None if each.direction in named else "opening" if each.direction > 0.0 else "closing"
+        axes.plot(along * 1e3, off_m * 1e3, ".-", color=colour, lw=1.0, ms=3.0, label=label)
+        named.add(each.direction)
+    if parts:
+        most_mm = 1e3 * min(each.most_m for each in parts)
+        axes.axhspan(-most_mm, most_mm, facecolor=REFERENCE, alpha=0.15, label="explained", zorder=0)
+        axes.legend(fontsize=NORMAL, frameon=False)
+    words = "position, mm" if kind == STROKES else "time after the slip was seen, ms"
+    _label(axes, f"Readings beside the fitted valve: {kind}", words, "mm")
 
 
 def _label(axes: Axes, title: str, x_label: str, y_label: str) -> None:

@@ -27,6 +27,7 @@ _COMMANDS = (
     "league",
     "campaign",
     "reproduce",
+    "robustness",
     "tune",
     "table",
     "check",
@@ -56,8 +57,9 @@ examples:
   positioner health --config fv101.toml            show counters, trends and alarms of the valve
   positioner table dump --config fv101.toml        print what was learned about the valve's stiction
 
-exit status: 0 done, 1 failed, 2 wrong command line, 69 bus or valve not available, 70 internal error, 71 the system
-             refuses, 74 state not saved, 75 in use by another process for now, 78 wrong configuration
+exit status: 0 done, 1 failed, 2 wrong command line, 65 what was measured does not fit the model, 69 bus or valve not
+             available, 70 internal error, 71 the system refuses, 74 state not saved, 75 in use by another process for
+             now, 78 wrong configuration
 completion:  positioner --completion bash > ~/.local/share/bash-completion/completions/positioner
 """
 

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from positioner.bus.address import parse_address
-from positioner.cli.command import add_command, add_config, add_valve
+from positioner.cli.command import add_command, add_config, add_max_size, add_valve
+from positioner.cli.tables import put
 from positioner.config.locations import location_of
 from positioner.config.reader import load_valves
 from positioner.errors import ExitCode, UsageError, writing
@@ -47,6 +48,7 @@ def add_parser(commands: Commands) -> None:
         commands, "monitor", _run, "watch valves live on their bus, or in a log; it listens only", _EPILOG
     )
     parser.add_argument("log", nargs="?", type=Path, metavar="LOG", help="a recorded bus, in place of the live one")
+    add_max_size(parser)
     add_config(parser)
     add_valve(parser)
     parser.add_argument("--bus", metavar="INTERFACE:CHANNEL", help="bus instead of the configuration's")
@@ -109,7 +111,7 @@ def _watch(source: Source, show: Callable[[Source], object]) -> None:
 
 
 def _tell(address: str) -> None:
-    sys.stdout.write(f"{address}  (for browsers on this machine; Ctrl-C ends it)\n")
+    put(f"{address}  (for browsers on this machine; Ctrl-C ends it)")
     sys.stdout.flush()
 
 
@@ -125,6 +127,6 @@ def _source(arguments: argparse.Namespace, configurations: tuple[Configuration, 
         return LiveSource(configurations, states)
     if not arguments.speed > 0.0:
         raise UsageError(f"--speed {arguments.speed:g}: must be positive")
-    source = RecordedSource(configurations, arguments.log)
+    source = RecordedSource(configurations, arguments.log, arguments.max_size)
     source.play_at(arguments.speed)
     return source

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
@@ -11,16 +10,23 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 from tqdm import tqdm
 
 from positioner.bus.address import parse_address
-from positioner.cli.command import add_config, add_state, add_valve, refuse_without_folder
+from positioner.cli.command import (
+    add_config,
+    add_max_size,
+    add_state,
+    add_valve,
+    check_picture,
+    refuse_without_folder,
+)
 from positioner.cli.question import agreed
-from positioner.cli.tables import add_output
+from positioner.cli.tables import add_output, note
 from positioner.commissioning import results
 from positioner.commissioning.procedure import Procedure
 from positioner.config.locations import location_of
 from positioner.config.reader import load_config
 from positioner.config.schema import StateSettings
 from positioner.errors import AlreadyRunningError, UsageError, writing
-from positioner.machine.journal import set_up
+from positioner.machine.journal import above, set_up
 from positioner.machine.memory_lock import lock_memory
 from positioner.store import lock
 
@@ -31,6 +37,7 @@ if TYPE_CHECKING:
     from positioner.commissioning.experiment import Experiment
     from positioner.commissioning.procedure import ProcedureLimits, Progress
     from positioner.commissioning.record import Stretch
+    from positioner.commissioning.results import KeptResult
     from positioner.config.schema import Configuration
     from positioner.runtime.procedure_run import ProcedureRun
 
@@ -47,6 +54,7 @@ def add_procedure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--from", type=Path, metavar="LOG", dest="log", help="evaluate this record of a test; nothing moves"
     )
+    add_max_size(parser)
     parser.add_argument("--record", type=Path, metavar="FILE", help="record the test, for --from and replay")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write the result as an HTML page")
     add_output(parser)
@@ -61,9 +69,15 @@ def add_procedure(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_picture(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add `--picture`, which `keep_result` draws."""
+    parser.add_argument("--picture", type=Path, metavar="FILE", help=f"draw {what} (PNG, SVG)")
+
+
 def procedure_configuration(arguments: argparse.Namespace) -> Configuration:
     """Return the configuration, with the bus and the state directory of the command line."""
     refuse_without_folder("--report", arguments.report)
+    check_picture(getattr(arguments, "picture", None))
     configuration = load_config(arguments.config, valve=arguments.valve)
     if arguments.bus:
         configuration = replace(configuration, bus=parse_address(arguments.bus))
@@ -88,15 +102,17 @@ def memory_of(arguments: argparse.Namespace, configuration: Configuration, proce
     if arguments.log:
         from positioner.replay.procedure import memory_in  # noqa: PLC0415 - a log library, for a log only
 
-        return memory_in(arguments.log, configuration, procedure)
+        return memory_in(arguments.log, configuration, procedure, arguments.max_size)
     memory: M = _moved(arguments, configuration, procedure).result()
     return memory
 
 
 def outcome_of(
-    arguments: argparse.Namespace, configuration: Configuration, procedure: OfferedProcedure[M]
+    arguments: argparse.Namespace, configuration: Configuration, procedure: OfferedProcedure[M], told: str = ""
 ) -> tuple[M, str]:
     """Return the memory as `memory_of`, also where the procedure was ended early, and how the guard ended it.
+
+    told: lines about this procedure that the person reads before the question.
 
     Raises:
         ProcedureError: it did not begin.
@@ -104,8 +120,10 @@ def outcome_of(
     if arguments.log:
         from positioner.replay.procedure import outcome_in  # noqa: PLC0415 - a log library, for a log only
 
-        return outcome_in(arguments.log, configuration, procedure)
-    run = _moved(arguments, configuration, procedure)
+        return outcome_in(arguments.log, configuration, procedure, arguments.max_size)
+    run = _moved(arguments, configuration, procedure, told)
+    if run.remedy:
+        note(f"{run.remedy}")
     return (run.result() if run.memory is None else run.memory), run.ended_because
 
 
@@ -123,28 +141,46 @@ def keep_result(
     document: dict[str, Any],
     *,
     finished: bool = True,
+    picture: str = "",
+    reference: KeptResult | None = None,
 ) -> None:
     """Write the report of a procedure, and keep the document of a finished one in the valve's state directory.
 
-    The evaluation of an older record is kept only as the reference.
+    The evaluation of an older record is kept only as the reference. picture: the title of the picture, which has the
+    figures of the report; without one none is drawn. reference: with which it is compared, if not the kept one.
 
     Raises:
         StateError: a file cannot be written.
     """
+    reference = reference or reference_of(arguments, configuration, kind)
+    if picture and arguments.picture:
+        _draw(arguments.picture, picture, kind, document, reference)
     if arguments.report:
-        _write_report(arguments, configuration, kind, document)
+        _write_report(arguments, configuration, kind, document, reference)
     if finished and (arguments.log is None or arguments.as_reference):
         path = results.keep(_state_of(arguments, configuration), kind, document, as_reference=arguments.as_reference)
-        sys.stderr.write(f"kept: {path}\n")
+        note(f"kept: {path}")
+
+
+def _draw(path: Path, title: str, kind: str, document: dict[str, Any], reference: KeptResult | None) -> None:
+    from positioner.cli.chart_picture import draw  # noqa: PLC0415 - matplotlib would slow every command down
+    from positioner.report.procedure_page import charts_of  # noqa: PLC0415 - Jinja2 for figures only
+
+    with writing(path):
+        draw(path, title, charts_of(kind, document, reference.document if reference else None))
+    note(f"picture: {path}")
 
 
 def _write_report(
-    arguments: argparse.Namespace, configuration: Configuration, kind: str, document: dict[str, Any]
+    arguments: argparse.Namespace,
+    configuration: Configuration,
+    kind: str,
+    document: dict[str, Any],
+    reference: KeptResult | None,
 ) -> None:
     from positioner.report.page import html  # noqa: PLC0415 - Jinja2 for a report only
     from positioner.report.procedure_page import procedure_page  # noqa: PLC0415
 
-    reference = results.reference(_state_of(arguments, configuration), kind, configuration.valve.id)
     guard = configuration.guard
     facts = (
         ("configuration", str(arguments.config)),
@@ -155,31 +191,32 @@ def _write_report(
     with writing(arguments.report):
         page = procedure_page(results.new_result(kind, document), reference, facts)
         arguments.report.write_text(html(page), encoding="utf-8")
-    sys.stderr.write(f"report: {arguments.report}\n")
+    note(f"report: {arguments.report}")
 
 
-def reference_of(arguments: argparse.Namespace, configuration: Configuration, kind: str) -> dict[str, Any] | None:
-    """Return the kept document with which a new one of this kind is compared, None where there is none.
+def reference_of(arguments: argparse.Namespace, configuration: Configuration, kind: str) -> KeptResult | None:
+    """Return the kept result with which a new one of this kind is compared, None where there is none.
 
     Raises:
         StateError: the state directory cannot be read.
     """
-    kept = results.reference(_state_of(arguments, configuration), kind, configuration.valve.id)
-    return kept.document if kept else None
+    return results.reference(_state_of(arguments, configuration), kind, configuration.valve.id)
 
 
 def _state_of(arguments: argparse.Namespace, configuration: Configuration) -> Path:
     return location_of(configuration, arguments.config, arguments.state).state
 
 
-def _moved(arguments: argparse.Namespace, configuration: Configuration, procedure: OfferedProcedure[M]) -> ProcedureRun:
+def _moved(
+    arguments: argparse.Namespace, configuration: Configuration, procedure: OfferedProcedure[M], told: str = ""
+) -> ProcedureRun:
     """Return the run of the procedure after it has moved the valve on the bus, when the person has agreed to it."""
     from positioner.runtime.procedure_run import ProcedureRun  # noqa: PLC0415 - the bus, for an experiment only
     from positioner.runtime.session import RunOptions  # noqa: PLC0415
 
     _refuse_beside_a_daemon(arguments, configuration)
     results.check_writable(_state_of(arguments, configuration))
-    sys.stderr.write(_announcement(configuration, procedure))
+    note((_announcement(configuration, procedure) + told).rstrip())
     if not arguments.yes:
         _ask_whether_it_may_move()
     set_up(verbose=False)
@@ -240,4 +277,5 @@ def bar(name: str) -> Iterator[Callable[..., None]]:
             shown.n = min(part, 1.0)
             shown.refresh()
 
-        yield show
+        with above(shown) if not shown.disable else nullcontext():
+            yield show

@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
+from positioner.errors import visible
+
 if TYPE_CHECKING:
     from positioner.errors import PositionerError
 
@@ -17,7 +19,7 @@ def agreed(question: str, nobody: PositionerError) -> bool:
     """
     if sys.stdin is None or not sys.stdin.isatty():
         raise nobody
-    sys.stderr.write(f"{question} [y/N] ")
+    sys.stderr.write(f"{visible(question)} [y/N] ")
     sys.stderr.flush()
     try:
         answer = input("")

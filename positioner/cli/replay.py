@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from positioner.cli.command import add_command, add_config, add_state, add_valve
+from positioner.cli.command import add_command, add_config, add_log, add_state, add_valve
 from positioner.cli.names import add_law, law_of
-from positioner.cli.tables import add_json, note, show_json
+from positioner.cli.tables import add_json, note, put, show_json
 from positioner.config.reader import load_config
 from positioner.errors import ExitCode
 from positioner.inputs.plug_in import anchored
@@ -49,7 +48,7 @@ def add_parser(commands: Commands) -> None:
     parser = add_command(
         commands, "replay", _run, "compute the commands of a recorded bus again, and compare bit for bit", _EPILOG
     )
-    parser.add_argument("log", type=Path, metavar="LOG", help="the recorded bus")
+    add_log(parser)
     add_config(parser)
     add_valve(parser)
     add_state(parser, "start from the table in DIR, which is only read")
@@ -71,7 +70,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if law := law_of(arguments):
         changes = laid_over(changes, {"control": {"law": anchored(law, Path.cwd())}})
     configuration = load_config(arguments.config, changes, arguments.valve)
-    prepared = prepare(arguments.log, configuration, arguments.state)
+    prepared = prepare(arguments.log, configuration, arguments.state, arguments.max_size)
     if not changes and not prepared.commands:
         text = "no command to compare with; --law shows what would have been commanded"
         raise LogError(f"{arguments.log}: holds {prepared.readings} position frames, and {text}")
@@ -81,10 +80,10 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
             f"{arguments.log}: starts late: {prepared.late}: {text}, or see with --law what would be commanded"
         )
     if not arguments.json:
-        sys.stdout.write(f"{headline(prepared)}\n")
+        put(f"{headline(prepared)}")
     codec = configuration.make_codec()
     comparison, other = Comparison(codec, prepared.kind.has_instants), OtherLaw(codec)
-    replayed_cycles = replay_cycles(configuration, prepared.cycles(), prepared.table, follows=bool(changes))
+    replayed_cycles = replay_cycles(configuration, prepared.cycles(), prepared.table, plays=True, follows=bool(changes))
     with _output(arguments.out) as output:
         for replayed in tqdm(
             replayed_cycles, "replay", prepared.cycle_count, unit=" cycles", delay=1, leave=False, disable=None
@@ -96,7 +95,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.json:
         show_json(log_as_json(prepared) | other.as_json() if changes else as_json(prepared, comparison))
     else:
-        sys.stdout.write(f"{other.in_words() if changes else summary(prepared, comparison)}\n")
+        put(f"{other.in_words() if changes else summary(prepared, comparison)}")
     if output:
         period_s = configuration.control.sample_period_s
         output.draw(f"{prepared.log.path}: law {configuration.control.law}, period {period_s * 1e3:g} ms")

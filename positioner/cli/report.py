@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from positioner.cli.check import summary_rows
-from positioner.cli.command import add_command, add_config, add_state, add_valve
+from positioner.cli.check import summary_rows, warnings
+from positioner.cli.command import add_command, add_config, add_max_size, add_state, add_valve
 from positioner.cli.health_source import health_in_log, kept_health, service_of
+from positioner.cli.tables import note, put
 from positioner.commissioning import results
 from positioner.config.locations import location_of
 from positioner.config.reader import load_config
@@ -51,6 +51,7 @@ def add_parser(commands: Commands) -> None:
     add_valve(parser)
     add_state(parser)
     parser.add_argument("--from", type=Path, metavar="LOG", dest="log", help="count the use in a recorded run instead")
+    add_max_size(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="the page (default: the valve's name, in this folder)")
 
 
@@ -70,11 +71,12 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         facts=(*told, *results.versions().items()),
         options=options,
         running=_running(state),
+        warnings=warnings(configuration),
     )
     path = arguments.out or Path(f"{configuration.valve.id}.html")
     with writing(path):
         path.write_text(html(valve_page(report)), encoding="utf-8")
-    sys.stdout.write(f"{path}\n")
+    put(str(path))
     return ExitCode.OK
 
 
@@ -82,20 +84,21 @@ def _service(arguments: argparse.Namespace, state: Path, configuration: Configur
     """Return what was counted, None where there is nothing; what cannot be used is told and left out."""
     if arguments.log:
         table = state if arguments.state else None
-        return service_of(health_in_log(arguments.log, configuration, state, _notice, table=table))
+        most_mib: int = arguments.max_size
+        return service_of(health_in_log(arguments.log, configuration, state, _notice, table=table, most_mib=most_mib))
     if not (state / HEALTH).exists():
         return None
     try:
         return service_of(kept_health(configuration, state, _notice))
     except StateError as error:
-        sys.stderr.write(f"{error}; the report goes without it\n")
+        note(f"{error}; the report goes without it")
     return None
 
 
 def _notice(line: str) -> None:
     """Tell what is wrong with the reference of the health, but for the damaged files and other valves of `_kept`."""
     if results.FOLDER not in line and "is left out" not in line:
-        sys.stderr.write(f"{line}\n")
+        note(line)
 
 
 def _kept(state: Path, valve: str) -> dict[str, tuple[tuple[KeptResult, ...], KeptResult]]:

@@ -27,7 +27,7 @@ _EPILOG = """\
 example:
   positioner run --config /etc/positioner/fv101.toml
 
-It waits for the first valid position frame and transmits nothing before it is armed. A host arms it with a SETPOINT
+It waits for the first valid position frame and commands nothing before it is armed. A host arms it with a SETPOINT
 frame whose request changes to ARM; with guard.auto_arm it arms itself.
 SIGTERM stops it; what it has learned is saved before it ends.
 A law of yours, control.law = "my_law.py:MyLaw", runs behind the same guard (docs/own-law.md); the log says so.

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from positioner.cli.command import refuse_without_folder
+from positioner.cli.tables import note
 from positioner.errors import writing
 
 if TYPE_CHECKING:
@@ -95,7 +96,6 @@ def write_page(path: Path, page: Page) -> None:
     Raises:
         StateError: it cannot be written.
     """
-    from positioner.cli.tables import note  # noqa: PLC0415
     from positioner.report.page import html  # noqa: PLC0415 - the template engine
 
     with writing(path):

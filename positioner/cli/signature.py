@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 import json
-import sys
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from positioner.cli.command import add_command, check_picture
-from positioner.cli.procedure import add_procedure, keep_result, procedure_configuration, reference_of, stretches_of
+from positioner.cli.command import add_command
+from positioner.cli.procedure import (
+    add_picture,
+    add_procedure,
+    keep_result,
+    procedure_configuration,
+    reference_of,
+    stretches_of,
+)
 from positioner.cli.tables import below, show, show_json
 from positioner.commissioning.procedure import ProcedureLimits
+from positioner.commissioning.results import KeptResult
 from positioner.commissioning.signature import signature
 from positioner.commissioning.signature_limits import Beyond, beyond_limits
-from positioner.commissioning.signature_report import as_json, loop_points
+from positioner.commissioning.signature_report import as_json, fitted_lines, loop_points
 from positioner.commissioning.signature_stages import signature_experiment
 from positioner.commissioning.units import PASCALS
 from positioner.errors import ExitCode, UsageError
@@ -60,7 +68,7 @@ def add_parser(commands: Commands) -> None:
         metavar="MA_PER_S",
         help="rate of the slow strokes, in mA/s (default: the slowest that the stem follows)",
     )
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the loop, friction, breakaways (PNG, SVG)")
+    add_picture(parser, "the loop, and the friction along the travel")
     parser.add_argument(
         "--reference", type=Path, metavar="FILE", help="an earlier --json, instead of the kept reference"
     )
@@ -72,10 +80,10 @@ def add_parser(commands: Commands) -> None:
 def _run(arguments: argparse.Namespace) -> ExitCode:
     if arguments.rate < 0.0:
         raise UsageError(f"--rate {arguments.rate:g}: must be more than 0 mA/s")
-    check_picture(arguments.picture)
-    given = _reference(arguments.reference)
+    given = _given(arguments.reference)
     configuration = procedure_configuration(arguments)
-    reference = given or reference_of(arguments, configuration, "signature")
+    kept = given or reference_of(arguments, configuration, "signature")
+    reference = kept.document if kept else None
     valve, period_s = configuration.valve, configuration.control.sample_period_s
     limits = ProcedureLimits.of(valve, configuration.guard)
     experiment = signature_experiment(valve, limits, period_s, arguments.rate)
@@ -85,6 +93,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     document = {
         **as_json(found, valve, arguments.pressure_unit),
         "loop": loop_points(found.strokes),
+        "fitted": fitted_lines(found, valve),
         "compared": reference is not None,
         "beyond_limits": [each.as_json() for each in beyond],
     }
@@ -94,12 +103,8 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         table = quantity_table(document["rows"], reference["rows"] if reference else None)
         blocks: list[Block] = [*_verdict(valve.id, reference, beyond), "", table, *below(document["remarks"])]
         show(blocks, as_markdown=arguments.markdown)
-    if arguments.picture:
-        from positioner.cli.signature_picture import draw  # noqa: PLC0415 - matplotlib would slow every command down
-
-        draw(arguments.picture, found, valve, reference)
-        sys.stderr.write(f"picture: {arguments.picture}\n")
-    keep_result(arguments, configuration, "signature", document)
+    title = f"{valve.id}: signature at {found.rate_ma_per_s:.3g} mA/s"
+    keep_result(arguments, configuration, "signature", document, picture=title, reference=kept)
     return ExitCode.FAILURE if beyond else ExitCode.OK
 
 
@@ -127,8 +132,8 @@ def _beyond(found: Signature, reference: dict[str, Any] | None, configuration: C
         ) from error
 
 
-def _reference(path: Path | None) -> dict[str, Any] | None:
-    """Return an earlier signature.
+def _given(path: Path | None) -> KeptResult | None:
+    """Return an earlier signature, of the instant at which its file was written.
 
     Raises:
         UsageError: the file is none.
@@ -137,8 +142,12 @@ def _reference(path: Path | None) -> dict[str, Any] | None:
         return None
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-        known = all(isinstance(each, float | int) for each in found["quantities"].values())
-        known = known and all(isinstance(row["name"], str) and row["value"] * 0.0 == 0.0 for row in found["rows"])
+        written = datetime.fromtimestamp(path.stat().st_mtime, UTC)
+        known = all(isinstance(each, float | int | None) for each in found["quantities"].values())
+        numbers = [row["value"] for row in found["rows"] if isinstance(row["name"], str)]
+        known = (
+            known and all(each is None or each * 0.0 == 0.0 for each in numbers) and len(numbers) == len(found["rows"])
+        )
         places = [[float(x), float(f)] for x, f in found["sliding_friction_by_place"]]
     except OSError as error:
         raise UsageError(f"--reference {path}: cannot be read: {error.strerror}") from error
@@ -146,4 +155,4 @@ def _reference(path: Path | None) -> dict[str, Any] | None:
         raise UsageError(f"--reference {path}: is no signature ({error}): write one with --json") from error
     if not known or not places:
         raise UsageError(f"--reference {path}: is no signature: write one with --json")
-    return dict(found)
+    return KeptResult("signature", str(path), str(found.get("valve", "")), written, {}, dict(found))

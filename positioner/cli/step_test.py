@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace as replaced
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from positioner.cli.command import add_command, check_picture, numbers_in
+from positioner.cli.command import add_command, numbers_in
 from positioner.cli.names import add_law
-from positioner.cli.procedure import add_procedure, keep_result, memory_of, procedure_configuration
+from positioner.cli.procedure import add_picture, add_procedure, keep_result, memory_of, procedure_configuration
 from positioner.cli.tables import below, show, show_json
 from positioner.commissioning.closed_loop import ClosedLoop
 from positioner.commissioning.procedure import ProcedureLimits
@@ -18,7 +16,7 @@ from positioner.commissioning.step.hold import HoldLaw
 from positioner.commissioning.step.limits import broken
 from positioner.commissioning.step.plan import LADDER, OPEN_LADDER, OPEN_SIZES, REPEATS, SIZES, Plan
 from positioner.commissioning.step.procedure import StepTest
-from positioner.commissioning.step.report import SIZE_HEAD, as_json, band_rows, heading, size_rows
+from positioner.commissioning.step.report import SIZE_HEAD, SIZE_NOTE, as_json, band_rows, heading, size_rows
 from positioner.commissioning.step.result import result_of
 from positioner.errors import ExitCode, UsageError
 from positioner.laws.registry import law_names, law_problem
@@ -87,7 +85,7 @@ def add_parser(commands: Commands) -> None:
         metavar="PERCENT",
         help="where the middle of the steps is (default: the middle of the range)",
     )
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the responses and regions (PNG, SVG)")
+    add_picture(parser, "the responses, and times and gain by size")
 
 
 def _shown(parts: Iterable[float]) -> str:
@@ -95,7 +93,6 @@ def _shown(parts: Iterable[float]) -> str:
 
 
 def _run(arguments: argparse.Namespace) -> ExitCode:
-    check_picture(arguments.picture)
     configuration = procedure_configuration(arguments)
     test = step_test_of(arguments, configuration)
     memory = memory_of(arguments, configuration, test)
@@ -114,12 +111,8 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
         blocks: list[Block] = [heading(result, valve, has_limits=has_limits, broken=problems)]
         blocks += below(f"limit broken: {line}" for line in problems)
         show([*blocks, *_tables(result), *below(document["remarks"])], as_markdown=arguments.markdown)
-    if arguments.picture:
-        from positioner.cli.step_picture import draw  # noqa: PLC0415 - matplotlib would slow every command down
-
-        draw(arguments.picture, memory.responses, result, valve)
-        sys.stderr.write(f"picture: {arguments.picture}\n")
-    keep_result(arguments, configuration, "step-test", document)
+    title = heading(result, valve, has_limits=False, broken=())
+    keep_result(arguments, configuration, "step-test", document, picture=title)
     return ExitCode.FAILURE if problems else ExitCode.OK
 
 
@@ -127,7 +120,7 @@ def _tables(result: StepResult) -> Iterator[Block]:
     """Yield the sizes, and dead band and resolution with what the ladders leave open."""
     if result.rows:
         yield ""
-        yield Table.of(SIZE_HEAD, size_rows(result))
+        yield Table(SIZE_HEAD, tuple(size_rows(result)), SIZE_NOTE)
     bands = [row.as_json() for row in band_rows(result)]
     if bands:
         yield ""
@@ -148,7 +141,7 @@ def step_test_of(arguments: argparse.Namespace, configuration: Configuration) ->
     valve, period_s = configuration.valve, configuration.control.sample_period_s
     limits = ProcedureLimits.of(valve, configuration.guard)
     plan = _plan(arguments, Plan.of(valve, limits, is_open=is_open), period_s)
-    law = HoldLaw(valve.travel_min_m, valve.span_m) if is_open else configuration.make_law()
+    law = HoldLaw(valve.travel_min_m, valve.span_m) if is_open else configuration.make_law(plays=True)
     loop = ClosedLoop(law, configuration.limits, configuration.control.table_cell_m)
     return StepTest(valve, limits, period_s, plan, loop)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from positioner.cli import table_text
 from positioner.cli.command import add_valve
 from positioner.cli.question import agreed
-from positioner.cli.tables import show
+from positioner.cli.tables import note, put, show
 from positioner.config.locations import location_of
 from positioner.errors import ExitCode, StateError
 from positioner.store import access, document
@@ -98,7 +98,7 @@ def _reset(args: argparse.Namespace) -> ExitCode:
     directory = _directory(args)
     nobody = StateError("reset asks before it empties the table, and there is no terminal to ask on; give --yes")
     if not args.yes and not agreed(f"Empty the table? {table_text.summary(access.dump(directory))}", nobody):
-        sys.stderr.write("nothing was changed\n")
+        note("nothing was changed")
         return ExitCode.USAGE
     _report("the table is empty now", access.reset(directory), directory)
     return ExitCode.OK
@@ -113,7 +113,7 @@ def _export(args: argparse.Namespace) -> ExitCode:
         raise StateError(f"{args.file}: exists already; choose another name") from error
     except OSError as error:
         raise StateError(f"{args.file}: cannot be written: {error.strerror}") from error
-    sys.stdout.write(f"{table_text.summary(stored)}: written to {args.file}\n")
+    put(f"{table_text.summary(stored)}: written to {args.file}")
     return ExitCode.OK
 
 
@@ -164,7 +164,7 @@ def _only(stored: StoredTable, quantity: Quantity) -> StoredTable:
 
 
 def _report(done: str, backup: str | None, directory: Path) -> None:
-    sys.stdout.write(f"{done}\n")
+    put(done)
     if backup:
         restore = shlex.join(["positioner", "table", "import", backup, "--state", str(directory)])
-        sys.stdout.write(f"the former table is in {backup}; to restore it:\n  {restore}\n")
+        put(f"the former table is in {backup}; to restore it:\n  {restore}")

@@ -6,6 +6,7 @@ import math
 from itertools import groupby
 from typing import TYPE_CHECKING
 
+from positioner.inputs.durations import duration
 from positioner.report.table import Table
 from positioner.store.document import utc_text
 from positioner.valve.stiction import Cell, CellKey, Direction, Quantity
@@ -51,7 +52,7 @@ def _fit(stored: StoredTable) -> Iterator[str]:
         f"K {fit.spring_n_per_m:.0f} ± {math.sqrt(fit.kk):.0f} N/m",
         f"F_s {fit.static_n:.0f} ± {math.sqrt(fit.ff):.0f} N",
         f"F_c {fit.sliding_n:.0f} ± {math.sqrt(fit.sliding_n2):.0f} N",
-        f"fill {fit.fill_s * _MM:.3g} ms, vent {fit.vent_s * _MM:.3g} ms ± {100.0 * lag:.1f} %",
+        f"fill {duration(fit.fill_s, 3)}, vent {duration(fit.vent_s, 3)} ± {100.0 * lag:.1f} %",
     )
     yield f"learned from all slips: {', '.join(parts)}; {utc_text(stored.fit_recorded_s)}"
 

@@ -12,6 +12,7 @@ import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from positioner.errors import in_one_line, visible
 from positioner.machine.plain_text import showable
 from positioner.report.text import markdown, plain
 
@@ -59,7 +60,7 @@ def below(lines: Iterable[str]) -> list[str]:
 def show_json(document: Any) -> None:
     """Print the only document of a command to the standard output; NaN and infinities, which JSON has not, are null."""
     is_ascii = showable("µ", sys.stdout) != "µ"
-    sys.stdout.write(json.dumps(finite(document), indent=2, ensure_ascii=is_ascii, allow_nan=False) + "\n")
+    sys.stdout.write(visible(json.dumps(finite(document), indent=2, ensure_ascii=is_ascii, allow_nan=False)) + "\n")
     sys.stdout.flush()
 
 
@@ -71,9 +72,14 @@ def show_result(arguments: argparse.Namespace, blocks: Iterable[Block], values: 
         show(blocks, as_markdown=arguments.markdown)
 
 
+def put(line: str) -> None:
+    """Print a line, or some, that is the result as it is: it has no marks."""
+    sys.stdout.write(f"{showable(line, sys.stdout)}\n")
+
+
 def note(line: str) -> None:
     """Print a line that is no part of the result."""
-    sys.stderr.write(f"{line}\n")
+    sys.stderr.write(f"{showable(line, sys.stderr)}\n")
 
 
 def finite(value: Any) -> Any:
@@ -93,7 +99,7 @@ def _in_characters_of(stream: TextIO, block: Block) -> Block:
         return showable(block, stream)
     return replace(
         block,
-        head=tuple(showable(cell, stream) for cell in block.head),
-        rows=tuple(tuple(showable(cell, stream) for cell in row) for row in block.rows),
-        caption=showable(block.caption, stream),
+        head=tuple(showable(in_one_line(cell), stream) for cell in block.head),
+        rows=tuple(tuple(showable(in_one_line(cell), stream) for cell in row) for row in block.rows),
+        caption=showable(in_one_line(block.caption), stream),
     )

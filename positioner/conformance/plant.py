@@ -9,6 +9,7 @@ from positioner.conformance.frames import FRAME_RULES, FrameChecks, check_travel
 from positioner.conformance.rules import Results, Rule, RuleResult, Violation
 from positioner.conformance.script import REFUSED, Phase, Script
 from positioner.conformance.timing import FrameTiming
+from positioner.inputs.durations import duration
 from positioner.wire.messages import ActuatorState, Quality, StemPosition
 
 if TYPE_CHECKING:
@@ -131,7 +132,7 @@ class PlantTest:
             self._results.failed("received", Violation("no STEM_POSITION came"))
         elif (mean_s := self._positions.mean_s) is not None:
             period_s = self._limits.period_s
-            found = f"the mean period is {mean_s * 1e3:.4g} ms instead of {period_s * 1e3:.4g} ms"
+            found = f"the mean period is {duration(mean_s, 4)} instead of {duration(period_s, 4)}"
             right = abs(mean_s - period_s) <= _PERIOD_TOLERANCE * period_s
             self._results.note("period", None if right else Violation(found))
         return self._results.all()

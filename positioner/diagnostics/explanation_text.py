@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from positioner.diagnostics.explanation import ActiveBound
-from positioner.wire.messages import Motion
+from positioner.wire.messages import Cause, Motion
 from positioner.wire.words import in_words
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ _MOTIONS = {
 
 MOVES_HEAD = (
     *("move", "at, s", "lasts, ms", "from, mm", "setpoint, mm", "aim, mm", "landed, mm", "off, mm", "current, mA"),
-    "breakaway current",
+    *("Γ, mA", "Γ from"),
 )
 
 
@@ -34,13 +34,15 @@ def move_row(move: ExplainedMove) -> tuple[str, ...]:
     lasts = "" if move.ended_s is None else f"{(move.ended_s - move.begun_s) * _MM:.1f}"
     landed, off = ("", "") if move.landed_m is None else (_mm(move.landed_m), f"{_off_mm(move):+.3f}")
     places = (_mm(move.origin_m), _mm(move.setpoint_m), _mm(move.reason.aim_m), landed, off)
-    gamma = f"{_gamma(move)}; fallback: {move.fallbacks[0]}" if move.fallbacks else _gamma(move)
-    return str(move.number), f"{move.begun_s:.3f}", lasts, *places, f"{move.low_ma:.3f}–{move.high_ma:.3f}", gamma
+    fallback = f"; fallback: {move.fallbacks[0]}" if move.fallbacks else ""
+    gamma = f"{move.reason.breakaway.current_ma:.3f}", f"{_source(move)}{fallback}"
+    return str(move.number), f"{move.begun_s:.3f}", lasts, *places, f"{move.low_ma:.3f}–{move.high_ma:.3f}", *gamma
 
 
 def command_lines(command: ExplainedCommand, cell_m: float) -> list[str]:
     """Return the explanation of one command; `cell_m` is the width of the table's cells."""
-    mode = f"{command.mode.name} ({in_words(command.cause)})"
+    cause = f" ({in_words(command.cause)})" if command.cause is not Cause.NONE else ""
+    mode = f"{command.mode.name}{cause}"
     lines = [f"command   {command.current_ma:.3f} mA at {command.time_s:.6f} s", f"mode      {mode}"]
     controlled, move = command.controlled, command.move
     if controlled is None or command.bound is None:
@@ -51,7 +53,7 @@ def command_lines(command: ExplainedCommand, cell_m: float) -> list[str]:
         f"law       {_MOTIONS[decision.motion]}",
         f"stem      {_mm(stem.position_m)} mm, {stuck}; reading {_mm(controlled.measured_m)} mm",
         f"setpoint  {_mm(controlled.setpoint_m)} mm",
-        f"bound     {command.bound}: {_bound_words(command)}",
+        f"bound     {_bound_words(command)}",
     ]
     if command.fallback:
         lines.append(f"fallback  {command.fallback}")
@@ -91,21 +93,25 @@ def _bound_words(command: ExplainedCommand) -> str:
     speeds = f"{bounds.speed_low_m_per_s * _MM:.1f} to {bounds.speed_high_m_per_s * _MM:.1f} mm/s"
     match command.bound:
         case ActiveBound.GUARD:
-            return f"the law wanted {decision.current_ma:.3f} mA"
+            return f"{command.bound}: the law wanted {decision.current_ma:.3f} mA"
         case ActiveBound.REST:
-            return "no bound acts"
+            return "none acts"
         case ActiveBound.BREAKAWAY | ActiveBound.CURRENT:
-            return f"of {currents}"
+            return f"{command.bound}, {currents}"
         case ActiveBound.SPEED:
-            return f"of {speeds}"
+            return f"{command.bound}, {speeds}"
         case _:
-            return f"the plan lies inside {currents} and {speeds}"
+            return f"{command.bound}: the plan lies inside {currents} and {speeds}"
 
 
 def _gamma(move: ExplainedMove) -> str:
     breakaway = move.reason.breakaway
-    samples = f" ({breakaway.samples} samples)" if breakaway.samples else ""
-    return f"{breakaway.current_ma:.3f} mA from {breakaway.source}{samples}"
+    return f"{breakaway.current_ma:.3f} mA from {_source(move)}"
+
+
+def _source(move: ExplainedMove) -> str:
+    breakaway = move.reason.breakaway
+    return f"{breakaway.source} ({breakaway.samples} samples)" if breakaway.samples else breakaway.source
 
 
 def _off_mm(move: ExplainedMove) -> float:

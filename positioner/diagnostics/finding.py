@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from positioner.diagnostics.direct.diagnosis import DirectDiagnosis, Record, diagnose_stem
 from positioner.diagnostics.indirect.diagnosis import LEAST_SAMPLES, Diagnosis, diagnose_loop
-from positioner.diagnostics.indirect.loop import Loop
+from positioner.diagnostics.indirect.loop import Loop, range_of
 from positioner.diagnostics.verdict import Estimate, Verdict
 from positioner.errors import RecordError
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _LEAST_STEM_SAMPLES = 30
+_ONLY_BY_PV = (Verdict.UNDECIDED, Verdict.YES)
 _LOWEST_PERCENT, _NARROWEST_PERCENT, _HIGHEST_PERCENT = -20.0, 5.0, 120.0
 
 
@@ -27,7 +28,8 @@ _LOWEST_PERCENT, _NARROWEST_PERCENT, _HIGHEST_PERCENT = -20.0, 5.0, 120.0
 class Finding:
     """Both diagnoses, each None where the record has not what it needs, and the notes about the record.
 
-    The direct one decides, unless it is undecided and the other is not.
+    The direct one decides, unless it is undecided and the other says yes: where the stem itself shows too little, PV,
+    which knows less of it, cannot say no. moved_percent: how far OP went.
     """
 
     source: str
@@ -37,6 +39,7 @@ class Finding:
     period_s: float
     is_timed: bool
     notes: tuple[str, ...]
+    moved_percent: float
 
     @property
     def verdict(self) -> Verdict:
@@ -70,10 +73,10 @@ class Finding:
     @property
     def _deciding(self) -> DirectDiagnosis | Diagnosis:
         first, second = self.direct, self.indirect
-        if first is not None and (second is None or first.verdict is not Verdict.UNDECIDED):
-            return first
-        if second is not None:
+        if second is not None and (first is None or (first.verdict, second.verdict) == _ONLY_BY_PV):
             return second
+        if first is not None:
+            return first
         raise RecordError(f"{self.source}: holds neither a stem position nor a process value")
 
 
@@ -99,7 +102,7 @@ def finding_of(source: str, table: LoopTable, command_low: float, command_high: 
         sp = table.sp if table.sp is not None else np.zeros(0)
         indirect = diagnose_loop(Loop(op, table.pv, sp, table.period_s))
     notes = (*table.notes, *_of_range(table.op, op))
-    return Finding(source, direct, indirect, int(op.size), table.period_s, table.is_timed, notes)
+    return Finding(source, direct, indirect, int(op.size), table.period_s, table.is_timed, notes, range_of(op))
 
 
 def _of_range(given: Array, op: Array) -> tuple[str, ...]:

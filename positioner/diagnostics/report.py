@@ -66,6 +66,7 @@ def as_values(finding: Finding) -> dict[str, Any]:
         "method": "direct" if finding.is_direct else "indirect",
         "stick_percent": _values(finding.stick),
         "jump_percent": _values(finding.jump),
+        "op_moved_percent": _number(finding.moved_percent),
         "samples": finding.samples,
         "period_s": finding.period_s if finding.is_timed else None,
         "direct": _direct_values(finding.direct) if finding.direct else None,

@@ -90,6 +90,11 @@ def findings(
     return (Finding(Level.FAIL, _SUBJECT, text, slower),)
 
 
+def is_too_much(codec: Codec, sample_period_s: float, bitrate: int = FASTEST) -> bool:
+    """Return whether the frames of one valve are more than a bus carries."""
+    return bus_load(codec, sample_period_s, bitrate).total > REFUSE_ABOVE
+
+
 def in_words(codec: Codec, sample_period_s: float, bitrate: int = FASTEST) -> str:
     """Return the load at `bitrate` in words, with the shortest sample period that the bus can carry."""
     load = bus_load(codec, sample_period_s, bitrate)

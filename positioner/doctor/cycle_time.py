@@ -21,7 +21,9 @@ from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState
 from positioner.cycle.step import step
 from positioner.doctor.finding import Finding, Level
+from positioner.inputs.durations import duration
 from positioner.laws.nmpc.lagged.valve import is_lagged
+from positioner.laws.registry import is_outside
 from positioner.machine.build import is_compiled
 from positioner.reach.case import Case, slip_of
 from positioner.valve.actuator import ActuatorParameters
@@ -66,13 +68,18 @@ class CycleTime:
     def in_words(self) -> str:
         """Return the durations and the period in one line."""
         return (
-            f"{_ms(self.median_s)} in the median, {_ms(self.p99_s)} for 99 % of {self.cycles} cycles, "
-            f"{_ms(self.longest_s)} the longest; the shortest period for it is {_ms(self.shortest_period_s)}"
+            f"{duration(self.median_s, 2)} in the median, {duration(self.p99_s, 2)} for 99 % of {self.cycles} cycles, "
+            f"{duration(self.longest_s, 2)} the longest; "
+            f"the shortest period for it is {duration(self.shortest_period_s, 2)}"
         )
 
 
 def findings(configuration: Configuration, path: Path) -> Iterator[Finding]:
     """Yield how long a cycle takes, and whether the configured period is long enough; then as `with_other_lag`."""
+    if is_outside(configuration.control.law):
+        text = f"not measured: law {configuration.control.law} is a plug-in, and the doctor runs no code of others"
+        yield Finding(Level.OK, "cycle", text)
+        return
     measured, period_s = measure(configuration), configuration.control.sample_period_s
     found = _finding(configuration, measured)
     if measured.p99_s > _SHARE * period_s:
@@ -81,7 +88,7 @@ def findings(configuration: Configuration, path: Path) -> Iterator[Finding]:
             fix = (
                 "sudo apt install gcc python3-dev  # then install the positioner again, not as editable: it is compiled"
             )
-        text = f"{found.text}, and the configured one of {_ms(period_s)} is too short"
+        text = f"{found.text}, and the configured one of {duration(period_s, 2)} is too short"
         found = Finding(Level.WARN, found.subject, text, fix)
     yield found
     yield from _of_other_lag(configuration)
@@ -176,7 +183,3 @@ def _with_other_lag(configuration: Configuration) -> Configuration:
         actuator = replace(actuator, fill_time_constant_s=_LAG_S, vent_time_constant_s=_LAG_S)
     valve = replace(configuration.valve, actuator=actuator, sensor_time_constant_s=0.0, backlash_m=0.0)
     return replace(configuration, valve=valve)
-
-
-def _ms(seconds: float) -> str:
-    return f"{seconds * 1e3:.2g} ms"

@@ -128,10 +128,12 @@ def _interfaces(links: tuple[Link, ...]) -> Iterator[Finding]:
 
 def _law(configuration: Configuration, path: Path) -> Iterator[Finding]:
     """Yield the error to expect of the law on this valve, and whether its period fits."""
-    text, fits = in_words(configuration)
-    if text:
-        fix = "" if fits else f"positioner reach --config {shlex.quote(str(path))}  # what would help"
-        yield Finding(Level.OK if fits else Level.WARN, "error", text, fix)
+    error, why = in_words(configuration)
+    if why:
+        fix = f"positioner reach --config {shlex.quote(str(path))}  # what would help"
+        yield Finding(Level.WARN, "error", f"{error}: {why}", fix)
+    elif error:
+        yield Finding(Level.OK, "error", error)
 
 
 def _frames(configuration: Configuration) -> str:

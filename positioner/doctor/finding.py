@@ -28,6 +28,12 @@ class Finding:
     fix: str = ""
 
 
+def summary(findings: Iterable[Finding]) -> str:
+    """Return how many of the findings have each level, the worst first."""
+    levels = [finding.level for finding in findings]
+    return ", ".join(f"{levels.count(level)} {level.name}" for level in reversed(Level))
+
+
 def worst(findings: Iterable[Finding]) -> Level:
     """Return the most serious level of the findings."""
     return max((finding.level for finding in findings), default=Level.OK)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from positioner.errors import HostError
 from positioner.host.verbs import Verb, Word, refusal
 from positioner.host.words import in_mm
+from positioner.inputs.durations import duration
 from positioner.wire.messages import CurrentCommand, Mode, Setpoint, StemPosition
 
 if TYPE_CHECKING:
@@ -94,7 +95,6 @@ def accepted(verb: Verb, manual_ma: float | None, span_m: float, *, is_controlle
         return [f"manual current {manual_ma:.3f} mA{unarmed}"]
     if verb.profile is not None:
         rounds = {0: ", again and again", 1: ""}.get(verb.repeats, f", {verb.repeats} times")
-        return [
-            f"profile {verb.profile.name}: {len(verb.profile.rows)} setpoints in {verb.profile.round_s:g} s{rounds}"
-        ]
+        lasts = duration(verb.profile.round_s)
+        return [f"profile {verb.profile.name}: {len(verb.profile.rows)} setpoints in {lasts}{rounds}"]
     return []

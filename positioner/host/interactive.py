@@ -33,6 +33,7 @@ class Interactive(Terminal):
     def __init__(self, configuration: Configuration) -> None:
         """Begin; `run` takes the terminal, and gives it back."""
         super().__init__(configuration, ())
+        self._session.arm_as = "`:arm`"
         self._is_prompting = False
         self._screen: Screen | None = None
         self._keys, self._control = KeyReader(), KeyControl(lambda line: choices(line, _csv_files))

@@ -7,6 +7,8 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from positioner.inputs.durations import duration
+
 if TYPE_CHECKING:
     from positioner.inputs.setpoint_file import SetpointRow
 
@@ -41,4 +43,4 @@ class Profile:
             return f"{self.name}: {done_s:.1f} s, round {int(done_s / self.round_s) + 1}"
         turn = min(int(done_s / self.round_s), self.repeats - 1) + 1
         rounds = f", round {turn} of {self.repeats}" if self.repeats > 1 else ""
-        return f"{self.name}: {done_s:.1f} of {self.duration_s:g} s{rounds}"
+        return f"{self.name}: {done_s:.1f} of {duration(self.duration_s)}{rounds}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from positioner.errors import UsageError
+from positioner.errors import UsageError, in_one_line
 from positioner.host.profile import Profile
 from positioner.host.verbs import Verb, refusal
 from positioner.inputs.csv_table import text_of
@@ -31,4 +31,4 @@ def read_profile(verb: Verb, valve: ValveParameters, guard: GuardSettings) -> Pr
         raise UsageError(f"profile {verb.file}: cannot be read: {error.strerror}") from error
     text = text_of(verb.file, data)
     rows = setpoint_rows(verb.file, text, valve.span_m, lambda place_m: refusal(place_m, valve, guard))
-    return Profile(path.name, rows, verb.repeats)
+    return Profile(in_one_line(path.name), rows, verb.repeats)

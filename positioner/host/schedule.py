@@ -26,16 +26,28 @@ class FrameSchedule:
         self._every_ns = {kind: round(min(every_s, longest_s) * _NS) for kind, every_s in EVERY_S.items()}
         self._due_ns = dict.fromkeys(EVERY_S, 0)
         self._sent = dict.fromkeys(EVERY_S, 0)
+        self._first = 0
 
-    def frame(self, message: Setpoint | ManualCurrent, now_ns: int) -> tuple[CanFrame, ...]:
-        """Return the frame of `message` if a frame of its kind is due, else nothing."""
+    def frame(self, message: Setpoint | ManualCurrent, now_ns: int, counter: int | None = None) -> tuple[CanFrame, ...]:
+        """Return the frame of `message` if a frame of its kind is due, else nothing; `counter`: not the own one."""
         kind = type(message)
         if now_ns < self._due_ns[kind]:
             return ()
         late = now_ns - self._due_ns[kind] >= self._every_ns[kind]
         self._due_ns[kind] = (now_ns if late else self._due_ns[kind]) + self._every_ns[kind]
+        if counter is not None:
+            return (self._codec.encode(message, counter),)
         self._sent[kind] += 1
         return (self._codec.encode(message, self._sent[kind] - 1),)
+
+    def setpoints_sent(self) -> int:
+        """Return how many setpoint frames were sent in the own sequence."""
+        return self._sent[Setpoint] - self._first
+
+    def follow(self, counter: int | None) -> None:
+        """Let the first setpoint frame follow the one with this counter, which the positioner obeys; later, nothing."""
+        if counter is not None and self.setpoints_sent() == 0:
+            self._first = self._sent[Setpoint] = counter + 1
 
     def at_once(self, kind: type[Setpoint | ManualCurrent]) -> None:
         """Make the next frame of this kind due at once."""

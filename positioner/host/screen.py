@@ -14,6 +14,7 @@ import textwrap
 from collections import deque
 from typing import TYPE_CHECKING
 
+from positioner.errors import in_one_line
 from positioner.machine.plain_text import showable
 
 if TYPE_CHECKING:
@@ -73,8 +74,8 @@ class Screen:
         """Add `lines` to those of the session, and show `block` below them; a stopped terminal is left alone."""
         size = self.size
         width = max(size[0] - 1, 1)
-        found = [showable(line, sys.stdout)[:width] for line in block]
-        self._new += [showable(line, sys.stdout) for line in lines]
+        found = [showable(in_one_line(line), sys.stdout)[:width] for line in block]
+        self._new += [showable(in_one_line(line), sys.stdout) for line in lines]
         if (not self._new and found == self._block and size == self._size) or not self._takes_text():
             return
         self._lines.extend(self._new)

@@ -14,7 +14,7 @@ from positioner.host.acceptance import accepted, check_possible, check_request, 
 from positioner.host.schedule import FrameSchedule
 from positioner.host.valve_view import SILENT_S, ValveView
 from positioner.host.verbs import HELP, Verb, Word
-from positioner.host.words import state_in_words
+from positioner.host.words import DISARMED_BY, end_line, state_in_words
 from positioner.wire.messages import (
     CurrentCommand,
     HostRequest,
@@ -39,6 +39,8 @@ ANSWER_S = 3.0
 """Allowed time for the positioner to do what a verb asks for."""
 STATUS_S = 1.0
 """Allowed time for a status, which is sent ten times a second."""
+_FIRST_FRAMES = 2
+"""Where the positioner is not armed a host begins with so many DISARMs: only with them is a new sequence no fault."""
 _NS = 1_000_000_000
 _PASSIVE = frozenset({Word.STATUS, Word.HELP, Word.QUIT})
 """Verbs that send nothing."""
@@ -58,7 +60,8 @@ class HostSession:
         self._setpoint_m: float | None = None
         self._manual_ma: float | None = None
         self._state_line = ""
-        self._has_reported_other_host = False
+        self._has_reported_other_host = self._was_armed = False
+        self.arm_as = "`arm`"  # how a person arms here
         self.view = ValveView(codec, configuration.valve)
         self.is_sending = False
         self.lines: list[str] = []
@@ -78,9 +81,27 @@ class HostSession:
             if line != self._state_line:
                 self._state_line = line
                 self.lines.append(line)
+                if there and self.is_sending and view.status.mode is Mode.FAILSAFE:
+                    self.lines.append(f"FAILSAFE stays until the positioner is armed again: {self.arm_as}")
+            if there and self.is_sending:
+                self._follow_arming(view.status)
         if self.is_sending and not self._has_reported_other_host and view.is_received(Setpoint, now_ns):
             self._has_reported_other_host = True
             self.lines.append("another host sends setpoints to this valve, too: stop one of them")
+
+    def _follow_arming(self, status: PositionerStatus) -> None:
+        """End the setpoints where the positioner has been disarmed, and not by a verb of this host."""
+        own = self._verb is not None and self._verb.word is Word.DISARM
+        if self._was_armed and not status.armed and not own:
+            self._stop_sending()
+            why = DISARMED_BY.get(status.cause, "the positioner is not armed any more")
+            self.lines.append(f"{why}: no more setpoints are sent; {self.arm_as} arms it again")
+        elif status.armed:
+            self._was_armed = True
+
+    def _stop_sending(self) -> None:
+        self.is_sending = self._was_armed = False
+        self._setpoint_m = self._manual_ma = None
 
     def begin(self, verb: Verb, now_ns: int) -> None:
         """Begin `verb`; `advance` completes it.
@@ -114,6 +135,8 @@ class HostSession:
         self.lines += accepted(verb, self._manual_ma, self._valve.span_m, is_controlled=self._was_controlled)
         if self._setpoint_m is None:
             self._setpoint_m = self._here_m()
+        if view.command is not None and view.is_received(CurrentCommand, now_ns):
+            self._schedule.follow(view.command.setpoint_counter)
         self.is_sending |= sends  # not before the verb is accepted: a refused one sends nothing
         self._verb, self._began_ns = verb, now_ns
 
@@ -135,12 +158,14 @@ class HostSession:
                 raise HostError(f"{verb.word}: {self._state(now_ns, f'not done within {ANSWER_S:g} s: ')}")
         return self._frames(now_ns)
 
-    def stepped(self, verb: Verb) -> Verb:
+    def stepped(self, verb: Verb, now_ns: int) -> Verb:
         """Return the verb for a step of the setpoint, in manual mode of the current, in percent of its range.
 
         Raises:
-            HostError: there is nothing to step from, or the end is reached.
+            HostError: the positioner would not obey, there is nothing to step from, or the end is reached.
         """
+        if not self.view.is_controlled(now_ns):
+            raise HostError(f"no step: {self._state(now_ns)}; {self.arm_as} arms it")
         from_m = self._here_m() if self._setpoint_m is None else self._setpoint_m
         return stepped(verb, self._manual_ma, from_m, self._valve, self._guard)
 
@@ -209,10 +234,14 @@ class HostSession:
             case Word.AUTO:
                 self._manual_ma = None
             case Word.DISARM:
-                self.is_sending, self._setpoint_m, self._manual_ma = False, None, None
+                self._stop_sending()
                 self.lines.append("disarmed: the positioner commands nothing")
             case Word.STATUS:
                 self.tell(verb.word, now_ns)
+
+    def end_line(self, now_ns: int) -> str:
+        """Return what becomes of the valve when this host ends."""
+        return end_line(self.view.mode(now_ns), self._guard)
 
     def snapshot(self, now_ns: int) -> Snapshot:
         """Return what is known of the valve now."""
@@ -233,14 +262,19 @@ class HostSession:
         if not self.is_sending and word is not Word.DISARM:
             return ()
         request = HostRequest.NONE
-        if word is Word.DISARM:
+        unarmed = self.view.mode(now_ns) in {Mode.INIT, Mode.READY}
+        begins = unarmed and self._schedule.setpoints_sent() < _FIRST_FRAMES
+        if word is Word.DISARM or begins:
             request = HostRequest.DISARM
         elif word is Word.ARM and now_ns - self._began_ns >= RELEASED_S * _NS:
             request = HostRequest.ARM
         if self._manual_ma is not None and word is not Word.AUTO:
             self._setpoint_m = self._here_m()  # automatic mode begins where the stem is
         setpoint_m = self._valve.travel_min_m if self._setpoint_m is None else self._setpoint_m
-        frames = self._schedule.frame(Setpoint(setpoint_m, request), now_ns)
+        joins = not self.is_sending and self.view.is_received(Setpoint, now_ns)
+        # a DISARM beside another host has the counter of its newest frame: it can never be taken for one of its next
+        counter = self.view.other_counter if joins else None
+        frames = self._schedule.frame(Setpoint(setpoint_m, request), now_ns, counter)
         if word is Word.AUTO:
             return frames + self._schedule.frame(ManualCurrent(self._manual_ma or 0.0, ManualRequest.AUTO), now_ns)
         if self._manual_ma is not None:

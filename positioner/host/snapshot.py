@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from positioner.host.words import ALARMS, alarms_in_words, counters_in_words, in_mm, state_in_words
+from positioner.host.words import (
+    ALARMS,
+    alarms_in_words,
+    counters_in_words,
+    in_mm,
+    named_counters,
+    state_in_words,
+    status_counts,
+)
 from positioner.wire.messages import Mode, Quality
 
 if TYPE_CHECKING:
@@ -49,7 +57,7 @@ class Snapshot:
             ("error", "-" if error_m is None else in_mm(error_m, self.span_m)),
             ("current", "no commands come" if self.current_ma is None else f"{self.current_ma:.3f} mA"),
             ("alarms", alarms_in_words(self.alarms)),
-            ("counters", counters_in_words(status, self.counts)),
+            ("counters", counters_in_words(named_counters(status_counts(status), self.counts))),
         )
         return [f"{name:<9} {value}" for name, value in rows]
 

@@ -6,6 +6,7 @@ import textwrap
 from typing import TYPE_CHECKING
 
 from positioner.host.words import in_mm, state_in_words
+from positioner.wire.messages import Mode
 
 if TYPE_CHECKING:
     from positioner.host.snapshot import Snapshot
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
 HINT = "up/down 1 %, left/right 10 %, +/- 0.1 %, m manual, a auto, q quit, : a verb"
 PROMPT = "> "
 _GAP = "   "
+_REMEDIES = {Mode.READY: "`:arm` arms it", Mode.FAILSAFE: "no key moves the valve before `:arm` arms it again"}
 _CUT = "…"
 
 
@@ -24,6 +26,8 @@ def status_block(found: Snapshot, silence: str, progress: str, typed: str | None
     columns, rows = size
     width = max(columns - 1, 1)  # in the last column a terminal may go to the next line
     lines = textwrap.wrap(state_in_words(found.status) if found.status else silence, width)
+    if found.status is not None and found.status.mode in _REMEDIES:
+        lines += textwrap.wrap(_REMEDIES[found.status.mode], width)
     lines += _fields(found, width)
     lines += [f"profile {progress}"] if progress else []
     lines = [_cut(line, width) for line in lines]

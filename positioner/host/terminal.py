@@ -14,11 +14,13 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from tqdm import tqdm
 
 from positioner.bus.port import BusPort
-from positioner.errors import ExitCode, HostError, PositionerError, UsageError
+from positioner.errors import ExitCode, HostError, PositionerError, UsageError, in_one_line
 from positioner.host.profile_file import read_profile
 from positioner.host.session import HostSession
 from positioner.host.valve_view import RECEIVED
 from positioner.host.verbs import HELP_INTERACTIVE, Verb, Word, read_verbs
+from positioner.inputs.durations import duration
+from positioner.machine.plain_text import showable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -82,7 +84,7 @@ class Terminal:
             self._print_new_lines()
             self._bus.close()
         if self._session.is_sending:
-            self._print([self._end_message()])
+            self._print([self._session.end_line(time.monotonic_ns())])
         return ExitCode.OK
 
     def status(self) -> dict[str, Any]:
@@ -135,7 +137,7 @@ class Terminal:
                 if verb.word is Word.QUIT:
                     self._stopping = True
                     return
-                session.begin(session.stepped(verb) if verb.step_percent else verb, now_ns)
+                session.begin(session.stepped(verb, now_ns) if verb.step_percent else verb, now_ns)
             for frame in session.advance(now_ns):
                 self._bus.send(frame)
         except PositionerError as error:
@@ -156,7 +158,8 @@ class Terminal:
         profile, elapsed_s = played
         if self._bar is None:
             total_s = profile.duration_s if profile.repeats else None
-            shape = "{desc}: {n:.0f} of {total:g} s |{bar}|" if profile.repeats else "{desc}: {n:.0f} s"
+            of = f"of {duration(profile.duration_s)} |{{bar}}|" if profile.repeats else "s"
+            shape = f"{{desc}}: {{n:.0f}} {of}"
             off = None if profile.duration_s > _LONG_S else True
             self._bar = tqdm(total=total_s, desc=profile.name, bar_format=shape, leave=False, disable=off)
         self._bar.n = elapsed_s
@@ -212,15 +215,9 @@ class Terminal:
         if lines:
             if self._bar is not None:
                 self._bar.clear()
-            text = "".join(f"{line}\n" for line in lines)
+            text = "".join(f"{showable(in_one_line(line), sys.stdout)}\n" for line in lines)
             sys.stdout.write(f"\r{text}{_PROMPT}" if self._is_prompting else text)
             sys.stdout.flush()
-
-    def _end_message(self) -> str:
-        guard = self._configuration.guard
-        hold = f"holds within {guard.setpoint_hold_s:g} s" if guard.setpoint_hold_s else "goes on"
-        failsafe = f" and fails safe after {guard.setpoint_failsafe_s:g} s" if guard.setpoint_failsafe_s else ""
-        return f"no more setpoints are sent: the positioner {hold}{failsafe}; `disarm` makes it silent"
 
     def _stop(self, number: int, frame: FrameType | None) -> None:
         del number, frame

@@ -9,6 +9,7 @@ from positioner.host.snapshot import Snapshot
 from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import (
     CurrentCommand,
+    HostRequest,
     Mode,
     PositionerAlarms,
     PositionerCount,
@@ -29,7 +30,7 @@ RECEIVED: tuple[type[Message], ...] = (
     *(StemPosition, CurrentCommand, PositionerStatus, PositionerCount, PositionerAlarms),
     Setpoint,
 )
-"""The messages that a host receives; a setpoint that it receives is another host's."""
+"""The messages that a host receives; a setpoint that it receives is another host's. A DISARM of another is none."""
 SILENT_S = 0.5
 """A sender without a frame for so long counts as silent."""
 _CONTROLLED = frozenset({Mode.ACTIVE, Mode.HOLD, Mode.MANUAL})
@@ -53,6 +54,7 @@ class ValveView:
         self.alarms: PositionerAlarms | None = None
         self.counts: dict[Counted, int] = {}
         self.other_setpoint_m: float | None = None
+        self.other_counter: int | None = None
 
     def receive(self, frames: Iterable[CanFrame], now_ns: int) -> None:
         """Take in `frames`, oldest first: of positions and commands only the newest, of the others all."""
@@ -69,8 +71,10 @@ class ValveView:
 
     def _add(self, frame: CanFrame, now_ns: int) -> None:
         try:
-            message, _ = self._codec.decode(frame)
+            message, counter = self._codec.decode(frame)
         except FrameRejectedError:
+            return
+        if isinstance(message, Setpoint) and message.request is HostRequest.DISARM:
             return
         self._received_ns[type(message)] = now_ns
         match message:
@@ -88,7 +92,7 @@ class ValveView:
             case PositionerAlarms():
                 self.alarms = message
             case Setpoint():
-                self.other_setpoint_m = message.setpoint_m
+                self.other_setpoint_m, self.other_counter = message.setpoint_m, counter
 
     def received_since(self, kind: type[Message], instant_ns: int) -> bool:
         """Return whether a message of this kind came after `instant_ns`."""
@@ -134,6 +138,6 @@ class ValveView:
         if not self.is_received(StemPosition, now_ns):
             return "nothing comes, neither position frames nor a status: is this the right bus, and is the plant on?"
         return (
-            "position frames come, but the positioner is silent: it was not armed since its start (`arm`), "
-            "or `positioner run` does not run on this bus with this configuration"
+            "position frames come, but the positioner is silent: `positioner run` does not run on this bus with this "
+            "configuration"
         )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from positioner.errors import UsageError
+from positioner.errors import UsageError, shortened
 from positioner.inputs.nearest import nearest
 
 if TYPE_CHECKING:
@@ -65,6 +65,8 @@ _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*(.*)", re.IGNO
 _LOOKS_LIKE_A_NUMBER = re.compile(r"[+-]?[.,]?\d.*")
 _UNITS = frozenset({"mm", "%", "ma"})
 _REPEAT, _FOREVER = "repeat", "forever"
+_MOST_REPEATS = 1_000_000
+"""With a profile of 30 s they last a year."""
 
 
 def read_verbs(words: Sequence[str], valve: ValveParameters, guard: GuardSettings) -> tuple[Verb, ...]:
@@ -135,8 +137,10 @@ def _take_profile(left: list[str]) -> Verb:
         return Verb(Word.PROFILE, file=file)
     del left[0]
     times = left.pop(0).lower() if left else ""
-    if times != _FOREVER and not (times.isdecimal() and int(times) > 0):
-        raise UsageError(f"profile {file} repeat {times}: give a whole number of 1 or more, or `forever`")
+    is_number = times.isdecimal() and len(times) <= len(str(_MOST_REPEATS)) and 0 < int(times) <= _MOST_REPEATS
+    if times != _FOREVER and not is_number:
+        wanted = f"give a whole number from 1 to {_MOST_REPEATS}, or `{_FOREVER}`"
+        raise UsageError(f"profile {file} repeat {shortened(times)}: {wanted}")
     return Verb(Word.PROFILE, file=file, repeats=0 if times == _FOREVER else int(times))
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from positioner.wire.messages import Cause, Health
+from positioner.wire.messages import Cause, Health, Mode
 from positioner.wire.words import in_words
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
+    from positioner.guard.settings import GuardSettings
     from positioner.wire.messages import Counted, PositionerAlarms, PositionerStatus
 
 CAUSES: Mapping[Cause, str] = {
@@ -34,7 +35,31 @@ CAUSES: Mapping[Cause, str] = {
     Cause.MANUAL: "the current is given by hand",
     Cause.PERIOD_WRONG: "position frames come at another period than the configured one",
     Cause.ACTUATOR_DIFFERS: "the actuator follows its command later than configured; measure it: positioner identify",
+    Cause.HUNTING: "the stem swings without an end; measure the valve: positioner identify",
+    Cause.NO_MOTION: "pushes move neither the stem nor its reading; look at sensor and stem",
 }
+
+
+DISARMED_BY: Mapping[Cause, str] = {
+    Cause.DISARMED: "another host has disarmed the positioner",
+    Cause.FOREIGN_COMMAND: "the positioner has disarmed itself, because another controller commands this valve",
+    Cause.WAITING_FOR_ARM: "the positioner has started again and is not armed",
+}
+"""Why a positioner that was armed is so no more, where its host did not disarm it."""
+
+
+def end_line(mode: Mode | None, guard: GuardSettings) -> str:
+    """Return what a positioner in `mode`, None for a silent one, does when its host sends no more setpoints."""
+    ended = "no more setpoints are sent"
+    if mode is None:
+        return f"{ended}; the positioner is silent"
+    if mode is Mode.FAILSAFE:
+        return f"{ended}: the positioner stays in FAILSAFE until it is armed again; `disarm` makes it command nothing"
+    if mode in {Mode.INIT, Mode.READY}:
+        return f"{ended}; the positioner is not armed and commands nothing"
+    hold = f"holds within {guard.setpoint_hold_s:g} s" if guard.setpoint_hold_s else "goes on"
+    failsafe = f" and fails safe after {guard.setpoint_failsafe_s:g} s" if guard.setpoint_failsafe_s else ""
+    return f"{ended}: the positioner {hold}{failsafe}; `disarm` makes it command nothing"
 
 
 def state_in_words(status: PositionerStatus) -> str:
@@ -47,7 +72,7 @@ def state_in_words(status: PositionerStatus) -> str:
 
 ALARMS = (
     *("friction risen", "friction fallen", "slip jump", "spring rate", "spring force", "one direction"),
-    *("end position", "travel deviation", "response time", "cycles", "travel", "stroke test", "stuck"),
+    *("end position", "travel deviation", "response time", "cycles", "travel", "stroke test", "stuck", "hunting"),
 )
 """The causes of alarms, by their bits."""
 
@@ -68,11 +93,20 @@ def alarms_in_words(alarms: PositionerAlarms | None) -> str:
     return f"{', '.join(told)} (NE 107: {in_words(alarms.worst)}; see `positioner health`)"
 
 
-def counters_in_words(status: PositionerStatus, counts: Mapping[Counted, int]) -> str:
-    """Return the counters of the status, which count modulo 256, and what the positioner counts by its cause."""
-    own = (("learned", status.learned_count), ("refused", status.rejected_count), ("fallbacks", status.fallback_count))
+def status_counts(status: PositionerStatus) -> tuple[int, int, int]:
+    """Return the counters of the status, which count modulo 256, in the order in which they are told."""
+    return status.learned_count, status.rejected_count, status.fallback_count
+
+
+def named_counters(own: tuple[int, int, int], counts: Mapping[Counted, int]) -> tuple[tuple[str, int], ...]:
+    """Return the counters of the status, and what the positioner counts by its cause, each with its name."""
     by_cause = ((cause.text, count) for cause, count in sorted(counts.items()))
-    return ", ".join(f"{name} {count}" for name, count in (*own, *by_cause))
+    return (*zip(("learned", "refused", "fallbacks"), own, strict=True), *by_cause)
+
+
+def counters_in_words(counters: Sequence[tuple[str, int]]) -> str:
+    """Return counters with their names in one line."""
+    return ", ".join(f"{name} {count}" for name, count in counters)
 
 
 def in_mm(position_m: float, span_m: float) -> str:

@@ -8,9 +8,9 @@ import logging
 import os
 import sys
 from contextlib import closing
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from positioner.errors import ExitCode, PositionerError
+from positioner.errors import ConfigurationError, ExitCode, PositionerError, in_one_line, visible
 from positioner.inputs.nearest import did_you_mean, nearest
 from positioner.machine.line_sink import LineSink
 from positioner.machine.plain_text import replace_unknown_characters
@@ -39,6 +39,14 @@ class Parser(argparse.ArgumentParser):
             self.error(f"{option} is unknown; {close}{self.prog} --help lists what there is")
         return parsed, unknown
 
+    def error(self, message: str) -> NoReturn:
+        """End with the usage and an error of one line."""
+        super().error(in_one_line(message))
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Print a help or an error without characters that a terminal would obey."""
+        super()._print_message(visible(message), file)
+
     def _check_value(self, action: argparse.Action, value: object) -> None:
         """Refuse a `value` that is none of the action's choices.
 
@@ -63,7 +71,8 @@ def run_command(parser: argparse.ArgumentParser, arguments: list[str] | None) ->
         code = int(command(parsed))
         sys.stdout.flush()
     except PositionerError as error:
-        return _end(parser, str(error), error.exit_code)
+        text = str(error)
+        return _end(parser, text if isinstance(error, ConfigurationError) else in_one_line(text), error.exit_code)
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:  # the reader has gone
@@ -86,7 +95,7 @@ def _discard_output() -> None:
 
 def _end(parser: argparse.ArgumentParser, line: str, code: int) -> int:
     with closing(LineSink.of(sys.stderr)) as sink:
-        sink.write(f"{parser.prog}: {line}", _LINE_TIMEOUT_S)
+        sink.write(visible(f"{parser.prog}: {line}"), _LINE_TIMEOUT_S)
     return int(code)
 
 

@@ -1,6 +1,8 @@
-"""A folder of JSON files in a state directory, written in one step each, also by root for another owner. Shell.
+"""Kept files: JSON files in a state directory, written in one step each, also by root for another owner. Shell.
 
 The owner decides which files are there. So root opens no link, waits for no pipe, and gives what it makes to the owner.
+A file that cannot be used is one line, and another one is used in its place; who holds the directory moves it aside,
+and nobody deletes it.
 """
 
 from __future__ import annotations
@@ -9,16 +11,27 @@ import json
 import math
 import os
 import stat
+import time
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from positioner.errors import StateError
+from positioner.errors import StateError, in_one_line, shortened
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
+T = TypeVar("T")
+
+DAMAGED = "damaged"
+"""The usual fault of a file that is set aside, a part of its new name."""
+_UNUSABLE = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
+"""What reading and using the content of a file that is not as it was written may raise."""
 _LARGEST_BYTES = 4 << 20
+_MOST_DIGITS = 19
+"""Of an integer: those of 2^63, which counts microseconds for 292,000 years."""
+_LARGEST = 1e100
+"""Of a number: far beyond any quantity in SI units, and the product of three is still a float."""
 
 
 @contextmanager
@@ -124,14 +137,98 @@ def read(folder: int, name: str) -> dict[str, Any]:
 
     Raises:
         OSError: it cannot be read.
-        ValueError: it is no plain JSON file.
+        ValueError: it is no plain JSON file, or holds a number that no quantity has.
     """
     descriptor = os.open(name, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW, dir_fd=folder)
     with os.fdopen(descriptor, "rb") as file:
         status = os.fstat(descriptor)
         if not stat.S_ISREG(status.st_mode) or status.st_nlink != 1 or status.st_size > _LARGEST_BYTES:
-            raise ValueError("no plain file")
-        content = json.loads(file.read())
+            raise ValueError(f"is no plain file of at most {_LARGEST_BYTES >> 20} MiB")
+        data = file.read()
+    try:
+        content = json.loads(data, parse_int=_integer, parse_float=_number, parse_constant=_number)
+    except RecursionError:
+        raise ValueError("is nested too deeply") from None
     if not isinstance(content, dict):
-        raise ValueError("no object")  # noqa: TRY004 - of the file
+        raise ValueError("holds no JSON object")  # noqa: TRY004 - of the file
     return content
+
+
+def _integer(text: str) -> int:
+    if len(text) > _MOST_DIGITS:
+        raise ValueError(f"holds the impossible number {text[:_MOST_DIGITS]}…")
+    return int(text)
+
+
+def _number(text: str) -> float:
+    value = float(text)
+    if not abs(value) <= _LARGEST:
+        raise ValueError(f"holds the impossible number {text[:_MOST_DIGITS]}")
+    return value
+
+
+def used(
+    folder: int,
+    names_in_order: Iterable[str],
+    use: Callable[[str, dict[str, Any]], T],
+    reject: Callable[[str, Exception], object],
+) -> Iterator[T]:
+    """Yield what `use` makes of each file that it can use; `reject` gets the name of any other one, and the error.
+
+    A name without a file is passed over.
+    """
+    for name in names_in_order:
+        try:
+            found = use(name, read(folder, name))
+        except FileNotFoundError:
+            continue
+        except (OSError, *_UNUSABLE) as error:
+            reject(name, error)
+        else:
+            yield found
+
+
+def why(error: Exception) -> str:
+    """Return in one short line why a file cannot be used."""
+    if isinstance(error, OSError):
+        return f"cannot be read: {error.strerror}"
+    text = str(error) if type(error) is ValueError else ""  # what our own checks say
+    return in_one_line(shortened(text)) or "is damaged: it holds something else than was written"
+
+
+def set_aside(directory: Path, name: str, fault: str, sidecars: Iterable[str] = ()) -> list[tuple[Path, Path]]:
+    """Move a file that is not used aside, with those of its `sidecars` that are there; return each former and new path.
+
+    `results/signature-1.json` becomes `results/signature-1.<fault>-<UTC time>-<n>.json`.
+
+    Raises:
+        OSError: it cannot be moved.
+    """
+    path = directory / name
+    aside, moved = unused_name(directory, f"{path.name.partition('.')[0]}.{fault}", path.suffix), []
+    for suffix in ("", *sidecars):
+        before, after = path.with_name(f"{path.name}{suffix}"), aside.with_name(f"{aside.name}{suffix}")
+        if os.path.lexists(before):
+            before.rename(after)
+            moved.append((before, after))
+    sync(directory)
+    return moved
+
+
+def unused_name(directory: Path, stem: str, suffix: str) -> Path:
+    """Return a path in the directory that no file has: `stem`, the UTC time, a number, `suffix`."""
+    stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
+    taken = {path.name for path in directory.iterdir()}
+    number = 1
+    while any(each.startswith(f"{stem}-{stamp}-{number}{suffix}") for each in taken):
+        number += 1
+    return directory / f"{stem}-{stamp}-{number}{suffix}"
+
+
+def sync(directory: Path) -> None:
+    """Make renames in the directory last through a power cut."""
+    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -6,6 +6,8 @@ import contextlib
 import os
 import socket
 
+from positioner.errors import in_one_line
+
 
 class Notifier:
     """Sends notifications where $NOTIFY_SOCKET asks for them; does nothing elsewhere."""
@@ -23,9 +25,9 @@ class Notifier:
         """Send the fields, for example `send(READY="1", STATUS="loop closed")`; a full socket drops them."""
         if self._socket is not None:
             with contextlib.suppress(OSError):
-                self._socket.sendto(
-                    "\n".join(f"{key}={value}" for key, value in fields.items()).encode(), self._address
-                )
+                # a line is a field: a value has one line, whoever has named what stands in it
+                text = "\n".join(f"{key}={in_one_line(value)}" for key, value in fields.items())
+                self._socket.sendto(text.encode(), self._address)
 
     def close(self) -> None:
         """Close the socket."""

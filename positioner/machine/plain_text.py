@@ -12,6 +12,8 @@ import sys
 import unicodedata
 from typing import TextIO
 
+from positioner.errors import visible
+
 _HANDLER = "positioner.plain"
 _ASCII = str.maketrans(
     {
@@ -38,7 +40,8 @@ def _base(character: str) -> str:
 
 
 def showable(text: str, stream: TextIO) -> str:
-    """Return `text`, in ASCII where the stream cannot take all of its characters."""
+    """Return `text` as `visible`, in ASCII where the stream cannot take all of its characters."""
+    text = visible(text)
     try:
         text.encode(getattr(stream, "encoding", None) or "utf-8")
     except UnicodeEncodeError:

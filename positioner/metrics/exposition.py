@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     Samples = Iterator[tuple[str, str, float]]
     """The name and the value of a further label, empty where there is none, and the value."""
 
+FIRST_LINE = b"# TYPE positioner_build_info gauge\n"
+"""How every text of ours begins, and no other program's."""
 CONTENT_TYPE = "application/openmetrics-text; version=1.0.0; charset=utf-8"
 _MA = 1e-3
 

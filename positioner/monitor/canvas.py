@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
 DOTS_WIDE, DOTS_HIGH = 2, 4
 _BRAILLE = 0x2800
@@ -36,14 +36,21 @@ class Canvas:
             self._bits[row][x // DOTS_WIDE] |= _BITS[x % DOTS_WIDE][rest]
             self._pens[row][x // DOTS_WIDE] = pen
 
-    def series(self, points: Sequence[tuple[float, float] | None], pen: str, *, dashed: bool = False) -> None:
-        """Draw a range for each column of dots; short gaps are bridged, so that it is a line, dashed if wanted."""
+    def series(
+        self,
+        points: Sequence[tuple[float, float] | None],
+        pen: str,
+        *,
+        dashed: bool = False,
+        parted: Collection[int] = (),
+    ) -> None:
+        """Draw a range for each column of dots, and a line between them, but for columns in `parted`, or dashes."""
         before: tuple[int, float] | None = None
         for x, point in enumerate(points):
             if point is None:
                 continue
             low, high = point
-            if before is not None and not dashed:
+            if before is not None and not dashed and x not in parted:
                 self._bridge(before, (x, low if abs(low - before[1]) < abs(high - before[1]) else high), pen)
             if not dashed or x // DOTS_WIDE % 2:
                 self.column(x, low, high, pen)
@@ -51,8 +58,6 @@ class Canvas:
 
     def _bridge(self, start: tuple[int, float], end: tuple[int, float], pen: str) -> None:
         wide = end[0] - start[0]
-        if wide > self.width * DOTS_WIDE // 8:
-            return  # nothing came for long: a gap
         for step in range(1, wide + 1):
             one = start[1] + (end[1] - start[1]) * (step - 1) / wide
             other = start[1] + (end[1] - start[1]) * step / wide

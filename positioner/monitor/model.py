@@ -5,10 +5,11 @@ Instants are in ns of any clock that runs evenly: the machine's monotonic one, o
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from positioner.host.valve_view import SILENT_S
-from positioner.host.words import alarms_in_words, counters_in_words, state_in_words
+from positioner.host.words import alarms_in_words, named_counters, state_in_words, status_counts
 from positioner.monitor.rates import Rate
 from positioner.monitor.trend import Trend
 from positioner.monitor.view import Seen, View
@@ -40,8 +41,33 @@ _RATED: tuple[type[Message], ...] = (StemPosition, CurrentCommand, Setpoint, Pos
 _MEAN_BINS = 10
 """The shown position is the mean of the readings of so many bins, 0.1 s."""
 _LATE_PERIODS = 2.0
+_COUNTS = 256
+"""The counters of the status are bytes."""
 _NS = 1_000_000_000
 _M = TypeVar("_M")
+
+
+@dataclass(frozen=True, slots=True)
+class StatusCounts:
+    """The counters of the status, which it sends modulo 256, counted on since the first one that came.
+
+    seen: as they came last, at `at_ns`. After a silence they begin anew: a positioner that was started again counts
+    from 0, and in a long one more than 256 may have been counted.
+    """
+
+    totals: tuple[int, int, int] = (0, 0, 0)
+    seen: tuple[int, int, int] = (0, 0, 0)
+    at_ns: int | None = None
+
+    def after(self, counts: tuple[int, int, int], now_ns: int) -> StatusCounts:
+        """Return the counters after a status."""
+        if self.at_ns is None or now_ns - self.at_ns > SILENT_S * _NS:
+            return StatusCounts(counts, counts, now_ns)
+        learned, refused, fallbacks = (
+            total + (count - before) % _COUNTS
+            for total, before, count in zip(self.totals, self.seen, counts, strict=True)
+        )
+        return StatusCounts((learned, refused, fallbacks), counts, now_ns)
 
 
 class ValveModel:
@@ -60,6 +86,7 @@ class ValveModel:
         self._checks: dict[type[Message], CounterCheck] = {}
         self._rates = {kind: Rate() for kind in _RATED}
         self._counts: dict[Counted, int] = {}
+        self._status = StatusCounts()
         self._seen = Seen()
 
     def copy(self) -> ValveModel:
@@ -69,6 +96,7 @@ class ValveModel:
         new._late_ns, new._plausible_m = self._late_ns, self._plausible_m
         new.trend = self.trend.copy()
         new._newest, new._checks, new._counts = self._newest.copy(), self._checks.copy(), self._counts.copy()
+        new._status = self._status
         new._rates = {kind: rate.copy() for kind, rate in self._rates.items()}
         new._seen = self._seen
         return new
@@ -118,6 +146,8 @@ class ValveModel:
                 self.trend.current(message.current_ma, now_ns)
             case Setpoint():
                 self.trend.setpoint(message.setpoint_m, now_ns)
+            case PositionerStatus():
+                self._status = self._status.after(status_counts(message), now_ns)
             case PositionerCount():
                 self._counts[message.counted] = message.count
             case _:
@@ -134,6 +164,7 @@ class ValveModel:
             valve_id=self.valve.id,
             span_m=self.valve.span_m,
             time_s=now_ns / _NS,
+            late_s=self._late_ns / _NS,
             position_m=mean_m if mean_m is not None or position is None else position.position_m,
             quality=position.quality.name if position else None,
             setpoint_m=setpoint.setpoint_m if setpoint else None,
@@ -147,7 +178,7 @@ class ValveModel:
             armed=status.armed if status else None,
             table_saved=status.table_saved if status else None,
             alarms=alarms_in_words(alarms),
-            counters=counters_in_words(status, self._counts) if status else None,
+            counters=named_counters(self._status.totals, self._counts) if status else None,
             rates=tuple((kind.__name__, rate.per_s(now_ns)) for kind, rate in self._rates.items()),
             seen=self._seen,
         )
@@ -164,4 +195,4 @@ class ValveModel:
         """Return in words why there is no status."""
         if position is None:
             return "nothing comes: neither position frames nor a status"
-        return "position frames come, the positioner is silent: not armed since its start, or not running"
+        return "position frames come, the positioner is silent: it does not run on this bus with this configuration"

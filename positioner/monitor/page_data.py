@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from positioner.host.valve_view import SILENT_S
 from positioner.monitor.trend import BIN_NS, KEPT_S
 from positioner.monitor.view import MESSAGES
 from positioner.pictures import colours
@@ -25,6 +26,7 @@ def setup_of(source: Source, valve: str) -> dict[str, Any]:
         "valve": valve,
         "bin_s": BIN_NS / _NS,
         "kept_s": KEPT_S,
+        "silent_s": SILENT_S,
         "messages": MESSAGES,
         "is_log": source.progress is not None,
         "colours": {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
+from positioner.inputs.plain_file import MOST_MIB
 from positioner.monitor.packed import PackedFrames
 from positioner.monitor.playback import FASTEST, SLOWEST, Playback
 from positioner.monitor.source import Progress, Source
@@ -24,7 +25,7 @@ _NS = 1_000_000_000
 class RecordedSource(Source):
     """The valves of a configuration in a log."""
 
-    def __init__(self, configurations: Sequence[Configuration], path: Path) -> None:
+    def __init__(self, configurations: Sequence[Configuration], path: Path, most_mib: int = MOST_MIB) -> None:
         """Read the log.
 
         Raises:
@@ -38,7 +39,7 @@ class RecordedSource(Source):
             if logged.frame.is_error or logged.frame.identifier in wanted:
                 frames.add(logged.frame, logged.time_ns)
 
-        log = read_log(path, keep)
+        log = read_log(path, keep, most_mib)
         if not len(frames):
             names = ", ".join(self.valves)
             raise LogError(f"{path}: holds no frame of {names}: is it the log of another valve, or of other [wire]?")

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
+from positioner.errors import in_one_line
+from positioner.host.words import counters_in_words
 from positioner.monitor.curves import CURRENT, FRAME, POSITION, SETPOINT
 from positioner.monitor.view import MESSAGES
 from positioner.pictures import colours
@@ -24,7 +26,7 @@ _LEFT = 46
 _MM = 1e3
 _NONE = "-"
 _MOST_DIGIT = 9
-_WIDE = 60
+_WIDE, _BETWEEN = 60, 3
 
 
 def valve_lines(snapshot: Snapshot, width: int) -> list[Text]:
@@ -44,10 +46,28 @@ def valve_lines(snapshot: Snapshot, width: int) -> list[Text]:
     damage = f"damaged {seen.damaged}, disordered {seen.disordered}"
     lines.append(_row("pressure", _pressure(view.pressure_pa), damage))
     lines.append(_row("alarms", view.alarms, ""))
-    lines.append(_row("counts", view.counters or _NONE, ""))
+    lines.append(_row("counts", counters_in_words(view.counters) if view.counters else _NONE, ""))
     for line in lines:
         line.truncate(width, overflow="ellipsis")
     return lines
+
+
+def count_pages(view: View, width: int, height: int) -> list[list[Text]]:
+    """Return all counters of the positioner, in columns, on as many pages of `width` × `height` as they take."""
+    if not view.counters:
+        return [[Text("counts: the positioner is silent")]]
+    names, digits = (max(len(str(each[part])) for each in view.counters) for part in (0, 1))
+    cells = [f"{name:<{names}}  {count:>{digits}}" for name, count in view.counters]
+    columns, rows = max((width + _BETWEEN) // (names + 2 + digits + _BETWEEN), 1), max(height - 1, 1)
+    pages = [cells[at : at + columns * rows] for at in range(0, len(cells), columns * rows)]
+    found = []
+    for number, page in enumerate(pages, start=1):
+        lines = [Text(f"counts, page {number} of {len(pages)}; c goes on", _GREY)]
+        lines += [Text((_BETWEEN * " ").join(page[row::rows])) for row in range(min(rows, len(page)))]
+        for line in lines:
+            line.truncate(width, overflow="ellipsis")
+        found.append(lines)
+    return found
 
 
 def list_line(view: View, width: int) -> Text:
@@ -69,7 +89,7 @@ def source_line(line: str, progress: Progress | None, *, in_trouble: bool, froze
     if progress is not None:
         state = f"{progress.speed:g}x" if progress.playing else "stopped"
         text.append(f"{progress.time_s:.2f} of {progress.end_s:.2f} s, {state}  ", "bold")
-    text.append(line, colours.FALLBACK if in_trouble else _GREY)
+    text.append(in_one_line(line), colours.FALLBACK if in_trouble else _GREY)
     text.truncate(width, overflow="ellipsis")
     return text
 

@@ -35,6 +35,7 @@ q       quit
 space   stop and go on: a log stops; on a bus only what is shown
 w       trend over 2, 10 or 60 s
 t       stiction table in place of the trend
+c       all counts in its place, page by page
 l       list of the valves; Enter shows one
 left    5 s back in a log          right   5 s on
 home    to its beginning           end     to its end
@@ -43,7 +44,8 @@ home    to its beginning           end     to its end
 
 position: mean of the last 0.1 s. lost, late, damaged,
 disordered: as seen here. counts: the positioner's own;
-learned, refused and fallbacks modulo 256."""
+learned, refused and fallbacks counted on from the first
+status, which has them modulo 256."""
 
 
 class HelpScreen(ModalScreen[None]):
@@ -75,6 +77,7 @@ class MonitorApp(App[None]):
         Binding("space", "pause", "Pause"),
         Binding("w", "window", "Window"),
         Binding("t", "table", "Table"),
+        Binding("c", "counts", "Counts"),
         Binding("l", "list", "List"),
         Binding("question_mark", "help", "Help", key_display="?"),
         Binding("left", "seek(-1)", "-5 s", show=False),
@@ -94,6 +97,7 @@ class MonitorApp(App[None]):
         self._ascii_only = ascii_only
         self._window = 1
         self._shows_table = self._frozen = False
+        self._count_page = 0
 
     def compose(self) -> ComposeResult:
         """Yield the parts of the screen, from above."""
@@ -138,11 +142,15 @@ class MonitorApp(App[None]):
         self.query_one("#legend", Static).update(screen.legend(window_s, self._ascii_only))
         trend = self.query_one("#trend", Static)
         width, height = trend.size
+        pages = screen.count_pages(snapshot.view, width, height) if self._count_page else []
+        self._count_page = self._count_page if self._count_page <= len(pages) else 0
         if self._shows_table:
             trend.update(_joined(screen.table_lines(snapshot.table, width, snapshot.view.span_m)))
+        elif self._count_page:
+            trend.update(_joined(pages[self._count_page - 1]))
         elif width > LEAST_WIDTH and height >= LEAST_HEIGHT:
             plain = screen.PLAIN if self._ascii_only else NO_PLAIN
-            rows = plots(snapshot.bins, window_s, snapshot.now_ns, width, height, plain)
+            rows = plots(snapshot.bins, window_s, snapshot.now_ns, width, height, snapshot.view.late_s, plain)
             trend.update(_joined([Text.assemble(*((text, screen.PENS.get(pen, "")) for text, pen in r)) for r in rows]))
 
     def _arrange(self) -> None:
@@ -174,7 +182,12 @@ class MonitorApp(App[None]):
 
     def action_table(self) -> None:
         """Show the stiction table in place of the trend, or the trend again."""
-        self._shows_table = not self._shows_table
+        self._shows_table, self._count_page = not self._shows_table, 0
+        self.update_now()
+
+    def action_counts(self) -> None:
+        """Show all counts in place of the trend, their next page, or the trend again."""
+        self._shows_table, self._count_page = False, self._count_page + 1
         self.update_now()
 
     def action_list(self) -> None:

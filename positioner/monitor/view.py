@@ -41,13 +41,15 @@ class Seen:
 class View:
     """One valve at one instant; None for what does not come.
 
-    state: mode, cause and NE 107 signal in words, or why there is none. counters: those of the status and of the
-    causes that the positioner counts, in words. rates: messages in a second.
+    late_s: readings that are farther apart leave a gap in the trend. state: mode, cause and NE 107 signal in words, or
+    why there is none. counters: those of the status and of the causes that the positioner counts, with their names.
+    rates: messages in a second.
     """
 
     valve_id: str
     span_m: float
     time_s: float
+    late_s: float
     position_m: float | None
     quality: str | None
     setpoint_m: float | None
@@ -61,7 +63,7 @@ class View:
     armed: bool | None
     table_saved: bool | None
     alarms: str
-    counters: str | None
+    counters: tuple[tuple[str, int], ...] | None
     rates: tuple[tuple[str, float], ...]
     seen: Seen
 

@@ -33,7 +33,7 @@ EVERY_S = 0.1
 MOST_STREAMS = 16
 _PATIENCE_S = 10.0
 """A browser that takes nothing for so long is left; it comes again by itself."""
-_LONGEST_ORDER = 1024
+_LONGEST_ORDER, _MOST_DIGITS = 1024, 4
 _HEADERS = {
     "Cache-Control": "no-store",
     "Referrer-Policy": "no-referrer",
@@ -89,7 +89,11 @@ class _Handler(BaseHTTPRequestHandler):
         """Answer with the page, or with its stream of states."""
         if self._is_refused():
             return
-        asked = urlsplit(self.path)
+        try:
+            asked = urlsplit(self.path)
+        except ValueError:  # such as half an IPv6 address
+            self.send_error(HTTPStatus.BAD_REQUEST)
+            return
         if asked.path == "/":
             self._page()
         elif asked.path == "/events":
@@ -101,18 +105,18 @@ class _Handler(BaseHTTPRequestHandler):
         """Obey an order to the player of a log; no order concerns a valve."""
         if self._is_refused():
             return
-        origin = self.headers.get("Origin")
-        own = origin is not None and urlsplit(origin).netloc in self.server.hosts
+        own = self.headers.get("Origin") in {f"http://{host}" for host in self.server.hosts}
         is_json = self.headers.get_content_type() == "application/json"
         length = self.headers.get("Content-Length", "")
-        if not (own and is_json and length.isdecimal() and int(length) <= _LONGEST_ORDER and self.path == "/play"):
+        is_short = length.isdecimal() and len(length) <= _MOST_DIGITS and int(length) <= _LONGEST_ORDER
+        if not (own and is_json and is_short and self.path == "/play"):
             self.send_error(HTTPStatus.FORBIDDEN)
             return
         try:
             order = json.loads(self.rfile.read(int(length)))
             obey, value = _ORDERS[order["do"]], float(order.get("value", 0.0))
             obey(self.server.source, value if math.isfinite(value) else 0.0)
-        except (ValueError, TypeError, KeyError, AttributeError):
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
             self.send_error(HTTPStatus.BAD_REQUEST)
         else:
             self.send_response(HTTPStatus.NO_CONTENT)

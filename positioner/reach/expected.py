@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from positioner.inputs.durations import duration
 from positioner.laws.nmpc.lagged.valve import is_lagged
 from positioner.reach.case import Case, freeing_ma, slip_of
 from positioner.reach.small_moves import smallest_jump, smallest_push_m
@@ -81,35 +82,35 @@ def slip_s(case: Case) -> float:
     return t
 
 
-def in_words(configuration: Configuration) -> tuple[str, bool]:
-    """Return the error to expect of the configured law in one line, empty if unknown, and whether the law fits."""
+def in_words(configuration: Configuration) -> tuple[str, str]:
+    """Return the error to expect of the configured law, empty if unknown, and why the law does not fit, or nothing."""
     name, case = configuration.control.law, Case.of(configuration)
-    period = f"{case.period_s * 1e3:g} ms"
+    period = duration(case.period_s)
     if name in _PAPER:
         return _paper_in_words(name, case)
     if name != "nmpc":
-        return "", True
+        return "", ""
     jump = smallest_jump(case, 1.0)
     error = _percent(mean_error_m(case, jump), case)
     if is_too_slow(case):
-        why = f"{period} are too long for this valve, whose slip is nearly over after {slip_s(case) * 1e3:.2g} ms"
-        return f"about {error}: {why}; take a shorter period", False
+        why = f"{period} are too long for this valve, whose slip is nearly over after {duration(slip_s(case), 2)}"
+        return f"about {error}", f"{why}; take a shorter period"
     if is_too_noisy(case, jump):
         seen = f"{jump.jump_m * 1e3:.2g} of the {natural_jump_m(case) * 1e3:.2g} mm of its natural jump"
         why = f"at {period} the noise hides a slip for {seen}, and the lag leaves no time to brake it"
-        return f"about {error}: {why}; take a shorter period, or a better sensor", False
-    return f"{error} on average", True
+        return f"about {error}", f"{why}; take a shorter period, or a better sensor"
+    return f"{error} on average", ""
 
 
-def _paper_in_words(name: str, case: Case) -> tuple[str, bool]:
+def _paper_in_words(name: str, case: Case) -> tuple[str, str]:
     if is_lagged(case.valve):
         lost = _percent(_WITHOUT_LAG * natural_jump_m(case), case)
-        return f"about {lost}: the law {name} knows no lag, and this valve has one; take nmpc", False
-    push_m, period = max(smallest_push_m(case, s) for s in (1.0, -1.0)), f"{case.period_s * 1e3:g} ms"
+        return f"about {lost}", f"the law {name} knows no lag, and this valve has one; take nmpc"
+    push_m, period = max(smallest_push_m(case, s) for s in (1.0, -1.0)), duration(case.period_s)
     if push_m <= _OF_SPAN * case.valve.span_m:
-        return "", True
+        return "", ""
     why = f"{period} are too long for the law {name}: in one period a push moves the stem so far; take nmpc, or less"
-    return f"above {_percent(push_m, case)}: {why}", False
+    return f"above {_percent(push_m, case)}", why
 
 
 def _percent(error_m: float, case: Case) -> str:

@@ -6,6 +6,7 @@ import math
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
+from positioner.inputs.durations import duration
 from positioner.reach.figures import MOVE_OF_SPAN
 from positioner.reach.large_moves import SETTLED_OF_SPAN
 from positioner.report.table import Table
@@ -130,7 +131,7 @@ def _milliseconds(duration_s: float) -> str:
 def _duration(duration_s: float) -> str:
     if not math.isfinite(duration_s):
         return "never: the current is too weak"
-    return f"{duration_s * 1e3:.3g} ms" if duration_s < 1.0 else f"{duration_s:.3g} s"
+    return duration(duration_s, 3)
 
 
 def _digits(value: float) -> int:

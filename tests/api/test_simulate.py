@@ -100,7 +100,7 @@ def test_a_run_is_diagnosed_by_its_readings() -> None:
 @pytest.mark.parametrize(
     ("wrong", "expected"),
     [
-        ({"plant": "mars"}, "mars: plant: is unknown; did you mean 'paper'? known: ageing"),
+        ({"plant": "mars"}, "mars: plant: is unknown; known: ageing"),
         ({"law": "nmcp"}, "is no law; did you mean 'nmpc'?"),
         ({"setpoints": (10.0,)}, "setpoint 10 mm: 4 to 20 mA restart paper both ways from 57.9 to 94.5 mm only"),
         ({"setpoints": ()}, "setpoints_mm = []"),
@@ -109,6 +109,11 @@ def test_a_run_is_diagnosed_by_its_readings() -> None:
         ({"configuration": {"valv": {}}}, "'valv' is unknown; did you mean 'valve'?"),
         ({"configuration": {"guard": {"current_low": 4.0}}}, "guard.current_low: unknown key"),
         ({"law": int}, "int: law: cannot be made: TypeError"),
+        (
+            {"configuration": {"control": {"sample_period_s": 0.002}}},
+            "control.sample_period_s contradicts period_s=…, which plant and law share: give that",
+        ),
+        ({"configuration": {"control": {"law": "pi"}}}, "control.law contradicts law=…, which plant and law share"),
     ],
 )
 def test_a_mistake_is_an_error_of_ours_with_one_line(wrong: dict[str, Any], expected: str) -> None:

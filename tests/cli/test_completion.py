@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 PROGRAMS = {"positioner": positioner_main, "plant-emulator": plant_main}
 OPEN = re.compile(
-    r"N|S|X|T|MA|MA_PER_S|PERCENT|PERCENT,…|MS,MS,…|N,M,…|A,B|LOW:HIGH|LOW-HIGH|AREA|COLUMN|NAMES|ADDRESS|KEY=VALUE"
+    r"N|S|X|T|MA|MIB|MA_PER_S|PERCENT|PERCENT,…|MS,MS,…|N,M,…|A,B|LOW:HIGH|LOW-HIGH|AREA|COLUMN|NAMES|ADDRESS|KEY=VALUE"
     r"|KIND:SIZE|INTERFACE:CHANNEL(\[,OPTION=VALUE\.\.\.\])?"
 )
 """The metavars of values that no list holds."""

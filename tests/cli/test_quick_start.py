@@ -28,6 +28,7 @@ SECTION = (ROOT / "README.md").read_text(encoding="utf-8").split("\n## Quick sta
 BLOCKS = re.findall(r"^```sh\n(.*?)^```$", SECTION, flags=re.DOTALL | re.MULTILINE)
 EXAMPLE = "examples/fv101.toml"
 BIN = Path(sys.executable).parent
+DISARMED = "another host has disarmed the positioner: no more setpoints are sent; `arm` arms it again"
 
 
 class Walk:
@@ -91,6 +92,12 @@ def test_the_quick_start_is_three_commands_in_three_terminals_and_two_to_look_an
     assert load_config(ROOT / EXAMPLE).bus.is_embedded
 
 
+def _refused_nothing(status: str) -> bool:
+    """Return whether no frame was refused; where the machine was too busy for all frames, nothing can be said."""
+    starved = re.search("frame lost|late cycle", status)
+    return bool(starved or re.search(r"^counters  learned \d+, refused 0, ", status, re.MULTILINE))
+
+
 def test_a_reader_of_the_quick_start_moves_a_valve_and_ends_it(walk: Walk) -> None:
     plant, positioner, host, afterwards = BLOCKS
     status, disarm = afterwards.splitlines()
@@ -106,18 +113,48 @@ def test_a_reader_of_the_quick_start_moves_a_valve_and_ends_it(walk: Walk) -> No
         code, output = walk.done(status)
         assert code == 0
         assert re.search(r"^armed     yes$", output, re.MULTILINE)
+        assert _refused_nothing(output)
         assert re.search(r"^setpoint  78\.74 mm", output, re.MULTILINE)
         assert re.search(r"^current   \d+\.\d{3} mA$", output, re.MULTILINE)
 
-        child.send_signal(signal.SIGKILL)
+        code, output = walk.done(disarm)
+        assert code == 0
+        assert output.splitlines()[-1] == "disarmed: the positioner commands nothing"
+        assert child.wait(TIMEOUT_S) == 0
+        assert walk.output_of("3").splitlines()[-1] == DISARMED
+        code, output = walk.done(status)
+        assert code == 0
+        assert re.match(r"mode      READY: disarmed \(NE 107: function check\)\narmed     no\n", output)
+        assert _refused_nothing(output)
+
+        again = terminals.enter_context(walk.running(host, "4"))
+        walk.wait_until_printed("4", "ACTIVE: controls the valve")
+        again.send_signal(signal.SIGKILL)
         walk.wait_until_printed("2", "HOLD (setpoint stale)")
         code, output = walk.done(disarm)
         assert code == 0
         assert output.splitlines()[-1] == "disarmed: the positioner commands nothing"
-        walk.wait_until_printed("2", "READY (disarmed)")
+    logged = "".join(walk.output_of(name) for name in "1234")
+    for trouble in ("refused", "dispute", "out of order", "another host sends", "another controller"):
+        # a machine that is too busy loses frames, and then says so
+        assert trouble not in logged or re.search("lost on the bus|a cycle took|stood still", logged), logged
+
+
+def test_the_status_tells_a_positioner_that_was_never_armed_from_none(walk: Walk) -> None:
+    plant, positioner, _, afterwards = BLOCKS
+    status = afterwards.splitlines()[0]
+    with ExitStack() as terminals:
+        terminals.enter_context(walk.running(plant, "1"))
+        deadline_s, output = time.monotonic() + TIMEOUT_S, ""
+        while "`positioner run` does not run on this bus with this configuration" not in output:
+            assert time.monotonic() < deadline_s, output
+            code, output = walk.done(status)
+            assert code == 1
+        terminals.enter_context(walk.running(positioner, "2"))
+        walk.wait_until_printed("2", "READY (waiting for arm)")
         code, output = walk.done(status)
         assert code == 0
-        assert re.match(r"mode      READY: disarmed \(NE 107: function check\)\narmed     no\n", output)
+        assert re.match(r"mode      READY: waits to be armed \(NE 107: function check\)\narmed     no\n", output)
 
 
 def test_a_person_at_a_terminal_types_verbs_and_sees_mistakes_reported(walk: Walk) -> None:

@@ -118,7 +118,7 @@ def test_a_comment_of_a_command_is_no_heading(width: int | None) -> None:
         (("1.0", "–", "never"), True),
         (("0.4 (0.39–0.41)", "≤ 3"), True),
         (("1.60 → 1.60",), True),
-        (("0 to 5", "−5 to 0.98", "not shown"), True),
+        (("0 to 5", "−5 to 0.98", "not measured"), True),
         (("1 to mm",), False),
         (("−3.2", "+1e"), False),
         (("0.40 (paper)",), False),

@@ -3,7 +3,8 @@
 With the stem position (noise 0.05 % of span): S ± 5 %, J ± 0.5 points, at least 45 of 60 valves with S from 0.8 to 23 %
 found, at most 1 of 56 others accused. From OP and PV: nobody accused in healthy and tightly tuned loops, at most a
 tenth under a sinusoidal disturbance and setpoint steps, at least 80 % found where S is 8 % or more, and none of these
-called free of stiction.
+called free of stiction. Of healthy loops whose OP moves by more than 1.4 %, at least nine of ten get a no, and none of
+those whose OP moves less.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ from positioner.diagnostics.direct.diagnosis import Record, diagnose_stem
 from positioner.diagnostics.finding import finding_of
 from positioner.diagnostics.indirect.diagnosis import diagnose_loop
 from positioner.diagnostics.indirect.loop import Loop as Recorded
-from positioner.diagnostics.verdict import Estimate, Verdict
+from positioner.diagnostics.indirect.loop import range_of
+from positioner.diagnostics.verdict import LEAST_RANGE_PERCENT, Estimate, Verdict
 from positioner.replay.stem_log import CURRENT_AT_0_MA, CURRENT_AT_100_MA, stem_table
 
 OTHERS = (Kind.HEALTHY, Kind.TIGHT, Kind.SINE, Kind.STEPS)
@@ -44,6 +46,7 @@ class Outcome:
     indirect: Verdict
     apparent: Estimate | None
     methods: dict[str, Verdict]
+    moved: float
 
 
 def run(loop: Loop) -> Outcome:
@@ -59,6 +62,7 @@ def run(loop: Loop) -> Outcome:
         indirect.verdict,
         indirect.stick,
         {each.name: each.verdict for each in indirect.answers},
+        range_of(played.op),
     )
 
 
@@ -104,6 +108,7 @@ def judged(outcomes: list[Outcome]) -> list[tuple[str, bool]]:
     held = sum(each.apparent.low <= each.loop.stick_percent <= each.apparent.high for each in told if each.apparent)
     yes = Counter(each.loop.kind for each in others if each.indirect is Verdict.YES)
     of = Counter(each.loop.kind for each in others)
+    told_no = (Kind.HEALTHY, Kind.STEPS)
     calm, driven = (Kind.HEALTHY, Kind.TIGHT), (Kind.SINE, Kind.STEPS)
     said_yes = sum(each.indirect is Verdict.YES for each in large)
     said_no = sum(each.indirect is Verdict.NO for each in large)
@@ -119,6 +124,14 @@ def judged(outcomes: list[Outcome]) -> list[tuple[str, bool]]:
             f"OP and PV: S {_spread(apparent, 100.0, ' %')}, in its interval {held} of {len(told)}",
             held >= 0.9 * len(told),
         ),
+    ]
+    excited = [each.indirect for each in others if each.loop.kind in told_no and each.moved > LEAST_RANGE_PERCENT]
+    quiet = [each.indirect for each in outcomes if each.moved <= LEAST_RANGE_PERCENT]
+    free, unknown = excited.count(Verdict.NO), quiet.count(Verdict.NO)
+    what = "with an OP that moves"
+    goals += [
+        (f"OP and PV: {free} of {len(excited)} healthy {what} called free of stiction", free >= 0.9 * len(excited)),
+        (f"OP and PV: {unknown} of {len(quiet)} {what} by at most {LEAST_RANGE_PERCENT:g} % called so", unknown == 0),
     ]
     goals += [(f"OP and PV: {yes[kind]} of {of[kind]} {kind} accused", yes[kind] == 0) for kind in calm]
     return goals + [

@@ -85,6 +85,25 @@ def test_the_picture_is_drawn(sticking: Path, tmp_path: Path, capsys: pytest.Cap
     assert capsys.readouterr().err == f"picture: {picture}\n"
 
 
+def test_a_loop_at_rest_is_undecided_and_the_line_says_what_is_needed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    played = play(Loop(Kind.HEALTHY, 0.1, 0.0, 21))
+    scale = 0.33 / float(np.quantile(played.op, 0.995) - np.quantile(played.op, 0.005))
+    path = tmp_path / "rest.csv"
+    table = np.column_stack([np.arange(played.op.size), 50.0 + scale * (played.op - 50.0), scale * played.pv])
+    np.savetxt(path, table, delimiter=",", header="time,OP,PV", comments="", fmt="%.6f")
+    assert main(["diagnose", str(path)]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith(f"{path}: undecided: OP moved by 0.33 % only")
+    assert "a record is needed in which OP moves by more than 1.4 % and back, as after setpoint steps" in text
+    assert "no stiction is not healthy" not in text
+    assert main(["diagnose", str(path), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["verdict"], found["indirect"]["verdict"]) == ("undecided", "undecided")
+    assert found["op_moved_percent"] == pytest.approx(0.33, abs=0.001)
+
+
 @pytest.mark.parametrize(
     ("content", "options", "status", "message"),
     [

@@ -118,6 +118,27 @@ def test_a_stem_that_follows_does_not_stick() -> None:
     assert found.band < 0.3
 
 
+def test_a_stem_that_hardly_moves_under_a_command_that_hardly_moves_proves_nothing() -> None:
+    command = swinging(0.13)
+    position = np.full(command.size, 50.0) + 0.05 * np.random.default_rng(8).standard_normal(command.size)
+    found = diagnose_stem(Record(command, position, 1.0))
+    assert found.verdict is Verdict.UNDECIDED
+    assert "OP moved by 0.33 % only, and within 1.4 % a stem that sticks may rest" in found.reason
+    # but one that is seen to follow such a command is free
+    assert diagnose_stem(Record(command, command + 0.2 * (position - 50.0), 1.0)).verdict is Verdict.NO
+
+
+@pytest.mark.parametrize(
+    ("noise", "verdict"), [(0.14, Verdict.NO), (0.25, Verdict.UNDECIDED), (1.0, Verdict.UNDECIDED)]
+)
+def test_noise_that_hides_whether_the_stem_follows_proves_nothing(noise: float, verdict: Verdict) -> None:
+    command = swinging(10.0)
+    position = command + noise * np.random.default_rng(8).standard_normal(command.size)
+    found = diagnose_stem(Record(command, position, 1.0))
+    assert found.verdict is verdict
+    assert ("hides an S of 0.7 %" in found.reason) is (verdict is Verdict.UNDECIDED)
+
+
 def test_slips_in_one_direction_are_not_enough() -> None:
     command = np.linspace(10.0, 90.0, 3000)
     found = diagnose_stem(Record(command, stick_slip(command, 5.0, 3.0), 1.0))

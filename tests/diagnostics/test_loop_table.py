@@ -107,7 +107,7 @@ def test_no_numbers(cell: str) -> None:
         ("A,B\n1,2\n3,4\n", {}, "which column is OP? Say it with --op; columns: A, B"),
         ("OP,B\n1,2\n3,4\n", {}, "which column is PV? Say it with --pv; columns: OP, B"),
         ("A.OP,B.OP,PV\n1,2,3\n3,4,5\n", {}, "'A.OP', 'B.OP' may all be OP: say which one with --op"),
-        ("OP,PV\n1,2\n3,4\n", {"pv": "PW"}, "has no column 'PW' (--pv); did you mean 'PV'?"),
+        ("OP,PV\n1,2\n3,4\n", {"pv": "PVX"}, "has no column 'PVX' (--pv); did you mean 'PV'?"),
     ],
 )
 def test_a_column_that_is_not_clear_is_asked_for(text: str, wanted: dict[str, str], message: str) -> None:

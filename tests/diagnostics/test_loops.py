@@ -8,11 +8,13 @@ from emulated_loops import Kind, Loop, Played, play
 from numpy.typing import NDArray
 
 from positioner.diagnostics.direct.diagnosis import Record, diagnose_stem
+from positioner.diagnostics.finding import finding_of
 from positioner.diagnostics.indirect.diagnosis import combined, diagnose_loop
 from positioner.diagnostics.indirect.loop import Loop as Recorded
-from positioner.diagnostics.indirect.loop import steady
+from positioner.diagnostics.indirect.loop import range_of, steady
 from positioner.diagnostics.indirect.method import Answer
 from positioner.diagnostics.indirect.pitfalls import Pitfalls
+from positioner.diagnostics.loop_table import LoopTable
 from positioner.diagnostics.verdict import Verdict
 
 Array = NDArray[np.float64]
@@ -35,6 +37,50 @@ def test_a_sticking_valve_is_found(stick: float, jump: float, seed: int) -> None
         assert indirect.verdict is Verdict.YES
         assert indirect.stick is not None
         assert indirect.stick.value == pytest.approx(stick, rel=0.25)
+
+
+def quietly(played: Played, moved: float) -> Recorded:
+    """Return the record with OP and PV so much smaller that OP moves by `moved` percent."""
+    factor = moved / range_of(played.op)
+    op, pv, sp = (50.0 + factor * (each - 50.0) for each in (played.op, played.pv, played.sp))
+    return Recorded(op, pv, sp, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("moved", "verdict"), [(0.33, Verdict.UNDECIDED), (1.39, Verdict.UNDECIDED), (1.41, Verdict.NO)]
+)
+def test_a_no_needs_an_op_that_moves_farther_than_the_stick_band_of_a_valve_that_sticks(
+    moved: float, verdict: Verdict
+) -> None:
+    healthy = play(Loop(Kind.STEPS, 0.1, 0.0, 21))
+    found = diagnose_loop(quietly(healthy, moved))
+    assert found.verdict is verdict
+    needs = f"OP moved by {moved:.2f} % only, and within 1.4 % a stem that sticks may rest: a record is needed in which"
+    assert found.reason.startswith(needs) is (verdict is Verdict.UNDECIDED)
+
+
+def test_a_valve_that_sticks_is_found_though_op_moves_little() -> None:
+    assert diagnose_loop(quietly(play(Loop(Kind.STICKING, 9.0, 3.0, 12)), 1.0)).verdict is Verdict.YES
+
+
+def test_behind_a_stem_that_rests_there_is_no_no() -> None:
+    """PV is a disturbance with noise, and OP a PI controller's answer, which nothing in PV answers."""
+    draw = np.random.default_rng(0)
+    gain, reset_s, keep = draw.uniform(0.3, 3.0), draw.uniform(10.0, 60.0), np.exp(-1.0 / draw.uniform(10.0, 100.0))
+    size, noise = draw.uniform(0.05, 0.5) * np.sqrt(1.0 - keep * keep), draw.uniform(0.02, 0.3)
+    load, total = 0.0, 0.0
+    op, pv = [], []
+    for _ in range(3000):
+        load = keep * load + size * draw.standard_normal()
+        pv.append(50.0 + load + noise * draw.standard_normal())
+        total += gain * (50.0 - pv[-1]) / reset_s
+        op.append(50.0 + gain * (50.0 - pv[-1]) + total)
+    assert range_of(np.array(op)) > 3.0
+    found = diagnose_loop(Recorded(np.array(op), np.array(pv), np.zeros(0), 1.0))
+    assert found.verdict is Verdict.UNDECIDED
+    assert found.reason.startswith("PV does not show that it answers OP")
+    table = LoopTable(np.array(op), np.array(pv), None, np.full(3000, 50.0), 1.0, is_timed=True, names={}, notes=())
+    assert finding_of("loop", table, 0.0, 100.0).verdict is Verdict.UNDECIDED
 
 
 @pytest.mark.parametrize("kind", [Kind.HEALTHY, Kind.TIGHT, Kind.SINE, Kind.STEPS])

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 import results_page
 from results_page import PAGE, Runner, main, page_of, played, runners, sections_of, source_of
+from slow_cases import OTHER_CASES
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -77,7 +78,7 @@ def test_an_unknown_section_is_refused_with_the_known_ones(
 
 _LONG = {"identify", "counters"}
 _SHORT_FORMS = [
-    pytest.param(each.name, marks=[pytest.mark.slow] if each.name in _LONG else [])
+    pytest.param(each.name, marks=[pytest.mark.slow(short=OTHER_CASES)] if each.name in _LONG else [])
     for each in runners()
     if each.prints_table
 ]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from endurance.attacks import ATTACKS, DAMAGING, TRUE, UNRECEIVED, Adversary
-from endurance.oracle import KINDS, Ledger, disarms, verdict_of
+from endurance.oracle import KINDS, STRAY, Ledger, disarms, verdict_of
 from plant_emulator.device import initial_device, take
 from plant_emulator.presets import plant_settings
 from positioner.cycle.counters import Counters
@@ -88,7 +88,7 @@ class Positioner:
             expected = self.ledger.enter(frame.arbitration_id, frame.data)
         received = receive(self.codec, self.guard, self.valve, self.link, (frame,))
         refused = [event.counted.text for event in received.events if isinstance(event, FrameRefused)]
-        verdict = refused[0] if refused else "good"
+        verdict = refused[0] if refused else STRAY if expected == STRAY else "good"
         if verdict != expected and not (expected == IGNORED and not received.events):
             raise DisagreementError(f"the positioner says '{verdict}', the oracle '{expected}'")
         counters = self.counters.add(received.events)

@@ -1,6 +1,6 @@
 """Damaged and hostile files for every reader: each is read, or refused with one clear line, and quickly.
 
-    PYTHONPATH=tests python -m endurance.fuzz_files [--share 0.01] [--seed 1] [--keep DIR]
+    PYTHONPATH=tests python -m endurance.fuzz_files [--share 0.01] [--seed 1] [--keep DIR] [--kinds health,result]
 
 Each input is a true file that was changed at random, with words of its format. A reader may take it, or refuse it with
 an error of the project's own. Any other exception, more than a second of the processor, more than 256 MiB, or a file
@@ -38,6 +38,7 @@ _ENDLESS_S = 20.0
 _LONGEST_INSERT = 1 << 16
 _LONGEST_LINE = 2000
 _CHUNK = 250
+_MEMORY = "/dev/shm"  # noqa: S108 - a name below it is unguessable; what is kept is synced, and a disk takes long for it
 
 
 @dataclass
@@ -141,7 +142,7 @@ def try_one(kind: FileKind, seed: int, folder: Path) -> tuple[bytes, bool, str, 
 def run_part(name: str, seeds: range, keep: str) -> Findings:
     """Return the findings of the inputs with these seeds."""
     kind, found = KINDS[name], Findings()
-    with tempfile.TemporaryDirectory() as place:
+    with tempfile.TemporaryDirectory(dir=_MEMORY if os.access(_MEMORY, os.W_OK) else None) as place:
         folder = Path(place) / "state"
         folder.mkdir()
         for seed in seeds:
@@ -161,12 +162,13 @@ def run_part(name: str, seeds: range, keep: str) -> Findings:
     return found
 
 
-def fuzz(share: float, seed: int, keep: str = "", jobs: int | None = None) -> Findings:
-    """Return the findings of `share` of the full number of inputs; 1 means all of them."""
+def fuzz(share: float, seed: int, keep: str = "", jobs: int | None = None, kinds: str = "") -> Findings:
+    """Return the findings of `share` of the full number of inputs of some kinds, or of all; 1 means all inputs."""
     found = Findings()
     parts = [
         (kind.name, range(start, min(start + _CHUNK, end)))
         for kind in KINDS.values()
+        if not kinds or kind.name in kinds.split(",")
         for end in (seed + max(1, round(share * kind.inputs)),)
         for start in range(seed, end, _CHUNK)
     ]
@@ -186,13 +188,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0] if __doc__ else "")
     parser.add_argument("--share", type=float, default=1.0, help="of the full number of inputs (%(default)s)")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--kinds", default=",".join(KINDS), help="kinds of file (%(default)s)")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes (%(default)s)")
     parser.add_argument("--keep", default="", metavar="DIR", help="where inputs that lead to a violation are kept")
     arguments = parser.parse_args()
     for library in ("can", "cantools"):  # as in our commands: their log lines would be gigabytes here
         logging.getLogger(library).setLevel(logging.CRITICAL)
     if arguments.keep:
         Path(arguments.keep).mkdir(parents=True, exist_ok=True)
-    found = fuzz(arguments.share, arguments.seed, arguments.keep)
+    found = fuzz(arguments.share, arguments.seed, arguments.keep, arguments.jobs, arguments.kinds)
     sys.stdout.write("\n".join(found.lines()) + "\n")
     return 1 if found.violations else 0
 

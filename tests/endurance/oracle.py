@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from positioner.wire.messages import CanFrame
 
 LENGTH = 8
+STRAY = "DISARM out of sequence"
+"""The verdict on a frame whose DISARM is obeyed and of which nothing else is taken."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ KINDS = {
     0x120: Kind("SETPOINT", 0x1F20, (Signal(24, 28, -134200000, 134200000),), (Signal(52, 4, 0, 2),)),
     0x121: Kind("MANUAL_CURRENT", 0x1F21, (Signal(24, 16, 0, 25000),), (Signal(40, 4, 0, 1),)),
     0x140: Kind(
-        "POSITIONER_STATUS", 0x1F40, (), (Signal(24, 4, 0, 5), Signal(28, 4, 0, 4), Signal(32, 6, 0, 22, _RETIRED))
+        "POSITIONER_STATUS", 0x1F40, (), (Signal(24, 4, 0, 5), Signal(28, 4, 0, 4), Signal(32, 6, 0, 25, _RETIRED))
     ),
     0x141: Kind("POSITIONER_COUNT", 0x1F41, (), (Signal(24, 8, 1, 20),)),
     0x142: Kind("POSITIONER_ALARMS", 0x1F42, (), (Signal(24, 4, 0, 4),)),
@@ -120,13 +122,17 @@ class Ledger:
     lost: int = 0
 
     def enter(self, identifier: int, data: bytes) -> str:
-        """Return 'good', 'repeated counter' or 'counter out of order' and update the counters."""
+        """Return 'good', 'repeated counter', 'counter out of order' or STRAY, and update the counters.
+
+        A DISARM that is not in sequence is no evidence of a second sender: it leaves the window as it is.
+        """
         book, counter = self.books.setdefault(identifier, Book()), data[2]
         waiting, book.waiting = book.waiting, None
+        stray = identifier == 0x120 and disarms(data)
         if book.last == counter:
-            if data != book.bytes_:
+            if data != book.bytes_ and not stray:
                 book.add(in_order=False)
-            return "repeated counter"
+            return STRAY if stray else "repeated counter"
         distance = 1 if book.last is None else (counter - book.last) % 256
         if distance <= 11 or (waiting is not None and counter == (waiting + 1) % 256 and counter not in book.gaps):
             skipped = {(counter - step) % 256 for step in range(1, distance)} if distance <= 11 else set()
@@ -138,8 +144,10 @@ class Ledger:
             return "good"
         if counter in book.gaps:
             book.gaps.remove(counter)
-            return "counter out of order"
+            return STRAY if stray else "counter out of order"
         book.waiting = counter
+        if stray:
+            return STRAY
         book.add(in_order=False)
         return "counter out of order"
 

@@ -12,7 +12,6 @@ import os
 import sys
 import tempfile
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,10 +21,11 @@ from endurance import sample_log
 from endurance.pulse import Pulse
 from endurance.soak_host import SoakHost
 from endurance.soak_report import report
-from endurance.table_check import taught
+from endurance.table_check import difference, taught
 from positioner.bench.processes import BenchProcess
 from positioner.bus.address import embedded_address
 from positioner.errors import BenchError
+from positioner.runtime.shared_bus import WAITING
 from positioner.store import access
 from positioner.valve.stiction import StictionTable
 
@@ -109,11 +109,11 @@ class Soak:
 
     def _check_table(self) -> None:
         entries = sample_log.read(self._folder / "sample_log")
-        found = replace(access.dump(self._folder / "state").table, fit=None)  # which no sample holds
-        if not entries or found != taught(StictionTable(cell_width_m=_WIDTH_M), entries):
-            self.violations.append(
-                f"{len(entries)} samples in the sample log, {found.sequence} in the table, or others"
-            )
+        found = access.dump(self._folder / "state").table
+        if not entries:
+            self.violations.append("nothing was learned")
+        elif differs := difference(found, taught(StictionTable(cell_width_m=_WIDTH_M), entries)):
+            self.violations.append(f"the table is not that of the sample log: {differs}")
 
     def _stay(self, share: float) -> None:
         self._play(lambda: False, share * self._seconds)
@@ -152,7 +152,7 @@ class Soak:
     def _start_daemon(self) -> BenchProcess:
         arguments = [str(self._folder / "sample_log"), "run", "--config", str(self._folder / "valve.toml")]
         child = BenchProcess("endurance.watched_daemon", arguments, self._folder / "daemon.log")
-        return _ready(child, "waiting for position frames")
+        return _ready(child, WAITING)
 
     def _start_emulator(self) -> BenchProcess:
         arguments = ["--bus", str(self._address), "--period", str(_PERIOD_S), "--seed", str(self._seed)]

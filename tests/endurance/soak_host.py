@@ -95,7 +95,7 @@ class SoakHost:
                 self.unsaved += not message.table_saved
                 untrue = message.cause is Cause.DEVIATION and now_s - self._near_s < _LASTS_S
                 self.false_alarms[message.cause] += message.cause in _NEVER_TRUE or untrue
-            elif isinstance(message, PlantTruth) and abs(message.position_m - self._setpoint_m) < _LARGE_M:
+            elif isinstance(message, PlantTruth) and self._is_near(message.position_m, now_s):
                 self._near_s = now_s
         if self._command_ns is not None and time.monotonic_ns() - self._command_ns > _SILENCE_S * _NS:
             self._command_ns = None
@@ -112,6 +112,11 @@ class SoakHost:
     def close(self) -> None:
         """Close the bus."""
         self._bus.close()
+
+    def _is_near(self, position_m: float, now_s: float) -> bool:
+        """Return whether the stem is near a setpoint that a positioner has had the time to receive."""
+        is_known = now_s - (self._dwell_due_s - _DWELL_S) > _SILENCE_S
+        return is_known and abs(position_m - self._setpoint_m) < _LARGE_M
 
     def _ask(self, now_s: float) -> None:
         if now_s >= self._dwell_due_s:

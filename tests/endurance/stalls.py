@@ -1,12 +1,14 @@
 """Stops the positioner at random instants, for 1 ms to a minute, and checks what it sends when it continues.
 
-    python -m endurance.stalls        10,000 stalls of 1 ms to 60 s on a virtual clock, 200 of 1 ms to 4 s by SIGSTOP
+    python -m endurance.stalls        10,000 stalls of 1 ms to 60 s on a virtual clock, as many again before the arming,
+                                      200 of 1 ms to 4 s by SIGSTOP
     python -m endurance.stalls --virtual 100 --real 4 --seed 3
 
 On the virtual clock the daemon is driven through its ports, and a stall may begin at any instant but between the last
 look at the clock and the system call that sends. By SIGSTOP and SIGCONT it is a process, on an embedded bus; there each
 frame's instant is the kernel's stamp at a third socket. Exit status 0: no command answered a reading older than the
-limit of HOLD, and each stall beyond the limit of FAILSAFE was latched and logged; 1 otherwise.
+limit of HOLD, each stall beyond the limit of FAILSAFE was latched and logged, and before the arming no request to arm
+that had waited beyond that limit was obeyed; 1 otherwise.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ from virtual_shell import VirtualShell
 
 from endurance.stopped_daemon import StoppedDaemon
 from positioner.machine.journal import logger
-from positioner.wire.messages import CurrentCommand, Mode
+from positioner.wire.messages import CurrentCommand, HostRequest, Mode
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -109,6 +111,35 @@ def on_a_virtual_clock(folder: Path, count: int, chance: random.Random) -> Stall
     return stalls
 
 
+def before_the_arming(folder: Path, count: int, chance: random.Random) -> Stalls:
+    """Stop a daemon that is not armed; meanwhile the host asks to arm, at random, and perhaps falls silent."""
+    stalls = Stalls("virtual clock, before the arming", HOLD_S)
+    with VirtualShell(folder, PERIOD_S) as shell:
+        world = shell.world
+        for _ in tqdm(range(count), desc="unarmed", unit=" stalls", leave=False, disable=None):
+            world.request = HostRequest.DISARM
+            shell.cycle_for(0.3)
+            assert shell.mode() is Mode.READY
+            world.sent.clear()
+            stall_s = log_uniform(chance, _LONGEST_S)
+            began_ns, world.request = world.now_ns, HostRequest.NONE
+            armed_ns = began_ns + round((chance.random() * 1.2 * stall_s + 0.1) * _NS)
+            silent_ns = armed_ns + round(log_uniform(chance, _LONGEST_S) * _NS)
+            world.asks.extend([(armed_ns, HostRequest.ARM), (silent_ns, None)])
+            world.strike = (began_ns + 1, round(stall_s * _NS))
+            shell.cycle_for(stall_s + 0.3)
+            commands = [sent for sent in world.sent if isinstance(sent.message, CurrentCommand)]
+            # what a full queue did not take was never asked: an ARM that is repeated afterwards is new
+            queued_ns = world.arm_queued_ns
+            waited_s = 0.0 if queued_ns is None else (began_ns + stall_s * _NS - queued_ns) / _NS
+            stalls.add(stall_s, (), too_long=False, latched=False, logged=False)
+            stalls.commands += len(commands)
+            if commands and waited_s > FAILSAFE_S:
+                stalls.violations.append(f"stall {stalls.stalls} of {stall_s:.4f} s: an ARM {waited_s:.4f} s old armed")
+            world.asks.clear()
+    return stalls
+
+
 def by_signals(folder: Path, count: int, chance: random.Random) -> Stalls:
     """Stop a daemon in a process of its own `count` times."""
     with StoppedDaemon(folder) as stopped:
@@ -135,6 +166,7 @@ def main() -> int:
         found = []
         for number, kind, word in (
             (options.virtual, on_a_virtual_clock, "virtual"),
+            (options.virtual, before_the_arming, "unarmed"),
             (options.real, by_signals, "real"),
         ):
             folder = Path(name) / word

@@ -86,6 +86,18 @@ class TableCheck:
         return KillOutcome(kind, len(saved), len(lost), oldest_s, torn, found_wrong)
 
 
+def difference(found: StictionTable, expected: StictionTable) -> str:
+    """Return in words how the kept table differs from the expected one; empty where they are equal."""
+    if found == expected:
+        return ""
+    if found.sequence != expected.sequence:
+        return f"{found.sequence} samples are kept, not {expected.sequence}"
+    cells = dict(found.cells.items() ^ expected.cells.items())
+    if cells:
+        return f"other samples in {', '.join(sorted(map(str, cells)))}"
+    return f"the fit {found.fit} is kept, not {expected.fit}"
+
+
 def taught(table: StictionTable, entries: Iterable[Entry]) -> StictionTable:
     """Return the table with the samples of the sample log."""
     for entry in entries:

@@ -17,7 +17,7 @@ TESTS = Path(__file__).resolve().parents[1]
 pytestmark = pytest.mark.bus
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="test_a_try_that_leaves_a_cycle_or_a_block_is_seen")
 def test_cycles_and_tries_to_open_an_absent_bus_leave_no_memory_descriptors_or_garbage_behind() -> None:
     command = [sys.executable, "-m", "endurance.leak", "--short"]  # in a process that nothing else has filled
     paths = os.pathsep.join((str(TESTS), str(TESTS.parent)))

@@ -39,7 +39,7 @@ def test_the_first_five_occasions_and_twenty_more_are_struck_with_every_fault_in
     assert [strike for strike in strikes if strike.call == "brk"] == [Strike("brk", n, WAIT) for n in (1, 2)]
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="test_the_first_five_occasions_and_twenty_more_are_struck_with_every_fault_in_turn")
 @pytest.mark.bus
 def test_no_call_that_fails_once_silences_a_daemon_or_ends_it_in_a_traceback() -> None:
     command = [sys.executable, "-m", "endurance.syscall_faults", "--short"]

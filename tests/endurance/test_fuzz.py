@@ -83,6 +83,12 @@ def test_the_oracle_knows_every_frame_of_the_dbc() -> None:
     for frame_id, kind in KINDS.items():
         layout = {(signal.start, signal.length) for signal in messages[frame_id].signals}
         assert {(signal.start, signal.length) for signal in (*kind.ranges, *kind.choices)} <= layout
+        named = {signal.start: set(map(int, signal.choices)) for signal in messages[frame_id].signals if signal.choices}
+        known = {
+            signal.start: {raw for raw in range(signal.low, signal.high + 1) if signal.may_be(raw)}
+            for signal in kind.choices
+        }
+        assert known == named
 
 
 @given(st.lists(st.integers(0, 255), max_size=60))

@@ -27,7 +27,9 @@ def figures(screen: str) -> tuple[float, ...]:
 
 def test_a_valve_is_armed_moved_by_arrows_and_by_hand_and_left(tmp_path: Path) -> None:
     with InTerminal(str(tmp_path)) as it:
-        it.shows("the positioner is silent", "q quit")
+        it.shows("READY: waits to be armed (NE 107: function check)", "`:arm` arms it", "q quit")
+        it.press("\x1b[A")
+        it.shows("no step: READY: waits to be armed (NE 107: function check); `:arm` arms it", "setpoint –")
         it.press(":arm\rset 80\r")
         it.until(lambda screen: figures(screen)[1] == 80.0 and abs(figures(screen)[0] - 80.0) < 1.5)
         it.press("\x1b[A")
@@ -117,7 +119,7 @@ def test_however_it_is_ended_the_terminal_is_as_before(
             os.kill(it.process.pid, number)
         assert it.ended() == status
         assert it.is_restored()
-        assert it.received.endswith(b"makes it silent\r\n")
+        assert it.received.endswith(b"makes it command nothing\r\n")
 
 
 def test_a_crash_gives_the_terminal_back_and_one_line(tmp_path: Path) -> None:

@@ -67,6 +67,7 @@ def test_a_file_may_have_any_delimiter_order_and_unit(text: str) -> None:
         (GOOD + "1.5,80\n", ["line 5: time_s = 1.5: must be later than 1.5 of the row before; sort the rows"]),
         (GOOD + "nan,80\n", ["line 5: time_s: 'nan' is no number"]),
         (GOOD + "2,inf\n", ["line 5: setpoint_mm = inf: is no number"]),
+        ("time_s,setpoint_pct\n0,60%\n5%,62%\n", ["line 3: time_s: '5%' is no number"]),
         (GOOD + "2,60%\n", ["line 5: setpoint_mm = 60%: percent stand in a column setpoint_pct"]),
         ("time_s,setpoint_mm\n0,80\n", ["file: holds fewer than two rows; give at least two instants"]),
         (GOOD + "2,\n\n3,y\n", ["line 5: setpoint_mm = : is no number", "line 7: setpoint_mm = y: is no number"]),
@@ -103,13 +104,24 @@ def test_a_command_line_tells_every_setpoint_out_of_reach_and_moves_nothing(
     assert "none.csv: cannot be read: No such file" in capsys.readouterr().err
 
 
+WANTED = "give a whole number from 1 to 1000000, or `forever`"
+
+
 @pytest.mark.parametrize(
     ("text", "line"),
     [
         ("profile", "profile needs a file: `profile steps.csv`, with the columns time_s and setpoint_mm"),
-        ("profile a.csv repeat", "profile a.csv repeat : give a whole number of 1 or more, or `forever`"),
-        ("profile a.csv repeat 0", "profile a.csv repeat 0: give a whole number of 1 or more, or `forever`"),
-        ("profile a.csv repeat 1.5", "profile a.csv repeat 1.5: give a whole number of 1 or more, or `forever`"),
+        ("profile a.csv repeat", "profile a.csv repeat : give a whole number from 1 to 1000000, or `forever`"),
+        ("profile a.csv repeat 0", "profile a.csv repeat 0: give a whole number from 1 to 1000000, or `forever`"),
+        ("profile a.csv repeat 1.5", "profile a.csv repeat 1.5: give a whole number from 1 to 1000000, or `forever`"),
+        (
+            "profile a.csv repeat 1000001",
+            f"profile a.csv repeat 1000001: {WANTED}",
+        ),
+        (
+            f"profile a.csv repeat {'9' * 5000}",
+            f"profile a.csv repeat {'9' * 600}…: {WANTED}",
+        ),
         ("profile 'a.csv", "profile 'a.csv: a quotation mark stands alone"),
     ],
 )
@@ -126,6 +138,30 @@ def test_a_name_keeps_its_case_and_its_blanks() -> None:
         arm, profile = read_verbs(words, it.valve, it.guard)
         assert (arm.word, profile.word, profile.file, profile.repeats) == (Word.ARM, Word.PROFILE, "My Steps.csv", 3)
     assert read_verbs(["profile a.csv repeat forever"], it.valve, it.guard)[0].repeats == 0
+
+
+@pytest.mark.parametrize(
+    ("rows", "told"),
+    [
+        ("0,80\n1e308,81\n", "line 3: time_s = 1e+308: must be within 1000000000 s, which is 31 years"),
+        ("-1e308,80\n1e308,81\n", "line 2: time_s = -1e+308: must be within 1000000000 s, which is 31 years"),
+        ("0,80\n1e-320,81\n", "file: lasts less than 1 ms: are the times in time_s seconds?"),
+    ],
+)
+def test_a_profile_that_lasts_for_ever_or_for_no_time_is_refused(rows: str, told: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        setpoint_rows("p.csv", f"time_s,setpoint_mm\n{rows}", 0.127)
+    assert str(caught.value).splitlines()[0].startswith(f"p.csv: {told}")
+
+
+def test_the_longest_profile_that_is_taken_can_be_played_and_shown() -> None:
+    rows = setpoint_rows("p.csv", "time_s,setpoint_mm\n-1e9,80\n1e9,81\n", 0.127)
+    profile = Profile("p", rows, 1_000_000)
+    assert profile.duration_s == 4e15
+    assert profile.row_at(4e15 - 1.0).line == 3
+    assert profile.progress(7200.0) == "p: 7200.0 of 4e+15 s, round 1 of 1000000"
+    short = Profile("p", setpoint_rows("p.csv", "time_s,setpoint_mm\n0,80\n0.001,81\n", 0.127), 0)
+    assert short.progress(1e9) == "p: 1000000000.0 s, round 500000000001"
 
 
 def test_the_row_of_an_instant_holds_until_the_next_and_the_last_as_long_as_the_one_before() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from virtual_bench import TEXT, Bench
 
+from positioner.cycle.state import CycleState
 from positioner.errors import HostError
 from positioner.host.session import ANSWER_S, RELEASED_S, HostSession
 from positioner.host.verbs import Verb, Word
@@ -26,10 +27,20 @@ PERCENT = Path(__file__).parents[2] / "examples" / "percent.toml"
 def test_before_the_first_verb_not_a_frame_is_sent() -> None:
     it = Bench()
     it.say("help")
-    with pytest.raises(HostError, match="silent: it was not armed since its start"):
-        it.say("status", within_s=2.0)
+    it.say("status")
     assert it.sent == []
     assert not it.session.is_sending
+
+
+def test_the_status_tells_a_positioner_that_was_never_armed_from_one_that_does_not_run() -> None:
+    it = Bench()
+    it.say("status")
+    assert "mode      READY: waits to be armed (NE 107: function check)" in it.session.lines
+    assert "armed     no" in it.session.lines
+    it.positioner_is_on = False
+    it.run(1.0)
+    with pytest.raises(HostError, match="silent: `positioner run` does not run on this bus with this configuration"):
+        it.say("status", within_s=2.0)
 
 
 def test_a_refused_verb_sends_nothing() -> None:
@@ -48,7 +59,7 @@ def test_arm_sends_another_request_first_and_then_arm_until_the_positioner_is_ar
     requests = [message.request for message in it.sent if isinstance(message, Setpoint)]
     first = requests.index(HostRequest.ARM)
     assert first == pytest.approx(RELEASED_S / 0.01, abs=1)
-    assert set(requests[:first]) == {HostRequest.NONE}
+    assert requests[:first] == [HostRequest.DISARM] * 2 + [HostRequest.NONE] * (first - 2)
     it.sent.clear()
     it.run(0.5)
     assert {message.request for message in it.sent if isinstance(message, Setpoint)} == {HostRequest.NONE}
@@ -112,6 +123,86 @@ def test_disarm_needs_no_answer() -> None:
     it.say("disarm")
     requests = {message.request for message in it.sent if isinstance(message, Setpoint)}
     assert requests == {HostRequest.DISARM}
+
+
+def test_a_second_host_disarms_without_a_fault_and_the_first_one_says_so_and_stops() -> None:
+    it = Bench()
+    it.say("arm set 80")
+    it.run(0.5)
+    it.second = HostSession(it.configuration)
+    it.run(0.6)
+    counted = it.state.counters.by_cause
+    it.second.begin(Verb(Word.DISARM), it.now_ns)
+    it.run(0.2)
+    assert it.is_in(Mode.READY)
+    assert it.state.counters.by_cause == counted
+    assert it.state.link.senders[Setpoint].window.errors == 0
+    assert it.second.lines[-1] == "disarmed: the positioner commands nothing"
+    assert not it.session.is_sending
+    assert it.session.lines[-2:] == [
+        "READY: disarmed (NE 107: function check)",
+        "another host has disarmed the positioner: no more setpoints are sent; `arm` arms it again",
+    ]
+    it.sent.clear()
+    it.run(1.0)
+    assert it.sent == []
+    it.say("arm")
+    assert it.is_in(Mode.ACTIVE)
+    assert it.state.counters.by_cause == counted
+
+
+@pytest.mark.parametrize("end", ["disarm", "none"])
+def test_a_host_that_comes_after_another_goes_on_in_its_sequence(end: str) -> None:
+    it = Bench()
+    it.say("arm set 80")
+    it.run(0.9)
+    if end == "disarm":
+        it.say("disarm")
+    it.session = HostSession(it.configuration)
+    it.run(0.7)
+    counted = it.state.counters.by_cause
+    it.say("arm set 85")
+    assert it.is_in(Mode.ACTIVE)
+    it.run(1.0)
+    assert it.state.counters.by_cause == counted
+    assert it.true_m == pytest.approx(0.085, abs=0.0015)
+
+
+def test_a_positioner_that_has_started_again_is_told_and_gets_no_more_setpoints() -> None:
+    it = Bench()
+    it.say("arm set 80")
+    it.run(0.5)
+    it.state = CycleState()
+    it.run(0.2)
+    assert it.session.lines[-1].startswith("the positioner has started again and is not armed: no more setpoints")
+    assert not it.session.is_sending
+
+
+def test_in_failsafe_and_unarmed_no_key_moves_the_setpoint_and_the_line_names_how_to_arm() -> None:
+    it = Bench()
+    up = Verb(Word.SET, step_percent=1.0)
+    with pytest.raises(HostError, match=r"^no step: READY: waits to be armed \(.*\); `arm` arms it$"):
+        it.session.stepped(up, it.now_ns)
+    it.say("arm set 80")
+    it.run(0.5)
+    assert it.session.stepped(up, it.now_ns).setpoint_m == pytest.approx(0.08127)
+    it.plant_is_on = False
+    it.run(0.5)
+    assert it.is_in(Mode.FAILSAFE)
+    assert it.session.lines[-1] == "FAILSAFE stays until the positioner is armed again: `arm`"
+    with pytest.raises(HostError, match=r"^no step: FAILSAFE: no position frames come \(.*\); `arm` arms it$"):
+        it.session.stepped(up, it.now_ns)
+    assert it.session.end_line(it.now_ns).startswith("no more setpoints are sent: the positioner stays in FAILSAFE")
+
+
+def test_the_last_line_says_what_the_positioner_will_do_in_its_mode() -> None:
+    it = Bench()
+    assert it.session.end_line(it.now_ns).endswith("the positioner is not armed and commands nothing")
+    it.say("arm")
+    assert "holds within 0.5 s and fails safe after 10 s" in it.session.end_line(it.now_ns)
+    it.positioner_is_on = False
+    it.run(1.0)
+    assert it.session.end_line(it.now_ns) == "no more setpoints are sent; the positioner is silent"
 
 
 def test_manual_mode_and_back_without_a_bump() -> None:

@@ -56,6 +56,7 @@ def test_verbs_stand_one_after_another() -> None:
     [
         ("amr", f"'amr' is no verb of the host; did you mean 'arm'? {KNOWN}"),
         ("80", f"'80' is no verb of the host; {KNOWN}"),
+        ("frobnicate", f"'frobnicate' is no verb of the host; {KNOWN}"),
         ("set", "set needs a position: `set 80` (mm) or `set 62%` (of the span)"),
         ("set arm", "set needs a position: `set 80` (mm) or `set 62%` (of the span)"),
         ("set 80cm", "set 80cm: is no number in mm or %; write it like `set 9.5%`"),

@@ -42,6 +42,7 @@ class Bench:
         self.currents: list[float] = []
         self.plant_is_on = self.positioner_is_on = self.host_is_on = True
         self.others: list[CanFrame] = []
+        self.second: HostSession | None = None
         self.cycles = self.foreign_every = 0
         self.run(0.7)
 
@@ -61,6 +62,9 @@ class Bench:
                 frames = self.session.advance(self.now_ns)
                 self.sent += [self.codec.decode(frame)[0] for frame in frames]
                 bus += frames
+            from_second = () if self.second is None else self.second.advance(self.now_ns)
+            if self.second is not None:
+                bus += from_second
             if self.plant_is_on:
                 self.device, frames = publish(self.codec, self.plant, self.device)
                 bus += frames
@@ -69,7 +73,9 @@ class Bench:
                 self.state, outbox, _ = step(self.setup, self.state, CycleInput(tuple(bus), self.now_ns))
             own = {self.codec.identifier(Setpoint), self.codec.identifier(ManualCurrent)} if self.host_is_on else set()
             received = [frame for frame in bus if frame.identifier not in own]
-            self.session.receive([*received, *outbox], self.now_ns)
+            self.session.receive([*received, *from_second, *outbox], self.now_ns)
+            if self.second is not None:
+                self.second.receive([frame for frame in [*bus, *outbox] if frame not in from_second], self.now_ns)
             self.currents += [
                 message.current_ma
                 for message, _ in map(self.codec.decode, outbox)

@@ -23,9 +23,12 @@ from positioner.bus.address import BusAddress
 from positioner.cli.main import main
 from positioner.config.reader import load_valves
 from positioner.metrics import writer
+from positioner.metrics.exposition import FIRST_LINE, text_of
+from positioner.metrics.places import socket_problem
 from positioner.metrics.settings import MetricsSettings
 from positioner.runtime import metrics as metrics_module
 from positioner.runtime.metrics import Metrics, metrics_of
+from positioner.store import lock
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,6 +36,7 @@ if TYPE_CHECKING:
     from types import FrameType
 
 
+pytestmark = pytest.mark.bus
 SEVERAL = """
 [metrics]
 file = "shared.prom"
@@ -299,15 +303,164 @@ def test_a_place_that_cannot_be_written_is_told_once_and_used_when_it_is_there(
 
 def test_a_full_disk_keeps_the_old_text_and_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "metrics.prom"
-    assert writer.write_file(path, "old\n") is None
+    file = writer.MetricsFile(path)
+    assert file.write("old\n") is None
 
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fchmod", full)
-    assert "No space left on device" in str(writer.write_file(path, "new\n"))
+    assert "No space left on device" in str(file.write("new\n"))
     assert path.read_text("utf-8") == "old\n"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def told_by_writer(capsys: pytest.CaptureFixture[str], file: Path | None, place: Path | None) -> str:
+    """Let a metrics writer take some snapshots and end; return what it told."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    for _ in range(3):
+        ours.send(b"[]")
+    ours.close()
+    writer.run(theirs, file, place, "1")
+    theirs.close()
+    return capsys.readouterr().err
+
+
+def as_it_is(path: Path) -> tuple[Any, ...]:
+    status = path.lstat()
+    content = path.read_bytes() if stat.S_ISREG(status.st_mode) else b""
+    return status.st_ino, status.st_mode, status.st_mtime_ns, content
+
+
+def test_nothing_of_others_is_replaced_or_removed_where_metrics_are_to_go(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table, foreign, empty, link, folder, pipe = (
+        tmp_path / name for name in ("table.sqlite", "node.prom", "lock", "link.prom", "folder", "pipe")
+    )
+    table.write_bytes(b"SQLite format 3\0" + bytes(100))
+    foreign.write_text("# TYPE node_load1 gauge\nnode_load1 0.1\n", "utf-8")
+    empty.touch()
+    link.symlink_to(table)
+    folder.mkdir()
+    os.mkfifo(pipe)
+    own = tmp_path / "own.prom"
+    assert writer.MetricsFile(own).write(text_of([], "1")) is None
+    linked_to_own = tmp_path / "linked.prom"
+    linked_to_own.symlink_to(own)
+    for victim in (table, foreign, empty, link, folder, pipe, linked_to_own):
+        before = as_it_is(victim)
+        told = told_by_writer(capsys, victim, None)
+        assert told.count("\n") == 1, victim
+        assert told.startswith(f"WARNING metrics: {victim}: ")
+        assert "is left as it is" in told
+        assert as_it_is(victim) == before
+    assert table.read_bytes().startswith(b"SQLite")
+    assert not [each.name for each in tmp_path.iterdir() if each.name.endswith(".new")]
+
+
+def test_a_daemon_whose_metrics_file_is_its_configuration_or_its_table_spares_both(tmp_path: Path) -> None:
+    for number, name in enumerate(("valve.toml", "state/stiction.sqlite", "state/health.json")):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        with VirtualShell(folder, metrics={"file": name, "every_s": 0.5}) as shell:
+            shell.arm()
+            shell.cycle_for(1.5)
+        victim = folder / name
+        if victim.exists():
+            assert not victim.read_bytes().startswith(FIRST_LINE)
+        assert load_valves(folder / "valve.toml")[0].valve.id == "FV-101"
+
+
+def test_a_socket_at_which_another_process_answers_stays_its_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = tmp_path / "control.sock"
+    with socket.socket(socket.AF_UNIX) as other:
+        other.bind(str(place))
+        other.listen(1)
+        before = as_it_is(place)
+        told = told_by_writer(capsys, None, place)
+        problem = f"{place}: cannot be used: another process answers there"
+        assert told == f"WARNING metrics: {problem}; tried again each time\n"
+        assert as_it_is(place) == before
+    assert socket_problem(place) is None  # nobody answers any more: it is left over
+    assert told_by_writer(capsys, None, place) == ""
+    assert not place.exists()
+
+
+def test_what_others_put_in_the_place_of_the_metrics_meanwhile_stays_at_the_end(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, second = tmp_path / "metrics.prom", writer.MetricsFile(tmp_path / "metrics.prom")
+    file = writer.MetricsFile(path)
+    text = text_of([], "1")
+    assert file.write(text) is None
+    assert second.write(text) is None  # what a daemon before has left is ours
+    assert str(file.write(text)).startswith(f"{path}: another process writes there, too")
+    file.remove()
+    assert path.exists()
+    path.unlink()
+    path.write_text("mine\n", "utf-8")
+    second.remove()
+    assert path.read_text("utf-8") == "mine\n"
+    server = writer.MetricsSocket(tmp_path / "metrics.sock")
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    (tmp_path / "metrics.sock").unlink()
+    (tmp_path / "metrics.sock").write_text("mine\n", "utf-8")
+    server.close()
+    assert (tmp_path / "metrics.sock").read_text("utf-8") == "mine\n"
+    assert capsys.readouterr().err == ""
+
+
+def test_check_says_that_something_else_stands_where_the_metrics_are_to_go(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bus = BusAddress(interface="virtual", channel="none")
+    path = write_configuration(tmp_path, bus, metrics={"file": "valve.toml", "socket": "valve.toml"})
+    assert main(["check", str(path)]) == 78
+    socket_line, file_line = sorted(capsys.readouterr().err.replace("positioner: ", "").splitlines(), reverse=True)
+    assert f"metrics.socket = '{path}': something else has this name" in socket_line
+    assert f"metrics.file = '{path}': holds something other than our metrics, and is left as it is" in file_line
+    path = write_configuration(tmp_path, bus, metrics={"socket": "live.sock"})
+    with socket.socket(socket.AF_UNIX) as other:
+        other.bind(str(tmp_path / "live.sock"))
+        other.listen(1)
+        assert main(["check", str(path)]) == 78
+        assert "another process answers there" in capsys.readouterr().err
+        (tmp_path / "state").mkdir()
+        with lock.held(tmp_path / "state", 0.0):  # as the daemon of this valve holds it: the socket is its own
+            assert main(["check", str(path)]) == 0
+
+
+def test_clients_that_only_wait_neither_stop_the_file_nor_keep_others_out_for_long(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "_PATIENCE_S", 1.0)
+    file, place = tmp_path / "metrics.prom", tmp_path / "metrics.sock"
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    process = threading.Thread(target=writer.run, args=(theirs, file, place, "1"))
+    process.start()
+    ours.send(b"[]")
+    until(place.exists)
+    waiting = []
+    for _ in range(300):
+        client = socket.socket(socket.AF_UNIX)
+        client.connect(str(place))  # it waits until there is room in the queue
+        client.settimeout(TIMEOUT_S)
+        waiting.append(client)
+    kept = [client for client in waiting if not client.recv(1)]
+    assert len(kept) == 300  # those beyond the limit at once, the others when their time was over
+    before = file.stat().st_mtime_ns
+    ours.send(b"[]")
+    until(lambda: file.stat().st_mtime_ns != before)
+    assert until(lambda: read_socket(place)[1]).endswith("# EOF\n")
+    ours.close()
+    process.join(TIMEOUT_S)
+    theirs.close()
+    for client in waiting:
+        client.close()
+    assert not place.exists()
 
 
 def test_the_configuration_says_where_they_go_and_refuses_what_it_does_not_know(

@@ -16,7 +16,16 @@ from positioner.monitor.packed import PackedFrames
 from positioner.monitor.playback import Playback
 from positioner.monitor.trend import BIN_NS
 from positioner.monitor.view import Seen
-from positioner.wire.messages import CanFrame, CurrentCommand, Setpoint, StemPosition
+from positioner.wire.messages import (
+    CanFrame,
+    Cause,
+    CurrentCommand,
+    Health,
+    Mode,
+    PositionerStatus,
+    Setpoint,
+    StemPosition,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,7 +54,7 @@ def test_a_view_shows_what_the_frames_say(tmp_path: Path) -> None:
     assert view.current_ma == pytest.approx(12.0)
     assert (view.mode, view.cause, view.health) == ("ACTIVE", "NONE", "GOOD")
     assert view.state == "ACTIVE: controls the valve (NE 107: good)"
-    assert view.counters == "learned 42, refused 2, fallbacks 3, frame lost 5"
+    assert view.counters == (("learned", 42), ("refused", 2), ("fallbacks", 3), ("frame lost", 5))
     rates = dict(view.rates)
     assert rates == pytest.approx({"StemPosition": 100, "CurrentCommand": 100, "Setpoint": 100, "PositionerStatus": 10})
     assert view.seen == replace(view.seen, lost=0, late=0, damaged=0, disordered=0)
@@ -192,19 +201,85 @@ def test_a_gap_is_a_gap_and_a_step_is_a_line() -> None:
     points[0] = points[1] = (0.0, 0.0)
     points[2] = (1.0, 1.0)
     points[20] = (0.0, 0.0)
-    canvas.series(points, "a")
+    canvas.series(points, "a", parted={20})
     upper, lower = ("".join(text for text, _ in row) for row in canvas.rows())
     assert upper.rstrip() == " ⡇"
     assert lower.rstrip() == "⣀⡇" + 8 * " " + "⡀"
+    canvas = Canvas(16, 2)
+    canvas.series(points, "a")
+    assert all("".join(text for text, _ in row)[1:10].strip() for row in canvas.rows()), "a slow sender is no gap"
 
 
 def test_a_plot_fills_its_place_and_names_its_ends(tmp_path: Path) -> None:
     model, frames = model_of(tmp_path)
     bins = fed(model, frames).trend.since(-1)
-    rows = plots(bins, 2.0, 3 * _NS, 80, 12)
-    assert [sum(len(text) for text, _ in row) for row in rows] == [80] * 12
+    rows = plots(bins, 2.0, 3 * _NS, 80, 13, 0.02)
+    assert [sum(len(text) for text, _ in row) for row in rows] == [80] * 13
     labels = [row[0][0].strip() for row in rows]
-    assert (labels[0], labels[7], labels[8], labels[11]) == ("64.3", "59.7 mm", "12.10", "11.90 mA")
-    pens = {pen for row in rows for text, pen in row[1:] if text.strip()}
+    assert [each for each in labels[:-1] if each] == ["64", "62", "60 mm", "12.2", "12.0", "11.8 mA"]
+    assert (labels[0], labels[7], labels[8], labels[11]) == ("64", "60 mm", "12.2", "11.8 mA")
+    pens = {pen for row in rows[:-1] for text, pen in row[1:] if text.strip()}
     assert pens == {"position", "setpoint", "command"}
-    assert rows[0][0][0] == f"{'64.3':>{LABEL_WIDTH - 1}} "
+    assert rows[0][0][0] == f"{'64':>{LABEL_WIDTH - 1}} "
+
+
+def columns_with(pen: str, rows: Sequence[Sequence[tuple[str, str]]]) -> set[int]:
+    """Return the columns of the plots in which a pen has drawn."""
+    found = set[int]()
+    for row in rows[:-1]:
+        at = 0
+        for text, of in row:
+            found |= {at + number for number, each in enumerate(text) if of == pen and each.strip()}
+            at += len(text)
+    return found
+
+
+@pytest.mark.parametrize("size", [(80, 13), (140, 40), (40, 7)])
+@pytest.mark.parametrize(("begin_s", "end_s"), [(1.0, 1.4), (1.0, 2.5)])
+def test_a_time_without_readings_is_a_gap_in_the_trend(
+    tmp_path: Path, size: tuple[int, int], begin_s: float, end_s: float
+) -> None:
+    model, frames = model_of(tmp_path)
+    fed(model, [each for each in frames if not begin_s * _NS < each.received_ns < end_s * _NS])
+    rows = plots(model.trend.since(-1), 3.0, 3 * _NS, *size, model.view(3 * _NS).late_s)
+    wide = size[0] - LABEL_WIDTH
+    inside = {
+        LABEL_WIDTH + column
+        for column in range(wide)
+        if begin_s + 0.1 < column * 3.0 / wide and (column + 1) * 3.0 / wide < end_s - 0.1
+    }
+    assert inside
+    for pen in ("position", "setpoint", "command"):
+        drawn = columns_with(pen, rows)
+        assert not drawn & inside, "nothing is drawn where nothing came"
+        assert len(drawn) > 0.3 * (wide - len(inside)) / (2 if pen == "setpoint" else 1)
+
+
+def test_the_times_below_the_trend_are_round_and_stand_under_their_columns(tmp_path: Path) -> None:
+    model, frames = model_of(tmp_path)
+    for window_s, width, times in ((10.0, 80, [-10.0, -8.0, -6.0, -4.0, -2.0, 0.0]), (60.0, 40, [-50.0, 0.0])):
+        ((line, _),) = plots(fed(model, frames).trend.since(-1), window_s, 3 * _NS, width, 12, 0.02)[-1]
+        assert [float(each.replace("\N{MINUS SIGN}", "-")) for each in line.split(" s")[:-1]] == times
+        assert line.index(f"{times[-2]:g} s".replace("-", "\N{MINUS SIGN}")) == LABEL_WIDTH + round(
+            (width - LABEL_WIDTH - 1) * (1.0 + times[-2] / window_s)
+        )
+        assert line.endswith("0 s")
+
+
+def status(learned: int, refused: int = 0, fallbacks: int = 0) -> PositionerStatus:
+    return PositionerStatus(Mode.ACTIVE, Cause.NONE, Health.GOOD, True, True, fallbacks, refused, learned)
+
+
+def test_counts_of_the_status_go_on_beyond_256_and_begin_anew_after_a_silence(tmp_path: Path) -> None:
+    (configuration,) = configured(tmp_path)
+    codec, model = configuration.make_codec(), ValveModel(configuration)
+    shown = []
+    for number in range(40):
+        now_ns = number * 100_000_000
+        model.add(codec.encode(status(200 + 30 * number & 255, 255 * number & 255), number), now_ns)
+        shown.append(dict(model.copy().view(now_ns).counters or ()))
+    assert [each["learned"] for each in shown] == [200 + 30 * number for number in range(40)]
+    assert [each["refused"] for each in shown] == [255 * number for number in range(40)]
+    assert {each["fallbacks"] for each in shown} == {0}
+    model.add(codec.encode(status(7), 40), 40 * 100_000_000 + 600_000_000)
+    assert dict(model.view(4_600_000_000).counters or ())["learned"] == 7, "it was started again"

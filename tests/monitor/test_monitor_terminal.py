@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from positioner.cli.main import main
 from positioner.config.reader import load_valves
 from positioner.monitor.recorded import RecordedSource
 from positioner.monitor.terminal import MonitorApp
+from positioner.wire.messages import Counted, PositionerCount
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -23,12 +25,16 @@ if TYPE_CHECKING:
 
     Steps = Callable[[MonitorApp, Any], Awaitable[None]]
 
+pytestmark = pytest.mark.bus
+
 KEYS = (
     "space",
     "space",
     "w",
     "t",
     "t",
+    "c",
+    "c",
     "question_mark",
     "escape",
     "left",
@@ -195,11 +201,52 @@ def test_of_several_valves_one_is_chosen_from_a_list(tmp_path: Path) -> None:
     watch(live_source(configurations, bus), steps)
 
 
+@pytest.mark.parametrize("size", [(80, 24), (44, 16), (160, 50)])
+def test_all_counts_can_be_read_page_by_page(tmp_path: Path, size: tuple[int, int]) -> None:
+    bus = RecordingBus()
+    configurations = configured(tmp_path)
+    codec = configurations[0].make_codec()
+    bus.bring(frames_of(codec, 1.0))
+    bus.bring(codec.encode(PositionerCount(each, 4_000_000 + each), each % 16) for each in Counted)
+    wanted = {each.text: f"{4_000_000 + each}" for each in Counted} | {"learned": "42", "fallbacks": "3"}
+
+    async def steps(app: MonitorApp, pilot: Any) -> None:
+        await until(app, pilot, "ACTIVE", "position")
+        read = ""
+        for number in range(1, 20):
+            await pilot.press("c")
+            await pilot.pause()
+            if "counts, page" not in shown(app):
+                break
+            read += await until(app, pilot, f"counts, page {number} of")
+        for name, count in wanted.items():
+            assert re.search(rf"{name} +{count}\b", read), name
+        assert (number > 2) == (size != (160, 50))
+        await until(app, pilot, "mA", "0 s")
+
+    watch(live_source(configurations, bus), steps, size)
+
+
+def test_the_trend_fills_a_large_terminal(tmp_path: Path) -> None:
+    bus = RecordingBus()
+    configurations = configured(tmp_path)
+    bus.bring(frames_of(configurations[0].make_codec(), 1.0))
+
+    async def steps(app: MonitorApp, pilot: Any) -> None:
+        lines = (await until(app, pilot, "ACTIVE", " mA", "0 s")).split("\n")
+        assert len(lines) == 50
+        assert lines[47].rstrip().endswith("0 s")
+        assert len(lines[47].rstrip()) == 160
+        assert sum(line.startswith(" mA", 5) or " mm" in line[:9] for line in lines[10:47]) == 2
+
+    watch(live_source(configurations, bus), steps, (160, 50))
+
+
 def test_the_help_names_every_key_and_goes(tmp_path: Path) -> None:
     async def steps(app: MonitorApp, pilot: Any) -> None:
         await pilot.press("question_mark")
         text = await until(app, pilot, "It listens only")
-        for key in ("q ", "space ", "w ", "t ", "l ", "left ", "right ", "home ", "end ", "+ - ", "?"):
+        for key in ("q ", "space ", "w ", "t ", "c ", "l ", "left ", "right ", "home ", "end ", "+ - ", "?"):
             assert f"│{key}" in text or f" {key}" in text
         await pilot.press("escape")
         await until(app, pilot, "nothing comes")
@@ -214,7 +261,7 @@ def test_a_terminal_without_unicode_gets_plain_characters(tmp_path: Path) -> Non
     bus.bring(frames_of(configurations[0].make_codec(), 3.0))
 
     async def steps(app: MonitorApp, pilot: Any) -> None:
-        text = await until(app, pilot, "FV-101  ACTIVE", "* position", "61.28 mm")
+        text = await until(app, pilot, "FV-101  ACTIVE", "* position", "61.0 mm", "-10 s")
         assert text.isascii()
 
     watch(live_source(configurations, bus), steps, ascii_only=True)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import http.client
 import json
+import shutil
 import socket
+import subprocess
 import threading
 from contextlib import closing, contextmanager
+from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -15,7 +18,7 @@ from replay_helpers import scenario, write_bench_log
 
 from positioner.cli.main import main
 from positioner.config.reader import load_valves
-from positioner.monitor.page_data import Stream
+from positioner.monitor.page_data import Stream, setup_of
 from positioner.monitor.recorded import RecordedSource
 from positioner.monitor.web import MOST_STREAMS, PageServer
 
@@ -24,6 +27,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from positioner.monitor.source import Source
+
+pytestmark = pytest.mark.bus
 
 
 @contextmanager
@@ -45,6 +50,14 @@ def asked(server: PageServer, method: str, path: str, body: str = "", **headers:
     names = {name.replace("_", "-"): value for name, value in headers.items()}
     connection.request(method, path, body or None, names)
     return connection.getresponse()
+
+
+def answer_to(server: PageServer, line: str) -> int:
+    """Return the status of the answer to a request that a library for browsers would not send."""
+    with socket.create_connection(("127.0.0.1", server.server_address[1]), timeout=300.0) as connection:
+        host = server.address.removeprefix("http://").rstrip("/")
+        connection.sendall(f"{line}\r\nHost: {host}\r\n\r\n".encode())
+        return int(connection.makefile().readline().split()[1])
 
 
 def told(response: http.client.HTTPResponse) -> dict[str, Any]:
@@ -77,6 +90,58 @@ def test_a_browser_gets_one_page_and_the_states_of_a_valve(tmp_path: Path) -> No
         assert state["view"]["error_m"] == state["view"]["position_m"] - state["view"]["setpoint_m"]
         assert state["line"] == "listening on virtual:can0"
     assert bus.sent == []
+
+
+STUBS = """
+const calls = [];
+const stub_pen = new Proxy({}, { get: (_, name) => (...given) => { calls.push([name, ...given]); }, set: () => true });
+const stubs = { textContent: "", value: "10", style: {}, clientWidth: 700, clientHeight: 400, add() {} };
+globalThis.window = {};
+globalThis.Option = globalThis.EventSource = class {};
+globalThis.document = { getElementById: id =>
+  id === "setup" ? { textContent: SETUP } : { ...stubs, getContext: () => stub_pen } };
+"""
+SHOWS = "\nshow(TOLD); console.log(JSON.stringify(calls));"
+
+
+def drawn_by_the_page(state: dict[str, Any], setup: dict[str, Any]) -> list[list[Any]]:
+    """Return what the page's script calls on its canvas, 700 x 400 pixels over 10 s, once it was told a state."""
+    page = (resources.files("positioner.monitor") / "page.html").read_text(encoding="utf-8")
+    script = page.rpartition('<script nonce="@NONCE@">')[2].partition("</script>")[0]
+    stubs = STUBS.replace("SETUP", json.dumps(json.dumps(setup)))
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("would check the labels and gaps that the page draws: needs node")
+    text = stubs + script + SHOWS.replace("TOLD", json.dumps(state))
+    calls: list[list[Any]] = json.loads(
+        subprocess.run([node, "-"], input=text.encode(), capture_output=True, check=True).stdout
+    )
+    return calls
+
+
+def test_the_page_draws_round_labels_and_no_line_through_a_gap(tmp_path: Path) -> None:
+    configurations = configured(tmp_path)
+    source = live_source(configurations, RecordingBus())
+    model, codec = source.models["FV-101"], configurations[0].make_codec()
+    for frame in frames_of(codec, 9.0):
+        if not 4_000_000_000 < frame.received_ns < 4_300_000_000:
+            model.add(frame, frame.received_ns)
+    state = Stream(source, "FV-101").next()
+    assert state["view"]["late_s"] == 0.02
+    calls = drawn_by_the_page(state | {"bin": 900}, setup_of(source, "FV-101"))
+    labels = [str(call[1]) for call in calls if call[0] == "fillText"]
+    assert labels == [
+        *("60", "61", "62", "63", "64", "position, setpoint, mm", "11.9", "12.0", "12.1", "current, mA"),
+        *("-10 s", "-7.5 s", "-5 s", "-2.5 s", "0 s"),
+    ]
+    begins = [call[1] for call in calls if call[0] == "moveTo" and call[1] > 56.0]
+    bins = [round((x - 56.0) / 636.0 * 1000.0) - 100 for x in begins]
+    assert sorted(bins) == [0, 0, 0, *(first_after(state, part) for part in (1, 3))], "a setpoint goes on for 0.5 s"
+
+
+def first_after(state: dict[str, Any], part: int) -> int:
+    """Return the first bin behind the gap that has a value."""
+    return int(next(each[0] for each in state["bins"] if each[0] > 401 and each[part] is not None))
 
 
 @pytest.mark.parametrize(
@@ -112,6 +177,25 @@ def test_a_log_is_played_by_the_own_page_alone(tmp_path: Path) -> None:
         assert asked(server, "POST", "/play", seek, **own, Host="attacker.example").status == 421
         for nonsense in ("[", "{}", '{"do": "arm"}', '{"do": "seek", "value": "x"}'):
             assert asked(server, "POST", "/play", nonsense, **own).status == 400
+        for odd in ("[" * 1000, '{"do": []}', '{"do": "seek", "value": [1]}', "\x1b", "{" * 1024, "1" * 1024, ""):
+            assert asked(server, "POST", "/play", odd, **own).status == 400
+        for most in (f'{{"do": "seek", "value": 1{"0" * 900}}}', '{"do": "seek", "value": 1e999}'):
+            assert asked(server, "POST", "/play", most, **own).status in {204, 400}
+        for origin in (
+            "http://[",
+            "null",
+            "",
+            "http://[::1",
+            "file://",
+            f"{own['Origin']}.example",
+            f"{own['Origin']}/x",
+        ):
+            assert asked(server, "POST", "/play", seek, **own | {"Origin": origin}).status == 403
+        for length in ("9" * 5000, "-1", "1e3", "\u00b2", "1025"):
+            lied = own | {"Content_Length": length}
+            assert asked(server, "POST", "/play", "", **lied).status == 403
+        for path in ("//[", "/[::1", "/%00", "/events?valve=%1b[2J", "http://[/"):
+            assert answer_to(server, f"GET {path} HTTP/1.0") in {400, 404}
         for value in ("NaN", "Infinity", "-Infinity"):
             assert asked(server, "POST", "/play", f'{{"do": "seek", "value": {value}}}', **own).status == 204
         assert source.failure is None

@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from positioner.diagnostics.direct.estimate import Friction, friction_of
 from positioner.diagnostics.direct.slips import LEAST_REST, Slip, noise_of, slips_in
-from positioner.diagnostics.indirect.loop import block_means
-from positioner.diagnostics.verdict import Verdict
+from positioner.diagnostics.indirect.loop import block_means, range_of
+from positioner.diagnostics.verdict import LEAST_RANGE_PERCENT, LEAST_STICK_PERCENT, Verdict, unexcited
 
 Array = NDArray[np.float64]
 
-LEAST_STICK_PERCENT = 0.7
-"""Of the command's span: a smaller S does no harm, and is no finding."""
 LEAST_SLIPS = 6
 LEAST_MOVES = 50
 _MOVES = 0.01
@@ -105,10 +103,13 @@ def _with_lag(record: Record, lag: int) -> DirectDiagnosis:
     bare = DirectDiagnosis(Verdict.UNDECIDED, "", None, tuple(slips), band, noise, lag)
     noise_band = 2.0 * _NORMAL_99 * noise * abs(slope)
     quiet = math.sqrt(max(band * band - noise_band * noise_band, 0.0))
-    moves = int(np.sum(_moving(command)))
-    if quiet < LEAST_STICK_PERCENT and moves >= LEAST_MOVES and np.ptp(command) > 2.0 * LEAST_STICK_PERCENT:
-        return replace(bare, verdict=Verdict.NO, reason=f"the stem follows the command within {band:.2f} %")
+    moves, moved = int(np.sum(_moving(command))), range_of(every)
+    if quiet < LEAST_STICK_PERCENT and moves >= LEAST_MOVES and moved > LEAST_RANGE_PERCENT:
+        verdict, reason = _told_no(noise * abs(slope), f"the stem follows the command within {band:.2f} %")
+        return replace(bare, verdict=verdict, reason=reason)
     if len(slips) < LEAST_SLIPS or not 0 < up < len(slips):
+        if moved <= LEAST_RANGE_PERCENT:
+            return replace(bare, reason=unexcited(moved))
         count = f"{up} slips up and {len(slips) - up} down"
         return replace(bare, reason=f"{count}: {LEAST_SLIPS} are needed, and both directions")
     friction = friction_of(slips, max(noise, 1e-6), record.slope, record.slope_sigma)
@@ -151,11 +152,18 @@ def _moving(command: Array) -> NDArray[np.bool_]:
     return np.asarray(np.abs(np.diff(command, prepend=command[0])) > _MOVES)
 
 
+def _told_no(noise: float, reason: str) -> tuple[Verdict, str]:
+    """Return a no, where the noise of the position, in percent of the command, lets the least S be seen."""
+    if _OVER_NOISE * noise > LEAST_STICK_PERCENT:
+        return Verdict.UNDECIDED, f"the noise of the position, {noise:.2f} %, hides an S of {LEAST_STICK_PERCENT} %"
+    return Verdict.NO, reason
+
+
 def _judged(friction: Friction, slips: list[Slip], band: float, noise: float) -> tuple[Verdict, str]:
     stick, jump = friction.stick, friction.jump
     step = float(np.median([slip.half_step for slip in slips]))
     if stick.high < LEAST_STICK_PERCENT:
-        return Verdict.NO, f"S is below {LEAST_STICK_PERCENT} %"
+        return _told_no(noise * friction.slope, f"S is below {LEAST_STICK_PERCENT} %")
     limits = (
         (LEAST_STICK_PERCENT, f"{LEAST_STICK_PERCENT} %"),
         (_OVER_NOISE * noise * friction.slope, "four times the noise of the position"),

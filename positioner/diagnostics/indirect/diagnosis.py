@@ -31,6 +31,8 @@ _MOST = 8000
 """Samples, after downsampling, in which the methods look."""
 _MOST_FOR_PERIOD = 50_000
 LEAST_SAMPLES = 200
+_ANSWERS = 16.81
+"""The 99 % quantile of chi-square with as many degrees of freedom as OP has lags, six."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +82,9 @@ def diagnose_loop(loop: Loop) -> Diagnosis:
     pitfalls = pitfalls_of(loop, keep)
     if found.is_smallest and not pitfalls.doubt:
         pitfalls = replace(pitfalls, doubt="the S that fits best is the smallest that was tried")
+    if found.response < _ANSWERS and not pitfalls.quiet:
+        text = "PV does not show that it answers OP, and behind a stem that rests it would be the same"
+        pitfalls = replace(pitfalls, quiet=f"{text}: a record with setpoint steps is needed")
     verdict, reason = combined(answers, pitfalls)
     stick = found.stick if verdict is Verdict.YES and not math.isnan(found.stick.value) else None
     ellipse = ellipse_width(part.op, error)
@@ -91,7 +96,8 @@ def combined(answers: tuple[Answer, ...], pitfalls: Pitfalls) -> tuple[Verdict, 
 
     Yes where PV stands still while OP moves, or where two of HAMM, ADD, YAM and CORR say yes, one of them with a model
     of the valve: an external sinusoid fools the other two together, and now and then all four, so where the half cycles
-    of OP and of PV are both sines the answer is undecided. No where none of the four says yes.
+    of OP and of PV are both sines the answer is undecided. No where none of the four says yes, and OP moved so far
+    that a valve that sticks would have shown it.
     """
     if pitfalls.is_stuck:
         return Verdict.YES, "OP moves for a persistent error, and PV does not answer: the valve is stuck, or cut off"
@@ -103,6 +109,8 @@ def combined(answers: tuple[Answer, ...], pitfalls: Pitfalls) -> tuple[Verdict, 
         return _with(said, pitfalls.doubt or _sinusoidal(answers))
     if all(math.isnan(each.index) for each in deciding if each.name in _MODELS):
         return Verdict.UNDECIDED, next(each.note for each in deciding if each.name in _MODELS)
+    if pitfalls.quiet:
+        return Verdict.UNDECIDED, pitfalls.quiet
     return Verdict.NO, f"none of {_and(list(_DECIDING))} says yes"
 
 

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from positioner.diagnostics.indirect.loop import range_of
 from positioner.diagnostics.indirect.method import Answer
 from positioner.diagnostics.indirect.regression import added_sums, lagged, residual_sum
 from positioner.diagnostics.indirect.valve_model import stem_positions
@@ -43,18 +44,20 @@ LEAST = 80
 class Models:
     """The answers of both methods, and the S of the stem that explains PV best beside OP; J is hardly identifiable.
 
-    is_smallest: whether no smaller S was tried.
+    is_smallest: whether no smaller S was tried. response: a likelihood ratio, N·ln(e_0/e_1), of how much better OP
+    explains PV than PV's own past does, whatever the valve.
     """
 
     hammerstein: Answer
     ratio: Answer
     stick: Estimate
     is_smallest: bool = False
+    response: float = math.inf
 
 
 def models(op: Array, pv: Array, keep: NDArray[np.bool_]) -> Models:
     """Return what the modelled valves explain; samples that `keep` leaves out are no targets."""
-    extent = float(np.quantile(op, 0.995) - np.quantile(op, 0.005))
+    extent = range_of(op)
     target, weight = pv[_PAST:], keep[_PAST:].astype(np.float64)
     count = int(np.sum(weight))
     nothing = Estimate(math.nan, math.nan)
@@ -66,6 +69,7 @@ def models(op: Array, pv: Array, keep: NDArray[np.bool_]) -> Models:
     past, inputs = lagged(pv, range(1, _PAST + 1), _PAST), lagged(op, range(1, _INPUTS + 1), _PAST)
     added = np.stack([lagged(stems[:, each], range(1, _INPUTS + 1), _PAST) for each in range(stick.size)])
     alone = residual_sum(target, np.concatenate([past, inputs], axis=1), weight)
+    response = _logarithm(count, residual_sum(target, past, weight), alone)
     beside = added_sums(target, np.concatenate([past, inputs], axis=1), added, weight)
     low = past[:, :_LOW_PAST]
     linear = residual_sum(target, np.concatenate([low, inputs], axis=1), weight)
@@ -85,7 +89,8 @@ def models(op: Array, pv: Array, keep: NDArray[np.bool_]) -> Models:
     estimate = Estimate(middle, math.hypot(0.5 * (highest - lowest), _MODEL_ERROR * middle))
     note = f"S {stick[best_low]:.3g}"
     beside_note = f"S {stick[best]:.3g}"
-    return Models(_hamm(gain, count, note), _add(ratio, beside_note), estimate, is_smallest=best < _JUMP.size)
+    is_smallest = best < _JUMP.size
+    return Models(_hamm(gain, count, note), _add(ratio, beside_note), estimate, is_smallest, response)
 
 
 def _logarithm(count: int, before: float, after: float) -> float:

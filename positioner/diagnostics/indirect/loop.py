@@ -81,6 +81,11 @@ def steady(loop: Loop) -> NDArray[np.bool_]:
     return keep
 
 
+def range_of(values: Array) -> float:
+    """Return how far the values go, without the outermost hundredth of them."""
+    return float(np.quantile(values, 0.995) - np.quantile(values, 0.005))
+
+
 def robust_sigma(values: Array) -> float:
     """Return the standard deviation by the median, which a few outliers do not change."""
     return 1.4826 * float(np.median(np.abs(values - np.median(values))))

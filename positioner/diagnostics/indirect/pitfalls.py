@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from positioner.diagnostics.indirect.loop import Loop, robust_sigma
+from positioner.diagnostics import verdict
+from positioner.diagnostics.indirect.loop import Loop, range_of, robust_sigma
 
 Array = NDArray[np.float64]
 
@@ -27,13 +28,14 @@ class Pitfalls:
     """What stands out in a record.
 
     is_stuck: PV does nothing while OP moves for an error that stays; doubt: why a yes would be worth little;
-    unexcited: why the record says nothing; notes: what the reader must know.
+    unexcited: why the record says nothing; quiet: why a no would be worth nothing; notes: what the reader must know.
     """
 
     is_stuck: bool
     doubt: str
     unexcited: str
     notes: tuple[str, ...]
+    quiet: str = ""
 
 
 def pitfalls_of(loop: Loop, keep: NDArray[np.bool_]) -> Pitfalls:
@@ -56,7 +58,9 @@ def pitfalls_of(loop: Loop, keep: NDArray[np.bool_]) -> Pitfalls:
         unexcited = "OP stands still: nothing shows what the valve does"
     elif float(np.ptp(loop.pv)) <= 0.0:
         unexcited = "OP moves, and PV stands still: the valve is stuck, or PV is not measured"
-    return Pitfalls(_is_stuck(loop), doubt, unexcited, tuple(notes))
+    moved = range_of(loop.op)
+    quiet = verdict.unexcited(moved) if moved <= verdict.LEAST_RANGE_PERCENT else ""
+    return Pitfalls(_is_stuck(loop), doubt, unexcited, tuple(notes), quiet)
 
 
 def _saturates(op: Array) -> bool:

@@ -5,16 +5,14 @@ from __future__ import annotations
 import os
 import signal
 import tempfile
-from typing import TYPE_CHECKING
 
+import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
+from left_out import LeftOut
 
 import positioner.machine.can_libraries  # noqa: F401 - before a test loads python-can, which would load asammdf and pandas
 from positioner.start import TRACEBACK
-
-if TYPE_CHECKING:
-    import pytest
 
 os.environ.setdefault(TRACEBACK, "1")  # an unforeseen error shows its whole traceback in a test
 
@@ -27,6 +25,7 @@ settings.load_profile("repeatable")
 
 def pytest_configure(config: pytest.Config) -> None:
     """Accept SIGINT, let the processes that tests start share their compiled modules, and make examples repeatable."""
+    config.pluginmanager.register(LeftOut(config))
     if not config.getoption("--hypothesis-profile"):
         # else examples would depend on which modules of ours a worker has loaded: their constants are among them
         providers.is_local_module_file = lambda _path: False  # type: ignore[assignment,attr-defined]
@@ -36,6 +35,22 @@ def pytest_configure(config: pytest.Config) -> None:
         folder = tempfile.TemporaryDirectory(prefix="positioner-bytecode-")
         os.environ["PYTHONPYCACHEPREFIX"] = folder.name
         config.add_cleanup(folder.cleanup)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give tests in real time two more tries; those inside kernels get theirs from `kernel/harness/dispatch.py`."""
+    for item in items:
+        if item.get_closest_marker("bus") is not None and item.get_closest_marker("kernel") is None:
+            item.add_marker(pytest.mark.flaky(reruns=2))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Print each try that failed and was followed by another one, with its reason: nothing is hidden."""
+    tries = terminalreporter.getreports("rerun")
+    if tries:
+        terminalreporter.section(f"more tries: {len(tries)} in tests in real time, which a busy machine may fail")
+        for report in tries:
+            terminalreporter.line(f"{report.nodeid}\n{report.longreprtext}")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

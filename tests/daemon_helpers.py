@@ -17,6 +17,7 @@ from positioner.config.reader import load_config
 from positioner.machine.journal import logger
 from positioner.runtime.daemon import Daemon
 from positioner.runtime.session import RunOptions
+from positioner.runtime.shared_bus import WAITING
 from positioner.wire.codec import Codec, make_codec
 from positioner.wire.messages import (
     CanFrame,
@@ -201,7 +202,7 @@ class Service:
     def start(self, *arguments: str) -> BenchProcess:
         """Start the daemon, or start it again, and return it as soon as it receives."""
         self.child = BenchProcess("positioner.cli.main", ["run", "--config", str(self.path), *arguments], self.log)
-        self.child.wait_for("waiting for position frames")
+        self.child.wait_for(WAITING)
         return self.child
 
     @property

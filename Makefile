@@ -30,6 +30,12 @@ test-kernel: $(VENV)/installed
 test-browser: $(VENV)/installed
 	$(BIN)/pytest --capture=no tests/browser
 
+# examples/fmu_plant.py plays an FMU that it builds with cc; FMPy is an extra
+.PHONY: test-fmu
+test-fmu: $(VENV)/installed
+	@$(BIN)/python -m pip install --quiet --editable '.[fmu]'
+	$(BIN)/pytest tests/fmu
+
 # all documents as a site in out/site, which asks the network for nothing; its tests look at it in a headless browser
 .PHONY: site notebooks
 site: notebooks
@@ -48,6 +54,15 @@ man: $(VENV)/installed
 # without the tests that take long in such kernels
 test-kernel-short: $(VENV)/installed
 	$(BIN)/pytest tests/kernel -m 'not slow'
+
+# everything that CI leaves out, about an hour on two cores; ONLY="soak crash" plays these parts, RESUME=1 what is left
+.PHONY: test-all publish-test-all
+test-all: $(VENV)/installed
+	PYTHONPATH=tests $(BIN)/python -m everything $(if $(ONLY),--only $(ONLY)) $(if $(RESUME),--resume)
+
+# puts the last table of it into docs/tests.md
+publish-test-all: $(VENV)/installed
+	PYTHONPATH=tests $(BIN)/python -m everything --publish
 
 lint: $(VENV)/installed
 	$(BIN)/ruff check .
@@ -225,7 +240,7 @@ fuzz: $(VENV)/installed
 		|| { echo "fuzz: atheris has no wheel for $$($(BIN)/python --version); use Python 3.11 or 3.12" >&2; exit 1; }
 	PYTHONPATH=tests $(BIN)/python -m endurance.fuzz_decoder -runs=3000000
 
-# 1.1 million damaged files for everything that reads one: half an hour on two cores.
+# 2.1 million damaged files for everything that reads one: an hour on two cores.
 .PHONY: fuzz-files
 fuzz-files: $(VENV)/installed
 	PYTHONPATH=tests $(BIN)/python -m endurance.fuzz_files --keep out/fuzz-files
@@ -234,11 +249,11 @@ fuzz-files: $(VENV)/installed
 GUARDED = positioner/guard/supervisor.py positioner/guard/settings.py positioner/guard/state.py positioner/guard/arming.py \
 	positioner/guard/manual.py positioner/cycle/handover.py positioner/guard/stall.py positioner/bus/arrivals.py positioner/cycle/frame_period.py \
 	positioner/cycle/inbox.py positioner/cycle/link.py positioner/cycle/command_effect.py positioner/cycle/second_daemon.py positioner/cycle/plausibility.py positioner/cycle/frozen.py \
-	positioner/cycle/deviation.py positioner/cycle/full_push.py positioner/cycle/counters.py \
+	positioner/cycle/deviation.py positioner/cycle/full_push.py positioner/cycle/hunting.py positioner/cycle/vain_pushes.py positioner/cycle/counters.py \
 	positioner/wire/e2e.py positioner/wire/window.py positioner/wire/loop_current.py plant_emulator/device.py
 GUARDING = tests/guard/test_guard.py tests/guard/test_guard_tables.py tests/cycle/test_inbox.py tests/cycle/test_plausibility.py \
 	tests/cycle/test_counters.py tests/wire/test_loop_current.py tests/wire/test_wire_e2e.py tests/plant_emulator/test_device.py tests/cycle/test_cycle.py \
-	tests/cycle/test_handover.py tests/wire/test_wire_window.py tests/cycle/test_frozen.py tests/cycle/test_deviation.py tests/cycle/test_full_push.py tests/cycle/test_command_effect.py tests/cycle/test_actuator_found.py tests/setpoint/test_setpoint_loop.py \
+	tests/cycle/test_handover.py tests/wire/test_wire_window.py tests/cycle/test_frozen.py tests/cycle/test_deviation.py tests/cycle/test_full_push.py tests/cycle/test_hunting.py tests/cycle/test_vain_pushes.py tests/cycle/test_command_effect.py tests/cycle/test_actuator_found.py tests/setpoint/test_setpoint_loop.py \
 	tests/guard/test_stall.py tests/guard/test_ages.py tests/guard/test_arming.py tests/cycle/test_second_daemon.py tests/cycle/test_frame_period.py tests/cycle/test_sample_period.py tests/runtime/test_double_arming.py tests/bus/test_arrivals.py
 
 empty :=
@@ -323,6 +338,20 @@ instructions: $(VENV)/installed $(COMPILED)/installed
 
 accept-instructions: $(VENV)/installed $(COMPILED)/installed
 	PYTHONPATH=tests $(BIN)/python -m benchmarks.instructions --accept
+
+# Thousands of dwells of valves drawn at random, judged by their tails: docs/robustness.md. The short form is CI's.
+ROBUSTNESS = $(RUN_COMPILED)/positioner robustness
+ACCEPTED = tests/robustness/accepted.json
+
+.PHONY: robustness robustness-short accept-robustness
+robustness: $(COMPILED)/installed
+	$(ROBUSTNESS) --out out/robustness $(ARGS)
+
+robustness-short: $(COMPILED)/installed
+	$(ROBUSTNESS) --short --laws nmpc --accepted $(ACCEPTED) --out out/robustness-short
+
+accept-robustness: $(COMPILED)/installed
+	$(ROBUSTNESS) --short --laws nmpc --accept $(ACCEPTED) --out out/robustness-short
 
 # The memory that a replay takes, for a log of 100,000 and one of a million frames.
 .PHONY: long-replay

@@ -6,7 +6,10 @@ from typing import Any
 
 import pytest
 
+OTHER_CASES = "its other cases"
+
 
 def slow(*cases: Any) -> list[Any]:
     """Return the cases, marked `slow`; a tuple is a case of several values."""
-    return [pytest.param(*(each if isinstance(each, tuple) else (each,)), marks=pytest.mark.slow) for each in cases]
+    mark = pytest.mark.slow(short=OTHER_CASES)
+    return [pytest.param(*(each if isinstance(each, tuple) else (each,)), marks=mark) for each in cases]

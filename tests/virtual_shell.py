@@ -63,6 +63,8 @@ class World:
 
     struck: called at each look at the clock and each wait; returns the stall in ns that happens there.
     strike: the next stall: its instant and its duration in ns.
+    request: what the host asks for, None while it is silent; asks: the next ones, with their instants in ns.
+    arm_queued_ns: when the queue took the first ARM after another request; None while the last one it took is no ARM.
     compute_ns: returns the computing time in ns that passes before each look at the monotonic clock.
     """
 
@@ -70,7 +72,9 @@ class World:
     codec: Any = None
     now_ns: int = _BOOT_NS
     wall_step_ns: int = 0
-    request: HostRequest = HostRequest.NONE
+    request: HostRequest | None = HostRequest.NONE
+    asks: deque[tuple[int, HostRequest | None]] = field(default_factory=deque)
+    arm_queued_ns: int | None = None
     stamps: bool = True
     struck: Callable[[], int] = lambda: 0
     queue: deque[Queued] = field(default_factory=deque)
@@ -146,7 +150,9 @@ class World:
             self.now_ns = self._next_ns
             if not self.plant_silent:
                 self._deliver(StemPosition(HERE_M + 1e-7 * (self.sample % 7), self.acting), self.sample)
-            if self.sample % _SETPOINT_EVERY == 0:
+            while self.asks and self.asks[0][0] <= self.now_ns:
+                self.request = self.asks.popleft()[1]
+            if self.sample % _SETPOINT_EVERY == 0 and self.request is not None:
                 self._deliver(Setpoint(HERE_M, self.request), self.setpoints)
                 self.setpoints += 1
             self.sample += 1
@@ -167,6 +173,9 @@ class World:
                 is_extended_id=False,
             )
             self.queue.append(Queued(received, self.now_ns, counter, isinstance(message, StemPosition)))
+            if isinstance(message, Setpoint):
+                is_arm = message.request is HostRequest.ARM
+                self.arm_queued_ns = (self.arm_queued_ns or self.now_ns) if is_arm else None
 
     def _look(self) -> None:
         self.pass_time(self.struck() + _LOOK_NS)

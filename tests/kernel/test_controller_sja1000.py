@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import printed
 import pytest
 from daemon_helpers import write_configuration
 from links import command
@@ -22,7 +23,7 @@ from positioner.config.reader import parse_config
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-pytestmark = [pytest.mark.kernel("controller"), pytest.mark.slow]
+pytestmark = [pytest.mark.kernel("controller"), pytest.mark.slow(short="doctor/test_doctor_link.py")]
 SCENARIO = """
 name = "controllers"
 title = "two setpoints, a twentieth of a second each"
@@ -78,6 +79,6 @@ def test_the_doctor_reads_what_the_controller_was_set_to(tmp_path: Path) -> None
     (link,) = json.loads(command("ip", "-details", "-json", "link", "show", "can1"))
     data = link["linkinfo"]["info_data"]
     assert (data["bittiming"]["bitrate"], data["restart_ms"], data["state"]) == (1_000_000, 100, "ERROR-ACTIVE")
-    for word in ("up at 1000 kbit/s", "100 ms after bus-off", "can1 is ERROR-ACTIVE"):
+    for word in (printed.UP_AT_1000, printed.RESTARTS, f"can1 {printed.ERROR_ACTIVE}"):
         assert word in text, text
     assert found["feedback"]["level"] == "FAIL"  # no node sends now, and the doctor reports it

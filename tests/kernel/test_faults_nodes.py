@@ -6,6 +6,7 @@ import datetime as dt
 import time
 from typing import TYPE_CHECKING
 
+import printed
 import pytest
 from links import TIMEOUT_S, Program, command
 from rig import CLOSED_M, DEADMAN_S, FAILSAFE_PERIODS, HIGH_M, HOLD_PERIODS, LOW_M, PERIOD_S, Rig
@@ -18,22 +19,26 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.kernel("faults")
 
 
-@pytest.mark.slow
+@pytest.mark.slow(
+    short="runtime/test_safety_bus.py::test_a_flood_is_taken_in_batches_of_at_most_1024_frames_between_which_a_cycle_closes"
+)
 def test_a_flood_of_higher_priority_does_not_reach_the_positioner(rig: Rig, tmp_path: Path) -> None:
-    before = len(rig.logged("mode "))
+    before = len(rig.logged(printed.MODE))
     words = ["cangen", rig.bus.channel, "-g", "0.5", "-I", "001", "-L", "8", "-n", "4000"]
     with Program(words, tmp_path / "cangen.log") as flood:
         rig.go_to(LOW_M)
         rig.until(lambda: flood.process.poll() is not None, TIMEOUT_S * 2)
     rig.after(5)
-    assert not rig.logged("queue was full")
-    assert not rig.logged("refused")
+    assert not rig.logged(printed.QUEUE_FULL)
+    assert not rig.logged(printed.REFUSED)
     assert rig.mode() is Mode.ACTIVE
-    assert len(rig.logged("mode ")) >= before
+    assert len(rig.logged(printed.MODE)) >= before
     rig.go_to(HIGH_M)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(
+    short="runtime/test_daemon.py::test_another_controller_after_arming_is_reported_and_shown_and_the_loop_goes_on"
+)
 def test_a_second_controller_is_an_alarm_for_as_long_as_it_speaks(rig: Rig) -> None:
     numbers = iter(range(100_000))
     rig.after(15, PositionerStatus)  # within a second after the arming it means that one ARM has armed two
@@ -46,20 +51,20 @@ def test_a_second_controller_is_an_alarm_for_as_long_as_it_speaks(rig: Rig) -> N
     status = rig.newest(PositionerStatus)
     assert status is not None
     assert (status.mode, status.health) == (Mode.ACTIVE, Health.FAILURE)
-    assert any("12.500 mA" in line for line in rig.lines)
+    assert any(printed.foreign(12.5) in line for line in rig.lines)
     rig.until(lambda: (status := rig.newest(PositionerStatus)) is not None and status.cause is Cause.NONE)
     assert rig.next(PositionerStatus).health is Health.GOOD
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="guard/test_stall.py::test_a_step_of_the_wall_clock_makes_nothing_fresh_old")
 def test_a_clock_that_is_stepped_by_an_hour_changes_nothing(rig: Rig) -> None:
-    modes = len(rig.logged("mode "))
+    modes = len(rig.logged(printed.MODE))
     for step in (1, -2):
         now = dt.datetime.now(tz=dt.UTC) + dt.timedelta(hours=step)
         command("date", "-u", "-s", now.strftime("%Y-%m-%d %H:%M:%S"))
         rig.after(30)
         assert rig.mode() is Mode.ACTIVE
-    assert len(rig.logged("mode ")) == modes
+    assert len(rig.logged(printed.MODE)) == modes
     rig.go_to(LOW_M)
 
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from typing import TYPE_CHECKING
 
+import printed
 import pytest
 from harness.plan import PROJECT
 from links import TIMEOUT_S, Program, add_vcan, command, until
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-pytestmark = [pytest.mark.kernel("systemd"), pytest.mark.slow]
+pytestmark = [pytest.mark.kernel("systemd"), pytest.mark.slow(short="project/test_readme_steps.py")]
 WIRE = "vcan9"
 EDIT = f"""#!/bin/sh
 # what a user types into the editor: the period of the sensor, and limits that a busy machine does not reach
@@ -83,18 +84,19 @@ def test_the_five_steps_lead_to_a_valve_under_control(tmp_path: Path) -> None:
     walk("sed -i '/^RestartSec=/d' /opt/positioner/share/positioner/80-can.network", tmp_path)
     walk(bus, tmp_path)
     until(
-        lambda: "state UP" in command("ip", "link", "show", "can0"), lambda: command("ip", "-d", "link", "show", "can0")
+        lambda: printed.STATE_UP in command("ip", "link", "show", "can0"),
+        lambda: command("ip", "-d", "link", "show", "can0"),
     )
     shown = command("ip", "-details", "link", "show", "can0")
-    assert "bitrate 1000000" in shown
-    assert "qlen 128" in shown
+    assert printed.BITRATE_1M in shown
+    assert printed.QUEUE_128 in shown
 
     output = walk(describe, tmp_path)
     assert "fv101.toml" in output
 
     output = walk(examine, tmp_path)
-    assert re.search(r" 0 FAIL$", output, re.MULTILINE), output
-    assert "can0 is up at 1000 kbit/s" in output
+    assert re.search(rf"^{printed.NOTHING_FAILS}", output, re.MULTILINE), output
+    assert f"can0 {printed.UP_AT_1000}" in output
 
     walk(run, tmp_path)
     assert show("positioner@fv101", "ActiveState") == "active"
@@ -109,6 +111,6 @@ def test_the_five_steps_lead_to_a_valve_under_control(tmp_path: Path) -> None:
     valve.until(is_active)
     valve.go_to(LOW_M)
     walk("sudo systemctl stop positioner@fv101", tmp_path)
-    assert "stopped; the stiction table is saved" in journal("positioner@fv101")
+    assert printed.STOPPED_AND_SAVED in journal("positioner@fv101")
     valve.port.close()
     until(lambda: not show("positioner@fv101", "MainPID").strip("0"), timeout_s=TIMEOUT_S)

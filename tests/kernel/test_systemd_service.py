@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import printed
 import pytest
 from harness.plan import PROJECT
 from links import TIMEOUT_S, add_vcan, command, until
@@ -58,7 +59,7 @@ def samples_in(valve: Valve) -> int:
 def test_the_service_is_ready_at_the_first_feedback_and_not_before(valve: Valve) -> None:
     valve.stop()
     systemctl("start", "--no-block", valve.unit)
-    until(lambda: "waiting for position frames" in show(valve.unit, "StatusText"), valve.story)
+    until(lambda: printed.WAITING_FOR_FRAMES in show(valve.unit, "StatusText"), valve.story)
     assert show(valve.unit, "ActiveState") == "activating"
     systemctl("start", valve.plant)
     until(lambda: valve.is_active, valve.story)
@@ -88,11 +89,11 @@ def test_a_killed_positioner_is_back_within_two_seconds_and_keeps_its_table(valv
     assert samples_in(valve) >= before
     until(lambda: valve.is_active, valve.story)
     # the actuator failed safe by itself while nobody commanded it
-    until(lambda: "fail position 'close'" in journal(valve.plant), valve.story)
+    until(lambda: printed.FAIL_POSITION in journal(valve.plant), valve.story)
     valve.go_to(0.080)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="test_a_killed_positioner_is_back_within_two_seconds_and_keeps_its_table")
 def test_the_valve_fails_safe_while_nobody_commands_it(valve: Valve) -> None:
     valve.go_to(HIGH_M)
     systemctl("stop", valve.unit)
@@ -106,7 +107,7 @@ def test_a_positioner_that_hangs_is_killed_by_the_watchdog_and_comes_back(valve:
     os.kill(hung, signal.SIGSTOP)
     until(lambda: valve.pid not in {0, hung}, valve.story)
     assert int(show(valve.unit, "NRestarts")) == restarts + 1
-    assert "Watchdog timeout" in journal(valve.unit)
+    assert printed.WATCHDOG in journal(valve.unit)
     until(lambda: valve.is_active, valve.story)
     valve.go_to(HIGH_M)
 
@@ -131,40 +132,42 @@ def running_s(valve: Valve) -> float:
     return time.monotonic() - int(show(valve.unit, "ExecMainStartTimestampMonotonic")) * 1e-6
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="test_the_service_is_ready_at_the_first_feedback_and_not_before")
 def test_a_positioner_waits_for_its_first_feedback_without_end_and_is_killed_if_it_hangs_meanwhile(
     valve: Valve,
 ) -> None:
     limit_s = 15.0
     with start_within(valve, limit_s):
-        killed = journal(valve.unit).count("Watchdog timeout")
+        killed = journal(valve.unit).count(printed.WATCHDOG)
         systemctl("start", "--no-block", valve.unit)
         until(lambda: valve.pid and running_s(valve) > limit_s + 5.0, valve.story, TIMEOUT_S * 2)
         waiting = valve.pid
-        assert "waiting for position frames" in show(valve.unit, "StatusText")
+        assert printed.WAITING_FOR_FRAMES in show(valve.unit, "StatusText")
         assert show(valve.unit, "ActiveState") == "activating"
         os.kill(waiting, signal.SIGSTOP)
         until(lambda: valve.pid not in {0, waiting}, valve.story)
-    assert journal(valve.unit).count("Watchdog timeout") == killed + 1
+    assert journal(valve.unit).count(printed.WATCHDOG) == killed + 1
     systemctl("start", valve.plant)
     until(lambda: valve.is_active, valve.story)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="test_a_positioner_that_hangs_is_killed_by_the_watchdog_and_comes_back")
 def test_a_positioner_that_hangs_before_its_first_cycle_is_killed_and_comes_back(valve: Valve) -> None:
     with start_within(valve, 5.0):
-        late = journal(valve.unit).count("start operation timed out")
+        late = journal(valve.unit).count(printed.START_TIMED_OUT)
         systemctl("start", "--no-block", valve.plant, valve.unit)
         until(lambda: valve.pid, valve.story)
         hung = valve.pid
         os.kill(hung, signal.SIGSTOP)
         assert show(valve.unit, "StatusText") == ""
-        until(lambda: journal(valve.unit).count("start operation timed out") > late, valve.story)
+        until(lambda: journal(valve.unit).count(printed.START_TIMED_OUT) > late, valve.story)
     until(lambda: valve.pid not in {0, hung}, valve.story)
     until(lambda: valve.is_active, valve.story, TIMEOUT_S * 2)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(
+    short="project/test_units.py::test_a_positioner_that_crashes_again_and_again_is_restarted_later_and_later_and_never_given_up"
+)
 def test_a_positioner_that_is_killed_again_and_again_is_not_given_up(valve: Valve) -> None:
     for _ in range(12):
         killed = valve.pid
@@ -174,7 +177,7 @@ def test_a_positioner_that_is_killed_again_and_again_is_not_given_up(valve: Valv
     assert int(show(valve.unit, "NRestarts")) >= 12
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="project/test_units.py::test_the_memory_of_the_positioner_is_bounded_and_may_be_locked")
 def test_the_memory_of_the_positioner_stays_in_ram_and_within_a_limit(valve: Valve) -> None:
     status = Path(f"/proc/{valve.pid}/status").read_text(encoding="utf-8")
     held = dict(re.findall(r"^(VmLck|VmRSS):\s+(\d+) kB", status, re.MULTILINE))
@@ -184,7 +187,9 @@ def test_the_memory_of_the_positioner_stays_in_ram_and_within_a_limit(valve: Val
     assert 0.05 * most < int(held["VmRSS"]) * 1024 < 0.4 * most
 
 
-@pytest.mark.slow
+@pytest.mark.slow(
+    short="project/test_units.py::test_the_drop_in_binds_a_service_to_its_interface_and_the_interface_to_it"
+)
 def test_a_bus_that_is_deleted_and_made_again_brings_the_service_back_by_itself(valve: Valve) -> None:
     systemctl("enable", valve.unit)
     command("ip", "link", "delete", "vcan0")
@@ -204,8 +209,8 @@ def test_a_wrong_configuration_fails_once_and_says_why() -> None:
     until(lambda: show(unit, "ActiveState") == "failed")
     assert show(unit, "ExecMainStatus") == "78"
     assert show(unit, "NRestarts") == "0"
-    assert "did you mean 'nmpc'?" in journal(unit)
-    assert journal(unit).count("did you mean") == 1
+    assert printed.DID_YOU_MEAN in journal(unit)
+    assert journal(unit).count(printed.DID_YOU_MEAN) == 1
 
 
 def test_a_stop_is_clean_and_saves_what_was_learned(valve: Valve) -> None:
@@ -214,11 +219,11 @@ def test_a_stop_is_clean_and_saves_what_was_learned(valve: Valve) -> None:
     before = samples_in(valve)
     systemctl("stop", valve.unit)
     assert (show(valve.unit, "Result"), show(valve.unit, "ExecMainStatus")) == ("success", "0")
-    assert "stopped; the stiction table is saved" in journal(valve.unit)
+    assert printed.STOPPED_AND_SAVED in journal(valve.unit)
     assert samples_in(valve) >= before
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="runtime/test_safety_valves.py::test_another_controller_ends_its_valve_and_not_the_others")
 def test_two_valves_on_two_buses_do_not_disturb_each_other(valve: Valve) -> None:
     add_vcan("vcan1")
     configure("fv102", "vcan1")
@@ -239,4 +244,4 @@ def test_two_valves_on_two_buses_do_not_disturb_each_other(valve: Valve) -> None
 @pytest.mark.parametrize("unit", ["positioner@fv101.service", "plant-emulator@fv101.service"])
 def test_a_service_is_exposed_to_no_more_than_1_3(unit: str) -> None:
     report = command("systemd-analyze", "security", "--no-pager", "--threshold=13", unit)
-    assert "Overall exposure level" in report
+    assert printed.EXPOSURE in report

@@ -7,6 +7,7 @@ import sys
 from typing import TYPE_CHECKING
 
 import numpy as np
+import printed
 import pytest
 from harness.plan import kind_inside
 from links import command, vcan
@@ -68,7 +69,7 @@ def test_lockstep_gives_the_numbers_of_the_embedded_bus_and_of_none(tmp_path: Pa
     assert (tmp_path / "bus.log").read_bytes() == logs[0].read_bytes()
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="bus/test_bus_embedded.py::test_a_virtual_can_interface_is_found_when_it_is_up")
 def test_a_vcan_that_is_up_is_found_and_used(tmp_path: Path) -> None:
     scenario = tmp_path / "scenario.toml"
     scenario.write_text(LOCKSTEP.replace("87.0, 80.0", "87.0"), encoding="utf-8")
@@ -77,10 +78,10 @@ def test_a_vcan_that_is_up_is_found_and_used(tmp_path: Path) -> None:
         output = command(sys.executable, "-m", "positioner", *words)
     name = address.channel if kind_inside() else "vcan"  # a host may have one of its own
     assert f"bus socketcan:{name}" in output
-    assert "a virtual CAN interface of this machine" in output
+    assert printed.FOUND_VCAN in output
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="bench/test_bench_run.py::test_a_run_in_real_time_closes_the_loop")
 def test_thirty_seconds_in_real_time_at_100_hz_close_the_loop(tmp_path: Path) -> None:
     with vcan() as address:
         result = bench(tmp_path, REAL_TIME, str(address), "--clock", "realtime")

@@ -13,7 +13,7 @@ from test_daemon_process import (  # noqa: F401 - collected here as well
     USERS_DBC,
     USERS_WIRE,
     test_a_kill_loses_nothing_that_was_learned_and_a_reset_is_taken_over,
-    test_a_service_is_silent_until_armed_and_saves_its_table_at_the_end,
+    test_a_service_commands_nothing_until_armed_and_saves_its_table_at_the_end,
     test_a_service_waits_for_a_bus_that_is_not_there_and_can_be_stopped_meanwhile,
     test_a_valve_that_speaks_frames_of_its_own_is_controlled,
     test_another_controller_on_the_bus_ends_a_daemon_before_it_sends_a_frame,
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from positioner.bus.address import BusAddress
 
-pytestmark = [pytest.mark.kernel("vcan"), pytest.mark.slow]
+pytestmark = [pytest.mark.kernel("vcan"), pytest.mark.slow(short="runtime/test_daemon_process.py")]
 
 
 @pytest.fixture(autouse=True)

@@ -25,7 +25,7 @@ def examined(path: Path) -> dict[str, tuple[str, str, str]]:
     return {finding["subject"]: (finding["level"], finding["text"], finding["mend"]) for finding in found}
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="test_a_silent_bus_and_one_that_is_down_fail_with_the_command_that_mends_it")
 def test_a_valve_that_speaks_on_a_bus_that_is_up_is_in_order(tmp_path: Path) -> None:
     with vcan() as bus:
         path = write_configuration(tmp_path, bus)

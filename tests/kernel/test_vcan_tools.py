@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import can
+import printed
 import pytest
 from daemon_helpers import PERIOD_S, Service
 from links import TIMEOUT_S, Program, command, until, vcan
@@ -62,7 +63,7 @@ def test_candump_records_what_the_emulator_says_and_python_can_reads_it(bus: Bus
     assert kinds == {PlantTruth, StemPosition}
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="test_candump_records_what_the_emulator_says_and_python_can_reads_it")
 def test_cantools_decodes_what_candump_shows(bus: BusAddress, tmp_path: Path) -> None:
     log = tmp_path / "dump.txt"
     with Program(["candump", "-n", "20", bus.channel], log) as candump, emulator(bus, tmp_path):
@@ -75,7 +76,7 @@ def test_cantools_decodes_what_candump_shows(bus: BusAddress, tmp_path: Path) ->
     assert all(-20.0 < float(value) < 160.0 for value in position)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(short="test_candump_records_what_the_emulator_says_and_python_can_reads_it")
 def test_cantools_monitor_shows_the_running_valve(bus: BusAddress, tmp_path: Path) -> None:
     words = [sys.executable, "-m", "cantools", "monitor", "-i", "socketcan", "-c", bus.channel, str(DBC)]
     with emulator(bus, tmp_path):
@@ -133,7 +134,7 @@ def test_random_frames_of_cangen_are_no_reason_to_act_or_to_stop(bus: BusAddress
         # the identifiers of a position and of a setpoint with random data of random length; then any identifier
         for identifier in ("110", "120", "r"):
             command("cangen", bus.channel, "-g", "1", "-n", "300", "-I", identifier, "-L", "r", "-D", "r")
-        until(lambda: service.logged("wrong"), lambda: service.lines)
+        until(lambda: service.logged(printed.WRONG), lambda: service.lines)
         service.others.port.receive(0.0)
         commands.receive(0.0)
         assert commands.receive(0.3) == ()

@@ -12,6 +12,7 @@ import pytest
 
 from positioner.cli.main import build_parser
 
+pytestmark = pytest.mark.bus
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "install.md").read_text(encoding="utf-8")
 SECTION = PAGE.split("\n## A real positioner in five steps\n")[1].split("\n## ")[0]

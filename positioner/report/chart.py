@@ -24,14 +24,16 @@ _WIDTHS = {"half": 372.0, "wide": 768.0, "third": 246.0}
 _LEFT, _RIGHT, _TOP, _BOTTOM = 50.0, 10.0, 24.0, 36.0
 _TICK_EVERY_X, _TICK_EVERY_Y = 62.0, 28.0
 _LETTER, _SWATCH, _ROW = 5.8, 18.0, 14.0
+_ROOM = 0.05
+"""Of what the values span: the room above and below them on a tight scale."""
 
 
 @dataclass(frozen=True, slots=True)
 class Chart:
     """The layers, the first one at the back; `size` is `half`, `third` or `wide`, a part of the column.
 
-    `names` stand below the axis in place of numbers, at 0, 1, 2. from_zero: of the vertical axis; tight: the horizontal
-    one ends with the values, and not at a round number beyond them.
+    `names` stand below the axis in place of numbers, at 0, 1, 2. from_zero: of the vertical axis; tight: the axes end
+    with the values, the vertical one with a little room around them, and not at round numbers beyond.
     """
 
     title: str
@@ -64,7 +66,11 @@ class Chart:
             x = Scale(-0.5, len(self.names) - 0.5, _LEFT, width - _RIGHT, 1.0)
         ys = [each for layer in self.layers for each in layer.ys()]
         up = round((_HEIGHT - _BOTTOM - top) / _TICK_EVERY_Y)
-        return x, scale(ys, _HEIGHT - _BOTTOM, top, up, from_zero=self.from_zero)
+        y = scale(ys, _HEIGHT - _BOTTOM, top, up, from_zero=self.from_zero, tight=self.tight)
+        if self.tight:
+            room = _ROOM * (y.high - y.low)
+            y = Scale(y.low - room, y.high + room, y.begin, y.end, y.step)
+        return x, y
 
 
 def _axes(chart: Chart, x: Scale, y: Scale) -> Iterator[str]:

@@ -111,8 +111,12 @@ def test_the_picture_of_a_procedure_has_the_figures_of_its_page_and_can_be_read(
 
 def test_the_responses_are_shown_from_before_the_step_to_its_end_over_a_linear_time() -> None:
     first = charts_of("step-test", samples.step_test(), None)[0]
-    x, _ = first.scales()
+    x, y = first.scales()
     assert (x.low, x.high) == (-14.0, 56.0), "the axis ends with the curves"
+    parts = [part for layer in first.layers for part in layer.ys()]
+    assert y.low < min(parts), "no curve lies on the frame"
+    assert max(parts) - min(parts) > 0.9 * (y.high - y.low), "no part of the panel is empty"
+    assert {0.0, 1.0} <= set(y.ticks)
     asked = first.layers[0]
     assert isinstance(asked, Line)
     assert (asked.x, asked.y) == ([-14.0, 0.0, 0.0, 56.0], [0.0, 0.0, 1.0, 1.0])

@@ -16,7 +16,7 @@ from positioner.commissioning.step.hold import HoldLaw
 from positioner.commissioning.step.limits import broken
 from positioner.commissioning.step.plan import LADDER, OPEN_LADDER, OPEN_SIZES, REPEATS, SIZES, Plan
 from positioner.commissioning.step.procedure import StepTest
-from positioner.commissioning.step.report import SIZE_HEAD, SIZE_NOTE, as_json, band_rows, heading, size_rows
+from positioner.commissioning.step.report import BETWEEN, SIZE_HEAD, SIZE_NOTE, as_json, band_rows, heading, size_rows
 from positioner.commissioning.step.result import result_of
 from positioner.errors import ExitCode, UsageError
 from positioner.laws.registry import law_names, law_problem
@@ -124,7 +124,7 @@ def _tables(result: StepResult) -> Iterator[Block]:
     bands = [row.as_json() for row in band_rows(result)]
     if bands:
         yield ""
-        yield quantity_table(bands, between="lies between")
+        yield quantity_table(bands, between=BETWEEN)
 
 
 def step_test_of(arguments: argparse.Namespace, configuration: Configuration) -> StepTest:

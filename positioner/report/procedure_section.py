@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from positioner.report import words
 from positioner.report.page import Section
-from positioner.report.quantities import quantity_table
+from positioner.report.quantities import INTERVAL, quantity_table
 
 if TYPE_CHECKING:
     from positioner.commissioning.results import KeptResult
@@ -27,7 +27,8 @@ def procedure_section(
     compared = before if before is not None and before.name != result.name else None
     since = f"measured {words.date(result.recorded)}"
     since += f"; reference {words.date(compared.recorded)}" if compared else "; this is the reference" if before else ""
-    own = (quantity_table(rows, compared.document.get("rows", []) if compared else None),) if rows else ()
+    earlier = compared.document.get("rows", []) if compared else None
+    own = (quantity_table(rows, earlier, str(result.document.get("between", INTERVAL))),) if rows else ()
     return Section(title, since, charts, (*tables, *own), tuple(result.document.get("remarks", ())), facts=facts)
 
 

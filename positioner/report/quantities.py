@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     Row = dict[str, Any]
 
 UNSEEN = words.NOT_MEASURED
-_INTERVAL = "95 % interval"
+INTERVAL = "95 % interval"
 _PARTS = ("value", "low", "high")
 _SINCE = ("reference", "change")
 
 
-def quantity_table(rows: Sequence[Row], reference: Sequence[Row] | None = None, between: str = _INTERVAL) -> Table:
+def quantity_table(rows: Sequence[Row], reference: Sequence[Row] | None = None, between: str = INTERVAL) -> Table:
     """Return a line for each row of `commissioning/report.Row.as_json`.
 
     reference: the rows of an earlier result, None where there is none. between: what `low` and `high` are.

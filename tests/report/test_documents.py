@@ -43,6 +43,8 @@ def test_it_is_shown_with_figures_and_over_itself(kind: str, document: Callable[
     assert not section.missing
     assert len(section.charts) == 2
     assert len(section.facts) + sum(len(table.rows) for table in section.tables) >= 4
+    open_between = [table.head for table in section.tables if "lies between" in table.head]
+    assert len(open_between) == (kind == "step-test")
     assert html(Page("FV-101", "report", (section,))).count('class="reference"') >= 2
     verdict = verdict_of(newest)
     assert (verdict.status if verdict else None) == (Status.GOOD if kind == "stroke-test" else None)

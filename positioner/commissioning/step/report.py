@@ -20,6 +20,8 @@ _TIMES = {"dead_time_s": "Td, ms", "t63_s": "T63, ms", "t86_s": "T86, ms", "t98_
 _PARTS = {"overshoot": ("over, %", _PERCENT), "gain": ("gain", 1.0)}
 SIZE_HEAD = ("step, %", "moved", "region", *_TIMES.values(), *(head for head, _ in _PARTS.values()))
 SIZE_NOTE = "Median ± sample period (least to largest of the repeats, where they differ by more)"
+BETWEEN = "lies between"
+"""What `low` and `high` of the rows are: what the ladders leave open, no confidence interval."""
 _BANDS = {"dead_band": "dead band", "resolution": "resolution"}
 _SHORT_S = 0.1
 _CERTAIN_SIGMA = 5.0
@@ -148,7 +150,8 @@ def as_json(result: StepResult, valve: str, broken: tuple[str, ...]) -> dict[str
         "refused": [{"size": size, "repeats": count} for size, count in result.refused],
         "ladder": _finite(result.rung),
         **{name: _bands(result, name) for name in _BANDS},
-        "rows": [_row(row) for row in band_rows(result)],
+        "rows": [row.as_json() for row in band_rows(result)],
+        "between": BETWEEN,
         "remarks": list(remarks(result)),
         "broken": list(broken),
     }
@@ -163,11 +166,6 @@ def _size(row: SizeRow, region: str) -> dict[str, Any]:
 def _bands(result: StepResult, name: str) -> dict[str, Any]:
     found = {side: result.band(name, direction) for direction, side in SIDES.items()}
     return {side: _spread(band) for side, band in found.items() if band is not None}
-
-
-def _row(row: Row) -> dict[str, Any]:
-    # what the ladders leave open is no confidence interval
-    return {**row.as_json(), "low": None, "high": None}
 
 
 def _spread(spread: Spread) -> dict[str, Any]:

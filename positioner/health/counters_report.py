@@ -57,7 +57,7 @@ def count_rows(settings: CounterSettings, counters: Counters) -> list[tuple[str,
     times_us = {**{mode.name: counters.mode_us[mode] for mode in Mode}, "FUNCTION_CHECK": counters.checked_us}
     percent = 100.0 * counters.travel_m / settings.span_m
     share = 100.0 * counters.stuck_us / counters.controlled_us if counters.controlled_us else None
-    stuck = "unknown" if share is None else f"{share:.1f} %"
+    stuck = "not under control yet" if share is None else f"stuck for {share:.1f} % of the time under control"
     rows = [
         ("hours of operation", _hours(counters.total_us), "h", f"in {counters.starts} starts"),
         *((f"time in {name}", _hours(time_us), "h", "") for name, time_us in times_us.items() if time_us),
@@ -66,7 +66,7 @@ def count_rows(settings: CounterSettings, counters: Counters) -> list[tuple[str,
         ("travel", f"{counters.travel_m:.3f}", "m", f"{percent:.0f} % of the span"),
         ("full strokes", f"{counters.full_strokes(settings.span_m):.2f}", "", ""),
         ("slips", f"{counters.slips}", "", ""),
-        ("sticks", f"{counters.sticks}", "", f"stuck for {stuck} of the time under control"),
+        ("sticks", f"{counters.sticks}", "", stuck),
         ("moves", f"{counters.moves}", "", f"{counters.table_moves} of them from the table"),
         ("failed pushes", f"{counters.failed_pushes}", "", ""),
         ("closed", _hours(counters.closed_us), "h", ""),

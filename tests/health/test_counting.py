@@ -186,6 +186,16 @@ def test_a_test_procedure_leaves_no_sample_in_the_deviation_and_its_travel_count
     assert sum(counters.travel) == 2
 
 
+def test_a_test_procedure_is_no_time_under_control_in_which_the_stem_sticks() -> None:
+    counting, testing = begin(Counters()), replace(SETTINGS, testing=True)
+    for number in range(300):
+        count(testing, counting, cycle(number, 0.05, stuck=number % 100 < 50))
+    counters = counting.so_far
+    assert (counters.controlled_us, counters.stuck_us, counters.slips, counters.sticks) == (0, 0, 0, 0)
+    assert ("sticks", "0", "", "not under control yet") in count_rows(testing, counters)
+    assert as_values(testing, counters)["stuck_share"] is None
+
+
 def test_a_histogram_shows_the_classes_from_the_first_to_the_last_that_hold_something() -> None:
     travel, spans = [0] * 22, [0] * 21
     travel[0], travel[2], travel[21], spans[20] = 15, 30, 7, 1

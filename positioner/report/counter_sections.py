@@ -58,15 +58,13 @@ def histogram_section(counters: Counters, since: str) -> Section:
     classes = len(counters.deviation)
     names = tuple(_DEVIATION_NAMES.get(number - classes // 2, "") for number in range(classes))
     numbers = tuple(number - 0.5 for number in range(classes + 1))
-    return Section(
-        "Histograms",
-        since,
-        charts=(
-            _chart("Travel", "travel, % of span", travel_edges, counters.travel),
-            _chart("Deviation", "setpoint − position from … %", numbers, counters.deviation, names),
-            _chart("Cycle spans", "span between reversals, %", span_edges, counters.spans),
-        ),
+    charts = (
+        (_chart("Travel", "travel, % of span", travel_edges, counters.travel), counters.travel),
+        (_chart("Deviation", "setpoint − position from … %", numbers, counters.deviation, names), counters.deviation),
+        (_chart("Cycle spans", "span between reversals, %", span_edges, counters.spans), counters.spans),
     )
+    remarks = tuple(f"{chart.title}: no sample yet." for chart, counts in charts if not any(counts))
+    return Section("Histograms", since, tuple(chart for chart, counts in charts if any(counts)), remarks=remarks)
 
 
 def _chart(

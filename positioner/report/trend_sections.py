@@ -8,6 +8,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from positioner.health.causes import TEXTS, AlarmCause
+from positioner.health.friction_watched import friction_watched
 from positioner.health.reference import CONFIGURED
 from positioner.health.watch import changes_of
 from positioner.report import words
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from positioner.health.alarms import Alarm
     from positioner.health.causes import Limits
     from positioner.health.counters import Counters
-    from positioner.health.friction_trend import Share
+    from positioner.health.friction_trend import Changes, Share
     from positioner.health.watch import Trends, WatchSettings
     from positioner.report.layers import Layer
 
@@ -103,12 +104,20 @@ def trend_section(service: Service, signatures: Sequence[KeptResult]) -> Section
         return Section(title, missing="No move in service has shown the friction yet: it takes full slips of the stem.")
     found = changes_of(settings, trends)
     moves = f"from {trends.friction.moves} moves, {trends.friction.moves_up} of them opening"
-    one_sided = ("One direction alone has changed: this is no friction, but air supply or converter.",)
-    remarks = (*(one_sided if found.one_sided else ()), f"In service: {moves}; λ = {settings.averaging:g}.")
+    remarks = [f"In service: {moves}; λ = {settings.averaging:g}."]
+    if _is_told(AlarmCause.ONE_SIDED, found, service):
+        remarks.insert(0, "One direction alone has changed: this is no friction, but air supply or converter.")
     since = f"against the {reference.source} of {_date(reference.recorded)}"
     newest = (service.until, found.friction) if service.until else None
     chart = friction_chart(signatures, reference.sliding_n, newest, settings.limits)
-    return Section(title, since, (chart,) if chart else (), (trend_table(found, settings.limits),), remarks)
+    return Section(title, since, (chart,) if chart else (), (trend_table(found, settings.limits),), tuple(remarks))
+
+
+def _is_told(cause: AlarmCause, found: Changes, service: Service) -> bool:
+    """Return whether a change is as large as its alarm asks for: of less, the noise of a few moves is the reason."""
+    limit = service.watch.limits[cause].limit
+    values = (each.value for each in friction_watched(found, service.trends.friction) if each.cause is cause)
+    return limit > 0.0 and any(value >= limit for value in values)
 
 
 def friction_chart(

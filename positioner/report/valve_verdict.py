@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from positioner.health.causes import AlarmCause
 from positioner.health.reference import CONFIGURED
 from positioner.health.watch import changes_of
+from positioner.report import words
 from positioner.report.page import Status, Verdict
 from positioner.report.procedure_page import verdict_of
 from positioner.report.trend_sections import verdict_of_alarm
@@ -60,9 +61,9 @@ def _of_service(service: Service) -> list[Verdict]:
         return []
     if service.watch.reference.source == CONFIGURED or not service.trends.friction.moves:
         return []
-    friction = f"{100.0 * changes_of(service.watch, service.trends).friction.value:+.0f} %"
-    sentence = f"No alarm is active; friction in service is {friction} against the reference."
-    return [Verdict(Status.GOOD, sentence.replace("-", "\N{MINUS SIGN}"), "Nothing.")]
+    friction = words.signed(100.0 * changes_of(service.watch, service.trends).friction.value, 0)
+    sentence = f"No alarm is active; friction in service is {friction} % against the reference."
+    return [Verdict(Status.GOOD, sentence, "Nothing.")]
 
 
 def _no_judgement(results: Mapping[str, tuple[KeptResult, KeptResult]], options: str) -> Verdict:

@@ -30,6 +30,12 @@ def number(value: float | None, decimals: int | None = None) -> str:
     return f"\N{MINUS SIGN}{text}" if value < 0.0 else text
 
 
+def signed(value: float, decimals: int) -> str:
+    """Return a number with so many decimals and its sign; what is rounded to nothing has none."""
+    text = number(value, decimals)
+    return f"+{text}" if value > 0.0 and text != "0" else text
+
+
 def interval(low: float | None, high: float | None, decimals: int | None = None) -> str:
     """Return the two ends of an interval; nothing where they are equal, so that there is none."""
     if low is None and high is None:

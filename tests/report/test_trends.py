@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,8 @@ import report_samples as samples
 
 from positioner.health.alarms import Alarm
 from positioner.health.causes import AlarmCause
+from positioner.health.watch import changes_of
+from positioner.report.counter_sections import histogram_section
 from positioner.report.layers import Limit, Line, Marks, Whiskers
 from positioner.report.page import Status
 from positioner.report.trend_sections import alarm_section, friction_chart, trend_section, verdict_of_alarm
@@ -65,6 +68,12 @@ def test_a_good_valve_is_told_with_what_has_judged_it() -> None:
     assert (verdict.status, verdict.sentence, verdict.action) == (Status.GOOD, expected, "Nothing.")
 
 
+@pytest.mark.parametrize(("change", "told"), [(-0.004, "0 %"), (0.004, "0 %"), (-0.021, "−2 %"), (0.021, "+2 %")])
+def test_a_change_that_is_rounded_to_nothing_has_no_sign(change: float, told: str) -> None:
+    verdict = verdict_of_valve({}, samples.service(change), "", OPTIONS)
+    assert f"friction in service is {told} against" in verdict.sentence
+
+
 def test_a_failed_stroke_test_is_one_alarm_and_not_two() -> None:
     alarm = Alarm(AlarmCause.STROKE_TEST, 1, Health.MAINTENANCE_REQUIRED, 0.0, 1.0, 0.0, 1.0, "failed on 9 Mar 2026")
     verdict = verdict_of_valve({"stroke-test": (STUCK, PASSED)}, samples.service(0.0, (alarm,)), "", OPTIONS)
@@ -96,6 +105,27 @@ def test_the_trend_is_drawn_against_the_reference_with_its_limits_and_intervals(
     in_service = [each for each in layers if isinstance(each, Marks)][-1]
     assert in_service.y == pytest.approx([27.0], abs=0.1)
     assert section.tables[0].rows[0][:2] == ("sliding friction", "+27.0 %")
+
+
+@pytest.mark.parametrize(("change", "is_told"), [(0.001, False), (0.09, False), (0.11, True)])
+def test_one_direction_is_told_to_have_changed_only_by_as_much_as_its_alarm_asks_for(
+    change: float, is_told: bool
+) -> None:
+    """The spring's force has changed by 2 % of its range, as much as the noise of some moves; the limit is 20 %."""
+    service = samples.service(change)
+    trend = replace(service.trends.friction, right=(400.0, 0.0, 2e4 * change))
+    service = replace(service, trends=replace(service.trends, friction=trend))
+    assert changes_of(service.watch, service.trends).one_sided
+    remarks = trend_section(service, ()).remarks
+    assert any(line.startswith("One direction alone has changed") for line in remarks) is is_told
+
+
+def test_a_histogram_without_a_sample_is_told_and_not_drawn() -> None:
+    counters = replace(samples.counters(), deviation=(0,) * 15)
+    section = histogram_section(counters, "")
+    assert [chart.title for chart in section.charts] == ["Travel", "Cycle spans"]
+    assert section.remarks == ("Deviation: no sample yet.",)
+    assert histogram_section(samples.counters(), "").remarks == ()
 
 
 @pytest.mark.parametrize(

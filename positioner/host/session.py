@@ -165,7 +165,8 @@ class HostSession:
             HostError: the positioner would not obey, there is nothing to step from, or the end is reached.
         """
         if not self.view.is_controlled(now_ns):
-            raise HostError(f"no step: {self._state(now_ns)}; {self.arm_as} arms it")
+            arms = "" if self.view.mode(now_ns) is None else f"; {self.arm_as} arms it"
+            raise HostError(f"no step: {self._state(now_ns)}{arms}")
         from_m = self._here_m() if self._setpoint_m is None else self._setpoint_m
         return stepped(verb, self._manual_ma, from_m, self._valve, self._guard)
 
@@ -241,7 +242,8 @@ class HostSession:
 
     def end_line(self, now_ns: int) -> str:
         """Return what becomes of the valve when this host ends."""
-        return end_line(self.view.mode(now_ns), self._guard)
+        status = self.view.status if self.view.is_received(PositionerStatus, now_ns) else None
+        return end_line(status, self._guard)
 
     def snapshot(self, now_ns: int) -> Snapshot:
         """Return what is known of the valve now."""

@@ -48,11 +48,14 @@ DISARMED_BY: Mapping[Cause, str] = {
 """Why a positioner that was armed is so no more, where its host did not disarm it."""
 
 
-def end_line(mode: Mode | None, guard: GuardSettings) -> str:
-    """Return what a positioner in `mode`, None for a silent one, does when its host sends no more setpoints."""
+def end_line(status: PositionerStatus | None, guard: GuardSettings) -> str:
+    """Return what a positioner with this status, None for a silent one, does when its host sends no more setpoints."""
     ended = "no more setpoints are sent"
-    if mode is None:
+    if status is None:
         return f"{ended}; the positioner is silent"
+    if _is_tested(status):
+        return f"{ended}; a test procedure moves the valve and goes on without; `disarm` ends it"
+    mode = status.mode
     if mode is Mode.FAILSAFE:
         return f"{ended}: the positioner stays in FAILSAFE until it is armed again; `disarm` makes it command nothing"
     if mode in {Mode.INIT, Mode.READY}:
@@ -64,10 +67,12 @@ def end_line(mode: Mode | None, guard: GuardSettings) -> str:
 
 def state_in_words(status: PositionerStatus) -> str:
     """Return mode, cause and NE 107 signal in one line."""
-    cause = CAUSES[status.cause]
-    if status.cause is Cause.NONE and status.health is Health.FUNCTION_CHECK:
-        cause = "a test procedure moves the valve"
+    cause = "a test procedure moves the valve" if _is_tested(status) else CAUSES[status.cause]
     return f"{status.mode.name}: {cause} (NE 107: {in_words(status.health)})"
+
+
+def _is_tested(status: PositionerStatus) -> bool:
+    return status.cause is Cause.NONE and status.health is Health.FUNCTION_CHECK
 
 
 ALARMS = (

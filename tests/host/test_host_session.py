@@ -12,6 +12,7 @@ from positioner.cycle.state import CycleState
 from positioner.errors import HostError
 from positioner.host.session import ANSWER_S, RELEASED_S, HostSession
 from positioner.host.verbs import Verb, Word
+from positioner.values import replace
 from positioner.wire.messages import (
     HostRequest,
     ManualCurrent,
@@ -200,9 +201,16 @@ def test_the_last_line_says_what_the_positioner_will_do_in_its_mode() -> None:
     assert it.session.end_line(it.now_ns).endswith("the positioner is not armed and commands nothing")
     it.say("arm")
     assert "holds within 0.5 s and fails safe after 10 s" in it.session.end_line(it.now_ns)
+    it.setup = replace(it.setup, testing=True)
+    it.run(0.5)
+    assert it.session.end_line(it.now_ns).endswith(
+        "a test procedure moves the valve and goes on without; `disarm` ends it"
+    )
     it.positioner_is_on = False
     it.run(1.0)
     assert it.session.end_line(it.now_ns) == "no more setpoints are sent; the positioner is silent"
+    with pytest.raises(HostError, match=r"the positioner is silent: `positioner run` does not run .* configuration$"):
+        it.session.stepped(Verb(Word.SET, step_percent=1.0), it.now_ns)
 
 
 def test_manual_mode_and_back_without_a_bump() -> None:

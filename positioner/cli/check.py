@@ -78,10 +78,11 @@ def _as_json(path: Path) -> ExitCode:
         configurations = load_valves(path, places=True)
     except ConfigurationError as error:
         mistakes = [asdict(problem) for problem in error.problems]
-        show_json({"file": str(path), "good": False, "mistakes": mistakes, "valves": []})
+        show_json({"file": str(path), "good": False, "mistakes": mistakes, "warnings": [], "valves": []})
         return error.exit_code
     valves = [values(each, location_of(each, path).state) for each in configurations]
-    show_json({"file": str(path), "good": True, "mistakes": [], "valves": valves})
+    shared = [each.text for each in _shared_buses(configurations) if each.level is not Level.OK]
+    show_json({"file": str(path), "good": True, "mistakes": [], "warnings": shared, "valves": valves})
     return ExitCode.OK
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -178,3 +179,17 @@ def test_check_shows_every_valve_and_the_load_of_a_shared_bus(
     assert [line for line in shown.splitlines() if line.startswith("bus load of")] == [
         "bus load of socketcan:can1 with 2 valves: 25 % of 1 Mbit/s at most"
     ]
+    assert main(["check", str(written(tmp_path, THREE)), "--json"]) == ExitCode.OK
+    assert json.loads(capsys.readouterr().out)["warnings"] == []
+
+
+def test_check_warns_of_a_shared_bus_that_carries_too_much_a_person_and_a_program(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path, THREE.replace("0.002", "0.0004").replace("0.005", "0.0004"))
+    assert main(["check", str(path)]) == ExitCode.OK
+    shown = capsys.readouterr().out
+    assert main(["check", str(path), "--json"]) == ExitCode.OK
+    (warning,) = json.loads(capsys.readouterr().out)["warnings"]
+    assert "socketcan:can1 with 2 valves" in warning
+    assert f"- {warning}" in " ".join(shown.split())

@@ -270,10 +270,10 @@ def _ask_whether_it_may_move() -> None:
 @contextmanager
 def bar(name: str) -> Iterator[Callable[..., None]]:
     """Yield a function that shows the part that is done, and what is done now."""
-    with tqdm(total=1.0, desc=name, bar_format="{l_bar}{bar}| {postfix}", leave=False, disable=None) as shown:
+    with tqdm(total=1.0, desc=name, unit="", bar_format="{l_bar}{bar}| {unit}", leave=False, disable=None) as shown:
 
         def show(part: float, doing: str = "") -> None:
-            shown.set_postfix_str(doing, refresh=False)
+            shown.unit = doing  # a postfix begins with a comma
             shown.n = min(part, 1.0)
             shown.refresh()
 

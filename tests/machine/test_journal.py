@@ -91,4 +91,5 @@ def test_a_line_of_the_log_never_shares_its_line_with_a_progress_bar(monkeypatch
         log.error("feedback stale")
         assert screen.lines()[0] == "ERROR feedback stale"
         assert screen.lines()[1].startswith("identify:  50%|")
+        assert screen.lines()[1].endswith("| strokes")
     assert handler.bar is None

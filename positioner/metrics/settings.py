@@ -26,6 +26,11 @@ class MetricsSettings(SettingsTable):
     socket: Path | None = None
     every_s: Annotated[float, Interval(ge=0.5, le=3600.0)] = 5.0
 
+    def __post_init__(self) -> None:
+        """Refuse one place for both, where one of them would find the other's."""
+        if self.file is not None and self.file == self.socket:
+            raise ValueError("file and socket must be two places")
+
     @property
     def is_on(self) -> bool:
         """Whether there are metrics."""

@@ -175,6 +175,12 @@ def test_a_length_that_is_none_in_millimetres_either_gets_no_guess() -> None:
         assert "did you mean" not in line
 
 
+def test_a_file_and_a_socket_of_the_metrics_have_places_of_their_own() -> None:
+    text = '[valve]\nid = "v"\npreset = "paper"\n[metrics]\nfile = "m"\nsocket = '
+    assert problems_of(f'{text}"m"\n') == ["valve.toml: line 4: metrics: file and socket must be two places"]
+    assert parse_config(f'{text}"n"\n', "valve.toml", Path()).metrics.is_on
+
+
 def test_a_missing_valve_is_reported() -> None:
     assert problems_of("") == ["valve.toml: valve: is required and missing"]
     assert "valve.toml: line 1: valve.id: is required and missing" in problems_of("[valve]\n")

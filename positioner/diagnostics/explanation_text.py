@@ -66,7 +66,7 @@ def counts_line(counts: Counter[str]) -> str:
     """Return how many commands met which bound."""
     total = sum(counts.values())
     parts = [f"{number} {name}" for name, number in counts.most_common()]
-    return f"{total} commands: {', '.join(parts)}"
+    return f"{total} commands: {', '.join(parts)}" if parts else "no commands"
 
 
 def _move_lines(move: ExplainedMove, cell_m: float) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ import replay_helpers as runs
 from positioner.bench.inprocess import run_in_process
 from positioner.cli.main import main
 from positioner.diagnostics.explanation import ActiveBound, active_bound
+from positioner.diagnostics.explanation_text import counts_line
 from positioner.laws.bounds import Bounds
 from positioner.laws.law import Decision
 from positioner.runtime.trace import TraceWriter
@@ -131,6 +133,11 @@ def test_the_table_of_moves_names_every_one_and_counts_all_commands(
     assert len(lines) == 5 + moves
     assert law != "nmpc" or "the model" in lines[5]
     assert not any("mA from" in line for line in lines)  # the column says it
+
+
+def test_a_log_of_which_nothing_can_be_explained_is_told_to_hold_no_commands() -> None:
+    assert counts_line(Counter()) == "no commands"
+    assert counts_line(Counter(rest=3, current=1)) == "4 commands: 3 rest, 1 current"
 
 
 def test_an_instant_before_the_first_command_is_refused(played: tuple[Path, list[Any], str], capsys: Output) -> None:

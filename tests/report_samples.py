@@ -131,6 +131,7 @@ def step_test(slower: float = 1.0) -> dict[str, Any]:
             for name, value in (("dead band", 0.31), ("resolution", 0.22))
             for side in ("up", "down")
         ],
+        "between": "lies between",
         "remarks": [
             "wait 2 s, 3 repeats, at 60 % of the span, period 4 ms, noise 0.05 % of span",
             "the dead time ends with a motion of 0.1 % of span; a rest that differs by less than 0.025 % is no motion",

@@ -179,6 +179,13 @@ def test_a_time_is_told_with_its_uncertainty_and_the_repeats_where_they_differ_b
     assert as_json(open_loop()[1], "v", ())["time_uncertainty_s"] == 0.001
 
 
+def test_a_single_repeat_has_no_parentheses() -> None:
+    alone = Spread(0.0121, 0.0121, 0.0121, 1)
+    row = SizeRow(0.02, 1.0, 1, 1, (alone,) * 4 + (Spread(0.01, 0.01, 0.01, 1), Spread(1.02, 1.02, 1.02, 1)))
+    (cells,) = size_rows(replace(open_loop()[1], rows=(row,), regions={0.02: "C"}, period_s=0.005))
+    assert cells[3:] == (*("12.1 ±5",) * 4, "1.00", "1.02")
+
+
 def test_a_step_inside_the_dead_band_moves_nothing_and_is_in_region_a() -> None:
     _, result = open_loop()
     assert result.regions[0.1] == "A"

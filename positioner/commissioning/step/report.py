@@ -70,7 +70,8 @@ def _time_cell(spread: Spread, period_s: float) -> str:
 def _cell(spread: Spread, factor: float) -> str:
     if not spread.count:
         return "–"
-    return f"{_number(spread.median * factor)} ({_number(spread.low * factor)}–{_number(spread.high * factor)})"
+    median, low, high = (_number(each * factor) for each in (spread.median, spread.low, spread.high))
+    return median if low == high else f"{median} ({low}–{high})"
 
 
 def _number(value: float) -> str:
@@ -99,7 +100,7 @@ def remarks(result: StepResult) -> tuple[str, ...]:
     plan, span_m = result.plan, result.span_m
     short = max(_SHORT_S / result.period_s, 1.0)
     conditions = (
-        f"wait {plan.wait_s:g} s, {plan.repeats} repeats, at {_PERCENT * plan.place:.3g} % of the {plan.unit}, "
+        f"wait {plan.wait_s:g} s, {plan.repeats} repeat{'s' * (plan.repeats > 1)}, at {_PERCENT * plan.place:.3g} % of the {plan.unit}, "
         f"period {_MS * result.period_s:g} ms, noise {_PERCENT * result.sigma_m / span_m:.3g} % of span"
     )
     seen = (

@@ -65,7 +65,7 @@ class Chart:
         if self.names:
             x = Scale(-0.5, len(self.names) - 0.5, _LEFT, width - _RIGHT, 1.0)
         ys = [each for layer in self.layers for each in layer.ys()]
-        up = round((_HEIGHT - _BOTTOM - top) / _TICK_EVERY_Y)
+        up = round((_HEIGHT - _BOTTOM - top) / _TICK_EVERY_Y) + self.tight  # its ends have no tick
         y = scale(ys, _HEIGHT - _BOTTOM, top, up, from_zero=self.from_zero, tight=self.tight)
         if self.tight:
             room = _ROOM * (y.high - y.low)

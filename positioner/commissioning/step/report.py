@@ -98,9 +98,10 @@ def band_rows(result: StepResult) -> tuple[Row, ...]:
 def remarks(result: StepResult) -> tuple[str, ...]:
     """Return what a person should know besides the values, a line each."""
     plan, span_m = result.plan, result.span_m
+    repeats = f"{plan.repeats} repeat{'s' * (plan.repeats > 1)}"
     short = max(_SHORT_S / result.period_s, 1.0)
     conditions = (
-        f"wait {plan.wait_s:g} s, {plan.repeats} repeat{'s' * (plan.repeats > 1)}, at {_PERCENT * plan.place:.3g} % of the {plan.unit}, "
+        f"wait {plan.wait_s:g} s, {repeats}, at {_PERCENT * plan.place:.3g} % of the {plan.unit}, "
         f"period {_MS * result.period_s:g} ms, noise {_PERCENT * result.sigma_m / span_m:.3g} % of span"
     )
     seen = (

@@ -60,8 +60,10 @@ def _of_sides(texts: list[str]) -> str:
 
 
 def step_charts(document: dict[str, Any], reference: dict[str, Any] | None) -> tuple[Chart, ...]:
-    """Return T86 and gain over the size of the step, over those of an earlier test."""
+    """Return T86 and gain over the size of the step, over those of an earlier test with steps of the same input."""
     charts = list(_responses(document))
+    if reference is not None and reference.get("input") != document.get("input"):  # in open loop, percent of the signal
+        reference = None
     regions = {row["size"]: row["region"] for row in document["sizes"] if row["region"] != "A"}
     sizes = sorted(regions)
     names = tuple(f"{_PERCENT * size:g} % {regions[size]}" for size in sizes)
@@ -71,7 +73,8 @@ def step_charts(document: dict[str, Any], reference: dict[str, Any] | None) -> t
     ):
         layers: list[Layer] = []
         if reference is not None:
-            layers.append(Line(*_medians(reference, sizes, key, factor, "up"), "reference", "reference"))
+            x, y = _medians(reference, sizes, key, factor, "up")
+            layers += [Line(x, y, "reference", "reference")] if any(map(math.isfinite, y)) else []
         for side, style in (("up", "now"), ("down", "fit")):
             x, y = _medians(document, sizes, key, factor, side)
             layers += [Line(x, y, side, style), Marks(x, y, mark=side)]

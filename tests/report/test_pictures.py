@@ -131,6 +131,20 @@ def test_sizes_that_moved_nothing_take_no_room_and_one_that_did_is_seen_alone() 
     assert [len(each.x) for each in times.layers if isinstance(each, Marks)] == [1, 1]
 
 
+def test_a_reference_without_a_step_of_the_same_size_and_input_is_not_drawn() -> None:
+    now, before = samples.step_test(), samples.step_test(1.3)
+
+    def named() -> list[bool]:
+        charts = charts_of("step-test", now, before)
+        return [any(each.label == "reference" for each in chart.layers) for chart in charts]
+
+    assert named() == [False, False, True, True]
+    before["sizes"] = [each for each in before["sizes"] if each["size"] < 0.005]
+    assert named() == [False] * 4
+    before = {**samples.step_test(1.3), "input": "signal"}
+    assert named() == [False] * 4
+
+
 def test_a_legend_that_is_too_long_goes_on_in_a_second_row_above_the_axes() -> None:
     names = ("reference", "opening", "closing", "with a very long name", "and another one")
     chart = Chart("t", "x", "y", tuple(Line([0.0, 1.0], [0.0, 1.0], name) for name in names))

@@ -5,11 +5,11 @@ function of the step's velocity (the model's own equation, solved exactly for a 
 implicit in the velocity, without iteration: a midpoint rule, of second order. The friction along the Stribeck curve is
 taken at the step's velocity by a second pass.
 
-The length of a step follows from the fastest motion there is, the stem on the springs of the contact:
-h = 0.2/√((σ_0 + K)/m), about a thirtieth of its period. Where the motion is even, one step of up to 1 ms takes the
-place of many: it is tried first, and taken if the change of its velocity, times its duration, is below 0.1 nm. A rate
-λ > 2/h, of damping or in a long step of the springs, gives the end of the step the weight θ = 1 - 1/(λ·h) in place of
-½, so that the velocity does not alternate.
+The length of the shortest step follows from the fastest motion there is, the stem on the springs of the contact:
+h = 0.2/√((σ_0 + K)/m), about a thirtieth of its period. Longer ones, up to 1 ms, are tried, and taken where the change
+of velocity differs from that of the trapezoidal rule, whose error is another one, by no more than 1 nm in the time of
+the step. A rate λ > 2/h, of damping or in a long step of springs that stick, gives the end of the step the weight
+θ = 1 - 1/(λ·h) in place of ½, so that the velocity does not alternate.
 
 A stem on such a contact never rests in the strict sense. Its counters follow the stick velocity DV of `[valve]`: it
 slips when its speed rises above DV, and stops when its speed falls below half of DV. A push that deflects the contact
@@ -38,8 +38,16 @@ _STEP = 0.2
 _LONGEST_S = 1e-4
 _PART_S = 1e-3
 """The longest step, of a motion that is even: of a stem that sticks under a slow force, or glides."""
-_EVEN_M = 1e-10
-"""By so little, the change of the velocity in a long step times its duration, the stem is off at its end."""
+_EVEN_M = 1e-9
+"""By so little at most the velocities of two rules, times the duration of the step, may differ after a longer one."""
+_TURNING_M = 1e-11
+"""The same of a step in which the stem turns: there elements of the contact cease to slip."""
+_LONGER = 3.0
+"""By this factor a step becomes longer after one that was taken, and shorter after one that was not."""
+_AT_ONCE = 4
+"""So many shortest steps are taken before a longer one is tried again."""
+_ROUNDING = 1e-6
+"""Of a step: less time than this is left by rounding alone."""
 _SETTLED_M = 1e-12
 """A stem that has this way left at most is settled: a hundredth of an atom."""
 
@@ -89,8 +97,16 @@ class ContactStem:
         """
         raise NotImplementedError
 
-    def slide(self, velocity: float, step_s: float) -> None:
-        """Take the contact to the end of the step, which had this velocity."""
+    def resistance_n(self, velocity: float) -> float:
+        """Return the dry friction in N at this velocity, positive against opening, as the contact is now."""
+        raise NotImplementedError
+
+    def restore(self, contact: Contact) -> None:
+        """Go back to `contact`."""
+        raise NotImplementedError
+
+    def slide(self, velocity: float) -> None:
+        """Take the contact to the end of the step that `resist` was told last, which had this velocity."""
         raise NotImplementedError
 
     def contact(self) -> Contact:
@@ -115,14 +131,23 @@ class ContactStem:
             self.time_s += duration_s
             return
         springs = self.stiffness + self.constants.spring_n_per_m
-        short_s = min(_STEP * math.sqrt(self.mass_kg / springs), _LONGEST_S)
-        parts = math.ceil(duration_s / _PART_S)
-        part_s = duration_s / parts if parts else 0.0
-        count = math.ceil(part_s / short_s)
-        for part in range(parts):
-            begin_s = part * part_s
-            if count == 1 or not self._steps(force, begin_s, part_s, 1, tries=True):
-                self._steps(force, begin_s, part_s / count, count, tries=False)
+        short_s: float = min(_STEP * math.sqrt(self.mass_kg / springs), _LONGEST_S)
+        begin_s: float = 0.0
+        longest_s: float = _PART_S
+        while begin_s < duration_s:
+            left_s = duration_s - begin_s
+            step_s = left_s / math.ceil(left_s / longest_s)
+            if step_s <= short_s:
+                count = min(round(left_s / step_s), _AT_ONCE)
+                self._steps(force, begin_s, step_s, count)
+                longest_s = _AT_ONCE * short_s
+            elif self._tried(force, begin_s, step_s):
+                count = 1
+                longest_s = min(_LONGER * step_s, _PART_S)
+            else:
+                longest_s = max(step_s / _LONGER, short_s)
+                continue
+            begin_s = duration_s if left_s <= step_s * (count + _ROUNDING) else begin_s + count * step_s
 
     def _is_settled(self, force: PushingForce, duration_s: float) -> bool:
         """Return whether nothing moves the stem for `duration_s`, or only against the stop at which it is."""
@@ -138,11 +163,61 @@ class ContactStem:
         below = high_n - held_n <= near_n or stem.position_m == valve.travel_max_m
         return above and below
 
-    def _steps(self, force: PushingForce, begin_s: float, step_s: float, count: int, *, tries: bool) -> bool:
-        """Take `count` steps under `force` from `begin_s` on; one that only `tries` is left out where it is too long.
+    def _tried(self, force: PushingForce, begin_s: float, step_s: float) -> bool:
+        """Take one longer step under `force` from `begin_s` on, if the motion is even; return whether it was taken."""
+        valve = self.constants.settings.valve
+        x: float = self.stem.position_m
+        v: float = self.stem.velocity_m_per_s
+        h: float = step_s
+        spring: float = self.constants.spring_n_per_m
+        load: float = self._load_n()
+        before = force.at(begin_s) - load - spring * x - self.resistance_n(v) - self.viscous * v
+        self.resist(v, h, 0.5)
+        # how stiff the contact is: springs that stick, or bristles that slide
+        stiff = (self.slope + self.viscous) / self.mass_kg
+        sticks = max((self.damping + self.viscous) / self.mass_kg, math.sqrt((self.stiffness + spring) / self.mass_kg))
+        rate = min(stiff, sticks) * h
+        weight: float = 0.5 if rate <= 2.0 else 1.0 - 1.0 / rate  # noqa: PLR2004 - see above
+        inertia = self.mass_kg / (weight * h)
+        known = inertia + weight * h * spring + self.viscous
+        drive = inertia * v + force.at(begin_s + weight * h) - load - spring * x
+        if weight != 0.5:  # noqa: PLR2004 - the two weights
+            self.resist(v, h, weight)
+        mean = (drive - self.base_n) / (known + self.slope)
+        self.resist(mean, h, weight)
+        mean = (drive - self.base_n) / (known + self.slope)
+        next_x: float = x + h * mean
+        next_v: float = v + (mean - v) / weight
+        is_at_stop = next_x >= valve.travel_max_m or next_x <= valve.travel_min_m
+        if is_at_stop:
+            next_x = valve.travel_max_m if next_x >= valve.travel_max_m else valve.travel_min_m
+            if next_x != x or v != 0.0:
+                return False  # it arrives there
+            mean, next_v = 0.0, 0.0
+        kept = self.contact()
+        self.slide(mean)
+        if not is_at_stop:
+            after = force.at(begin_s + h) - load - spring * next_x - self.resistance_n(next_v) - self.viscous * next_v
+            apart = abs(next_v - v - 0.5 * h * (before + after) / self.mass_kg)
+            # of a linear motion, where both rules agree, h³·v'''/12 by its rates
+            rates_n = stiff * abs(after - before) + h * spring / self.mass_kg * abs(after)
+            apart += h * h / 12.0 * rates_n / self.mass_kg
+            # and what a stiff contact leaves of it
+            allowed_m = _EVEN_M if v * next_v >= 0.0 else _TURNING_M
+            if apart * h * inertia > allowed_m * (known + self.slope):
+                self.restore(kept)
+                return False
+        if self.feedback is not None:
+            path = Uniform(x, mean)
+            self.feedback = after_motion(self.constants.settings.sensor, self.feedback, path, next_x, h)
+        self._observe(next_x, next_v, self.time_s + h)
+        self.time_s += h
+        travel = self.stem.travel_m + abs(next_x - x)
+        self.stem = replace(self.stem, position_m=next_x, velocity_m_per_s=next_v, travel_m=travel)
+        return True
 
-        Returns whether it was taken.
-        """
+    def _steps(self, force: PushingForce, begin_s: float, step_s: float, count: int) -> None:
+        """Take `count` short steps under `force` from `begin_s` on."""
         valve = self.constants.settings.valve
         x: float = self.stem.position_m
         v: float = self.stem.velocity_m_per_s
@@ -151,8 +226,7 @@ class ContactStem:
         high: float = valve.travel_max_m
         spring: float = self.constants.spring_n_per_m
         h: float = step_s
-        springs: float = self.stiffness + spring
-        rate: float = max((self.damping + self.viscous) / self.mass_kg, math.sqrt(springs / self.mass_kg)) * h
+        rate: float = (self.damping + self.viscous) / self.mass_kg * h
         weight: float = 0.5 if rate <= 2.0 else 1.0 - 1.0 / rate  # noqa: PLR2004 - see above
         inertia: float = self.mass_kg / (weight * h)
         known: float = inertia + weight * h * spring + self.viscous
@@ -173,9 +247,7 @@ class ContactStem:
                 next_x = high if next_x >= high else low
                 mean = (next_x - x) / h
                 next_v = 0.0
-            if tries and abs(next_v - v) * h > _EVEN_M:
-                return False
-            self.slide(mean, h)
+            self.slide(mean)
             if self.feedback is not None:
                 path = Uniform(x, mean)
                 self.feedback = after_motion(self.constants.settings.sensor, self.feedback, path, next_x, h)
@@ -184,7 +256,6 @@ class ContactStem:
             self._observe(x, v, begun_s + (number + 1) * h)
         self.time_s = begun_s + count * h
         self.stem = replace(self.stem, position_m=x, velocity_m_per_s=v, travel_m=travel)
-        return True
 
     def _load_n(self) -> float:
         return self.constants.preload_n + self.packing.one_way_n

@@ -12,8 +12,8 @@ The I/P converter is a spool. It opens in proportion to the difference of the co
 chamber, s = (w - p)/Δp within ±1: towards the supply, or towards the atmosphere.
 
 Time passes in short steps. In each, the stem moves under a ramp of pressure that is extrapolated from its velocity;
-then the volume at which it has arrived gives the pressure, without a loss of mass. A step is h = 0.1/ω_g, at most
-0.2 ms, where ω_g = √((n·p·S_a²/V + K)/m) is the frequency of the stem on the air and its spring.
+then the volume at which it has arrived gives the pressure, without a loss of mass. A step is h = 0.15/ω_g, at
+most 0.25 ms, where ω_g = √((n·p·S_a²/V + K)/m) is the frequency of the stem on the air and its spring.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ ATMOSPHERE_PA = 101325.0
 """Pressures of a plant are above this one."""
 _LINEAR = 0.999
 """Ratio of the pressures above which the flow is linear."""
-_STEP = 0.1
+_STEP = 0.15
 """Of the time constant of the stem on the air."""
-_LONGEST_S = 2e-4
+_LONGEST_S = 2.5e-4
 _SETTLED_PA = 1e-6
 
 

@@ -10,7 +10,7 @@ its share of the stiffness times σ_1, is that of LuGre's bristles; without it a
 
 The elements give presliding hysteresis with a non-local memory: a closed inner loop is forgotten. For a constant
 velocity a sticking element is a spring, and the force of a slipping one approaches α_i·s(v) exponentially, at the rate
-C/|s|. Each short step of `contact` takes these solutions. An element that reaches its limit inside a step is held
+C/|s|. Each step of `contact` takes these solutions. An element that reaches its limit inside a step is held
 there.
 """
 
@@ -51,6 +51,8 @@ class MaxwellSlipStem(ContactStem):
         self.slipping: list[int] = list(contact.slipping)
         self.ends: list[float] = list(contact.forces_n)
         self.reached: list[int] = list(contact.slipping)
+        self.velocity: float = 0.0
+        self.step_s: float = 0.0
 
     def contact(self) -> Contact:
         """Return the contact as it is now."""
@@ -65,50 +67,61 @@ class MaxwellSlipStem(ContactStem):
 
     def resist(self, velocity: float, step_s: float, weight: float) -> None:
         """Set `base_n` and `slope`: in this step the elements resist by base_n + slope·(velocity of the step)."""
-        self._go(velocity, step_s)
-        base, slope = 0.0, 0.0
-        for i in range(len(self.forces)):
-            start = self.forces[i]
-            if self.reached[i] == 0:
-                base += start
-                slope += weight * step_s * self.springs[i] + self.damping * self.springs[i] / self.stiffness
-            else:
-                base += start + weight * (self.ends[i] - start)
-        self.base_n = base
-        self.slope = slope
-
-    def slide(self, velocity: float, step_s: float) -> None:
-        """Take the elements to the end of the step, which had this velocity."""
-        self._go(velocity, step_s)
-        for i in range(len(self.forces)):
-            self.forces[i] = self.ends[i]
-            self.slipping[i] = self.reached[i]
-
-    def _go(self, velocity: float, step_s: float) -> None:
-        """Set `ends` and `reached`, the elements after the step."""
         way = (velocity > 0.0) - (velocity < 0.0)
         limit = self.limit_n(abs(velocity))
         fading = math.exp(-self.attraction * step_s / limit)
+        advance = velocity * step_s
+        sticks = weight * step_s + self.damping / self.stiffness
+        base, slope = 0.0, 0.0
         for i in range(len(self.forces)):
             start = self.forces[i]
+            spring = self.springs[i]
             bound = way * self.shares[i] * limit
+            end = start + spring * advance
             if way != 0 and self.slipping[i] == way:
-                self.ends[i] = bound + (start - bound) * fading
-                self.reached[i] = way
+                end = bound + (start - bound) * fading
+            elif way * (end - bound) <= 0.0:
+                self.ends[i] = end
+                self.reached[i] = 0
+                base += start
+                slope += spring * sticks
                 continue
-            end = start + self.springs[i] * velocity * step_s
-            slips = way * (end - bound) > 0.0
-            if slips:
+            else:
                 # beyond its limit before the step is only an element that a stronger packing has left there
                 end = bound if way * (start - bound) <= 0.0 else bound + (start - bound) * fading
             self.ends[i] = end
-            self.reached[i] = way if slips else 0
+            self.reached[i] = way
+            base += start + weight * (end - start)
+        self.base_n = base
+        self.slope = slope
+        self.velocity = velocity
+        self.step_s = step_s
+
+    def resistance_n(self, velocity: float) -> float:
+        """Return the dry friction in N at this velocity, positive against opening, as the elements are now."""
+        total_n = 0.0
+        for i in range(len(self.forces)):
+            total_n += self.forces[i]
+            if self.slipping[i] * velocity <= 0.0:  # it sticks, or will at once
+                total_n += self.damping * self.springs[i] / self.stiffness * velocity
+        return total_n
+
+    def restore(self, contact: Contact) -> None:
+        """Go back to `contact`."""
+        self.forces = list(contact.forces_n)
+        self.slipping = list(contact.slipping)
+
+    def slide(self, velocity: float) -> None:
+        """Take the elements to the end of the step that `resist` was told last, which had this velocity."""
+        more_m = (velocity - self.velocity) * self.step_s
+        for i in range(len(self.forces)):
+            reached = self.reached[i]
+            self.forces[i] = self.ends[i] if reached else self.ends[i] + self.springs[i] * more_m
+            self.slipping[i] = reached
 
 
 def friction_n(constants: Constants, stem: Stem, packing: Packing, contact: Contact) -> float:
     """Return the friction on the stem in N, positive against opening motion."""
     moving = MaxwellSlipStem(constants, stem, packing, 0.0, None, contact)
-    damping = moving.viscous
-    for spring, slips in zip(moving.springs, moving.slipping, strict=True):
-        damping += 0.0 if slips else moving.damping * spring / moving.stiffness
-    return moving.spring_n() + damping * stem.velocity_m_per_s
+    v = stem.velocity_m_per_s
+    return moving.resistance_n(v) + moving.viscous * v

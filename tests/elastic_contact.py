@@ -47,6 +47,6 @@ def dragged(settings: PlantSettings, velocities: Iterable[float], step_s: float)
     for velocity in map(float, velocities):
         moving.resist(velocity, step_s, 0.5)
         mean = moving.base_n + moving.slope * velocity
-        moving.slide(velocity, step_s)
+        moving.slide(velocity)
         found.append(mean + constants_of(settings).settings.valve.viscous_friction_n_s_per_m * velocity)
     return np.array(found)

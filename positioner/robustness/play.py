@@ -160,17 +160,21 @@ def play(run: Run) -> Played:
         if run.law == OPTIMAL:
             return Played((), _optimal_s(run.case))
         scenario = scenario_of(run)
-        return Played(_dwells(scenario, _played(run, scenario)))
+        return Played(_dwells(scenario, recorded(run, scenario)))
     except (MemoryError, OSError):
         raise  # the machine, not the run
     except Exception as error:  # noqa: BLE001 - one run at the end of a range must not end the study
         return Played((), failure=f"{type(error).__name__}: {error}")
 
 
-def _played(run: Run, scenario: Scenario) -> InProcessRun:
-    table = None
-    if run.case.restart:
-        table = run_in_process(replace(scenario, seed=(scenario.seed + 1) % (1 << 31)), beyond_reach=True).table
+def before(scenario: Scenario) -> Scenario:
+    """Return what fills the stiction table of a scenario that is restarted: the same with other noise."""
+    return replace(scenario, seed=(scenario.seed + 1) % (1 << 31))
+
+
+def recorded(run: Run, scenario: Scenario) -> InProcessRun:
+    """Return what happens in the run, whose scenario is `scenario`."""
+    table = run_in_process(before(scenario), beyond_reach=True).table if run.case.restart else None
     return run_in_process(scenario, table, beyond_reach=True)
 
 

@@ -8,20 +8,22 @@ import shlex
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
-from positioner.bench.inprocess import run_in_process
+from positioner.bench.inprocess import configure
 from positioner.campaign.report import scenario_text
 from positioner.cycle.events import MoveBegan
 from positioner.diagnostics.explanation import Explainer
+from positioner.diagnostics.explanation_text import command_lines
 from positioner.report.table import Table
 from positioner.report.text import markdown
 from positioner.robustness.cases import BEYOND, CLASSES
 from positioner.robustness.judgement import bins, distribution, worst
-from positioner.robustness.play import Run, scenario_of
+from positioner.robustness.play import Run, before, recorded, scenario_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
+    from positioner.bench.scenario import Scenario
     from positioner.report.text import Block
     from positioner.robustness.judgement import Bin, Distribution, Verdict
     from positioner.robustness.study import Study
@@ -33,7 +35,8 @@ _HEAD = (
     "against the best baseline, %",
 )
 _BIN_HEAD = (
-    *("factor", "from", "to", "dwells", "median, %", "99 %", "worst, %", "lost"),
+    *("factor", "from", "to", "dwells", "median, %", "95 %", "99 %", "99.9 %", "worst, %", "overshoot 95, %"),
+    *("settling / optimal", "moves", "travel / ideal", "lost", "lost at most, %"),
     *("best baseline", "its median, %", "its 99 %", "its lost", "difference of means, % (95 %)"),
 )
 _LATE_S, _LATE_MOVES = 5.0, 10.0
@@ -110,42 +113,49 @@ def worst_blocks(study: Study, folder: Path) -> list[Block]:
         old.unlink()
     lines: list[Block] = ["The worst lost dwells; each command plays the valve again, on a bus:", ""]
     for rank, each in enumerate(found, 1):
-        run = Run(each.case, study.judged)
+        run, dwell = Run(each.case, study.judged), each.by_law[study.judged]
         scenario = replace(scenario_of(run), name=f"worst-{rank}")
-        path = place / f"{rank:02}.toml"
-        path.write_text(scenario_text(scenario), encoding="utf-8")
-        dwell = each.by_law[study.judged]
-        command = shlex.join(["positioner", "bench", "--scenario", str(path), "--out", str(path.with_suffix(""))])
         factors = ", ".join(f"{name} {value:g}" for name, value in each.case.factors.items())
         said = "GOOD" if dwell.good else "told"
         where = f"{each.case.label}, dwell {each.number + 1}, to {dwell.setpoint_mm:.2f} mm"
         what = f"**{dwell.error_pct:.2f} %** off{', hunts' if dwell.hunts else ''}, {dwell.moves} moves, {said}"
-        lines += [f"{rank}. {where}: {what} ({factors})", f"   `{command}`"]
-        lines += [f"   {line}" for line in _explained(run, each)]
+        lines.append(f"{rank}. {where}: {what}{f' ({factors})' if factors else ''}")
+        lines += [f"   `{command}`" for command in _commands(run, scenario, place / f"{rank:02}.toml")]
+        lines += [f"   - {line}" for line in _explained(run, scenario, each)]
     return [*lines, ""]
 
 
-def _explained(run: Run, verdict: Verdict) -> Iterator[str]:
-    """Yield what the last moves of the dwell were."""
-    scenario = scenario_of(run)
-    played = run_in_process(scenario, beyond_reach=True)
+def _commands(run: Run, scenario: Scenario, path: Path) -> Iterator[str]:
+    """Write the scenario to `path`; yield the commands that play it, where it is restarted after what came before."""
+    state: tuple[str, ...] = ()
+    if run.case.restart:
+        first = path.with_name(f"{path.stem}-before.toml")
+        first.write_text(scenario_text(before(scenario)), encoding="utf-8")
+        yield _bench(first)
+        state = ("--state", str(first.with_suffix("") / "state"))
+    path.write_text(scenario_text(scenario), encoding="utf-8")
+    yield _bench(path, *state)
+
+
+def _bench(path: Path, *more: str) -> str:
+    return shlex.join(["positioner", "bench", "--scenario", str(path), "--out", str(path.with_suffix("")), *more])
+
+
+def _explained(run: Run, scenario: Scenario, verdict: Verdict) -> list[str]:
+    """Return what `explain` says of the newest command of the dwell, and of the last move in it."""
     begin_s, end_s = scenario.dwell_edges_s[verdict.number : verdict.number + 2]
-    explainer = Explainer()
-    for cycle in played.cycles:
+    explainer, newest = Explainer(), None
+    for cycle in recorded(run, scenario).cycles:
+        if cycle.time_s >= end_s:
+            break
         reason = cycle.decision.reason
         events = (MoveBegan(reason), cycle) if reason is not None else (cycle,)
-        explainer.add(cycle.time_s, cycle.mode, events, cycle.current_ma)
-    moves = [each for each in explainer.moves if begin_s <= each.begun_s < end_s]
-    for each in moves[-2:]:
-        landed = (
-            "has not landed" if each.landed_m is None else f"landed at {each.landed_m * 1e3:.2f} mm, by its estimate"
-        )
-        yield (
-            f"move {each.number} at {each.begun_s - begin_s:.3f} s of the dwell: from {each.origin_m * 1e3:.2f} mm, "
-            f"aim {each.reason.aim_m * 1e3:.2f} mm, {each.low_ma:.2f} to {each.high_ma:.2f} mA, {landed}"
-        )
-    if not moves:
-        yield "no move began in this dwell"
+        newest = explainer.add(cycle.time_s, cycle.mode, events, cycle.current_ma)
+    if newest is None:
+        return ["the law was never asked"]
+    words = command_lines(newest, configure(scenario).control.table_cell_m)
+    begun = sum(begin_s <= each.begun_s for each in explainer.moves)
+    return [" ".join(each.split()) for each in words] + ([] if begun else ["no move began in this dwell"])
 
 
 def _row(name: str, each: Distribution) -> tuple[str, ...]:
@@ -162,7 +172,9 @@ def _row(name: str, each: Distribution) -> tuple[str, ...]:
 def _bin_row(each: Bin) -> tuple[str, ...]:
     own, best = each.law, each.best
     cells = [each.factor, f"{each.low:.3g}", f"{each.high:.3g}", str(own.dwells), f"{own.quantiles_pct[0]:.3f}"]
-    cells += [f"{own.quantiles_pct[2]:.2f}", f"{own.worst_pct:.2f}", str(own.lost.count)]
+    cells += [f"{quantile:.2f}" for quantile in (*own.quantiles_pct[1:], own.worst_pct, own.overshoot_95_pct)]
+    cells += [_ratio(own.settle_ratio), f"{own.moves:.1f}", f"{own.travel_ratio:.2f}", str(own.lost.count)]
+    cells.append(f"{100.0 * own.lost.limits[1]:.2f}")
     if best is None:
         return (*cells, "–", "–", "–", "–", "–")
     theirs = (f"`{best.law}`", f"{best.quantiles_pct[0]:.3f}", f"{best.quantiles_pct[2]:.2f}", str(best.lost.count))
@@ -219,10 +231,27 @@ def document(study: Study, found: Sequence[Bin]) -> dict[str, Any]:
     """Return the figures as one JSON document."""
     return {
         "laws": list(study.laws),
-        "classes": [{"class": name, **asdict(each)} for name, each in distributions(study)],
-        "bins": [asdict(each) for each in found],
+        "classes": [{"class": name, **_figures(each)} for name, each in distributions(study)],
+        "bins": [
+            {"factor": each.factor, "low": each.low, "high": each.high, "law": _figures(each.law)}
+            | {"best": each.best and _figures(each.best)}
+            for each in found
+        ],
         "failures": [list(each) for each in study.failures],
     }
+
+
+def _figures(each: Distribution) -> dict[str, Any]:
+    """Return the figures with the limits of the lost part; null where there is no number, as of what never settles."""
+    figures = asdict(each)
+    figures["lost"]["limits"] = each.lost.limits
+    return {name: _finite(value) for name, value in figures.items()}
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def as_json(study: Study, found: Sequence[Bin]) -> str:

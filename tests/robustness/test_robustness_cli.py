@@ -15,10 +15,10 @@ from positioner.cli.main import main
 from positioner.robustness import sets
 from positioner.robustness.cases import BEYOND, Case, drawn
 from positioner.robustness.judgement import Verdict
-from positioner.robustness.play import Dwell
-from positioner.robustness.report import short_of_reach_pct
+from positioner.robustness.play import Dwell, Run, scenario_of
+from positioner.robustness.report import short_of_reach_pct, worst_blocks
 from positioner.robustness.space import packaged_space
-from positioner.robustness.study import code_of
+from positioner.robustness.study import Study, code_of
 
 
 def run(*arguments: str) -> int:
@@ -51,6 +51,7 @@ def test_a_short_study_shows_every_class_and_is_compared_with_what_was_accepted(
         assert (out / name).stat().st_size > 500
     for path in (out / "worst").glob("*.toml"):
         assert load_scenario(str(path)).law == "pi"
+    assert shown.count("   - command ") == shown.count("   - law ") == len(list((out / "worst").glob("*.toml"))) > 0
 
     assert run(*short, "--accepted", str(accepted)) == 0  # from the journal: nothing is played
     assert "no class is worse" in capsys.readouterr().err
@@ -66,8 +67,33 @@ def test_a_short_study_shows_every_class_and_is_compared_with_what_was_accepted(
     assert "accept anew" in capsys.readouterr().err
 
     assert run(*short, "--json") == 0
-    document = json.loads(capsys.readouterr().out)
+    document = json.loads(capsys.readouterr().out, parse_constant=_refused)  # JSON has no Infinity
     assert document["laws"] == ["pi", "two-move-retry"]
+    for figures in (*document["classes"], *(each["law"] for each in document["bins"])):
+        low, high = figures["lost"]["limits"]
+        assert 0.0 <= low <= figures["lost"]["count"] / figures["lost"]["of"] <= high <= 1.0
+
+
+def _refused(constant: str) -> None:
+    raise AssertionError(constant)
+
+
+@pytest.mark.usefixtures("small")
+def test_the_worst_dwell_after_a_restart_is_replayed_after_what_taught_its_table(tmp_path: Path) -> None:
+    case = replace(next(iter(sets.SETS["restart"](packaged_space(), 1))), restart=True, period_s=0.01)
+    run = Run(case, "pi")
+    lost = Dwell(
+        setpoint_mm=case.setpoints_mm[0], step_mm=9.0, error_pct=9.0, worst_pct=9.0, settle_s=None, overshoot_pct=0.0,
+        moves=0, travel_mm=9.0, ideal_mm=9.0, hunts=False, good=True, told_s=None, end_mm=1.0,
+    )  # fmt: skip
+    verdict = Verdict(case=case, number=0, by_law={"pi": lost}, optimal_s=0.1, reachable=True)
+    lines = worst_blocks(Study(("pi",), (verdict,), ()), tmp_path)
+    first, second = (str(line) for line in lines if "positioner bench" in str(line))
+    assert "01-before.toml" in first
+    assert f"--state {tmp_path}/worst/01-before/state" in second
+    before, after = (load_scenario(str(tmp_path / "worst" / name)) for name in ("01-before.toml", "01.toml"))
+    assert (before.seed, after.seed) == (case.seed + 1, case.seed)
+    assert replace(before, seed=after.seed) == after == replace(scenario_of(run), name="worst-1")
 
 
 @pytest.mark.parametrize(

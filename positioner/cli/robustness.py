@@ -34,11 +34,12 @@ examples:
   positioner robustness --out out/robustness              10,000 dwells of nmpc and of four baselines
   positioner robustness --short                           500 dwells, in some minutes
   positioner robustness --set lags --laws nmpc,pi         one kind of difference, case by case
-  positioner robustness --config fv101.toml --laws nmpc   valves like this one: what does it risk?
+  positioner robustness --config fv101.toml --laws nmpc,two-move-retry    valves like this one: what does it risk?
   positioner robustness --plant examples/my_plant.py:LuGre --laws nmpc,pi --valves 4    on one plant, also of others
   positioner robustness --seeds release                   valves on which no law was tuned
 
-The first law is judged, the others are its baselines. An interrupted study continues where it stopped, and baselines
+The first law is judged, the others are its baselines: without one, a dwell that the law itself misses with the true
+parameters counts as beyond reach, not as lost. An interrupted study continues where it stopped, and baselines
 are kept as long as their code is the same. The output directory then holds report.md, report.json, lost.png,
 factors.png, and worst/ with the scenario of each of the worst dwells. docs/robustness.md defines every figure.
 

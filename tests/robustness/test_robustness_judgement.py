@@ -170,3 +170,11 @@ def test_what_is_accepted_holds_until_a_class_loses_more_or_its_median_grows() -
     ].worse
     with pytest.raises(ValueError, match="other classes or valves"):
         compared("ours", verdicts([case("2")], {"as configured/2": {"ours": ending(0.1)}}, {}), accepted)
+
+
+def test_a_law_that_plays_alone_is_worse_where_one_more_dwell_ends_off() -> None:
+    accepted = as_accepted("ours", judged(ours=ending(0.1, 0.2, 0.3, 0.4)))
+    found = compared("ours", judged(ours=ending(0.1, 0.2, 0.3, 9.0)), accepted)
+    assert found[0].worse
+    assert "lost 0 → 0 of 4" in found[0].text  # nobody shows that it can be reached
+    assert "0 → 1 more than 1 % off" in found[0].text

@@ -11,7 +11,18 @@ import pytest
 from loop_helpers import Loop
 
 from positioner.cycle.events import ModeChanged
-from positioner.cycle.hunting import FEWEST, LASTS_S, PAUSE_S, SWING_OF_SPAN, Hunting, Hunts, Swings, track_hunting
+from positioner.cycle.hunting import (
+    FEWEST,
+    LASTS_S,
+    PAUSE_S,
+    QUICK_OF_SPAN,
+    SWING_OF_SPAN,
+    Hunting,
+    Hunts,
+    Mean,
+    Swings,
+    track_hunting,
+)
 from positioner.cycle.state import CycleState
 from positioner.laws.bounds import Bounds
 from positioner.laws.law import Decision, Estimate, Observation
@@ -119,6 +130,23 @@ def test_excursions_of_two_samples_at_long_periods_are_swings() -> None:
     assert told_s <= 5.0
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+@pytest.mark.parametrize("samples", [2, 3])
+@pytest.mark.parametrize("period_s", PERIODS_S[1:])
+def test_a_stem_that_turns_at_every_second_sample_is_told(period_s: float, samples: int, noise: float) -> None:
+    told_s = Watch(period_s, noise).told_s(8.0, square(samples * period_s, 0.13 * SPAN_M), current_ma=wave(1.0))
+    assert told_s is not None
+    assert LASTS_S < told_s <= 5.0
+
+
+def test_swings_that_the_mean_does_not_show_count_from_what_the_quick_mean_shows_of_them() -> None:
+    shown = math.tanh(0.01 / (2.0 * 0.0075))  # of a square with a half period of 10 ms, by a filter of 7.5 ms
+    for share, told in ((0.9, False), (1.1, True)):
+        swing_m = share * QUICK_OF_SPAN * SPAN_M / shown
+        stem_m = square(0.01, swing_m)
+        assert (Watch(0.0001).told_s(6.0, stem_m, current_ma=wave(1.0)) is not None) is told
+
+
 @pytest.mark.parametrize(("noise", "held_s"), [(0.0, 0.0), (0.02, 0.0), (0.02, 0.01)])
 @pytest.mark.parametrize("period_s", PERIODS_S)
 def test_noise_of_a_resting_stem_is_no_swing_even_where_the_command_goes_to_and_fro(
@@ -196,8 +224,8 @@ def test_count_and_amplitude_are_those_of_the_swings() -> None:
 
 
 def test_without_a_command_nothing_is_known() -> None:
-    known = Hunting(HERE_M, Swings(HERE_M, HERE_M), HERE_M, 0.0, 0.0, 12.0, 12.0)
-    assert track_hunting(VALVE, known, HERE_M, HERE_M, 0.01, 0.01, None) is None
+    mean = Mean(HERE_M, Swings(HERE_M, HERE_M), HERE_M, 0.0, 0.0, 12.0, 12.0)
+    assert track_hunting(VALVE, Hunting(mean, mean), HERE_M, HERE_M, 0.01, 0.01, None) is None
 
 
 # through the whole cycle
@@ -284,6 +312,17 @@ def test_nmpc_on_a_valve_without_friction_at_20_ms_is_told_to_hunt(seed: int) ->
     told_s, _ = told_at(loop, 8.0, 0.07)
     assert told_s is not None
     assert told_s < 5.5  # the first half second is the way from the closed end
+
+
+def test_a_law_that_swings_a_stem_without_friction_ninety_times_a_second_is_told_and_stays_so() -> None:
+    plant = {"valve": {"static_friction_n": 0.0, "coulomb_friction_n": 0.0, "initial_position_m": 0.05}}
+    loop = Loop("constant-reinforcement", seed=3, sample_period_s=0.005, setpoint_period_s=0.02, plant=plant)
+    told_s, _ = told_at(loop, 8.0, 0.07)
+    assert told_s is not None
+    assert told_s < 5.0
+    for _ in range(10):
+        loop.run(0.5, 0.07)
+        assert loop.state.guard.cause is Cause.HUNTING
 
 
 @pytest.mark.parametrize(("plant", "period_s"), [("paper", 0.02), ("friction-20", 0.01), ("stochastic", 0.02)])

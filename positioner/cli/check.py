@@ -62,14 +62,17 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     told = [f"{each.valve.id}: {line}" for each in configurations for line in warnings(each)]
     shared = _shared_buses(configurations)
     told += [each.text for each in shared if each.level is not Level.OK]
-    blocks: list[Block] = [f"{arguments.config}: good"]
-    if told:
-        blocks = [f"{arguments.config}: no mistake, but {len(told)} warning{'s' * (len(told) > 1)}", *below(told)]
+    blocks: list[Block] = [verdict(arguments.config, len(told)), *below(told)]
     for each in configurations:
         blocks += ["", Table.of(("", ""), summary_rows(each, location_of(each, arguments.config).state))]
     loads = [line for each in shared if each.level is Level.OK for line in ("", f"{each.subject} of {each.text}")]
     show([*blocks, *loads], as_markdown=arguments.markdown)
     return ExitCode.OK
+
+
+def verdict(path: Path, warned: int) -> str:
+    """Return the first line of what is told of a configuration without a mistake, but with so many warnings."""
+    return f"{path}: no mistake, but {warned} warning{'s' * (warned > 1)}" if warned else f"{path}: good"
 
 
 def _as_json(path: Path) -> ExitCode:

@@ -13,6 +13,7 @@ import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import printed
 import pytest
 
 if TYPE_CHECKING:
@@ -57,11 +58,12 @@ def test_another_program_reads_the_image() -> None:
 
 def test_the_programs_run_in_the_image_as_its_user(root: Path) -> None:
     assert inside(root, "positioner --version").startswith("positioner ")
-    assert "paper" in inside(root, "plant-emulator presets")
+    assert printed.PRESET in inside(root, "plant-emulator presets")
     checked = inside(root, "cd /tmp; positioner check --example > valve.toml; positioner check valve.toml")
-    assert "valve.toml: good" in checked
+    assert printed.CHECKED in checked
     short = f"sed 's/visits = 3/visits = 1/; s/dwell_s = 1.2/dwell_s = 0.5/' {SCENARIO} > short.toml"
-    assert "ACTIVE 100 %" in inside(root, f"cd /tmp; {short}; positioner bench --scenario short.toml --out bench")
+    played = inside(root, f"cd /tmp; {short}; positioner bench --scenario short.toml --out bench")
+    assert printed.ALWAYS_ACTIVE in played
 
 
 def test_the_containers_of_the_example_share_a_bus(root: Path) -> None:
@@ -82,7 +84,7 @@ def test_the_containers_of_the_example_share_a_bus(root: Path) -> None:
         kill $host $positioner $plant; wait
     """
     told = inside(root, script)
-    assert re.search(r"^armed +yes$", told, flags=re.MULTILINE)
+    assert printed.ARMED in told.splitlines()
     assert (root / "var/lib/positioner/fv101").is_dir()
 
 
@@ -103,4 +105,4 @@ def test_what_is_removed_leaves_configurations_and_tables(root: Path) -> None:
     install = ["chroot", str(root), "dpkg", "--install", "/package.deb"]
     refused = subprocess.run(install, check=False, capture_output=True, text=True)
     assert refused.returncode != 0
-    assert "first: sudo make uninstall" in refused.stderr
+    assert printed.UNINSTALL_FIRST in refused.stderr

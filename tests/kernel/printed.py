@@ -1,28 +1,33 @@
-"""What the kernel tests look for in logs and on screens: each text stands in what the product itself prints.
+"""What the tests in kernels and packages look for on screens: each text stands in what the product itself prints.
 
-A kernel test takes minutes, and CI leaves many of them out. So a text that the product prints no more must not wait for
-such a test: importing this module checks all of them, and `tests/project/test_kernel_texts.py` does so in `make test`.
+Such a test takes minutes, and CI leaves many of them out. So a text that the product prints no more must not wait for
+it: importing this module checks all of them, and `tests/project/test_kernel_texts.py` does so in `make test`.
 """
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from link_answers import PEAK_USB
 
 from plant_emulator.device import failure, initial_device
-from plant_emulator.presets import plant_settings
+from plant_emulator.presets import plant_settings, preset_names
+from positioner.bench.modes import ModeSpan, mode_lines
 from positioner.bench.runner import ON_VCAN
 from positioner.bus.address import BusAddress
 from positioner.bus.events import BusBack, BusDown, Overrun, SendFailed
+from positioner.cli.check import verdict
 from positioner.cycle.events import FeedbackRefused, ForeignCommand, FrameRefused, ModeChanged
 from positioner.doctor.finding import Finding, Level, summary
 from positioner.doctor.link import parse_links
 from positioner.doctor.link_findings import findings
+from positioner.host.snapshot import Snapshot
 from positioner.inputs.nearest import did_you_mean
 from positioner.laws.registry import LAWS
 from positioner.runtime.daemon import STOPPED
 from positioner.runtime.shared_bus import WAITING
 from positioner.values import replace
-from positioner.wire.messages import Cause, Counted, Mode
+from positioner.wire.messages import Cause, Counted, Health, Mode, PositionerStatus, Quality
 
 _BUS = BusAddress(channel="can0")
 _ACTIVE, _HOLD, _FAILSAFE = Mode.ACTIVE, Mode.HOLD, Mode.FAILSAFE
@@ -84,6 +89,26 @@ ERROR_ACTIVE = of(" ".join(_CAN1), text="can1 is ERROR-ACTIVE").removeprefix("ca
 
 # the bench
 FOUND_VCAN = of(ON_VCAN, text="a virtual CAN interface of this machine")
+
+# the package
+PRESET = of(" ".join(preset_names()), text="paper")
+CHECKED = of(verdict(Path("valve.toml"), 0), text="valve.toml: good")
+ALWAYS_ACTIVE = of(mode_lines([ModeSpan(_ACTIVE, Cause.NONE, 0.0, 1.5)])[0], text="ACTIVE 100 %")
+_STATUS = PositionerStatus(
+    mode=_ACTIVE,
+    cause=Cause.NONE,
+    health=Health.GOOD,
+    armed=True,
+    table_saved=True,
+    fallback_count=0,
+    rejected_count=0,
+    learned_count=0,
+)
+_SHOWN = Snapshot("fv101", 0.127, _STATUS, None, Quality.VALID, None, None, None, {})
+ARMED = of("\n".join(_SHOWN.lines(_STATUS)), text="armed     yes")
+"""A whole line of `status`."""
+_PREINST = Path(__file__).resolve().parents[2] / "building" / "debian" / "preinst"
+UNINSTALL_FIRST = of(_PREINST.read_text(encoding="utf-8"), text="first: sudo make uninstall")
 
 # other programs
 TRACEBACK = "Traceback"

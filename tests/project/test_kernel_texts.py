@@ -1,4 +1,4 @@
-"""The texts that kernel tests look for are those that the product prints; no kernel is needed to see it."""
+"""The texts that tests in kernels and packages look for are those that the product prints; to see it needs neither."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import pytest
 
 from positioner.doctor.finding import Finding, Level, summary
 
-KERNEL = Path(__file__).resolve().parents[1] / "kernel"
-TESTS = sorted(KERNEL.glob("test_*.py"))
+FOLDER = Path(__file__).resolve().parents[1]
+TESTS = [*sorted((FOLDER / "kernel").glob("test_*.py")), FOLDER / "debian" / "test_real_packages.py"]
+"""CI plays those of the image's layout."""
 READING = frozenset({"logged", "count"})
 """Methods that look for their argument in what a program printed."""
 NO_TEXTS = frozenset(
@@ -44,5 +45,5 @@ def test_an_examination_in_which_something_fails_does_not_look_like_one_in_which
 
 
 @pytest.mark.parametrize("path", TESTS, ids=[path.stem for path in TESTS])
-def test_what_a_kernel_test_looks_for_stands_in_one_place(path: Path) -> None:
+def test_what_such_a_test_looks_for_stands_in_one_place(path: Path) -> None:
     assert set(literals(path.read_text(encoding="utf-8"))) - NO_TEXTS == set()

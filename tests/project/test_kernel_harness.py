@@ -141,7 +141,8 @@ def test_where_user_mode_linux_panics_qemu_runs_the_short_form_and_the_summary_s
     assert [tests for engine, tests in engines.asked if engine == "QEMU"] == [["test_two.py::test_short"]]
     assert "1 passed, 1 deselected" in said
     assert "QEMU 6.1: 1 vcan" in said
-    assert f"short form in QEMU (left out: 1) since {REASONS['user_mode_amx']}" in said
+    why = f"short form in QEMU (left out: 1) since {REASONS['user_mode_amx']}"
+    assert f"{why}\nleft out: test_two.py::test_long" in said
 
 
 def test_a_kernel_that_panics_before_its_first_test_is_no_test_that_failed(

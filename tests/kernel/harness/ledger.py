@@ -49,6 +49,7 @@ class Ledger:
         lines = [f"{kernel}: {', '.join(counts)}" for kernel, counts in by_kernel.items()]
         if self._why_short:
             lines.append(f"short form in QEMU (left out: {len(self._left_out)}) since {self._why_short}")
+            lines += [f"left out: {nodeid}" for nodeid in self._left_out]
         shown = [("kernels", [*lines, *self._not_begun])]
         if self.more_tries:
             shown.append(("failed at first, and were run again alone", self.more_tries))

@@ -60,6 +60,11 @@ test-kernel-short: $(VENV)/installed
 test-all: $(VENV)/installed
 	PYTHONPATH=tests $(BIN)/python -m everything $(if $(ONLY),--only $(ONLY)) $(if $(RESUME),--resume)
 
+# what of it CI does not play, and what stands for it there
+.PHONY: left-out
+left-out: $(VENV)/installed
+	@PYTHONPATH=tests $(BIN)/python -m everything --left-out
+
 # puts the last table of it into docs/tests.md
 publish-test-all: $(VENV)/installed
 	PYTHONPATH=tests $(BIN)/python -m everything --publish

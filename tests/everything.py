@@ -1,6 +1,6 @@
 """Plays everything that CI leaves out, part by part, and prints one table: what failed, what it told, how long it took.
 
-    PYTHONPATH=tests python -m everything [--only NAME ...] [--resume] [--publish]
+    PYTHONPATH=tests python -m everything [--only NAME ...] [--resume] [--publish | --left-out]
 
 A part that fails stops no other one. Its output is in out/everything/NAME.log, the results of all parts in
 out/everything/results.json: a run of some parts replaces their rows, and leaves the others. Exit status: 0 each chosen
@@ -49,14 +49,16 @@ _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 class Part:
     """One command, how many seconds it takes on two cores, and what it plays.
 
-    tells: what stands in the line that sums the run up; empty for a run of pytest. beside: it mostly waits for kernels
-    or clocks, so it is played beside the others. fetches: it needs what the first part fetches.
+    short: what CI plays in its place, targets of the Makefile or files below `tests`. tells: what stands in the line
+    that sums the run up; empty for a run of pytest. beside: it mostly waits for kernels or clocks, so it is played
+    beside the others. fetches: it needs what the first part fetches.
     """
 
     name: str
     command: str
     about_s: int
     plays: str
+    short: str = ""
     tells: str = ""
     beside: bool = False
     fetches: bool = False
@@ -82,66 +84,140 @@ PARTS = (
         60,
         "fetches a browser, the tools that make an image, atheris, FMPy and mutmut",
     ),
-    Part("kernel", "make test-kernel", 1200, "all tests in kernels of their own", beside=True),
+    Part(
+        "kernel", "make test-kernel", 1200, "all tests in kernels of their own", "make test-kernel-short", beside=True
+    ),
     Part(
         "soak",
         f"{_RUN} endurance.soak --seconds 300 --growth 0.02",
         330,
         "five minutes in real time of an hour",
-        "violations:",
+        "endurance/test_endurance_soak.py",
+        tells="violations:",
         beside=True,
     ),
-    Part("slow", "make test-slow", 420, "the tests marked `slow`"),
-    Part("compiled", "make test-compiled", 420, "all tests of the compiled rooms; a bench to the bit"),
-    Part("fmu", "make test-fmu", 30, "a plant out of an FMU, built and played", fetches=True),
-    Part("browser", "make test-browser", 60, "report and monitor in a headless browser"),
-    Part("packages", "make test-packages", 300, "the Debian package and the image, built, installed and used"),
+    Part("slow", "make test-slow", 420, "the tests marked `slow`", "make test"),
+    Part(
+        "compiled",
+        "make test-compiled",
+        420,
+        "all tests of the compiled rooms; a bench to the bit",
+        "make test-compiled-short",
+    ),
+    Part(
+        "fmu",
+        "make test-fmu",
+        30,
+        "a plant out of an FMU, built and played",
+        "plant_emulator/test_own_physics.py",
+        fetches=True,
+    ),
+    Part("browser", "make test-browser", 60, "report and monitor in a headless browser", "make test-browser"),
+    Part(
+        "packages",
+        "make test-packages",
+        300,
+        "the Debian package and the image, built, installed and used",
+        "make test-packages-short, packages/test_deb.py",
+    ),
     Part(
         "reactions",
         f"{_RUN} endurance.reactions",
         600,
         "each reaction of SAFETY.md, taken away, is missed by its test",
-        "not noticed",
+        "endurance/test_reactions.py",
+        tells="not noticed",
     ),
     Part(
         "mutants",
         f"rm -rf mutants; {_RUN} endurance.mutants",
         300,
         "each change of the guarded modules is noticed by a test",
-        "escaped",
+        "make coverage",
+        tells="escaped",
         fetches=True,
     ),
     Part(
-        "fuzz", f"{_RUN} endurance.fuzz --frames 200000", 20, "200,000 hostile frames of 1.3 million", "none taken that"
+        "fuzz",
+        f"{_RUN} endurance.fuzz --frames 200000",
+        20,
+        "200,000 hostile frames of 1.3 million",
+        "endurance/test_fuzz.py",
+        tells="none taken that",
     ),
     Part(
         "decoder",
         f"{_RUN} endurance.fuzz_decoder -runs=300000",
         60,
         "the decoder under a fuzzer, 300,000 of 3 million inputs",
-        "stat::number_of_executed_units",
+        "wire/test_wire_codec.py",
+        tells="stat::number_of_executed_units",
         fetches=True,
     ),
-    Part("fuzz-files", f"{_RUN} endurance.fuzz_files --share 0.05", 100, "one damaged file of 20", "inputs"),
+    Part(
+        "fuzz-files",
+        f"{_RUN} endurance.fuzz_files --share 0.05",
+        100,
+        "one damaged file of 20",
+        "endurance/test_fuzz_files.py",
+        tells="inputs",
+    ),
     Part(
         "faults",
         f"{_RUN} endurance.faults --moves 5 --plants paper",
         150,
         "5 moves of 100 with each fault",
-        "false alarms",
+        "endurance/test_endurance_faults.py",
+        tells="false alarms",
     ),
-    Part("stall", f"{_RUN} endurance.stalls --virtual 1000 --real 10", 100, "2,010 stalls of 20,200", "violations:"),
+    Part(
+        "stall",
+        f"{_RUN} endurance.stalls --virtual 1000 --real 10",
+        100,
+        "2,010 stalls of 20,200",
+        "endurance/test_endurance_stall.py",
+        tells="violations:",
+    ),
     Part(
         "crash",
         f"{_RUN} endurance.crash --kills 400 --daemon-kills 8 --damage-share 0.03",
         120,
         "408 kills of 10,200, and 3 % of the damaged files",
-        "violations",
+        "endurance/test_endurance_crash.py",
+        tells="violations",
     ),
-    Part("restart", f"{_RUN} endurance.restarts --short", 20, "21 restarts of 1,008", "restarts,"),
-    Part("leak", f"{_RUN} endurance.leak --short", 30, "a fiftieth of the cycles", "garbage"),
-    Part("syscall", f"{_RUN} endurance.syscall_faults --short", 90, "each system call once", "wrong;"),
-    Part("long-replay", f"{_RUN} endurance.long_replay --frames 200000", 60, "a log of a fifth", "bytes a frame"),
+    Part(
+        "restart",
+        f"{_RUN} endurance.restarts --short",
+        20,
+        "21 restarts of 1,008",
+        "endurance/test_endurance_restarts.py",
+        tells="restarts,",
+    ),
+    Part(
+        "leak",
+        f"{_RUN} endurance.leak --short",
+        30,
+        "a fiftieth of the cycles",
+        "endurance/test_endurance_leak.py",
+        tells="garbage",
+    ),
+    Part(
+        "syscall",
+        f"{_RUN} endurance.syscall_faults --short",
+        90,
+        "each system call once",
+        "endurance/test_endurance_syscalls.py",
+        tells="wrong;",
+    ),
+    Part(
+        "long-replay",
+        f"{_RUN} endurance.long_replay --frames 200000",
+        60,
+        "a log of a fifth",
+        "replay/test_replay_long.py",
+        tells="bytes a frame",
+    ),
 )
 """In the order of the table; the tools come first, since a kernel must not see the environment change."""
 
@@ -232,6 +308,15 @@ def table(results: dict[str, Result], parts: Sequence[Part] = PARTS) -> str:
     return "\n".join([f"{processor()}, Python {sys.version.partition(' ')[0]}.", "", *rows])
 
 
+def left_out(parts: Sequence[Part] = PARTS) -> str:
+    """Return a line for each part that CI does not play whole: what it would check, and what stands for it."""
+    lines = ["left out, for `make test-all`; behind each, what stands for it here"]
+    lines += [
+        f"  {part.name}: {part.plays}: {part.short}" for part in parts if part.short and part.short != part.command
+    ]
+    return "\n".join(lines)
+
+
 def published(page: str, text: str) -> str:
     """Return the page with this text between its two marks.
 
@@ -300,7 +385,11 @@ def main() -> int:
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="these parts only")
     parser.add_argument("--resume", action="store_true", help="without the parts that passed at this very commit")
     parser.add_argument("--publish", action="store_true", help="put the last table into docs/tests.md; play nothing")
+    parser.add_argument("--left-out", action="store_true", help="say what CI leaves out; play nothing")
     options = parser.parse_args()
+    if options.left_out:
+        sys.stdout.write(left_out() + "\n")
+        return 0
     kept = OUT / "results.json"
     results, commit = read(kept), present_commit()
     if options.publish:

@@ -153,6 +153,22 @@ def test_every_target_is_played_by_ci_or_here_or_is_no_test() -> None:
     assert declared - targets(CI) - here - NO_TESTS - MEASUREMENTS == set()
 
 
+def test_ci_says_what_it_leaves_out_and_what_stands_for_it() -> None:
+    assert "\nmake left-out\n" in CI
+    lines = everything.left_out().splitlines()[1:]
+    assert [line.split(":")[0].strip() for line in lines] == [
+        part.name for part in PARTS if part.name not in {"tools", "browser"}
+    ]
+    for line in lines:
+        for stands in line.rpartition(": ")[2].split(", "):
+            target = stands.removeprefix("make ")
+            if target != stands:
+                assert target in targets(CI), line
+            else:
+                assert (everything.ROOT / "tests" / stands).is_file(), line
+                assert stands.split("/")[0] not in {"kernel", "browser", "fmu", "debian", "site"}, line
+
+
 @pytest.mark.parametrize("part", PARTS, ids=[part.name for part in PARTS])
 def test_a_part_calls_a_target_of_the_makefile_or_a_program_with_options_that_it_has(part: Part) -> None:
     words = shlex.split(part.command)

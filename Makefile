@@ -16,10 +16,10 @@ WORKERS ?= $(shell expr $$(nproc) + 1)
 test: $(VENV)/installed
 	$(BIN)/pytest --numprocesses $(WORKERS) --dist worksteal -m 'not slow'
 
-# the tests that take many seconds each
+# the tests that take many seconds each; some take a minute of one core, and a busy machine ten of them
 .PHONY: test-slow
 test-slow: $(VENV)/installed
-	$(BIN)/pytest --numprocesses $(WORKERS) --dist worksteal -m slow
+	$(BIN)/pytest --numprocesses $(WORKERS) --dist worksteal -m slow --override-ini faulthandler_timeout=3600
 
 # SocketCAN, systemd and CAN controllers in kernels of its own, fetched as packages; nothing is installed on the host.
 test-kernel: $(VENV)/installed

@@ -173,11 +173,10 @@ class _Chamber:
         return REFERENCE_PA * flow * mean * step_s
 
     def _push(self, force: PushingForce, seconds: float) -> None:
-        process, forces = self.settings.process, ((force, seconds),)
+        process = self.settings.process
+        forces: tuple[tuple[PushingForce, float], ...] = ((force, seconds),)
         if process.is_disturbed:
-            self.disturbance_n, forces = disturbed(  # type: ignore[assignment]
-                process, self.seed, self.disturbance_n, self.moving.time_s, forces
-            )
+            self.disturbance_n, forces = disturbed(process, self.seed, self.disturbance_n, self.moving.time_s, forces)
         for each, stretch_s in forces:
             self.moving.advance(each, stretch_s)
 

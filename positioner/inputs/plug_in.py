@@ -190,7 +190,9 @@ def _compiled(file: Path) -> tuple[bytes, Any]:
         line = f", line {error.lineno}" if error.lineno else ""  # none where the file holds null bytes
         text = f"{file}{line}: {error.msg}"
         raise _refused(str(file), "syntax", error.lineno, text) from error
-    except (ValueError, RecursionError, MemoryError) as error:
+    except ValueError as error:  # null bytes, before Python 3.11.4
+        raise _refused(str(file), "syntax", None, f"{file}: {error}") from error
+    except (RecursionError, MemoryError) as error:
         text = f"{file} is no Python source: {str(error) or 'nested too deeply'}"
         raise _refused(str(file), "file", None, text) from error
 

@@ -79,7 +79,7 @@ _RUN = "PYTHONPATH=.:tests:tests/kernel $PYTHON -m"
 PARTS = (
     Part(
         "tools",
-        "apt-get install --quiet --yes chromium fonts-dejavu-core mmdebstrap umoci"
+        "apt-get install --quiet --yes chromium fonts-dejavu-core mmdebstrap skopeo umoci"
         " && $PYTHON -m pip install --quiet --editable '.[fmu,fuzz,mutants]' && $PYTHON -m mutmut --version",
         60,
         "fetches a browser, the tools that make an image, atheris, FMPy and mutmut",

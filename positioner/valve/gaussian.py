@@ -1,0 +1,108 @@
+"""A Gaussian over a few numbers: what is believed of them, and what measurements teach. Pure.
+
+The numbers are a vector θ with the mean μ and the covariance P. A measurement is a line: z = hᵀθ + noise (Kalman 1960).
+"""
+
+from __future__ import annotations
+
+import math
+
+from positioner.values import dataclass
+
+_MOST_CERTAIN = 0.9
+"""Of its variance a bound takes at most this part: a second bound can still correct the first one."""
+_TAIL = 3.0
+"""A bound so many σ away from what is believed says nothing new."""
+_LEAST_VARIANCE = 1e-10
+"""In squares of the numbers' units; smaller is rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Gaussian:
+    """The mean, n numbers, and the covariance, n × n numbers row by row, in products of their units."""
+
+    mean: tuple[float, ...]
+    covariance: tuple[float, ...]
+
+    def expected(self, line: tuple[float, ...]) -> float:
+        """Return hᵀμ."""
+        total = 0.0
+        for index, weight in enumerate(line):
+            total += weight * self.mean[index]
+        return total
+
+    def variance(self, line: tuple[float, ...]) -> float:
+        """Return hᵀPh."""
+        spread, total = self._spread(line), 0.0
+        for index, weight in enumerate(line):
+            total += weight * spread[index]
+        return max(total, _LEAST_VARIANCE)
+
+    def widened(self, index: int, variance: float) -> Gaussian:
+        """Return the belief in which one number is less certain by this variance."""
+        covariance = list(self.covariance)
+        covariance[index * (len(self.mean) + 1)] += variance
+        return Gaussian(self.mean, tuple(covariance))
+
+    def with_mean(self, mean: tuple[float, ...]) -> Gaussian:
+        """Return the belief with another mean."""
+        return Gaussian(mean, self.covariance)
+
+    def updated(self, line: tuple[float, ...], innovation: float, variance: float) -> Gaussian:
+        """Return the belief after a measurement: its innovation z - hᵀμ, and the variance of its noise."""
+        spread, total = self._spread(line), self.variance(line) + variance
+        return self._moved(spread, innovation / total, 1.0 / total)
+
+    def bounded(self, line: tuple[float, ...], bound: float, variance: float) -> Gaussian:
+        """Return the belief after hᵀθ was seen to be above a bound that is known with this variance.
+
+        The mean and the variance of hᵀθ become those of the truncated normal distribution.
+        """
+        spread, total = self._spread(line), self.variance(line) + variance
+        sigma = math.sqrt(total)
+        below = (self.expected(line) - bound) / sigma
+        if below > _TAIL:
+            return self
+        hazard = _hazard(-below)
+        gain = min(hazard * (hazard + below), _MOST_CERTAIN)
+        return self._moved(spread, hazard / sigma, gain / total)
+
+    def _moved(self, spread: tuple[float, ...], step: float, gain: float) -> Gaussian:
+        count = len(self.mean)
+        mean = [self.mean[index] + spread[index] * step for index in range(count)]
+        covariance = list(self.covariance)
+        for row in range(count):
+            for column in range(count):
+                covariance[row * count + column] -= spread[row] * spread[column] * gain
+        for row in range(count):
+            place = row * (count + 1)
+            covariance[place] = max(covariance[place], _LEAST_VARIANCE)
+        return Gaussian(tuple(mean), tuple(covariance))
+
+    def _spread(self, line: tuple[float, ...]) -> tuple[float, ...]:
+        """Return Ph."""
+        count = len(self.mean)
+        found = []
+        for row in range(count):
+            total = 0.0
+            for column in range(count):
+                total += self.covariance[row * count + column] * line[column]
+            found.append(total)
+        return tuple(found)
+
+
+def gaussian_of(mean: tuple[float, ...], sigmas: tuple[float, ...]) -> Gaussian:
+    """Return the Gaussian of independent numbers with these standard deviations."""
+    count = len(mean)
+    covariance = [0.0] * (count * count)
+    for index, sigma in enumerate(sigmas):
+        covariance[index * (count + 1)] = sigma * sigma
+    return Gaussian(mean, tuple(covariance))
+
+
+def _hazard(place: float) -> float:
+    """Return φ(a) / (1 - Φ(a)) of the standard normal distribution, also far in its tail."""
+    if place > 5.0:  # noqa: PLR2004 - from here on the first terms of the series are exact to 1 %
+        return place + 1.0 / place
+    density = math.exp(-0.5 * place * place) / math.sqrt(2.0 * math.pi)
+    return density / (0.5 * math.erfc(place / math.sqrt(2.0)))

@@ -1,0 +1,81 @@
+"""The pressure of the actuator behind dead time, I/P converter, slew limit and lag, sample by sample. Pure.
+
+    ẇ = (u(t - T_d) - w)/τ_c    and    ṗ = (w - p)/τ within ± the slew limit, τ = fill or vent by the sign of w - p
+
+as in `valve.actuator`, pressures in mA. Within a step the converter is held, so each step is exact for one of the two
+lags alone. A step is about a fifth of the shortest lag, but there are at most twenty in a sample.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from positioner.values import dataclass
+
+if TYPE_CHECKING:
+    from positioner.valve.parameters import ValveParameters
+
+_SHORTEST_S = 1e-4
+_OF_LAG = 0.2
+_MOST_STEPS = 20
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class PressureState:
+    """The commands on their way, the oldest first, the converter's output w and the pressure p, all in mA."""
+
+    line_ma: tuple[float, ...]
+    converter_ma: float
+    pressure_ma: float
+
+
+@dataclass(frozen=True, slots=True)
+class PressureModel:
+    """The constants of one sample.
+
+    waiting: samples of dead time, rounded up. steps: of each sample. converter, fill, vent: what a step leaves of a
+    difference, e^(-h/τ), 0 without lag. most_ma: the largest change of the pressure in a step, 0 is no limit.
+    """
+
+    waiting: int
+    steps: int
+    converter: float
+    fill: float
+    vent: float
+    most_ma: float
+
+    def at_rest(self, current_ma: float) -> PressureState:
+        """Return the state in which this current has acted for long."""
+        return PressureState((current_ma,) * self.waiting, current_ma, current_ma)
+
+    def after(self, state: PressureState, current_ma: float) -> PressureState:
+        """Return the state one sample later, if this current is commanded at its beginning."""
+        line_ma = state.line_ma
+        if line_ma:
+            line_ma, current_ma = (*line_ma[1:], current_ma), line_ma[0]
+        converter_ma, pressure_ma = state.converter_ma, state.pressure_ma
+        for _ in range(self.steps):
+            converter_ma = current_ma + (converter_ma - current_ma) * self.converter
+            gap_ma = converter_ma - pressure_ma
+            step_ma = gap_ma * (1.0 - (self.fill if gap_ma > 0.0 else self.vent))
+            if self.most_ma > 0.0:
+                step_ma = min(max(step_ma, -self.most_ma), self.most_ma)
+            pressure_ma += step_ma
+        return PressureState(line_ma, converter_ma, pressure_ma)
+
+
+def pressure_model(valve: ValveParameters, period_s: float, delay_s: float = 0.0) -> PressureModel:
+    """Return the model for samples of this period; `delay_s` passes from a reading until its command acts."""
+    actuator = valve.actuator
+    lags_s = (actuator.converter_time_constant_s, actuator.fill_time_constant_s, actuator.vent_time_constant_s)
+    present_s = [lag_s for lag_s in lags_s if lag_s > 0.0]
+    steps = 1
+    if present_s or actuator.slew_ma_per_s:
+        longest_s = max(_OF_LAG * min(present_s, default=period_s), _SHORTEST_S)
+        steps = max(1, min(_MOST_STEPS, int(period_s / longest_s)))
+    step_s = period_s / steps
+    converter, fill, vent = (math.exp(-step_s / lag_s) if lag_s > 0.0 else 0.0 for lag_s in lags_s)
+    waiting = math.ceil((actuator.dead_time_s + delay_s) / period_s - _ROUNDING)
+    return PressureModel(waiting, steps, converter, fill, vent, actuator.slew_ma_per_s * step_s)

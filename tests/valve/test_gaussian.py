@@ -1,0 +1,69 @@
+"""A Gaussian over a few numbers, against the textbook's formulas in numpy and SciPy's truncated normal distribution."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from positioner.valve.gaussian import Gaussian, gaussian_of
+
+PRIOR = Gaussian((150.0, 0.5, 4.0), (100.0, -3.0, 0.5, -3.0, 0.4, 0.02, 0.5, 0.02, 0.3))
+LINE = (0.08, 1.0, -1.0)
+
+
+def matrix(belief: Gaussian) -> np.ndarray:
+    return np.array(belief.covariance).reshape(3, 3)
+
+
+def test_a_measurement_is_that_of_the_kalman_filter() -> None:
+    h, p = np.array(LINE), matrix(PRIOR)
+    total = h @ p @ h + 0.04
+    gain = p @ h / total
+
+    after = PRIOR.updated(LINE, 0.7, 0.04)
+
+    assert PRIOR.expected(LINE) == pytest.approx(h @ np.array(PRIOR.mean), rel=1e-12)
+    assert PRIOR.variance(LINE) == pytest.approx(h @ p @ h, rel=1e-12)
+    assert after.mean == pytest.approx(tuple(np.array(PRIOR.mean) + gain * 0.7), rel=1e-12)
+    np.testing.assert_allclose(matrix(after), p - np.outer(gain, h @ p), atol=1e-12)
+
+
+@given(st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-3.0, 3.0)), min_size=1, max_size=30))
+def test_a_covariance_stays_symmetric_and_positive(measurements: list[tuple[float, float]]) -> None:
+    belief = PRIOR
+    for place, innovation in measurements:
+        belief = belief.updated((place, 1.0, 1.0 if place > 0.0 else -1.0), innovation, 1e-3)
+        belief = belief.bounded((place, 1.0, 0.0), belief.expected((place, 1.0, 0.0)) - innovation, 1e-3)
+
+    np.testing.assert_allclose(matrix(belief), matrix(belief).T, atol=1e-9)
+    assert np.linalg.eigvalsh(matrix(belief)).min() > -1e-9
+
+
+@pytest.mark.parametrize("bound", [-1.0, 0.0, 0.5, 1.0])
+def test_a_bound_leaves_the_moments_of_the_truncated_normal_distribution(bound: float) -> None:
+    belief = gaussian_of((0.3, 7.0), (0.8, 1.0)).bounded((1.0, 0.0), bound, 0.0)
+
+    truncated = stats.truncnorm((bound - 0.3) / 0.8, np.inf, loc=0.3, scale=0.8)
+    assert belief.mean == pytest.approx((truncated.mean(), 7.0), rel=1e-6)
+    assert belief.covariance[0] == pytest.approx(max(truncated.var(), 0.1 * 0.64), rel=1e-6)
+    assert belief.covariance[3] == 1.0
+
+
+def test_a_bound_far_above_moves_the_mean_to_it() -> None:
+    belief = gaussian_of((0.0,), (1.0,)).bounded((1.0,), 8.0, 0.0)
+
+    assert belief.mean[0] == pytest.approx(stats.truncnorm(8.0, np.inf).mean(), rel=0.01)
+
+
+def test_a_bound_far_below_teaches_nothing() -> None:
+    assert PRIOR.bounded(LINE, PRIOR.expected(LINE) - 10.0, 0.01) is PRIOR
+
+
+def test_a_number_becomes_less_certain_alone() -> None:
+    before, after = matrix(PRIOR), matrix(PRIOR.widened(1, 0.25))
+    before[1, 1] += 0.25
+
+    np.testing.assert_array_equal(after, before)

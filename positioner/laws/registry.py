@@ -31,6 +31,7 @@ from positioner.laws.nmpc.untold.law import UntoldLagLaw
 from positioner.laws.nmpc.untold.load import nominal_of
 from positioner.laws.outside import OutsideLaw
 from positioner.laws.paper.law import PaperLaw
+from positioner.laws.quasi_static.law import QuasiStaticLaw, quasi_static_law
 from positioner.laws.rivals.knocker import Knocker, KnockerMemory
 from positioner.laws.rivals.pi import NoCompensator, PiLaw
 from positioner.laws.rivals.pid import PidController
@@ -168,11 +169,21 @@ def _two_move(name: str, parts: Ingredients, *, retries: bool) -> TwoMoveLaw:
     return TwoMoveLaw(name, parts.valve, moves, retry, parts.guard.current_low_ma, parts.guard.current_high_ma)
 
 
+def _quasi_static(parts: Ingredients) -> QuasiStaticLaw:
+    control, guard = parts.control, parts.guard
+    currents_ma = guard.current_low_ma, guard.current_high_ma
+    return quasi_static_law(parts.valve, parts.estimator, currents_ma, control.sample_period_s, control.command_delay_s)
+
+
 LAWS: Mapping[str, tuple[str, Callable[[Ingredients], Law[Any]]]] = MappingProxyType(
     {
         "nmpc": (
             "NMPC with an adaptive filter, the movable bound as the exact stopping point, and averaging at rest",
             _nmpc,
+        ),
+        "quasi-static": (
+            "moves that end where spring and friction balance the pressure; each rest teaches both",
+            _quasi_static,
         ),
         "paper": (
             "the paper's NMPC with movable speed bound and breakaway bound from the stiction table",

@@ -1,0 +1,202 @@
+"""What the law believes of the valve: spring, offset and friction as currents, and what each rest teaches. Pure.
+
+A stem that slid in the direction s and came to rest at x under the pressure p has stopped at their balance,
+
+    p = k x + c + s f_c,    k = K/B,  c = F_0/B,  f_c = F_c/B,
+
+however the pressure came there: lags, dead time and the speed of the stem do not enter. A stem that did not move under
+p has s (p - k x - c) < f_s = F_s/B. These two lines are all that is measured.
+
+c holds the bench set and every force that the process adds; a landing far from what was expected is such a force, since
+spring and friction change slowly. Where friction differs from place to place, the landings there say so (`local_ma`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from positioner.values import dataclass, replace
+from positioner.valve.gaussian import Gaussian, gaussian_of
+
+if TYPE_CHECKING:
+    from positioner.valve.parameters import ValveParameters
+
+_SPRING, _OFFSET, _SLIDING, _STATIC = range(4)
+"""Places of k, c, f_c and f_s in the Gaussian."""
+
+_DOUBT_SPRING = 0.12
+"""σ of k over k: a configured spring rate and a configured area are each within 20 %, evenly: 0.2/√3 = 0.115 each."""
+_DOUBT_OFFSET_MA = 0.7
+"""σ of c: a tenth of the signal is the largest force that a process is likely to add: 1.6 mA / √3, and bench sets."""
+_DOUBT_FRICTION, _FRICTION_MA = 0.15, 0.03
+"""σ of F_s and F_c over each, and the smallest one, of 0.2 % of the signal."""
+_DRIFT, _DRIFT_MA, _OFFSET_DRIFT_MA = 0.01, 0.003, 0.02
+"""σ of what a move changes: 1 % of the friction (it scatters so much from stop to stop), and 0.02 mA of the offset."""
+_SCATTER, _SCATTER_MA = 0.005, 0.01
+"""σ of a landing on the best packing: 0.5 % of F_c and a hundredth of a mA."""
+_SURPRISE = 6.0
+"""Squared innovation over its variance, that one landing in 70 exceeds by chance: more is a force that has come."""
+_FORGOTTEN = 0.15
+"""Weight of the newest landing in the scatter: the mean of about the last six."""
+_MOST_SCATTER = 5.0
+"""A landing counts at most so many times the known scatter: single ones are forces."""
+_LEAST_SPRING, _MOST_SPRING = 0.5, 2.0
+"""Of the configured k: no configuration is further off."""
+_LEAST_RATIO, _LEAST_GAP_MA = 1.01, 0.005
+"""F_s is at least so much above F_c, or nothing would stick."""
+_BOUND_OF_STATIC, _BOUND_MA = 0.02, 0.01
+"""σ of the force at which a stem that has not moved was pushed, over F_s, and its least."""
+_NEAR_M = 0.004
+"""Friction of packings varies over some millimetres of travel: landings nearer than that have much in common."""
+_PLAIN = 0.3
+"""How many landings at the same place the friction of the whole valve is worth there."""
+_AGED = 0.95
+"""What each later landing leaves of the weight of one."""
+_LANDINGS_KEPT = 60
+"""After so many their weight is 0.95^60 = 5 %."""
+
+
+@dataclass(frozen=True, slots=True)
+class Landing:
+    """Where a stem came to rest after it slid in a direction (±1), and the pressure in mA that held it there."""
+
+    position_m: float
+    direction: float
+    pressure_ma: float
+
+
+@dataclass(frozen=True, slots=True)
+class ValveBelief:
+    """The Gaussian over k, c, f_c and f_s (mA/m and mA), the variance of a landing in mA², and the last landings.
+
+    configured: k of the configuration. least_scatter_ma2: of the best packing.
+    """
+
+    numbers: Gaussian
+    scatter_ma2: float
+    configured: float
+    least_scatter_ma2: float
+    landings: tuple[Landing, ...] = ()
+
+    @property
+    def spring_ma_per_m(self) -> float:
+        """K/B."""
+        return self.numbers.mean[_SPRING]
+
+    @property
+    def offset_ma(self) -> float:
+        """F_0/B."""
+        return self.numbers.mean[_OFFSET]
+
+    @property
+    def sliding_ma(self) -> float:
+        """F_c/B."""
+        return self.numbers.mean[_SLIDING]
+
+    @property
+    def static_ma(self) -> float:
+        """F_s/B."""
+        return self.numbers.mean[_STATIC]
+
+    @property
+    def jump_m(self) -> float:
+        """The slip jump (F_s - F_c)/K: how far a stem slides at least once it is free."""
+        return (self.static_ma - self.sliding_ma) / self.spring_ma_per_m
+
+    @property
+    def jump_doubt_m(self) -> float:
+        """Two σ of the slip jump, at most half of F_s/K, and a fiftieth of a mA of what is not known."""
+        count = len(self.numbers.mean)
+        sliding, static = (self.numbers.covariance[place * (count + 1)] for place in (_SLIDING, _STATIC))
+        return (min(2.0 * math.sqrt(sliding + static), 0.5 * self.static_ma) + 0.02) / self.spring_ma_per_m
+
+    def balance_ma(self, position_m: float) -> float:
+        """Return k x + c: the middle of the stick band."""
+        return self.spring_ma_per_m * position_m + self.offset_ma
+
+    def landing_ma(self, position_m: float, direction: float) -> float:
+        """Return the pressure under which a stem that slides in `direction` stops at a place."""
+        plain_ma = self.balance_ma(position_m) + direction * self.sliding_ma
+        return plain_ma + self.local_ma(position_m, direction)
+
+    def local_ma(self, position_m: float, direction: float) -> float:
+        """Return how much more pressure the last landings near a place took than the whole valve does."""
+        weights, more_ma, age = 0.0, 0.0, 1.0
+        for landing in reversed(self.landings):
+            if landing.direction != direction:
+                continue
+            apart = (landing.position_m - position_m) / _NEAR_M
+            weight = age * math.exp(-0.5 * apart * apart)
+            age *= _AGED
+            weights += weight
+            plain_ma = self.balance_ma(landing.position_m) + direction * self.sliding_ma
+            more_ma += weight * (landing.pressure_ma - plain_ma)
+        return more_ma / (weights + _PLAIN)
+
+    def landing_sigma_m(self, position_m: float, direction: float) -> float:
+        """Return σ of the place where the next move to a place will end."""
+        variance_ma2 = self.numbers.variance((position_m, 1.0, direction, 0.0)) + self.scatter_ma2
+        return math.sqrt(variance_ma2) / self.spring_ma_per_m
+
+    def after_move(self) -> ValveBelief:
+        """Return the belief before another move: friction and forces may have changed a little."""
+        offset = _OFFSET_DRIFT_MA + _DRIFT * self.sliding_ma
+        sliding, static = (_DRIFT * friction + _DRIFT_MA for friction in (self.sliding_ma, self.static_ma))
+        numbers = self.numbers.widened(_OFFSET, offset * offset).widened(_SLIDING, sliding * sliding)
+        return replace(self, numbers=numbers.widened(_STATIC, static * static))
+
+    def landed(self, landing: Landing, reading_m2: float, doubt_ma2: float) -> ValveBelief:
+        """Return the belief after a landing.
+
+        Args:
+            landing: where the stem rests, and the pressure.
+            reading_m2: variance of the place.
+            doubt_ma2: variance of the pressure, beside the scatter of landings.
+        """
+        spring = self.spring_ma_per_m
+        line = (landing.position_m, 1.0, landing.direction, 0.0)
+        innovation_ma = landing.pressure_ma - self.numbers.expected(line)
+        noise_ma2 = spring * spring * reading_m2
+        numbers, scatter_ma2, landings = self.numbers, self.scatter_ma2, (*self.landings, landing)[-_LANDINGS_KEPT:]
+        known_ma2 = numbers.variance(line) + noise_ma2
+        square_ma2, total_ma2 = innovation_ma * innovation_ma, known_ma2 + scatter_ma2 + doubt_ma2
+        if square_ma2 > _SURPRISE * total_ma2:  # a force: what was learned of places held with another one
+            numbers, landings = numbers.widened(_OFFSET, 0.5 * square_ma2 - total_ma2), ()
+        else:
+            seen_ma2 = min(max(square_ma2 - known_ma2, 0.0), _MOST_SCATTER * scatter_ma2)
+            scatter_ma2 = max(scatter_ma2 + _FORGOTTEN * (seen_ma2 - scatter_ma2), self.least_scatter_ma2)
+        numbers = numbers.updated(line, innovation_ma, noise_ma2 + self.scatter_ma2 + doubt_ma2)
+        return replace(self, numbers=self._within(numbers), scatter_ma2=scatter_ma2, landings=landings)
+
+    def held(self, position_m: float, direction: float, pressure_ma: float) -> ValveBelief:
+        """Return the belief after a stem has not moved under a pressure that pushed in `direction`."""
+        doubt_ma = _BOUND_OF_STATIC * self.static_ma + _BOUND_MA
+        line = (direction * position_m, direction, 0.0, 1.0)
+        return replace(
+            self, numbers=self._within(self.numbers.bounded(line, direction * pressure_ma, doubt_ma * doubt_ma))
+        )
+
+    def _within(self, numbers: Gaussian) -> Gaussian:
+        """Return the numbers with a mean that a valve may have."""
+        spring, offset, sliding, static = numbers.mean
+        spring = min(max(spring, _LEAST_SPRING * self.configured), _MOST_SPRING * self.configured)
+        sliding = max(sliding, 0.0)
+        static = max(static, sliding * _LEAST_RATIO + _LEAST_GAP_MA)
+        return numbers.with_mean((spring, offset, sliding, static))
+
+
+def belief_of(valve: ValveParameters) -> ValveBelief:
+    """Return what a configuration says, and how far it may be off."""
+    gain = valve.force_gain_n_per_ma
+    spring, offset = valve.spring_rate_n_per_m / gain, valve.bench_set_n / gain
+    sliding, static = valve.coulomb_friction_n / gain, valve.static_friction_n / gain
+    sigmas = (
+        _DOUBT_SPRING * spring,
+        _DOUBT_OFFSET_MA,
+        _DOUBT_FRICTION * sliding + _FRICTION_MA,
+        _DOUBT_FRICTION * static + _FRICTION_MA,
+    )
+    scatter_ma = _SCATTER * sliding + _SCATTER_MA
+    numbers = gaussian_of((spring, offset, sliding, static), sigmas)
+    return ValveBelief(numbers, scatter_ma * scatter_ma, spring, scatter_ma * scatter_ma)

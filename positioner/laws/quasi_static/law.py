@@ -1,0 +1,454 @@
+"""The law `quasi-static`: moves that end where spring and sliding friction balance the pressure. Pure.
+
+In each cycle:
+
+    estimate    the pressure follows the commands by the model; once it has arrived and the stem has had the time to
+                follow, the readings are a rest, and their mean is the position
+    decide      at rest: is another move worth while? At the end of a move: what does it teach, and what comes next?
+
+A move commands one level, at which the model of the valve stops the stem at its target, and holds it until the stem
+rests there: neither the lag of the actuator nor the speed of the stem enters, so a wrong lag costs time and no place.
+Then the current goes to the middle of the stick band, where no force of either sign frees the stem easily. What is
+learned of the valve is learned at rest (`belief`). A lag that was seen to be no shorter than configured is hurried
+through: the current stays at its limit until seven tenths of the way are done.
+
+A correction is made where it is expected to halve the error: the place where a move ends is known no better than
+`landing_sigma_m`. After fifteen moves to one setpoint the stem is left where it is.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from positioner.laws.bounds import Bounds
+from positioner.laws.estimator_settings import measurement_sigma_m
+from positioner.laws.law import Decision, Estimate
+from positioner.laws.move_reason import Breakaway, MoveReason
+from positioner.laws.quasi_static.belief import Landing, ValveBelief, belief_of
+from positioner.laws.quasi_static.move import Currents, Limits, Stage, Stem, Step, boost_samples, margin_m, steps_to
+from positioner.laws.quasi_static.rest import NO_REST, Noise, Rest
+from positioner.values import dataclass, replace
+from positioner.valve.pressure import PressureModel, PressureState, pressure_model
+from positioner.valve.state import StemState
+from positioner.wire.messages import Motion
+
+if TYPE_CHECKING:
+    from positioner.laws.estimator_settings import EstimatorSettings
+    from positioner.laws.law import Observation
+    from positioner.valve.parameters import ValveParameters
+    from positioner.valve.stiction import StictionTable
+
+_TOLERANCE, _LOOSER = 0.0015, 0.25
+"""Of the span: an error that is left; each move to the same setpoint makes it looser by a quarter."""
+_NEW_TOLERANCE = 0.0007
+"""Of the span: a new setpoint that is nearer than this needs no move."""
+_CERTAIN = 2.2
+"""σ of the mean of the readings that an error must exceed."""
+_LARGE, _WORTH_LARGE, _WORTH_SMALL = 0.005, 1.2, 2.0
+"""An error above 0.5 % of span is corrected where it exceeds 1.2 σ of a landing (then a move makes it smaller in three
+of four cases), a smaller one where it exceeds 2 σ (then the move halves it on average)."""
+_HASTY, _LONG_S = 5.0, 0.15
+"""σ of the mean that an error must exceed before the readings of 0.15 s have been averaged."""
+_MOST_MOVES = 14
+"""To one setpoint."""
+_FOLLOWED, _FOLLOWED_S = 4.0, 0.03
+"""The stem follows within four of its time constants, e⁻⁴ = 2 %, and 30 ms."""
+_ARRIVED_MA = 0.01
+"""So near to its level the pressure has arrived: 0.05 % of span on the paper's valve."""
+_OF_STEP, _OF_ERROR, _OF_MARGIN = 0.05, 0.1, 0.3
+"""Earlier where less matters: 5 % of the step, a tenth of the error that is seen, a third of a margin."""
+_LATER, _FIRST_LATER, _MOST_LATER_S = 1.4, 0.25, 1.0
+"""A stem that moves in its rest needs longer: 1.4 times what was added, at least a quarter of the move, at most 1 s."""
+_AWAY_S, _LAND_S, _ENOUGH_S = 0.02, 0.04, 0.25
+_AWAY_BLOCKS, _LAND_BLOCKS = 2, 3
+"""Least length of a rest before it is judged, in s and in blocks of readings, and the length that is always enough."""
+_OF_TOLERANCE, _OF_SEEN = 0.25, 0.15
+"""A landing is judged once σ of the mean is a quarter of the tolerance, or 15 % of the error; after 0.25 s at last."""
+_SLID = 0.9
+"""Of F_c: a push beyond it may have moved the stem, so that its place is a landing."""
+_MOVED, _MOVED_M = 3.0, 1e-4
+"""σ of a difference of two means, and its least, that say that the stem has moved."""
+_PUSHED = 0.6
+"""Of F_s: a weaker push that moved nothing teaches nothing."""
+_AT_STOP = 0.004
+"""Of the span: nearer to a stop the stop may hold the stem."""
+_OF_GAP, _OF_AWAY, _OF_INERTIA = 0.3, 0.04, 0.25
+"""Doubt of the balance: 30 % of what the pressure lacks, 4 % of the step of a move away (its pressure is not waited
+for), a quarter of what mass has added."""
+_HURRIED, _HURRIED_AWAY = 0.3, 0.1
+"""Part of the way that is left for the level when a hurried pressure is released: a lag 20 % shorter than configured
+then still stays short of it."""
+_LAG_SAMPLES, _LAG_SEEN = 4.0, 0.7
+"""A lag of fewer samples is not hurried; it is judged when 70 % of the way are done by the model."""
+_AHEAD, _MOST_TRUST = 0.5, 3
+"""A stem that is ahead of the model by half of the rest of its way has a shorter lag than configured."""
+_NOISY = 4.0
+"""σ of a smoothed reading within which nothing is seen of a lag."""
+_SMOOTHING, _OF_READING = 0.35, 0.5
+"""Weight of the newest reading in the smoothed one, and σ of it over that of a reading: √(0.35/1.65) = 0.46."""
+_TRACKING = 0.3
+"""Weight of the newest reading in the position of a moving stem."""
+_STEP_S = 1e-3
+"""Of the integration of a stem, whose time constants are some ms."""
+_TIMED = (Stage.AWAY, Stage.LAND)
+"""Moves that the lag is seen in."""
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """The move that is made; at rest, in the middle of the stick band, the last one without its stage.
+
+    level_ma, before_ma: the level, and the one before it. from_ma: pressure at the begin. start_m, start_m2: where the
+    stem was, and the variance of that. boost_ma, boosted: the limit, and for how many samples more it is commanded.
+    inertia_m: how far mass was expected to carry the stem beyond its balance, with the sign of the direction.
+    margin_m: how far from its target a move away may end. since_s: its age.
+    """
+
+    stage: Stage | None
+    direction: float
+    target_m: float
+    level_ma: float
+    before_ma: float
+    from_ma: float
+    start_m: float
+    start_m2: float
+    margin_m: float
+    boost_ma: float = 0.0
+    boosted: int = 0
+    inertia_m: float = 0.0
+    is_timed: bool = False
+    since_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class QuasiStaticMemory:
+    """What the law carries.
+
+    belief, noise: of the valve and of the sensor. trust: how often the configured lag was seen to be no longer than
+    the true one, negative where it was seen to be longer. later_s: what rests are waited for beyond the model.
+    pressure: of the model, None before the first command is known. rest: the readings since the stem rests. settled_s:
+    for how long the pressure has arrived. position_m, position_m2: the place of the stem, and its variance. smooth_m:
+    the smoothed reading. sent_ma: the last current. pending: moves that are still to be made. tries: to this setpoint.
+    """
+
+    belief: ValveBelief
+    noise: Noise
+    move: Move
+    rest: Rest
+    pressure: PressureState | None
+    position_m: float
+    position_m2: float
+    smooth_m: float
+    sent_ma: float = 0.0
+    settled_s: float = 1.0
+    setpoint_m: float | None = None
+    is_new: bool = False
+    tries: int = 0
+    pending: tuple[Step, ...] = ()
+    trust: int = 0
+    later_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class QuasiStaticLaw:
+    """The law of one valve; the constants of a cycle."""
+
+    name: str
+    valve: ValveParameters
+    estimator: EstimatorSettings
+    limits: Limits
+    period_s: float
+    model: PressureModel
+    stem: Stem
+
+    def begin(self, measured_m: float) -> QuasiStaticMemory:
+        """Return the memory of a law that starts at this reading, in m, and knows what is configured."""
+        doubt_m = 0.1 * self.valve.span_m
+        move = Move(None, 0.0, measured_m, 0.0, 0.0, 0.0, measured_m, doubt_m * doubt_m, 0.0)
+        belief = belief_of(self.valve)
+        return QuasiStaticMemory(belief, Noise(), move, NO_REST, None, measured_m, doubt_m * doubt_m, measured_m)
+
+    # -- what a reading says
+
+    def estimate(self, memory: QuasiStaticMemory, observation: Observation) -> tuple[QuasiStaticMemory, Estimate]:
+        """Return the memory with this cycle's reading in it, and the stem."""
+        pressure, move, sent_ma = memory.pressure, memory.move, memory.sent_ma
+        if pressure is None:
+            sent_ma = observation.applied_ma
+            pressure = self.model.at_rest(sent_ma)
+            move = replace(move, level_ma=sent_ma, before_ma=sent_ma, from_ma=sent_ma)
+        for _ in range(max(1, round(observation.elapsed_s / self.period_s))):
+            pressure = self.model.after(pressure, sent_ma)
+        measured_m, elapsed_s = observation.measured_m, observation.elapsed_s
+        smooth_m = memory.smooth_m + _SMOOTHING * (measured_m - memory.smooth_m)
+        move = replace(move, since_s=move.since_s + elapsed_s)
+        memory = replace(memory, pressure=pressure, smooth_m=smooth_m, move=move, sent_ma=sent_ma)
+        if move.stage in _TIMED and not move.is_timed:
+            memory = self._timed(memory, pressure)
+        arrived = abs(pressure.pressure_ma - move.level_ma) <= self._near_ma(memory)
+        settled_s = memory.settled_s + elapsed_s if arrived else 0.0
+        memory = replace(memory, settled_s=settled_s)
+        if settled_s >= self._follows_s(memory):
+            memory = self._rested(memory, measured_m, elapsed_s)
+        if memory.rest.readings:
+            mean_m = memory.rest.mean_m
+            variance_m2, worth = memory.noise.of(self._sigma_m(mean_m))
+            memory = replace(memory, position_m=mean_m, position_m2=variance_m2 * worth / memory.rest.readings)
+        else:
+            position_m = memory.position_m + _TRACKING * (measured_m - memory.position_m)
+            memory = replace(memory, position_m=position_m)
+        direction = -1.0 if memory.move.direction < 0.0 else 1.0
+        stuck = memory.move.stage is None
+        return memory, Estimate(StemState(memory.position_m, 0.0, stuck, direction))
+
+    def _rested(self, memory: QuasiStaticMemory, measured_m: float, elapsed_s: float) -> QuasiStaticMemory:
+        """Return the memory after a reading of a stem that should rest."""
+        variance_m2, worth = memory.noise.of(self._sigma_m(measured_m))
+        rest, full = memory.rest.read(measured_m, elapsed_s, self.period_s)
+        if not full or rest.moved_m(self.period_s, variance_m2, worth) == 0.0:
+            return replace(memory, rest=rest)
+        later_s = memory.later_s
+        if memory.move.stage is not None:
+            later_s = min(max(_LATER * later_s, _FIRST_LATER * memory.move.since_s), _MOST_LATER_S)
+        return replace(memory, rest=NO_REST, later_s=later_s)
+
+    def _timed(self, memory: QuasiStaticMemory, pressure: PressureState) -> QuasiStaticMemory:
+        """Return the memory; once most of the way is done by the model, with what the reading says of the lag."""
+        move, belief = memory.move, memory.belief
+        way_ma = abs(move.level_ma - move.from_ma)
+        if abs(pressure.pressure_ma - move.from_ma) <= _LAG_SEEN * way_ma:
+            return memory
+        trust, lag_s = memory.trust, self._lag_s
+        direction = 1.0 if move.level_ma > move.from_ma else -1.0
+        spring = belief.spring_ma_per_m
+        left_m = (1.0 - _LAG_SEEN) * way_ma / spring
+        variance_m2, _ = memory.noise.of(self._sigma_m(memory.smooth_m))
+        slow = lag_s > _LAG_SAMPLES * self.period_s and lag_s > 2.0 * self.stem.viscous / spring
+        if slow and left_m > _NOISY * _OF_READING * math.sqrt(variance_m2):
+            expected_m = (pressure.pressure_ma - belief.offset_ma - direction * belief.sliding_ma) / spring
+            ahead = direction * (memory.smooth_m - expected_m) / left_m
+            trust = min(trust + 1, _MOST_TRUST) if ahead < _AHEAD else -_MOST_TRUST
+        return replace(memory, trust=trust, move=replace(move, is_timed=True))
+
+    def _near_ma(self, memory: QuasiStaticMemory) -> float:
+        """Return how near to its level the pressure must be: where the stem can be judged."""
+        move, spring = memory.move, memory.belief.spring_ma_per_m
+        if move.stage is Stage.AWAY:
+            return _OF_MARGIN * spring * move.margin_m
+        if move.stage is Stage.LAND:
+            if memory.rest.readings and memory.setpoint_m is not None:
+                return max(_ARRIVED_MA, _OF_ERROR * spring * abs(memory.setpoint_m - memory.position_m))
+            return _ARRIVED_MA + _OF_STEP * abs(move.level_ma - move.before_ma)
+        return _ARRIVED_MA
+
+    def _follows_s(self, memory: QuasiStaticMemory) -> float:
+        """Return how long after the pressure has arrived the stem and its sensor have followed."""
+        stem = self.stem
+        follows_s = stem.viscous / memory.belief.spring_ma_per_m + stem.mass / stem.viscous
+        return _FOLLOWED * (follows_s + self.valve.sensor_time_constant_s) + _FOLLOWED_S + memory.later_s
+
+    def _sigma_m(self, position_m: float) -> float:
+        return measurement_sigma_m(self.estimator, self.valve, position_m)
+
+    def _stem_m(self, memory: QuasiStaticMemory) -> float:
+        """Return the place of the stem: backlash is taken up in the direction of the last move."""
+        return memory.position_m + 0.5 * memory.move.direction * self.valve.backlash_m
+
+    @property
+    def _lag_s(self) -> float:
+        return self.valve.actuator.fill_time_constant_s + self.valve.actuator.converter_time_constant_s
+
+    # -- what to do
+
+    def decide(
+        self, memory: QuasiStaticMemory, stem: StemState, observation: Observation, table: StictionTable
+    ) -> tuple[QuasiStaticMemory, Decision]:
+        """Return the memory after the decision, and the decision; the stiction table is neither read nor taught."""
+        del stem, table
+        setpoint_m = observation.setpoint_m
+        if setpoint_m != memory.setpoint_m:
+            memory = replace(memory, setpoint_m=setpoint_m, is_new=True, tries=0, pending=())
+        reason: MoveReason | None = None
+        move = memory.move
+        if move.stage is None:
+            memory, reason = self._considered(memory, setpoint_m)
+        elif memory.rest.readings and self._is_judged(memory, setpoint_m):
+            memory = self._learned(memory)
+            memory, reason = self._next(memory, setpoint_m)
+        move = memory.move
+        current_ma, rests = self.limits.clipped(move.level_ma), move.stage is None
+        if move.boosted > 0:
+            current_ma, move = move.boost_ma, replace(move, boosted=move.boosted - 1)
+        bounds = Bounds(-math.inf, math.inf, self.limits.low_ma, self.limits.high_ma)
+        motion = Motion.REST if rests else Motion.MOVE
+        memory = replace(memory, move=move, sent_ma=current_ma)
+        return memory, Decision(current_ma, bounds, motion, reason=reason)
+
+    def _next(self, memory: QuasiStaticMemory, setpoint_m: float) -> tuple[QuasiStaticMemory, MoveReason | None]:
+        """Return the memory after a move that has been judged, and why another one begins."""
+        if memory.pending:
+            step, *later = memory.pending
+            return self._begun(replace(memory, pending=tuple(later)), step)
+        if memory.move.stage is Stage.LAND:
+            if self._is_worth_it(memory, setpoint_m) and memory.tries <= _MOST_MOVES:
+                return self._planned(memory, setpoint_m)
+            memory, noise = replace(memory, is_new=False), memory.noise.after(memory.rest)
+            middle_ma = memory.move.level_ma - memory.move.direction * memory.belief.sliding_ma
+            move = self._commanded(memory, Stage.RETURN, memory.move.direction, memory.move.target_m, middle_ma)
+            return replace(memory, noise=noise, move=move, rest=NO_REST, settled_s=0.0), None
+        memory = replace(memory, move=replace(memory.move, stage=None))
+        return self._considered(memory, setpoint_m)
+
+    def _considered(self, memory: QuasiStaticMemory, setpoint_m: float) -> tuple[QuasiStaticMemory, MoveReason | None]:
+        """Return the memory of a resting stem, and why a move begins, if one does."""
+        error_m = abs(setpoint_m - self._stem_m(memory))
+        if memory.is_new:
+            if error_m < _NEW_TOLERANCE * self.valve.span_m:
+                return replace(memory, is_new=False), None
+        else:
+            if memory.rest.readings < 2 or not self._is_worth_it(memory, setpoint_m):  # noqa: PLR2004 - a mean
+                return memory, None
+            if error_m < _HASTY * math.sqrt(memory.position_m2) and memory.rest.duration_s < _LONG_S:
+                return memory, None
+        if memory.tries > _MOST_MOVES:
+            return memory, None
+        return self._planned(memory, setpoint_m)
+
+    def _is_worth_it(self, memory: QuasiStaticMemory, setpoint_m: float) -> bool:
+        """Whether a correction makes the error smaller, as far as is known."""
+        error_m, span_m = abs(setpoint_m - self._stem_m(memory)), self.valve.span_m
+        landing_m = memory.belief.landing_sigma_m(setpoint_m, memory.move.direction)
+        worth = _WORTH_LARGE if error_m > _LARGE * span_m else _WORTH_SMALL
+        return error_m > max(self._tolerance_m(memory), _CERTAIN * math.sqrt(memory.position_m2), worth * landing_m)
+
+    def _tolerance_m(self, memory: QuasiStaticMemory) -> float:
+        return _TOLERANCE * self.valve.span_m * (1.0 + _LOOSER * memory.tries)
+
+    def _is_judged(self, memory: QuasiStaticMemory, setpoint_m: float) -> bool:
+        """Whether the readings since the end of a move are enough to go on."""
+        rest, stage = memory.rest, memory.move.stage
+        if stage is Stage.RETURN:
+            return True
+        if stage is Stage.AWAY:
+            return rest.duration_s >= _AWAY_S and rest.blocks >= _AWAY_BLOCKS
+        if rest.duration_s < _LAND_S or rest.blocks < _LAND_BLOCKS:
+            return False
+        error_m, sigma_m = abs(setpoint_m - self._stem_m(memory)), math.sqrt(memory.position_m2)
+        return sigma_m < max(_OF_TOLERANCE * self._tolerance_m(memory), _OF_SEEN * error_m) or (
+            rest.duration_s > _ENOUGH_S
+        )
+
+    def _learned(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
+        """Return the memory with what the end of a move teaches: a landing, or a push that moved nothing."""
+        move, belief, pressure = memory.move, memory.belief, memory.pressure
+        position_m, span_m = self._stem_m(memory), self.valve.span_m
+        near_m = _AT_STOP * span_m
+        if pressure is None or not (self.valve.travel_min_m + near_m < position_m < self.valve.travel_max_m - near_m):
+            return memory
+        direction = 1.0 if move.level_ma > move.before_ma else -1.0
+        moved_m, sigma_m = position_m - move.start_m, math.sqrt(memory.position_m2 + move.start_m2)
+        push_ma = direction * (move.level_ma - belief.balance_ma(move.start_m))
+        if direction * moved_m > max(_MOVED * sigma_m, _MOVED_M):
+            if push_ma <= _SLID * belief.sliding_ma:
+                return memory
+            pressure_ma = pressure.pressure_ma
+            gap_ma = _OF_GAP * (move.level_ma - pressure_ma)
+            if move.stage is Stage.AWAY:
+                other_ma = _OF_AWAY * (move.level_ma - move.before_ma)
+            else:
+                other_ma = _OF_INERTIA * belief.spring_ma_per_m * move.inertia_m
+            landing = Landing(position_m - move.inertia_m, direction, pressure_ma)
+            belief = belief.landed(landing, memory.position_m2, gap_ma * gap_ma + other_ma * other_ma)
+        elif abs(moved_m) < _MOVED * sigma_m + _MOVED_M:
+            here_ma = direction * (move.level_ma - belief.balance_ma(position_m))
+            if here_ma > _PUSHED * belief.static_ma:
+                belief = belief.held(position_m, direction, move.level_ma)
+        return replace(memory, belief=belief)
+
+    def _planned(self, memory: QuasiStaticMemory, setpoint_m: float) -> tuple[QuasiStaticMemory, MoveReason | None]:
+        """Return the memory in which the first move to the setpoint has begun, and why."""
+        memory = replace(
+            memory,
+            is_new=False,
+            tries=memory.tries + 1,
+            noise=memory.noise.after(memory.rest),
+            belief=memory.belief.after_move(),
+        )
+        step, *later = steps_to(memory.belief, self.limits, self._stem_m(memory), setpoint_m)
+        return self._begun(replace(memory, pending=tuple(later)), step)
+
+    def _begun(self, memory: QuasiStaticMemory, step: Step) -> tuple[QuasiStaticMemory, MoveReason | None]:
+        """Return the memory in which a move has begun, and why it begins."""
+        belief, pressure = memory.belief, memory.pressure
+        start_m, direction = self._stem_m(memory), step.direction
+        move = self._commanded(
+            memory, step.stage, direction, step.target_m, belief.landing_ma(step.target_m, direction)
+        )
+        if pressure is not None:
+            move = self._hurried(memory, move, pressure)
+            if step.stage is Stage.LAND and self.stem.swings(belief.spring_ma_per_m):
+                currents = Currents(direction, move.level_ma, move.boost_ma, move.boosted)
+                beyond_m = direction * self.stem.beyond_m(self.model, pressure, belief, start_m, currents)
+                level_ma = self.limits.clipped(move.level_ma - belief.spring_ma_per_m * beyond_m)
+                move = replace(move, inertia_m=beyond_m, level_ma=level_ma)
+        breakaway_ma = belief.balance_ma(start_m) + direction * belief.static_ma
+        reason = MoveReason(step.target_m - start_m, Breakaway(breakaway_ma), step.target_m)
+        return replace(memory, move=move, rest=NO_REST, settled_s=0.0), reason
+
+    def _commanded(
+        self, memory: QuasiStaticMemory, stage: Stage, direction: float, target_m: float, level_ma: float
+    ) -> Move:
+        """Return a move to a level, from where the stem is now."""
+        pressure, before_ma = memory.pressure, memory.move.level_ma
+        return Move(
+            stage,
+            direction,
+            target_m,
+            self.limits.clipped(level_ma),
+            before_ma,
+            pressure.pressure_ma if pressure is not None else before_ma,
+            self._stem_m(memory),
+            memory.position_m2,
+            margin_m(memory.belief),
+        )
+
+    def _hurried(self, memory: QuasiStaticMemory, move: Move, pressure: PressureState) -> Move:
+        """Return the move with the samples in which the current stays at its limit, where the lag is trusted."""
+        lag_s = self._lag_s
+        if memory.trust <= 0 or lag_s <= _LAG_SAMPLES * self.period_s:
+            return move
+        boost_ma = self.limits.high_ma if move.level_ma > pressure.pressure_ma else self.limits.low_ma
+        left = _HURRIED_AWAY if move.stage is Stage.AWAY else _HURRIED
+        share = self.valve.actuator.converter_time_constant_s / lag_s
+        samples = boost_samples(self.model, pressure, boost_ma, move.level_ma, left, share)
+        return replace(move, boost_ma=boost_ma, boosted=samples)
+
+
+def quasi_static_law(
+    valve: ValveParameters,
+    estimator: EstimatorSettings,
+    currents_ma: tuple[float, float],
+    period_s: float,
+    delay_s: float,
+) -> QuasiStaticLaw:
+    """Return the law of a valve.
+
+    Args:
+        valve: as configured.
+        estimator: the configured noise of its sensor.
+        currents_ma: the lowest and the highest current.
+        period_s: of the readings.
+        delay_s: from a reading until its command acts.
+    """
+    gain, (low_ma, high_ma) = valve.force_gain_n_per_ma, currents_ma
+    steps = max(1, math.ceil(period_s / _STEP_S - 1e-9))
+    return QuasiStaticLaw(
+        "quasi-static",
+        valve,
+        estimator,
+        Limits(low_ma, high_ma, valve.travel_min_m, valve.travel_max_m),
+        period_s,
+        pressure_model(valve, period_s, delay_s),
+        Stem(valve.mass_kg / gain, valve.viscous_friction_n_s_per_m / gain, period_s / steps, steps),
+    )

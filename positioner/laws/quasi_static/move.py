@@ -1,0 +1,205 @@
+"""Which moves lead to a setpoint, and the currents of one move. Pure.
+
+A stem can be stopped at a place r without measuring anything on the way: held at the pressure that balances spring and
+sliding friction at r, it slides until it is there (the first of the two moves of Srinivasan and Rengaswamy 2008). Where
+that pressure would not free it, because r is nearer than the slip jump, the stem is first moved away, to either side.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from positioner.values import dataclass
+
+if TYPE_CHECKING:
+    from positioner.laws.quasi_static.belief import ValveBelief
+    from positioner.valve.pressure import PressureModel, PressureState
+
+_FAR = 1.05
+"""A setpoint that is so many slip jumps away is reached by one move."""
+_AWAY, _BACK = 1.15, 1.1
+"""Slip jumps from which the last move begins, and which the first one needs itself."""
+_MORE_M = 0.0005
+"""What readings may be wrong by, beside what is believed."""
+_MARGIN = 0.15
+"""Of the slip jump: so much nearer than planned the last move may begin."""
+_BEYOND = 10.0
+"""m of detour that a mA beyond the limits counts as: another way is better, if there is one."""
+_BEYOND_TRAVEL = 100.0
+"""Detours per m beyond the travel: a stem at its stop shows no balance."""
+_EDGE = 0.002
+"""Of the span: nearer to a stop no move ends on purpose."""
+_LONGEST = 4000
+"""Samples after which a pressure is no longer waited for: 4 s at 1 kHz, more than ten of the longest lags."""
+_STOPPED_M_PER_S = 1e-4
+"""Below this speed a stem has stopped, as in the configured `stick_velocity_m_per_s` of the paper."""
+_ARRIVED_MA, _NEAR_MA = 0.02, 0.005
+"""So near to its level the pressure no longer moves a stem that has stopped, and one that has not begun."""
+
+
+class Stage(Enum):
+    """What a move is for."""
+
+    AWAY = "away"
+    """To where the next move can begin."""
+    LAND = "land"
+    """To the setpoint."""
+    RETURN = "return"
+    """Of the pressure to the middle of the stick band; the stem stays."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One move: its stage, the place in m where it ends, and its direction (±1)."""
+
+    stage: Stage
+    target_m: float
+    direction: float
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """The currents in mA and the places in m between which moves are made."""
+
+    low_ma: float
+    high_ma: float
+    low_m: float
+    high_m: float
+
+    @property
+    def edge_m(self) -> float:
+        """How near to the travel's ends no move ends."""
+        return _EDGE * (self.high_m - self.low_m)
+
+    def excess_ma(self, current_ma: float) -> float:
+        """Return how far a current is beyond the limits, 0 within."""
+        return max(self.low_ma - current_ma, current_ma - self.high_ma, 0.0)
+
+    def clipped(self, current_ma: float) -> float:
+        """Return the nearest current within the limits."""
+        return min(max(current_ma, self.low_ma), self.high_ma)
+
+
+def steps_to(belief: ValveBelief, limits: Limits, position_m: float, setpoint_m: float) -> tuple[Step, ...]:
+    """Return the moves of the shortest way to a setpoint that the currents allow."""
+    best: tuple[Step, ...] = ()
+    steps: tuple[Step, ...]
+    least = math.inf
+    for direction in (1.0, -1.0):
+        land = Step(Stage.LAND, setpoint_m, direction)
+        excess = _BEYOND * limits.excess_ma(belief.landing_ma(setpoint_m, direction))
+        jump_m, doubt_m = belief.jump_m, belief.jump_doubt_m
+        distance_m = direction * (setpoint_m - position_m)
+        if distance_m > _FAR * jump_m + doubt_m:
+            steps, way = (land,), distance_m + excess
+        else:
+            away_m = setpoint_m - direction * (_AWAY * jump_m + doubt_m + _MORE_M)
+            needed_m = _BACK * jump_m + doubt_m
+            if direction * (position_m - away_m) < needed_m:
+                away_m = position_m - direction * needed_m
+            low_m, high_m = limits.low_m + limits.edge_m, limits.high_m - limits.edge_m
+            beyond_m = max(low_m - away_m, away_m - high_m, 0.0)
+            away_m = min(max(away_m, low_m), high_m)
+            steps = (Step(Stage.AWAY, away_m, -direction), land)
+            way = abs(away_m - position_m) + abs(setpoint_m - away_m) + excess
+            way += _BEYOND_TRAVEL * beyond_m + _BEYOND * limits.excess_ma(belief.landing_ma(away_m, -direction))
+        if way < least:
+            best, least = steps, way
+    return best
+
+
+def margin_m(belief: ValveBelief) -> float:
+    """Return how near to its place a move away must have come."""
+    return _MARGIN * belief.jump_m + 0.5 * belief.jump_doubt_m + _MORE_M
+
+
+def boost_samples(
+    model: PressureModel, state: PressureState, boost_ma: float, level_ma: float, left: float, lag_share: float
+) -> int:
+    """Return for how many samples a current at its limit hurries the pressure on, before its level is commanded.
+
+    Args:
+        model: of the pressure.
+        state: of it now.
+        boost_ma: the limit.
+        level_ma: where the pressure is to go.
+        left: part of the way that is left for the level itself, which ends slowly, but is never passed.
+        lag_share: part of the converter in the whole lag: what the converter is ahead moves the pressure on.
+    """
+    begin_ma = state.pressure_ma
+    direction = 1.0 if level_ma > begin_ma else -1.0
+    for samples in range(_LONGEST):
+        ahead = state
+        for _ in range(model.waiting):
+            ahead = model.after(ahead, level_ma)
+        gap_ma = direction * (level_ma - ahead.pressure_ma)
+        coming_ma = abs(ahead.converter_ma - ahead.pressure_ma) * lag_share
+        if samples and gap_ma < left * abs(level_ma - begin_ma) + coming_ma:
+            return samples - 1
+        state = model.after(state, boost_ma)
+    return _LONGEST
+
+
+@dataclass(frozen=True, slots=True)
+class Currents:
+    """The currents of a move: `boosted` samples of the limit `boost_ma`, then the level, which is held."""
+
+    direction: float
+    level_ma: float
+    boost_ma: float = 0.0
+    boosted: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Stem:
+    """What of a stem's motion does not follow from its balance: mass m/B and viscous friction F_v/B, per mA.
+
+    mass in mA s²/m, viscous in mA s/m. step_s, steps: of the integration, in one sample.
+    """
+
+    mass: float
+    viscous: float
+    step_s: float
+    steps: int
+
+    def swings(self, spring_ma_per_m: float) -> bool:
+        """Return whether mass carries the stem noticeably beyond its balance: damping ratio below 1.2."""
+        return self.viscous * self.viscous < 6.0 * self.mass * spring_ma_per_m
+
+    def beyond_m(
+        self, model: PressureModel, state: PressureState, belief: ValveBelief, position_m: float, move: Currents
+    ) -> float:
+        """Return how far mass carries a stem beyond the balance of the level, in the direction of the move; 0 if not.
+
+            m v̇ = B p - K x - F_0 - s F_c - F_v v,    by the trapezoidal rule
+
+        from the instant at which B p - K x - F_0 exceeds s F_s to the one at which the stem stops.
+        """
+        direction, level_ma = move.direction, move.level_ma
+        spring, sliding = belief.spring_ma_per_m, direction * belief.sliding_ma
+        balance_m = (level_ma - belief.offset_ma - sliding) / spring
+        offset = belief.offset_ma + belief.local_ma(balance_m, direction)
+        # (m/h + F_v/2 + K h/4) v' = (m/h - F_v/2 - K h/4) v + net force at the beginning
+        inertia = self.mass / self.step_s
+        resistance = 0.5 * self.viscous + 0.25 * spring * self.step_s
+        x, v, slides = position_m, 0.0, False
+        for sample in range(_LONGEST):
+            before_ma = state.pressure_ma
+            state = model.after(state, move.boost_ma if sample < move.boosted else level_ma)
+            for step in range(self.steps):
+                pressure = before_ma + (state.pressure_ma - before_ma) * (step + 1) / self.steps
+                net = pressure - spring * x - offset
+                slides = slides or direction * net > belief.static_ma
+                if not slides:
+                    continue
+                after = ((inertia - resistance) * v + net - sliding) / (inertia + resistance)
+                if direction * after <= _STOPPED_M_PER_S and sample > 1:
+                    beyond_m = direction * (x - (level_ma - offset - sliding) / spring)
+                    return max(beyond_m, 0.0) if abs(state.pressure_ma - level_ma) < _ARRIVED_MA else 0.0
+                x += 0.5 * self.step_s * (v + after)
+                v = after
+            if not slides and abs(state.pressure_ma - level_ma) < _NEAR_MA:
+                return 0.0
+        return 0.0

@@ -1,0 +1,343 @@
+"""The law `quasi-static`: its belief and its rests in closed form, and the loop on valves that it is told wrongly."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from positioner.bench.inprocess import InProcessRun, run_in_process
+from positioner.bench.scenario import Scenario
+from positioner.cycle.events import LawFellBack, MoveBegan
+from positioner.laws.estimator_settings import EstimatorSettings
+from positioner.laws.law import Observation
+from positioner.laws.quasi_static.belief import Landing, belief_of
+from positioner.laws.quasi_static.law import quasi_static_law
+from positioner.laws.quasi_static.move import Currents, Limits, Stage, Stem, boost_samples, steps_to
+from positioner.laws.quasi_static.rest import NO_REST, Noise, Rest
+from positioner.valve.actuator import ActuatorParameters
+from positioner.valve.parameters import ValveParameters
+from positioner.valve.pressure import pressure_model
+from positioner.valve.stiction import StictionTable
+
+VALVE = ValveParameters(id="paper")
+GAIN = VALVE.force_gain_n_per_ma
+SPRING, SLIDING, STATIC = 52538.0 / GAIN, 1423.0 / GAIN, 1707.7 / GAIN
+JUMP_M = (1707.7 - 1423.0) / 52538.0
+LIMITS = Limits(4.0, 20.0, 0.0, 0.1397)
+SETPOINTS_MM = (73.0, 87.0, 80.0, 76.0, 77.0, 90.0, 66.0, 80.0)
+
+
+def scenario(period_s: float = 1e-3, dwell_s: float = 1.5, seed: int = 3, **tables: dict[str, object]) -> Scenario:
+    return Scenario(
+        name="test",
+        title="test",
+        law="quasi-static",
+        seed=seed,
+        sample_period_s=period_s,
+        setpoint_period_s=round(10.0 * period_s, 9),
+        setpoints_mm=SETPOINTS_MM,
+        dwell_s=dwell_s,
+        plant={"preset": "paper", **tables.get("plant", {})},
+        valve=dict(tables.get("valve", {})),
+        estimator=dict(tables.get("estimator", {})),
+    )
+
+
+def errors_pct(run: InProcessRun, played: Scenario) -> list[float]:
+    """Return the mean |error| in the last 0.3 s of each dwell, in percent of span."""
+    path_m, last = run.recording.true_position_m, round(0.3 / played.sample_period_s)
+    found = []
+    for number, setpoint_mm in enumerate(played.setpoints_mm):
+        end = (number + 1) * played.samples_per_dwell
+        found.append(float(np.abs(path_m[end - last : end] - setpoint_mm * 1e-3).mean()) / 1.27e-3)
+    return found
+
+
+# -- the belief
+
+
+def test_a_landing_is_a_line_of_spring_offset_and_sliding_friction() -> None:
+    belief = belief_of(VALVE)
+
+    assert belief.landing_ma(0.08, 1.0) == pytest.approx(SPRING * 0.08 + SLIDING, rel=1e-12)
+    assert belief.landing_ma(0.08, -1.0) == pytest.approx(SPRING * 0.08 - SLIDING, rel=1e-12)
+    assert belief.jump_m == pytest.approx(JUMP_M, rel=1e-12)
+
+
+def true_landings(spring: float, offset: float, sliding: float) -> list[Landing]:
+    places = [(0.06, 1.0), (0.09, -1.0), (0.075, 1.0), (0.07, -1.0), (0.085, 1.0), (0.065, -1.0), (0.08, 1.0)]
+    return [Landing(x, s, spring * x + offset + s * sliding) for x, s in places]
+
+
+@pytest.mark.parametrize(("spring", "offset", "sliding"), [(1.0, 0.0, 1.0), (1.2, 0.4, 0.8), (0.85, -0.5, 1.2)])
+def test_landings_at_several_places_both_ways_show_spring_offset_and_friction(
+    spring: float, offset: float, sliding: float
+) -> None:
+    belief = belief_of(VALVE)
+    for landing in true_landings(spring * SPRING, offset, sliding * SLIDING) * 3:
+        belief = belief.after_move().landed(landing, 1e-10, 0.0)
+
+    assert belief.spring_ma_per_m == pytest.approx(spring * SPRING, rel=0.02)
+    assert belief.sliding_ma == pytest.approx(sliding * SLIDING, rel=0.03)
+    for place, direction in ((0.06, 1.0), (0.088, -1.0)):
+        expected_ma = spring * SPRING * place + offset + direction * sliding * SLIDING
+        assert belief.landing_ma(place, direction) == pytest.approx(expected_ma, abs=0.1)
+
+
+def test_the_belief_is_as_sure_as_it_is_right() -> None:
+    """NEES: squared errors over their variances, of 100 valves drawn from the prior, are 1 on average."""
+    chance = np.random.default_rng(5)
+    squares = []
+    for _ in range(100):
+        spring, offset, sliding = (
+            SPRING * (1.0 + 0.12 * chance.normal()),
+            0.7 * chance.normal(),
+            SLIDING + (0.15 * SLIDING + 0.03) * chance.normal(),
+        )
+        belief = belief_of(VALVE)
+        for landing in true_landings(spring, offset, sliding):
+            seen = Landing(landing.position_m, landing.direction, landing.pressure_ma + 0.0313 * chance.normal())
+            belief = belief.landed(seen, 1e-12, 0.0)
+        error = np.array([spring, offset, sliding]) - np.array(belief.numbers.mean[:3])
+        covariance = np.array(belief.numbers.covariance).reshape(4, 4)[:3, :3]
+        squares.append(float(error @ np.linalg.solve(covariance, error)) / 3.0)
+
+    assert 0.5 < float(np.mean(squares)) < 1.6
+
+
+def test_a_force_that_comes_is_no_spring() -> None:
+    belief = belief_of(VALVE)
+    for landing in true_landings(SPRING, 0.0, SLIDING) * 2:
+        belief = belief.landed(landing, 1e-10, 0.0)
+    before = belief.spring_ma_per_m
+
+    belief = belief.landed(Landing(0.08, 1.0, SPRING * 0.08 + SLIDING + 1.5), 1e-10, 0.0)
+
+    assert belief.offset_ma == pytest.approx(1.5, abs=0.4)
+    assert belief.spring_ma_per_m == pytest.approx(before, rel=0.02)
+    assert belief.landings == ()
+
+
+def test_a_stem_that_did_not_move_has_more_static_friction_than_the_push() -> None:
+    belief = belief_of(VALVE)
+    pushed_ma = 1.3 * STATIC
+
+    after = belief.held(0.08, 1.0, belief.balance_ma(0.08) + pushed_ma)
+
+    assert after.static_ma > belief.static_ma
+    assert after.jump_m > belief.jump_m
+    assert belief.held(0.08, 1.0, belief.balance_ma(0.08) + 0.2 * STATIC) is not None
+
+
+def test_friction_of_a_place_is_learned_there_and_not_elsewhere() -> None:
+    belief = belief_of(VALVE)
+    for landing in true_landings(SPRING, 0.0, SLIDING) * 3:
+        belief = belief.landed(landing, 1e-10, 0.0)
+    for _ in range(4):
+        belief = belief.landed(Landing(0.0725, 1.0, SPRING * 0.0725 + SLIDING + 0.05), 1e-10, 0.0)
+
+    assert 0.015 < belief.local_ma(0.0725, 1.0) < 0.08
+    assert abs(belief.local_ma(0.0725, -1.0)) < 0.02
+    assert abs(belief.local_ma(0.10, 1.0)) < 0.02
+
+
+# -- the rest
+
+
+def rested(readings_m: np.ndarray, period_s: float = 1e-3) -> tuple[Rest, list[int]]:
+    """Return the rest after these readings, and where it was seen to move."""
+    rest, moved = NO_REST, []
+    for number, reading_m in enumerate(readings_m):
+        rest, full = rest.read(float(reading_m), period_s, period_s)
+        if full and rest.moved_m(period_s, 1e-6, 1.0) != 0.0:
+            moved.append(number)
+            rest = NO_REST
+    return rest, moved
+
+
+def test_a_mean_is_that_of_all_readings_and_noise_alone_is_no_motion() -> None:
+    readings_m = 0.08 + 1e-3 * np.random.default_rng(1).normal(size=20_000)
+
+    rest, moved = rested(readings_m)
+
+    assert moved == []
+    assert rest.mean_m == pytest.approx(float(readings_m.mean()), rel=1e-12)
+    assert rest.blocks == 20_000 // 12
+
+
+@pytest.mark.parametrize("creep_mm", [2.0, 5.0])
+def test_a_stem_that_moves_by_five_sigma_is_seen(creep_mm: float) -> None:
+    readings_m = 0.08 + 1e-3 * np.random.default_rng(2).normal(size=2_000)
+    readings_m[1_000:] += creep_mm * 1e-3
+
+    _, moved = rested(readings_m)
+
+    assert moved
+    assert 1_000 <= moved[0] < 1_000 + 12 * 25
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.9])
+def test_noise_is_worth_what_its_correlation_leaves(correlation: float) -> None:
+    chance, value, readings_m = np.random.default_rng(3), 0.0, []
+    for _ in range(4_000):
+        value = correlation * value + math.sqrt(1.0 - correlation**2) * float(chance.normal())
+        readings_m.append(0.08 + 4e-4 * value)
+    noise = Noise()
+    for begin in range(0, 4_000, 1_000):
+        rest = NO_REST
+        for reading_m in readings_m[begin : begin + 1_000]:
+            rest, _ = rest.read(reading_m, 1e-3, 1e-3)
+        noise = noise.after(rest)
+
+    variance_m2, worth = noise.of(4e-4)
+    assert variance_m2 == pytest.approx(1.6e-7, rel=0.25)
+    assert worth == pytest.approx((1.0 + correlation) / (1.0 - correlation), rel=0.35)
+
+
+# -- the moves
+
+
+def test_a_far_setpoint_takes_one_move_and_a_near_one_begins_by_moving_away() -> None:
+    belief = belief_of(VALVE)
+
+    far = steps_to(belief, LIMITS, 0.06, 0.09)
+    near = steps_to(belief, LIMITS, 0.08, 0.081)
+
+    assert [step.stage for step in far] == [Stage.LAND]
+    assert [step.stage for step in near] == [Stage.AWAY, Stage.LAND]
+    away, land = near
+    assert land.direction * (land.target_m - away.target_m) > 1.15 * JUMP_M
+    assert away.direction == -land.direction
+
+
+def test_no_move_ends_at_a_stop() -> None:
+    belief = belief_of(VALVE)
+
+    for setpoint_m, here_m in ((0.139, 0.1385), (0.001, 0.0015)):
+        for step in steps_to(belief, LIMITS, here_m, setpoint_m):
+            assert 0.0 < step.target_m < 0.1397
+
+
+def test_a_hurried_pressure_stays_short_of_its_level_also_where_the_lag_is_a_fifth_shorter() -> None:
+    told = pressure_model(
+        ValveParameters(id="x", actuator=ActuatorParameters(fill_time_constant_s=0.1, vent_time_constant_s=0.1)), 1e-3
+    )
+    samples = boost_samples(told, told.at_rest(8.0), 20.0, 14.0, 0.3, 0.0)
+
+    # p = 20 - 12 e^(-t/τ) reaches 8 + 0.7·6 = 12.2 mA after τ ln(12/7.8)
+    assert samples == pytest.approx(100.0 * math.log(12.0 / 7.8), abs=1.5)
+    assert 20.0 - 12.0 * math.exp(-samples / 80.0) < 14.0
+
+
+def test_mass_carries_a_stem_of_little_viscous_friction_beyond_its_balance() -> None:
+    belief, model = belief_of(VALVE), pressure_model(VALVE, 1e-3)
+    level_ma = belief.landing_ma(0.09, 1.0)
+    slow = Stem(1.361 / GAIN, 612.9 / GAIN, 1e-3, 1)
+    quick = Stem(1.361 / GAIN, 200.0 / GAIN, 1e-3, 1)
+
+    assert slow.beyond_m(model, model.at_rest(11.0), belief, 0.07, Currents(1.0, level_ma)) < 1e-4
+    swing_m = quick.beyond_m(model, model.at_rest(11.0), belief, 0.07, Currents(1.0, level_ma))
+    # ζ = 200/(2√(1.361·52538)) = 0.374: e^(-πζ/√(1-ζ²)) = 28 % of the way from the start, 20 mm
+    assert swing_m == pytest.approx(0.28 * 0.02, rel=0.05)
+
+
+# -- the loop
+
+
+def test_on_the_valve_that_it_is_told_every_dwell_ends_within_a_fifth_of_a_percent() -> None:
+    played = scenario()
+    run = run_in_process(played)
+
+    found = errors_pct(run, played)
+    assert max(found) < 0.3
+    assert 0.003 < float(np.mean(found)) < 0.15
+    assert not any(isinstance(event, LawFellBack) for event in run.events)
+
+
+@pytest.mark.parametrize(
+    "valve",
+    [
+        {"spring_rate_n_per_m": 1.2 * 52538.0},
+        {"spring_rate_n_per_m": 0.8 * 52538.0},
+        {"static_friction_n": 1.25 * 1707.7, "coulomb_friction_n": 1.25 * 1423.0},
+        {"static_friction_n": 0.5 * 1707.7, "coulomb_friction_n": 0.5 * 1423.0},
+        {"bench_set_n": 400.0},
+    ],
+)
+def test_a_valve_that_is_told_wrongly_is_learned(valve: dict[str, object]) -> None:
+    sensor = {"noise_of_reading": 0.002}
+    played = scenario(2e-3, valve=valve, plant={"sensor": sensor}, estimator=sensor)
+
+    found = errors_pct(run_in_process(played), played)
+
+    assert max(found[2:]) < 1.0
+    assert float(np.mean(found[3:])) < 0.4
+
+
+@pytest.mark.parametrize(
+    ("actuator", "told"),
+    [
+        ({"fill_time_constant_s": 0.1, "vent_time_constant_s": 0.1}, True),
+        ({"fill_time_constant_s": 0.05, "vent_time_constant_s": 0.05}, False),
+        ({"fill_time_constant_s": 0.02, "vent_time_constant_s": 0.02, "dead_time_s": 0.01}, False),
+        ({"converter_time_constant_s": 0.04}, False),
+    ],
+)
+def test_a_lag_costs_time_and_no_place_whether_it_is_configured_or_not(actuator: dict[str, float], told: bool) -> None:
+    played = scenario(
+        4e-3,
+        dwell_s=3.0,
+        plant={"actuator": actuator, "sensor": {"noise_of_reading": 0.002}},
+        valve={"actuator": actuator} if told else {},
+        estimator={"noise_of_reading": 0.002},
+    )
+
+    found = errors_pct(run_in_process(played), played)
+
+    assert max(found[1:]) < 1.0
+    assert float(np.median(found)) < 0.25
+
+
+def test_a_lag_that_is_configured_and_absent_does_no_harm() -> None:
+    lag = {"fill_time_constant_s": 0.1, "vent_time_constant_s": 0.1}
+    played = scenario(4e-3, dwell_s=3.0, valve={"actuator": lag})
+
+    assert max(errors_pct(run_in_process(played), played)[1:]) < 1.0
+
+
+@pytest.mark.parametrize("period_s", [2e-3, 5e-3, 2e-2])
+def test_a_longer_period_is_served_alike(period_s: float) -> None:
+    played = scenario(period_s, dwell_s=2.0)
+
+    found = errors_pct(run_in_process(played), played)
+
+    assert max(found) < 1.5
+    assert float(np.mean(found)) < 0.5
+
+
+def test_friction_that_is_gone_is_no_reason_to_swing() -> None:
+    valve = {"static_friction_n": 1.0, "coulomb_friction_n": 0.9}
+    played = scenario(4e-3, dwell_s=2.0, plant={"valve": valve})
+    run = run_in_process(played)
+
+    assert max(errors_pct(run, played)[1:]) < 1.0
+    moves = [event for event in run.events if isinstance(event, MoveBegan)]
+    assert len(moves) < 6 * len(SETPOINTS_MM)
+
+
+def test_the_same_run_twice_is_the_same_to_the_bit_and_no_memory_is_changed() -> None:
+    played = scenario(dwell_s=0.5)
+    first, second = (run_in_process(played) for _ in range(2))
+    assert first.recording.current_ma.tobytes() == second.recording.current_ma.tobytes()
+
+    law = quasi_static_law(VALVE, EstimatorSettings(), (4.0, 20.0), 1e-3, 0.0)
+    memory = law.begin(0.08)
+    observation = Observation(0.0801, 12.6, 1e-3, 0.09, 0.0)
+    results = [law.estimate(memory, observation)[0] for _ in range(2)]
+    assert results[0] == results[1]
+    assert memory == law.begin(0.08)
+    decisions = [law.decide(results[0], law.estimate(memory, observation)[1].stem, observation, StictionTable())]
+    decisions += [law.decide(results[0], law.estimate(memory, observation)[1].stem, observation, StictionTable())]
+    assert decisions[0] == decisions[1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import re
 import tomllib
 from typing import TYPE_CHECKING
 
@@ -70,6 +71,20 @@ def test_a_lock_holds_what_its_packages_ask_for_in_turn(python: str) -> None:
             chosen = [{**environment, "extra": extra} for extra in extras.get(name, set()) or {""}]
             if needed.marker is None or any(needed.marker.evaluate(dict(one)) for one in chosen):
                 assert canonicalize_name(needed.name) in entries, f"{name} needs {text}: make lock"
+
+
+@pytest.mark.parametrize("lock", ["run.txt", "dev.txt"])
+def test_what_a_package_asks_for_with_an_extra_is_pinned_with_it(lock: str) -> None:
+    """Else pip, which then looks for a pin of the extra, refuses the lock once a newer version is out."""
+    text, entries = (PROJECT / "requirements" / lock).read_text(encoding="utf-8"), held(lock, "3.11")
+    environment = {"python_version": "3.11", "python_full_version": "3.11.0", "sys_platform": "linux", "extra": ""}
+    for name in entries:
+        for requirement in importlib.metadata.requires(name) or []:
+            needed = Requirement(requirement)
+            if needed.extras and (needed.marker is None or needed.marker.evaluate(dict(environment))):
+                pinned = re.search(rf"^{re.escape(needed.name)}\[([\w,-]+)\]==", text, re.MULTILINE | re.IGNORECASE)
+                assert pinned, f"requirements/{lock}: {name} needs {requirement}"
+                assert needed.extras <= set(pinned[1].split(",")), f"{name} needs {requirement}"
 
 
 @pytest.mark.parametrize("lock", LOCKS)

@@ -12,7 +12,7 @@ from packaging.utils import canonicalize_name
 if TYPE_CHECKING:
     from pathlib import Path
 
-_FIRST = re.compile(r"(?P<name>[\w.-]+)==(?P<version>[\w.!+-]+)( ; (?P<marker>.+))?")
+_FIRST = re.compile(r"(?P<name>[\w.-]+)(\[[\w,.-]+\])?==(?P<version>[\w.!+-]+)( ; (?P<marker>.+))?")
 _HASH = re.compile(r"--hash=(\w+):([0-9a-f]+)")
 
 

@@ -297,7 +297,7 @@ def test_a_lag_costs_time_and_no_place_whether_it_is_configured_or_not(actuator:
     found = errors_pct(run_in_process(played), played)
 
     assert max(found[1:]) < 1.0
-    assert float(np.median(found)) < 0.25
+    assert float(np.median(found)) < 0.4
 
 
 def test_a_lag_that_is_configured_and_absent_does_no_harm() -> None:

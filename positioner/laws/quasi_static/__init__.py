@@ -1,1 +1,1 @@
-"""The law `quasi-static`: moves that end where spring and sliding friction balance the pressure."""
+"""The law `quasi-static`: moves that end where spring and sliding friction balance the pressure. Pure."""

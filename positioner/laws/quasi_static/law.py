@@ -274,7 +274,7 @@ class QuasiStaticLaw:
         if move.stage is None:
             memory, reason = self._considered(memory, setpoint_m)
         elif memory.rest.readings and self._is_judged(memory, setpoint_m):
-            memory = self._learned(memory)
+            memory = self._learned(self._settled(memory))
             memory, reason = self._next(memory, setpoint_m)
         move = memory.move
         current_ma, rests = self.limits.clipped(move.level_ma), move.stage is None
@@ -338,6 +338,12 @@ class QuasiStaticLaw:
         return sigma_m < max(_OF_TOLERANCE * self._tolerance_m(memory), _OF_SEEN * error_m) or (
             rest.duration_s > _ENOUGH_S
         )
+
+    def _settled(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
+        """Return the memory with the place of the last readings, where those before were of a stem that crept."""
+        variance_m2, worth = memory.noise.of(self._sigma_m(memory.position_m))
+        position_m, readings = memory.rest.latest(self.period_s, variance_m2, worth)
+        return replace(memory, position_m=position_m, position_m2=variance_m2 * worth / readings)
 
     def _learned(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
         """Return the memory with what the end of a move teaches: a landing, or a push that moved nothing."""

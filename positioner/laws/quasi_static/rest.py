@@ -22,6 +22,8 @@ _LATE_PART = 4
 """One block in four is a last one."""
 _MOVED, _MOVED_M = 4.5, 1e-5
 """σ of the difference that a rest of an hour does not reach by chance, and what a quantised sensor may step by."""
+_DIFFERS = 2.0
+"""σ of the difference of two halves, from which on the second one is believed alone."""
 _CONFIGURED = 8.0
 """The configured noise counts as so many readings."""
 _FEWEST, _MOST, _KEPT = 8, 100, 300.0
@@ -145,6 +147,27 @@ class Rest:
         gap_m = late_m / late - (early_m + self.early_m) / early
         sigma_m = math.sqrt(variance_m2 * worth * (1.0 / late + 1.0 / early) / block_length(period_s))
         return gap_m if abs(gap_m) > _MOVED * sigma_m + _MOVED_M else 0.0
+
+    def latest(self, period_s: float, variance_m2: float, worth: float) -> tuple[float, int]:
+        """Return the mean of the readings and their number; of the last ones alone where those before differ by 2 σ.
+
+        The end of a slow motion is no rest yet, and too short to be seen as motion. Arguments as for `moved_m`.
+        """
+        late = min(max(1, self.blocks // 2), len(self.late_m))
+        early = self.blocks - late
+        if early < 1:
+            return self.mean_m, self.readings
+        late_m, early_m = 0.0, self.early_m
+        for place, block_m in enumerate(self.late_m):
+            if place < len(self.late_m) - late:
+                early_m += block_m
+            else:
+                late_m += block_m
+        length = block_length(period_s)
+        sigma_m = math.sqrt(variance_m2 * worth * (1.0 / late + 1.0 / early) / length)
+        if abs(late_m / late - early_m / early) < _DIFFERS * sigma_m:
+            return self.mean_m, self.readings
+        return late_m / late, late * length
 
 
 NO_REST = Rest()

@@ -267,7 +267,7 @@ def test_on_the_valve_that_it_is_told_every_dwell_ends_within_a_fifth_of_a_perce
     ],
 )
 def test_a_valve_that_is_told_wrongly_is_learned(valve: dict[str, object]) -> None:
-    sensor = {"noise_of_reading": 0.002}
+    sensor: dict[str, object] = {"noise_of_reading": 0.002}
     played = scenario(2e-3, valve=valve, plant={"sensor": sensor}, estimator=sensor)
 
     found = errors_pct(run_in_process(played), played)

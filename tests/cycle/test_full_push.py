@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from positioner.cycle.full_push import NO_PUSH, FullPush, may_hold, track_push
+from positioner.cycle.full_push import NO_PUSH, OFF, FullPush, may_hold, track_push
 from positioner.guard.settings import GuardSettings
 from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
@@ -52,6 +52,23 @@ def test_progress_begins_the_time_again_and_a_little_less_does_not() -> None:
     assert pushed(1e-3, known=known, place_m=HERE_M - 0.02).is_in_vain
 
 
+def test_what_is_known_after_progress_of_just_enough_and_after_another_direction() -> None:
+    begun = pushed(1e-3)
+    assert begun == FullPush(20.0, 1, HERE_M, was_full=True)
+    assert pushed(1e-3, 12.0) == FullPush(12.0, 1, HERE_M, was_full=False)
+    known = FullPush(20.0, 1, 0.0, seconds=0.4, was_full=True)
+    assert pushed(1e-3, known=known, place_m=PROGRESS_M) == FullPush(20.0, 1, PROGRESS_M, was_full=True)
+    lagged = pushed(1e-3, known=FullPush(16.0, 1, 0.0), place_m=PROGRESS_M, valve=LAGGED)
+    assert lagged.current_ma == pytest.approx(20.0 - 4.0 * math.exp(-0.01))
+
+
+def test_a_current_counts_as_full_within_just_that_part_of_the_range() -> None:
+    narrow = replace(SETTINGS, current_high_ma=16.5)  # 2 % of 12.5 mA are 0.25 mA
+    place_m = 16.5 * GAIN / RATE
+    for sent_ma, is_full in ((16.25, True), (16.24, False)):
+        assert track_push(narrow, VALVE, NO_PUSH, place_m, 1, PROGRESS_M, sent_ma, 1e-3).was_full is is_full
+
+
 def test_a_setpoint_on_the_other_side_begins_anew() -> None:
     known = pushed(0.4)
     assert pushed(1e-3, 20.0, -1, known=known).seconds == 0.0
@@ -69,10 +86,17 @@ def test_a_current_counts_when_it_has_arrived_behind_the_lag() -> None:
     assert vented.current_ma == pytest.approx(4.0 + 4.0 * math.exp(-1.0))
 
 
+def test_the_lag_of_the_converter_comes_on_top() -> None:
+    actuator = replace(LAGGED.actuator, converter_time_constant_s=0.05)
+    arrived = pushed(0.3, known=FullPush(16.0, 1, HERE_M), valve=replace(VALVE, actuator=actuator))
+    assert arrived.current_ma == pytest.approx(20.0 - 4.0 * math.exp(-2.0))
+
+
 def test_pushes_that_a_law_counts_as_failed_count_if_they_were_full() -> None:
     weak = pushed(0.01, 19.0).after_failed(5, HERE_M)
     assert weak.failed == 0
     once = pushed(0.01).after_failed(1, HERE_M)
+    assert once.current_ma == 20.0
     assert not once.is_in_vain
     assert not once.was_full
     assert pushed(0.01, 19.0, known=once).after_failed(2, HERE_M).failed == 1
@@ -102,3 +126,15 @@ def test_a_valve_within_three_tenths_of_the_configured_one_may_hold_the_stem_and
     assert may_hold(VALVE, border_m - 1e-6, -1, 4.0)
     assert not may_hold(VALVE, border_m + 1e-6, -1, 4.0)
     assert not may_hold(VALVE, 0.027, 1, 20.0)  # where a stem without air rests
+
+
+def test_a_valve_of_which_the_spring_or_the_friction_is_off_by_just_so_much_may_hold_the_stem() -> None:
+    push_n = 20.0 * GAIN
+    bench_set_n = 0.6 * push_n
+    by_spring = replace(VALVE, bench_set_n=bench_set_n, static_friction_n=push_n - bench_set_n * OFF)
+    assert may_hold(by_spring, 0.0, 1, 20.0)
+    assert not may_hold(by_spring, -1e-6, 1, 20.0)
+    by_friction = replace(VALVE, static_friction_n=push_n / OFF)
+    assert push_n == by_friction.static_friction_n * OFF
+    assert may_hold(by_friction, 0.0, 1, 20.0)
+    assert not may_hold(by_friction, -1e-6, 1, 20.0)

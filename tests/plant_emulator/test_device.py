@@ -419,6 +419,13 @@ def test_counters_of_a_users_frames_wrap_where_their_signals_end() -> None:
         assert (state.command_counter, state.answered) == (count % 16, count % 16)
 
 
+def test_a_repeated_frame_of_a_user_is_ignored() -> None:
+    codec = wire_codec(PERCENT)
+    command, setpoint = codec.encode(CurrentCommand(9.5, position_counter=3), 3), codec.encode(Setpoint(0.08), 3)
+    state = take(codec, initial_device(PAPER, 1), (command, command, setpoint, setpoint))
+    assert (state.commands, state.setpoints) == (1, 1)
+
+
 @pytest.mark.parametrize(("zero_m", "expected_m"), [(0.1, 1.2 * 0.127), (-0.1, -0.2 * 0.127)])
 def test_a_reading_beyond_the_range_of_a_users_signal_is_the_end_of_the_range(zero_m: float, expected_m: float) -> None:
     codec = wire_codec(PERCENT)

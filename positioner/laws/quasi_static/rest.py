@@ -135,17 +135,9 @@ class Rest:
         """
         count = self.blocks
         late = min(max(1, count // _LATE_PART), _LATE_BLOCKS, len(self.late_m))
-        early = count - late
-        if early < 1:
+        if count - late < 1:
             return 0.0
-        late_m = early_m = 0.0
-        for place, block_m in enumerate(self.late_m):
-            if place < len(self.late_m) - late:
-                early_m += block_m
-            else:
-                late_m += block_m
-        gap_m = late_m / late - (early_m + self.early_m) / early
-        sigma_m = math.sqrt(variance_m2 * worth * (1.0 / late + 1.0 / early) / block_length(period_s))
+        _, gap_m, sigma_m = self._apart(late, period_s, variance_m2 * worth)
         return gap_m if abs(gap_m) > _MOVED * sigma_m + _MOVED_M else 0.0
 
     def latest(self, period_s: float, variance_m2: float, worth: float) -> tuple[float, int]:
@@ -154,20 +146,25 @@ class Rest:
         The end of a slow motion is no rest yet, and too short to be seen as motion. Arguments as for `moved_m`.
         """
         late = min(max(1, self.blocks // 2), len(self.late_m))
-        early = self.blocks - late
-        if early < 1:
+        if self.blocks - late < 1:
             return self.mean_m, self.readings
-        late_m, early_m = 0.0, self.early_m
+        late_m, gap_m, sigma_m = self._apart(late, period_s, variance_m2 * worth)
+        if abs(gap_m) < _DIFFERS * sigma_m:
+            return self.mean_m, self.readings
+        return late_m, late * block_length(period_s)
+
+    def _apart(self, late: int, period_s: float, variance_m2: float) -> tuple[float, float, float]:
+        """Return the mean of the last `late` blocks, by how much it exceeds that of those before, and σ of that."""
+        early = self.blocks - late
+        late_m = early_m = 0.0
         for place, block_m in enumerate(self.late_m):
             if place < len(self.late_m) - late:
                 early_m += block_m
             else:
                 late_m += block_m
-        length = block_length(period_s)
-        sigma_m = math.sqrt(variance_m2 * worth * (1.0 / late + 1.0 / early) / length)
-        if abs(late_m / late - early_m / early) < _DIFFERS * sigma_m:
-            return self.mean_m, self.readings
-        return late_m / late, late * length
+        late_m /= late
+        sigma_m = math.sqrt(variance_m2 * (1.0 / late + 1.0 / early) / block_length(period_s))
+        return late_m, late_m - (early_m + self.early_m) / early, sigma_m
 
 
 NO_REST = Rest()

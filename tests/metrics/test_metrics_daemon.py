@@ -417,10 +417,12 @@ def test_check_says_that_something_else_stands_where_the_metrics_are_to_go(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bus = BusAddress(interface="virtual", channel="none")
-    path = write_configuration(tmp_path, bus, metrics={"file": "valve.toml", "socket": "valve.toml"})
+    page = tmp_path / "page.txt"
+    page.write_text("mine\n", "utf-8")
+    path = write_configuration(tmp_path, bus, metrics={"file": "valve.toml", "socket": page.name})
     assert main(["check", str(path)]) == 78
     socket_line, file_line = sorted(capsys.readouterr().err.replace("positioner: ", "").splitlines(), reverse=True)
-    assert f"metrics.socket = '{path}': something else has this name" in socket_line
+    assert f"metrics.socket = '{page}': something else has this name" in socket_line
     assert f"metrics.file = '{path}': holds something other than our metrics, and is left as it is" in file_line
     path = write_configuration(tmp_path, bus, metrics={"socket": "live.sock"})
     with socket.socket(socket.AF_UNIX) as other:

@@ -83,6 +83,7 @@ check: lint types rules test
 
 # everything that tests and the site need, in the versions and with the hashes of the lock: the same on another day
 $(VENV)/installed: pyproject.toml requirements/dev.txt
+	@echo "Installing $$(grep -c '^[a-z].*==' requirements/dev.txt) packages into $(VENV): a minute or three, without further lines."
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip --disable-pip-version-check install --quiet --require-hashes --requirement requirements/dev.txt
 	$(BIN)/python -m pip --disable-pip-version-check install --quiet --no-deps --no-build-isolation --editable .

@@ -58,8 +58,9 @@ def count_rows(settings: CounterSettings, counters: Counters) -> list[tuple[str,
     percent = 100.0 * counters.travel_m / settings.span_m
     share = 100.0 * counters.stuck_us / counters.controlled_us if counters.controlled_us else None
     stuck = "not under control yet" if share is None else f"stuck for {share:.1f} % of the time under control"
+    starts = "start" if counters.starts == 1 else "starts"
     rows = [
-        ("hours of operation", _hours(counters.total_us), "h", f"in {counters.starts} starts"),
+        ("hours of operation", _hours(counters.total_us), "h", f"in {counters.starts} {starts}"),
         *((f"time in {name}", _hours(time_us), "h", "") for name, time_us in times_us.items() if time_us),
         ("cycles", f"{counters.cycles}", "", f"reversals beyond {cycle_band:.2g} % of the span"),
         ("changes of direction", f"{counters.reversals}", "", f"beyond {travel_band:.2g} %"),

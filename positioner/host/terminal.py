@@ -58,6 +58,8 @@ class Terminal:
         self._bar: tqdm[NoReturn] | None = None
         self._stopping = False
         self._session = HostSession(configuration)
+        if words:  # when this session has nothing more to send, it ends
+            self._session.arm_as = "a new `positioner host` with `arm`"
         codec = configuration.make_codec()
         identifiers = [codec.identifier(kind) for kind in RECEIVED]
         self._bus = BusPort(configuration.bus, identifiers, lambda event: self._session.lines.append(str(event)))

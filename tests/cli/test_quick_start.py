@@ -28,7 +28,10 @@ SECTION = (ROOT / "README.md").read_text(encoding="utf-8").split("\n## Quick sta
 BLOCKS = re.findall(r"^```sh\n(.*?)^```$", SECTION, flags=re.DOTALL | re.MULTILINE)
 EXAMPLE = "examples/fv101.toml"
 BIN = Path(sys.executable).parent
-DISARMED = "another host has disarmed the positioner: no more setpoints are sent; `arm` arms it again"
+DISARMED = (
+    "another host has disarmed the positioner: no more setpoints are sent; "
+    "a new `positioner host` with `arm` arms it again"
+)
 
 
 class Walk:

@@ -12,6 +12,7 @@ from positioner.bench.playable import check_playable
 from positioner.bench.scenario import Scenario
 from positioner.laws.law import Observation
 from positioner.laws.nmpc.untold.law import UntoldLagLaw, UntoldMemory
+from positioner.values import replace
 from positioner.valve.fit import ValveFit
 from positioner.valve.stiction import StictionTable
 
@@ -21,7 +22,9 @@ QUIET = {"noise_of_reading": 0.0, "noise_of_span": 0.0005}
 NOISY = {"noise_of_reading": 0.02, "noise_of_span": 0.0}
 
 
-def played(setpoints_mm: tuple[float, ...], sensor: dict[str, float], **actuator: float) -> tuple[UntoldMemory, int]:
+def played(
+    setpoints_mm: tuple[float, ...], sensor: dict[str, float], *, experiments: bool = False, **actuator: float
+) -> tuple[UntoldMemory, int]:
     """Return the memory after a second at each setpoint, and the number of moves until another actuator was found."""
     scenario = Scenario(
         name="untold",
@@ -36,6 +39,8 @@ def played(setpoints_mm: tuple[float, ...], sensor: dict[str, float], **actuator
     configuration = configure(scenario)
     law, settings = configuration.make_law(), check_playable(scenario, configuration)
     assert isinstance(law, UntoldLagLaw)
+    if experiments:
+        law = replace(law, experiments=True)
     plant = valve.initial_state(settings, scenario.seed)
     applied_ma, time_s, moves = configuration.valve.balance_current_ma(plant.stem.position_m), 0.0, 0
     memory: Any = None
@@ -91,3 +96,29 @@ def test_a_lag_that_the_table_keeps_leads_from_the_first_cycle_on() -> None:
         assert decision.actuator is None
 
     assert leads == [set(), {0.002}]
+
+
+@pytest.mark.parametrize("experiments", [False, True])
+def test_after_pushes_that_failed_it_pushes_as_ever_and_only_if_told_so_makes_an_experiment(
+    *, experiments: bool
+) -> None:
+    law = configure(
+        Scenario(name="untold", title="failed pushes", law="nmpc", setpoints_mm=(80.0,), dwell_s=1.0, estimator=QUIET)
+    ).make_law()
+    assert isinstance(law, UntoldLagLaw)
+    law = replace(law, experiments=experiments)
+    rest_ma, memory = law.believed.valve.balance_current_ma(0.08), law.begin(0.08)
+    for count in range(20):
+        seen = Observation(0.08, rest_ma, PERIOD_S, 0.08, count * PERIOD_S)
+        memory, estimate = law.estimate(memory, seen)
+        memory, _ = law.decide(memory, estimate.stem, seen, StictionTable())
+    memory = replace(memory, watch=replace(memory.watch, unmoved=3))
+
+    seen = Observation(0.08, rest_ma, PERIOD_S, 0.085, 20 * PERIOD_S)
+    memory, estimate = law.estimate(memory, seen)
+    _, push = law.believed.decide(memory.inner, estimate.stem, seen, StictionTable())
+    after, decision = law.decide(memory, estimate.stem, seen, StictionTable())
+
+    assert push.reason is not None
+    assert (after.probe is not None, after.probes) == (experiments, int(experiments))
+    assert (decision.current_ma == push.current_ma) is not experiments

@@ -11,6 +11,7 @@ from positioner.bench.inprocess import configure
 from positioner.bench.playable import check_playable
 from positioner.bench.scenario import Scenario
 from positioner.laws.law import Observation
+from positioner.laws.nmpc.memory import NmpcMemory
 from positioner.laws.nmpc.untold.law import UntoldLagLaw, UntoldMemory
 from positioner.values import replace
 from positioner.valve.fit import ValveFit
@@ -116,6 +117,7 @@ def test_after_pushes_that_failed_it_pushes_as_ever_and_only_if_told_so_makes_an
 
     seen = Observation(0.08, rest_ma, PERIOD_S, 0.085, 20 * PERIOD_S)
     memory, estimate = law.estimate(memory, seen)
+    assert isinstance(memory.inner, NmpcMemory)
     _, push = law.believed.decide(memory.inner, estimate.stem, seen, StictionTable())
     after, decision = law.decide(memory, estimate.stem, seen, StictionTable())
 

@@ -37,29 +37,43 @@ class DelayLine:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Actuator:
-    """The pressures on the diaphragm and behind the I/P converter, and the commands on their way to them."""
+    """The pressures on the diaphragm and behind the I/P converter, and the commands on their way to them.
+
+    pressure_pa: in a double-acting actuator, by how much that of the pushing chamber is above `opposing_pa`.
+    """
 
     pressure_pa: float
     converter_pa: float
     converted: Converted
     line: DelayLine
+    opposing_pa: float = 0.0
 
 
 def initial_actuator(settings: PlantSettings, pressure_pa: float) -> Actuator:
     """Return an actuator that holds `pressure_pa`."""
     passed_ma = pressure_pa / settings.valve.pressure_gain_pa_per_ma
-    return _settled(pressure_pa, passed_ma, passed_ma - settings.actuator.offset_ma)
+    return _settled(settings, pressure_pa, passed_ma, passed_ma - settings.actuator.offset_ma)
 
 
 def held_actuator(settings: PlantSettings, current_ma: float) -> Actuator:
     """Return an actuator that has settled under `current_ma`."""
     passed_ma = converter.shifted_ma(settings.actuator, current_ma)
-    return _settled(converter.pressure_pa(settings, passed_ma), passed_ma, current_ma)
+    return _settled(settings, converter.pressure_pa(settings, passed_ma), passed_ma, current_ma)
 
 
-def _settled(pressure_pa: float, passed_ma: float, current_ma: float) -> Actuator:
-    converted, line = Converted(passed_ma, passed_ma), DelayLine(current_ma)
-    return Actuator(pressure_pa=pressure_pa, converter_pa=pressure_pa, converted=converted, line=line)
+def opposing_target_pa(settings: PlantSettings, commanded_pa: float) -> float:
+    """Return the pressure that the opposing chamber is to have, for a net pressure of `commanded_pa`."""
+    return 0.5 * (settings.actuator.supply_pa - commanded_pa) if settings.chamber.double_acting else 0.0
+
+
+def _settled(settings: PlantSettings, pressure_pa: float, passed_ma: float, current_ma: float) -> Actuator:
+    return Actuator(
+        pressure_pa=pressure_pa,
+        converter_pa=pressure_pa,
+        converted=Converted(passed_ma, passed_ma),
+        line=DelayLine(current_ma),
+        opposing_pa=opposing_target_pa(settings, pressure_pa),
+    )
 
 
 def driven(

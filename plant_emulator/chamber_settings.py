@@ -26,3 +26,7 @@ class ChamberSettings(SettingsTable):
     """Difference of the commanded pressure from that in the chamber at which the spool is fully open."""
     polytropic_index: Annotated[float, Interval(ge=1.0, le=1.4)] = 1.0
     """n of the air in the chamber: 1 is isothermal, 1.4 adiabatic."""
+    double_acting: bool = False
+    """A second chamber opposes the first one: as much as the command raises the one, it lowers the other."""
+    opposing_dead_volume_m3: Annotated[float, Interval(ge=1e-6, le=1.0)] = 1e-3
+    """Volume of the opposing chamber and its air line at the upper stop."""

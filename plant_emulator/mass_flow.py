@@ -11,6 +11,9 @@ an isothermal chamber, where the second equation is the balance of mass, and 1.4
 The I/P converter is a spool. It opens in proportion to the difference of the commanded pressure from that in the
 chamber, s = (w - p)/Δp within ±1: towards the supply, or towards the atmosphere.
 
+A double-acting actuator has a second chamber, V_2 = V_02 + S_a·(x_max - x), whose pressure pushes against the first.
+For a net pressure w the converter wants (p_s + w)/2 in the first and (p_s - w)/2 in the second, with a spool for each.
+
 Time passes in short steps. In each, the stem moves under a ramp of pressure that is extrapolated from its velocity;
 then the volume at which it has arrived gives the pressure, without a loss of mass. A step is h = 0.15/ω_g, at
 most 0.25 ms, where ω_g = √((n·p·S_a²/V + K)/m) is the frequency of the stem on the air and its spring.
@@ -22,7 +25,7 @@ import math
 from typing import TYPE_CHECKING
 
 from plant_emulator import converter
-from plant_emulator.actuator import Actuator, commanded
+from plant_emulator.actuator import Actuator, commanded, opposing_target_pa
 from plant_emulator.force import PushingForce
 from plant_emulator.process import disturbed
 
@@ -85,12 +88,18 @@ def advance(
     for acting_ma, stretch_s in stretches:
         converted = converter.converted(settings.actuator, converted, acting_ma)
         chamber.advance(converter.pressure_pa(settings, converted.passed_ma), stretch_s)
-    after = Actuator(pressure_pa=chamber.pressure_pa, converter_pa=chamber.converter_pa, converted=converted, line=line)
+    after = Actuator(
+        pressure_pa=chamber.net_pa,
+        converter_pa=chamber.converter_pa,
+        converted=converted,
+        line=line,
+        opposing_pa=chamber.opposing_pa,
+    )
     return after, chamber.disturbance_n
 
 
 class _Chamber:
-    """The chamber, and the stem that it moves, while one step is computed; mutable."""
+    """The chamber, an opposing one if there is, and the stem that they move, while one step is computed; mutable."""
 
     def __init__(
         self,
@@ -104,9 +113,16 @@ class _Chamber:
         self.moving = moving
         self.seed = seed
         self.disturbance_n: float = disturbance_n
-        self.pressure_pa: float = actuator.pressure_pa
+        self.opposing_pa: float = actuator.opposing_pa
+        self.pressure_pa: float = actuator.pressure_pa + actuator.opposing_pa
         self.converter_pa: float = actuator.converter_pa
         self.area_m2: float = settings.valve.diaphragm_area_m2
+        self.is_double: bool = settings.chamber.double_acting
+
+    @property
+    def net_pa(self) -> float:
+        """The pressure that pushes the stem."""
+        return self.pressure_pa - self.opposing_pa
 
     def advance(self, target_pa: float, duration_s: float) -> None:
         """Let `duration_s` pass while the converter's input belongs to `target_pa`."""
@@ -115,7 +131,7 @@ class _Chamber:
         rested = False
         while left_s > 0.0:
             if rested and self._is_settled(target_pa):
-                self._push(PushingForce(self.area_m2 * self.pressure_pa), left_s)
+                self._push(PushingForce(self.area_m2 * self.net_pa), left_s)
                 return
             longest_s = self._longest_s()
             # equal steps to the end, so that none is tiny
@@ -133,37 +149,55 @@ class _Chamber:
 
     def _is_settled(self, target_pa: float) -> bool:
         """Return whether the pressures do not change any more, under a stem that the last step left at rest."""
-        near_pa = abs(self.pressure_pa - target_pa) + abs(self.converter_pa - target_pa)
+        near_pa = abs(self.net_pa - target_pa) + abs(self.converter_pa - target_pa)
+        near_pa += abs(self.opposing_pa - opposing_target_pa(self.settings, target_pa))
         return near_pa < _SETTLED_PA and not self.settings.process.is_disturbed
 
     def _volume_m3(self, position_m: float) -> float:
         return self.settings.chamber.dead_volume_m3 + self.area_m2 * (position_m - self.settings.valve.travel_min_m)
 
+    def _opposing_m3(self, position_m: float) -> float:
+        chamber, valve = self.settings.chamber, self.settings.valve
+        return chamber.opposing_dead_volume_m3 + self.area_m2 * (valve.travel_max_m - position_m)
+
     def _longest_s(self) -> float:
-        settings = self.settings
-        air = settings.chamber.polytropic_index * (self.pressure_pa + ATMOSPHERE_PA) * self.area_m2 * self.area_m2
-        springs = air / self._volume_m3(self.moving.stem.position_m) + settings.valve.spring_rate_n_per_m
-        return min(_STEP * math.sqrt(settings.valve.mass_kg / springs), _LONGEST_S)
+        settings, position_m = self.settings, self.moving.stem.position_m
+        stiffness = (self.pressure_pa + ATMOSPHERE_PA) / self._volume_m3(position_m)
+        if self.is_double:
+            stiffness += (self.opposing_pa + ATMOSPHERE_PA) / self._opposing_m3(position_m)
+        air = settings.chamber.polytropic_index * stiffness * self.area_m2 * self.area_m2
+        return min(_STEP * math.sqrt(settings.valve.mass_kg / (air + settings.valve.spring_rate_n_per_m)), _LONGEST_S)
 
     def _step(self, commanded_pa: float, step_s: float) -> None:
-        """Move the stem under a ramp of pressure, and balance the air with the volume at its end."""
-        stem, index = self.moving.stem, self.settings.chamber.polytropic_index
-        before_m3 = self._volume_m3(stem.position_m)
-        growth_m3 = self.area_m2 * stem.velocity_m_per_s * step_s
-        valve = self.settings.valve
-        most_m3 = self._volume_m3(valve.travel_max_m)
-        least_m3 = self.settings.chamber.dead_volume_m3
-        expected_m3 = min(max(before_m3 + growth_m3, least_m3), most_m3)
-        let_in = self._let_in(commanded_pa, 0.5 * (before_m3 + expected_m3), step_s)
-        expected_pa = _balanced_pa(self.pressure_pa, before_m3, expected_m3, let_in, index)
-        slope = (expected_pa - self.pressure_pa) / step_s
-        self._push(PushingForce(self.area_m2 * self.pressure_pa, (), self.area_m2 * slope), step_s)
-        after_m3 = self._volume_m3(self.moving.stem.position_m)
-        self.pressure_pa = _balanced_pa(self.pressure_pa, before_m3, after_m3, let_in, index)
+        """Move the stem under a ramp of pressure, and balance the air with the volumes at its end."""
+        valve, stem = self.settings.valve, self.moving.stem
+        before_m: float = stem.position_m
+        expected_m = min(max(before_m + stem.velocity_m_per_s * step_s, valve.travel_min_m), valve.travel_max_m)
+        middle_m = 0.5 * (before_m + expected_m)
+        opposing_target = opposing_target_pa(self.settings, commanded_pa)
+        let_in = self._let_in(self.pressure_pa, commanded_pa + opposing_target, self._volume_m3(middle_m), step_s)
+        expected_pa, opposing_in = self._balanced_pa(before_m, expected_m, let_in), 0.0
+        if self.is_double:
+            opposing_in = self._let_in(self.opposing_pa, opposing_target, self._opposing_m3(middle_m), step_s)
+            expected_pa -= self._opposing_balanced_pa(before_m, expected_m, opposing_in)
+        slope = (expected_pa - self.net_pa) / step_s
+        self._push(PushingForce(self.area_m2 * self.net_pa, (), self.area_m2 * slope), step_s)
+        after_m: float = self.moving.stem.position_m
+        self.pressure_pa = self._balanced_pa(before_m, after_m, let_in)
+        if self.is_double:
+            self.opposing_pa = self._opposing_balanced_pa(before_m, after_m, opposing_in)
 
-    def _let_in(self, commanded_pa: float, volume_m3: float, step_s: float) -> float:
+    def _balanced_pa(self, before_m: float, after_m: float, let_in: float) -> float:
+        index = self.settings.chamber.polytropic_index
+        return _balanced_pa(self.pressure_pa, self._volume_m3(before_m), self._volume_m3(after_m), let_in, index)
+
+    def _opposing_balanced_pa(self, before_m: float, after_m: float, let_in: float) -> float:
+        index = self.settings.chamber.polytropic_index
+        return _balanced_pa(self.opposing_pa, self._opposing_m3(before_m), self._opposing_m3(after_m), let_in, index)
+
+    def _let_in(self, pressure_pa: float, commanded_pa: float, volume_m3: float, step_s: float) -> float:
         """Return p_0·∫G dt in Pa·m³: an exponential step with the slope of the flow over the pressure."""
-        chamber, supply_pa, pressure_pa = self.settings.chamber, self.settings.actuator.supply_pa, self.pressure_pa
+        chamber, supply_pa = self.settings.chamber, self.settings.actuator.supply_pa
         flow = flow_m3_per_s(chamber, supply_pa, pressure_pa, commanded_pa)
         probe_pa = 1e-3 * (1.0 + abs(commanded_pa - pressure_pa))
         probe_pa = probe_pa if commanded_pa >= pressure_pa else -probe_pa

@@ -19,7 +19,7 @@ from positioner.inputs.nearest import nearest
 from positioner.inputs.table import SettingsTable
 
 _LOWEST_RATE_N_PER_M = 100.0
-_GEOMETRY = ("travel_min_m", "travel_max_m", "span_m", "initial_position_m")
+_GEOMETRY = ("travel_min_m", "travel_max_m", "span_m", "initial_position_m", "double_acting")
 
 
 class FailPosition(StrEnum):
@@ -264,10 +264,13 @@ class PlantSettings(SettingsTable):
 
         Raises:
             ValueError: the process is stronger than the spring, two changes of one parameter overlap, the friction
-                model lacks something, or physics of one's own stand beside effects of the emulator's.
+                model lacks something, a second chamber stands beside a lag, or physics of one's own beside effects of
+                the emulator's.
         """
         if self.physics is not None:
             self._check_own_physics()
+        if self.chamber.double_acting and self.actuator.model is not ActuatorModel.MASS_FLOW:
+            raise ValueError("chamber.double_acting needs [actuator] model = 'mass-flow': a lag has no chambers")
         if self.friction.model is not FrictionModel.KARNOPP:
             self._check_elastic_contact()
         ends_s: dict[str, float] = {}

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from plant_emulator.parameters import PlantSettings
 
 AREA, GAIN, SPRING, MASS, F_V = 0.06452, 5171.06775, 52538.0, 1.361, 612.9
-C, SUPPLY, B, V_0, OPENING = 1e-7, 240e3 + 101325.0, 0.5, 1e-3, 5e3
+C, SUPPLY, B, V_0, V_2, OPENING = 1e-7, 240e3 + 101325.0, 0.5, 1e-3, 2e-3, 5e3
 
 
 def plant(index: float = 1.4, **tables: Any) -> PlantSettings:
@@ -94,6 +94,30 @@ def test_in_the_end_the_pressure_is_the_commanded_one(preset: str) -> None:
         assert state.actuator.pressure_pa == pytest.approx(gain * current_ma, rel=1e-6)
 
 
+@pytest.mark.parametrize("current_ma", [6.0, 12.0])
+def test_in_the_end_two_chambers_have_the_commanded_pressure_between_them(current_ma: float) -> None:
+    settings = plant_settings("mass-flow-booster", {"chamber": {"double_acting": True}})
+    state = held_state(settings, 1, 9.0)
+    assert state.actuator.opposing_pa == pytest.approx(0.5 * (240e3 - 9.0 * GAIN), rel=1e-9)
+    state = valve.step(settings, state, current_ma, 5.0)
+    assert state.actuator.pressure_pa == pytest.approx(GAIN * current_ma, rel=1e-6)
+    assert state.actuator.opposing_pa == pytest.approx(0.5 * (240e3 - GAIN * current_ma), rel=1e-6)
+
+
+@pytest.mark.parametrize("index", [1.0, 1.4])
+def test_a_stuck_stem_lets_the_opposing_chamber_vent_choked(index: float) -> None:
+    """Where the spool is fully open, and down to half of the supply: p_2 falls as a choked venting alone."""
+    settings = plant(index, valve=STUCK, chamber={"double_acting": True})
+    state = initial_state(settings, 1)
+    volume_m3, begun_pa = 1e-3 + AREA * (0.1397 - 0.01), state.actuator.opposing_pa + ATMOSPHERE_PA
+    for seconds in (0.001, 0.003):
+        vented_pa = valve.step(settings, state, 20.0, seconds).actuator.opposing_pa + ATMOSPHERE_PA
+        expected_pa = begun_pa * math.exp(-index * C * 100e3 / volume_m3 * seconds)
+        assert ATMOSPHERE_PA / expected_pa < B
+        assert begun_pa - vented_pa > 200.0
+        assert vented_pa == pytest.approx(expected_pa, rel=2e-6)
+
+
 @pytest.mark.parametrize("index", [1.0, 1.4])
 def test_air_that_is_shut_in_is_a_spring(index: float) -> None:
     """p·Vⁿ stays, and the forces balance: 500 N of the process come, and the spool lets next to no air pass."""
@@ -116,27 +140,35 @@ def test_air_that_is_shut_in_is_a_spring(index: float) -> None:
 MOVES = ((8.0, 0.1), (6.0, 0.05), (14.0, 0.15), (4.0, 0.2))
 
 
-def _integrated(index: float, lag_s: float) -> NDArray[np.float64]:
-    """Return position and pressure after each ms of `MOVES` by SciPy's Radau, from equations written here anew."""
+def _integrated(index: float, lag_s: float, *, double: bool = False) -> NDArray[np.float64]:
+    """Return position and net pressure after each ms of `MOVES` by SciPy's Radau, from equations written here anew."""
 
-    def slopes(t: float, y: NDArray[np.float64], wanted_pa: float, before_pa: float) -> list[float]:
-        x, v, p = y
-        w = wanted_pa + (before_pa - wanted_pa) * (math.exp(-t / lag_s) if lag_s else 0.0)
-        opening = min(max((w + 101325.0 - p) / OPENING, -1.0), 1.0)
+    def air(p: float, wanted: float) -> float:
+        opening = min(max((wanted - p) / OPENING, -1.0), 1.0)
         upper, ratio = (SUPPLY, p / SUPPLY) if opening > 0.0 else (p, 101325.0 / p)
         part = max(ratio - B, 0.0) / (1.0 - B)
-        air = opening * C * 100e3 * upper * math.sqrt(max(1.0 - part * part, 0.0))
-        volume = V_0 + AREA * x
-        return [v, (AREA * (p - 101325.0) - SPRING * x - F_V * v) / MASS, index * (air - p * AREA * v) / volume]
+        return opening * C * 100e3 * upper * math.sqrt(max(1.0 - part * part, 0.0))
 
-    y, w, found = [0.01, 0.0, SPRING * 0.01 / AREA + 101325.0], SPRING * 0.01 / AREA, []
+    def slopes(t: float, y: NDArray[np.float64], wanted_pa: float, before_pa: float) -> list[float]:
+        x, v, p, q = y
+        w = wanted_pa + (before_pa - wanted_pa) * (math.exp(-t / lag_s) if lag_s else 0.0)
+        wanted, q_slope = w + 101325.0, 0.0
+        if double:
+            wanted = 0.5 * (SUPPLY + 101325.0 + w)
+            q_slope = index * (air(q, 0.5 * (SUPPLY + 101325.0 - w)) + q * AREA * v) / (V_2 + AREA * (0.1397 - x))
+        pull = SPRING * x + F_V * v
+        return [v, (AREA * (p - q) - pull) / MASS, index * (air(p, wanted) - p * AREA * v) / (V_0 + AREA * x), q_slope]
+
+    net = SPRING * 0.01 / AREA
+    q = 0.5 * (SUPPLY + 101325.0 - net) if double else 101325.0
+    y, w, found = [0.01, 0.0, net + q, q], net, []
     for current_ma, seconds in MOVES:
         ends = np.arange(1, round(seconds / 1e-3) + 1) * 1e-3
         solved = solve_ivp(
             slopes, (0.0, ends[-1]), y, "Radau", ends, args=(GAIN * current_ma, w),
-            rtol=1e-8, atol=[1e-10, 1e-8, 1e-4], max_step=2e-3,
+            rtol=1e-8, atol=[1e-10, 1e-8, 1e-4, 1e-4], max_step=2e-3,
         )  # fmt: skip
-        found.append(solved.y[[0, 2]])
+        found.append((solved.y[0], solved.y[2] - solved.y[3]))
         y = list(solved.y[:, -1])
         w = GAIN * current_ma + (w - GAIN * current_ma) * (math.exp(-seconds / lag_s) if lag_s else 0.0)
     return np.concatenate(found, axis=1)
@@ -147,15 +179,17 @@ def _played(settings: PlantSettings, period_s: float) -> NDArray[np.float64]:
     for current_ma, seconds in MOVES:
         for _ in range(round(seconds / period_s)):
             state = valve.step(settings, state, current_ma, period_s)
-            found.append((state.stem.position_m, state.actuator.pressure_pa + ATMOSPHERE_PA))
+            found.append((state.stem.position_m, state.actuator.pressure_pa))
     return np.array(found).T
 
 
+@pytest.mark.parametrize("double", [False, True])
 @pytest.mark.parametrize(("index", "lag_s"), [(1.0, 0.0), (1.4, 0.01)])
-def test_moves_are_those_of_an_independent_integrator(index: float, lag_s: float) -> None:
-    settings = plant(index, actuator={"converter_time_constant_s": lag_s})
-    (ours_m, ours_pa), (theirs_m, theirs_pa) = _played(settings, 1e-3), _integrated(index, lag_s)
-    assert 0.05 < np.ptp(theirs_m) < 0.12
+def test_moves_are_those_of_an_independent_integrator(index: float, lag_s: float, *, double: bool) -> None:
+    chamber = {"double_acting": double, "opposing_dead_volume_m3": V_2}
+    settings = plant(index, actuator={"converter_time_constant_s": lag_s}, chamber=chamber)
+    (ours_m, ours_pa), (theirs_m, theirs_pa) = _played(settings, 1e-3), _integrated(index, lag_s, double=double)
+    assert 0.04 < np.ptp(theirs_m) < 0.12
     assert np.abs(ours_m - theirs_m).max() < 6e-5
     assert np.abs(ours_pa - theirs_pa).max() < 100.0
 
@@ -192,6 +226,13 @@ def test_all_else_in_the_plant_works_with_it(tables: dict[str, Any]) -> None:
             apart_m = max(apart_m, abs(shown_m - plain.stem.position_m))
     assert 1e-4 < apart_m < 0.1
     assert 0.0 <= state.stem.position_m <= 0.1397
+
+
+def test_a_second_chamber_needs_a_mass_flow_and_stays() -> None:
+    with pytest.raises(ConfigurationError, match="double_acting needs"):
+        plant_settings("paper", {"chamber": {"double_acting": True}})
+    with pytest.raises(ConfigurationError, match="double_acting' cannot change"):
+        plant(schedule=[{"at_s": 1.0, "key": "chamber.double_acting", "value": 1.0}])
 
 
 def test_a_supply_that_is_too_low_ends_the_pressure() -> None:

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 _LEAST_PCT = 1e-3
 _COLUMNS = 4
 _LETTERS = 34
-_MOST_PANELS = 24
 
 
 def draw_lost(path: Path, rows: Sequence[tuple[str, Distribution]], title: str) -> None:
@@ -61,7 +60,7 @@ def draw_lost(path: Path, rows: Sequence[tuple[str, Distribution]], title: str) 
 
 def draw_factors(path: Path, found: Sequence[Bin], title: str) -> None:
     """Draw median and 99 % of the error over each factor: of the judged law, and of the best baseline in each bin."""
-    names = list(dict.fromkeys(each.factor for each in found))[:_MOST_PANELS]
+    names = list(dict.fromkeys(each.factor for each in found))
     rows = math.ceil(len(names) / _COLUMNS)
     figure = new_figure(2.5 * rows + 0.9)
     panels = figure.subplots(rows, _COLUMNS, sharey=True, squeeze=False)

@@ -17,7 +17,7 @@ def test_every_factor_has_a_panel_however_many_there_are(tmp_path: Path) -> None
         settle_ratio=2.0, settle_ratio_95=3.0, moves=2.0, travel_ratio=1.1,
         lost=Rate(count=1, of=200), good_while_lost=0, failed=0,
     )  # fmt: skip
-    names = [f"factor {number}" for number in range(30)]
+    names = [f"factor {number}" for number in range(25)]
     bins = [Bin(factor=name, low=low, high=low + 0.5, law=found, best=found) for name in names for low in (0.5, 1.0)]
 
     draw_factors(tmp_path / "factors.png", bins, "all factors")

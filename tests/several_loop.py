@@ -161,6 +161,7 @@ class SeveralLoop:
         *,
         lockstep: bool = True,
         record: Path | None = None,
+        control: dict[str, Any] | None = None,
     ) -> None:
         self.folder = folder
         self.time = VirtualTime()
@@ -176,7 +177,7 @@ class SeveralLoop:
             valves.append({"id": name, "preset": "paper", "wire": {"id_offset": offset}, "bus": {"channel": channel}})
         tables = {
             "bus": {"interface": "virtual"},
-            "control": {"sample_period_s": PERIOD_S},
+            "control": {"sample_period_s": PERIOD_S, **(control or {})},
             "guard": {"auto_arm": True},
             "state": {"directory": "state"},
             "valve": valves,

@@ -102,6 +102,7 @@ def values(configuration: Configuration, state: Path) -> dict[str, Any]:
         "static_friction_of_span_force": valve.static_friction_n / _span_force_n(configuration),
         "slip_jump_m": (valve.static_friction_n - valve.coulomb_friction_n) / valve.spring_rate_n_per_m,
         "law": configuration.control.law,
+        "shadow": configuration.control.shadow,
         "sample_period_s": period_s,
         "actuator_deadman_s": guard.actuator_deadman_s or None,
         "bus": str(configuration.bus),
@@ -141,6 +142,7 @@ def summary_rows(configuration: Configuration, state: Path) -> tuple[tuple[str, 
         ("slip jump", f"{(friction_n - valve.coulomb_friction_n) / valve.spring_rate_n_per_m * 1e3:.2f} mm"),
         ("actuator", valve.actuator.in_words()),
         ("law", f"{configuration.control.law}, every {configuration.control.sample_period_s * 1e3:g} ms"),
+        *([("shadow", f"{shadow}, which sends nothing")] if (shadow := configuration.control.shadow) else []),
         *_outside(configuration),
         *([("error to expect", expected)] if (expected := in_words(configuration)[0]) else []),
         *([("setpoint", configuration.setpoint.in_words())] if configuration.setpoint.shapes else []),
@@ -181,10 +183,10 @@ def _load(configuration: Configuration) -> str:
 
 
 def _outside(configuration: Configuration) -> list[tuple[str, str]]:
-    """Return the row that says that the law is a plug-in, whose code was not run; no row for a law of this package."""
-    law = configuration.control.law
-    text = f"{law} is a plug-in, from outside of this package, and was not loaded here; `run` loads it (SECURITY.md)"
-    return [("law from outside", text)] if is_outside(law) else []
+    """Return a row for each law that is a plug-in, whose code was not run; none for a law of this package."""
+    laws = (configuration.control.law, configuration.control.shadow)
+    text = "is a plug-in, from outside of this package, and was not loaded here; `run` loads it (SECURITY.md)"
+    return [("law from outside", f"{law} {text}") for law in laws if law is not None and is_outside(law)]
 
 
 def _shared_buses(configurations: Sequence[Configuration]) -> list[Finding]:

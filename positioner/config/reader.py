@@ -192,8 +192,12 @@ def _anchor(tables: dict[str, Any], base: Path) -> None:
         if isinstance(found, dict) and isinstance(found.get(key), str):
             found[key] = str(base / found[key])
     control = tables.get("control")
-    if isinstance(control, dict) and isinstance(control.get("law"), str):
-        control["law"] = anchored(control["law"], base)
+    for key in _LAW_KEYS:
+        if isinstance(control, dict) and isinstance(control.get(key), str):
+            control[key] = anchored(control[key], base)
+
+
+_LAW_KEYS = ("law", "shadow")
 
 
 def _name_channel(tables: dict[str, Any]) -> None:
@@ -205,11 +209,14 @@ def _name_channel(tables: dict[str, Any]) -> None:
 
 def _law_problems(tables: dict[str, Any], text: str) -> list[Problem]:
     control = tables.get("control")
-    if not isinstance(control, dict) or not isinstance(law := control.get("law"), str):
+    if not isinstance(control, dict):
         return []
-    if problem := law_problem(law, unknown="is no law"):
-        return [problem_at(text, f"control.law = '{law}'", problem)]
-    if control.get("parameters") and not is_outside(law):
+    named = {key: law for key in _LAW_KEYS if isinstance(law := control.get(key), str)}
+    wrong = {key: law_problem(law, unknown="is no law") for key, law in named.items()}
+    if any(wrong.values()):
+        return [problem_at(text, f"control.{key} = '{named[key]}'", told) for key, told in wrong.items() if told]
+    if control.get("parameters") and named and not any(is_outside(law) for law in named.values()):
+        law = next(iter(named.values()))
         return [problem_at(text, "control.parameters", f"are for a law from outside; {law} has settings of its own")]
     return []
 

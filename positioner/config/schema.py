@@ -143,6 +143,14 @@ class Configuration(SettingsTable):
             raise ConfigurationError(self.control.law, (Problem("law", None, message),))
         return make_law(self.control.law, self.ingredients)
 
+    def make_shadow(self) -> Law[Any] | None:
+        """Return the law that runs beside the chosen one and sends nothing, None where there is none.
+
+        Raises:
+            ConfigurationError: a law from outside cannot be loaded or made.
+        """
+        return make_law(self.control.shadow, self.ingredients) if self.control.shadow else None
+
     @property
     def ingredients(self) -> Ingredients:
         """What a law is made of."""

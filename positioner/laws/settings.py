@@ -25,6 +25,7 @@ class ControlSettings(SettingsTable):
     """Settings of every law.
 
     law: the name of the control law; FILE.py:NAME is one in a file, beside the configuration if it is relative.
+    shadow: the name of a second law, which sees the same valve and sends nothing; the log says where they differ.
     sample_period_s: T_s, the period of the position frames.
     command_delay_s: time from a reading to the instant at which its command acts on the valve, up to a period.
     table_from_s: time since control began from which the stiction table is used (paper §6.3); the law always learns.
@@ -38,6 +39,7 @@ class ControlSettings(SettingsTable):
     """
 
     law: str = "nmpc"
+    shadow: str | None = None
     sample_period_s: Annotated[float, Interval(ge=1e-5, le=1.0)] = 0.001
     command_delay_s: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0
     table_from_s: Annotated[float, Interval(ge=0.0, le=1e9)] = 0.0

@@ -21,6 +21,7 @@ from positioner.runtime.learned_table import LearnedTable
 from positioner.runtime.lockstep import LockstepCheck, LockstepClock, LockstepGate
 from positioner.runtime.other_controller import OtherController
 from positioner.runtime.record import BusRecorder
+from positioner.runtime.shadow import Shadow
 from positioner.runtime.trace import TraceWriter
 from positioner.runtime.valve_health import ValveHealth
 from positioner.start import unexpected
@@ -108,6 +109,8 @@ class Session:
             self.setup = replace(self.setup, guard=replace(configuration.guard, auto_arm=True), learns=False)
         self._state = CycleState(table=self.table.initial)
         self.health = ValveHealth(configuration, self.table, log, testing=options.procedure is not None)
+        shadow = configuration.make_shadow() if procedure is None else None
+        self._shadow = Shadow(self.setup, shadow, log) if shadow else None
         codec, self._period_s = self.setup.codec, self.setup.period_s
         self._delay_s = configuration.control.command_delay_s
         # a dry run runs beside a controller: the commands of that controller are not foreign to it
@@ -157,6 +160,8 @@ class Session:
         if not self._options.dry_run:
             self.health.cycle(cycle_input, before, self.state, outbox, events)
         self.table.record([event.sample for event in events if isinstance(event, Learned)])
+        if self._shadow is not None:
+            self._shadow.cycle(cycle_input, before, self._state, events)
         self._pass_time()
         self._other.check(events, now_ns, ever_armed=self.state.guard.arming.ever_armed)
 
@@ -229,6 +234,8 @@ class Session:
     def close(self, timeout_s: float) -> str | None:
         """Save the table and end record and trace; return the error of the table, if there is one."""
         problem = self.table.close(timeout_s)
+        if self._shadow is not None:
+            self._shadow.tell()
         self._recorder.close()
         self._trace.close()
         return problem

@@ -136,7 +136,7 @@ def running_s(valve: Valve) -> float:
 def test_a_positioner_waits_for_its_first_feedback_without_end_and_is_killed_if_it_hangs_meanwhile(
     valve: Valve,
 ) -> None:
-    limit_s = 15.0
+    limit_s = 45.0  # a busy kernel in user mode loads the positioner in 15 to 20 s
     with start_within(valve, limit_s):
         killed = journal(valve.unit).count(printed.WATCHDOG)
         systemctl("start", "--no-block", valve.unit)
@@ -145,7 +145,7 @@ def test_a_positioner_waits_for_its_first_feedback_without_end_and_is_killed_if_
         assert printed.WAITING_FOR_FRAMES in show(valve.unit, "StatusText")
         assert show(valve.unit, "ActiveState") == "activating"
         os.kill(waiting, signal.SIGSTOP)
-        until(lambda: valve.pid not in {0, waiting}, valve.story)
+        until(lambda: valve.pid not in {0, waiting}, valve.story, TIMEOUT_S * 2)
     assert journal(valve.unit).count(printed.WATCHDOG) == killed + 1
     systemctl("start", valve.plant)
     until(lambda: valve.is_active, valve.story)

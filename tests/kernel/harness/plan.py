@@ -37,7 +37,7 @@ class Kind:
     booted: bool = False
     vcan_echo: bool = False
     boot_s: float = 300.0
-    timeout_s: float = 900.0
+    timeout_s: float = 2700.0
     time_factor: float = 1.0
 
     def in_qemu(self) -> Kind:

@@ -115,11 +115,13 @@ def test_the_page_on_laws_shows_the_example_to_the_letter() -> None:
 
 
 def test_the_settings_on_the_page_are_settings() -> None:
-    control, entry_points = fenced(OWN_LAW, "toml")
+    control, shadow, entry_points = fenced(OWN_LAW, "toml")
     valve = '[valve]\nid = "FV-101"\npreset = "paper"\n'
     found = parse_config(valve + control, "valve.toml", ROOT / "examples").control
     assert found.law == f"{ROOT}/examples/my_law.py:MyLaw"
     assert found.parameters == {"gain_ma_per_m_s": 1200.0}
+    found = parse_config(valve + shadow, "valve.toml", ROOT / "examples").control
+    assert (found.law, found.shadow) == ("nmpc", f"{ROOT}/examples/my_law.py:MyLaw")
     assert set(tomllib.loads(entry_points)["project"]["entry-points"]) == {"positioner.laws", "positioner.plants"}
 
 

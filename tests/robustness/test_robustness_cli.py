@@ -12,7 +12,7 @@ from positioner.bench.scenario import load_scenario
 from positioner.campaign import study
 from positioner.cli import robustness as command
 from positioner.cli.main import main
-from positioner.robustness import sets
+from positioner.robustness import pictures, sets
 from positioner.robustness.cases import BEYOND, Case, drawn
 from positioner.robustness.judgement import Verdict
 from positioner.robustness.play import Dwell, Run, scenario_of
@@ -38,7 +38,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("small")
 def test_a_short_study_shows_every_class_and_is_compared_with_what_was_accepted(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out, accepted = tmp_path / "out", tmp_path / "accepted.json"
     short = ("--short", "--laws", "pi,two-move-retry", "--out", str(out))
@@ -52,6 +52,7 @@ def test_a_short_study_shows_every_class_and_is_compared_with_what_was_accepted(
     for path in (out / "worst").glob("*.toml"):
         assert load_scenario(str(path)).law == "pi"
     assert shown.count("   - command ") == shown.count("   - law ") == len(list((out / "worst").glob("*.toml"))) > 0
+    monkeypatch.setattr(pictures, "draw_factors", lambda *_: None)  # drawn once, which takes longest
 
     assert run(*short, "--accepted", str(accepted)) == 0  # from the journal: nothing is played
     assert "no class is worse" in capsys.readouterr().err

@@ -98,8 +98,53 @@ def advance(
     return after, chamber.disturbance_n
 
 
+class _Side:
+    """The air on one side of the diaphragm; mutable.
+
+    sign: +1 where its pressure opens the valve, -1 in the opposing chamber. stop_m: where the stem leaves it only its
+    dead volume.
+    """
+
+    def __init__(self, settings: PlantSettings, sign: float, pressure_pa: float) -> None:
+        chamber, valve = settings.chamber, settings.valve
+        self.settings = settings
+        self.sign: float = sign
+        self.pressure_pa: float = pressure_pa
+        self.area_m2: float = valve.diaphragm_area_m2
+        self.stop_m: float = valve.travel_min_m if sign > 0.0 else valve.travel_max_m
+        self.dead_volume_m3: float = chamber.dead_volume_m3 if sign > 0.0 else chamber.opposing_dead_volume_m3
+
+    def volume_m3(self, position_m: float) -> float:
+        return self.dead_volume_m3 + self.area_m2 * abs(position_m - self.stop_m)
+
+    def stiffness_pa_per_m3(self, position_m: float) -> float:
+        return (self.pressure_pa + ATMOSPHERE_PA) / self.volume_m3(position_m)
+
+    def wanted_pa(self, commanded_pa: float) -> float:
+        """Return the pressure that the converter wants here, for a net pressure of `commanded_pa`."""
+        opposing_pa = opposing_target_pa(self.settings, commanded_pa)
+        return commanded_pa + opposing_pa if self.sign > 0.0 else opposing_pa
+
+    def let_in(self, commanded_pa: float, position_m: float, step_s: float) -> float:
+        """Return p_0·∫G dt in Pa·m³: an exponential step with the slope of the flow over the pressure."""
+        chamber, supply_pa, pressure_pa = self.settings.chamber, self.settings.actuator.supply_pa, self.pressure_pa
+        wanted_pa = self.wanted_pa(commanded_pa)
+        flow = flow_m3_per_s(chamber, supply_pa, pressure_pa, wanted_pa)
+        probe_pa = 1e-3 * (1.0 + abs(wanted_pa - pressure_pa))
+        probe_pa = probe_pa if wanted_pa >= pressure_pa else -probe_pa
+        slope = (flow_m3_per_s(chamber, supply_pa, pressure_pa + probe_pa, wanted_pa) - flow) / probe_pa
+        fading = slope * REFERENCE_PA * chamber.polytropic_index / self.volume_m3(position_m) * step_s
+        mean = math.expm1(fading) / fading if abs(fading) > 1e-9 else 1.0  # noqa: PLR2004 - the limit is 1
+        return REFERENCE_PA * flow * mean * step_s
+
+    def balanced_pa(self, before_m: float, after_m: float, let_in: float) -> float:
+        """Return the pressure after the stem has moved while `let_in` Pa·m³ of air came in."""
+        index = self.settings.chamber.polytropic_index
+        return _balanced_pa(self.pressure_pa, self.volume_m3(before_m), self.volume_m3(after_m), let_in, index)
+
+
 class _Chamber:
-    """The chamber, an opposing one if there is, and the stem that they move, while one step is computed; mutable."""
+    """The air on one side or on both, and the stem that it moves, while one step is computed; mutable."""
 
     def __init__(
         self,
@@ -113,16 +158,21 @@ class _Chamber:
         self.moving = moving
         self.seed = seed
         self.disturbance_n: float = disturbance_n
-        self.opposing_pa: float = actuator.opposing_pa
-        self.pressure_pa: float = actuator.pressure_pa + actuator.opposing_pa
+        self.sides: list[_Side] = [_Side(settings, 1.0, actuator.pressure_pa + actuator.opposing_pa)]
+        if settings.chamber.double_acting:
+            self.sides.append(_Side(settings, -1.0, actuator.opposing_pa))
         self.converter_pa: float = actuator.converter_pa
         self.area_m2: float = settings.valve.diaphragm_area_m2
-        self.is_double: bool = settings.chamber.double_acting
 
     @property
     def net_pa(self) -> float:
         """The pressure that pushes the stem."""
-        return self.pressure_pa - self.opposing_pa
+        return sum([side.sign * side.pressure_pa for side in self.sides])
+
+    @property
+    def opposing_pa(self) -> float:
+        """The pressure of the opposing chamber, 0 where there is none."""
+        return self.sides[1].pressure_pa if len(self.sides) > 1 else 0.0
 
     def advance(self, target_pa: float, duration_s: float) -> None:
         """Let `duration_s` pass while the converter's input belongs to `target_pa`."""
@@ -149,22 +199,14 @@ class _Chamber:
 
     def _is_settled(self, target_pa: float) -> bool:
         """Return whether the pressures do not change any more, under a stem that the last step left at rest."""
-        near_pa = abs(self.net_pa - target_pa) + abs(self.converter_pa - target_pa)
-        near_pa += abs(self.opposing_pa - opposing_target_pa(self.settings, target_pa))
+        near_pa = abs(self.converter_pa - target_pa)
+        for side in self.sides:
+            near_pa += abs(side.pressure_pa - side.wanted_pa(target_pa))
         return near_pa < _SETTLED_PA and not self.settings.process.is_disturbed
-
-    def _volume_m3(self, position_m: float) -> float:
-        return self.settings.chamber.dead_volume_m3 + self.area_m2 * (position_m - self.settings.valve.travel_min_m)
-
-    def _opposing_m3(self, position_m: float) -> float:
-        chamber, valve = self.settings.chamber, self.settings.valve
-        return chamber.opposing_dead_volume_m3 + self.area_m2 * (valve.travel_max_m - position_m)
 
     def _longest_s(self) -> float:
         settings, position_m = self.settings, self.moving.stem.position_m
-        stiffness = (self.pressure_pa + ATMOSPHERE_PA) / self._volume_m3(position_m)
-        if self.is_double:
-            stiffness += (self.opposing_pa + ATMOSPHERE_PA) / self._opposing_m3(position_m)
+        stiffness = sum([side.stiffness_pa_per_m3(position_m) for side in self.sides])
         air = settings.chamber.polytropic_index * stiffness * self.area_m2 * self.area_m2
         return min(_STEP * math.sqrt(settings.valve.mass_kg / (air + settings.valve.spring_rate_n_per_m)), _LONGEST_S)
 
@@ -174,37 +216,16 @@ class _Chamber:
         before_m: float = stem.position_m
         expected_m = min(max(before_m + stem.velocity_m_per_s * step_s, valve.travel_min_m), valve.travel_max_m)
         middle_m = 0.5 * (before_m + expected_m)
-        opposing_target = opposing_target_pa(self.settings, commanded_pa)
-        let_in = self._let_in(self.pressure_pa, commanded_pa + opposing_target, self._volume_m3(middle_m), step_s)
-        expected_pa, opposing_in = self._balanced_pa(before_m, expected_m, let_in), 0.0
-        if self.is_double:
-            opposing_in = self._let_in(self.opposing_pa, opposing_target, self._opposing_m3(middle_m), step_s)
-            expected_pa -= self._opposing_balanced_pa(before_m, expected_m, opposing_in)
-        slope = (expected_pa - self.net_pa) / step_s
-        self._push(PushingForce(self.area_m2 * self.net_pa, (), self.area_m2 * slope), step_s)
+        let_in = [side.let_in(commanded_pa, middle_m, step_s) for side in self.sides]
+        expected_pa = 0.0
+        for side, air in zip(self.sides, let_in, strict=True):
+            expected_pa += side.sign * side.balanced_pa(before_m, expected_m, air)
+        net_pa = self.net_pa
+        slope = (expected_pa - net_pa) / step_s
+        self._push(PushingForce(self.area_m2 * net_pa, (), self.area_m2 * slope), step_s)
         after_m: float = self.moving.stem.position_m
-        self.pressure_pa = self._balanced_pa(before_m, after_m, let_in)
-        if self.is_double:
-            self.opposing_pa = self._opposing_balanced_pa(before_m, after_m, opposing_in)
-
-    def _balanced_pa(self, before_m: float, after_m: float, let_in: float) -> float:
-        index = self.settings.chamber.polytropic_index
-        return _balanced_pa(self.pressure_pa, self._volume_m3(before_m), self._volume_m3(after_m), let_in, index)
-
-    def _opposing_balanced_pa(self, before_m: float, after_m: float, let_in: float) -> float:
-        index = self.settings.chamber.polytropic_index
-        return _balanced_pa(self.opposing_pa, self._opposing_m3(before_m), self._opposing_m3(after_m), let_in, index)
-
-    def _let_in(self, pressure_pa: float, commanded_pa: float, volume_m3: float, step_s: float) -> float:
-        """Return p_0·∫G dt in Pa·m³: an exponential step with the slope of the flow over the pressure."""
-        chamber, supply_pa = self.settings.chamber, self.settings.actuator.supply_pa
-        flow = flow_m3_per_s(chamber, supply_pa, pressure_pa, commanded_pa)
-        probe_pa = 1e-3 * (1.0 + abs(commanded_pa - pressure_pa))
-        probe_pa = probe_pa if commanded_pa >= pressure_pa else -probe_pa
-        slope = (flow_m3_per_s(chamber, supply_pa, pressure_pa + probe_pa, commanded_pa) - flow) / probe_pa
-        fading = slope * REFERENCE_PA * chamber.polytropic_index / volume_m3 * step_s
-        mean = math.expm1(fading) / fading if abs(fading) > 1e-9 else 1.0  # noqa: PLR2004 - the limit is 1
-        return REFERENCE_PA * flow * mean * step_s
+        for side, air in zip(self.sides, let_in, strict=True):
+            side.pressure_pa = side.balanced_pa(before_m, after_m, air)
 
     def _push(self, force: PushingForce, seconds: float) -> None:
         process = self.settings.process

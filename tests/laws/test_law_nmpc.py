@@ -167,7 +167,7 @@ def test_what_no_current_frees_is_pushed_with_all_there_is_and_reported_but_not_
     for _ in range(3000):
         memory, decision = cycle(law, memory, 0.1, 15.7, 0.12)
         moves += bool(decision.reason)
-        reports += "more than the loop can give" in decision.fallback
+        reports += "mA, outside 4 to 20 mA: full push" in decision.fallback
         assert 4.0 <= decision.current_ma <= 20.0
     # the last one begins as the one before it is found to have failed
     assert 1 <= moves <= MOST_FAILED + 1

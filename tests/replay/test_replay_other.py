@@ -79,7 +79,7 @@ def test_a_law_that_falls_back_is_reported_with_its_reasons(bench: tuple[Path, P
     reasons = [line for line in output if line.startswith("  ")]
     assert 1 <= total <= 300
     assert 1 <= len(reasons) <= 5
-    assert any("more than the loop can give: full push" in reason for reason in reasons)
+    assert any("outside 4 to 12 mA: full push" in reason for reason in reasons)
 
 
 def test_the_other_law_sees_the_current_that_moved_the_valve(bench: tuple[Path, Path], tmp_path: Path) -> None:

@@ -211,7 +211,10 @@ class NmpcLaw:
         departing = Departing(self.settings, self.filter, limits_ma, self.period_s, monitor.repeatability.factor)
         begun, fallback = departing.to(here, setpoint_m, monitor.ratio, table), ""
         if not begun.frees:
-            fallback = f"breakaway takes {begun.gamma.current_ma:.2f} mA, more than the loop can give: full push"
+            low_ma, high_ma = limits_ma
+            fallback = (
+                f"breakaway takes {begun.gamma.current_ma:.2f} mA, outside {low_ma:g} to {high_ma:g} mA: full push"
+            )
         sliding, aim_m, direction = begun.sliding, begun.aim_m, begun.sliding.direction
         decision = self._follow(begun.move)
         at_limit = direction * (decision.current_ma - begun.release_ma) <= _SAME_MA

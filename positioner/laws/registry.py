@@ -22,6 +22,7 @@ from positioner.inputs.plug_in import (
     problem_of,
     text_of_error,
 )
+from positioner.laws.nmpc.converging import ConvergingLaw, converging_law
 from positioner.laws.nmpc.filter import AdaptiveFilter
 from positioner.laws.nmpc.lagged.law import LaggedLaw
 from positioner.laws.nmpc.lagged.valve import is_lagged, lagged_valve
@@ -77,6 +78,20 @@ def _paper(name: str, parts: Ingredients, *, use_table: bool) -> PaperLaw:
         period_s=parts.control.sample_period_s,
         use_table=use_table,
         table_from_s=parts.control.table_from_s,
+    )
+
+
+def _nmpc_converging(parts: Ingredients) -> ConvergingLaw:
+    guard, period_s = parts.guard, parts.control.sample_period_s
+    currents_ma = guard.current_low_ma, guard.current_high_ma
+    return converging_law(
+        "nmpc-converging",
+        _nmpc(parts),
+        _quasi_static(parts),
+        parts.valve,
+        currents_ma,
+        period_s,
+        guard.max_rate_ma_per_s,
     )
 
 
@@ -180,6 +195,10 @@ LAWS: Mapping[str, tuple[str, Callable[[Ingredients], Law[Any]]]] = MappingProxy
         "nmpc": (
             "NMPC with an adaptive filter, the movable bound as the exact stopping point, and averaging at rest",
             _nmpc,
+        ),
+        "nmpc-converging": (
+            "nmpc while its moves converge, then quasi-static moves",
+            _nmpc_converging,
         ),
         "quasi-static": (
             "moves that end where spring and friction balance the pressure; each rest teaches both",

@@ -169,6 +169,11 @@ class QuasiStaticLaw:
         belief = belief_of(self.valve)
         return QuasiStaticMemory(belief, Noise(), move, NO_REST, None, measured_m, doubt_m * doubt_m, measured_m)
 
+    def resumed(self, memory: QuasiStaticMemory, measured_m: float) -> QuasiStaticMemory:
+        """Return the memory of a law that starts again at a place in m, and knows what it has learned of the valve."""
+        begun = self.begin(measured_m)
+        return replace(begun, belief=memory.belief, noise=memory.noise, trust=memory.trust, later_s=memory.later_s)
+
     # -- what a reading says
 
     def estimate(self, memory: QuasiStaticMemory, observation: Observation) -> tuple[QuasiStaticMemory, Estimate]:

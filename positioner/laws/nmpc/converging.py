@@ -1,0 +1,251 @@
+"""Predictive moves while they converge, quasi-static ones where they do not: the law `nmpc-converging`. Pure.
+
+A predictive move is fast, and ends where its model says as long as the model is right. A quasi-static one ends where
+spring and friction balance the pressure, whatever lag, dead time and speed are; it takes several times as long. So the
+predictive law moves the stem until it does not keep the contract of convergence:
+
+    at one setpoint no more than two moves miss their aim by more than 1 % of span;
+    the stem does not stay away from its setpoint for longer than a move and its correction take.
+
+Then the quasi-static law takes this setpoint over, and the next ones, four at first and twice as many each time that it
+happens again. If it leaves the stem away from its setpoint, the predictive law goes on there: it pushes harder, and
+again after rests, for ever.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+from positioner.values import dataclass, replace
+
+if TYPE_CHECKING:
+    from positioner.laws.law import Decision, Estimate, Law, Observation
+    from positioner.laws.quasi_static.law import QuasiStaticLaw, QuasiStaticMemory
+    from positioner.valve.parameters import ValveParameters
+    from positioner.valve.state import StemState
+    from positioner.valve.stiction import StictionTable
+
+_MISS, _MOST_MISSES = 0.01, 2
+"""A move that ends more than 1 % of span from its aim has missed it: a dwell that ends so is lost (docs/robustness.md).
+Two at one setpoint are allowed: the first one teaches spring and friction, and the next move may be short."""
+_GOOD = 0.005
+"""Of span: so near to its setpoint a stem was brought well, as in the robustness test's *reachable*."""
+_AWAY = 0.007
+"""Of span: between a good place and a lost one."""
+_LAGS, _REST_S = 8.0, 0.1
+"""A move and its correction last four time constants each, e⁻⁴ = 2 %; between them a rest is judged."""
+_ELSEWHERE = 0.01
+"""Of span: a setpoint that is nearer to the last one is no new one (as in `laws.pushes`)."""
+_SMOOTHING_S = 0.02
+"""Of the reading whose distance to the setpoint counts: some periods, and shorter than any patience."""
+_FIRST_PAUSE, _LONGEST_PAUSE = 4, 64
+"""Setpoints for which the quasi-static law moves the stem after a failure of the predictive one."""
+_WHOLE_MA = 16.0
+
+
+class Acting(Enum):
+    """Which law moves the stem."""
+
+    PREDICTIVE = "predictive"
+    QUASI_STATIC = "quasi-static"
+    AGAIN = "predictive, since quasi-static moves have not led to this setpoint"
+
+
+@dataclass(frozen=True, slots=True)
+class Dwell:
+    """What has happened at one setpoint.
+
+    aim_m, way_m: of the last move, None before one that is to end at the setpoint. misses: moves that missed their aim.
+    away_s: since when the stem is away.
+    """
+
+    setpoint_m: float
+    aim_m: float | None = None
+    way_m: float = 0.0
+    misses: int = 0
+    away_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class ConvergingMemory:
+    """What the law carries: both memories, which one acts, the smoothed reading in m, and the present dwell.
+
+    pause, left: setpoints that the last failure gave to the quasi-static law, and those of them that are still to come.
+    taken_over_m: where the quasi-static law took the stem over.
+    """
+
+    predictive: Any
+    quasi_static: QuasiStaticMemory
+    smooth_m: float
+    acting: Acting = Acting.PREDICTIVE
+    dwell: Dwell | None = None
+    pause: int = 0
+    left: int = 0
+    taken_over_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class ConvergingLaw:
+    """The law.
+
+    patience_s: how long a stem may be away from its setpoint. reach_m: where the configured valve can go.
+    """
+
+    name: str
+    predictive: Law[Any]
+    quasi_static: QuasiStaticLaw
+    span_m: float
+    patience_s: float
+    reach_m: tuple[float, float]
+
+    def begin(self, measured_m: float) -> ConvergingMemory:
+        """Return the memory of a law that starts at this reading, in m."""
+        return ConvergingMemory(self.predictive.begin(measured_m), self.quasi_static.begin(measured_m), measured_m)
+
+    def estimate(self, memory: ConvergingMemory, observation: Observation) -> tuple[ConvergingMemory, Estimate]:
+        """Return the memory with this cycle's reading in it, and the estimate of the law that acts."""
+        elapsed_s, smooth_m = observation.elapsed_s, memory.smooth_m
+        smooth_m += min(1.0, elapsed_s / _SMOOTHING_S) * (observation.measured_m - smooth_m)
+        if memory.acting is Acting.QUASI_STATIC:
+            quasi_static, estimate = self.quasi_static.estimate(memory.quasi_static, observation)
+            return replace(memory, quasi_static=quasi_static, smooth_m=smooth_m), estimate
+        predictive, estimate = self.predictive.estimate(memory.predictive, observation)
+        return replace(memory, predictive=predictive, smooth_m=smooth_m), estimate
+
+    def decide(
+        self, memory: ConvergingMemory, stem: StemState, observation: Observation, table: StictionTable
+    ) -> tuple[ConvergingMemory, Decision]:
+        """Return the memory and the decision of the law that acts, or of the one that takes over."""
+        setpoint_m, dwell = observation.setpoint_m, memory.dwell
+        if dwell is None or abs(setpoint_m - dwell.setpoint_m) > _ELSEWHERE * self.span_m:
+            memory = self._at_new_setpoint(memory, setpoint_m)
+            if memory.acting is Acting.QUASI_STATIC and not memory.left and memory.quasi_static.move.stage is None:
+                return self._predictive_begins(memory, Acting.PREDICTIVE, observation, table)
+            if memory.acting is not Acting.QUASI_STATIC and memory.left:
+                return self._quasi_static_begins(memory, observation, table)
+        if memory.acting is Acting.QUASI_STATIC:
+            quasi_static, decision = self.quasi_static.decide(memory.quasi_static, stem, observation, table)
+            rests = memory.quasi_static.move.stage is None and quasi_static.move.stage is None
+            dwell = self._waited(memory, observation, counts=rests)
+            if dwell.away_s > self.patience_s:
+                return self._predictive_begins(memory, Acting.AGAIN, observation, table)
+            return replace(memory, quasi_static=quasi_static, dwell=dwell), decision
+        predictive, decision = self.predictive.decide(memory.predictive, stem, observation, table)
+        dwell = self._followed(memory, stem, observation, decision)
+        if memory.acting is Acting.PREDICTIVE and (why := self._broken(memory, dwell, stem, setpoint_m)):
+            memory, decision = self._quasi_static_begins(self._failed(memory, setpoint_m), observation, table)
+            return memory, replace(decision, fallback=f"{why}: quasi-static moves take over")
+        return replace(memory, predictive=predictive, dwell=dwell), decision
+
+    # -- the contract
+
+    def _broken(self, memory: ConvergingMemory, dwell: Dwell, stem: StemState, setpoint_m: float) -> str:
+        """Return how the predictive law has not kept the contract in this cycle, empty where it has."""
+        before, percent = memory.dwell, 100.0 / self.span_m
+        if before is not None and before.aim_m is not None and dwell.misses > before.misses:
+            miss_m = abs(stem.position_m - before.aim_m)
+            if dwell.misses > _MOST_MISSES:
+                return f"a move of {before.way_m * percent:.2f} % of span ended {miss_m * percent:.2f} % off"
+        if dwell.away_s > self.patience_s:
+            off = abs(memory.smooth_m - setpoint_m) * percent
+            return f"{off:.2f} % of span off for {dwell.away_s:.2f} s"
+        return ""
+
+    def _followed(
+        self, memory: ConvergingMemory, stem: StemState, observation: Observation, decision: Decision
+    ) -> Dwell:
+        """Return the dwell after this cycle: a move that ends is judged where the next one begins."""
+        dwell = self._waited(memory, observation, counts=True)
+        misses, aim_m, way_m = dwell.misses, dwell.aim_m, dwell.way_m
+        if decision.reason is not None:
+            here_m, next_m = stem.position_m, decision.reason.aim_m
+            if aim_m is not None and abs(here_m - aim_m) > _MISS * self.span_m:
+                misses += 1
+            # a move that only backs off may end anywhere
+            leads = abs(next_m - observation.setpoint_m) < _MISS * self.span_m
+            aim_m, way_m = (next_m, abs(next_m - here_m)) if leads else (None, 0.0)
+        return replace(dwell, aim_m=aim_m, way_m=way_m, misses=misses)
+
+    def _waited(self, memory: ConvergingMemory, observation: Observation, *, counts: bool) -> Dwell:
+        """Return the dwell after a cycle in which the stem may be away from its setpoint, if that `counts`."""
+        setpoint_m = observation.setpoint_m
+        dwell = memory.dwell or Dwell(setpoint_m)
+        is_away = counts and abs(memory.smooth_m - setpoint_m) > _AWAY * self.span_m
+        return replace(dwell, away_s=dwell.away_s + observation.elapsed_s if is_away else 0.0)
+
+    # -- who moves the stem
+
+    def _at_new_setpoint(self, memory: ConvergingMemory, setpoint_m: float) -> ConvergingMemory:
+        """Return the memory at another setpoint: what the last dwell says of the predictive law."""
+        dwell, pause, left = memory.dwell, memory.pause, memory.left
+        if dwell is not None:
+            left = max(left - 1, 0)
+            is_good = abs(memory.smooth_m - dwell.setpoint_m) < _GOOD * self.span_m and not dwell.misses
+            if memory.acting is Acting.PREDICTIVE and is_good:
+                pause = 0
+        acting = Acting.QUASI_STATIC if memory.acting is Acting.QUASI_STATIC else Acting.PREDICTIVE
+        return replace(memory, acting=acting, dwell=Dwell(setpoint_m), pause=pause, left=left)
+
+    def _failed(self, memory: ConvergingMemory, setpoint_m: float) -> ConvergingMemory:
+        """Return the memory after a failure; one where the configured valve cannot go says nothing of the law."""
+        low_m, high_m = self.reach_m
+        if not low_m <= setpoint_m <= high_m:
+            return memory
+        pause = min(max(2 * memory.pause, _FIRST_PAUSE), _LONGEST_PAUSE)
+        return replace(memory, pause=pause, left=pause + 1)
+
+    def _quasi_static_begins(
+        self, memory: ConvergingMemory, observation: Observation, table: StictionTable
+    ) -> tuple[ConvergingMemory, Decision]:
+        before = self.quasi_static.resumed(memory.quasi_static, memory.smooth_m)
+        quasi_static, estimate = self.quasi_static.estimate(before, observation)
+        quasi_static, decision = self.quasi_static.decide(quasi_static, estimate.stem, observation, table)
+        acting, dwell, here_m = Acting.QUASI_STATIC, Dwell(observation.setpoint_m), memory.smooth_m
+        return replace(memory, acting=acting, quasi_static=quasi_static, dwell=dwell, taken_over_m=here_m), decision
+
+    def _predictive_begins(
+        self, memory: ConvergingMemory, acting: Acting, observation: Observation, table: StictionTable
+    ) -> tuple[ConvergingMemory, Decision]:
+        """Return the memory and decision of the predictive law; pushes of a stem that has not moved still count."""
+        predictive = memory.predictive
+        if abs(memory.smooth_m - memory.taken_over_m) > _AWAY * self.span_m:
+            predictive = self.predictive.begin(observation.measured_m)
+        predictive, estimate = self.predictive.estimate(predictive, observation)
+        predictive, decision = self.predictive.decide(predictive, estimate.stem, observation, table)
+        return replace(memory, acting=acting, predictive=predictive), decision
+
+
+def converging_law(
+    name: str,
+    predictive: Law[Any],
+    quasi_static: QuasiStaticLaw,
+    valve: ValveParameters,
+    currents_ma: tuple[float, float],
+    period_s: float,
+    rate_ma_per_s: float,
+) -> ConvergingLaw:
+    """Return the law of a valve.
+
+    Args:
+        name: of the law in a configuration.
+        predictive: moves the stem while it keeps the contract.
+        quasi_static: moves it where the other one does not.
+        valve: as configured.
+        currents_ma: the lowest and the highest current.
+        period_s: of the readings.
+        rate_ma_per_s: limit of the command's change.
+    """
+    actuator = valve.actuator
+    lags_s = (
+        actuator.converter_time_constant_s
+        + max(actuator.fill_time_constant_s, actuator.vent_time_constant_s)
+        + actuator.dead_time_s
+        + valve.sensor_time_constant_s
+        + valve.viscous_friction_n_s_per_m / valve.spring_rate_n_per_m
+        + period_s
+    )
+    slowest_ma_per_s = min(actuator.slew_ma_per_s or math.inf, rate_ma_per_s or math.inf)
+    patience_s = _REST_S + _LAGS * lags_s + _WHOLE_MA / slowest_ma_per_s
+    return ConvergingLaw(name, predictive, quasi_static, valve.span_m, patience_s, valve.reach_m(*currents_ma))

@@ -9,6 +9,7 @@ import pytest
 from virtual_shell import VirtualShell
 
 from positioner.cli.main import main
+from positioner.guard.stall import is_sent_late
 from positioner.runtime.session import RunOptions
 from positioner.wire.messages import Cause, Counted, CurrentCommand, HostRequest, Mode, PositionerStatus
 
@@ -299,3 +300,9 @@ def test_a_record_with_stalls_replays_to_the_bit(tmp_path: Path, capsys: pytest.
         part = tmp_path / f"without-{kind}.log"
         part.write_text("".join(kept), encoding="ascii")
         assert main(["replay", str(part), "--config", str(tmp_path / "valve.toml")]) == 1
+
+
+def test_a_command_is_late_from_the_nanosecond_after_the_instant_at_which_the_law_expects_it_to_act() -> None:
+    delay_s, expected_ns = 0.0005, 500_000
+    assert not is_sent_late(0.0001, delay_s, expected_ns)
+    assert is_sent_late(0.0001, delay_s, expected_ns + 1)

@@ -46,6 +46,11 @@ class ActuatorParameters(SettingsTable):
         lags_s = (self.fill_time_constant_s, self.vent_time_constant_s, self.dead_time_s)
         return lags_s == (0.0, 0.0, 0.0) and self.slew_ma_per_s == 0.0 and self.converter_time_constant_s == 0.0
 
+    @property
+    def slower_lag_s(self) -> float:
+        """The longer one of τ_f and τ_v, and τ_c behind it."""
+        return max(self.fill_time_constant_s, self.vent_time_constant_s) + self.converter_time_constant_s
+
     def in_words(self) -> str:
         """Return the lags in ms and the slew limit in mA/s, in one line."""
         if self.is_immediate:

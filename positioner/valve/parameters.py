@@ -79,6 +79,16 @@ class ValveParameters(SettingsTable):
         """S_a K_p in N/mA, the force of one mA (eqs 7 and 10)."""
         return self.diaphragm_area_m2 * self.pressure_gain_pa_per_ma
 
+    @property
+    def lag_s(self) -> float:
+        """How late the reading of a sliding stem follows the current: actuator, viscous friction, sensor."""
+        return (
+            self.actuator.slower_lag_s
+            + self.actuator.dead_time_s
+            + self.viscous_friction_n_s_per_m / self.spring_rate_n_per_m
+            + self.sensor_time_constant_s
+        )
+
     def balance_current_ma(self, position_m: float) -> float:
         """Return the current in mA that balances the spring at rest: the middle of the stick band."""
         return (self.spring_rate_n_per_m * position_m + self.bench_set_n) / self.force_gain_n_per_ma

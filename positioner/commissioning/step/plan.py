@@ -104,6 +104,6 @@ class Plan:
 def wait_s_of(valve: ValveParameters) -> float:
     """Return a wait time in s in which the configured valve settles: six times its time constants, 2 s at least."""
     actuator = valve.actuator
-    lag_s = max(actuator.fill_time_constant_s, actuator.vent_time_constant_s) + actuator.converter_time_constant_s
+    lag_s = actuator.slower_lag_s
     slow_s = valve.viscous_friction_n_s_per_m / valve.spring_rate_n_per_m
     return max(_TIME_CONSTANTS * (lag_s + slow_s), _SHORTEST_WAIT_S)

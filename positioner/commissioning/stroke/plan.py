@@ -98,7 +98,7 @@ def plan_of(
     """Return the plan of a test from a place in m; `sigma_m` is the noise of a reading."""
     gain, spring = valve.force_gain_n_per_ma, valve.spring_rate_n_per_m
     m_per_ma, stroke_m = gain / spring, settings.stroke_of_span * limits.span_m
-    lag_s = lag_of(valve)
+    lag_s = valve.lag_s
     slides_ma_per_s = _SMOOTH_SPEEDS * valve.stribeck_velocity_m_per_s / m_per_ma
     jump_m = (valve.static_friction_n - valve.coulomb_friction_n) / spring
     aim_m = max(stroke_m, jump_m)
@@ -151,15 +151,3 @@ def place_near_m(valve: ValveParameters, limits: ProcedureLimits, plan: Plan) ->
         return None
     margin_m = min(plan.tolerance_m, 0.5 * (high_m - low_m))
     return min(max(plan.start_m, low_m + margin_m), high_m - margin_m)
-
-
-def lag_of(valve: ValveParameters) -> float:
-    """Return the time in s by which a sliding stem follows the current late: actuator, viscous friction, sensor."""
-    actuator = valve.actuator
-    lags_s = max(actuator.fill_time_constant_s, actuator.vent_time_constant_s) + actuator.converter_time_constant_s
-    return (
-        lags_s
-        + actuator.dead_time_s
-        + valve.viscous_friction_n_s_per_m / valve.spring_rate_n_per_m
-        + valve.sensor_time_constant_s
-    )

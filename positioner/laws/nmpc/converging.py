@@ -42,7 +42,8 @@ _SMOOTHING_S = 0.02
 """Of the reading whose distance to the setpoint counts: some periods, and shorter than any patience."""
 _FIRST_PAUSE, _LONGEST_PAUSE = 4, 64
 """Setpoints for which the quasi-static law moves the stem after a failure of the predictive one."""
-_WHOLE_MA = 16.0
+_SIGNAL_MA = 16.0
+"""4 to 20 mA: the longest way of the current, which a slew limit makes slow."""
 
 
 class Acting(Enum):
@@ -57,8 +58,8 @@ class Acting(Enum):
 class Dwell:
     """What has happened at one setpoint.
 
-    aim_m, way_m: of the last move, None before one that is to end at the setpoint. misses: moves that missed their aim.
-    away_s: since when the stem is away.
+    aim_m, way_m: of the last move, if it was to end at the setpoint; else None and 0. misses: moves that missed their
+    aim. away_s: for how long the stem has been away.
     """
 
     setpoint_m: float
@@ -144,10 +145,9 @@ class ConvergingLaw:
     def _broken(self, memory: ConvergingMemory, dwell: Dwell, stem: StemState, setpoint_m: float) -> str:
         """Return how the predictive law has not kept the contract in this cycle, empty where it has."""
         before, percent = memory.dwell, 100.0 / self.span_m
-        if before is not None and before.aim_m is not None and dwell.misses > before.misses:
+        if before is not None and before.aim_m is not None and dwell.misses > _MOST_MISSES:
             miss_m = abs(stem.position_m - before.aim_m)
-            if dwell.misses > _MOST_MISSES:
-                return f"a move of {before.way_m * percent:.2f} % of span ended {miss_m * percent:.2f} % off"
+            return f"a move of {before.way_m * percent:.2f} % of span ended {miss_m * percent:.2f} % off"
         if dwell.away_s > self.patience_s:
             off = abs(memory.smooth_m - setpoint_m) * percent
             return f"{off:.2f} % of span off for {dwell.away_s:.2f} s"
@@ -237,15 +237,6 @@ def converging_law(
         period_s: of the readings.
         rate_ma_per_s: limit of the command's change.
     """
-    actuator = valve.actuator
-    lags_s = (
-        actuator.converter_time_constant_s
-        + max(actuator.fill_time_constant_s, actuator.vent_time_constant_s)
-        + actuator.dead_time_s
-        + valve.sensor_time_constant_s
-        + valve.viscous_friction_n_s_per_m / valve.spring_rate_n_per_m
-        + period_s
-    )
-    slowest_ma_per_s = min(actuator.slew_ma_per_s or math.inf, rate_ma_per_s or math.inf)
-    patience_s = _REST_S + _LAGS * lags_s + _WHOLE_MA / slowest_ma_per_s
+    slowest_ma_per_s = min(valve.actuator.slew_ma_per_s or math.inf, rate_ma_per_s or math.inf)
+    patience_s = _REST_S + _LAGS * (valve.lag_s + period_s) + _SIGNAL_MA / slowest_ma_per_s
     return ConvergingLaw(name, predictive, quasi_static, valve.span_m, patience_s, valve.reach_m(*currents_ma))

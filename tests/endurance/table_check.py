@@ -22,7 +22,7 @@ _NS = 1_000_000_000
 class KillOutcome:
     """One kill of one kind: the samples saved since the last kill, the lost ones, and the violations.
 
-    torn: the kill came during a transaction.
+    torn: the kill came during a transaction. start_s: the table writer took this long to start; 0: it was not timed.
     """
 
     kind: str
@@ -31,6 +31,7 @@ class KillOutcome:
     oldest_s: float
     torn: bool
     violations: tuple[str, ...] = ()
+    start_s: float = 0.0
 
 
 @dataclass(slots=True)
@@ -43,6 +44,7 @@ class KillCounters:
     lost: int = 0
     oldest: dict[str, float] = field(default_factory=dict)
     violations: list[str] = field(default_factory=list)
+    start_s: float = 0.0
 
     def add(self, outcome: KillOutcome) -> None:
         """Add one kill."""
@@ -52,6 +54,7 @@ class KillCounters:
         self.lost += outcome.lost
         self.oldest[outcome.kind] = max(self.oldest.get(outcome.kind, 0.0), outcome.oldest_s)
         self.violations.extend(outcome.violations)
+        self.start_s = max(self.start_s, outcome.start_s)
 
     @property
     def oldest_s(self) -> float:

@@ -14,6 +14,8 @@ from golden_table import FIT
 from store_helpers import VALVE, WIDTH_M, series
 
 from endurance import damage, sample_log
+from endurance.crash import lost_too_much
+from endurance.crash_learners import AGAIN, ALONE, TOGETHER, WRITER
 from endurance.sample_log import Entry, SampleLogWriter
 from endurance.table_check import TableCheck, taught
 from positioner.store import database
@@ -47,6 +49,14 @@ def test_kills_of_learners_and_daemons_leave_a_table_that_loads_without_a_hole(t
     saved = [int(found) for found in re.findall(r"^  (\d+) samples saved", report, re.MULTILINE)]
     assert [saved[0] > 0, saved[1] > 0] == [True, True], report
     assert report.endswith("violations: 0\n"), report
+
+
+def test_a_sample_lost_beyond_the_limit_is_a_violation_and_a_start_of_a_table_writer_is_allowed_for() -> None:
+    oldest_s = {TOGETHER: 1.2, TOGETHER + AGAIN: 1.2, ALONE + AGAIN: 1.9, WRITER: 1.0}
+    assert lost_too_much(oldest_s, limit_s=1.1, start_s=0.5) == [
+        f"{TOGETHER}: a sample of 1.200 s was lost, beyond the limit of 1.100 s",
+        f"{ALONE + AGAIN}: a sample of 1.900 s was lost, beyond the limit of 1.600 s",
+    ]
 
 
 @pytest.fixture(scope="module")

@@ -81,15 +81,16 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     test = stroke_test_of(configuration)
     memory, ended_by = outcome_of(arguments, configuration, test, _told(test))
     found = stroke_result(memory, ended_by, valve, settings, configuration.control.sample_period_s)
+    finished = found.verdict is not Verdict.ABORTED
     document = as_json(found, valve, settings)
     if arguments.json:
         show_json(document)
     else:
         seen = [row.as_json() for row in rows(found) if row.seen]
-        table = quantity_table(seen, compared(found, reference.document) if reference else None)
+        table = quantity_table(seen, compared(found, reference.document) if reference and finished else None)
         blocks: list[Block] = [verdict_line(found, valve), "", table, *below(document["remarks"])]
         show(blocks, as_markdown=arguments.markdown)
-    title, finished = f"{valve.id}: stroke test {found.verdict}", found.verdict is not Verdict.ABORTED
+    title = f"{valve.id}: stroke test {found.verdict}"
     keep_result(arguments, configuration, KIND, document, finished=finished, picture=title, reference=reference)
     return ExitCode.OK if found.verdict is Verdict.PASSED else ExitCode.FAILURE
 

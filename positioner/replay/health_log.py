@@ -12,6 +12,8 @@ from positioner.replay.compare import Comparison
 from positioner.replay.log import LogError
 from positioner.replay.prepare import prepare
 from positioner.replay.run import replay_cycles
+from positioner.wire.formats import FrameRejectedError
+from positioner.wire.messages import Health, Mode, PositionerStatus
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
 
     from positioner.config.schema import Configuration
     from positioner.health.monitor import HealthSettings, HealthState
+    from positioner.replay.log import LogFrame
+    from positioner.wire.codec import Codec
 
 
 def health_in(
@@ -35,7 +39,8 @@ def health_in(
     It begins with the table in `state`, which is only read, and with the kept `sections`.
 
     Raises:
-        LogError: the log cannot be read, or begins after the positioner.
+        LogError: the log cannot be read, begins after the positioner, or holds a test procedure, which the law cannot
+            play again: its health was counted while it ran.
         StateError: the table cannot be read.
         ValueError: the sections are not as they were written.
     """
@@ -43,9 +48,12 @@ def health_in(
     if prepared.late:
         raise LogError(f"{path}: starts late: {prepared.late}: start the log before the positioner")
     health = begin_health(settings, sections)
-    comparison = Comparison(configuration.make_codec(), prepared.kind.has_instants)
+    codec = configuration.make_codec()
+    comparison = Comparison(codec, prepared.kind.has_instants)
     cycles = replay_cycles(configuration, prepared.cycles(), prepared.table)
     for cycle in tqdm(cycles, "health", prepared.cycle_count, unit=" cycles", delay=1, leave=False, disable=None):
+        if any(_is_of_procedure(codec, logged) for logged in cycle.recorded.outbox):
+            raise LogError(f"{path}: holds a test procedure, whose health was counted while it ran: positioner health")
         comparison.add(cycle)
         if cycle.observed is not None:
             observe(settings, health, cycle.observed)
@@ -55,3 +63,14 @@ def health_in(
     if not prepared.kind.has_instants:
         lines.append("a log of the bus has no instants of the cycles: times are nearly those of the positioner")
     return health, tuple(lines)
+
+
+def _is_of_procedure(codec: Codec, logged: LogFrame) -> bool:
+    """Return whether this is a status of a positioner whose valve a test procedure moves."""
+    if (logged.frame.arbitration_id, logged.frame.is_extended) != codec.identifier(PositionerStatus):
+        return False
+    try:
+        told, _ = codec.decode(logged.frame)
+    except FrameRejectedError:
+        return False
+    return isinstance(told, PositionerStatus) and told.mode is Mode.ACTIVE and told.health is Health.FUNCTION_CHECK

@@ -346,3 +346,30 @@ def test_the_command_ends_with_status_1_where_the_test_was_ended_and_keeps_nothi
     assert main(arguments) == ExitCode.FAILURE
     assert capsys.readouterr().out.startswith("FV-101: stroke test aborted: new setpoint")
     assert results.kept(tmp_path / "state", "stroke-test") == ()
+
+
+def test_health_is_not_counted_again_from_the_record_of_a_procedure(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "test.log"
+    run = Run(tmp_path, stroke_test_of, log)
+    run.until_end(each=lambda number: _asked(run, number))
+    assert main(["health", "--config", str(tmp_path / "valve.toml"), "--from", str(log)]) == ExitCode.IO
+    assert "test.log: holds a test procedure, whose health was counted while it ran" in capsys.readouterr().err
+
+
+def test_a_stroke_test_that_was_ended_is_not_compared_with_the_reference(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "test.log"
+    arguments = ["stroke-test", "--config", str(tmp_path / "valve.toml"), "--from", str(log), "--as-reference"]
+    Run(tmp_path, stroke_test_of, log).until_end()
+    assert main(arguments) == ExitCode.OK
+    log.unlink()
+    run = Run(tmp_path, stroke_test_of, log)
+    run.until_end(each=lambda number: _asked(run, number))
+    capsys.readouterr()
+    assert main(arguments[:-1]) == ExitCode.FAILURE
+    told = capsys.readouterr().out
+    assert "stroke test aborted: new setpoint" in told
+    assert "\N{EN DASH}" not in told

@@ -13,7 +13,6 @@ from positioner.valve.stiction import StictionTable
 
 if TYPE_CHECKING:
     from positioner.laws.law import Law, Observation
-    from positioner.valve.actuator import ActuatorParameters
     from positioner.valve.credible import Limits
 
 
@@ -24,7 +23,6 @@ class LoopState:
     memory: Any
     table: StictionTable
     is_first: bool = True
-    actuator: ActuatorParameters | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,12 +39,11 @@ class ClosedLoop:
 
     def current_ma(self, state: LoopState, observation: Observation, setpoint_m: float) -> tuple[LoopState, float]:
         """Return the state after an observation, and the current in mA with which the law pursues the setpoint."""
-        observation = replace(observation, setpoint_m=setpoint_m, actuator=state.actuator)
+        observation = replace(observation, setpoint_m=setpoint_m)
         memory, estimate = self.law.estimate(state.memory, observation)
         table = state.table
         for sample in () if state.is_first else estimate.lessons:
             if self.limits.allows(sample, table.cell_width_m / 2.0):
                 table = table.learned(sample)
         memory, decision = self.law.decide(memory, estimate.stem, observation, table)
-        found = state.actuator if state.actuator is not None else decision.actuator
-        return LoopState(memory, table, is_first=False, actuator=found), decision.current_ma
+        return LoopState(memory, table, is_first=False), decision.current_ma

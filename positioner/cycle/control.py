@@ -9,7 +9,7 @@ from positioner.cycle.events import Event, LawFellBack, MoveBegan
 from positioner.cycle.handover import blend, start_m
 from positioner.cycle.learning import credible, learn
 from positioner.cycle.state import ControlState
-from positioner.cycle.trust_events import ActuatorFound, PushFailed
+from positioner.cycle.trust_events import PushFailed
 from positioner.laws.bounds import Bounds
 from positioner.laws.law import Decision, Observation
 from positioner.setpoint.path import NEW_PATH, followed
@@ -26,13 +26,12 @@ def control(
     setup: Setup, state: CycleState, reading: Reading, cycle_input: CycleInput, events: list[Event]
 ) -> Decision | None:
     """Bring the state over estimate, learning and decision, and return the decision; None where the law failed."""
-    disturbed = cycle_input.sent_late or reading.periods > 1
     table, before = credible(setup, state, events), state.control
     try:
         if before.memory is None:
             before = _begun(setup, state, reading)
         path, setpoint_m = _pursued(setup, state, before, reading)
-        observation = _observation(setup, state, reading, setpoint_m, before.time_s, disturbed=disturbed)
+        observation = _observation(setup, state, reading, setpoint_m, before.time_s)
         memory, estimate = setup.law.estimate(before.memory, observation)
         if before.stem is not None:  # in the law's first cycle nothing is learned
             table = learn(setup, state, table, estimate.lessons, events)
@@ -49,9 +48,7 @@ def control(
         return None
     state.table = state.credible_table = table
     events += _events(decision)
-    if decision.actuator is not None and state.actuator is None:
-        state.actuator = decision.actuator
-        events.append(ActuatorFound(decision.actuator, setup.valve.actuator))
+    state.differs = decision.differs
     handover = state.handover
     if handover is not None and state.output.last_ma is not None:
         state.handover, decision = blend(handover, decision, state.output.last_ma, cycle_input.now_ns)
@@ -92,9 +89,7 @@ def _shut(setup: Setup, way: int) -> Decision:
     return Decision(high_ma if way > 0 else low_ma, Bounds(0.0, 0.0, low_ma, high_ma))
 
 
-def _observation(
-    setup: Setup, state: CycleState, reading: Reading, setpoint_m: float, time_s: float, *, disturbed: bool
-) -> Observation:
+def _observation(setup: Setup, state: CycleState, reading: Reading, setpoint_m: float, time_s: float) -> Observation:
     """Return the input of the law; before the first command, `applied_ma` is the current that balances the spring."""
     applied_ma = state.effect.current_ma
     return Observation(
@@ -106,8 +101,6 @@ def _observation(
         pressure_pa=state.link.pressure_pa,
         pending_ma=_pending_ma(state),
         pressure_is_new=reading.pressure_is_new,
-        actuator=state.actuator,
-        disturbed=disturbed,
     )
 
 

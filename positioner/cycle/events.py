@@ -9,7 +9,7 @@ from positioner.cycle.counted_event import CountedEvent
 from positioner.cycle.deviation import Deviates
 from positioner.cycle.hunting import Hunts
 from positioner.cycle.timing_events import LawLate, PeriodWrong, Stalled
-from positioner.cycle.trust_events import ActingChanged, ActuatorFound, NotBelieved, PushFailed
+from positioner.cycle.trust_events import ActingChanged, NotBelieved, PushFailed
 from positioner.cycle.vain_pushes import NoMotion
 from positioner.values import dataclass
 from positioner.wire.loop_current import LoopSignal, signal_of
@@ -202,7 +202,6 @@ Event = (
     | NotBelieved
     | PushFailed
     | ActingChanged
-    | ActuatorFound
     | LawFellBack
     | LawLate
     | LinesDropped

@@ -20,7 +20,6 @@ class CycleInput:
     lines_dropped: lines of the log that were dropped since the last cycle.
     table_saved: whether all learned samples are on the disk; table: another stiction table in place of the present one.
     unsent: the last command could not be sent.
-    sent_late: the last command was sent so late after its reading that another current acted meanwhile (`guard.stall`).
     alarms: of the valve's condition, as `positioner.cycle.alarms` packs them; 0 while there was none.
     """
 
@@ -32,4 +31,3 @@ class CycleInput:
     unsent: bool = False
     table: StictionTable | None = None
     alarms: int = 0
-    sent_late: bool = False

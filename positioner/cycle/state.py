@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from positioner.guard.settings import GuardSettings
     from positioner.laws.law import Law
     from positioner.setpoint.settings import SetpointSettings
-    from positioner.valve.actuator import ActuatorParameters
     from positioner.valve.credible import Limits
     from positioner.valve.parameters import ValveParameters
     from positioner.valve.state import StemState
@@ -72,8 +71,7 @@ class CycleState:
     credible_table: the last table that was checked; another `table` comes from outside, and is checked before its use.
     alarms: of the valve's condition; alarmed: there was one since the start.
     hunting: the swings of the stem, None while no law controls it; vain: the pushes that moved nothing.
-    answered: the law answered in the last cycle. actuator: the one that the law has found, None where it is as
-        configured; kept when control ends.
+    answered: the law answered in the last cycle. differs: the law says that the valve does not move as configured.
     """
 
     table: StictionTable = field(default_factory=StictionTable)
@@ -91,6 +89,6 @@ class CycleState:
     handover: Handover | None = None
     control: ControlState = field(default_factory=ControlState)
     answered: bool = False
-    actuator: ActuatorParameters | None = None
+    differs: bool = False
     output: OutputState = field(default_factory=OutputState)
     counters: Counters = field(default_factory=Counters)

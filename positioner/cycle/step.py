@@ -124,13 +124,13 @@ def _supervise(
         hunting=hunting is not None and hunting.swings.told,
         no_motion=no_motion,
         period_wrong=link.feedback.frame_period.is_wrong(setup.period_s),
-        actuator_differs=state.actuator is not None,
+        valve_differs=state.differs,
         testing=setup.testing,
     )
     guard = supervise(setup.guard, before, received.guard_input, setup.period_s, cycle_input.now_ns, conditions)
     measured_m = reading.position_m if reading else None
     if state.control.memory is not None and (not guard.controls or guard.acts_again(before)):
-        state.control = replace(state.control, memory=None, stem=None)
+        state.control, state.differs = replace(state.control, memory=None, stem=None), False
     if guard.arming.armed and not before.arming.armed:
         state.output = replace(state.output, status_ns=None)  # an arming is answered at once
     if cycle_input.table is not None:

@@ -6,12 +6,10 @@ from dataclasses import field
 from typing import TYPE_CHECKING
 
 from positioner.cycle.counted_event import CountedEvent
-from positioner.inputs.durations import duration
 from positioner.values import dataclass
 from positioner.wire.messages import Cause, Counted
 
 if TYPE_CHECKING:
-    from positioner.valve.actuator import ActuatorParameters
     from positioner.valve.stiction import LearnedSample
 
 
@@ -54,28 +52,6 @@ class PushFailed(CountedEvent):
         if not self.rest_s:
             return text
         return f"{text}: the next one comes in {self.rest_s:g} s; look for a jammed stem, or an actuator without air"
-
-
-@dataclass(frozen=True, slots=True)
-class ActuatorFound:
-    """The moves show that the actuator is not as configured; the law plays with the one that they show."""
-
-    actuator: ActuatorParameters
-    configured: ActuatorParameters
-
-    def __str__(self) -> str:
-        """One line for the log."""
-        return (
-            f"the actuator is not as configured: the moves show {_in_words(self.actuator)}, and valve.actuator says "
-            f"{_in_words(self.configured)}; the law goes on with what they show; measure it: positioner identify"
-        )
-
-
-def _in_words(actuator: ActuatorParameters) -> str:
-    """Return lag and dead time to two digits, as precisely as moves can show them."""
-    if actuator.fill_time_constant_s:
-        return f"a lag of about {duration(actuator.fill_time_constant_s, 2)}"
-    return f"a dead time of about {duration(actuator.dead_time_s, 2)}" if actuator.dead_time_s else "no lag"
 
 
 @dataclass(frozen=True, slots=True)

@@ -103,9 +103,9 @@ def findings(address: BusAddress, codec: Codec, period_s: float, *, daemon_runs:
     if traffic.commands and not daemon_runs:
         text = f"{traffic.commands} command frames came, and no daemon of this valve runs here"
         yield Finding(Level.WARN, "foreign", f"{text}: another controller commands the valve", _look(address))
-    if traffic.cause is Cause.ACTUATOR_DIFFERS:
-        text = "the running positioner says that the moves show another actuator than the configured one"
-        yield Finding(Level.WARN, "actuator", text, "positioner identify --config FILE --write")
+    if traffic.cause is Cause.VALVE_DIFFERS:
+        text = "the running positioner says that the valve does not move as configured"
+        yield Finding(Level.WARN, "valve", text, "positioner identify --config FILE --write")
 
 
 def assessed(traffic: BusTraffic, address: BusAddress, period_s: float) -> Finding:

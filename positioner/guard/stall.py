@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from positioner.wire.messages import CanFrame
 
 _NS = 1_000_000_000
-_LATE_PART = 0.2
-"""Of a period. Commands that were late by just so much in every cycle looked like a lag of the actuator in none of 20
-runs of 12 s; by 0.25 in 5 of 20 (paper valve, 100 Hz, 0.05 % noise, as in `tests/cycle/test_own_lateness.py`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,14 +45,6 @@ def failsafe_ns(settings: GuardSettings, period_s: float) -> float:
 def stall_of(settings: GuardSettings, period_s: float, gap_ns: int, *, armed: bool) -> int:
     """Return the gap in ns if it is a stall, else 0; there is none while no command is sent."""
     return gap_ns if armed and gap_ns > hold_ns(settings, period_s) else 0
-
-
-def is_sent_late(period_s: float, delay_s: float, answered_ns: int) -> bool:
-    """Return whether a command that was sent `answered_ns` after its reading acted later than the law believes.
-
-    delay_s: the instant after a reading at which commands are known to begin to act.
-    """
-    return answered_ns > max(_LATE_PART * period_s, delay_s) * _NS
 
 
 def freshness(settings: GuardSettings, period_s: float, now_ns: int, *, stalled: bool) -> Freshness:

@@ -13,7 +13,7 @@ CONTROLLING = (Mode.ACTIVE, Mode.HOLD)
 """The modes in which the law's answer counts."""
 _SENDING = (*CONTROLLING, Mode.FAILSAFE, Mode.MANUAL)
 _OF_MOTION = frozenset({Cause.DEVIATION, Cause.SETPOINT_UNREACHABLE, Cause.HUNTING, Cause.NO_MOTION})
-_OUT_OF_SPECIFICATION = _OF_MOTION | {Cause.LAW_LATE, Cause.PERIOD_WRONG, Cause.ACTUATOR_DIFFERS}
+_OUT_OF_SPECIFICATION = _OF_MOTION | {Cause.LAW_LATE, Cause.PERIOD_WRONG, Cause.VALVE_DIFFERS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Conditions:
     no_effect: why commands do not act on the valve; deviation: DEVIATION or SETPOINT_UNREACHABLE, where the error does
         not shrink; hunting: the stem swings without an end; no_motion: pushes move neither it nor its reading.
     period_wrong: position frames come at another period than the configured one.
-    actuator_differs: the law has found another actuator than the configured one.
+    valve_differs: the law says that the valve does not move as it is configured.
     testing: a test procedure is in the place of the law.
     """
 
@@ -60,7 +60,7 @@ class Conditions:
     hunting: bool = False
     no_motion: bool = False
     period_wrong: bool = False
-    actuator_differs: bool = False
+    valve_differs: bool = False
     testing: bool = False
 
 

@@ -140,8 +140,8 @@ def _mode(  # noqa: C901, PLR0911, PLR0912 - a table, line by line
         return Mode.ACTIVE, Cause.NO_MOTION
     if found.period_wrong:
         return Mode.ACTIVE, Cause.PERIOD_WRONG
-    if found.actuator_differs:
-        return Mode.ACTIVE, Cause.ACTUATOR_DIFFERS
+    if found.valve_differs:
+        return Mode.ACTIVE, Cause.VALVE_DIFFERS
     if law.late_cycles >= settings.law_failsafe_cycles:
         return Mode.ACTIVE, Cause.LAW_LATE
     return Mode.ACTIVE, Cause.NONE

@@ -34,7 +34,7 @@ CAUSES: Mapping[Cause, str] = {
     Cause.COMMAND_IGNORED: "the valve does not follow its commands",
     Cause.MANUAL: "the current is given by hand",
     Cause.PERIOD_WRONG: "position frames come at another period than the configured one",
-    Cause.ACTUATOR_DIFFERS: "the actuator follows its command later than configured; measure it: positioner identify",
+    Cause.VALVE_DIFFERS: "the valve does not move as configured; measure it: positioner identify",
     Cause.HUNTING: "the stem swings without an end; measure the valve: positioner identify",
     Cause.NO_MOTION: "pushes move neither the stem nor its reading; look at sensor and stem",
 }

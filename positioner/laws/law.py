@@ -20,7 +20,6 @@ from positioner.wire.messages import Motion
 if TYPE_CHECKING:
     from positioner.laws.bounds import Bounds
     from positioner.laws.move_reason import MoveReason
-    from positioner.valve.actuator import ActuatorParameters
     from positioner.valve.state import StemState
     from positioner.valve.stiction import LearnedSample, StictionTable
 
@@ -39,9 +38,6 @@ class Observation:
     pressure_pa: the measured actuator pressure, None without a sensor.
     pressure_is_new: whether it was measured with this reading, and not before.
     pending_ma: the currents of commands that were sent after the one that acted, the oldest first: they may act yet.
-    disturbed: other currents than `applied_ma` may have acted since the reading before: the command was sent late, or
-        readings between them were lost. What the stem did then says nothing of the actuator.
-    actuator: the actuator that the law itself has found in place of the configured one, None while it has found none.
     """
 
     measured_m: float
@@ -52,8 +48,6 @@ class Observation:
     pressure_pa: float | None = None
     pending_ma: tuple[float, ...] = ()
     pressure_is_new: bool = False
-    actuator: ActuatorParameters | None = None
-    disturbed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +70,7 @@ class Decision:
     reason: why a move begins, None where none begins.
     failed_pushes: pushes in a row that did not free the stem, 0 unless this cycle has found one more; rest_s: for how
         long the law now leaves the stem alone.
-    actuator: the one that the law has found and plays with, None where it is the configured one.
+    differs: the valve does not move as it is configured: moves have missed where it should have stopped.
     """
 
     current_ma: float
@@ -88,7 +82,7 @@ class Decision:
     reason: MoveReason | None = None
     failed_pushes: int = 0
     rest_s: float = 0.0
-    actuator: ActuatorParameters | None = None
+    differs: bool = False
 
 
 class Law(Protocol, Generic[M]):

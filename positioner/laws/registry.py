@@ -6,7 +6,7 @@ A new law of this package is one file and one entry here. Others have the name o
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -27,9 +27,6 @@ from positioner.laws.nmpc.filter import AdaptiveFilter
 from positioner.laws.nmpc.lagged.law import LaggedLaw
 from positioner.laws.nmpc.lagged.valve import is_lagged, lagged_valve
 from positioner.laws.nmpc.law import NmpcLaw
-from positioner.laws.nmpc.untold.found import settings_for
-from positioner.laws.nmpc.untold.law import UntoldLagLaw
-from positioner.laws.nmpc.untold.load import nominal_of
 from positioner.laws.outside import OutsideLaw
 from positioner.laws.paper.law import PaperLaw
 from positioner.laws.quasi_static.law import QuasiStaticLaw, quasi_static_law
@@ -49,7 +46,6 @@ if TYPE_CHECKING:
     from positioner.laws.rivals.pid import PidSettings
     from positioner.laws.settings import ControlSettings
     from positioner.optimization.qp import Solver
-    from positioner.valve.actuator import ActuatorParameters
     from positioner.valve.parameters import ValveParameters
 
 
@@ -81,12 +77,12 @@ def _paper(name: str, parts: Ingredients, *, use_table: bool) -> PaperLaw:
     )
 
 
-def _nmpc_converging(parts: Ingredients) -> ConvergingLaw:
+def _nmpc(parts: Ingredients) -> ConvergingLaw:
     guard, period_s = parts.guard, parts.control.sample_period_s
     currents_ma = guard.current_low_ma, guard.current_high_ma
     return converging_law(
-        "nmpc-converging",
-        _nmpc(parts),
+        "nmpc",
+        _nmpc_predictive(parts),
         _quasi_static(parts),
         parts.valve,
         currents_ma,
@@ -95,23 +91,8 @@ def _nmpc_converging(parts: Ingredients) -> ConvergingLaw:
     )
 
 
-def _nmpc(parts: Ingredients) -> UntoldLagLaw | LaggedLaw:
-    if is_lagged(parts.valve):
-        return _nmpc_lagged(parts)
-    return UntoldLagLaw(
-        "nmpc",
-        nmpc_immediate(parts),
-        lambda actuator: _nmpc_lagged(playing_with(parts, actuator)),
-        nominal_of(parts.valve),
-    )
-
-
-def playing_with(parts: Ingredients, actuator: ActuatorParameters) -> Ingredients:
-    """Return the parts of the law for an actuator that nobody has told."""
-    nmpc = parts.control.nmpc
-    lagged = settings_for(nmpc.lagged, actuator)
-    control = replace(parts.control, nmpc=replace(nmpc, lagged=lagged))
-    return replace(parts, control=control, valve=replace(parts.valve, actuator=actuator))
+def _nmpc_predictive(parts: Ingredients) -> NmpcLaw | LaggedLaw:
+    return _nmpc_lagged(parts) if is_lagged(parts.valve) else nmpc_immediate(parts)
 
 
 def nmpc_immediate(parts: Ingredients) -> NmpcLaw:
@@ -119,7 +100,7 @@ def nmpc_immediate(parts: Ingredients) -> NmpcLaw:
     settings, valve = parts.control.nmpc, parts.valve
     steps = settings.approach
     return NmpcLaw(
-        name="nmpc",
+        name="nmpc-predictive",
         valve=valve,
         settings=settings,
         estimator=parts.estimator,
@@ -145,7 +126,7 @@ def _nmpc_lagged(parts: Ingredients) -> LaggedLaw:
         guard.current_high_ma,
     )
     return LaggedLaw(
-        name="nmpc",
+        name="nmpc-predictive",
         valve=parts.valve,
         settings=control.nmpc,
         estimator=parts.estimator,
@@ -193,12 +174,12 @@ def _quasi_static(parts: Ingredients) -> QuasiStaticLaw:
 LAWS: Mapping[str, tuple[str, Callable[[Ingredients], Law[Any]]]] = MappingProxyType(
     {
         "nmpc": (
-            "NMPC with an adaptive filter, the movable bound as the exact stopping point, and averaging at rest",
+            "NMPC with an adaptive filter and the movable bound; where its moves do not converge, quasi-static ones",
             _nmpc,
         ),
-        "nmpc-converging": (
-            "nmpc while its moves converge, then quasi-static moves",
-            _nmpc_converging,
+        "nmpc-predictive": (
+            "the predictive moves of nmpc alone, also where they do not converge",
+            _nmpc_predictive,
         ),
         "quasi-static": (
             "moves that end where spring and friction balance the pressure; each rest teaches both",

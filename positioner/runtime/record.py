@@ -25,7 +25,7 @@ CHANNEL = "vcan0"
 """The bus's name in every log: canplayer plays the log there by default."""
 NOTE_ID = 0x1FFFFFFF
 """Identifier (extended) of a note: the byte of its kind, and a number of seven bytes, low byte first."""
-NOTED_FIELDS = ("table_saved", "late_ns", "lines_dropped", "unsent", "alarms", "sent_late")
+NOTED_FIELDS = ("table_saved", "late_ns", "lines_dropped", "unsent", "alarms")
 """Fields of a `CycleInput` that notes hold; the kind of such a note is the index here."""
 KIND_AGE, KIND_CYCLE, KIND_TABLE = 0xFD, 0xFE, 0xFF
 """Other kinds of notes: for how many µs the frames after the note had waited; a cycle without frames in which the
@@ -82,7 +82,7 @@ class BusRecorder:
 
     def _notes(self, cycle_input: CycleInput) -> list[Note]:
         """Return a note for each field that is not as usual; table, alarms: usual while they stay the same."""
-        usual = (self._table_saved, 0, 0, False, self._alarms, False)
+        usual = (self._table_saved, 0, 0, False, self._alarms)
         values = [getattr(cycle_input, name) for name in NOTED_FIELDS]
         notes = [Note(kind, int(value)) for kind, value in enumerate(values) if value != usual[kind]]
         return notes if cycle_input.table is None else [*notes, Note(KIND_TABLE)]

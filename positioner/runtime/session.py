@@ -11,7 +11,6 @@ from positioner.cycle.events import Learned
 from positioner.cycle.input import CycleInput
 from positioner.cycle.state import CycleState
 from positioner.cycle.step import IDLE_COMMAND_PERIOD_S, step
-from positioner.guard.stall import is_sent_late
 from positioner.guard.supervisor import deadline_ns
 from positioner.machine.journal import dropped_lines
 from positioner.machine.time import MachineTime, TimePort
@@ -112,7 +111,6 @@ class Session:
         shadow = configuration.make_shadow() if procedure is None else None
         self._shadow = Shadow(self.setup, shadow, log) if shadow else None
         codec, self._period_s = self.setup.codec, self.setup.period_s
-        self._delay_s = configuration.control.command_delay_s
         # a dry run runs beside a controller: the commands of that controller are not foreign to it
         kinds = RECEIVED if options.dry_run else (*RECEIVED, CurrentCommand)
         self.identifiers = tuple(codec.identifier(kind) for kind in kinds)
@@ -120,7 +118,7 @@ class Session:
         self._gate = LockstepGate(codec, options.setpoint_every if options.lockstep else 0)
         self._lockstep = LockstepCheck(codec)
         self._other = OtherController()
-        self._unsent = self._sent_late = False
+        self._unsent = False
         self._lines_dropped = self._reported_dropped = 0
         self.due_s, self._poll_due_s = time.monotonic_s() + _IDLE_WAIT_S, 0.0
         self.ended = False
@@ -176,7 +174,6 @@ class Session:
             unsent=self._unsent,
             table=self.table.take_replaced(),
             alarms=self.health.alarms,
-            sent_late=self._sent_late,
         )
         self._reported_dropped, self._unsent = self._lines_dropped, False
         return cycle_input
@@ -208,9 +205,6 @@ class Session:
         sent = [self.port.send(frame, too_old_ns) for frame in outbox]
         if not all(sent[:1]):  # the command goes first
             self._unsent = True
-        read_ns = guard.last.feedback_ns
-        if self.clock.is_real and read_ns is not None and self.state.output.command_ns == now_ns:
-            self._sent_late = is_sent_late(self._period_s, self._delay_s, self._time.monotonic_ns() - read_ns)
 
     def start_again(self, error: Exception) -> None:
         """Begin anew after an unexpected error, as a new daemon would: not armed, with the table alone."""

@@ -1,7 +1,7 @@
 """A second law beside the acting one on a live valve: it sees the same frames, and nothing of it is sent. Shell.
 
 After each cycle of the acting law the same `step` is played again with the other law, from the same state: only what
-belongs to a law (its memory, its table, the actuator it has found) is the shadow's own. So it sees the readings, and
+belongs to a law (its memory, its table, what it says of the valve) is the shadow's own. So it sees the readings, and
 the currents that really moved the valve. A push of its own that the acting law does not make is never made.
 
 It changes no command: an error in it ends the shadow with one line of the log.
@@ -116,9 +116,9 @@ class Shadow:
         """Return the state of the acting law with what belongs to the shadow in its place."""
         own = self._state
         if own is None:
-            return replace(before, control=ControlState(), actuator=None)
+            return replace(before, control=ControlState(), differs=False)
         return replace(
-            before, control=own.control, table=own.table, credible_table=own.credible_table, actuator=own.actuator
+            before, control=own.control, table=own.table, credible_table=own.credible_table, differs=own.differs
         )
 
 

@@ -111,7 +111,7 @@ class Cause(IntEnum):
     COMMAND_IGNORED = 20
     MANUAL = 21
     PERIOD_WRONG = 22
-    ACTUATOR_DIFFERS = 23
+    VALVE_DIFFERS = 23
     HUNTING = 24
     NO_MOTION = 25
 

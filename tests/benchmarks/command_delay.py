@@ -39,8 +39,8 @@ def told(what: str, delay_part: float) -> Iterator[None]:
     def without_delay(configuration: Configuration) -> Law[Any]:
         return make(changed(configuration, control=changed(configuration.control, command_delay_s=0.0)))
 
-    def with_mean(*arguments: Any, disturbed: bool) -> Observation:
-        seen = observe(*arguments, disturbed=disturbed)
+    def with_mean(*arguments: Any) -> Observation:
+        seen = observe(*arguments)
         before_ma.append(seen.applied_ma)
         old_ma = before_ma[-2:][0]
         return replace(seen, applied_ma=delay_part * old_ma + (1.0 - delay_part) * seen.applied_ma)

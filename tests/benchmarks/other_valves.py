@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 
     from plant_emulator.parameters import PlantSettings
     from positioner.bench.metrics import DwellMetrics
-    from positioner.valve.actuator import ActuatorParameters
 
 
 @dataclass(frozen=True)
@@ -180,8 +179,8 @@ def setpoints_m(plant: PlantSettings, count: int, seed: int) -> tuple[float, ...
 
 def play(
     condition: Condition, seed: int, dwells: int, dwell_s: float, *, uses_table: bool, restarts_every: int = 0
-) -> Iterator[tuple[DwellMetrics, int, ActuatorParameters | None]]:
-    """Yield the figures of each dwell, the moves in it, and the actuator that the law has found, None for as told.
+) -> Iterator[tuple[DwellMetrics, int]]:
+    """Yield the figures of each dwell, and the moves in it.
 
     The law starts anew after so many dwells, 0 for never.
     """
@@ -212,7 +211,7 @@ def play(
     for dwell, setpoint_m in enumerate(begun_m):
         if restarts_every and dwell % restarts_every == 0:
             memory, control_s = None, 0.0
-        positions, currents, moves, found = np.zeros(samples + 1), np.zeros(samples + 1), 0, None
+        positions, currents, moves = np.zeros(samples + 1), np.zeros(samples + 1), 0
         positions[0], currents[0] = here_m, applied_ma
         for sample in range(samples):
             measured_m = round(sensor.read(state.stem.position_m) / 1e-8) * 1e-8
@@ -226,7 +225,6 @@ def play(
                     table = table.record(lesson.quantity, lesson.position_m, lesson.direction, lesson.value)
             memory, decision = law.decide(memory, estimate.stem, observation, table)
             moves += decision.reason is not None
-            found = decision.actuator
             sent.append(min(max(decision.current_ma, _LOW_MA), _HIGH_MA))
             control_s += period_s
             acting = max(acting, len(sent) - 1 - int(draw.choice(condition.late)))
@@ -240,23 +238,23 @@ def play(
             setpoint_m=np.full(samples + 1, setpoint_m),
             current_ma=currents,
         )
-        yield dwell_metrics(trace, (0.0, dwell_s), span_m)[0], moves, found
+        yield dwell_metrics(trace, (0.0, dwell_s), span_m)[0], moves
 
 
 def row(
     condition: Condition, seeds: tuple[int, ...], dwells: int, dwell_s: float, *, uses_table: bool, restarts_every: int
 ) -> str:
     """Return the figures of a condition."""
-    each: list[tuple[DwellMetrics, int, ActuatorParameters | None]] = []
+    each: list[tuple[DwellMetrics, int]] = []
     for seed in seeds:
         one = play(condition, seed, dwells // len(seeds), dwell_s, uses_table=uses_table, restarts_every=restarts_every)
         each += one
-    figures = [dwell for dwell, _, _ in each]
+    figures = [dwell for dwell, _ in each]
     errors = sorted(dwell.mean_abs_error_pct for dwell in figures)
     return (
         f"{condition.name:20} {fmean(errors):7.3f} {errors[int(0.95 * len(errors))]:7.3f} {errors[-1]:7.2f} "
         f"{sum(dwell.settle_1pct_s is None for dwell in figures):5d} {sum(dwell.limit_cycle for dwell in figures):6d} "
-        f"{fmean(moves for _, moves, _ in each):6.2f} {max(moves for _, moves, _ in each):5d}"
+        f"{fmean(moves for _, moves in each):6.2f} {max(moves for _, moves in each):5d}"
     )
 
 

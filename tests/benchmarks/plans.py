@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 from benchmarks.case import Play
 from benchmarks.cycles import record, scenario
 from positioner.bench.inprocess import configure
+from positioner.laws.nmpc.converging import ConvergingLaw
 from positioner.laws.nmpc.filter import Sliding
+from positioner.laws.nmpc.law import NmpcLaw
 from positioner.laws.nmpc.plan import plan_move
 from positioner.laws.nmpc.start import fastest
-from positioner.laws.nmpc.untold.law import UntoldLagLaw
 
 if TYPE_CHECKING:
     from positioner.config.schema import Configuration
-    from positioner.laws.nmpc.law import NmpcLaw
     from positioner.laws.nmpc.move import Move
     from positioner.laws.nmpc.settings import ApproachSettings
 
@@ -41,8 +41,9 @@ def one_pass(law: NmpcLaw) -> ApproachSettings:
 def immediate(configuration: Configuration) -> NmpcLaw:
     """Return the law that plans by quadratic programmes."""
     law = configuration.make_law()
-    assert isinstance(law, UntoldLagLaw)
-    return law.believed
+    assert isinstance(law, ConvergingLaw)
+    assert isinstance(law.predictive, NmpcLaw)
+    return law.predictive
 
 
 def recorded_plans(horizon: int) -> tuple[NmpcLaw, list[Planned]]:

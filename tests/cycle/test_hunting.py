@@ -305,10 +305,9 @@ def test_what_was_known_ends_with_control() -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_nmpc_on_a_valve_without_friction_at_20_ms_is_told_to_hunt(seed: int) -> None:
-    """What `nmpc` does there is mended with the law; until then it is told."""
+def test_predictive_moves_without_friction_at_20_ms_are_told_to_hunt(seed: int) -> None:
     plant = {"valve": {"static_friction_n": 0.0, "coulomb_friction_n": 0.0}}
-    loop = Loop(seed=seed, sample_period_s=0.02, setpoint_period_s=0.02, plant=plant)
+    loop = Loop("nmpc-predictive", seed=seed, sample_period_s=0.02, setpoint_period_s=0.02, plant=plant)
     told_s, _ = told_at(loop, 8.0, 0.07)
     assert told_s is not None
     assert told_s < 5.5  # the first half second is the way from the closed end

@@ -9,7 +9,6 @@ import pytest
 from virtual_shell import VirtualShell
 
 from positioner.cli.main import main
-from positioner.guard.stall import is_sent_late
 from positioner.runtime.session import RunOptions
 from positioner.wire.messages import Cause, Counted, CurrentCommand, HostRequest, Mode, PositionerStatus
 
@@ -255,28 +254,6 @@ def test_a_stall_before_arming_is_not_reported(tmp_path: Path) -> None:
         assert shell.mode() is Mode.ACTIVE
 
 
-@pytest.mark.parametrize(
-    ("delay_s", "spent_ms", "is_late"), [(0.0, 0.3, False), (0.0, 1.5, True), (0.008, 1.5, False), (0.008, 4.0, True)]
-)
-def test_a_reading_that_is_answered_late_is_noted_for_the_next_cycle(
-    tmp_path: Path, delay_s: float, spent_ms: float, is_late: bool
-) -> None:
-    """After a fifth of a period of 10 ms, or after the instant at which commands are known to act.
-
-    The time is spent at each look at the clock, of which a cycle has three or more.
-    """
-    log = tmp_path / "bus.log"
-    with VirtualShell(tmp_path, options=RunOptions(record=log), control={"command_delay_s": delay_s}) as shell:
-        shell.arm()
-        assert "1FFFFFFF#05" not in log.read_text(encoding="ascii")
-        shell.world.compute_ns = lambda: round(spent_ms * MS)
-        shell.cycle_for(0.1)
-        shell.world.compute_ns = lambda: 0
-        shell.cycle_for(0.1)
-    assert ("1FFFFFFF#0501" in log.read_text(encoding="ascii")) == is_late
-    assert main(["replay", str(log), "--config", str(tmp_path / "valve.toml")]) == 0
-
-
 @pytest.mark.slow(short="test_a_stall_beyond_the_failsafe_limit_is_latched_and_reported_wherever_it_strikes")
 def test_a_record_with_stalls_replays_to_the_bit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "bus.log"
@@ -300,9 +277,3 @@ def test_a_record_with_stalls_replays_to_the_bit(tmp_path: Path, capsys: pytest.
         part = tmp_path / f"without-{kind}.log"
         part.write_text("".join(kept), encoding="ascii")
         assert main(["replay", str(part), "--config", str(tmp_path / "valve.toml")]) == 1
-
-
-def test_a_command_is_late_from_the_nanosecond_after_the_instant_at_which_the_law_expects_it_to_act() -> None:
-    delay_s, expected_ns = 0.0005, 500_000
-    assert not is_sent_late(0.0001, delay_s, expected_ns)
-    assert is_sent_late(0.0001, delay_s, expected_ns + 1)

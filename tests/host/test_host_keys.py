@@ -36,7 +36,7 @@ SEQUENCES = {
 SILENT = Snapshot("V", 0.127, None, None, Quality.VALID, None, None, None, {})
 STATUS = PositionerStatus(
     mode=Mode.ACTIVE,
-    cause=Cause.ACTUATOR_DIFFERS,
+    cause=Cause.VALVE_DIFFERS,
     health=Health.MAINTENANCE_REQUIRED,
     armed=True,
     table_saved=True,
@@ -151,8 +151,8 @@ def test_tab_offers_csv_files_and_folders(tmp_path: Path) -> None:
 
 def test_the_status_has_mode_position_setpoint_and_current() -> None:
     assert status_block(ACTIVE, "", "", None, (81, 24)) == [
-        "ACTIVE: the actuator follows its command later than configured; measure it:",
-        "positioner identify (NE 107: maintenance required)",
+        "ACTIVE: the valve does not move as configured; measure it: positioner identify",
+        "(NE 107: maintenance required)",
         "position 80.10 mm (63.07 %)   setpoint 80.00 mm (62.99 %)   current 12.345 mA",
         "up/down 1 %, left/right 10 %, +/- 0.1 %, m manual, a auto, q quit, : a verb",
     ]

@@ -285,7 +285,7 @@ def scenario(preset: str, seed: int, dwell_s: float, visits: int) -> Scenario:
     return Scenario(
         name="test",
         title="test",
-        law="nmpc",
+        law="nmpc-predictive",
         seed=seed,
         setpoints_mm=(73.0, 87.0, 80.0),
         visits=visits,

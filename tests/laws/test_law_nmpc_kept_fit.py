@@ -30,7 +30,7 @@ def scenario(**plant: Any) -> Scenario:
     return Scenario(
         name="kept",
         title="kept",
-        law="nmpc",
+        law="nmpc-predictive",
         seed=7,
         setpoints_mm=(73.0, 87.0, 80.0, 81.5, 73.0),
         dwell_s=1.5,

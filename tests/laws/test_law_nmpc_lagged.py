@@ -13,7 +13,7 @@ from positioner.bench.scenario import Scenario
 from positioner.laws.law import Observation
 from positioner.laws.nmpc.lagged.law import LaggedLaw
 from positioner.laws.nmpc.lagged.rest import LaggedRest
-from positioner.laws.nmpc.untold.law import UntoldLagLaw
+from positioner.laws.nmpc.law import NmpcLaw
 from positioner.studies.direct import play_directly
 from positioner.valve.state import StemState
 from positioner.valve.stiction import StictionTable
@@ -28,7 +28,7 @@ def scenario(lag_s: float, noise: dict[str, float], dwell_s: float = 1.5, **valv
     return Scenario(
         name="lag",
         title="actuator lag",
-        law="nmpc",
+        law="nmpc-predictive",
         seed=7,
         setpoints_mm=(73.0, 87.0, 80.0, 81.5),
         dwell_s=dwell_s,
@@ -78,8 +78,8 @@ def test_a_setpoint_that_creeps_is_followed() -> None:
     assert 0.0 < found[-1].mean_abs_error_pct < 0.15
 
 
-def test_a_valve_without_lag_gets_the_law_that_looks_for_one() -> None:
-    assert isinstance(configure(scenario(0.0, QUIET)).make_law(), UntoldLagLaw)
+def test_a_valve_without_lag_gets_the_law_without_pressure() -> None:
+    assert isinstance(configure(scenario(0.0, QUIET)).make_law(), NmpcLaw)
     assert isinstance(configure(scenario(0.01, QUIET)).make_law(), LaggedLaw)
     assert isinstance(configure(scenario(0.0, QUIET, sensor_time_constant_s=0.01)).make_law(), LaggedLaw)
 

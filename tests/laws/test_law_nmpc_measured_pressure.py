@@ -40,7 +40,7 @@ def scenario(lag_s: float, told_s: float, **plant: Any) -> Scenario:
     return Scenario(
         name="pressure",
         title="measured pressure",
-        law="nmpc",
+        law="nmpc-predictive",
         seed=7,
         setpoints_mm=SETPOINTS_MM,
         dwell_s=1.0,

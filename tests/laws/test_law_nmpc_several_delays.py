@@ -99,7 +99,7 @@ def test_dead_time_converter_and_slew_together_are_controlled_as_well_as_each_al
             Scenario(
                 name="delays",
                 title="several delays",
-                law="nmpc",
+                law="nmpc-predictive",
                 seed=seed,
                 setpoints_mm=(73.0, 87.0, 80.0, 73.0, 81.5, 83.0),
                 dwell_s=1.2,

@@ -50,7 +50,7 @@ def test_a_table_that_is_too_weak_costs_a_few_pushes_in_a_dwell(share: float) ->
 
 
 def test_a_jammed_stem_is_pushed_twenty_times_and_then_ever_more_seldom() -> None:
-    loop = Loop("nmpc", plant=JAMMED)
+    loop = Loop("nmpc-predictive", plant=JAMMED)
     loop.run(0.5, 0.08)
     first = [event for event in loop.run(2.0, 0.087) if isinstance(event, PushFailed)]
     assert [event.failed for event in first] == list(range(1, MOST_FAILED + 2))
@@ -67,7 +67,7 @@ def test_a_jammed_stem_is_pushed_twenty_times_and_then_ever_more_seldom() -> Non
 
 
 def test_a_stem_that_is_free_again_is_found_at_the_next_push() -> None:
-    loop = Loop("nmpc", plant=JAMMED)
+    loop = Loop("nmpc-predictive", plant=JAMMED)
     loop.run(0.5, 0.08)
     loop.run(2.0, 0.087)
     free = Loop("nmpc", plant={"preset": "paper", "valve": {"initial_position_m": 0.08}})
@@ -76,7 +76,7 @@ def test_a_stem_that_is_free_again_is_found_at_the_next_push() -> None:
     loop.run(3.0, 0.087)
     assert loop.position_m == pytest.approx(0.087, abs=1e-3)
     # a small correction may have failed since
-    assert loop.state.control.memory.inner.pushes.failed <= 2
+    assert loop.state.control.memory.pushes.failed <= 2
 
 
 def test_a_breakaway_of_the_papers_law_fails_twenty_times_at_most() -> None:

@@ -283,12 +283,13 @@ def test_a_valve_that_is_told_wrongly_is_learned(valve: dict[str, object]) -> No
         ({"fill_time_constant_s": 0.05, "vent_time_constant_s": 0.05}, False),
         ({"fill_time_constant_s": 0.02, "vent_time_constant_s": 0.02, "dead_time_s": 0.01}, False),
         ({"converter_time_constant_s": 0.04}, False),
+        ({"fill_time_constant_s": 0.3, "vent_time_constant_s": 0.3}, False),
     ],
 )
 def test_a_lag_costs_time_and_no_place_whether_it_is_configured_or_not(actuator: dict[str, float], told: bool) -> None:
     played = scenario(
         4e-3,
-        dwell_s=3.0,
+        dwell_s=5.0,
         plant={"actuator": actuator, "sensor": {"noise_of_reading": 0.002}},
         valve={"actuator": actuator} if told else {},
         estimator={"noise_of_reading": 0.002},
@@ -296,8 +297,8 @@ def test_a_lag_costs_time_and_no_place_whether_it_is_configured_or_not(actuator:
 
     found = errors_pct(run_in_process(played), played)
 
-    assert max(found[1:]) < 1.0
-    assert float(np.median(found)) < 0.4
+    assert max(found) < 0.8
+    assert float(np.median(found)) < 0.2
 
 
 def test_a_lag_that_is_configured_and_absent_does_no_harm() -> None:

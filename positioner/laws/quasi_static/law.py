@@ -26,6 +26,7 @@ from positioner.laws.estimator_settings import measurement_sigma_m
 from positioner.laws.law import Decision, Estimate
 from positioner.laws.move_reason import Breakaway, MoveReason
 from positioner.laws.quasi_static.belief import Landing, ValveBelief, belief_of
+from positioner.laws.quasi_static.lag import Way
 from positioner.laws.quasi_static.move import Currents, Limits, Stage, Stem, Step, boost_samples, margin_m, steps_to
 from positioner.laws.quasi_static.rest import NO_REST, Noise, Rest
 from positioner.values import dataclass, replace
@@ -89,6 +90,15 @@ _SMOOTHING, _OF_READING = 0.35, 0.5
 """Weight of the newest reading in the smoothed one, and σ of it over that of a reading: √(0.35/1.65) = 0.46."""
 _TRACKING = 0.3
 """Weight of the newest reading in the position of a moving stem."""
+_SEEN, _OF_MOVE = 3.0, 0.25
+"""σ of a lag, and the part of the move's length that it must be below for the move to show the lag."""
+_LONGER, _NEW_LAG = 1.3, 0.4
+"""A lag that is seen 30 % longer than configured is another one; weight of the newest in the mean of those seen."""
+_LEAST_GAP = 0.02
+"""Of the step: what is left of it when the stem is freed, at least; less is within the doubt of F_s."""
+_PATIENCE_S = 1.0
+"""How long the first push is held that should free the stem and does not, while no move has shown the lag: three of the
+longest, 0.3 s."""
 _STEP_S = 1e-3
 """Of the integration of a stem, whose time constants are some ms."""
 _TIMED = (Stage.AWAY, Stage.LAND)
@@ -102,7 +112,8 @@ class Move:
     level_ma, before_ma: the level, and the one before it. from_ma: pressure at the begin. start_m, start_m2: where the
     stem was, and the variance of that. boost_ma, boosted: the limit, and for how many samples more it is commanded.
     inertia_m: how far mass was expected to carry the stem beyond its balance, with the sign of the direction.
-    margin_m: how far from its target a move away may end. since_s: its age.
+    margin_m: how far from its target a move away may end. since_s: its age. area_m_s: the integral of the readings from
+    where it began. is_hurried: it began at the limit of the current.
     """
 
     stage: Stage | None
@@ -119,6 +130,8 @@ class Move:
     inertia_m: float = 0.0
     is_timed: bool = False
     since_s: float = 0.0
+    area_m_s: float = 0.0
+    is_hurried: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +140,8 @@ class QuasiStaticMemory:
 
     belief, noise: of the valve and of the sensor. trust: how often the configured lag was seen to be no longer than
     the true one, negative where it was seen to be longer. later_s: what rests are waited for beyond the model.
+    more_lag_s: a lag that nobody has configured; behind_ma: the pressure behind it. is_lag_known: a move has shown it.
+    failed: pushes in a row that have not moved the stem.
     pressure: of the model, None before the first command is known. rest: the readings since the stem rests. settled_s:
     for how long the pressure has arrived. position_m, position_m2: the place of the stem, and its variance. smooth_m:
     the smoothed reading. sent_ma: the last current. pending: moves that are still to be made. tries: to this setpoint.
@@ -148,6 +163,10 @@ class QuasiStaticMemory:
     pending: tuple[Step, ...] = ()
     trust: int = 0
     later_s: float = 0.0
+    more_lag_s: float = 0.0
+    is_lag_known: bool = False
+    behind_ma: float = 0.0
+    failed: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,26 +191,36 @@ class QuasiStaticLaw:
     def resumed(self, memory: QuasiStaticMemory, measured_m: float) -> QuasiStaticMemory:
         """Return the memory of a law that starts again at a place in m, and knows what it has learned of the valve."""
         begun = self.begin(measured_m)
-        return replace(begun, belief=memory.belief, noise=memory.noise, trust=memory.trust, later_s=memory.later_s)
+        return replace(
+            begun,
+            belief=memory.belief,
+            noise=memory.noise,
+            trust=memory.trust,
+            later_s=memory.later_s,
+            more_lag_s=memory.more_lag_s,
+            is_lag_known=memory.is_lag_known,
+        )
 
     # -- what a reading says
 
     def estimate(self, memory: QuasiStaticMemory, observation: Observation) -> tuple[QuasiStaticMemory, Estimate]:
         """Return the memory with this cycle's reading in it, and the stem."""
-        pressure, move, sent_ma = memory.pressure, memory.move, memory.sent_ma
+        pressure, move, sent_ma, behind_ma = memory.pressure, memory.move, memory.sent_ma, memory.behind_ma
         if pressure is None:
-            sent_ma = observation.applied_ma
+            sent_ma = behind_ma = observation.applied_ma
             pressure = self.model.at_rest(sent_ma)
             move = replace(move, level_ma=sent_ma, before_ma=sent_ma, from_ma=sent_ma)
         for _ in range(max(1, round(observation.elapsed_s / self.period_s))):
             pressure = self.model.after(pressure, sent_ma)
-        measured_m, elapsed_s = observation.measured_m, observation.elapsed_s
+        measured_m, elapsed_s, more_s = observation.measured_m, observation.elapsed_s, memory.more_lag_s
+        behind_ma = pressure.pressure_ma + (behind_ma - pressure.pressure_ma) * _left(elapsed_s, more_s)
         smooth_m = memory.smooth_m + _SMOOTHING * (measured_m - memory.smooth_m)
-        move = replace(move, since_s=move.since_s + elapsed_s)
-        memory = replace(memory, pressure=pressure, smooth_m=smooth_m, move=move, sent_ma=sent_ma)
+        area_m_s = move.area_m_s + (measured_m - move.start_m) * elapsed_s
+        move = replace(move, since_s=move.since_s + elapsed_s, area_m_s=area_m_s)
+        memory = replace(memory, pressure=pressure, smooth_m=smooth_m, move=move, sent_ma=sent_ma, behind_ma=behind_ma)
         if move.stage in _TIMED and not move.is_timed:
             memory = self._timed(memory, pressure)
-        arrived = abs(pressure.pressure_ma - move.level_ma) <= self._near_ma(memory)
+        arrived = abs(behind_ma - move.level_ma) <= self._near_ma(memory)
         settled_s = memory.settled_s + elapsed_s if arrived else 0.0
         memory = replace(memory, settled_s=settled_s)
         if settled_s >= self._follows_s(memory):
@@ -229,7 +258,11 @@ class QuasiStaticLaw:
         spring = belief.spring_ma_per_m
         left_m = (1.0 - _LAG_SEEN) * way_ma / spring
         variance_m2, _ = memory.noise.of(self._sigma_m(memory.smooth_m))
-        slow = lag_s > _LAG_SAMPLES * self.period_s and lag_s > 2.0 * self.stem.viscous / spring
+        slow = (
+            memory.more_lag_s == 0.0
+            and lag_s > _LAG_SAMPLES * self.period_s
+            and lag_s > 2.0 * self.stem.viscous / spring
+        )
         if slow and left_m > _NOISY * _OF_READING * math.sqrt(variance_m2):
             expected_m = (pressure.pressure_ma - belief.offset_ma - direction * belief.sliding_ma) / spring
             ahead = direction * (memory.smooth_m - expected_m) / left_m
@@ -275,12 +308,13 @@ class QuasiStaticLaw:
         if setpoint_m != memory.setpoint_m:
             memory = replace(memory, setpoint_m=setpoint_m, is_new=True, tries=0, pending=())
         reason: MoveReason | None = None
-        move = memory.move
+        move, failed = memory.move, memory.failed
         if move.stage is None:
             memory, reason = self._considered(memory, setpoint_m)
         elif memory.rest.readings and self._is_judged(memory, setpoint_m):
-            memory = self._learned(self._settled(memory))
-            memory, reason = self._next(memory, setpoint_m)
+            memory = self._followed(self._settled(memory))
+            if memory.settled_s:
+                memory, reason = self._next(self._learned(memory), setpoint_m)
         move = memory.move
         current_ma, rests = self.limits.clipped(move.level_ma), move.stage is None
         if move.boosted > 0:
@@ -288,7 +322,8 @@ class QuasiStaticLaw:
         bounds = Bounds(-math.inf, math.inf, self.limits.low_ma, self.limits.high_ma)
         motion = Motion.REST if rests else Motion.MOVE
         memory = replace(memory, move=move, sent_ma=current_ma)
-        return memory, Decision(current_ma, bounds, motion, reason=reason)
+        failed = memory.failed if memory.failed > failed else 0
+        return memory, Decision(current_ma, bounds, motion, reason=reason, failed_pushes=failed)
 
     def _next(self, memory: QuasiStaticMemory, setpoint_m: float) -> tuple[QuasiStaticMemory, MoveReason | None]:
         """Return the memory after a move that has been judged, and why another one begins."""
@@ -350,6 +385,42 @@ class QuasiStaticLaw:
         position_m, readings = memory.rest.latest(self.period_s, variance_m2, worth)
         return replace(memory, position_m=position_m, position_m2=variance_m2 * worth / readings)
 
+    def _followed(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
+        """Return the memory with what a move shows of the lag; not settled where the pressure is still on its way."""
+        move, belief = memory.move, memory.belief
+        direction = 1.0 if move.level_ma > move.from_ma else -1.0
+        step_ma, spring = direction * (move.level_ma - move.from_ma), belief.spring_ma_per_m
+        moved_m = direction * (self._stem_m(memory) - move.start_m)
+        variance_m2, worth = memory.noise.of(self._sigma_m(memory.position_m))
+        sigma_m = math.sqrt(memory.position_m2 + move.start_m2)
+        if move.stage is Stage.RETURN or move.is_hurried:
+            return memory
+        if moved_m < max(_MOVED * sigma_m, _MOVED_M):
+            freed = direction * (move.level_ma - belief.balance_ma(move.start_m)) > belief.static_ma
+            waits = freed and not memory.is_lag_known and move.since_s < _PATIENCE_S
+            return replace(memory, rest=NO_REST, settled_s=0.0) if waits else replace(memory, is_lag_known=True)
+        free_ma = direction * (belief.balance_ma(move.start_m) - move.from_ma) + belief.static_ma
+        gap_ma = min(max(step_ma - free_ma, _LEAST_GAP * step_ma), step_ma)
+        way = Way(step_ma, gap_ma, spring, moved_m, move.since_s)
+        area_m_s = moved_m * move.since_s - direction * move.area_m_s
+        noise_m2 = move.since_s * self.period_s * variance_m2 * worth
+        sigma_m_s = math.sqrt(noise_m2 + move.since_s * move.since_s * sigma_m * sigma_m)
+        sigma_s = sigma_m_s / (moved_m * math.log(step_ma / gap_ma) + gap_ma / spring)
+        told_s = self.valve.lag_s
+        seen_s, more_s = way.lag_s(area_m_s), memory.more_lag_s
+        if _SEEN * sigma_s > _OF_MOVE * move.since_s:
+            return memory
+        memory = replace(memory, is_lag_known=True)
+        if more_s == 0.0 and seen_s < _LONGER * told_s + self.period_s + _SEEN * sigma_s:
+            return memory
+        now_s = max(seen_s - told_s, 0.0)
+        more_s = now_s if now_s > 2.0 * more_s else more_s + _NEW_LAG * (now_s - more_s)
+        behind_ma = move.level_ma - direction * way.after_ma(told_s + more_s)
+        memory = replace(memory, more_lag_s=more_s, behind_ma=behind_ma, later_s=0.0)
+        if abs(behind_ma - move.level_ma) <= self._near_ma(memory):
+            return memory
+        return replace(memory, rest=NO_REST, settled_s=0.0)
+
     def _learned(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
         """Return the memory with what the end of a move teaches: a landing, or a push that moved nothing."""
         move, belief, pressure = memory.move, memory.belief, memory.pressure
@@ -361,9 +432,10 @@ class QuasiStaticLaw:
         moved_m, sigma_m = position_m - move.start_m, math.sqrt(memory.position_m2 + move.start_m2)
         push_ma = direction * (move.level_ma - belief.balance_ma(move.start_m))
         if direction * moved_m > max(_MOVED * sigma_m, _MOVED_M):
+            memory = replace(memory, failed=0)
             if push_ma <= _SLID * belief.sliding_ma:
                 return memory
-            pressure_ma = pressure.pressure_ma
+            pressure_ma = memory.behind_ma
             gap_ma = _OF_GAP * (move.level_ma - pressure_ma)
             if move.stage is Stage.AWAY:
                 other_ma = _OF_AWAY * (move.level_ma - move.before_ma)
@@ -375,6 +447,7 @@ class QuasiStaticLaw:
             here_ma = direction * (move.level_ma - belief.balance_ma(position_m))
             if here_ma > _PUSHED * belief.static_ma:
                 belief = belief.held(position_m, direction, move.level_ma)
+                memory = replace(memory, failed=memory.failed + 1)
         return replace(memory, belief=belief)
 
     def _planned(self, memory: QuasiStaticMemory, setpoint_m: float) -> tuple[QuasiStaticMemory, MoveReason | None]:
@@ -398,7 +471,7 @@ class QuasiStaticLaw:
         )
         if pressure is not None:
             move = self._hurried(memory, move, pressure)
-            if step.stage is Stage.LAND and self.stem.swings(belief.spring_ma_per_m):
+            if step.stage is Stage.LAND and memory.more_lag_s == 0.0 and self.stem.swings(belief.spring_ma_per_m):
                 currents = Currents(direction, move.level_ma, move.boost_ma, move.boosted)
                 beyond_m = direction * self.stem.beyond_m(self.model, pressure, belief, start_m, currents)
                 level_ma = self.limits.clipped(move.level_ma - belief.spring_ma_per_m * beyond_m)
@@ -418,7 +491,7 @@ class QuasiStaticLaw:
             target_m,
             self.limits.clipped(level_ma),
             before_ma,
-            pressure.pressure_ma if pressure is not None else before_ma,
+            memory.behind_ma if pressure is not None else before_ma,
             self._stem_m(memory),
             memory.position_m2,
             margin_m(memory.belief),
@@ -427,13 +500,18 @@ class QuasiStaticLaw:
     def _hurried(self, memory: QuasiStaticMemory, move: Move, pressure: PressureState) -> Move:
         """Return the move with the samples in which the current stays at its limit, where the lag is trusted."""
         lag_s = self._lag_s
-        if memory.trust <= 0 or lag_s <= _LAG_SAMPLES * self.period_s:
+        if memory.trust <= 0 or memory.more_lag_s > 0.0 or lag_s <= _LAG_SAMPLES * self.period_s:
             return move
         boost_ma = self.limits.high_ma if move.level_ma > pressure.pressure_ma else self.limits.low_ma
         left = _HURRIED_AWAY if move.stage is Stage.AWAY else _HURRIED
         share = self.valve.actuator.converter_time_constant_s / lag_s
         samples = boost_samples(self.model, pressure, boost_ma, move.level_ma, left, share)
-        return replace(move, boost_ma=boost_ma, boosted=samples)
+        return replace(move, boost_ma=boost_ma, boosted=samples, is_hurried=samples > 0)
+
+
+def _left(elapsed_s: float, lag_s: float) -> float:
+    """Return what a lag leaves of a difference."""
+    return math.exp(-elapsed_s / lag_s) if lag_s > 0.0 else 0.0
 
 
 def quasi_static_law(

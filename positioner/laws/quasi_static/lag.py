@@ -1,0 +1,60 @@
+"""How late a valve follows its commands, seen in one move. Pure.
+
+A pressure that goes from p_0 to the level L with the lag τ frees the stem at p_b, after
+t_b = τ ln((L - p_0)/(L - p_b)). From there the stem follows its balance. At the end of the move, after T, it is at x_T;
+the area between this place and its way is
+
+    ∫ (x_T - x) dt = m t_b + (L - p_b)/k (τ (1 - e) - (T - t_b) e),    e = exp(-(T - t_b)/τ),    m = x_T - x_0
+
+The left side is a sum of readings, so noise averages out, and no instant has to be recognised in it. The right side
+grows with τ. A dead time and all lags in a row look like one lag of their sum.
+"""
+
+from __future__ import annotations
+
+import math
+
+from positioner.values import dataclass
+
+_BISECTIONS = 24
+"""The lag is found to 2^-24 of the length of the move."""
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """One move.
+
+    step_ma, gap_ma: L - p_0 and L - p_b; moved_m: x_T - x_0; all positive, also downwards. spring_ma_per_m: k = K/B.
+    lasted_s: T.
+    """
+
+    step_ma: float
+    gap_ma: float
+    spring_ma_per_m: float
+    moved_m: float
+    lasted_s: float
+
+    def area_m_s(self, lag_s: float) -> float:
+        """Return the area in m s of a valve with this lag."""
+        if lag_s <= 0.0:
+            return 0.0
+        free_s = min(lag_s * math.log(self.step_ma / self.gap_ma), self.lasted_s)
+        left_s = self.lasted_s - free_s
+        left = math.exp(-left_s / lag_s)
+        sliding_m_s = self.gap_ma / self.spring_ma_per_m * (lag_s * (1.0 - left) - left_s * left)
+        return self.moved_m * free_s + sliding_m_s
+
+    def lag_s(self, area_m_s: float) -> float:
+        """Return the lag that an area shows, at most the length of the move."""
+        low_s, high_s = 0.0, self.lasted_s
+        for _ in range(_BISECTIONS):
+            lag_s = 0.5 * (low_s + high_s)
+            if self.area_m_s(lag_s) < area_m_s:
+                low_s = lag_s
+            else:
+                high_s = lag_s
+        return 0.5 * (low_s + high_s)
+
+    def after_ma(self, lag_s: float) -> float:
+        """Return how much of the step is still to come at the end of the move."""
+        return self.step_ma * math.exp(-self.lasted_s / lag_s) if lag_s > 0.0 else 0.0

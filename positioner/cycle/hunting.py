@@ -21,6 +21,7 @@ within a quarter of a swing; while it moves, nothing counts.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from positioner.values import dataclass
@@ -181,22 +182,21 @@ def _tracked(
         away_m = mean_m - swings.turned_m
         if abs(away_m) > least_m:
             return _begun(known, mean_m, away_m, low_ma, high_ma)
-    elif (mean_m - farthest_m) * swings.direction > 0.0:
-        farthest_m = mean_m
-    elif abs(mean_m - farthest_m) > least_m:
-        known = Mean(mean_m, swings, farthest_m, swung_s, quiet_s, low_ma, high_ma)
-        return _turned(valve, known, sent_ma)
+    else:
+        farthest_m = max(farthest_m, mean_m) if swings.direction == 1 else min(farthest_m, mean_m)
+        if abs(mean_m - farthest_m) > least_m:
+            known = Mean(mean_m, swings, farthest_m, swung_s, quiet_s, low_ma, high_ma)
+            return _turned(valve, known, sent_ma)
     return Mean(mean_m, swings, farthest_m, swung_s, quiet_s, low_ma, high_ma)
 
 
 def _begun(known: Mean, mean_m: float, away_m: float, low_ma: float, high_ma: float) -> Mean:
     """Return the swings with a stem that has left its place by `away_m`."""
     swings = known.swings
-    direction = 1 if away_m > 0.0 else -1
     after = Swings(
         swings.setpoint_m,
         swings.turned_m,
-        direction,
+        int(math.copysign(1.0, away_m)),
         low_ma,
         high_ma,
         swings.count,

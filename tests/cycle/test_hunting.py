@@ -228,6 +228,113 @@ def test_without_a_command_nothing_is_known() -> None:
     assert track_hunting(VALVE, Hunting(mean, mean), HERE_M, HERE_M, 0.01, 0.01, None) is None
 
 
+# one reading more
+
+STEP_S = 0.5
+LEAST_M = SWING_OF_SPAN * SPAN_M
+LEAST_MA = 0.5 * SWING_OF_SPAN * VALVE.span_m * VALVE.spring_rate_n_per_m / VALVE.force_gain_n_per_ma
+
+
+def stepped(known: Mean, setpoint_m: float = HERE_M, sent_ma: float = 12.0) -> Mean:
+    """Return what the mean shows after one reading more, `STEP_S` later, that does not move it."""
+    hunting = track_hunting(VALVE, Hunting(known, known), known.position_m, setpoint_m, STEP_S, 0.01, sent_ma)
+    assert hunting is not None
+    return hunting.mean
+
+
+def at(position_m: float, swings: Swings, farthest_m: float = HERE_M, quiet_s: float = 0.25) -> Mean:
+    return Mean(position_m, swings, farthest_m, 1.0, quiet_s, 12.0, 12.0)
+
+
+def test_the_first_reading_is_where_the_stem_rests() -> None:
+    mean = Mean(0.06, Swings(HERE_M, 0.06), 0.06, 0.0, 0.0, 12.0, 12.0)
+    assert track_hunting(VALVE, None, 0.06, HERE_M, 0.01, 0.01, 12.0) == Hunting(mean, mean)
+    assert stepped(mean).swings == mean.swings
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_stem_that_leaves_its_place_has_a_direction_and_no_reversal_yet(direction: int) -> None:
+    swings = Swings(HERE_M, HERE_M)
+    known = stepped(at(HERE_M + 1.1 * direction * LEAST_M, swings))
+    assert known.swings == Swings(HERE_M, HERE_M, direction, 12.0, 12.0)
+    assert known.farthest_m == known.position_m
+    assert (known.swung_s, known.quiet_s) == (0.0, 0.0)
+    farther_m = known.position_m + direction * LEAST_M
+    farther = stepped(replace(known, position_m=farther_m))
+    assert (farther.swings, farther.farthest_m) == (known.swings, farther_m)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_stem_turns_at_the_farthest_place_and_its_way_there_counts_only_under_commands(direction: int) -> None:
+    swings = Swings(HERE_M, HERE_M, direction, 12.0, 12.0, 3, 0.03)
+    turns = at(HERE_M, swings, HERE_M + 1.1 * direction * LEAST_M)
+    undriven = stepped(turns)
+    assert undriven.swings == Swings(HERE_M, turns.farthest_m, -direction, 12.0, 12.0, 3, 0.03)
+    assert undriven.quiet_s == 0.25 + STEP_S
+    driven = stepped(replace(turns, low_ma=11.0))
+    assert driven.swings.count == 4
+    assert driven.swings.sum_m == pytest.approx(0.03 + 1.1 * LEAST_M)
+    assert driven.quiet_s == 0.0
+
+
+@pytest.mark.parametrize("swings", [Swings(0.0, 0.0), Swings(0.0, LEAST_M, 1), Swings(0.0, -LEAST_M, -1)], ids=str)
+def test_a_way_of_just_three_percent_of_the_span_is_no_swing(swings: Swings) -> None:
+    for direction in (1, -1):
+        if swings.direction != direction:
+            assert stepped(at(direction * LEAST_M, swings, 0.0), 0.0).swings == swings
+
+
+@pytest.mark.parametrize(("high_ma", "count"), [(LEAST_MA, 1), (0.99 * LEAST_MA, 0)])
+def test_commands_that_differ_by_half_of_what_the_spring_asks_for_drive_a_swing(high_ma: float, count: int) -> None:
+    turns = Mean(HERE_M, Swings(HERE_M, HERE_M, 1), HERE_M + 0.02, 1.0, 0.0, 0.0, 0.0)
+    assert stepped(turns, sent_ma=high_ma).swings.count == count
+
+
+@pytest.mark.parametrize(
+    ("count", "swung_s", "told"), [(FEWEST, LASTS_S, True), (FEWEST, LASTS_S - 0.01, False), (FEWEST - 1, 60.0, False)]
+)
+def test_ten_reversals_in_just_the_least_time_are_told(count: int, swung_s: float, told: bool) -> None:
+    turns = at(HERE_M, Swings(HERE_M, HERE_M, 1, 11.0, 12.0, count - 1), HERE_M + 0.02)
+    assert stepped(replace(turns, swung_s=swung_s - STEP_S)).swings.told is told
+
+
+def test_a_setpoint_that_moves_begins_the_swings_anew_and_what_is_told_keeps_their_size_and_the_time_since() -> None:
+    swings = Swings(HERE_M, HERE_M, 1, 12.0, 12.0, 4, 0.04)
+    moved = stepped(at(0.06, swings), 0.06)
+    assert moved == Mean(0.06, Swings(0.06, 0.06), 0.06, 0.0, 0.0, 12.0, 12.0)
+    told = stepped(at(0.06, replace(swings, told=True)), 0.06)
+    assert told.swings == Swings(0.06, 0.06, count=1, sum_m=0.01, told=True)
+    assert told == Mean(0.06, told.swings, 0.06, 0.0, 0.25 + STEP_S, 12.0, 12.0)
+    left = stepped(replace(told, position_m=0.08), 0.06)
+    assert left.swings.direction == 1
+    assert left.quiet_s >= told.quiet_s  # a stem that has left its place has not yet turned
+
+
+@pytest.mark.parametrize(
+    ("setpoint_m", "quiet_s", "goes_on", "told"),
+    [
+        (0.25 * SWING_OF_SPAN * SPAN_M, 1.0, True, True),
+        (-0.25 * SWING_OF_SPAN * SPAN_M, 1.0, True, True),
+        (0.26 * SWING_OF_SPAN * SPAN_M, 1.0, False, True),
+        (0.0, PAUSE_S, True, True),
+        (0.02, PAUSE_S, False, True),
+        (0.0, PAUSE_S + 0.01, False, False),
+    ],
+)
+def test_a_setpoint_stands_up_to_a_quarter_of_a_swing_and_a_pause_lasts_up_to_its_limit(
+    setpoint_m: float, quiet_s: float, goes_on: bool, told: bool
+) -> None:
+    swings = Swings(0.0, 0.0, 1, count=4, sum_m=0.04, told=True)
+    after = stepped(at(0.0, swings, 0.0, quiet_s - STEP_S), setpoint_m).swings
+    assert (after.count == 4, after.told) == (goes_on, told)
+
+
+def test_the_line_for_the_log_has_all_sizes_in_mm() -> None:
+    assert str(Hunts(12, 4.96, 0.0803, 0.0995)).startswith(
+        "the stem hunts: 12 reversals in 5.0 s, 80.3 mm each, around its setpoint of 99.5 mm: "
+    )
+
+
 # through the whole cycle
 
 

@@ -10,6 +10,7 @@ from loop_helpers import Loop
 from positioner.cycle.vain_pushes import (
     FAILED,
     LONG_ENOUGH_S,
+    MOVED_OF_SPAN,
     NO_PUSHES,
     OFTEN_ENOUGH,
     NoMotion,
@@ -33,7 +34,8 @@ CLEAN = {"noise_of_reading": 0.0, "noise_of_span": 0.0}
 
 def pushed(known: VainPushes, times: int, beyond_ma: float, repeat_s: float = 1.0) -> VainPushes:
     for _ in range(times):
-        for current_ma in (MIDDLE_MA, MIDDLE_MA + BAND_MA + beyond_ma, MIDDLE_MA - BAND_MA - beyond_ma, MIDDLE_MA):
+        high_ma, low_ma = MIDDLE_MA + BAND_MA + beyond_ma, MIDDLE_MA - BAND_MA - beyond_ma
+        for current_ma in (MIDDLE_MA, high_ma, high_ma, low_ma, MIDDLE_MA):
             known = track_vain(VALVE, known, HERE_M, HERE_M, repeat_s, current_ma, 0.001)
     return known
 
@@ -74,11 +76,44 @@ def test_failed_pushes_from_several_places_are_not() -> None:
     pushes = NO_PUSHES
     for number in range(1, 3 * FAILED):
         pushes = pushes.after_failed(VALVE, number, HERE_M + 0.0026 * (number // 15))
+        pushes = replace(pushes, lasted_s=LONG_ENOUGH_S)
         assert not are_in_vain(pushes, 0.0)
     pushes = NO_PUSHES
     for number in (*range(1, FAILED), *range(1, FAILED)):  # the law has seen the stem move in between
-        pushes = pushes.after_failed(VALVE, number, HERE_M)
+        pushes = replace(pushes.after_failed(VALVE, number, HERE_M), lasted_s=LONG_ENOUGH_S)
         assert not are_in_vain(pushes, 0.0)
+
+
+@pytest.mark.parametrize("is_pushed", [False, True])
+def test_failed_pushes_count_from_the_first_one_at_this_place(is_pushed: bool) -> None:
+    first = VainPushes(is_pushed, 3).after_failed(VALVE, 7, 0.001)
+    assert first == VainPushes(is_pushed, 3, failed=1, before=6, place_m=0.001)
+    later = replace(first, lasted_s=2.0).after_failed(VALVE, 9, 0.002)
+    assert later == VainPushes(is_pushed, 3, failed=3, before=6, place_m=0.001, lasted_s=2.0)
+    assert later.after_failed(VALVE, 9, 0.004) == VainPushes(is_pushed, 3, failed=1, before=8, place_m=0.004)
+    for fewer in (6, 2):  # one in between has moved the stem
+        anew = VainPushes(is_pushed, 3, failed=1, before=fewer - 1, place_m=0.002)
+        assert later.after_failed(VALVE, fewer, 0.002) == anew
+
+
+def test_a_stem_that_has_moved_by_just_two_percent_of_the_span_is_still_at_its_place() -> None:
+    limit_m = MOVED_OF_SPAN * VALVE.span_m
+    pushes = VainPushes(failed=1)
+    assert pushes.after_failed(VALVE, 2, limit_m).failed == 2
+    assert track_vain(VALVE, pushes, 0.0, limit_m, 0.0, 0.0, 1.0) == VainPushes(failed=1, lasted_s=1.0)
+
+
+@pytest.mark.parametrize(("current_ma", "is_pushed"), [(5.99, True), (6.0, False), (10.0, False), (10.01, True)])
+def test_a_current_at_the_edge_of_the_stick_band_is_no_push(current_ma: float, is_pushed: bool) -> None:
+    valve = ValveParameters(
+        id="exact",
+        diaphragm_area_m2=0.5,
+        pressure_gain_pa_per_ma=16.0,  # 8 N/mA: the stem sticks from 6 to 10 mA
+        bench_set_n=64.0,
+        static_friction_n=16.0,
+        coulomb_friction_n=16.0,
+    )
+    assert track_vain(valve, NO_PUSHES, 0.0, 0.0, 1.0, current_ma, 0.001).is_pushed is is_pushed
 
 
 # through the whole cycle

@@ -109,7 +109,7 @@ class ValveBelief:
         """Two σ of the slip jump, at most half of F_s/K, and a fiftieth of a mA of what is not known."""
         count = len(self.numbers.mean)
         sliding, static = (self.numbers.covariance[place * (count + 1)] for place in (_SLIDING, _STATIC))
-        return (min(2.0 * math.sqrt(sliding + static), 0.5 * self.static_ma) + 0.02) / self.spring_ma_per_m
+        return (min(1.0 * math.sqrt(sliding + static), 0.5 * self.static_ma) + 0.02) / self.spring_ma_per_m
 
     def balance_ma(self, position_m: float) -> float:
         """Return k x + c: the middle of the stick band."""
@@ -175,6 +175,14 @@ class ValveBelief:
         line = (direction * position_m, direction, 0.0, 1.0)
         return replace(
             self, numbers=self._within(self.numbers.bounded(line, direction * pressure_ma, doubt_ma * doubt_ma))
+        )
+
+    def freed(self, position_m: float, direction: float, pressure_ma: float) -> ValveBelief:
+        """Return the belief after a stem that rested was moved by a pressure that pushed in `direction`."""
+        doubt_ma = _BOUND_OF_STATIC * self.static_ma + _BOUND_MA
+        line = (-direction * position_m, -direction, 0.0, -1.0)
+        return replace(
+            self, numbers=self._within(self.numbers.bounded(line, -direction * pressure_ma, doubt_ma * doubt_ma))
         )
 
     def _within(self, numbers: Gaussian) -> Gaussian:

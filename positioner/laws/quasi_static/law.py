@@ -61,6 +61,8 @@ _OF_STEP, _OF_ERROR, _OF_MARGIN = 0.05, 0.1, 0.3
 """Earlier where less matters: 5 % of the step, a tenth of the error that is seen, a third of a margin."""
 _LATER, _FIRST_LATER, _MOST_LATER_S = 1.4, 0.25, 1.0
 """A stem that moves in its rest needs longer: 1.4 times what was added, at least a quarter of the move, at most 1 s."""
+_SURE = 0.008
+"""Of span: σ of a landing up to which a move away is not measured: it ends as soon as it is seen to be far enough."""
 _AWAY_S, _LAND_S, _ENOUGH_S = 0.02, 0.04, 0.25
 _AWAY_BLOCKS, _LAND_BLOCKS = 2, 3
 """Least length of a rest before it is judged, in s and in blocks of readings, and the length that is always enough."""
@@ -311,6 +313,11 @@ class QuasiStaticLaw:
         move, failed = memory.move, memory.failed
         if move.stage is None:
             memory, reason = self._considered(memory, setpoint_m)
+        elif memory.pending and self._is_away(memory):
+            sigma_m = _OF_READING * self._noise_m(memory) + move.margin_m
+            memory = replace(memory, position_m=memory.smooth_m, position_m2=sigma_m * sigma_m)
+            memory, reason = self._next(memory, setpoint_m)
+            memory = replace(memory, move=replace(memory.move, is_hurried=True))
         elif memory.rest.readings and self._is_judged(memory, setpoint_m):
             memory = self._followed(self._settled(memory))
             if memory.settled_s:
@@ -379,6 +386,24 @@ class QuasiStaticLaw:
             rest.duration_s > _ENOUGH_S
         )
 
+    def _is_away(self, memory: QuasiStaticMemory) -> bool:
+        """Whether a stem that moves away is far enough for the next move, and its end is not to be measured."""
+        move = memory.move
+        if move.stage is not Stage.AWAY or not self._is_sure(memory):
+            return False
+        missing_m = move.direction * (move.target_m - memory.smooth_m)
+        return missing_m < move.margin_m - _CERTAIN * _OF_READING * self._noise_m(memory)
+
+    def _is_sure(self, memory: QuasiStaticMemory) -> bool:
+        """Whether the move that is to be made next ends where it should, as far as is known."""
+        step = memory.pending[0]
+        return memory.belief.landing_sigma_m(step.target_m, step.direction) < _SURE * self.valve.span_m
+
+    def _noise_m(self, memory: QuasiStaticMemory) -> float:
+        """Return σ of a reading, as the rests have shown it."""
+        variance_m2, _ = memory.noise.of(self._sigma_m(memory.smooth_m))
+        return math.sqrt(variance_m2)
+
     def _settled(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
         """Return the memory with the place of the last readings, where those before were of a stem that crept."""
         variance_m2, worth = memory.noise.of(self._sigma_m(memory.position_m))
@@ -433,6 +458,9 @@ class QuasiStaticLaw:
         push_ma = direction * (move.level_ma - belief.balance_ma(move.start_m))
         if direction * moved_m > max(_MOVED * sigma_m, _MOVED_M):
             memory = replace(memory, failed=0)
+            if not move.is_hurried:
+                belief = belief.freed(move.start_m, direction, move.level_ma)
+                memory = replace(memory, belief=belief)
             if push_ma <= _SLID * belief.sliding_ma:
                 return memory
             pressure_ma = memory.behind_ma
@@ -466,9 +494,10 @@ class QuasiStaticLaw:
         """Return the memory in which a move has begun, and why it begins."""
         belief, pressure = memory.belief, memory.pressure
         start_m, direction = self._stem_m(memory), step.direction
-        move = self._commanded(
-            memory, step.stage, direction, step.target_m, belief.landing_ma(step.target_m, direction)
-        )
+        level_m = step.target_m
+        if step.stage is Stage.AWAY and memory.pending and self._is_sure(memory):
+            level_m += direction * 2.0 * _CERTAIN * _OF_READING * self._noise_m(memory)
+        move = self._commanded(memory, step.stage, direction, step.target_m, belief.landing_ma(level_m, direction))
         if pressure is not None:
             move = self._hurried(memory, move, pressure)
             if step.stage is Stage.LAND and memory.more_lag_s == 0.0 and self.stem.swings(belief.spring_ma_per_m):

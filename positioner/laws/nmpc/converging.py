@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from positioner.valve.state import StemState
     from positioner.valve.stiction import StictionTable
 
-_MISS, _MOST_MISSES = 0.01, 2
+_MISS, _MOST_MISSES = 0.01, 1
 """A move that ends more than 1 % of span from its aim has missed it: a dwell that ends so is lost (docs/robustness.md).
 Two at one setpoint are allowed: the first one teaches spring and friction, and the next move may be short."""
 _GOOD = 0.005

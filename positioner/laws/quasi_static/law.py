@@ -311,7 +311,7 @@ class QuasiStaticLaw:
             memory = replace(memory, setpoint_m=setpoint_m, is_new=True, tries=0, pending=())
         reason: MoveReason | None = None
         move, failed = memory.move, memory.failed
-        if move.stage is None:
+        if move.stage is None or (move.stage is Stage.RETURN and memory.is_new):
             memory, reason = self._considered(memory, setpoint_m)
         elif memory.pending and self._is_away(memory):
             sigma_m = _OF_READING * self._noise_m(memory) + move.margin_m
@@ -324,6 +324,8 @@ class QuasiStaticLaw:
                 memory, reason = self._next(self._learned(memory), setpoint_m)
         move = memory.move
         current_ma, rests = self.limits.clipped(move.level_ma), move.stage is None
+        if move.boosted > 0 and self._is_near(memory):
+            move = replace(move, boosted=0)
         if move.boosted > 0:
             current_ma, move = move.boost_ma, replace(move, boosted=move.boosted - 1)
         bounds = Bounds(-math.inf, math.inf, self.limits.low_ma, self.limits.high_ma)
@@ -398,6 +400,14 @@ class QuasiStaticLaw:
         """Whether the move that is to be made next ends where it should, as far as is known."""
         step = memory.pending[0]
         return memory.belief.landing_sigma_m(step.target_m, step.direction) < _SURE * self.valve.span_m
+
+    def _is_near(self, memory: QuasiStaticMemory) -> bool:
+        """Whether the reading shows that a hurried pressure is as far as it should be hurried."""
+        move = memory.move
+        left = _HURRIED_AWAY if move.stage is Stage.AWAY else _HURRIED
+        left_m = left * abs(move.level_ma - move.from_ma) / memory.belief.spring_ma_per_m
+        missing_m = move.direction * (move.target_m - memory.smooth_m)
+        return missing_m < left_m - _CERTAIN * _OF_READING * self._noise_m(memory)
 
     def _noise_m(self, memory: QuasiStaticMemory) -> float:
         """Return σ of a reading, as the rests have shown it."""
@@ -529,10 +539,17 @@ class QuasiStaticLaw:
     def _hurried(self, memory: QuasiStaticMemory, move: Move, pressure: PressureState) -> Move:
         """Return the move with the samples in which the current stays at its limit, where the lag is trusted."""
         lag_s = self._lag_s
+        boost_ma = self.limits.high_ma if move.level_ma > move.from_ma else self.limits.low_ma
+        left = _HURRIED_AWAY if move.stage is Stage.AWAY else _HURRIED
+        if memory.more_lag_s > _LAG_SAMPLES * self.period_s:
+            whole_ma, step_ma = boost_ma - move.from_ma, move.level_ma - move.from_ma
+            if step_ma == 0.0:
+                return move
+            gone = max(1.0 - (1.0 - left) * step_ma / whole_ma, 1e-3)
+            samples = int(-(lag_s + memory.more_lag_s) * math.log(gone) / self.period_s)
+            return replace(move, boost_ma=boost_ma, boosted=samples, is_hurried=samples > 0)
         if memory.trust <= 0 or memory.more_lag_s > 0.0 or lag_s <= _LAG_SAMPLES * self.period_s:
             return move
-        boost_ma = self.limits.high_ma if move.level_ma > pressure.pressure_ma else self.limits.low_ma
-        left = _HURRIED_AWAY if move.stage is Stage.AWAY else _HURRIED
         share = self.valve.actuator.converter_time_constant_s / lag_s
         samples = boost_samples(self.model, pressure, boost_ma, move.level_ma, left, share)
         return replace(move, boost_ma=boost_ma, boosted=samples, is_hurried=samples > 0)

@@ -16,7 +16,6 @@ from positioner.laws.quasi_static.belief import Landing, belief_of
 from positioner.laws.quasi_static.law import quasi_static_law
 from positioner.laws.quasi_static.move import Currents, Limits, Stage, Stem, boost_samples, steps_to
 from positioner.laws.quasi_static.rest import NO_REST, Noise, Rest
-from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.pressure import pressure_model
 from positioner.valve.stiction import StictionTable
@@ -221,10 +220,7 @@ def test_no_move_ends_at_a_stop() -> None:
 
 
 def test_a_hurried_pressure_stays_short_of_its_level_also_where_the_lag_is_a_fifth_shorter() -> None:
-    told = pressure_model(
-        ValveParameters(id="x", actuator=ActuatorParameters(fill_time_constant_s=0.1, vent_time_constant_s=0.1)), 1e-3
-    )
-    samples = boost_samples(told, told.at_rest(8.0), 20.0, 14.0, 0.3, 0.0)
+    samples = boost_samples(0.1, 1e-3, whole_ma=12.0, step_ma=6.0, left=0.3)
 
     # p = 20 - 12 e^(-t/τ) reaches 8 + 0.7·6 = 12.2 mA after τ ln(12/7.8)
     assert samples == pytest.approx(100.0 * math.log(12.0 / 7.8), abs=1.5)

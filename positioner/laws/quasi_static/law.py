@@ -82,12 +82,8 @@ for), a quarter of what mass has added."""
 _HURRIED, _HURRIED_AWAY = 0.3, 0.1
 """Part of the way that is left for the level when a hurried pressure is released: a lag 20 % shorter than configured
 then still stays short of it."""
-_LAG_SAMPLES, _LAG_SEEN = 4.0, 0.7
-"""A lag of fewer samples is not hurried; it is judged when 70 % of the way are done by the model."""
-_AHEAD, _MOST_TRUST = 0.5, 3
-"""A stem that is ahead of the model by half of the rest of its way has a shorter lag than configured."""
-_NOISY = 4.0
-"""σ of a smoothed reading within which nothing is seen of a lag."""
+_LAG_SAMPLES, _SHORTER = 4.0, 0.8
+"""A lag of fewer samples is not hurried, nor one of which less than 80 % is seen."""
 _SMOOTHING, _OF_READING = 0.35, 0.5
 """Weight of the newest reading in the smoothed one, and σ of it over that of a reading: √(0.35/1.65) = 0.46."""
 _TRACKING = 0.3
@@ -103,8 +99,6 @@ _PATIENCE_S = 1.0
 longest, 0.3 s."""
 _STEP_S = 1e-3
 """Of the integration of a stem, whose time constants are some ms."""
-_TIMED = (Stage.AWAY, Stage.LAND)
-"""Moves that the lag is seen in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +124,6 @@ class Move:
     boost_ma: float = 0.0
     boosted: int = 0
     inertia_m: float = 0.0
-    is_timed: bool = False
     since_s: float = 0.0
     area_m_s: float = 0.0
     is_hurried: bool = False
@@ -140,8 +133,8 @@ class Move:
 class QuasiStaticMemory:
     """What the law carries.
 
-    belief, noise: of the valve and of the sensor. trust: how often the configured lag was seen to be no longer than
-    the true one, negative where it was seen to be longer. later_s: what rests are waited for beyond the model.
+    belief, noise: of the valve and of the sensor. hurries: a move has shown no shorter lag than
+    the one that is hurried through. later_s: what rests are waited for beyond the model.
     more_lag_s: a lag that nobody has configured; behind_ma: the pressure behind it. is_lag_known: a move has shown it.
     failed: pushes in a row that have not moved the stem.
     pressure: of the model, None before the first command is known. rest: the readings since the stem rests. settled_s:
@@ -163,7 +156,7 @@ class QuasiStaticMemory:
     is_new: bool = False
     tries: int = 0
     pending: tuple[Step, ...] = ()
-    trust: int = 0
+    hurries: bool = False
     later_s: float = 0.0
     more_lag_s: float = 0.0
     is_lag_known: bool = False
@@ -197,7 +190,7 @@ class QuasiStaticLaw:
             begun,
             belief=memory.belief,
             noise=memory.noise,
-            trust=memory.trust,
+            hurries=memory.hurries,
             later_s=memory.later_s,
             more_lag_s=memory.more_lag_s,
             is_lag_known=memory.is_lag_known,
@@ -220,8 +213,6 @@ class QuasiStaticLaw:
         area_m_s = move.area_m_s + (measured_m - move.start_m) * elapsed_s
         move = replace(move, since_s=move.since_s + elapsed_s, area_m_s=area_m_s)
         memory = replace(memory, pressure=pressure, smooth_m=smooth_m, move=move, sent_ma=sent_ma, behind_ma=behind_ma)
-        if move.stage in _TIMED and not move.is_timed:
-            memory = self._timed(memory, pressure)
         arrived = abs(behind_ma - move.level_ma) <= self._near_ma(memory)
         settled_s = memory.settled_s + elapsed_s if arrived else 0.0
         memory = replace(memory, settled_s=settled_s)
@@ -249,28 +240,6 @@ class QuasiStaticLaw:
             later_s = min(max(_LATER * later_s, _FIRST_LATER * memory.move.since_s), _MOST_LATER_S)
         return replace(memory, rest=NO_REST, later_s=later_s)
 
-    def _timed(self, memory: QuasiStaticMemory, pressure: PressureState) -> QuasiStaticMemory:
-        """Return the memory; once most of the way is done by the model, with what the reading says of the lag."""
-        move, belief = memory.move, memory.belief
-        way_ma = abs(move.level_ma - move.from_ma)
-        if abs(pressure.pressure_ma - move.from_ma) <= _LAG_SEEN * way_ma:
-            return memory
-        trust, lag_s = memory.trust, self._lag_s
-        direction = 1.0 if move.level_ma > move.from_ma else -1.0
-        spring = belief.spring_ma_per_m
-        left_m = (1.0 - _LAG_SEEN) * way_ma / spring
-        variance_m2, _ = memory.noise.of(self._sigma_m(memory.smooth_m))
-        slow = (
-            memory.more_lag_s == 0.0
-            and lag_s > _LAG_SAMPLES * self.period_s
-            and lag_s > 2.0 * self.stem.viscous / spring
-        )
-        if slow and left_m > _NOISY * _OF_READING * math.sqrt(variance_m2):
-            expected_m = (pressure.pressure_ma - belief.offset_ma - direction * belief.sliding_ma) / spring
-            ahead = direction * (memory.smooth_m - expected_m) / left_m
-            trust = min(trust + 1, _MOST_TRUST) if ahead < _AHEAD else -_MOST_TRUST
-        return replace(memory, trust=trust, move=replace(move, is_timed=True))
-
     def _near_ma(self, memory: QuasiStaticMemory) -> float:
         """Return how near to its level the pressure must be: where the stem can be judged."""
         move, spring = memory.move, memory.belief.spring_ma_per_m
@@ -295,9 +264,11 @@ class QuasiStaticLaw:
         """Return the place of the stem: backlash is taken up in the direction of the last move."""
         return memory.position_m + 0.5 * memory.move.direction * self.valve.backlash_m
 
-    @property
-    def _lag_s(self) -> float:
-        return self.valve.actuator.fill_time_constant_s + self.valve.actuator.converter_time_constant_s
+    def _lag_s(self, *, upwards: bool) -> float:
+        """Return the configured lag of the pressure, which fills or vents."""
+        actuator = self.valve.actuator
+        own_s = actuator.fill_time_constant_s if upwards else actuator.vent_time_constant_s
+        return own_s + actuator.converter_time_constant_s
 
     # -- what to do
 
@@ -445,7 +416,7 @@ class QuasiStaticLaw:
         seen_s, more_s = way.lag_s(area_m_s), memory.more_lag_s
         if _SEEN * sigma_s > _OF_MOVE * move.since_s:
             return memory
-        memory = replace(memory, is_lag_known=True)
+        memory = replace(memory, is_lag_known=True, hurries=seen_s > _SHORTER * (told_s + more_s))
         if more_s == 0.0 and seen_s < _LONGER * told_s + self.period_s + _SEEN * sigma_s:
             return memory
         now_s = max(seen_s - told_s, 0.0)
@@ -509,8 +480,9 @@ class QuasiStaticLaw:
             level_m += direction * 2.0 * _CERTAIN * _OF_READING * self._noise_m(memory)
         move = self._commanded(memory, step.stage, direction, step.target_m, belief.landing_ma(level_m, direction))
         if pressure is not None:
-            move = self._hurried(memory, move, pressure)
-            if step.stage is Stage.LAND and memory.more_lag_s == 0.0 and self.stem.swings(belief.spring_ma_per_m):
+            move = self._hurried(memory, move)
+            swings = self.stem.swings(belief.spring_ma_per_m, self._lag_s(upwards=direction > 0.0))
+            if step.stage is Stage.LAND and memory.more_lag_s == 0.0 and swings:
                 currents = Currents(direction, move.level_ma, move.boost_ma, move.boosted)
                 beyond_m = direction * self.stem.beyond_m(self.model, pressure, belief, start_m, currents)
                 level_ma = self.limits.clipped(move.level_ma - belief.spring_ma_per_m * beyond_m)
@@ -536,22 +508,16 @@ class QuasiStaticLaw:
             margin_m(memory.belief),
         )
 
-    def _hurried(self, memory: QuasiStaticMemory, move: Move, pressure: PressureState) -> Move:
-        """Return the move with the samples in which the current stays at its limit, where the lag is trusted."""
-        lag_s = self._lag_s
+    def _hurried(self, memory: QuasiStaticMemory, move: Move) -> Move:
+        """Return the move with the samples in which the current stays at its limit, where the lag is known."""
+        told_s, more_s = self._lag_s(upwards=move.level_ma > move.from_ma), memory.more_lag_s
+        lag_s = told_s + more_s if memory.hurries else 0.0
+        if lag_s <= _LAG_SAMPLES * self.period_s:
+            return move
         boost_ma = self.limits.high_ma if move.level_ma > move.from_ma else self.limits.low_ma
         left = _HURRIED_AWAY if move.stage is Stage.AWAY else _HURRIED
-        if memory.more_lag_s > _LAG_SAMPLES * self.period_s:
-            whole_ma, step_ma = boost_ma - move.from_ma, move.level_ma - move.from_ma
-            if step_ma == 0.0:
-                return move
-            gone = max(1.0 - (1.0 - left) * step_ma / whole_ma, 1e-3)
-            samples = int(-(lag_s + memory.more_lag_s) * math.log(gone) / self.period_s)
-            return replace(move, boost_ma=boost_ma, boosted=samples, is_hurried=samples > 0)
-        if memory.trust <= 0 or memory.more_lag_s > 0.0 or lag_s <= _LAG_SAMPLES * self.period_s:
-            return move
-        share = self.valve.actuator.converter_time_constant_s / lag_s
-        samples = boost_samples(self.model, pressure, boost_ma, move.level_ma, left, share)
+        whole_ma, step_ma = boost_ma - move.from_ma, move.level_ma - move.from_ma
+        samples = boost_samples(lag_s, self.period_s, whole_ma, step_ma, left)
         return replace(move, boost_ma=boost_ma, boosted=samples, is_hurried=samples > 0)
 
 

@@ -31,8 +31,10 @@ _BEYOND_TRAVEL = 100.0
 """Detours per m beyond the travel: a stem at its stop shows no balance."""
 _EDGE = 0.002
 """Of the span: nearer to a stop no move ends on purpose."""
-_LONGEST = 4000
-"""Samples after which a pressure is no longer waited for: 4 s at 1 kHz, more than ten of the longest lags."""
+_ALL = 0.999
+"""Of the way to a limit: e⁻⁷, so at most seven lags are hurried through."""
+_LONGEST = 400
+"""Samples after which a motion is no longer computed."""
 _STOPPED_M_PER_S = 1e-4
 """Below this speed a stem has stopped, as in the configured `stick_velocity_m_per_s` of the paper."""
 _ARRIVED_MA, _NEAR_MA = 0.02, 0.005
@@ -115,31 +117,20 @@ def margin_m(belief: ValveBelief) -> float:
     return _MARGIN * belief.jump_m + 0.5 * belief.jump_doubt_m + _MORE_M
 
 
-def boost_samples(
-    model: PressureModel, state: PressureState, boost_ma: float, level_ma: float, left: float, lag_share: float
-) -> int:
+def boost_samples(lag_s: float, period_s: float, whole_ma: float, step_ma: float, left: float) -> int:
     """Return for how many samples a current at its limit hurries the pressure on, before its level is commanded.
 
     Args:
-        model: of the pressure.
-        state: of it now.
-        boost_ma: the limit.
-        level_ma: where the pressure is to go.
-        left: part of the way that is left for the level itself, which ends slowly, but is never passed.
-        lag_share: part of the converter in the whole lag: what the converter is ahead moves the pressure on.
+        lag_s: of the pressure; lags in a row act as one lag of their sum, or slower.
+        period_s: of a sample.
+        whole_ma: from the pressure to the limit.
+        step_ma: from the pressure to the level, on the same side.
+        left: part of the step that is left for the level itself, which ends slowly, but is never passed.
     """
-    begin_ma = state.pressure_ma
-    direction = 1.0 if level_ma > begin_ma else -1.0
-    for samples in range(_LONGEST):
-        ahead = state
-        for _ in range(model.waiting):
-            ahead = model.after(ahead, level_ma)
-        gap_ma = direction * (level_ma - ahead.pressure_ma)
-        coming_ma = abs(ahead.converter_ma - ahead.pressure_ma) * lag_share
-        if samples and gap_ma < left * abs(level_ma - begin_ma) + coming_ma:
-            return samples - 1
-        state = model.after(state, boost_ma)
-    return _LONGEST
+    if step_ma == 0.0 or lag_s <= 0.0:
+        return 0
+    done = min((1.0 - left) * step_ma / whole_ma, _ALL)
+    return int(-lag_s * math.log(1.0 - done) / period_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,9 +155,13 @@ class Stem:
     step_s: float
     steps: int
 
-    def swings(self, spring_ma_per_m: float) -> bool:
-        """Return whether mass carries the stem noticeably beyond its balance: damping ratio below 1.2."""
-        return self.viscous * self.viscous < 6.0 * self.mass * spring_ma_per_m
+    def swings(self, spring_ma_per_m: float, lag_s: float) -> bool:
+        """Return whether mass carries the stem noticeably beyond its balance.
+
+        It does at a damping ratio below 1.2, where the pressure does not arrive in more than four of √(m/K).
+        """
+        is_free = self.viscous * self.viscous < 6.0 * self.mass * spring_ma_per_m
+        return is_free and lag_s * lag_s * spring_ma_per_m < 16.0 * self.mass
 
     def beyond_m(
         self, model: PressureModel, state: PressureState, belief: ValveBelief, position_m: float, move: Currents

@@ -95,7 +95,7 @@ def believed(configuration: Configuration, table: StictionTable) -> Believed:
     slip, drive = Slip(own.model, own.drive, 1.0, own.spring_n_per_m, own.static_n, sliding_n), own.drive
     lagged = is_lagged(valve)
     if table.fit is not None:
-        # a law also finds a lag that nobody has told
+        # a fit that an earlier version has kept may have a lag that is not configured
         lagged = lagged or table.fit.fill_s > 0.0
         drive = drive.with_lags(table.fit.fill_s, table.fit.vent_s)
         slip = Slip(own.model, drive, 1.0, table.fit.spring_n_per_m, table.fit.static_n, table.fit.sliding_n)

@@ -1,10 +1,10 @@
 """Predictive moves while they converge, quasi-static ones where they do not: the law `nmpc`. Pure.
 
 A predictive move is fast, and ends where its model says as long as the model is right. A quasi-static one ends where
-spring and friction balance the pressure, whatever lag, dead time and speed are; it takes several times as long. So the
+spring and friction balance the pressure, whatever lag, dead time and speed are; it takes longer. So the
 predictive law moves the stem until it does not keep the contract of convergence:
 
-    at one setpoint no more than two moves miss their aim by more than 1 % of span;
+    at one setpoint no more than one move misses its aim by more than 1 % of span;
     the stem does not stay away from its setpoint for longer than a move and its correction take.
 
 Then the quasi-static law takes this setpoint over, and the next ones, four at first and twice as many each time that it
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _MISS, _MOST_MISSES = 0.01, 1
 """A move that ends more than 1 % of span from its aim has missed it: a dwell that ends so is lost (docs/robustness.md).
-Two at one setpoint are allowed: the first one teaches spring and friction, and the next move may be short."""
+One at each setpoint is allowed: it teaches spring and friction."""
 _GOOD = 0.005
 """Of span: so near to its setpoint a stem was brought well, as in the robustness test's *reachable*."""
 _AWAY = 0.007

@@ -58,7 +58,7 @@ def recorded_plans(horizon: int) -> tuple[NmpcLaw, list[Planned]]:
     moving = False
     for cycle in record(wanted, configuration):
         carried = cycle.after.control.memory
-        memory = None if carried is None else carried.inner
+        memory = None if carried is None else carried.predictive
         if memory is None or not isinstance(memory.stem, Sliding):
             moving = False
             continue

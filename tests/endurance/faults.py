@@ -127,8 +127,10 @@ def _trial(series: Series, loop: Loop, fault: Fault, here_m: float, there_m: flo
         if large is None and abs(there_m - loop.true_m) > limit_m:
             large = sample
         if loop.trouble is not None:
-            cause, after_s = loop.trouble, (sample - (sample if large is None else large)) * PERIOD_S
-            break
+            cause = loop.trouble
+            after_s = min(after_s, (sample - (sample if large is None else large)) * PERIOD_S)
+            if cause is not Cause.VALVE_DIFFERS:  # it comes first, from the law, and another cause may follow it
+                break
         loop.cycle(there_m, fault)
     return Trial(series.law, series.sensor, fault.name, series.seed, there_m, cause, after_s)
 

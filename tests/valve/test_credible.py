@@ -155,16 +155,16 @@ def test_a_stop_that_is_not_at_the_planned_place_is_no_landing(aside_m: float, k
     loop = Loop("nmpc", plant={"sensor": {"noise_of_reading": 0.0005}})
     loop.run(0.5, 0.08)
     memory = loop.state.control.memory
-    while memory.inner.monitor.landing is None:
+    while memory.predictive.monitor.landing is None:
         loop.run(0.001, 0.087)
         memory = loop.state.control.memory
-    monitor = memory.inner.monitor
+    monitor = memory.predictive.monitor
     moved = replace(monitor, landing=replace(monitor.landing, aim_m=monitor.landing.aim_m + aside_m))
-    inner = replace(memory.inner, monitor=moved)
-    loop.state = replace(loop.state, control=replace(loop.state.control, memory=replace(memory, inner=inner)))
-    while loop.state.control.memory.inner.motion is Motion.MOVE:
+    inner = replace(memory.predictive, monitor=moved)
+    loop.state = replace(loop.state, control=replace(loop.state.control, memory=replace(memory, predictive=inner)))
+    while loop.state.control.memory.predictive.motion is Motion.MOVE:
         loop.run(0.001, 0.087)
-    assert (loop.state.control.memory.inner.monitor.landing is not None) is kept
+    assert (loop.state.control.memory.predictive.monitor.landing is not None) is kept
 
 
 def test_what_physics_excludes_is_not_learned_but_reported() -> None:

@@ -22,7 +22,8 @@ from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
     from positioner.laws.law import Decision, Estimate, Law, Observation
-    from positioner.laws.quasi_static.law import QuasiStaticLaw, QuasiStaticMemory
+    from positioner.laws.quasi_static.law import QuasiStaticLaw
+    from positioner.laws.quasi_static.memory import QuasiStaticMemory
     from positioner.valve.parameters import ValveParameters
     from positioner.valve.state import StemState
     from positioner.valve.stiction import StictionTable
@@ -59,7 +60,7 @@ class Dwell:
     """What has happened at one setpoint.
 
     aim_m, way_m: of the last move, if it was to end at the setpoint; else None and 0. misses: moves that missed their
-    aim. away_s: for how long the stem has been away.
+    aim. away_s: for how long the stem has been away, where that counts. is_away: whether it is.
     """
 
     setpoint_m: float
@@ -67,6 +68,7 @@ class Dwell:
     way_m: float = 0.0
     misses: int = 0
     away_s: float = 0.0
+    is_away: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,13 +134,13 @@ class ConvergingLaw:
             dwell = self._waited(memory, observation, counts=rests)
             if dwell.away_s > self.patience_s + _LAGS * quasi_static.more_lag_s:
                 return self._predictive_begins(memory, Acting.AGAIN, observation, table)
-            return replace(memory, quasi_static=quasi_static, dwell=dwell), _told(memory, decision)
+            return replace(memory, quasi_static=quasi_static, dwell=dwell), self._told(memory, decision)
         predictive, decision = self.predictive.decide(memory.predictive, stem, observation, table)
         dwell = self._followed(memory, stem, observation, decision)
         if memory.acting is Acting.PREDICTIVE and (why := self._broken(memory, dwell, stem, setpoint_m)):
             memory, decision = self._quasi_static_begins(self._failed(memory, setpoint_m), observation, table)
             return memory, replace(decision, fallback=f"{why}: quasi-static moves take over")
-        return replace(memory, predictive=predictive, dwell=dwell), _told(memory, decision)
+        return replace(memory, predictive=predictive, dwell=dwell), self._told(memory, decision)
 
     # -- the contract
 
@@ -172,8 +174,21 @@ class ConvergingLaw:
         """Return the dwell after a cycle in which the stem may be away from its setpoint, if that `counts`."""
         setpoint_m = observation.setpoint_m
         dwell = memory.dwell or Dwell(setpoint_m)
-        is_away = counts and abs(memory.smooth_m - setpoint_m) > _AWAY * self.span_m
-        return replace(dwell, away_s=dwell.away_s + observation.elapsed_s if is_away else 0.0)
+        is_away, elapsed_s = abs(memory.smooth_m - setpoint_m) > _AWAY * self.span_m, observation.elapsed_s
+        return replace(
+            dwell,
+            away_s=dwell.away_s + elapsed_s if is_away and counts else 0.0,
+            is_away=is_away,
+        )
+
+    def _told(self, memory: ConvergingMemory, decision: Decision) -> Decision:
+        """Return the decision; the valve differs where predictive moves fail again, or one has and the stem is away.
+
+        A single failure may be chance: noise, a setpoint that moves on, a load that has changed.
+        """
+        is_lost = memory.pause > 0 and memory.dwell is not None and memory.dwell.is_away
+        differs = memory.pause > _FIRST_PAUSE or is_lost
+        return replace(decision, differs=True) if differs else decision
 
     # -- who moves the stem
 
@@ -204,7 +219,7 @@ class ConvergingLaw:
         quasi_static, decision = self.quasi_static.decide(quasi_static, estimate.stem, observation, table)
         acting, dwell, here_m = Acting.QUASI_STATIC, Dwell(observation.setpoint_m), memory.smooth_m
         memory = replace(memory, acting=acting, quasi_static=quasi_static, dwell=dwell, taken_over_m=here_m)
-        return memory, _told(memory, decision)
+        return memory, self._told(memory, decision)
 
     def _predictive_begins(
         self, memory: ConvergingMemory, acting: Acting, observation: Observation, table: StictionTable
@@ -216,15 +231,7 @@ class ConvergingLaw:
             predictive = self.predictive.begin(observation.measured_m)
         predictive, estimate = self.predictive.estimate(predictive, observation)
         predictive, decision = self.predictive.decide(predictive, estimate.stem, observation, table)
-        return replace(memory, acting=acting, predictive=predictive), _told(memory, decision)
-
-
-def _told(memory: ConvergingMemory, decision: Decision) -> Decision:
-    """Return the decision; the valve differs from its configuration from a failure until predictive moves have led.
-
-    To wait for a second failure would leave 57 instead of 21 of 58 lost dwells with the status GOOD (robustness test).
-    """
-    return replace(decision, differs=True) if memory.pause else decision
+        return replace(memory, acting=acting, predictive=predictive), self._told(memory, decision)
 
 
 def converging_law(

@@ -115,6 +115,12 @@ class ValveBelief:
         """Return k x + c: the middle of the stick band."""
         return self.spring_ma_per_m * position_m + self.offset_ma
 
+    def reachable_m(self, position_m: float, low_ma: float, high_ma: float) -> float:
+        """Return the nearest place to which the lowest and the highest current let a stem slide."""
+        low_m = (low_ma - self.offset_ma + self.sliding_ma) / self.spring_ma_per_m
+        high_m = (high_ma - self.offset_ma - self.sliding_ma) / self.spring_ma_per_m
+        return min(max(position_m, low_m), max(high_m, low_m))
+
     def landing_ma(self, position_m: float, direction: float) -> float:
         """Return the pressure under which a stem that slides in `direction` stops at a place."""
         plain_ma = self.balance_ma(position_m) + direction * self.sliding_ma

@@ -25,12 +25,13 @@ from positioner.laws.bounds import Bounds
 from positioner.laws.estimator_settings import measurement_sigma_m
 from positioner.laws.law import Decision, Estimate
 from positioner.laws.move_reason import Breakaway, MoveReason
-from positioner.laws.quasi_static.belief import Landing, ValveBelief, belief_of
+from positioner.laws.quasi_static.belief import Landing, belief_of
 from positioner.laws.quasi_static.lag import Way
+from positioner.laws.quasi_static.memory import Move, QuasiStaticMemory
 from positioner.laws.quasi_static.move import Currents, Limits, Stage, Stem, Step, boost_samples, margin_m, steps_to
-from positioner.laws.quasi_static.rest import NO_REST, Noise, Rest
+from positioner.laws.quasi_static.rest import NO_REST, Noise
 from positioner.values import dataclass, replace
-from positioner.valve.pressure import PressureModel, PressureState, pressure_model
+from positioner.valve.pressure import PressureModel, pressure_model
 from positioner.valve.state import StemState
 from positioner.wire.messages import Motion
 
@@ -99,69 +100,6 @@ _PATIENCE_S = 1.0
 longest, 0.3 s."""
 _STEP_S = 1e-3
 """Of the integration of a stem, whose time constants are some ms."""
-
-
-@dataclass(frozen=True, slots=True)
-class Move:
-    """The move that is made; at rest, in the middle of the stick band, the last one without its stage.
-
-    level_ma, before_ma: the level, and the one before it. from_ma: pressure at the begin. start_m, start_m2: where the
-    stem was, and the variance of that. boost_ma, boosted: the limit, and for how many samples more it is commanded.
-    inertia_m: how far mass was expected to carry the stem beyond its balance, with the sign of the direction.
-    margin_m: how far from its target a move away may end. since_s: its age. area_m_s: the integral of the readings from
-    where it began. is_hurried: it began at the limit of the current.
-    """
-
-    stage: Stage | None
-    direction: float
-    target_m: float
-    level_ma: float
-    before_ma: float
-    from_ma: float
-    start_m: float
-    start_m2: float
-    margin_m: float
-    boost_ma: float = 0.0
-    boosted: int = 0
-    inertia_m: float = 0.0
-    since_s: float = 0.0
-    area_m_s: float = 0.0
-    is_hurried: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class QuasiStaticMemory:
-    """What the law carries.
-
-    belief, noise: of the valve and of the sensor. hurries: a move has shown no shorter lag than
-    the one that is hurried through. later_s: what rests are waited for beyond the model.
-    more_lag_s: lag beyond the configured one; behind_ma: the pressure behind it. is_lag_known: a move has shown it.
-    failed: pushes in a row that have not moved the stem.
-    pressure: of the model, None before the first command is known. rest: the readings since the stem rests. settled_s:
-    for how long the pressure has arrived. position_m, position_m2: the place of the stem, and its variance. smooth_m:
-    the smoothed reading. sent_ma: the last current. pending: moves that are still to be made. tries: to this setpoint.
-    """
-
-    belief: ValveBelief
-    noise: Noise
-    move: Move
-    rest: Rest
-    pressure: PressureState | None
-    position_m: float
-    position_m2: float
-    smooth_m: float
-    sent_ma: float = 0.0
-    settled_s: float = 1.0
-    setpoint_m: float | None = None
-    is_new: bool = False
-    tries: int = 0
-    pending: tuple[Step, ...] = ()
-    hurries: bool = False
-    later_s: float = 0.0
-    more_lag_s: float = 0.0
-    is_lag_known: bool = False
-    behind_ma: float = 0.0
-    failed: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,6 +218,7 @@ class QuasiStaticLaw:
         setpoint_m = observation.setpoint_m
         if setpoint_m != memory.setpoint_m:
             memory = replace(memory, setpoint_m=setpoint_m, is_new=True, tries=0, pending=())
+        setpoint_m = memory.belief.reachable_m(setpoint_m, self.limits.low_ma, self.limits.high_ma)
         reason: MoveReason | None = None
         move, failed = memory.move, memory.failed
         if move.stage is None or (move.stage is Stage.RETURN and memory.is_new):

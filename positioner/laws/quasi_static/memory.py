@@ -1,0 +1,76 @@
+"""What the law `quasi-static` carries from cycle to cycle. Pure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from positioner.values import dataclass
+
+if TYPE_CHECKING:
+    from positioner.laws.quasi_static.belief import ValveBelief
+    from positioner.laws.quasi_static.move import Stage, Step
+    from positioner.laws.quasi_static.rest import Noise, Rest
+    from positioner.valve.pressure import PressureState
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """The move that is made; at rest, in the middle of the stick band, the last one without its stage.
+
+    level_ma, before_ma: the level, and the one before it. from_ma: pressure at the begin. start_m, start_m2: where the
+    stem was, and the variance of that. boost_ma, boosted: the limit, and for how many samples more it is commanded.
+    inertia_m: how far mass was expected to carry the stem beyond its balance, with the sign of the direction.
+    margin_m: how far from its target a move away may end. since_s: its age. area_m_s: the integral of the readings from
+    where it began. is_hurried: it began at the limit of the current.
+    """
+
+    stage: Stage | None
+    direction: float
+    target_m: float
+    level_ma: float
+    before_ma: float
+    from_ma: float
+    start_m: float
+    start_m2: float
+    margin_m: float
+    boost_ma: float = 0.0
+    boosted: int = 0
+    inertia_m: float = 0.0
+    since_s: float = 0.0
+    area_m_s: float = 0.0
+    is_hurried: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class QuasiStaticMemory:
+    """What the law carries.
+
+    belief, noise: of the valve and of the sensor. hurries: a move has shown no shorter lag than
+    the one that is hurried through. later_s: what rests are waited for beyond the model.
+    more_lag_s: lag beyond the configured one; behind_ma: the pressure behind it. is_lag_known: a move has shown it.
+    failed: pushes in a row that have not moved the stem.
+    pressure: of the model, None before the first command is known. rest: the readings since the stem rests. settled_s:
+    for how long the pressure has arrived. position_m, position_m2: the place of the stem, and its variance. smooth_m:
+    the smoothed reading. sent_ma: the last current. pending: moves that are still to be made. tries: to this setpoint.
+    """
+
+    belief: ValveBelief
+    noise: Noise
+    move: Move
+    rest: Rest
+    pressure: PressureState | None
+    position_m: float
+    position_m2: float
+    smooth_m: float
+    sent_ma: float = 0.0
+    settled_s: float = 1.0
+    setpoint_m: float | None = None
+    is_new: bool = False
+    tries: int = 0
+    pending: tuple[Step, ...] = ()
+    hurries: bool = False
+    later_s: float = 0.0
+    more_lag_s: float = 0.0
+    is_lag_known: bool = False
+    behind_ma: float = 0.0
+    failed: int = 0

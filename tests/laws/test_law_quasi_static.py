@@ -106,6 +106,16 @@ def test_the_belief_is_as_sure_as_it_is_right() -> None:
     assert 0.5 < float(np.mean(squares)) < 1.6
 
 
+@pytest.mark.parametrize(("share", "differs"), [(0.8, False), (1.0, False), (1.25, False), (1.6, True), (0.55, True)])
+def test_a_valve_differs_from_its_configuration_where_it_is_certainly_another_one(share: float, differs: bool) -> None:
+    belief, spring = belief_of(VALVE), share * belief_of(VALVE).spring_ma_per_m
+    sliding, offset = belief.sliding_ma, belief.offset_ma
+    for place_m, direction in [(0.03, 1.0), (0.09, 1.0), (0.05, -1.0), (0.1, 1.0), (0.02, -1.0), (0.07, 1.0)] * 3:
+        pressure_ma = spring * place_m + offset + direction * sliding
+        belief = belief.after_move().landed(Landing(place_m, direction, pressure_ma), 1e-10, 1e-4)
+    assert belief.differs is differs
+
+
 def test_a_force_that_comes_is_no_spring() -> None:
     belief = belief_of(VALVE)
     for landing in true_landings(SPRING, 0.0, SLIDING) * 2:

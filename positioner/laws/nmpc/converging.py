@@ -60,7 +60,8 @@ class Dwell:
     """What has happened at one setpoint.
 
     aim_m, way_m: of the last move, if it was to end at the setpoint; else None and 0. misses: moves that missed their
-    aim. away_s: for how long the stem has been away, where that counts. is_away: whether it is.
+    aim. away_s: for how long the stem has been away, where that counts. lost_s: for how long since
+    predictive moves have failed.
     """
 
     setpoint_m: float
@@ -68,7 +69,7 @@ class Dwell:
     way_m: float = 0.0
     misses: int = 0
     away_s: float = 0.0
-    is_away: bool = False
+    lost_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,8 @@ class ConvergingMemory:
     """What the law carries: both memories, which one acts, the smoothed reading in m, and the present dwell.
 
     pause, left: setpoints that the last failure gave to the quasi-static law, and those of them that are still to come.
-    taken_over_m: where the quasi-static law took the stem over.
+    taken_over_m: where the quasi-static law took the stem over. is_other: it has measured another valve than the
+    configured one.
     """
 
     predictive: Any
@@ -87,6 +89,7 @@ class ConvergingMemory:
     pause: int = 0
     left: int = 0
     taken_over_m: float = 0.0
+    is_other: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +137,11 @@ class ConvergingLaw:
             dwell = self._waited(memory, observation, counts=rests)
             if dwell.away_s > self.patience_s + _LAGS * quasi_static.more_lag_s:
                 return self._predictive_begins(memory, Acting.AGAIN, observation, table)
-            return replace(memory, quasi_static=quasi_static, dwell=dwell), self._told(memory, decision)
+            is_other = memory.is_other
+            if quasi_static.belief is not memory.quasi_static.belief:
+                is_other = quasi_static.more_lag_s > 0.0 or quasi_static.belief.differs
+            memory = replace(memory, quasi_static=quasi_static, dwell=dwell, is_other=is_other)
+            return memory, self._told(memory, decision)
         predictive, decision = self.predictive.decide(memory.predictive, stem, observation, table)
         dwell = self._followed(memory, stem, observation, decision)
         if memory.acting is Acting.PREDICTIVE and (why := self._broken(memory, dwell, stem, setpoint_m)):
@@ -178,16 +185,16 @@ class ConvergingLaw:
         return replace(
             dwell,
             away_s=dwell.away_s + elapsed_s if is_away and counts else 0.0,
-            is_away=is_away,
+            lost_s=dwell.lost_s + elapsed_s if is_away and memory.pause else 0.0,
         )
 
     def _told(self, memory: ConvergingMemory, decision: Decision) -> Decision:
-        """Return the decision; the valve differs where predictive moves fail again, or one has and the stem is away.
+        """Return the decision; the valve differs where quasi-static moves have measured it, or none has led for long.
 
-        A single failure may be chance: noise, a setpoint that moves on, a load that has changed.
+        That predictive moves fail may be chance: noise, a setpoint that moves on, a load that has changed.
         """
-        is_lost = memory.pause > 0 and memory.dwell is not None and memory.dwell.is_away
-        differs = memory.pause > _FIRST_PAUSE or is_lost
+        dwell = memory.dwell
+        differs = memory.is_other or (dwell is not None and dwell.lost_s > self.patience_s)
         return replace(decision, differs=True) if differs else decision
 
     # -- who moves the stem

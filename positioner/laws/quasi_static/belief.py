@@ -53,6 +53,8 @@ _PLAIN = 0.3
 """How many landings at the same place the friction of the whole valve is worth there."""
 _AGED = 0.95
 """What each later landing leaves of the weight of one."""
+_OTHER, _OTHER_MA, _CERTAINLY = 0.3, 1.0, 2.0
+"""A valve with other parameters than configured: by 30 %, the offset by 1 mA, and two σ more than that."""
 _LANDINGS_KEPT = 60
 """After so many their weight is 0.95^60 = 5 %."""
 
@@ -70,12 +72,12 @@ class Landing:
 class ValveBelief:
     """The Gaussian over k, c, f_c and f_s (mA/m and mA), the variance of a landing in mA², and the last landings.
 
-    configured: k of the configuration. least_scatter_ma2: of the best packing.
+    configured: k, c, f_c and f_s of the configuration. least_scatter_ma2: of the best packing.
     """
 
     numbers: Gaussian
     scatter_ma2: float
-    configured: float
+    configured: tuple[float, ...]
     least_scatter_ma2: float
     landings: tuple[Landing, ...] = ()
 
@@ -110,6 +112,16 @@ class ValveBelief:
         count = len(self.numbers.mean)
         sliding, static = (self.numbers.covariance[place * (count + 1)] for place in (_SLIDING, _STATIC))
         return (min(1.0 * math.sqrt(sliding + static), 0.5 * self.static_ma) + 0.02) / self.spring_ma_per_m
+
+    @property
+    def differs(self) -> bool:
+        """Whether the valve is certainly another one than the configured one."""
+        count = len(self.configured)
+        for place, (now, told) in enumerate(zip(self.numbers.mean, self.configured, strict=True)):
+            doubt = _CERTAINLY * math.sqrt(self.numbers.covariance[place * (count + 1)])
+            if abs(now - told) > (_OTHER_MA if place == _OFFSET else _OTHER * told + _FRICTION_MA) + doubt:
+                return True
+        return False
 
     def balance_ma(self, position_m: float) -> float:
         """Return k x + c: the middle of the stick band."""
@@ -194,7 +206,8 @@ class ValveBelief:
     def _within(self, numbers: Gaussian) -> Gaussian:
         """Return the numbers with a mean that a valve may have."""
         spring, offset, sliding, static = numbers.mean
-        spring = min(max(spring, _LEAST_SPRING * self.configured), _MOST_SPRING * self.configured)
+        configured = self.configured[_SPRING]
+        spring = min(max(spring, _LEAST_SPRING * configured), _MOST_SPRING * configured)
         sliding = max(sliding, 0.0)
         static = max(static, sliding * _LEAST_RATIO + _LEAST_GAP_MA)
         return numbers.with_mean((spring, offset, sliding, static))
@@ -213,4 +226,4 @@ def belief_of(valve: ValveParameters) -> ValveBelief:
     )
     scatter_ma = _SCATTER * sliding + _SCATTER_MA
     numbers = gaussian_of((spring, offset, sliding, static), sigmas)
-    return ValveBelief(numbers, scatter_ma * scatter_ma, spring, scatter_ma * scatter_ma)
+    return ValveBelief(numbers, scatter_ma * scatter_ma, numbers.mean, scatter_ma * scatter_ma)

@@ -135,11 +135,11 @@ class ConvergingLaw:
             quasi_static, decision = self.quasi_static.decide(memory.quasi_static, stem, observation, table)
             rests = memory.quasi_static.move.stage is None and quasi_static.move.stage is None
             dwell = self._waited(memory, observation, counts=rests)
-            if dwell.away_s > self.patience_s + _LAGS * quasi_static.more_lag_s:
+            if dwell.away_s > self.patience_s + _LAGS * max(quasi_static.more_lag_s, 0.0):
                 return self._predictive_begins(memory, Acting.AGAIN, observation, table)
             is_other = memory.is_other
             if quasi_static.belief is not memory.quasi_static.belief:
-                is_other = quasi_static.more_lag_s > 0.0 or quasi_static.belief.differs
+                is_other = quasi_static.more_lag_s != 0.0 or quasi_static.belief.differs
             memory = replace(memory, quasi_static=quasi_static, dwell=dwell, is_other=is_other)
             return memory, self._told(memory, decision)
         predictive, decision = self.predictive.decide(memory.predictive, stem, observation, table)

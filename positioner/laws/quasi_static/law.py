@@ -91,8 +91,9 @@ _TRACKING = 0.3
 """Weight of the newest reading in the position of a moving stem."""
 _SEEN, _OF_MOVE = 3.0, 0.25
 """σ of a lag, and the part of the move's length that it must be below for the move to show the lag."""
-_LONGER, _NEW_LAG = 1.3, 0.4
-"""A lag that is seen 30 % longer than configured is another one; weight of the newest in the mean of those seen."""
+_LONGER, _LESS, _NEW_LAG = 0.3, 0.4, 0.4
+"""A lag that is seen 30 % longer than configured is another one, and one that is 40 % shorter: what is believed of
+spring and friction at first makes it up to 20 % wrong. Weight of the newest in the mean of those seen."""
 _LEAST_GAP = 0.02
 """Of the step: what is left of it when the stem is freed, at least; less is within the doubt of F_s."""
 _PATIENCE_S = 1.0
@@ -146,7 +147,11 @@ class QuasiStaticLaw:
         for _ in range(max(1, round(observation.elapsed_s / self.period_s))):
             pressure = self.model.after(pressure, sent_ma)
         measured_m, elapsed_s, more_s = observation.measured_m, observation.elapsed_s, memory.more_lag_s
-        behind_ma = pressure.pressure_ma + (behind_ma - pressure.pressure_ma) * _left(elapsed_s, more_s)
+        if more_s == 0.0:
+            behind_ma = pressure.pressure_ma
+        else:
+            from_ma = pressure.converter_ma
+            behind_ma = from_ma + (behind_ma - from_ma) * _left(elapsed_s, self._own_s(from_ma > behind_ma) + more_s)
         smooth_m = memory.smooth_m + _SMOOTHING * (measured_m - memory.smooth_m)
         area_m_s = move.area_m_s + (measured_m - move.start_m) * elapsed_s
         move = replace(move, since_s=move.since_s + elapsed_s, area_m_s=area_m_s)
@@ -204,9 +209,11 @@ class QuasiStaticLaw:
 
     def _lag_s(self, *, upwards: bool) -> float:
         """Return the configured lag of the pressure, which fills or vents."""
+        return self._own_s(upwards) + self.valve.actuator.converter_time_constant_s
+
+    def _own_s(self, fills: bool) -> float:
         actuator = self.valve.actuator
-        own_s = actuator.fill_time_constant_s if upwards else actuator.vent_time_constant_s
-        return own_s + actuator.converter_time_constant_s
+        return actuator.fill_time_constant_s if fills else actuator.vent_time_constant_s
 
     # -- what to do
 
@@ -356,10 +363,10 @@ class QuasiStaticLaw:
         if _SEEN * sigma_s > _OF_MOVE * move.since_s:
             return memory
         memory = replace(memory, is_lag_known=True, hurries=seen_s > _SHORTER * (told_s + more_s))
-        if more_s == 0.0 and seen_s < _LONGER * told_s + self.period_s + _SEEN * sigma_s:
+        now_s, doubt_s = seen_s - told_s, self.period_s + _SEEN * sigma_s
+        if more_s == 0.0 and -_LESS * told_s - doubt_s < now_s < _LONGER * told_s + doubt_s:
             return memory
-        now_s = max(seen_s - told_s, 0.0)
-        more_s = now_s if now_s > 2.0 * more_s else more_s + _NEW_LAG * (now_s - more_s)
+        more_s = now_s if abs(now_s) > 2.0 * abs(more_s) else more_s + _NEW_LAG * (now_s - more_s)
         behind_ma = move.level_ma - direction * way.after_ma(told_s + more_s)
         memory = replace(memory, more_lag_s=more_s, behind_ma=behind_ma, later_s=0.0)
         if abs(behind_ma - move.level_ma) <= self._near_ma(memory):

@@ -57,4 +57,9 @@ class Way:
 
     def after_ma(self, lag_s: float) -> float:
         """Return how much of the step is still to come at the end of the move."""
-        return self.step_ma * math.exp(-self.lasted_s / lag_s) if lag_s > 0.0 else 0.0
+        return self.step_ma * left_of_lag(self.lasted_s, lag_s)
+
+
+def left_of_lag(elapsed_s: float, lag_s: float) -> float:
+    """Return what a lag leaves of a difference, e^(-t/τ)."""
+    return math.exp(-elapsed_s / lag_s) if lag_s > 0.0 else 0.0

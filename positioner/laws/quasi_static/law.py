@@ -26,7 +26,7 @@ from positioner.laws.estimator_settings import measurement_sigma_m
 from positioner.laws.law import Decision, Estimate
 from positioner.laws.move_reason import Breakaway, MoveReason
 from positioner.laws.quasi_static.belief import Landing, belief_of
-from positioner.laws.quasi_static.lag import Way
+from positioner.laws.quasi_static.lag import Way, left_of_lag
 from positioner.laws.quasi_static.memory import Move, QuasiStaticMemory
 from positioner.laws.quasi_static.move import Currents, Limits, Stage, Stem, Step, boost_samples, margin_m, steps_to
 from positioner.laws.quasi_static.rest import NO_REST, Noise
@@ -151,7 +151,9 @@ class QuasiStaticLaw:
             behind_ma = pressure.pressure_ma
         else:
             from_ma = pressure.converter_ma
-            behind_ma = from_ma + (behind_ma - from_ma) * _left(elapsed_s, self._own_s(from_ma > behind_ma) + more_s)
+            behind_ma = from_ma + (behind_ma - from_ma) * left_of_lag(
+                elapsed_s, self._own_s(from_ma > behind_ma) + more_s
+            )
         smooth_m = memory.smooth_m + _SMOOTHING * (measured_m - memory.smooth_m)
         area_m_s = move.area_m_s + (measured_m - move.start_m) * elapsed_s
         move = replace(move, since_s=move.since_s + elapsed_s, area_m_s=area_m_s)
@@ -465,11 +467,6 @@ class QuasiStaticLaw:
         whole_ma, step_ma = boost_ma - move.from_ma, move.level_ma - move.from_ma
         samples = boost_samples(lag_s, self.period_s, whole_ma, step_ma, left)
         return replace(move, boost_ma=boost_ma, boosted=samples, is_hurried=samples > 0)
-
-
-def _left(elapsed_s: float, lag_s: float) -> float:
-    """Return what a lag leaves of a difference."""
-    return math.exp(-elapsed_s / lag_s) if lag_s > 0.0 else 0.0
 
 
 def quasi_static_law(

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from endurance.faulty_loop import Fault
 
 REPORTED_WITHIN_S = 2.0
-LIMIT_OF_SPAN = 0.05
+LIMIT_OF_SPAN, LOST_OF_SPAN = 0.05, 0.01
 SENSORS: Mapping[str, dict[str, Any]] = {
     "noisy": {},
     "noise-free": {"noise_of_reading": 0.0},
@@ -153,6 +153,9 @@ def calm(work: tuple[str, str, str]) -> Calm:
             if loop.trouble is not None and loop.trouble is not before:
                 line = f"{loop.trouble.name} at {loop.sample * PERIOD_S:.2f} s, {error_m * 1e3:.1f} mm off"
                 is_true = loop.trouble is Cause.DEVIATION and large * PERIOD_S > loop.setup.guard.deviation_s - 0.3
+                # on a valve that is not the configured one, of a stem that has not arrived
+                is_lost = error_m > LOST_OF_SPAN * loop.plant.valve.span_m
+                is_true |= loop.trouble is Cause.VALVE_DIFFERS and plant != "paper" and is_lost
                 (true if is_true else false).append(line)
             before = loop.trouble
     return Calm(f"{law} on {plant}, {sensor}", tuple(true), tuple(false))

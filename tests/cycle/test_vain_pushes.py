@@ -185,8 +185,9 @@ def test_pushes_of_a_valve_with_another_friction_are_not_in_vain(sensor: dict[st
     assert not loop.events_of(NoMotion)
 
 
-def test_a_stem_that_rests_at_the_end_of_its_reach_is_not_told_so() -> None:
-    loop = looped(CLEAN, 0.01)
+@pytest.mark.parametrize("law", ["nmpc", "nmpc-predictive"])
+def test_a_stem_that_rests_at_the_end_of_its_reach_is_not_told_so(law: str) -> None:
+    loop = Loop(law, sample_period_s=0.01, setpoint_period_s=0.01, plant={"sensor": CLEAN})
     loop.run(3.0, 0.095)
     for beyond_m in (0.1005, 0.11, 0.127):  # 20 mA open it to 99.9 mm
         loop.run(8.0, beyond_m)

@@ -285,6 +285,14 @@ def test_all_tables_are_saved_at_the_same_time_and_one_that_hangs_delays_the_end
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(session_module, "CLOSE_TIMEOUT_S", 2.0)
+    begun: list[bool] = []
+    close = session_module.Session.close
+
+    def seen(session: session_module.Session, timeout_s: float) -> str | None:
+        begun.append(all(each.table.writer._is_closing for each in loop.sessions.values()))
+        return close(session, timeout_s)
+
+    monkeypatch.setattr(session_module.Session, "close", seen)
     with SeveralLoop(tmp_path, ALL) as loop:
         loop.run_to(FAILS_AT)
         hanging = [loop.sessions[name].table.writer._child.process for name in (OTHERS[0], FAILING)]
@@ -294,6 +302,7 @@ def test_all_tables_are_saved_at_the_same_time_and_one_that_hangs_delays_the_end
         process.send_signal(signal.SIGCONT)
         process.wait(60.0)
     assert loop.code is ExitCode.IO
+    assert begun == [True] * len(ALL)  # all save while the first one is waited for
     assert {line[:5] for line in loop.logged("table writer")} == {"FV-1:", "FV-4:"}
     tables = {name: access.dump(tmp_path / "state" / name).table for name in ALL}
     assert tables == {name: loop.sessions[name].state.table for name in ALL}

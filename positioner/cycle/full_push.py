@@ -8,10 +8,10 @@ is jammed, or has no air.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 from positioner.values import dataclass
+from positioner.valve.actuator import left_of_lag
 
 if TYPE_CHECKING:
     from positioner.guard.settings import GuardSettings
@@ -107,10 +107,7 @@ def may_hold(valve: ValveParameters, position_m: float, direction: int, current_
 
 def _arrived_ma(valve: ValveParameters, before_ma: float | None, sent_ma: float, elapsed_s: float) -> float:
     """Return the current that has arrived behind the lags of converter and chamber, taken as one."""
-    actuator = valve.actuator
     if before_ma is None:
         before_ma = sent_ma
     fills = sent_ma > before_ma  # pragma: no mutate - where both are the same, no lag matters
-    lag_s = actuator.fill_time_constant_s if fills else actuator.vent_time_constant_s
-    lag_s += actuator.converter_time_constant_s
-    return sent_ma if lag_s == 0.0 else sent_ma + math.exp(-elapsed_s / lag_s) * (before_ma - sent_ma)
+    return sent_ma + left_of_lag(elapsed_s, valve.actuator.lag_s(fills=fills)) * (before_ma - sent_ma)

@@ -11,19 +11,19 @@ from positioner.inputs.plain_file import MOST_MIB
 from positioner.replay.compare import Comparison
 from positioner.replay.log import LogError
 from positioner.replay.prepare import prepare
+from positioner.replay.recorded import first_in
 from positioner.replay.run import replay_cycles
-from positioner.wire.formats import FrameRejectedError
 from positioner.wire.messages import Health, Mode, PositionerStatus
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
     from typing import Any
 
     from positioner.config.schema import Configuration
     from positioner.health.monitor import HealthSettings, HealthState
-    from positioner.replay.log import LogFrame
     from positioner.wire.codec import Codec
+    from positioner.wire.messages import CanFrame
 
 
 def health_in(
@@ -52,7 +52,7 @@ def health_in(
     comparison = Comparison(codec, prepared.kind.has_instants)
     cycles = replay_cycles(configuration, prepared.cycles(), prepared.table)
     for cycle in tqdm(cycles, "health", prepared.cycle_count, unit=" cycles", delay=1, leave=False, disable=None):
-        if any(_is_of_procedure(codec, logged) for logged in cycle.recorded.outbox):
+        if _is_of_procedure(codec, (logged.frame for logged in cycle.recorded.outbox)):
             raise LogError(f"{path}: holds a test procedure, whose health was counted while it ran: positioner health")
         comparison.add(cycle)
         if cycle.observed is not None:
@@ -65,12 +65,7 @@ def health_in(
     return health, tuple(lines)
 
 
-def _is_of_procedure(codec: Codec, logged: LogFrame) -> bool:
-    """Return whether this is a status of a positioner whose valve a test procedure moves."""
-    if (logged.frame.arbitration_id, logged.frame.is_extended) != codec.identifier(PositionerStatus):
-        return False
-    try:
-        told, _ = codec.decode(logged.frame)
-    except FrameRejectedError:
-        return False
-    return isinstance(told, PositionerStatus) and told.mode is Mode.ACTIVE and told.health is Health.FUNCTION_CHECK
+def _is_of_procedure(codec: Codec, frames: Iterable[CanFrame]) -> bool:
+    """Return whether a status among these frames is of a positioner whose valve a test procedure moves."""
+    status, _ = first_in(codec, PositionerStatus, frames) or (None, None)
+    return status is not None and status.mode is Mode.ACTIVE and status.health is Health.FUNCTION_CHECK

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from positioner.runtime.record import NOTE_ID
 from positioner.wire.formats import FrameRejectedError
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from positioner.replay.log import LogFrame
     from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame
+
+M = TypeVar("M", CurrentCommand, PositionerStatus)
 
 INPUTS = (StemPosition, ActuatorState, Setpoint, ManualCurrent, CurrentCommand)
 """Messages that a positioner receives; a command that it receives is another controller's."""
@@ -104,16 +106,24 @@ class FrameClassifier:
         return True
 
 
-def command_in(codec: Codec, frames: Iterable[CanFrame]) -> tuple[CurrentCommand, int | None] | None:
-    """Return the first valid command among `frames` with its counter, or None."""
+def first_in(codec: Codec, kind: type[M], frames: Iterable[CanFrame]) -> tuple[M, int | None] | None:
+    """Return the first valid message of a kind among `frames` with its counter, or None."""
+    identifier = codec.identifier(kind)
     for frame in frames:
+        if (frame.arbitration_id, frame.is_extended) != identifier:
+            continue
         try:
             message, counter = codec.decode(frame)
         except FrameRejectedError:
             continue
-        if isinstance(message, CurrentCommand):
+        if isinstance(message, kind):
             return message, counter
     return None
+
+
+def command_in(codec: Codec, frames: Iterable[CanFrame]) -> tuple[CurrentCommand, int | None] | None:
+    """Return the first valid command among `frames` with its counter, or None."""
+    return first_in(codec, CurrentCommand, frames)
 
 
 def _address(logged: LogFrame) -> tuple[int, bool]:

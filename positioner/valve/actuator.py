@@ -8,6 +8,7 @@ whose pressure is the current at once (eq. 10).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -46,6 +47,14 @@ class ActuatorParameters(SettingsTable):
         lags_s = (self.fill_time_constant_s, self.vent_time_constant_s, self.dead_time_s)
         return lags_s == (0.0, 0.0, 0.0) and self.slew_ma_per_s == 0.0 and self.converter_time_constant_s == 0.0
 
+    def own_lag_s(self, *, fills: bool) -> float:
+        """τ_f or τ_v."""
+        return self.fill_time_constant_s if fills else self.vent_time_constant_s
+
+    def lag_s(self, *, fills: bool) -> float:
+        """τ_f or τ_v, and τ_c before it."""
+        return self.own_lag_s(fills=fills) + self.converter_time_constant_s
+
     @property
     def slower_lag_s(self) -> float:
         """The longer one of τ_f and τ_v, and τ_c behind it."""
@@ -63,3 +72,8 @@ class ActuatorParameters(SettingsTable):
             ("slew limit", self.slew_ma_per_s, "mA/s"),
         )
         return ", ".join(f"{name} {value:g} {unit}" for name, value, unit in parts if value)
+
+
+def left_of_lag(elapsed_s: float, lag_s: float) -> float:
+    """Return what a lag leaves of a difference, e^(-t/τ)."""
+    return math.exp(-elapsed_s / lag_s) if lag_s > 0.0 else 0.0

@@ -12,6 +12,7 @@ import math
 from typing import TYPE_CHECKING
 
 from positioner.values import dataclass
+from positioner.valve.actuator import left_of_lag
 
 if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters
@@ -76,6 +77,6 @@ def pressure_model(valve: ValveParameters, period_s: float, delay_s: float = 0.0
         longest_s = max(_OF_LAG * min(present_s, default=period_s), _SHORTEST_S)
         steps = max(1, min(_MOST_STEPS, int(period_s / longest_s)))
     step_s = period_s / steps
-    converter, fill, vent = (math.exp(-step_s / lag_s) if lag_s > 0.0 else 0.0 for lag_s in lags_s)
+    converter, fill, vent = (left_of_lag(step_s, lag_s) for lag_s in lags_s)
     waiting = math.ceil((actuator.dead_time_s + delay_s) / period_s - _ROUNDING)
     return PressureModel(waiting, steps, converter, fill, vent, actuator.slew_ma_per_s * step_s)

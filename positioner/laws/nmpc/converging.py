@@ -60,8 +60,8 @@ class Dwell:
     """What has happened at one setpoint.
 
     aim_m, way_m: of the last move, if it was to end at the setpoint; else None and 0. misses: moves that missed their
-    aim. away_s: for how long the stem has been away, where that counts. lost_s: for how long since
-    predictive moves have failed.
+    aim. away_s: for how long the stem has been away, where that counts. lost_s: for how long since predictive moves
+    have failed.
     """
 
     setpoint_m: float
@@ -70,6 +70,10 @@ class Dwell:
     misses: int = 0
     away_s: float = 0.0
     lost_s: float = 0.0
+
+
+BEFORE_THE_FIRST = Dwell(math.inf)
+"""Every setpoint is elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +89,7 @@ class ConvergingMemory:
     quasi_static: QuasiStaticMemory
     smooth_m: float
     acting: Acting = Acting.PREDICTIVE
-    dwell: Dwell | None = None
+    dwell: Dwell = BEFORE_THE_FIRST
     pause: int = 0
     left: int = 0
     taken_over_m: float = 0.0
@@ -124,8 +128,8 @@ class ConvergingLaw:
         self, memory: ConvergingMemory, stem: StemState, observation: Observation, table: StictionTable
     ) -> tuple[ConvergingMemory, Decision]:
         """Return the memory and the decision of the law that acts, or of the one that takes over."""
-        setpoint_m, dwell = observation.setpoint_m, memory.dwell
-        if dwell is None or abs(setpoint_m - dwell.setpoint_m) > _ELSEWHERE * self.span_m:
+        setpoint_m = observation.setpoint_m
+        if abs(setpoint_m - memory.dwell.setpoint_m) > _ELSEWHERE * self.span_m:
             memory = self._at_new_setpoint(memory, setpoint_m)
             if memory.acting is Acting.QUASI_STATIC and not memory.left and memory.quasi_static.move.stage is None:
                 return self._predictive_begins(memory, Acting.PREDICTIVE, observation, table)
@@ -154,7 +158,7 @@ class ConvergingLaw:
     def _broken(self, memory: ConvergingMemory, dwell: Dwell, stem: StemState, setpoint_m: float) -> str:
         """Return how the predictive law has not kept the contract in this cycle, empty where it has."""
         before, percent = memory.dwell, 100.0 / self.span_m
-        if before is not None and before.aim_m is not None and dwell.misses > _MOST_MISSES:
+        if before.aim_m is not None and dwell.misses > _MOST_MISSES:
             miss_m = abs(stem.position_m - before.aim_m)
             return f"a move of {before.way_m * percent:.2f} % of span ended {miss_m * percent:.2f} % off"
         if dwell.away_s > self.patience_s:
@@ -179,9 +183,8 @@ class ConvergingLaw:
 
     def _waited(self, memory: ConvergingMemory, observation: Observation, *, counts: bool) -> Dwell:
         """Return the dwell after a cycle in which the stem may be away from its setpoint, if that `counts`."""
-        setpoint_m = observation.setpoint_m
-        dwell = memory.dwell or Dwell(setpoint_m)
-        is_away, elapsed_s = abs(memory.smooth_m - setpoint_m) > _AWAY * self.span_m, observation.elapsed_s
+        dwell, elapsed_s = memory.dwell, observation.elapsed_s
+        is_away = abs(memory.smooth_m - observation.setpoint_m) > _AWAY * self.span_m
         return replace(
             dwell,
             away_s=dwell.away_s + elapsed_s if is_away and counts else 0.0,
@@ -193,8 +196,7 @@ class ConvergingLaw:
 
         That predictive moves fail may be chance: noise, a setpoint that moves on, a load that has changed.
         """
-        dwell = memory.dwell
-        differs = memory.is_other or (dwell is not None and dwell.lost_s > self.patience_s)
+        differs = memory.is_other or memory.dwell.lost_s > self.patience_s
         return replace(decision, differs=True) if differs else decision
 
     # -- who moves the stem
@@ -202,11 +204,10 @@ class ConvergingLaw:
     def _at_new_setpoint(self, memory: ConvergingMemory, setpoint_m: float) -> ConvergingMemory:
         """Return the memory at another setpoint: what the last dwell says of the predictive law."""
         dwell, pause, left = memory.dwell, memory.pause, memory.left
-        if dwell is not None:
-            left = max(left - 1, 0)
-            is_good = abs(memory.smooth_m - dwell.setpoint_m) < _GOOD * self.span_m and not dwell.misses
-            if memory.acting is Acting.PREDICTIVE and is_good:
-                pause = 0
+        left = max(left - 1, 0)
+        is_good = abs(memory.smooth_m - dwell.setpoint_m) < _GOOD * self.span_m and not dwell.misses
+        if memory.acting is Acting.PREDICTIVE and is_good:
+            pause = 0
         acting = Acting.QUASI_STATIC if memory.acting is Acting.QUASI_STATIC else Acting.PREDICTIVE
         return replace(memory, acting=acting, dwell=Dwell(setpoint_m), pause=pause, left=left)
 

@@ -189,19 +189,16 @@ class ValveBelief:
 
     def held(self, position_m: float, direction: float, pressure_ma: float) -> ValveBelief:
         """Return the belief after a stem has not moved under a pressure that pushed in `direction`."""
-        doubt_ma = _BOUND_OF_STATIC * self.static_ma + _BOUND_MA
-        line = (direction * position_m, direction, 0.0, 1.0)
-        return replace(
-            self, numbers=self._within(self.numbers.bounded(line, direction * pressure_ma, doubt_ma * doubt_ma))
-        )
+        return self._pushed((direction * position_m, direction, 0.0, 1.0), direction * pressure_ma)
 
     def freed(self, position_m: float, direction: float, pressure_ma: float) -> ValveBelief:
         """Return the belief after a stem that rested was moved by a pressure that pushed in `direction`."""
+        return self._pushed((-direction * position_m, -direction, 0.0, -1.0), -direction * pressure_ma)
+
+    def _pushed(self, line: tuple[float, ...], bound_ma: float) -> ValveBelief:
+        """Return the belief after a push has shown that the line is above a bound."""
         doubt_ma = _BOUND_OF_STATIC * self.static_ma + _BOUND_MA
-        line = (-direction * position_m, -direction, 0.0, -1.0)
-        return replace(
-            self, numbers=self._within(self.numbers.bounded(line, -direction * pressure_ma, doubt_ma * doubt_ma))
-        )
+        return replace(self, numbers=self._within(self.numbers.bounded(line, bound_ma, doubt_ma * doubt_ma)))
 
     def _within(self, numbers: Gaussian) -> Gaussian:
         """Return the numbers with a mean that a valve may have."""

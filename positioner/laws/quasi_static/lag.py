@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 
 from positioner.values import dataclass
+from positioner.valve.actuator import left_of_lag
 
 _BISECTIONS = 24
 """The lag is found to 2^-24 of the length of the move."""
@@ -58,8 +59,3 @@ class Way:
     def after_ma(self, lag_s: float) -> float:
         """Return how much of the step is still to come at the end of the move."""
         return self.step_ma * left_of_lag(self.lasted_s, lag_s)
-
-
-def left_of_lag(elapsed_s: float, lag_s: float) -> float:
-    """Return what a lag leaves of a difference, e^(-t/τ)."""
-    return math.exp(-elapsed_s / lag_s) if lag_s > 0.0 else 0.0

@@ -19,23 +19,26 @@ A correction is made where it is expected to halve the error: the place where a 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from positioner.laws.bounds import Bounds
 from positioner.laws.estimator_settings import measurement_sigma_m
 from positioner.laws.law import Decision, Estimate
 from positioner.laws.move_reason import Breakaway, MoveReason
 from positioner.laws.quasi_static.belief import Landing, belief_of
-from positioner.laws.quasi_static.lag import Way, left_of_lag
+from positioner.laws.quasi_static.lag import Way
 from positioner.laws.quasi_static.memory import Move, QuasiStaticMemory
 from positioner.laws.quasi_static.move import Currents, Limits, Stage, Stem, Step, boost_samples, margin_m, steps_to
 from positioner.laws.quasi_static.rest import NO_REST, Noise
 from positioner.values import dataclass, replace
+from positioner.valve.actuator import left_of_lag
 from positioner.valve.pressure import PressureModel, pressure_model
 from positioner.valve.state import StemState
 from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from positioner.laws.estimator_settings import EstimatorSettings
     from positioner.laws.law import Observation
     from positioner.valve.parameters import ValveParameters
@@ -80,7 +83,7 @@ _AT_STOP = 0.004
 _OF_GAP, _OF_AWAY, _OF_INERTIA = 0.3, 0.04, 0.25
 """Doubt of the balance: 30 % of what the pressure lacks, 4 % of the step of a move away (its pressure is not waited
 for), a quarter of what mass has added."""
-_HURRIED, _HURRIED_AWAY = 0.3, 0.1
+_LEFT: Final[Mapping[Stage | None, float]] = {Stage.AWAY: 0.1, Stage.LAND: 0.3}
 """Part of the way that is left for the level when a hurried pressure is released: a lag 20 % shorter than configured
 then still stays short of it."""
 _LAG_SAMPLES, _SHORTER = 4.0, 0.8
@@ -152,7 +155,7 @@ class QuasiStaticLaw:
         else:
             from_ma = pressure.converter_ma
             behind_ma = from_ma + (behind_ma - from_ma) * left_of_lag(
-                elapsed_s, self._own_s(from_ma > behind_ma) + more_s
+                elapsed_s, self.valve.actuator.own_lag_s(fills=from_ma > behind_ma) + more_s
             )
         smooth_m = memory.smooth_m + _SMOOTHING * (measured_m - memory.smooth_m)
         area_m_s = move.area_m_s + (measured_m - move.start_m) * elapsed_s
@@ -208,14 +211,6 @@ class QuasiStaticLaw:
     def _stem_m(self, memory: QuasiStaticMemory) -> float:
         """Return the place of the stem: backlash is taken up in the direction of the last move."""
         return memory.position_m + 0.5 * memory.move.direction * self.valve.backlash_m
-
-    def _lag_s(self, *, upwards: bool) -> float:
-        """Return the configured lag of the pressure, which fills or vents."""
-        return self._own_s(upwards) + self.valve.actuator.converter_time_constant_s
-
-    def _own_s(self, fills: bool) -> float:
-        actuator = self.valve.actuator
-        return actuator.fill_time_constant_s if fills else actuator.vent_time_constant_s
 
     # -- what to do
 
@@ -312,8 +307,7 @@ class QuasiStaticLaw:
         move = memory.move
         if move.stage is not Stage.AWAY or not self._is_sure(memory):
             return False
-        missing_m = move.direction * (move.target_m - memory.smooth_m)
-        return missing_m < move.margin_m - _CERTAIN * _OF_READING * self._noise_m(memory)
+        return self._is_seen_within(memory, move.margin_m)
 
     def _is_sure(self, memory: QuasiStaticMemory) -> bool:
         """Whether the move that is to be made next ends where it should, as far as is known."""
@@ -323,8 +317,12 @@ class QuasiStaticLaw:
     def _is_near(self, memory: QuasiStaticMemory) -> bool:
         """Whether the reading shows that a hurried pressure is as far as it should be hurried."""
         move = memory.move
-        left = _HURRIED_AWAY if move.stage is Stage.AWAY else _HURRIED
-        left_m = left * abs(move.level_ma - move.from_ma) / memory.belief.spring_ma_per_m
+        step_ma = abs(move.level_ma - move.from_ma)
+        return self._is_seen_within(memory, _LEFT[move.stage] * step_ma / memory.belief.spring_ma_per_m)
+
+    def _is_seen_within(self, memory: QuasiStaticMemory, left_m: float) -> bool:
+        """Whether the reading shows that the stem has at most this way left to the target of its move."""
+        move = memory.move
         missing_m = move.direction * (move.target_m - memory.smooth_m)
         return missing_m < left_m - _CERTAIN * _OF_READING * self._noise_m(memory)
 
@@ -342,13 +340,13 @@ class QuasiStaticLaw:
     def _followed(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
         """Return the memory with what a move shows of the lag; not settled where the pressure is still on its way."""
         move, belief = memory.move, memory.belief
+        if move.stage is Stage.RETURN or move.is_hurried:
+            return memory
         direction = 1.0 if move.level_ma > move.from_ma else -1.0
         step_ma, spring = direction * (move.level_ma - move.from_ma), belief.spring_ma_per_m
         moved_m = direction * (self._stem_m(memory) - move.start_m)
         variance_m2, worth = memory.noise.of(self._sigma_m(memory.position_m))
         sigma_m = math.sqrt(memory.position_m2 + move.start_m2)
-        if move.stage is Stage.RETURN or move.is_hurried:
-            return memory
         if moved_m < max(_MOVED * sigma_m, _MOVED_M):
             freed = direction * (move.level_ma - belief.balance_ma(move.start_m)) > belief.static_ma
             waits = freed and not memory.is_lag_known and move.since_s < _PATIENCE_S
@@ -386,10 +384,9 @@ class QuasiStaticLaw:
         moved_m, sigma_m = position_m - move.start_m, math.sqrt(memory.position_m2 + move.start_m2)
         push_ma = direction * (move.level_ma - belief.balance_ma(move.start_m))
         if direction * moved_m > max(_MOVED * sigma_m, _MOVED_M):
-            memory = replace(memory, failed=0)
             if not move.is_hurried:
                 belief = belief.freed(move.start_m, direction, move.level_ma)
-                memory = replace(memory, belief=belief)
+            memory = replace(memory, failed=0, belief=belief)
             if push_ma <= _SLID * belief.sliding_ma:
                 return memory
             pressure_ma = memory.behind_ma
@@ -429,7 +426,7 @@ class QuasiStaticLaw:
         move = self._commanded(memory, step.stage, direction, step.target_m, belief.landing_ma(level_m, direction))
         if pressure is not None:
             move = self._hurried(memory, move)
-            swings = self.stem.swings(belief.spring_ma_per_m, self._lag_s(upwards=direction > 0.0))
+            swings = self.stem.swings(belief.spring_ma_per_m, self.valve.actuator.lag_s(fills=direction > 0.0))
             if step.stage is Stage.LAND and memory.more_lag_s == 0.0 and swings:
                 currents = Currents(direction, move.level_ma, move.boost_ma, move.boosted)
                 beyond_m = direction * self.stem.beyond_m(self.model, pressure, belief, start_m, currents)
@@ -458,14 +455,13 @@ class QuasiStaticLaw:
 
     def _hurried(self, memory: QuasiStaticMemory, move: Move) -> Move:
         """Return the move with the samples in which the current stays at its limit, where the lag is known."""
-        told_s, more_s = self._lag_s(upwards=move.level_ma > move.from_ma), memory.more_lag_s
-        lag_s = told_s + more_s if memory.hurries else 0.0
+        fills = move.level_ma > move.from_ma
+        lag_s = self.valve.actuator.lag_s(fills=fills) + memory.more_lag_s if memory.hurries else 0.0
         if lag_s <= _LAG_SAMPLES * self.period_s:
             return move
-        boost_ma = self.limits.high_ma if move.level_ma > move.from_ma else self.limits.low_ma
-        left = _HURRIED_AWAY if move.stage is Stage.AWAY else _HURRIED
+        boost_ma = self.limits.high_ma if fills else self.limits.low_ma
         whole_ma, step_ma = boost_ma - move.from_ma, move.level_ma - move.from_ma
-        samples = boost_samples(lag_s, self.period_s, whole_ma, step_ma, left)
+        samples = boost_samples(lag_s, self.period_s, whole_ma, step_ma, _LEFT[move.stage])
         return replace(move, boost_ma=boost_ma, boosted=samples, is_hurried=samples > 0)
 
 

@@ -45,14 +45,12 @@ class Move:
 class QuasiStaticMemory:
     """What the law carries.
 
-    belief, noise: of the valve and of the sensor. hurries: a move has shown no shorter lag than
-    the one that is hurried through. later_s: what rests are waited for beyond the model.
-    more_lag_s: by how much the lag is longer than configured; behind_ma: the pressure behind it. is_lag_known: a move
-    has shown it.
-    failed: pushes in a row that have not moved the stem.
-    pressure: of the model, None before the first command is known. rest: the readings since the stem rests. settled_s:
-    for how long the pressure has arrived. position_m, position_m2: the place of the stem, and its variance. smooth_m:
-    the smoothed reading. sent_ma: the last current. pending: moves that are still to be made. tries: to this setpoint.
+    belief, noise: of the valve and of the sensor. pressure: of the model, None before the first command is known. rest:
+    the readings since the stem rests. settled_s: for how long the pressure has arrived. position_m, position_m2: the
+    place of the stem, and its variance. smooth_m: the smoothed reading. sent_ma: the last current. pending: moves that
+    are still to be made. tries: to this setpoint; failed: pushes in a row that have not moved the stem.
+    later_s: what rests are waited for beyond the model. more_lag_s: by how much the lag is longer than configured;
+    behind_ma: the pressure behind it. is_lag_known: a move has shown it; hurries: and it was no shorter than believed.
     """
 
     belief: ValveBelief

@@ -26,6 +26,7 @@ from positioner.metrics.exposition import FIRST_LINE, text_of
 from positioner.metrics.places import socket_problem
 from positioner.metrics.settings import MetricsSettings
 from positioner.runtime import metrics as metrics_module
+from positioner.runtime.learned_table import LearnedTable
 from positioner.runtime.metrics import Metrics, metrics_of
 from positioner.store import lock
 
@@ -143,7 +144,11 @@ def instructions(shell: VirtualShell, cycles: int) -> list[tuple[int, int]]:
 
 
 @pytest.mark.interpreted
-def test_a_cycle_without_a_hand_over_takes_the_same_instructions(tmp_path: Path) -> None:
+def test_a_cycle_without_a_hand_over_takes_the_same_instructions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # When the table writer, a process of its own, answers is chance: its answers are not read here.
+    monkeypatch.setattr(LearnedTable, "poll", lambda _: None)
     found = []
     wanted: tuple[tuple[str, Any], ...] = (("without", {}), ("with", {"metrics": {"file": "metrics.prom"}}))
     for name, tables in wanted:

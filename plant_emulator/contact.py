@@ -101,8 +101,8 @@ class ContactStem:
         """Return the dry friction in N at this velocity, positive against opening, as the contact is now."""
         raise NotImplementedError
 
-    def restore(self, contact: Contact) -> None:
-        """Go back to `contact`."""
+    def restore(self) -> None:
+        """Go back to before the last `slide`."""
         raise NotImplementedError
 
     def slide(self, velocity: float) -> None:
@@ -194,7 +194,6 @@ class ContactStem:
             if next_x != x or v != 0.0:
                 return False  # it arrives there
             mean, next_v = 0.0, 0.0
-        kept = self.contact()
         self.slide(mean)
         if not is_at_stop:
             after = force.at(begin_s + h) - load - spring * next_x - self.resistance_n(next_v) - self.viscous * next_v
@@ -205,7 +204,7 @@ class ContactStem:
             # and what a stiff contact leaves of it
             allowed_m = _EVEN_M if v * next_v >= 0.0 else _TURNING_M
             if apart * h * inertia > allowed_m * (known + self.slope):
-                self.restore(kept)
+                self.restore()
                 return False
         if self.feedback is not None:
             path = Uniform(x, mean)

@@ -43,6 +43,7 @@ class LuGreStem(ContactStem):
         super().__init__(constants, stem, packing, time_s, feedback)
         self.damping = constants.settings.friction.damping_n_s_per_m
         self.force_n: float = contact.forces_n[0]
+        self.before_n: float = self.force_n
         self.velocity: float = 0.0
         self.end_n: float = 0.0
         self.steep: float = 0.0
@@ -86,12 +87,13 @@ class LuGreStem(ContactStem):
         speed = abs(velocity)
         return self.force_n + self.damping * (velocity - speed * self.force_n / self.limit_n(speed))
 
-    def restore(self, contact: Contact) -> None:
-        """Go back to `contact`."""
-        self.force_n = contact.forces_n[0]
+    def restore(self) -> None:
+        """Go back to before the last `slide`."""
+        self.force_n = self.before_n
 
     def slide(self, velocity: float) -> None:
         """Take the bristles to the end of the step that `resist` was told last, which had this velocity."""
+        self.before_n = self.force_n
         self.force_n = self.end_n + self.steep * (velocity - self.velocity)
 
 

@@ -47,12 +47,16 @@ class MaxwellSlipStem(ContactStem):
         self.attraction: float = settings.attraction_n_per_s
         self.shares: list[float] = list(settings.element_forces)
         self.springs: list[float] = [share * settings.stiffness_n_per_m for share in settings.element_stiffnesses]
+        self.dampings: list[float] = [self.damping * spring / self.stiffness for spring in self.springs]
         self.forces: list[float] = list(contact.forces_n)
         self.slipping: list[int] = list(contact.slipping)
-        self.ends: list[float] = list(contact.forces_n)
-        self.reached: list[int] = list(contact.slipping)
+        self.forces_before: list[float] = list(contact.forces_n)
+        self.slipping_before: list[int] = list(contact.slipping)
         self.velocity: float = 0.0
         self.step_s: float = 0.0
+        self.way: int = 0
+        self.limit: float = 0.0
+        self.fading: float = 0.0
 
     def contact(self) -> Contact:
         """Return the contact as it is now."""
@@ -67,35 +71,35 @@ class MaxwellSlipStem(ContactStem):
 
     def resist(self, velocity: float, step_s: float, weight: float) -> None:
         """Set `base_n` and `slope`: in this step the elements resist by base_n + slope·(velocity of the step)."""
-        way = (velocity > 0.0) - (velocity < 0.0)
-        limit = self.limit_n(abs(velocity))
-        fading = math.exp(-self.attraction * step_s / limit)
-        advance = velocity * step_s
+        self.velocity = velocity
+        self.step_s = step_s
+        self.way = (velocity > 0.0) - (velocity < 0.0)
+        self.limit = self.limit_n(abs(velocity))
+        self.fading = math.exp(-self.attraction * step_s / self.limit)
         sticks = weight * step_s + self.damping / self.stiffness
         base, slope = 0.0, 0.0
         for i in range(len(self.forces)):
             start = self.forces[i]
-            spring = self.springs[i]
-            bound = way * self.shares[i] * limit
-            end = start + spring * advance
-            if way != 0 and self.slipping[i] == way:
-                end = bound + (start - bound) * fading
-            elif way * (end - bound) <= 0.0:
-                self.ends[i] = end
-                self.reached[i] = 0
-                base += start
-                slope += spring * sticks
-                continue
+            end, slips = self._end(i)
+            if slips:
+                base += start + weight * (end - start)
             else:
-                # beyond its limit before the step is only an element that a stronger packing has left there
-                end = bound if way * (start - bound) <= 0.0 else bound + (start - bound) * fading
-            self.ends[i] = end
-            self.reached[i] = way
-            base += start + weight * (end - start)
+                base += start
+                slope += self.springs[i] * sticks
         self.base_n = base
         self.slope = slope
-        self.velocity = velocity
-        self.step_s = step_s
+
+    def _end(self, i: int) -> tuple[float, int]:
+        """Return the force in N of an element at the end of the step that `resist` was told, and where it slips to."""
+        start, way = self.forces[i], self.way
+        bound = way * self.shares[i] * self.limit
+        if way != 0 and self.slipping[i] == way:
+            return bound + (start - bound) * self.fading, way
+        end = start + self.springs[i] * (self.velocity * self.step_s)
+        if way * (end - bound) <= 0.0:
+            return end, 0
+        # beyond its limit before the step is only an element that a stronger packing has left there
+        return (bound if way * (start - bound) <= 0.0 else bound + (start - bound) * self.fading), way
 
     def resistance_n(self, velocity: float) -> float:
         """Return the dry friction in N at this velocity, positive against opening, as the elements are now."""
@@ -103,21 +107,24 @@ class MaxwellSlipStem(ContactStem):
         for i in range(len(self.forces)):
             total_n += self.forces[i]
             if self.slipping[i] * velocity <= 0.0:  # it sticks, or will at once
-                total_n += self.damping * self.springs[i] / self.stiffness * velocity
+                total_n += self.dampings[i] * velocity
         return total_n
 
-    def restore(self, contact: Contact) -> None:
-        """Go back to `contact`."""
-        self.forces = list(contact.forces_n)
-        self.slipping = list(contact.slipping)
+    def restore(self) -> None:
+        """Go back to before the last `slide`."""
+        self.forces, self.forces_before = self.forces_before, self.forces
+        self.slipping, self.slipping_before = self.slipping_before, self.slipping
 
     def slide(self, velocity: float) -> None:
         """Take the elements to the end of the step that `resist` was told last, which had this velocity."""
         more_m = (velocity - self.velocity) * self.step_s
-        for i in range(len(self.forces)):
-            reached = self.reached[i]
-            self.forces[i] = self.ends[i] if reached else self.ends[i] + self.springs[i] * more_m
-            self.slipping[i] = reached
+        forces, slipping = self.forces_before, self.slipping_before
+        for i in range(len(forces)):
+            end, slips = self._end(i)
+            forces[i] = end if slips else end + self.springs[i] * more_m
+            slipping[i] = slips
+        self.forces, self.forces_before = forces, self.forces
+        self.slipping, self.slipping_before = slipping, self.slipping
 
 
 def friction_n(constants: Constants, stem: Stem, packing: Packing, contact: Contact) -> float:

@@ -5,10 +5,12 @@ spring and friction balance the pressure, whatever lag, dead time and speed are;
 predictive law moves the stem until it does not keep the contract of convergence:
 
     at one setpoint no more than one move misses its aim by more than 1 % of span;
-    the stem does not stay away from its setpoint for longer than a move and its correction take.
+    the stem does not stay away from its setpoint for longer than a move and its correction take;
+    the readings are not for long elsewhere than where the predictive law believes the stem.
 
 Then the quasi-static law takes this setpoint over, and the next ones, four at first and twice as many each time that it
-happens again. If it leaves the stem away from its setpoint, the predictive law goes on there: it pushes harder, and
+happens again; and as long as it measures another valve than the configured one, whose model leads no predictive move.
+If it leaves the stem away from its setpoint, the predictive law goes on there: it pushes harder, and
 again after rests, for ever.
 """
 
@@ -18,6 +20,7 @@ import math
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
+from positioner.laws.estimator_settings import measurement_sigma_m
 from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
@@ -35,6 +38,9 @@ _GOOD = 0.005
 """Of span: so near to its setpoint a stem was brought well, as in the robustness test's *reachable*."""
 _AWAY = 0.007
 """Of span: between a good place and a lost one."""
+_ASTRAY, _ASTRAY_S = 3.0, 0.1
+"""σ of a reading, besides 1 % of span, by which the readings may differ from the stem that the predictive law believes
+in, and for how long: a stem that moves, seen through a sensor that lags, is at rest by then."""
 _LAGS, _REST_S = 8.0, 0.1
 """A move and its correction last four time constants each, e⁻⁴ = 2 %; between them a rest is judged."""
 _ELSEWHERE = 0.01
@@ -82,7 +88,8 @@ class ConvergingMemory:
 
     pause, left: setpoints that the last failure gave to the quasi-static law, and those of them that are still to come.
     taken_over_m: where the quasi-static law took the stem over. is_other: it has measured another valve than the
-    configured one.
+    configured one. astray_m: how far the smoothed readings are from the stem that the predictive law believes in, and
+    astray_s for how long that is too far.
     """
 
     predictive: Any
@@ -94,6 +101,8 @@ class ConvergingMemory:
     left: int = 0
     taken_over_m: float = 0.0
     is_other: bool = False
+    astray_m: float = 0.0
+    astray_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,14 +140,16 @@ class ConvergingLaw:
         setpoint_m = observation.setpoint_m
         if abs(setpoint_m - memory.dwell.setpoint_m) > _ELSEWHERE * self.span_m:
             memory = self._at_new_setpoint(memory, setpoint_m)
-            if memory.acting is Acting.QUASI_STATIC and not memory.left and memory.quasi_static.move.stage is None:
+            is_due = not memory.left and not memory.is_other
+            if memory.acting is Acting.QUASI_STATIC and is_due and memory.quasi_static.move.stage is None:
                 return self._predictive_begins(memory, Acting.PREDICTIVE, observation, table)
             if memory.acting is not Acting.QUASI_STATIC and memory.left:
                 return self._quasi_static_begins(memory, observation, table)
         if memory.acting is Acting.QUASI_STATIC:
             quasi_static, decision = self.quasi_static.decide(memory.quasi_static, stem, observation, table)
             rests = memory.quasi_static.move.stage is None and quasi_static.move.stage is None
-            dwell = self._waited(memory, observation, counts=rests)
+            is_left = rests and quasi_static.rest.readings > 0  # it has seen where the stem is
+            dwell = self._waited(memory, observation, counts=is_left)
             if dwell.away_s > self.patience_s + _LAGS * max(quasi_static.more_lag_s, 0.0):
                 return self._predictive_begins(memory, Acting.AGAIN, observation, table)
             is_other = memory.is_other
@@ -147,6 +158,7 @@ class ConvergingLaw:
             memory = replace(memory, quasi_static=quasi_static, dwell=dwell, is_other=is_other)
             return memory, self._told(memory, decision)
         predictive, decision = self.predictive.decide(memory.predictive, stem, observation, table)
+        memory = self._compared(memory, stem, observation)
         dwell = self._followed(memory, stem, observation, decision)
         if memory.acting is Acting.PREDICTIVE and (why := self._broken(memory, dwell, stem, setpoint_m)):
             memory, decision = self._quasi_static_begins(self._failed(memory, setpoint_m), observation, table)
@@ -161,10 +173,20 @@ class ConvergingLaw:
         if before.aim_m is not None and dwell.misses > _MOST_MISSES:
             miss_m = abs(stem.position_m - before.aim_m)
             return f"a move of {before.way_m * percent:.2f} % of span ended {miss_m * percent:.2f} % off"
+        if memory.astray_s > _ASTRAY_S:
+            return f"readings {abs(memory.astray_m) * percent:.2f} % of span from where the stem is believed to be"
         if dwell.away_s > self.patience_s:
             off = abs(memory.smooth_m - setpoint_m) * percent
             return f"{off:.2f} % of span off for {dwell.away_s:.2f} s"
         return ""
+
+    def _compared(self, memory: ConvergingMemory, stem: StemState, observation: Observation) -> ConvergingMemory:
+        """Return the memory after the reading has been compared with what the predictive law believes."""
+        elapsed_s, astray_m = observation.elapsed_s, memory.astray_m
+        astray_m += min(1.0, elapsed_s / _SMOOTHING_S) * (observation.measured_m - stem.position_m - astray_m)
+        sigma_m = measurement_sigma_m(self.quasi_static.estimator, self.quasi_static.valve, stem.position_m)
+        is_astray = abs(astray_m) > _MISS * self.span_m + _ASTRAY * sigma_m
+        return replace(memory, astray_m=astray_m, astray_s=memory.astray_s + elapsed_s if is_astray else 0.0)
 
     def _followed(
         self, memory: ConvergingMemory, stem: StemState, observation: Observation, decision: Decision
@@ -227,6 +249,7 @@ class ConvergingLaw:
         quasi_static, decision = self.quasi_static.decide(quasi_static, estimate.stem, observation, table)
         acting, dwell, here_m = Acting.QUASI_STATIC, Dwell(observation.setpoint_m), memory.smooth_m
         memory = replace(memory, acting=acting, quasi_static=quasi_static, dwell=dwell, taken_over_m=here_m)
+        memory = replace(memory, astray_m=0.0, astray_s=0.0)
         return memory, self._told(memory, decision)
 
     def _predictive_begins(

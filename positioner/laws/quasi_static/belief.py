@@ -157,6 +157,11 @@ class ValveBelief:
         variance_ma2 = self.numbers.variance((position_m, 1.0, direction, 0.0)) + self.scatter_ma2
         return math.sqrt(variance_ma2) / self.spring_ma_per_m
 
+    @property
+    def scatter_m(self) -> float:
+        """σ of the place where a move ends on a valve that is known: what no further move teaches."""
+        return math.sqrt(self.scatter_ma2) / self.spring_ma_per_m
+
     def after_move(self) -> ValveBelief:
         """Return the belief before another move: friction and forces may have changed a little."""
         offset = _OFFSET_DRIFT_MA + _DRIFT * self.sliding_ma

@@ -12,8 +12,8 @@ Then the current goes to the middle of the stick band, where no force of either 
 learned of the valve is learned at rest (`belief`). A lag that was seen to be no shorter than configured is hurried
 through: the current stays at its limit until seven tenths of the way are done.
 
-A correction is made where it is expected to halve the error: the place where a move ends is known no better than
-`landing_sigma_m`. After fifteen moves to one setpoint the stem is left where it is.
+A correction is made where it is expected to make the error smaller (`_WORTH_LARGE`). After fifteen moves to one
+setpoint the stem is left where it is.
 """
 
 from __future__ import annotations
@@ -51,8 +51,9 @@ _NEW_TOLERANCE = 0.0007
 _CERTAIN = 2.2
 """σ of the mean of the readings that an error must exceed."""
 _LARGE, _WORTH_LARGE, _WORTH_SMALL = 0.005, 1.2, 2.0
-"""An error above 0.5 % of span is corrected where it exceeds 1.2 σ of a landing (then a move makes it smaller in three
-of four cases), a smaller one where it exceeds 2 σ (then the move halves it on average)."""
+"""An error above 0.5 % of span is corrected where it exceeds 1.2 σ of the scatter of landings (then a move makes it
+smaller in three of four cases; what is not known of the valve, the move teaches), a smaller one where it exceeds 2 σ of
+a landing (then the move halves it on average)."""
 _HASTY, _LONG_S = 5.0, 0.15
 """σ of the mean that an error must exceed before the readings of 0.15 s have been averaged."""
 _MOST_MOVES = 14
@@ -281,9 +282,12 @@ class QuasiStaticLaw:
     def _is_worth_it(self, memory: QuasiStaticMemory, setpoint_m: float) -> bool:
         """Whether a correction makes the error smaller, as far as is known."""
         error_m, span_m = abs(setpoint_m - self._stem_m(memory)), self.valve.span_m
-        landing_m = memory.belief.landing_sigma_m(setpoint_m, memory.move.direction)
-        worth = _WORTH_LARGE if error_m > _LARGE * span_m else _WORTH_SMALL
-        return error_m > max(self._tolerance_m(memory), _CERTAIN * math.sqrt(memory.position_m2), worth * landing_m)
+        belief = memory.belief
+        if error_m > _LARGE * span_m:
+            landing_m = _WORTH_LARGE * belief.scatter_m
+        else:
+            landing_m = _WORTH_SMALL * belief.landing_sigma_m(setpoint_m, memory.move.direction)
+        return error_m > max(self._tolerance_m(memory), _CERTAIN * math.sqrt(memory.position_m2), landing_m)
 
     def _tolerance_m(self, memory: QuasiStaticMemory) -> float:
         return _TOLERANCE * self.valve.span_m * (1.0 + _LOOSER * memory.tries)
@@ -349,8 +353,9 @@ class QuasiStaticLaw:
         sigma_m = math.sqrt(memory.position_m2 + move.start_m2)
         if moved_m < max(_MOVED * sigma_m, _MOVED_M):
             freed = direction * (move.level_ma - belief.balance_ma(move.start_m)) > belief.static_ma
-            waits = freed and not memory.is_lag_known and move.since_s < _PATIENCE_S
-            return replace(memory, rest=NO_REST, settled_s=0.0) if waits else replace(memory, is_lag_known=True)
+            waits, known = not memory.is_lag_known and move.since_s < _PATIENCE_S, memory.is_lag_known or freed
+            still = replace(memory, rest=NO_REST, settled_s=0.0)
+            return still if freed and waits else replace(memory, is_lag_known=known)
         free_ma = direction * (belief.balance_ma(move.start_m) - move.from_ma) + belief.static_ma
         gap_ma = min(max(step_ma - free_ma, _LEAST_GAP * step_ma), step_ma)
         way = Way(step_ma, gap_ma, spring, moved_m, move.since_s)

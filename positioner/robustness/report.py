@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from positioner.bench.scenario import Scenario
     from positioner.report.text import Block
+    from positioner.robustness.cases import Case
     from positioner.robustness.judgement import Bin, Distribution, Verdict
     from positioner.robustness.study import Study
 
@@ -196,7 +197,7 @@ def _difference(each: Distribution) -> str:
 def _beyond_lines(study: Study) -> list[Block]:
     """Return what became of setpoints beyond reach: whether the status said so, and how near the stem came."""
     law = study.judged
-    judged = [each for each in study.verdicts if each.case.group == BEYOND and each.number % 2 == 1]
+    judged = [each for each in study.verdicts if each.case.group == BEYOND and is_beyond(each, law)]
     if not judged:
         return []
     late, silent, short = 0, 0, []
@@ -214,17 +215,33 @@ def _beyond_lines(study: Study) -> list[Block]:
     ]
 
 
-def short_of_reach_pct(verdict: Verdict, law: str) -> float:
-    """Return by how much of the span the stem ended short of where sliding friction lets the last current take it."""
+def _ends_of_reach_m(case: Case) -> tuple[float, float, float]:
+    """Return the lowest and the highest place to which sliding friction lets the last current take a stem; the span."""
     from plant_emulator.presets import plant_settings  # noqa: PLC0415 - for this alone
 
-    valve, dwell = plant_settings(overrides=verdict.case.true).valve, verdict.by_law[law]
+    valve = plant_settings(overrides=case.true).valve
     gain = valve.diaphragm_area_m2 * valve.pressure_gain_pa_per_ma
-    opens = dwell.step_mm > 0.0
-    current_ma, sign = (20.0, 1.0) if opens else (4.0, -1.0)
-    end_m = (gain * current_ma - valve.bench_set_n - sign * valve.coulomb_friction_n) / valve.spring_rate_n_per_m
-    end_m = min(max(end_m, valve.travel_min_m), valve.travel_max_m)
-    return max(sign * (end_m - dwell.end_mm * 1e-3), 0.0) / valve.span_m * 100.0
+    low_m, high_m = (
+        (gain * current_ma - valve.bench_set_n - sign * valve.coulomb_friction_n) / valve.spring_rate_n_per_m
+        for current_ma, sign in ((4.0, -1.0), (20.0, 1.0))
+    )
+    return max(low_m, valve.travel_min_m), min(high_m, valve.travel_max_m), valve.span_m
+
+
+def is_beyond(verdict: Verdict, law: str) -> bool:
+    """Return whether no current lets the stem slide to within 1 % of the setpoint."""
+    low_m, high_m, span_m = _ends_of_reach_m(verdict.case)
+    setpoint_m, near_m = verdict.by_law[law].setpoint_mm * 1e-3, 0.01 * _SHORT_PCT * span_m
+    return not low_m - near_m <= setpoint_m <= high_m + near_m
+
+
+def short_of_reach_pct(verdict: Verdict, law: str) -> float:
+    """Return by how much of the span the stem ended short of where sliding friction lets the last current take it."""
+    dwell = verdict.by_law[law]
+    low_m, high_m, span_m = _ends_of_reach_m(verdict.case)
+    end_m = dwell.end_mm * 1e-3
+    short_m = high_m - end_m if dwell.setpoint_mm * 1e-3 > high_m else end_m - low_m
+    return max(short_m, 0.0) / span_m * 100.0
 
 
 def document(study: Study, found: Sequence[Bin]) -> dict[str, Any]:

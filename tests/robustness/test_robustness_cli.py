@@ -16,7 +16,7 @@ from positioner.robustness import pictures, sets
 from positioner.robustness.cases import BEYOND, Case, drawn
 from positioner.robustness.judgement import Verdict
 from positioner.robustness.play import Dwell, Run, scenario_of
-from positioner.robustness.report import short_of_reach_pct, worst_blocks
+from positioner.robustness.report import is_beyond, short_of_reach_pct, worst_blocks
 from positioner.robustness.space import packaged_space
 from positioner.robustness.study import Study, code_of
 
@@ -32,7 +32,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("positioner.robustness.space.packaged_space", lambda: space)
     monkeypatch.setattr(command, "_SHORT_VALVES", 1)
     monkeypatch.setattr(command, "_SHORT_DWELLS", 2)
-    monkeypatch.setattr(command, "_SHORT_BEYOND", 1)
+    monkeypatch.setattr(command, "_SHORT_BEYOND", 2)
     monkeypatch.setattr(study, "spread_out", lambda function, items, _: ((item, function(item)) for item in items))
 
 
@@ -141,3 +141,6 @@ def test_a_stem_at_the_end_of_its_reach_is_0_percent_short() -> None:
         )  # fmt: skip
         verdict = Verdict(case=case, number=1, by_law={"pi": dwell}, optimal_s=0.1, reachable=False)
         assert short_of_reach_pct(verdict, "pi") == pytest.approx(short, abs=1e-6)
+        for setpoint_mm, beyond in ((200.0, True), (end_m * 1e3 + 1.3, True), (end_m * 1e3 + 1.2, False)):
+            asked = replace(verdict, by_law={"pi": replace(dwell, setpoint_mm=setpoint_mm)})
+            assert is_beyond(asked, "pi") is beyond

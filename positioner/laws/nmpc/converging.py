@@ -38,9 +38,9 @@ _MISS, _MOST_MISSES = 0.01, 1
 One at each setpoint is allowed: it teaches spring and friction."""
 _GOOD = 0.005
 """Of span: so near to its setpoint a stem was brought well, as in the robustness test's *reachable*."""
-_ENOUGH, _HALVED = 2, 2.0
-"""Moves to a setpoint that say how well the next one will end, and the σ of their ends that an error below 0.5 % of
-span must exceed: then a move halves it on average."""
+_SMALL, _ENOUGH, _HALVED = 0.003, 2, 2.0
+"""An error below 0.3 % of span must exceed 2 σ of the ends of the moves to this setpoint, two at least: then a move
+halves it on average."""
 _AWAY = 0.007
 """Of span: between a good place and a lost one."""
 _ASTRAY, _ASTRAY_S = 3.0, 0.1
@@ -70,8 +70,8 @@ class Acting(Enum):
 class Dwell:
     """What has happened at one setpoint.
 
-    aim_m, way_m: of the last move, if it was to end at the setpoint; else None and 0. ended, missed_m2: the moves that
-    have ended, and the sum of the squares of their distances from their aims. misses: those that missed their aim.
+    aim_m, way_m: of the last move, if it was to end at the setpoint; else None and 0. misses: moves that missed their
+    aim. ended, missed_m2: those that halved their way, and the sum of the squares of their distances from their aims.
     left_m: the setpoint, where the stem is left as near to it as it is; else None. away_s: for how long the stem has
     been away, where that counts. lost_s: for how long since predictive moves have failed.
     """
@@ -167,7 +167,7 @@ class ConvergingLaw:
             memory = replace(memory, quasi_static=quasi_static, dwell=dwell, is_other=is_other)
             return memory, self._told(memory, decision)
         memory = self._compared(memory, stem, observation)
-        is_left = memory.dwell.left_m == setpoint_m and abs(stem.position_m - setpoint_m) < _GOOD * self.span_m
+        is_left = memory.dwell.left_m == setpoint_m and abs(stem.position_m - setpoint_m) < _SMALL * self.span_m
         here = replace(observation, setpoint_m=stem.position_m)
         predictive, decision = self.predictive.decide(memory.predictive, stem, here if is_left else observation, table)
         dwell = self._followed(memory, stem, observation, decision)
@@ -205,7 +205,7 @@ class ConvergingLaw:
     def _is_vain(self, dwell: Dwell, stem: StemState, setpoint_m: float) -> bool:
         """Return whether a correction is not expected to halve the error."""
         error_m = abs(stem.position_m - setpoint_m)
-        if dwell.ended < _ENOUGH or error_m > _GOOD * self.span_m:
+        if dwell.ended < _ENOUGH or error_m > _SMALL * self.span_m:
             return False
         return error_m < _HALVED * math.sqrt(dwell.missed_m2 / dwell.ended)
 
@@ -218,9 +218,11 @@ class ConvergingLaw:
         ended, missed_m2, misses = dwell.ended, dwell.missed_m2, dwell.misses
         if decision.reason is not None:
             here_m, next_m = stem.position_m, decision.reason.aim_m
-            if aim_m is not None:
-                ended, missed_m2 = ended + 1, missed_m2 + (here_m - aim_m) * (here_m - aim_m)
-                misses += abs(here_m - aim_m) > _MISS * self.span_m
+            miss_m = math.inf if aim_m is None else abs(here_m - aim_m)
+            if _MISS * self.span_m < miss_m < math.inf:
+                misses += 1
+            elif _HALVED * miss_m < way_m:  # not a push in vain
+                ended, missed_m2 = ended + 1, missed_m2 + miss_m * miss_m
             # a move that only backs off may end anywhere
             leads = abs(next_m - observation.setpoint_m) < _MISS * self.span_m
             aim_m, way_m = (next_m, abs(next_m - here_m)) if leads else (None, 0.0)

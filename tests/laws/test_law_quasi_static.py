@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from loop_helpers import Loop
 
 from positioner.bench.inprocess import InProcessRun, run_in_process
 from positioner.bench.scenario import Scenario
@@ -19,6 +21,10 @@ from positioner.laws.quasi_static.rest import NO_REST, Noise, Rest
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.pressure import pressure_model
 from positioner.valve.stiction import StictionTable
+from positioner.wire.messages import Cause, CurrentCommand
+
+if TYPE_CHECKING:
+    from positioner.wire.messages import CanFrame
 
 VALVE = ValveParameters(id="paper")
 GAIN = VALVE.force_gain_n_per_ma
@@ -348,3 +354,23 @@ def test_the_same_run_twice_is_the_same_to_the_bit_and_no_memory_is_changed() ->
     decisions = [law.decide(results[0], law.estimate(memory, observation)[1].stem, observation, StictionTable())]
     decisions += [law.decide(results[0], law.estimate(memory, observation)[1].stem, observation, StictionTable())]
     assert decisions[0] == decisions[1]
+
+
+def test_a_stem_that_moves_against_its_pushes_is_told() -> None:
+    loop = Loop("quasi-static")
+    for setpoint_m in (0.073, 0.087, 0.08):
+        loop.run(1.0, setpoint_m)
+    assert not loop.state.differs
+
+    def reversed_commands(frames: tuple[CanFrame, ...]) -> tuple[CanFrame, ...]:
+        decoded = (loop.codec.decode(frame) for frame in frames)
+        return tuple(
+            loop.codec.encode(CurrentCommand(24.0 - message.current_ma), counter or 0)
+            for message, counter in decoded
+            if isinstance(message, CurrentCommand)
+        )
+
+    loop.to_plant = reversed_commands
+    loop.run(0.6, 0.068)
+    assert loop.state.differs
+    assert loop.state.guard.cause is Cause.VALVE_DIFFERS

@@ -77,8 +77,9 @@ _SLID = 0.9
 """Of F_c: a push beyond it may have moved the stem, so that its place is a landing."""
 _MOVED, _MOVED_M = 3.0, 1e-4
 """σ of a difference of two means, and its least, that say that the stem has moved."""
-_PUSHED = 0.6
-"""Of F_s: a weaker push that moved nothing teaches nothing."""
+_PUSHED, _CHANCE = 0.6, 2
+"""Of F_s: a weaker push that moved nothing teaches nothing. More pushes in a row that have not moved the stem their way
+are no chance: the valve differs, as where the actuator is reversed."""
 _AT_STOP = 0.004
 """Of the span: nearer to a stop the stop may hold the stem."""
 _OF_GAP, _OF_AWAY, _OF_INERTIA = 0.3, 0.04, 0.25
@@ -247,7 +248,8 @@ class QuasiStaticLaw:
         motion = Motion.REST if rests else Motion.MOVE
         memory = replace(memory, move=move, sent_ma=current_ma)
         failed = memory.failed if memory.failed > failed else 0
-        return memory, Decision(current_ma, bounds, motion, reason=reason, failed_pushes=failed)
+        differs = memory.failed > _CHANCE
+        return memory, Decision(current_ma, bounds, motion, reason=reason, failed_pushes=failed, differs=differs)
 
     def _next(self, memory: QuasiStaticMemory, setpoint_m: float) -> tuple[QuasiStaticMemory, MoveReason | None]:
         """Return the memory after a move that has been judged, and why another one begins."""
@@ -402,11 +404,10 @@ class QuasiStaticLaw:
                 other_ma = _OF_INERTIA * belief.spring_ma_per_m * move.inertia_m
             landing = Landing(position_m - move.inertia_m, direction, pressure_ma)
             belief = belief.landed(landing, memory.position_m2, gap_ma * gap_ma + other_ma * other_ma)
-        elif abs(moved_m) < _MOVED * sigma_m + _MOVED_M:
-            here_ma = direction * (move.level_ma - belief.balance_ma(position_m))
-            if here_ma > _PUSHED * belief.static_ma:
+        elif direction * (move.level_ma - belief.balance_ma(position_m)) > _PUSHED * belief.static_ma:
+            memory = replace(memory, failed=memory.failed + 1)
+            if abs(moved_m) < _MOVED * sigma_m + _MOVED_M:
                 belief = belief.held(position_m, direction, move.level_ma)
-                memory = replace(memory, failed=memory.failed + 1)
         return replace(memory, belief=belief)
 
     def _planned(self, memory: QuasiStaticMemory, setpoint_m: float) -> tuple[QuasiStaticMemory, MoveReason | None]:

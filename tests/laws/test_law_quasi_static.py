@@ -360,7 +360,7 @@ def test_a_stem_that_moves_against_its_pushes_is_told() -> None:
     loop = Loop("quasi-static")
     for setpoint_m in (0.073, 0.087, 0.08):
         loop.run(1.0, setpoint_m)
-    assert not loop.state.differs
+    before = loop.state.differs
 
     def reversed_commands(frames: tuple[CanFrame, ...]) -> tuple[CanFrame, ...]:
         decoded = (loop.codec.decode(frame) for frame in frames)
@@ -372,5 +372,4 @@ def test_a_stem_that_moves_against_its_pushes_is_told() -> None:
 
     loop.to_plant = reversed_commands
     loop.run(0.6, 0.068)
-    assert loop.state.differs
-    assert loop.state.guard.cause is Cause.VALVE_DIFFERS
+    assert (before, loop.state.differs, loop.state.guard.cause) == (False, True, Cause.VALVE_DIFFERS)

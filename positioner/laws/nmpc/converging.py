@@ -168,12 +168,13 @@ class ConvergingLaw:
             return memory, self._told(memory, decision)
         memory = self._compared(memory, stem, observation)
         is_left = memory.dwell.left_m == setpoint_m and abs(stem.position_m - setpoint_m) < _SMALL * self.span_m
-        here = replace(observation, setpoint_m=stem.position_m)
-        predictive, decision = self.predictive.decide(memory.predictive, stem, here if is_left else observation, table)
+        seen = replace(observation, setpoint_m=stem.position_m) if is_left else observation
+        predictive, decision = self.predictive.decide(memory.predictive, stem, seen, table)
         dwell = self._followed(memory, stem, observation, decision)
         if decision.reason is not None and not is_left and self._is_vain(dwell, stem, setpoint_m):
             dwell = replace(memory.dwell, left_m=setpoint_m)
-            predictive, decision = self.predictive.decide(memory.predictive, stem, here, table)
+            seen = replace(observation, setpoint_m=stem.position_m)
+            predictive, decision = self.predictive.decide(memory.predictive, stem, seen, table)
         if memory.acting is Acting.PREDICTIVE and (why := self._broken(memory, dwell, stem, setpoint_m)):
             memory, decision = self._quasi_static_begins(self._failed(memory, setpoint_m), observation, table)
             return memory, replace(decision, fallback=f"{why}: quasi-static moves take over")

@@ -26,7 +26,18 @@ _GEOMETRY = ("span_m", "travel_min_m", "travel_max_m")
 def restartable_mm(
     settings: PlantSettings, low_ma: float = LOOP_LOW_MA, high_ma: float = LOOP_HIGH_MA
 ) -> tuple[float, float]:
-    """Return the range in mm from which `low_ma` to `high_ma` move the stem both ways: K x + F_0 ± F_s within B·u.
+    """Return the range in mm from which `low_ma` to `high_ma` move the stem both ways: K x + F_0 ± F_s within B·u."""
+    static_n = settings.valve.static_friction_n * (1.0 + settings.stochastic.friction_fraction)
+    return _balanced_mm(settings, static_n, low_ma, high_ma)
+
+
+def slidable_mm(settings: PlantSettings) -> tuple[float, float]:
+    """Return the range in mm to which the lowest and the highest current let a stem slide: K x + F_0 ± F_c = B·u."""
+    return _balanced_mm(settings, settings.valve.coulomb_friction_n, LOOP_LOW_MA, LOOP_HIGH_MA)
+
+
+def _balanced_mm(settings: PlantSettings, friction_n: float, low_ma: float, high_ma: float) -> tuple[float, float]:
+    """Return the range in mm in which K x + F_0 and this friction either way lie within B·u.
 
     K and F_0 are those of spring and process together, and the supply may end below `high_ma`.
     """
@@ -36,7 +47,6 @@ def restartable_mm(
         high_ma = min(high_ma, settings.actuator.supply_pa / valve.pressure_gain_pa_per_ma)
     preload_n = valve.bench_set_n + process.force_n
     spring_n_per_m = valve.spring_rate_n_per_m + process.gradient_n_per_m
-    friction_n = valve.static_friction_n * (1.0 + settings.stochastic.friction_fraction)
     low = (gain * low_ma - preload_n + friction_n) / spring_n_per_m
     high = (gain * high_ma - preload_n - friction_n) / spring_n_per_m
     return max(low, valve.travel_min_m) * 1e3, min(high, valve.travel_max_m) * 1e3

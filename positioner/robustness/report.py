@@ -9,6 +9,7 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 from positioner.bench.inprocess import configure
+from positioner.bench.playable import slidable_mm
 from positioner.campaign.report import scenario_text
 from positioner.cycle.events import MoveBegan
 from positioner.diagnostics.explanation import Explainer
@@ -17,7 +18,7 @@ from positioner.report.table import Table
 from positioner.report.text import markdown
 from positioner.robustness.cases import BEYOND, CLASSES
 from positioner.robustness.judgement import bins, distribution, worst
-from positioner.robustness.play import Run, before, recorded, scenario_of
+from positioner.robustness.play import Run, before, recorded, scenario_of, settings_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 
     from positioner.bench.scenario import Scenario
     from positioner.report.text import Block
-    from positioner.robustness.cases import Case
     from positioner.robustness.judgement import Bin, Distribution, Verdict
     from positioner.robustness.study import Study
 
@@ -215,33 +215,19 @@ def _beyond_lines(study: Study) -> list[Block]:
     ]
 
 
-def _ends_of_reach_m(case: Case) -> tuple[float, float, float]:
-    """Return the lowest and the highest place to which sliding friction lets the last current take a stem; the span."""
-    from plant_emulator.presets import plant_settings  # noqa: PLC0415 - for this alone
-
-    valve = plant_settings(overrides=case.true).valve
-    gain = valve.diaphragm_area_m2 * valve.pressure_gain_pa_per_ma
-    low_m, high_m = (
-        (gain * current_ma - valve.bench_set_n - sign * valve.coulomb_friction_n) / valve.spring_rate_n_per_m
-        for current_ma, sign in ((4.0, -1.0), (20.0, 1.0))
-    )
-    return max(low_m, valve.travel_min_m), min(high_m, valve.travel_max_m), valve.span_m
-
-
 def is_beyond(verdict: Verdict, law: str) -> bool:
     """Return whether no current lets the stem slide to within 1 % of the setpoint."""
-    low_m, high_m, span_m = _ends_of_reach_m(verdict.case)
-    setpoint_m, near_m = verdict.by_law[law].setpoint_mm * 1e-3, 0.01 * _SHORT_PCT * span_m
-    return not low_m - near_m <= setpoint_m <= high_m + near_m
+    settings, setpoint_mm = settings_of(verdict.case), verdict.by_law[law].setpoint_mm
+    (low_mm, high_mm), near_mm = slidable_mm(settings), 10.0 * _SHORT_PCT * settings.valve.span_m
+    return not low_mm - near_mm <= setpoint_mm <= high_mm + near_mm
 
 
 def short_of_reach_pct(verdict: Verdict, law: str) -> float:
     """Return by how much of the span the stem ended short of where sliding friction lets the last current take it."""
-    dwell = verdict.by_law[law]
-    low_m, high_m, span_m = _ends_of_reach_m(verdict.case)
-    end_m = dwell.end_mm * 1e-3
-    short_m = high_m - end_m if dwell.setpoint_mm * 1e-3 > high_m else end_m - low_m
-    return max(short_m, 0.0) / span_m * 100.0
+    settings, dwell = settings_of(verdict.case), verdict.by_law[law]
+    low_mm, high_mm = slidable_mm(settings)
+    short_mm = high_mm - dwell.end_mm if dwell.setpoint_mm > high_mm else dwell.end_mm - low_mm
+    return max(short_mm, 0.0) / settings.valve.span_m * 0.1
 
 
 def document(study: Study, found: Sequence[Bin]) -> dict[str, Any]:

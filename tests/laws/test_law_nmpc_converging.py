@@ -22,7 +22,7 @@ from positioner.valve.state import StemState
 from positioner.wire.messages import Cause, Health, HostRequest, Mode, Motion
 
 if TYPE_CHECKING:
-    from positioner.laws.law import Observation
+    from positioner.laws.law import Law, Observation
     from positioner.valve.stiction import StictionTable
 
 SETPOINTS_M = (0.073, 0.087, 0.08, 0.076, 0.077, 0.09)
@@ -33,6 +33,14 @@ def memory_of(loop: Loop) -> ConvergingMemory:
     memory = loop.state.control.memory
     assert isinstance(memory, ConvergingMemory)
     return memory
+
+
+def with_predictive(law: Law[float], **plant: Any) -> Loop:
+    """Return a loop whose predictive moves are those of `law`."""
+    loop = Loop("nmpc", plant={"preset": "paper", **plant})
+    assert isinstance(loop.setup.law, ConvergingLaw)
+    loop.setup = replace(loop.setup, law=replace(loop.setup.law, predictive=law))
+    return loop
 
 
 def taken_over(loop: Loop) -> list[str]:
@@ -74,10 +82,7 @@ def test_a_valve_that_differs_from_its_configuration_is_out_of_specification() -
 
 def test_a_predictive_law_that_believes_the_stem_elsewhere_than_it_is_read_is_relieved() -> None:
     # 220 mm/s for 0.65 s were believed of a stem that rested 10 mm away, at 1 % noise and nothing more than 20 % off
-    loop = Loop("nmpc")
-    law = loop.setup.law
-    assert isinstance(law, ConvergingLaw)
-    loop.setup = replace(loop.setup, law=replace(law, predictive=Idle(off_m=0.01)))
+    loop = with_predictive(Idle(off_m=0.01))
     loop.run(0.3, 0.08)
     (why,) = taken_over(loop)
     assert re.match(r"readings 7\.[89]. % of span from where the stem is believed to be", why)
@@ -106,9 +111,7 @@ class Idle:
 
 
 def test_after_some_setpoints_the_predictive_law_is_tried_again_and_after_a_second_failure_later() -> None:
-    loop = Loop("nmpc")
-    assert isinstance(loop.setup.law, ConvergingLaw)
-    loop.setup = replace(loop.setup, law=replace(loop.setup.law, predictive=Idle()))
+    loop = with_predictive(Idle())
     failed_at = []
     for number in range(16):
         before = len(taken_over(loop))
@@ -140,9 +143,7 @@ class Restless(Idle):
 
 @pytest.mark.parametrize(("off_m", "is_left"), [(0.0003, True), (0.0005, False)])
 def test_a_small_correction_that_is_not_expected_to_halve_the_error_is_not_made(off_m: float, is_left: bool) -> None:
-    loop = Loop("nmpc", plant={"preset": "paper", "sensor": {"noise_of_reading": 0.0}})
-    assert isinstance(loop.setup.law, ConvergingLaw)
-    loop.setup = replace(loop.setup, law=replace(loop.setup.law, predictive=Restless()))
+    loop = with_predictive(Restless(), sensor={"noise_of_reading": 0.0})
     setpoint_m = loop.position_m + off_m
     loop.run(0.15, setpoint_m)
     dwell = memory_of(loop).dwell

@@ -22,7 +22,6 @@ import math
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
-from positioner.laws.estimator_settings import measurement_sigma_m
 from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
@@ -134,8 +133,7 @@ class ConvergingLaw:
 
     def estimate(self, memory: ConvergingMemory, observation: Observation) -> tuple[ConvergingMemory, Estimate]:
         """Return the memory with this cycle's reading in it, and the estimate of the law that acts."""
-        elapsed_s, smooth_m = observation.elapsed_s, memory.smooth_m
-        smooth_m += min(1.0, elapsed_s / _SMOOTHING_S) * (observation.measured_m - smooth_m)
+        smooth_m = _smoothed_m(memory.smooth_m, observation.measured_m, observation.elapsed_s)
         if memory.acting is Acting.QUASI_STATIC:
             quasi_static, estimate = self.quasi_static.estimate(memory.quasi_static, observation)
             return replace(memory, quasi_static=quasi_static, smooth_m=smooth_m), estimate
@@ -157,8 +155,8 @@ class ConvergingLaw:
         if memory.acting is Acting.QUASI_STATIC:
             quasi_static, decision = self.quasi_static.decide(memory.quasi_static, stem, observation, table)
             rests = memory.quasi_static.move.stage is None and quasi_static.move.stage is None
-            is_left = rests and quasi_static.rest.readings > 0  # it has seen where the stem is
-            dwell = self._waited(memory, observation, counts=is_left)
+            sees = quasi_static.rest.readings > 0  # where the stem is
+            dwell = self._waited(memory, observation, counts=rests and sees)
             if dwell.away_s > self.patience_s + _LAGS * max(quasi_static.more_lag_s, 0.0):
                 return self._predictive_begins(memory, Acting.AGAIN, observation, table)
             is_other = memory.is_other
@@ -168,17 +166,28 @@ class ConvergingLaw:
             return memory, self._told(memory, decision)
         memory = self._compared(memory, stem, observation)
         is_left = memory.dwell.left_m == setpoint_m and abs(stem.position_m - setpoint_m) < _SMALL * self.span_m
-        seen = replace(observation, setpoint_m=stem.position_m) if is_left else observation
-        predictive, decision = self.predictive.decide(memory.predictive, stem, seen, table)
+        predictive, decision = self._predicted(memory, stem, observation, table, is_left=is_left)
         dwell = self._followed(memory, stem, observation, decision)
         if decision.reason is not None and not is_left and self._is_vain(dwell, stem, setpoint_m):
             dwell = replace(memory.dwell, left_m=setpoint_m)
-            seen = replace(observation, setpoint_m=stem.position_m)
-            predictive, decision = self.predictive.decide(memory.predictive, stem, seen, table)
+            predictive, decision = self._predicted(memory, stem, observation, table, is_left=True)
         if memory.acting is Acting.PREDICTIVE and (why := self._broken(memory, dwell, stem, setpoint_m)):
             memory, decision = self._quasi_static_begins(self._failed(memory, setpoint_m), observation, table)
             return memory, replace(decision, fallback=f"{why}: quasi-static moves take over")
         return replace(memory, predictive=predictive, dwell=dwell), self._told(memory, decision)
+
+    def _predicted(
+        self,
+        memory: ConvergingMemory,
+        stem: StemState,
+        observation: Observation,
+        table: StictionTable,
+        *,
+        is_left: bool,
+    ) -> tuple[Any, Decision]:
+        """Return the predictive law's memory and decision; a stem that is left is where it should be."""
+        seen = replace(observation, setpoint_m=stem.position_m) if is_left else observation
+        return self.predictive.decide(memory.predictive, stem, seen, table)
 
     # -- the contract
 
@@ -197,10 +206,9 @@ class ConvergingLaw:
 
     def _compared(self, memory: ConvergingMemory, stem: StemState, observation: Observation) -> ConvergingMemory:
         """Return the memory after the reading has been compared with what the predictive law believes."""
-        elapsed_s, astray_m = observation.elapsed_s, memory.astray_m
-        astray_m += min(1.0, elapsed_s / _SMOOTHING_S) * (observation.measured_m - stem.position_m - astray_m)
-        sigma_m = measurement_sigma_m(self.quasi_static.estimator, self.quasi_static.valve, stem.position_m)
-        is_astray = abs(astray_m) > _MISS * self.span_m + _ASTRAY * sigma_m
+        elapsed_s = observation.elapsed_s
+        astray_m = _smoothed_m(memory.astray_m, observation.measured_m - stem.position_m, elapsed_s)
+        is_astray = abs(astray_m) > _MISS * self.span_m + _ASTRAY * self.quasi_static.sigma_m(stem.position_m)
         return replace(memory, astray_m=astray_m, astray_s=memory.astray_s + elapsed_s if is_astray else 0.0)
 
     def _is_vain(self, dwell: Dwell, stem: StemState, setpoint_m: float) -> bool:
@@ -273,9 +281,15 @@ class ConvergingLaw:
         before = self.quasi_static.resumed(memory.quasi_static, memory.smooth_m)
         quasi_static, estimate = self.quasi_static.estimate(before, observation)
         quasi_static, decision = self.quasi_static.decide(quasi_static, estimate.stem, observation, table)
-        acting, dwell, here_m = Acting.QUASI_STATIC, Dwell(observation.setpoint_m), memory.smooth_m
-        memory = replace(memory, acting=acting, quasi_static=quasi_static, dwell=dwell, taken_over_m=here_m)
-        memory = replace(memory, astray_m=0.0, astray_s=0.0)
+        memory = replace(
+            memory,
+            acting=Acting.QUASI_STATIC,
+            quasi_static=quasi_static,
+            dwell=Dwell(observation.setpoint_m),
+            taken_over_m=memory.smooth_m,
+            astray_m=0.0,
+            astray_s=0.0,
+        )
         return memory, self._told(memory, decision)
 
     def _predictive_begins(
@@ -289,6 +303,10 @@ class ConvergingLaw:
         predictive, estimate = self.predictive.estimate(predictive, observation)
         predictive, decision = self.predictive.decide(predictive, estimate.stem, observation, table)
         return replace(memory, acting=acting, predictive=predictive), self._told(memory, decision)
+
+
+def _smoothed_m(before_m: float, now_m: float, elapsed_s: float) -> float:
+    return before_m + min(1.0, elapsed_s / _SMOOTHING_S) * (now_m - before_m)
 
 
 def converging_law(

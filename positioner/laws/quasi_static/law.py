@@ -170,7 +170,7 @@ class QuasiStaticLaw:
             memory = self._rested(memory, measured_m, elapsed_s)
         if memory.rest.readings:
             mean_m = memory.rest.mean_m
-            variance_m2, worth = memory.noise.of(self._sigma_m(mean_m))
+            variance_m2, worth = memory.noise.of(self.sigma_m(mean_m))
             memory = replace(memory, position_m=mean_m, position_m2=variance_m2 * worth / memory.rest.readings)
         else:
             position_m = memory.position_m + _TRACKING * (measured_m - memory.position_m)
@@ -181,7 +181,7 @@ class QuasiStaticLaw:
 
     def _rested(self, memory: QuasiStaticMemory, measured_m: float, elapsed_s: float) -> QuasiStaticMemory:
         """Return the memory after a reading of a stem that should rest."""
-        variance_m2, worth = memory.noise.of(self._sigma_m(measured_m))
+        variance_m2, worth = memory.noise.of(self.sigma_m(measured_m))
         rest, full = memory.rest.read(measured_m, elapsed_s, self.period_s)
         if not full or rest.moved_m(self.period_s, variance_m2, worth) == 0.0:
             return replace(memory, rest=rest)
@@ -207,7 +207,8 @@ class QuasiStaticLaw:
         follows_s = stem.viscous / memory.belief.spring_ma_per_m + stem.mass / stem.viscous
         return _FOLLOWED * (follows_s + self.valve.sensor_time_constant_s) + _FOLLOWED_S + memory.later_s
 
-    def _sigma_m(self, position_m: float) -> float:
+    def sigma_m(self, position_m: float) -> float:
+        """Return the configured σ of a reading in m at a place."""
         return measurement_sigma_m(self.estimator, self.valve, position_m)
 
     def _stem_m(self, memory: QuasiStaticMemory) -> float:
@@ -284,11 +285,10 @@ class QuasiStaticLaw:
     def _is_worth_it(self, memory: QuasiStaticMemory, setpoint_m: float) -> bool:
         """Whether a correction makes the error smaller, as far as is known."""
         error_m, span_m = abs(setpoint_m - self._stem_m(memory)), self.valve.span_m
-        belief = memory.belief
         if error_m > _LARGE * span_m:
-            landing_m = _WORTH_LARGE * belief.scatter_m
+            landing_m = _WORTH_LARGE * memory.belief.scatter_m
         else:
-            landing_m = _WORTH_SMALL * belief.landing_sigma_m(setpoint_m, memory.move.direction)
+            landing_m = _WORTH_SMALL * memory.belief.landing_sigma_m(setpoint_m, memory.move.direction)
         return error_m > max(self._tolerance_m(memory), _CERTAIN * math.sqrt(memory.position_m2), landing_m)
 
     def _tolerance_m(self, memory: QuasiStaticMemory) -> float:
@@ -334,12 +334,12 @@ class QuasiStaticLaw:
 
     def _noise_m(self, memory: QuasiStaticMemory) -> float:
         """Return σ of a reading, as the rests have shown it."""
-        variance_m2, _ = memory.noise.of(self._sigma_m(memory.smooth_m))
+        variance_m2, _ = memory.noise.of(self.sigma_m(memory.smooth_m))
         return math.sqrt(variance_m2)
 
     def _settled(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
         """Return the memory with the place of the last readings, where those before were of a stem that crept."""
-        variance_m2, worth = memory.noise.of(self._sigma_m(memory.position_m))
+        variance_m2, worth = memory.noise.of(self.sigma_m(memory.position_m))
         position_m, readings = memory.rest.latest(self.period_s, variance_m2, worth)
         return replace(memory, position_m=position_m, position_m2=variance_m2 * worth / readings)
 
@@ -351,13 +351,13 @@ class QuasiStaticLaw:
         direction = 1.0 if move.level_ma > move.from_ma else -1.0
         step_ma, spring = direction * (move.level_ma - move.from_ma), belief.spring_ma_per_m
         moved_m = direction * (self._stem_m(memory) - move.start_m)
-        variance_m2, worth = memory.noise.of(self._sigma_m(memory.position_m))
+        variance_m2, worth = memory.noise.of(self.sigma_m(memory.position_m))
         sigma_m = math.sqrt(memory.position_m2 + move.start_m2)
         if moved_m < max(_MOVED * sigma_m, _MOVED_M):
             freed = direction * (move.level_ma - belief.balance_ma(move.start_m)) > belief.static_ma
-            waits, known = not memory.is_lag_known and move.since_s < _PATIENCE_S, memory.is_lag_known or freed
-            still = replace(memory, rest=NO_REST, settled_s=0.0)
-            return still if freed and waits else replace(memory, is_lag_known=known)
+            waits = freed and not memory.is_lag_known and move.since_s < _PATIENCE_S
+            known = replace(memory, is_lag_known=memory.is_lag_known or freed)
+            return replace(memory, rest=NO_REST, settled_s=0.0) if waits else known
         free_ma = direction * (belief.balance_ma(move.start_m) - move.from_ma) + belief.static_ma
         gap_ma = min(max(step_ma - free_ma, _LEAST_GAP * step_ma), step_ma)
         way = Way(step_ma, gap_ma, spring, moved_m, move.since_s)

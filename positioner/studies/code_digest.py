@@ -57,15 +57,18 @@ USED_MODULES = {
 """Modules that a bout runs, for each room of which it runs only some."""
 
 
-_FOLDERS = ("nmpc", "paper", "rivals")
-"""Folders of `laws` that hold a law, or laws, each by itself."""
+_FOLDERS = {"nmpc": ("nmpc", "quasi_static"), "quasi-static": ("quasi_static",), "paper": ("paper",)}
+"""Folders of `laws` whose code a law runs, by the beginning of its name."""
+_OTHERS = ("rivals",)
+"""Of a law whose name begins otherwise."""
+_OF_LAWS = frozenset((*_OTHERS, *(folder for folders in _FOLDERS.values() for folder in folders)))
 
 
-def _folder_of(law: str) -> str:
-    """Return the only folder of `laws` whose code a law runs, empty where it may be any."""
+def _folders_of(law: str) -> tuple[str, ...]:
+    """Return the folders of `laws` whose code a law runs, all of them for a law from outside, which may use any."""
     if is_outside(law) and not law.startswith("nmpc"):
-        return ""
-    return next((each for each in _FOLDERS if law.startswith(each)), "rivals")
+        return tuple(_OF_LAWS)
+    return next((folders for begins, folders in _FOLDERS.items() if law.startswith(begins)), _OTHERS)
 
 
 def code_digest(law: str) -> str:
@@ -73,13 +76,13 @@ def code_digest(law: str) -> str:
 
     Of a law from outside it covers the source of that law, too.
     """
-    of_law = _folder_of(law)
+    of_law = _folders_of(law)
 
     def is_used(within: Path) -> bool:
         room, folders = within.parts[0], within.parts[:-1]
         is_of_another_law = "tuned" in folders and within.stem != law.replace("-", "_")
-        if of_law and folders[:1] == ("laws",) and folders[1:2] and folders[1] in _FOLDERS:
-            is_of_another_law = folders[1] != of_law
+        if folders[:1] == ("laws",) and folders[1:2] and folders[1] in _OF_LAWS:
+            is_of_another_law = folders[1] not in of_law
         return (
             room not in UNUSED_ROOMS and within.stem in USED_MODULES.get(room, {within.stem}) and not is_of_another_law
         )

@@ -9,7 +9,8 @@ predictive law moves the stem until it does not keep the contract of convergence
     the readings are not for long elsewhere than where the predictive law believes the stem.
 
 Then the quasi-static law takes this setpoint over, and the next ones, four at first and twice as many each time that it
-happens again; and as long as it measures another valve than the configured one, whose model leads no predictive move.
+happens again; and as long as what it has measured says that a predictive move of the configured model would miss: where
+the stem is freed or lands differs by more than 1 % of span, or is not known so well.
 A predictive correction is made where it is expected to halve the error, as the moves to this setpoint have ended: a
 correction is another slip, and takes the stem away before it brings it back.
 If the quasi-static law leaves the stem away from its setpoint, the predictive law goes on there: it pushes harder, and
@@ -147,7 +148,7 @@ class ConvergingLaw:
         setpoint_m = observation.setpoint_m
         if abs(setpoint_m - memory.dwell.setpoint_m) > _ELSEWHERE * self.span_m:
             memory = self._at_new_setpoint(memory, setpoint_m)
-            is_due = not memory.left and not memory.is_other
+            is_due = not memory.left and self._leads(memory)
             if memory.acting is Acting.QUASI_STATIC and is_due and memory.quasi_static.move.stage is None:
                 return self._predictive_begins(memory, Acting.PREDICTIVE, observation, table)
             if memory.acting is not Acting.QUASI_STATIC and memory.left:
@@ -256,6 +257,17 @@ class ConvergingLaw:
         return replace(decision, differs=True) if differs else decision
 
     # -- who moves the stem
+
+    def _leads(self, memory: ConvergingMemory) -> bool:
+        """Return whether the configured model leads a predictive move to the setpoint, as far as has been measured."""
+        belief, here_m, setpoint_m = memory.quasi_static.belief, memory.smooth_m, memory.dwell.setpoint_m
+        direction = 1.0 if setpoint_m > here_m else -1.0
+        if memory.is_other or belief.landing_sigma_m(setpoint_m, direction) > _MISS * self.span_m:
+            return False
+        spring, offset, sliding, static = belief.configured
+        lands_ma = belief.landing_ma(setpoint_m, direction) - (spring * setpoint_m + offset + direction * sliding)
+        frees_ma = belief.balance_ma(here_m) - (spring * here_m + offset) + direction * (belief.static_ma - static)
+        return max(abs(lands_ma), abs(frees_ma)) < _MISS * self.span_m * belief.spring_ma_per_m
 
     def _at_new_setpoint(self, memory: ConvergingMemory, setpoint_m: float) -> ConvergingMemory:
         """Return the memory at another setpoint: what the last dwell says of the predictive law."""

@@ -52,8 +52,8 @@ _CERTAIN = 2.2
 """σ of the mean of the readings that an error must exceed."""
 _LARGE, _WORTH_LARGE, _WORTH_SMALL = 0.005, 1.2, 2.0
 """An error above 0.5 % of span is corrected where it exceeds 1.2 σ of the scatter of landings (then a move makes it
-smaller in three of four cases; what is not known of the valve, the move teaches), a smaller one where it exceeds 2 σ of
-a landing (then the move halves it on average)."""
+smaller in three of four cases, and teaches what is not known of the valve), a smaller one where it exceeds 2 σ of the
+landing of the correction (then it is halved on average)."""
 _HASTY, _LONG_S = 5.0, 0.15
 """σ of the mean that an error must exceed before the readings of 0.15 s have been averaged."""
 _MOST_MOVES = 14
@@ -99,11 +99,9 @@ _SEEN, _OF_MOVE = 3.0, 0.25
 _LONGER, _LESS, _NEW_LAG = 0.3, 0.4, 0.4
 """A lag that is seen 30 % longer than configured is another one, and one that is 40 % shorter: what is believed of
 spring and friction at first makes it up to 20 % wrong. Weight of the newest in the mean of those seen."""
-_LEAST_GAP = 0.02
-"""Of the step: what is left of it when the stem is freed, at least; less is within the doubt of F_s."""
-_PATIENCE_S = 1.0
-"""How long the first push is held that should free the stem and does not, while no move has shown the lag: three of the
-longest, 0.3 s."""
+_LEAST_GAP, _PATIENCE_S = 0.02, 1.0
+"""Of the step: what is left of it when the stem is freed, at least; less is within the doubt of F_s. How long the first
+push is held that should free the stem and does not, while no move has shown the lag: three of the longest, 0.3 s."""
 _STEP_S = 1e-3
 """Of the integration of a stem, whose time constants are some ms."""
 
@@ -160,13 +158,12 @@ class QuasiStaticLaw:
                 elapsed_s, self.valve.actuator.own_lag_s(fills=from_ma > behind_ma) + more_s
             )
         smooth_m = memory.smooth_m + _SMOOTHING * (measured_m - memory.smooth_m)
-        area_m_s = move.area_m_s + (measured_m - move.start_m) * elapsed_s
-        move = replace(move, since_s=move.since_s + elapsed_s, area_m_s=area_m_s)
+        area_m_s, since_s = move.area_m_s + (measured_m - move.start_m) * elapsed_s, move.since_s + elapsed_s
+        move = replace(move, since_s=since_s, area_m_s=area_m_s)
         memory = replace(memory, pressure=pressure, smooth_m=smooth_m, move=move, sent_ma=sent_ma, behind_ma=behind_ma)
         arrived = abs(behind_ma - move.level_ma) <= self._near_ma(memory)
-        settled_s = memory.settled_s + elapsed_s if arrived else 0.0
-        memory = replace(memory, settled_s=settled_s)
-        if settled_s >= self._follows_s(memory):
+        memory = replace(memory, settled_s=memory.settled_s + elapsed_s if arrived else 0.0)
+        if memory.settled_s >= self._follows_s(memory):
             memory = self._rested(memory, measured_m, elapsed_s)
         if memory.rest.readings:
             mean_m = memory.rest.mean_m
@@ -176,8 +173,7 @@ class QuasiStaticLaw:
             position_m = memory.position_m + _TRACKING * (measured_m - memory.position_m)
             memory = replace(memory, position_m=position_m)
         direction = -1.0 if memory.move.direction < 0.0 else 1.0
-        stuck = memory.move.stage is None
-        return memory, Estimate(StemState(memory.position_m, 0.0, stuck, direction))
+        return memory, Estimate(StemState(memory.position_m, 0.0, memory.move.stage is None, direction))
 
     def _rested(self, memory: QuasiStaticMemory, measured_m: float, elapsed_s: float) -> QuasiStaticMemory:
         """Return the memory after a reading of a stem that should rest."""
@@ -284,12 +280,13 @@ class QuasiStaticLaw:
 
     def _is_worth_it(self, memory: QuasiStaticMemory, setpoint_m: float) -> bool:
         """Whether a correction makes the error smaller, as far as is known."""
-        error_m, span_m = abs(setpoint_m - self._stem_m(memory)), self.valve.span_m
-        if error_m > _LARGE * span_m:
-            landing_m = _WORTH_LARGE * memory.belief.scatter_m
-        else:
-            landing_m = _WORTH_SMALL * memory.belief.landing_sigma_m(setpoint_m, memory.move.direction)
-        return error_m > max(self._tolerance_m(memory), _CERTAIN * math.sqrt(memory.position_m2), landing_m)
+        belief, stem_m, error_m = memory.belief, self._stem_m(memory), abs(setpoint_m - self._stem_m(memory))
+        if error_m <= max(self._tolerance_m(memory), _CERTAIN * math.sqrt(memory.position_m2)):
+            return False
+        if error_m > _LARGE * self.valve.span_m:
+            return error_m > _WORTH_LARGE * belief.scatter_m
+        last = steps_to(belief, self.limits, stem_m, setpoint_m)[-1]
+        return error_m > _WORTH_SMALL * belief.landing_sigma_m(setpoint_m, last.direction)
 
     def _tolerance_m(self, memory: QuasiStaticMemory) -> float:
         return _TOLERANCE * self.valve.span_m * (1.0 + _LOOSER * memory.tries)
@@ -297,16 +294,13 @@ class QuasiStaticLaw:
     def _is_judged(self, memory: QuasiStaticMemory, setpoint_m: float) -> bool:
         """Whether the readings since the end of a move are enough to go on."""
         rest, stage = memory.rest, memory.move.stage
-        if stage is Stage.RETURN:
-            return True
         if stage is Stage.AWAY:
             return rest.duration_s >= _AWAY_S and rest.blocks >= _AWAY_BLOCKS
-        if rest.duration_s < _LAND_S or rest.blocks < _LAND_BLOCKS:
-            return False
+        if stage is Stage.RETURN or rest.duration_s < _LAND_S or rest.blocks < _LAND_BLOCKS:
+            return stage is Stage.RETURN
         error_m, sigma_m = abs(setpoint_m - self._stem_m(memory)), math.sqrt(memory.position_m2)
-        return sigma_m < max(_OF_TOLERANCE * self._tolerance_m(memory), _OF_SEEN * error_m) or (
-            rest.duration_s > _ENOUGH_S
-        )
+        is_exact = sigma_m < max(_OF_TOLERANCE * self._tolerance_m(memory), _OF_SEEN * error_m)
+        return is_exact or rest.duration_s > _ENOUGH_S
 
     def _is_away(self, memory: QuasiStaticMemory) -> bool:
         """Whether a stem that moves away is far enough for the next move, and its end is not to be measured."""
@@ -332,6 +326,16 @@ class QuasiStaticLaw:
         missing_m = move.direction * (move.target_m - memory.smooth_m)
         return missing_m < left_m - _CERTAIN * _OF_READING * self._noise_m(memory)
 
+    def _least_m(self, sigma_m: float) -> float:
+        """Return the difference of two means, whose σ is given, that says that the stem has moved."""
+        return max(_MOVED * sigma_m, _MOVED_M) + self.valve.backlash_m
+
+    def _is_beyond(self, memory: QuasiStaticMemory) -> bool:
+        """Whether a hurried move has gone too far: the lag is shorter than believed."""
+        move, beyond_m = memory.move, memory.move.direction * (self._stem_m(memory) - memory.move.target_m)
+        landing_m = _MOVED * memory.belief.landing_sigma_m(move.target_m, move.direction)
+        return move.is_hurried and beyond_m > max(_LARGE * self.valve.span_m, landing_m)
+
     def _noise_m(self, memory: QuasiStaticMemory) -> float:
         """Return σ of a reading, as the rests have shown it."""
         variance_m2, _ = memory.noise.of(self.sigma_m(memory.smooth_m))
@@ -347,13 +351,13 @@ class QuasiStaticLaw:
         """Return the memory with what a move shows of the lag; not settled where the pressure is still on its way."""
         move, belief = memory.move, memory.belief
         if move.stage is Stage.RETURN or move.is_hurried:
-            return memory
+            return replace(memory, hurries=False) if self._is_beyond(memory) else memory
         direction = 1.0 if move.level_ma > move.from_ma else -1.0
         step_ma, spring = direction * (move.level_ma - move.from_ma), belief.spring_ma_per_m
         moved_m = direction * (self._stem_m(memory) - move.start_m)
         variance_m2, worth = memory.noise.of(self.sigma_m(memory.position_m))
         sigma_m = math.sqrt(memory.position_m2 + move.start_m2)
-        if moved_m < max(_MOVED * sigma_m, _MOVED_M):
+        if moved_m < self._least_m(sigma_m):
             freed = direction * (move.level_ma - belief.balance_ma(move.start_m)) > belief.static_ma
             waits = freed and not memory.is_lag_known and move.since_s < _PATIENCE_S
             known = replace(memory, is_lag_known=memory.is_lag_known or freed)
@@ -361,13 +365,11 @@ class QuasiStaticLaw:
         free_ma = direction * (belief.balance_ma(move.start_m) - move.from_ma) + belief.static_ma
         gap_ma = min(max(step_ma - free_ma, _LEAST_GAP * step_ma), step_ma)
         way = Way(step_ma, gap_ma, spring, moved_m, move.since_s)
-        area_m_s = moved_m * move.since_s - direction * move.area_m_s
-        noise_m2 = move.since_s * self.period_s * variance_m2 * worth
-        sigma_m_s = math.sqrt(noise_m2 + move.since_s * move.since_s * sigma_m * sigma_m)
+        area_m_s, since_s = moved_m * move.since_s - direction * move.area_m_s, move.since_s
+        sigma_m_s = math.sqrt(since_s * self.period_s * variance_m2 * worth + since_s * since_s * sigma_m * sigma_m)
         sigma_s = sigma_m_s / (moved_m * math.log(step_ma / gap_ma) + gap_ma / spring)
-        told_s = self.valve.lag_s
-        seen_s, more_s = way.lag_s(area_m_s), memory.more_lag_s
-        if _SEEN * sigma_s > _OF_MOVE * move.since_s:
+        told_s, seen_s, more_s = self.valve.lag_s, way.lag_s(area_m_s), memory.more_lag_s
+        if _SEEN * sigma_s > _OF_MOVE * since_s:
             return memory
         memory = replace(memory, is_lag_known=True, hurries=seen_s > _SHORTER * (told_s + more_s))
         now_s, doubt_s = seen_s - told_s, self.period_s + _SEEN * sigma_s
@@ -376,28 +378,25 @@ class QuasiStaticLaw:
         more_s = now_s if abs(now_s) > 2.0 * abs(more_s) else more_s + _NEW_LAG * (now_s - more_s)
         behind_ma = move.level_ma - direction * way.after_ma(told_s + more_s)
         memory = replace(memory, more_lag_s=more_s, behind_ma=behind_ma, later_s=0.0)
-        if abs(behind_ma - move.level_ma) <= self._near_ma(memory):
-            return memory
-        return replace(memory, rest=NO_REST, settled_s=0.0)
+        arrived = abs(behind_ma - move.level_ma) <= self._near_ma(memory)
+        return memory if arrived else replace(memory, rest=NO_REST, settled_s=0.0)
 
     def _learned(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
         """Return the memory with what the end of a move teaches: a landing, or a push that moved nothing."""
         move, belief, pressure = memory.move, memory.belief, memory.pressure
-        position_m, span_m = self._stem_m(memory), self.valve.span_m
-        near_m = _AT_STOP * span_m
+        position_m, near_m = self._stem_m(memory), _AT_STOP * self.valve.span_m
         if pressure is None or not (self.valve.travel_min_m + near_m < position_m < self.valve.travel_max_m - near_m):
             return memory
         direction = 1.0 if move.level_ma > move.before_ma else -1.0
         moved_m, sigma_m = position_m - move.start_m, math.sqrt(memory.position_m2 + move.start_m2)
         push_ma = direction * (move.level_ma - belief.balance_ma(move.start_m))
-        if direction * moved_m > max(_MOVED * sigma_m, _MOVED_M):
+        if direction * moved_m > self._least_m(sigma_m):
             if not move.is_hurried:
                 belief = belief.freed(move.start_m, direction, move.level_ma)
             memory = replace(memory, failed=0, belief=belief)
             if push_ma <= _SLID * belief.sliding_ma:
                 return memory
-            pressure_ma = memory.behind_ma
-            gap_ma = _OF_GAP * (move.level_ma - pressure_ma)
+            pressure_ma, gap_ma = memory.behind_ma, _OF_GAP * (move.level_ma - memory.behind_ma)
             if move.stage is Stage.AWAY:
                 other_ma = _OF_AWAY * (move.level_ma - move.before_ma)
             else:
@@ -406,7 +405,7 @@ class QuasiStaticLaw:
             belief = belief.landed(landing, memory.position_m2, gap_ma * gap_ma + other_ma * other_ma)
         elif direction * (move.level_ma - belief.balance_ma(position_m)) > _PUSHED * belief.static_ma:
             memory = replace(memory, failed=memory.failed + 1)
-            if abs(moved_m) < _MOVED * sigma_m + _MOVED_M:
+            if abs(moved_m) < _MOVED * sigma_m + _MOVED_M + self.valve.backlash_m:
                 belief = belief.held(position_m, direction, move.level_ma)
         return replace(memory, belief=belief)
 

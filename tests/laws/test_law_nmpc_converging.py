@@ -14,16 +14,17 @@ from test_law_pushes import JAMMED
 from positioner.cycle.events import Controlled, LawFellBack
 from positioner.cycle.trust_events import PushFailed
 from positioner.laws.bounds import Bounds
-from positioner.laws.law import Decision, Estimate
+from positioner.laws.law import Decision, Estimate, Observation
 from positioner.laws.move_reason import Breakaway, MoveReason
 from positioner.laws.nmpc.converging import Acting, ConvergingLaw, ConvergingMemory
 from positioner.laws.pushes import MOST_FAILED
+from positioner.laws.quasi_static.belief import Landing, belief_of
 from positioner.valve.state import StemState
+from positioner.valve.stiction import StictionTable
 from positioner.wire.messages import Cause, Health, HostRequest, Mode, Motion
 
 if TYPE_CHECKING:
-    from positioner.laws.law import Law, Observation
-    from positioner.valve.stiction import StictionTable
+    from positioner.laws.law import Law
 
 SETPOINTS_M = (0.073, 0.087, 0.08, 0.076, 0.077, 0.09)
 LAGGED: dict[str, Any] = {"preset": "paper", "actuator": {"fill_time_constant_s": 0.1, "vent_time_constant_s": 0.1}}
@@ -160,6 +161,35 @@ def test_as_long_as_another_valve_is_measured_predictive_moves_are_not_tried() -
     memory = memory_of(loop)
     assert (memory.is_other, memory.left, memory.acting) == (True, 0, Acting.QUASI_STATIC)
     assert len(taken_over(loop)) == 1
+
+
+@pytest.mark.parametrize(
+    ("offset_of_span", "is_sure", "acting"),
+    [
+        (0.0, True, Acting.PREDICTIVE),
+        (0.008, True, Acting.PREDICTIVE),
+        (0.012, True, Acting.QUASI_STATIC),
+        (-0.012, True, Acting.QUASI_STATIC),
+        (0.0, False, Acting.QUASI_STATIC),
+    ],
+)
+def test_predictive_moves_come_back_where_what_was_measured_says_that_they_will_not_miss(
+    offset_of_span: float, is_sure: bool, acting: Acting
+) -> None:
+    law = Loop("nmpc").setup.law
+    assert isinstance(law, ConvergingLaw)
+    begun = law.begin(0.08)
+    belief = begun.quasi_static.belief
+    offset_ma = offset_of_span * 0.127 * belief.spring_ma_per_m
+    for place_m, direction in ((0.06, 1.0), (0.1, -1.0), (0.07, 1.0), (0.065, -1.0), (0.095, 1.0)) * 4 * is_sure:
+        pressure_ma = belief_of(law.quasi_static.valve).landing_ma(place_m, direction) + offset_ma
+        belief = belief.landed(Landing(place_m, direction, pressure_ma), 1e-12, 0.0)
+    quasi_static = replace(begun.quasi_static, belief=belief)
+    memory = replace(begun, acting=Acting.QUASI_STATIC, left=1, quasi_static=quasi_static)
+    seen = Observation(0.08, belief.balance_ma(0.08), 0.001, 0.09, 0.0)
+    memory, estimate = law.estimate(memory, seen)
+    memory, _ = law.decide(memory, estimate.stem, seen, StictionTable())
+    assert memory.acting is acting
 
 
 def test_what_the_predictive_law_commanded_last_is_not_taken_for_a_move_of_the_other() -> None:

@@ -15,15 +15,18 @@ from positioner.cycle.events import LawFellBack, MoveBegan
 from positioner.laws.estimator_settings import EstimatorSettings
 from positioner.laws.law import Observation
 from positioner.laws.quasi_static.belief import Landing, belief_of
-from positioner.laws.quasi_static.law import quasi_static_law
+from positioner.laws.quasi_static.law import QuasiStaticLaw, quasi_static_law
 from positioner.laws.quasi_static.move import Currents, Limits, Stage, Stem, boost_samples, steps_to
 from positioner.laws.quasi_static.rest import NO_REST, Noise, Rest
+from positioner.values import replace
+from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.pressure import pressure_model
 from positioner.valve.stiction import StictionTable
 from positioner.wire.messages import Cause, CurrentCommand
 
 if TYPE_CHECKING:
+    from positioner.laws.quasi_static.memory import QuasiStaticMemory
     from positioner.wire.messages import CanFrame
 
 VALVE = ValveParameters(id="paper")
@@ -120,6 +123,20 @@ def test_a_valve_differs_from_its_configuration_where_it_is_certainly_another_on
         pressure_ma = spring * place_m + offset + direction * sliding
         belief = belief.after_move().landed(Landing(place_m, direction, pressure_ma), 1e-10, 1e-4)
     assert belief.differs is differs
+
+
+@pytest.mark.parametrize(
+    ("offset_ma", "sliding_ma", "static_ma", "beside_ma"),
+    [(0.0, 0.0, 0.0, 0.0), (0.3, 0.0, 0.0, 0.3), (-0.3, 0.0, 0.0, 0.3), (0.0, 0.2, 0.0, 0.2), (0.1, 0.0, -0.4, 0.3)],
+)
+def test_what_was_measured_is_compared_with_what_is_configured_where_a_stem_is_freed_and_where_it_lands(
+    offset_ma: float, sliding_ma: float, static_ma: float, beside_ma: float
+) -> None:
+    configured = belief_of(VALVE)
+    spring, offset, sliding, static = configured.configured
+    numbers = configured.numbers.with_mean((spring, offset + offset_ma, sliding + sliding_ma, static + static_ma))
+    measured = replace(configured, numbers=numbers)
+    assert measured.beside_configured_m(0.07, 0.09, 1.0) == pytest.approx(beside_ma / SPRING, abs=1e-12)
 
 
 def test_a_force_that_comes_is_no_spring() -> None:
@@ -373,3 +390,66 @@ def test_a_stem_that_moves_against_its_pushes_is_told() -> None:
     loop.to_plant = reversed_commands
     loop.run(0.6, 0.068)
     assert (before, loop.state.differs, loop.state.guard.cause) == (False, True, Cause.VALVE_DIFFERS)
+
+
+# -- what a stem that stands still teaches
+
+
+def law_of(backlash_m: float = 0.0, lag_s: float = 0.0) -> QuasiStaticLaw:
+    actuator = ActuatorParameters(fill_time_constant_s=lag_s, vent_time_constant_s=lag_s)
+    valve = replace(VALVE, backlash_m=backlash_m, actuator=actuator)
+    return quasi_static_law(valve, EstimatorSettings(noise_of_reading=1e-5), (4.0, 20.0), 1e-3, 0.0)
+
+
+def standing(
+    law: QuasiStaticLaw, memory: QuasiStaticMemory, measured_m: float, setpoint_m: float, seconds: float
+) -> tuple[QuasiStaticMemory, int]:
+    """Return the memory after the same reading for so long, and how many moves have begun."""
+    current_ma, moves = memory.belief.balance_ma(measured_m), 0
+    for cycle in range(round(seconds / 1e-3)):
+        seen = Observation(measured_m, current_ma, 1e-3, setpoint_m, cycle * 1e-3)
+        memory, estimate = law.estimate(memory, seen)
+        memory, decision = law.decide(memory, estimate.stem, seen, StictionTable())
+        current_ma, moves = decision.current_ma, moves + (decision.reason is not None)
+    return memory, moves
+
+
+def test_backlash_that_is_taken_up_is_no_motion() -> None:
+    law = law_of(backlash_m=1e-3)
+    memory, moves = law.begin(0.08), 0
+    for setpoint_m in (0.06, 0.1):  # each turn takes the backlash up
+        memory, more = standing(law, memory, 0.08, setpoint_m, 2.0)
+        moves += more
+    assert moves > 20
+    assert memory.failed > 20  # none of them has moved the stem
+
+
+@pytest.mark.parametrize(("both_ways", "corrections"), [(True, 1), (False, 0)])
+def test_a_correction_is_worth_what_is_known_of_the_side_from_which_it_comes(both_ways: bool, corrections: int) -> None:
+    law = law_of()
+    belief = law.begin(0.08).belief
+    for landing in true_landings(SPRING, 0.0, SLIDING) * 4:
+        if both_ways or landing.direction < 0.0:
+            belief = belief.landed(landing, 1e-12, 0.0)
+    setpoint_m = 0.0806  # half a percent above the stem, which came from above
+    begun = law.begin(0.08)
+    move = replace(begun.move, direction=-1.0)
+    memory = replace(begun, belief=belief, move=move, setpoint_m=setpoint_m)
+    _, moves = standing(law, memory, 0.08, setpoint_m, 0.2)
+    assert min(moves, 1) == corrections
+
+
+@pytest.mark.parametrize(("beyond_m", "hurries"), [(0.0002, True), (0.005, False)])
+def test_a_hurried_move_that_goes_too_far_is_the_last_one(beyond_m: float, hurries: bool) -> None:
+    law = law_of(lag_s=0.05)
+    begun = law.begin(0.08)
+    belief = begun.belief
+    for landing in true_landings(SPRING, 0.0, SLIDING) * 4:
+        belief = belief.landed(landing, 1e-12, 0.0)
+    level_ma = belief.balance_ma(0.08 + beyond_m)
+    move = replace(
+        begun.move, stage=Stage.LAND, direction=1.0, target_m=0.08, level_ma=level_ma, start_m=0.07, is_hurried=True
+    )
+    memory = replace(begun, belief=belief, move=move, setpoint_m=0.08, hurries=True, is_lag_known=True)
+    memory, _ = standing(law, memory, 0.08 + beyond_m, 0.08, 0.6)
+    assert memory.hurries is hurries

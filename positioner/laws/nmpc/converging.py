@@ -261,13 +261,9 @@ class ConvergingLaw:
     def _leads(self, memory: ConvergingMemory) -> bool:
         """Return whether the configured model leads a predictive move to the setpoint, as far as has been measured."""
         belief, here_m, setpoint_m = memory.quasi_static.belief, memory.smooth_m, memory.dwell.setpoint_m
-        direction = 1.0 if setpoint_m > here_m else -1.0
-        if memory.is_other or belief.landing_sigma_m(setpoint_m, direction) > _MISS * self.span_m:
-            return False
-        spring, offset, sliding, static = belief.configured
-        lands_ma = belief.landing_ma(setpoint_m, direction) - (spring * setpoint_m + offset + direction * sliding)
-        frees_ma = belief.balance_ma(here_m) - (spring * here_m + offset) + direction * (belief.static_ma - static)
-        return max(abs(lands_ma), abs(frees_ma)) < _MISS * self.span_m * belief.spring_ma_per_m
+        direction, miss_m = 1.0 if setpoint_m > here_m else -1.0, _MISS * self.span_m
+        is_sure = belief.landing_sigma_m(setpoint_m, direction) <= miss_m
+        return not memory.is_other and is_sure and belief.beside_configured_m(here_m, setpoint_m, direction) < miss_m
 
     def _at_new_setpoint(self, memory: ConvergingMemory, setpoint_m: float) -> ConvergingMemory:
         """Return the memory at another setpoint: what the last dwell says of the predictive law."""

@@ -127,6 +127,17 @@ class ValveBelief:
         """Return k x + c: the middle of the stick band."""
         return self.spring_ma_per_m * position_m + self.offset_ma
 
+    def freeing_ma(self, position_m: float, direction: float) -> float:
+        """Return the pressure under which a stem that rests at a place is freed in `direction`."""
+        return self.balance_ma(position_m) + direction * self.static_ma
+
+    def beside_configured_m(self, start_m: float, target_m: float, direction: float) -> float:
+        """Return how far from where the configured valve would do it a stem is freed or lands, whichever is farther."""
+        configured = replace(self, numbers=self.numbers.with_mean(self.configured), landings=())
+        frees_ma = self.freeing_ma(start_m, direction) - configured.freeing_ma(start_m, direction)
+        lands_ma = self.landing_ma(target_m, direction) - configured.landing_ma(target_m, direction)
+        return max(abs(frees_ma), abs(lands_ma)) / self.spring_ma_per_m
+
     def reachable_m(self, position_m: float, low_ma: float, high_ma: float) -> float:
         """Return the nearest place to which the lowest and the highest current let a stem slide."""
         low_m = (low_ma - self.offset_ma + self.sliding_ma) / self.spring_ma_per_m

@@ -17,6 +17,11 @@ import math
 from positioner.values import dataclass
 from positioner.valve.actuator import left_of_lag
 
+_LEAST_GAP = 0.02
+"""Of the step: what is left of it when the stem is freed, at least; less is within the doubt of F_s."""
+_LONGER, _LESS, _NEW_LAG = 0.3, 0.4, 0.4
+"""A lag that is seen 30 % longer than configured is another one, and one that is 40 % shorter: what is believed of
+spring and friction at first makes it up to 20 % wrong. Weight of the newest in the mean of those seen."""
 _BISECTIONS = 24
 """The lag is found to 2^-24 of the length of the move."""
 
@@ -56,6 +61,31 @@ class Way:
                 high_s = lag_s
         return 0.5 * (low_s + high_s)
 
+    def sigma_s(self, sigma_m_s: float) -> float:
+        """Return σ of the lag that an area shows, whose own σ is given."""
+        return sigma_m_s / (self.moved_m * math.log(self.step_ma / self.gap_ma) + self.gap_ma / self.spring_ma_per_m)
+
     def after_ma(self, lag_s: float) -> float:
         """Return how much of the step is still to come at the end of the move."""
         return self.step_ma * left_of_lag(self.lasted_s, lag_s)
+
+
+def way_of(step_ma: float, free_ma: float, spring_ma_per_m: float, moved_m: float, lasted_s: float) -> Way:
+    """Return a move whose pressure, by what is believed, freed the stem after `free_ma` of its step; see `Way`."""
+    gap_ma = min(max(step_ma - free_ma, _LEAST_GAP * step_ma), step_ma)
+    return Way(step_ma, gap_ma, spring_ma_per_m, moved_m, lasted_s)
+
+
+def more_lag_s(configured_s: float, seen_s: float, before_s: float, doubt_s: float) -> float:
+    """Return by how much the lag is longer than configured, 0 where it is not another one.
+
+    Args:
+        configured_s: the configured lag.
+        seen_s: the lag that a move has shown.
+        before_s: by how much it was believed to be longer before that move.
+        doubt_s: how far what was seen may be off.
+    """
+    now_s = seen_s - configured_s
+    if before_s == 0.0 and -_LESS * configured_s - doubt_s < now_s < _LONGER * configured_s + doubt_s:
+        return 0.0
+    return now_s if abs(now_s) > 2.0 * abs(before_s) else before_s + _NEW_LAG * (now_s - before_s)

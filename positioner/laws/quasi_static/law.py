@@ -26,7 +26,7 @@ from positioner.laws.estimator_settings import measurement_sigma_m
 from positioner.laws.law import Decision, Estimate
 from positioner.laws.move_reason import Breakaway, MoveReason
 from positioner.laws.quasi_static.belief import Landing, belief_of
-from positioner.laws.quasi_static.lag import Way
+from positioner.laws.quasi_static.lag import more_lag_s, way_of
 from positioner.laws.quasi_static.memory import Move, QuasiStaticMemory
 from positioner.laws.quasi_static.move import Currents, Limits, Stage, Stem, Step, boost_samples, margin_m, steps_to
 from positioner.laws.quasi_static.rest import NO_REST, Noise
@@ -96,12 +96,9 @@ _TRACKING = 0.3
 """Weight of the newest reading in the position of a moving stem."""
 _SEEN, _OF_MOVE = 3.0, 0.25
 """σ of a lag, and the part of the move's length that it must be below for the move to show the lag."""
-_LONGER, _LESS, _NEW_LAG = 0.3, 0.4, 0.4
-"""A lag that is seen 30 % longer than configured is another one, and one that is 40 % shorter: what is believed of
-spring and friction at first makes it up to 20 % wrong. Weight of the newest in the mean of those seen."""
-_LEAST_GAP, _PATIENCE_S = 0.02, 1.0
-"""Of the step: what is left of it when the stem is freed, at least; less is within the doubt of F_s. How long the first
-push is held that should free the stem and does not, while no move has shown the lag: three of the longest, 0.3 s."""
+_PATIENCE_S = 1.0
+"""How long the first push is held that should free the stem and does not, while no move has shown the lag: three of the
+longest, 0.3 s."""
 _STEP_S = 1e-3
 """Of the integration of a stem, whose time constants are some ms."""
 
@@ -158,8 +155,8 @@ class QuasiStaticLaw:
                 elapsed_s, self.valve.actuator.own_lag_s(fills=from_ma > behind_ma) + more_s
             )
         smooth_m = memory.smooth_m + _SMOOTHING * (measured_m - memory.smooth_m)
-        area_m_s, since_s = move.area_m_s + (measured_m - move.start_m) * elapsed_s, move.since_s + elapsed_s
-        move = replace(move, since_s=since_s, area_m_s=area_m_s)
+        area_m_s = move.area_m_s + (measured_m - move.start_m) * elapsed_s
+        move = replace(move, since_s=move.since_s + elapsed_s, area_m_s=area_m_s)
         memory = replace(memory, pressure=pressure, smooth_m=smooth_m, move=move, sent_ma=sent_ma, behind_ma=behind_ma)
         arrived = abs(behind_ma - move.level_ma) <= self._near_ma(memory)
         memory = replace(memory, settled_s=memory.settled_s + elapsed_s if arrived else 0.0)
@@ -173,7 +170,8 @@ class QuasiStaticLaw:
             position_m = memory.position_m + _TRACKING * (measured_m - memory.position_m)
             memory = replace(memory, position_m=position_m)
         direction = -1.0 if memory.move.direction < 0.0 else 1.0
-        return memory, Estimate(StemState(memory.position_m, 0.0, memory.move.stage is None, direction))
+        stuck = memory.move.stage is None
+        return memory, Estimate(StemState(memory.position_m, 0.0, stuck, direction))
 
     def _rested(self, memory: QuasiStaticMemory, measured_m: float, elapsed_s: float) -> QuasiStaticMemory:
         """Return the memory after a reading of a stem that should rest."""
@@ -280,7 +278,8 @@ class QuasiStaticLaw:
 
     def _is_worth_it(self, memory: QuasiStaticMemory, setpoint_m: float) -> bool:
         """Whether a correction makes the error smaller, as far as is known."""
-        belief, stem_m, error_m = memory.belief, self._stem_m(memory), abs(setpoint_m - self._stem_m(memory))
+        belief, stem_m = memory.belief, self._stem_m(memory)
+        error_m = abs(setpoint_m - stem_m)
         if error_m <= max(self._tolerance_m(memory), _CERTAIN * math.sqrt(memory.position_m2)):
             return False
         if error_m > _LARGE * self.valve.span_m:
@@ -294,10 +293,12 @@ class QuasiStaticLaw:
     def _is_judged(self, memory: QuasiStaticMemory, setpoint_m: float) -> bool:
         """Whether the readings since the end of a move are enough to go on."""
         rest, stage = memory.rest, memory.move.stage
+        if stage is Stage.RETURN:
+            return True
         if stage is Stage.AWAY:
             return rest.duration_s >= _AWAY_S and rest.blocks >= _AWAY_BLOCKS
-        if stage is Stage.RETURN or rest.duration_s < _LAND_S or rest.blocks < _LAND_BLOCKS:
-            return stage is Stage.RETURN
+        if rest.duration_s < _LAND_S or rest.blocks < _LAND_BLOCKS:
+            return False
         error_m, sigma_m = abs(setpoint_m - self._stem_m(memory)), math.sqrt(memory.position_m2)
         is_exact = sigma_m < max(_OF_TOLERANCE * self._tolerance_m(memory), _OF_SEEN * error_m)
         return is_exact or rest.duration_s > _ENOUGH_S
@@ -363,23 +364,22 @@ class QuasiStaticLaw:
             known = replace(memory, is_lag_known=memory.is_lag_known or freed)
             return replace(memory, rest=NO_REST, settled_s=0.0) if waits else known
         free_ma = direction * (belief.balance_ma(move.start_m) - move.from_ma) + belief.static_ma
-        gap_ma = min(max(step_ma - free_ma, _LEAST_GAP * step_ma), step_ma)
-        way = Way(step_ma, gap_ma, spring, moved_m, move.since_s)
-        area_m_s, since_s = moved_m * move.since_s - direction * move.area_m_s, move.since_s
-        sigma_m_s = math.sqrt(since_s * self.period_s * variance_m2 * worth + since_s * since_s * sigma_m * sigma_m)
-        sigma_s = sigma_m_s / (moved_m * math.log(step_ma / gap_ma) + gap_ma / spring)
-        told_s, seen_s, more_s = self.valve.lag_s, way.lag_s(area_m_s), memory.more_lag_s
-        if _SEEN * sigma_s > _OF_MOVE * since_s:
+        way = way_of(step_ma, free_ma, spring, moved_m, move.since_s)
+        area_m_s = moved_m * move.since_s - direction * move.area_m_s
+        noise_m2 = move.since_s * self.period_s * variance_m2 * worth
+        sigma_s = way.sigma_s(math.sqrt(noise_m2 + move.since_s * move.since_s * sigma_m * sigma_m))
+        if _SEEN * sigma_s > _OF_MOVE * move.since_s:
             return memory
-        memory = replace(memory, is_lag_known=True, hurries=seen_s > _SHORTER * (told_s + more_s))
-        now_s, doubt_s = seen_s - told_s, self.period_s + _SEEN * sigma_s
-        if more_s == 0.0 and -_LESS * told_s - doubt_s < now_s < _LONGER * told_s + doubt_s:
+        told_s, seen_s, before_s = self.valve.lag_s, way.lag_s(area_m_s), memory.more_lag_s
+        memory = replace(memory, is_lag_known=True, hurries=seen_s > _SHORTER * (told_s + before_s))
+        more_s = more_lag_s(told_s, seen_s, before_s, self.period_s + _SEEN * sigma_s)
+        if more_s == before_s == 0.0:
             return memory
-        more_s = now_s if abs(now_s) > 2.0 * abs(more_s) else more_s + _NEW_LAG * (now_s - more_s)
         behind_ma = move.level_ma - direction * way.after_ma(told_s + more_s)
         memory = replace(memory, more_lag_s=more_s, behind_ma=behind_ma, later_s=0.0)
-        arrived = abs(behind_ma - move.level_ma) <= self._near_ma(memory)
-        return memory if arrived else replace(memory, rest=NO_REST, settled_s=0.0)
+        if abs(behind_ma - move.level_ma) <= self._near_ma(memory):
+            return memory
+        return replace(memory, rest=NO_REST, settled_s=0.0)
 
     def _learned(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
         """Return the memory with what the end of a move teaches: a landing, or a push that moved nothing."""
@@ -396,7 +396,8 @@ class QuasiStaticLaw:
             memory = replace(memory, failed=0, belief=belief)
             if push_ma <= _SLID * belief.sliding_ma:
                 return memory
-            pressure_ma, gap_ma = memory.behind_ma, _OF_GAP * (move.level_ma - memory.behind_ma)
+            pressure_ma = memory.behind_ma
+            gap_ma = _OF_GAP * (move.level_ma - pressure_ma)
             if move.stage is Stage.AWAY:
                 other_ma = _OF_AWAY * (move.level_ma - move.before_ma)
             else:
@@ -437,8 +438,8 @@ class QuasiStaticLaw:
                 beyond_m = direction * self.stem.beyond_m(self.model, pressure, belief, start_m, currents)
                 level_ma = self.limits.clipped(move.level_ma - belief.spring_ma_per_m * beyond_m)
                 move = replace(move, inertia_m=beyond_m, level_ma=level_ma)
-        breakaway_ma = belief.balance_ma(start_m) + direction * belief.static_ma
-        reason = MoveReason(step.target_m - start_m, Breakaway(breakaway_ma), step.target_m)
+        breakaway = Breakaway(belief.freeing_ma(start_m, direction))
+        reason = MoveReason(step.target_m - start_m, breakaway, step.target_m)
         return replace(memory, move=move, rest=NO_REST, settled_s=0.0), reason
 
     def _commanded(

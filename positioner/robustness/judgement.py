@@ -35,8 +35,9 @@ LOST_PCT, REACHED_PCT = 1.0, 0.5
 LEAST_IN_BIN = 200
 """Dwells in each bin of a factor, where there are so many."""
 STEP = "step_of_span"
-"""The factor that each dwell has for itself: how far its setpoint is from the one before."""
-_MOST_BINS = 5
+NUMBER = "number_of_setpoint"
+"""The factors that each dwell has for itself: how far its setpoint is from the one before, and how many were before."""
+_MOST_BINS, _MOST_NUMBERS = 5, 10
 _CONFIDENCE = 0.95
 
 
@@ -209,24 +210,27 @@ def distribution(law: str, judged: Sequence[Verdict], baselines: Iterable[str] =
 def bins(law: str, baselines: Sequence[str], judged: Sequence[Verdict]) -> list[Bin]:
     """Return what each factor does: bins of about equal numbers of dwells; those of equal values stay together.
 
-    The step of the setpoint is a factor of the dwell, and the first one; the others are those of its valve.
+    Step and number of the setpoint are factors of the dwell, and the first ones; the others are those of its valve.
     """
     names = dict.fromkeys(name for each in judged for name in each.case.factors)
     cases = {each.case.label: each.case for each in judged}
     span_mm = {label: 1e3 * plant_settings(overrides=case.true).valve.span_m for label, case in cases.items()}
     steps = [(abs(each.by_law[law].step_mm) / span_mm[each.case.label], each) for each in judged]
-    found = _bins_of(STEP, steps, law, baselines)
+    numbers = [(float(each.number + 1), each) for each in judged]
+    found = [*_bins_of(STEP, steps, law, baselines), *_bins_of(NUMBER, numbers, law, baselines, _MOST_NUMBERS)]
     for name in names:
         having = [(each.case.factors[name], each) for each in judged if name in each.case.factors]
         found += _bins_of(name, having, law, baselines)
     return found
 
 
-def _bins_of(name: str, having: Sequence[tuple[float, Verdict]], law: str, baselines: Sequence[str]) -> list[Bin]:
-    """Return the bins of one factor, from its values: as many as have enough dwells each, at most five."""
+def _bins_of(
+    name: str, having: Sequence[tuple[float, Verdict]], law: str, baselines: Sequence[str], most: int = _MOST_BINS
+) -> list[Bin]:
+    """Return the bins of one factor, from its values: as many as have enough dwells each, at most `most`."""
     having = sorted(having, key=lambda one: one[0])
     values = [value for value, _ in having]
-    count = min(max(len(having) // LEAST_IN_BIN, 1), _MOST_BINS)
+    count = min(max(len(having) // LEAST_IN_BIN, 1), most)
     wanted = [round(len(having) * step / count) for step in range(1, count)]
     # where the wanted edge divides equal values, all of them are in the lower bin
     edges = [0, *dict.fromkeys(bisect.bisect_right(values, values[each - 1]) for each in wanted), len(having)]

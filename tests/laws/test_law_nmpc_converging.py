@@ -16,7 +16,7 @@ from positioner.cycle.trust_events import PushFailed
 from positioner.laws.bounds import Bounds
 from positioner.laws.law import Decision, Estimate, Observation
 from positioner.laws.move_reason import Breakaway, MoveReason
-from positioner.laws.nmpc.converging import Acting, ConvergingLaw, ConvergingMemory
+from positioner.laws.nmpc.converging import Acting, ConvergingLaw, ConvergingMemory, Dwell
 from positioner.laws.pushes import MOST_FAILED
 from positioner.laws.quasi_static.belief import Landing, belief_of
 from positioner.valve.state import StemState
@@ -152,6 +152,58 @@ def test_a_small_correction_that_is_not_expected_to_halve_the_error_is_not_made(
     assert dwell.ended >= 1
     loop.run(0.05, setpoint_m + 0.002)
     assert memory_of(loop).dwell.left_m is None
+
+
+@dataclass(frozen=True)
+class Roundabout(Idle):
+    """A law that always wants to correct an error of `error_m`, by way of a place `away_m` from the setpoint."""
+
+    error_m: float = 0.0
+    away_m: float = 0.0
+
+    def decide(
+        self, memory: float, stem: StemState, observation: Observation, table: StictionTable
+    ) -> tuple[float, Decision]:
+        memory, decision = super().decide(memory, stem, observation, table)
+        if abs(observation.setpoint_m - stem.position_m) < 0.5 * self.error_m:
+            return memory, decision  # it is told that the stem is where it should be
+        reason = MoveReason(self.error_m, Breakaway(12.0), observation.setpoint_m - self.away_m)
+        return memory, replace(decision, reason=reason)
+
+
+@pytest.mark.parametrize(
+    ("error_m", "away_m", "ended", "is_made"),
+    [
+        (0.0003, 0.0082, 0, True),  # 0.3 mm for 1.5 s, or 8.3 mm for the 54 ms that a move lasts
+        (0.0003, 0.0085, 0, False),
+        (0.0003, -0.0085, 0, False),
+        (0.0004, 0.02, 0, True),  # the first correction of more than 0.3 % of span
+        (0.0004, 0.02, 1, False),
+        (0.0008, 0.03, 1, False),
+        (0.0009, 0.03, 1, True),  # more than 0.7 %
+    ],
+)
+def test_a_correction_is_made_where_it_pays(error_m: float, away_m: float, ended: int, is_made: bool) -> None:
+    law = Loop("nmpc").setup.law
+    assert isinstance(law, ConvergingLaw)
+    law = replace(law, predictive=Roundabout(error_m=error_m, away_m=away_m))
+    memory = law.begin(0.08)
+    assert memory.lasts_s == pytest.approx(0.5 * law.patience_s)
+    memory = replace(memory, lasts_s=0.054, dwell=Dwell(0.08 + error_m, ended=ended))
+    seen = Observation(0.08, 12.0, 0.001, 0.08 + error_m, 0.0)
+    memory, estimate = law.estimate(memory, seen)
+    memory, decision = law.decide(memory, estimate.stem, seen, StictionTable())
+    assert (decision.reason is not None) is is_made
+    assert (memory.dwell.left_m is None) is is_made
+
+
+def test_how_long_a_move_lasts_is_measured() -> None:
+    loop = Loop("nmpc", plant={"preset": "paper", "sensor": {"noise_of_reading": 0.0}})
+    for setpoint_m in SETPOINTS_M:
+        loop.run(0.3, setpoint_m)
+    moved_s = 1e-3 * sum(event.decision.motion is Motion.MOVE for event in loop.events_of(Controlled))
+    begun = sum(event.decision.reason is not None for event in loop.events_of(Controlled))
+    assert 0.3 * moved_s / begun < memory_of(loop).lasts_s < 3.0 * moved_s / begun
 
 
 def test_as_long_as_another_valve_is_measured_predictive_moves_are_not_tried() -> None:

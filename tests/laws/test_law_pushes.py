@@ -11,6 +11,7 @@ from loop_helpers import Loop
 
 from positioner.cycle.events import MoveBegan
 from positioner.cycle.trust_events import PushFailed
+from positioner.laws.correction import LEFT
 from positioner.laws.law import Observation
 from positioner.laws.pushes import MOST_FAILED, Pushes
 from positioner.valve.parameters import ValveParameters
@@ -46,7 +47,7 @@ def test_a_table_that_is_too_weak_costs_a_few_pushes_in_a_dwell(share: float) ->
         moves = sum(isinstance(event, MoveBegan) for event in loop.run(1.0, setpoint_m))
         assert 1 <= moves <= 8
         errors_m.append(abs(loop.position_m - setpoint_m))
-    assert max(errors_m) < 0.004 * VALVE.span_m
+    assert max(errors_m) < LEFT * VALVE.span_m
 
 
 def test_a_jammed_stem_is_pushed_twenty_times_and_then_ever_more_seldom() -> None:

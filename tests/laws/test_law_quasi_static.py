@@ -16,7 +16,7 @@ from positioner.laws.estimator_settings import EstimatorSettings
 from positioner.laws.law import Observation
 from positioner.laws.quasi_static.belief import Landing, belief_of
 from positioner.laws.quasi_static.law import QuasiStaticLaw, quasi_static_law
-from positioner.laws.quasi_static.move import Currents, Limits, Stage, Stem, boost_samples, steps_to
+from positioner.laws.quasi_static.move import Currents, Limits, Stage, Stem, boost_samples, is_worth_it, steps_to
 from positioner.laws.quasi_static.rest import NO_REST, Noise, Rest
 from positioner.values import replace
 from positioner.valve.actuator import ActuatorParameters
@@ -242,6 +242,21 @@ def test_a_far_setpoint_takes_one_move_and_a_near_one_begins_by_moving_away() ->
     away, land = near
     assert land.direction * (land.target_m - away.target_m) > 1.15 * JUMP_M
     assert away.direction == -land.direction
+
+
+@pytest.mark.parametrize(
+    ("error_of_span", "lasts_s", "expected"),
+    [(0.004, 0.06, True), (0.004, 0.6, False), (0.008, 0.6, True), (0.0005, 0.06, False)],
+)
+def test_a_correction_is_worth_while_where_it_pays_and_makes_the_error_smaller(
+    error_of_span: float, lasts_s: float, expected: bool
+) -> None:
+    belief = belief_of(VALVE)
+    for place_m, direction in ((0.06, 1.0), (0.1, -1.0), (0.07, 1.0), (0.065, -1.0), (0.095, 1.0)) * 4:
+        landing = Landing(place_m, direction, belief_of(VALVE).landing_ma(place_m, direction))
+        belief = belief.landed(landing, 1e-12, 0.0)
+    setpoint_m = 0.08 + error_of_span * VALVE.span_m
+    assert is_worth_it(belief, LIMITS, 0.08, setpoint_m, VALVE.span_m, lasts_s) is expected
 
 
 def test_no_move_ends_at_a_stop() -> None:

@@ -11,8 +11,8 @@ predictive law moves the stem until it does not keep the contract of convergence
 Then the quasi-static law takes this setpoint over, and the next ones, four at first and twice as many each time that it
 happens again; and as long as what it has measured says that a predictive move of the configured model would miss: where
 the stem is freed or lands differs by more than 1 % of span, or is not known so well.
-A predictive correction is made where it is expected to halve the error, as the moves to this setpoint have ended: a
-correction is another slip, and takes the stem away before it brings it back.
+A predictive correction is made where it pays (`laws.correction`), and where it is expected to halve the error, as the
+moves to this setpoint have ended: a correction is another slip, and takes the stem away before it brings it back.
 If the quasi-static law leaves the stem away from its setpoint, the predictive law goes on there: it pushes harder, and
 again after rests, for ever.
 """
@@ -23,10 +23,12 @@ import math
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
+from positioner.laws.correction import LEFT, pays
 from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
     from positioner.laws.law import Decision, Estimate, Law, Observation
+    from positioner.laws.move_reason import MoveReason
     from positioner.laws.quasi_static.law import QuasiStaticLaw
     from positioner.laws.quasi_static.memory import QuasiStaticMemory
     from positioner.valve.parameters import ValveParameters
@@ -39,10 +41,9 @@ One at each setpoint is allowed: it teaches spring and friction."""
 _GOOD = 0.005
 """Of span: so near to its setpoint a stem was brought well, as in the robustness test's *reachable*."""
 _SMALL, _ENOUGH, _HALVED = 0.003, 2, 2.0
-"""An error below 0.3 % of span must exceed 2 σ of the ends of the moves to this setpoint, two at least: then a move
-halves it on average."""
-_AWAY = 0.007
-"""Of span: between a good place and a lost one."""
+"""The first correction of more than 0.3 % of span at a setpoint is made at any price, so a change of the setpoint by
+that much is followed. A smaller error must exceed 2 σ of the ends of the moves to this setpoint, two at least: then a
+move halves it on average."""
 _ASTRAY, _ASTRAY_S = 3.0, 0.1
 """σ of a reading, besides 1 % of span, by which the readings may differ from the stem that the predictive law believes
 in, and for how long: a stem that moves, seen through a sensor that lags, is at rest by then."""
@@ -98,12 +99,14 @@ class ConvergingMemory:
     pause, left: setpoints that the last failure gave to the quasi-static law, and those of them that are still to come.
     taken_over_m: where the quasi-static law took the stem over. is_other: it has measured another valve than the
     configured one. astray_m: how far the smoothed readings are from the stem that the predictive law believes in, and
-    astray_s for how long that is too far.
+    astray_s for how long that is too far. begun_s: when the last predictive move began, None once it has ended; slid:
+    whether the stem has slid since. lasts_s: how long the last such move took.
     """
 
     predictive: Any
     quasi_static: QuasiStaticMemory
     smooth_m: float
+    lasts_s: float
     acting: Acting = Acting.PREDICTIVE
     dwell: Dwell = BEFORE_THE_FIRST
     pause: int = 0
@@ -112,6 +115,8 @@ class ConvergingMemory:
     is_other: bool = False
     astray_m: float = 0.0
     astray_s: float = 0.0
+    begun_s: float | None = None
+    slid: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +135,8 @@ class ConvergingLaw:
 
     def begin(self, measured_m: float) -> ConvergingMemory:
         """Return the memory of a law that starts at this reading, in m."""
-        return ConvergingMemory(self.predictive.begin(measured_m), self.quasi_static.begin(measured_m), measured_m)
+        predictive, quasi_static = self.predictive.begin(measured_m), self.quasi_static.begin(measured_m)
+        return ConvergingMemory(predictive, quasi_static, measured_m, 0.5 * self.patience_s)
 
     def estimate(self, memory: ConvergingMemory, observation: Observation) -> tuple[ConvergingMemory, Estimate]:
         """Return the memory with this cycle's reading in it, and the estimate of the law that acts."""
@@ -165,16 +171,19 @@ class ConvergingLaw:
                 is_other = quasi_static.more_lag_s != 0.0 or quasi_static.belief.differs
             memory = replace(memory, quasi_static=quasi_static, dwell=dwell, is_other=is_other)
             return memory, self._told(memory, decision)
-        memory = self._compared(memory, stem, observation)
-        is_left = memory.dwell.left_m == setpoint_m and abs(stem.position_m - setpoint_m) < _SMALL * self.span_m
+        memory = self._timed(self._compared(memory, stem, observation), stem, observation.time_s)
+        is_left = memory.dwell.left_m == setpoint_m and self._is_small(memory, stem, setpoint_m)
         predictive, decision = self._predicted(memory, stem, observation, table, is_left=is_left)
         dwell = self._followed(memory, stem, observation, decision)
-        if decision.reason is not None and not is_left and self._is_vain(dwell, stem, setpoint_m):
+        reason = decision.reason
+        if reason is not None and not is_left and self._is_vain(memory, dwell, stem, setpoint_m, reason):
             dwell = replace(memory.dwell, left_m=setpoint_m)
             predictive, decision = self._predicted(memory, stem, observation, table, is_left=True)
         if memory.acting is Acting.PREDICTIVE and (why := self._broken(memory, dwell, stem, setpoint_m)):
             memory, decision = self._quasi_static_begins(self._failed(memory, setpoint_m), observation, table)
             return memory, replace(decision, fallback=f"{why}: quasi-static moves take over")
+        if decision.reason is not None:
+            memory = replace(memory, begun_s=observation.time_s, slid=False)
         return replace(memory, predictive=predictive, dwell=dwell), self._told(memory, decision)
 
     def _predicted(
@@ -212,9 +221,29 @@ class ConvergingLaw:
         is_astray = abs(astray_m) > _MISS * self.span_m + _ASTRAY * self.quasi_static.sigma_m(stem.position_m)
         return replace(memory, astray_m=astray_m, astray_s=memory.astray_s + elapsed_s if is_astray else 0.0)
 
-    def _is_vain(self, dwell: Dwell, stem: StemState, setpoint_m: float) -> bool:
-        """Return whether a correction is not expected to halve the error."""
+    def _timed(self, memory: ConvergingMemory, stem: StemState, time_s: float) -> ConvergingMemory:
+        """Return the memory with how long predictive moves last: from their begin until the stem has stopped."""
+        if memory.begun_s is None:
+            return memory
+        if not stem.stuck:
+            return memory if memory.slid else replace(memory, slid=True)
+        if not memory.slid:
+            return memory
+        return replace(memory, begun_s=None, slid=False, lasts_s=time_s - memory.begun_s)
+
+    def _is_small(self, memory: ConvergingMemory, stem: StemState, setpoint_m: float) -> bool:
+        """Return whether an error may be left: a larger one, once a correction of it has been tried."""
+        return abs(stem.position_m - setpoint_m) < (LEFT if memory.dwell.ended else _SMALL) * self.span_m
+
+    def _is_vain(
+        self, memory: ConvergingMemory, dwell: Dwell, stem: StemState, setpoint_m: float, reason: MoveReason
+    ) -> bool:
+        """Return whether a correction costs more than it gains, or is not expected to halve the error."""
         error_m = abs(stem.position_m - setpoint_m)
+        if not self._is_small(memory, stem, setpoint_m):
+            return False
+        if not pays(error_m, abs(reason.aim_m - setpoint_m), memory.lasts_s):
+            return True
         if dwell.ended < _ENOUGH or error_m > _SMALL * self.span_m:
             return False
         return error_m < _HALVED * math.sqrt(dwell.missed_m2 / dwell.ended)
@@ -241,7 +270,7 @@ class ConvergingLaw:
     def _waited(self, memory: ConvergingMemory, observation: Observation, *, counts: bool) -> Dwell:
         """Return the dwell after a cycle in which the stem may be away from its setpoint, if that `counts`."""
         dwell, elapsed_s = memory.dwell, observation.elapsed_s
-        is_away = abs(memory.smooth_m - observation.setpoint_m) > _AWAY * self.span_m
+        is_away = abs(memory.smooth_m - observation.setpoint_m) > LEFT * self.span_m
         return replace(
             dwell,
             away_s=dwell.away_s + elapsed_s if is_away and counts else 0.0,
@@ -297,6 +326,7 @@ class ConvergingLaw:
             taken_over_m=memory.smooth_m,
             astray_m=0.0,
             astray_s=0.0,
+            begun_s=None,
         )
         return memory, self._told(memory, decision)
 
@@ -305,7 +335,7 @@ class ConvergingLaw:
     ) -> tuple[ConvergingMemory, Decision]:
         """Return the memory and decision of the predictive law; at the same setpoint, pushes in vain still count."""
         predictive = memory.predictive
-        has_moved = abs(memory.smooth_m - memory.taken_over_m) > _AWAY * self.span_m
+        has_moved = abs(memory.smooth_m - memory.taken_over_m) > LEFT * self.span_m
         if acting is Acting.PREDICTIVE or has_moved:
             predictive = self.predictive.begin(observation.measured_m)
         predictive, estimate = self.predictive.estimate(predictive, observation)

@@ -12,8 +12,7 @@ Then the current goes to the middle of the stick band, where no force of either 
 learned of the valve is learned at rest (`belief`). A lag that was seen to be no shorter than configured is hurried
 through: the current stays at its limit until seven tenths of the way are done.
 
-A correction is made where it is expected to make the error smaller (`_WORTH_LARGE`). After fifteen moves to one
-setpoint the stem is left where it is.
+A correction is made where it is worth while (`move.is_worth_it`). After fifteen moves to one setpoint the stem is left.
 """
 
 from __future__ import annotations
@@ -28,7 +27,18 @@ from positioner.laws.move_reason import Breakaway, MoveReason
 from positioner.laws.quasi_static.belief import Landing, belief_of
 from positioner.laws.quasi_static.lag import more_lag_s, way_of
 from positioner.laws.quasi_static.memory import Move, QuasiStaticMemory
-from positioner.laws.quasi_static.move import Currents, Limits, Stage, Stem, Step, boost_samples, margin_m, steps_to
+from positioner.laws.quasi_static.move import (
+    LARGE,
+    Currents,
+    Limits,
+    Stage,
+    Stem,
+    Step,
+    boost_samples,
+    is_worth_it,
+    margin_m,
+    steps_to,
+)
 from positioner.laws.quasi_static.rest import NO_REST, Noise
 from positioner.values import dataclass, replace
 from positioner.valve.actuator import left_of_lag
@@ -50,10 +60,6 @@ _NEW_TOLERANCE = 0.0007
 """Of the span: a new setpoint that is nearer than this needs no move."""
 _CERTAIN = 2.2
 """σ of the mean of the readings that an error must exceed."""
-_LARGE, _WORTH_LARGE, _WORTH_SMALL = 0.005, 1.2, 2.0
-"""An error above 0.5 % of span is corrected where it exceeds 1.2 σ of the scatter of landings (then a move makes it
-smaller in three of four cases, and teaches what is not known of the valve), a smaller one where it exceeds 2 σ of the
-landing of the correction (then it is halved on average)."""
 _HASTY, _LONG_S = 5.0, 0.15
 """σ of the mean that an error must exceed before the readings of 0.15 s have been averaged."""
 _MOST_MOVES = 14
@@ -252,14 +258,14 @@ class QuasiStaticLaw:
             step, *later = memory.pending
             return self._begun(replace(memory, pending=tuple(later)), step)
         if memory.move.stage is Stage.LAND:
+            memory = replace(memory, lasts_s=memory.move.since_s)
             if self._is_worth_it(memory, setpoint_m) and memory.tries <= _MOST_MOVES:
                 return self._planned(memory, setpoint_m)
             memory, noise = replace(memory, is_new=False), memory.noise.after(memory.rest)
             middle_ma = memory.move.level_ma - memory.move.direction * memory.belief.sliding_ma
             move = self._commanded(memory, Stage.RETURN, memory.move.direction, memory.move.target_m, middle_ma)
             return replace(memory, noise=noise, move=move, rest=NO_REST, settled_s=0.0), None
-        memory = replace(memory, move=replace(memory.move, stage=None))
-        return self._considered(memory, setpoint_m)
+        return self._considered(replace(memory, move=replace(memory.move, stage=None)), setpoint_m)
 
     def _considered(self, memory: QuasiStaticMemory, setpoint_m: float) -> tuple[QuasiStaticMemory, MoveReason | None]:
         """Return the memory of a resting stem, and why a move begins, if one does."""
@@ -277,15 +283,12 @@ class QuasiStaticLaw:
         return self._planned(memory, setpoint_m)
 
     def _is_worth_it(self, memory: QuasiStaticMemory, setpoint_m: float) -> bool:
-        """Whether a correction makes the error smaller, as far as is known."""
+        """Whether an error is seen, and a correction of it is worth while."""
         belief, stem_m = memory.belief, self._stem_m(memory)
         error_m = abs(setpoint_m - stem_m)
         if error_m <= max(self._tolerance_m(memory), _CERTAIN * math.sqrt(memory.position_m2)):
             return False
-        if error_m > _LARGE * self.valve.span_m:
-            return error_m > _WORTH_LARGE * belief.scatter_m
-        last = steps_to(belief, self.limits, stem_m, setpoint_m)[-1]
-        return error_m > _WORTH_SMALL * belief.landing_sigma_m(setpoint_m, last.direction)
+        return is_worth_it(belief, self.limits, stem_m, setpoint_m, self.valve.span_m, memory.lasts_s)
 
     def _tolerance_m(self, memory: QuasiStaticMemory) -> float:
         return _TOLERANCE * self.valve.span_m * (1.0 + _LOOSER * memory.tries)
@@ -293,10 +296,8 @@ class QuasiStaticLaw:
     def _is_judged(self, memory: QuasiStaticMemory, setpoint_m: float) -> bool:
         """Whether the readings since the end of a move are enough to go on."""
         rest, stage = memory.rest, memory.move.stage
-        if stage is Stage.RETURN:
-            return True
-        if stage is Stage.AWAY:
-            return rest.duration_s >= _AWAY_S and rest.blocks >= _AWAY_BLOCKS
+        if stage is not Stage.LAND:
+            return stage is Stage.RETURN or (rest.duration_s >= _AWAY_S and rest.blocks >= _AWAY_BLOCKS)
         if rest.duration_s < _LAND_S or rest.blocks < _LAND_BLOCKS:
             return False
         error_m, sigma_m = abs(setpoint_m - self._stem_m(memory)), math.sqrt(memory.position_m2)
@@ -335,7 +336,7 @@ class QuasiStaticLaw:
         """Whether a hurried move has gone too far: the lag is shorter than believed."""
         move, beyond_m = memory.move, memory.move.direction * (self._stem_m(memory) - memory.move.target_m)
         landing_m = _MOVED * memory.belief.landing_sigma_m(move.target_m, move.direction)
-        return move.is_hurried and beyond_m > max(_LARGE * self.valve.span_m, landing_m)
+        return move.is_hurried and beyond_m > max(LARGE * self.valve.span_m, landing_m)
 
     def _noise_m(self, memory: QuasiStaticMemory) -> float:
         """Return σ of a reading, as the rests have shown it."""
@@ -438,8 +439,7 @@ class QuasiStaticLaw:
                 beyond_m = direction * self.stem.beyond_m(self.model, pressure, belief, start_m, currents)
                 level_ma = self.limits.clipped(move.level_ma - belief.spring_ma_per_m * beyond_m)
                 move = replace(move, inertia_m=beyond_m, level_ma=level_ma)
-        breakaway = Breakaway(belief.freeing_ma(start_m, direction))
-        reason = MoveReason(step.target_m - start_m, breakaway, step.target_m)
+        reason = MoveReason(step.target_m - start_m, Breakaway(belief.freeing_ma(start_m, direction)), step.target_m)
         return replace(memory, move=move, rest=NO_REST, settled_s=0.0), reason
 
     def _commanded(

@@ -50,7 +50,8 @@ class QuasiStaticMemory:
     place of the stem, and its variance. smooth_m: the smoothed reading. sent_ma: the last current. pending: moves that
     are still to be made. tries: to this setpoint; failed: pushes in a row that have not moved the stem.
     later_s: what rests are waited for beyond the model. more_lag_s: by how much the lag is longer than configured;
-    behind_ma: the pressure behind it. is_lag_known: a move has shown it; hurries: and it was no shorter than believed.
+    behind_ma: the pressure behind it. lasts_s: how long the last move to a setpoint took. is_lag_known: a move has
+    shown it; hurries: and it was no shorter than believed.
     """
 
     belief: ValveBelief
@@ -72,4 +73,5 @@ class QuasiStaticMemory:
     more_lag_s: float = 0.0
     is_lag_known: bool = False
     behind_ma: float = 0.0
+    lasts_s: float = 0.0
     failed: int = 0

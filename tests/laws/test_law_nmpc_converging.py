@@ -197,6 +197,21 @@ def test_a_correction_is_made_where_it_pays(error_m: float, away_m: float, ended
     assert (memory.dwell.left_m is None) is is_made
 
 
+def test_a_setpoint_at_which_the_stem_was_left_is_tried_again_when_it_comes_back() -> None:
+    law = Loop("nmpc").setup.law
+    assert isinstance(law, ConvergingLaw)
+    law = replace(law, predictive=Idle())
+    memory = law.begin(0.08)
+    for setpoint_m, left_m in ((0.0805, 0.0805), (0.0801, None), (0.0805, None)):
+        seen = Observation(0.08, 12.0, 0.001, setpoint_m, 0.0)
+        if left_m is not None:
+            memory = replace(memory, dwell=Dwell(setpoint_m, ended=1, left_m=left_m))
+        memory, estimate = law.estimate(memory, seen)
+        memory, _ = law.decide(memory, estimate.stem, seen, StictionTable())
+        assert memory.dwell.setpoint_m == 0.0805  # a setpoint so near to another one is the same dwell
+        assert memory.dwell.left_m == left_m
+
+
 def test_how_long_a_move_lasts_is_measured() -> None:
     loop = Loop("nmpc", plant={"preset": "paper", "sensor": {"noise_of_reading": 0.0}})
     for setpoint_m in SETPOINTS_M:

@@ -273,6 +273,7 @@ class ConvergingLaw:
         is_away = abs(memory.smooth_m - observation.setpoint_m) > LEFT * self.span_m
         return replace(
             dwell,
+            left_m=dwell.left_m if dwell.left_m == observation.setpoint_m else None,
             away_s=dwell.away_s + elapsed_s if is_away and counts else 0.0,
             lost_s=dwell.lost_s + elapsed_s if is_away and memory.pause else 0.0,
         )

@@ -43,6 +43,8 @@ _EVERY, _MOVE_OF_SPAN = 150, 0.05
 """A setpoint by so much away comes after so many cycles."""
 _SHARE = 0.8
 """The part of a period that a cycle may take, but for one of a hundred: bus, log and trace need the rest."""
+_LEAST_S = 1e-6
+"""No cycle is so short: a clock that does not move within 99 of 100 cycles says 0."""
 _LAG_S = 0.05
 """The lag that is tried for a valve that has none."""
 _ANY_VALVE = '[valve]\nid = "any"\npreset = "paper"\n[control]\nsample_period_s = 0.001\n'
@@ -61,7 +63,7 @@ class CycleTime:
     @property
     def shortest_period_s(self) -> float:
         """The shortest sample period that these cycles fit in, rounded up to two digits."""
-        period_s = self.p99_s / _SHARE
+        period_s = max(self.p99_s, _LEAST_S) / _SHARE
         digit_s = 10.0 ** (math.floor(math.log10(period_s)) - 1)
         return math.ceil(period_s / digit_s) * digit_s
 

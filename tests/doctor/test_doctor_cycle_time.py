@@ -57,6 +57,12 @@ def test_the_shortest_period_is_rounded_up_to_two_digits(p99_s: float, period_s:
     assert CycleTime(p99_s / 4.0, p99_s, p99_s, 1000).shortest_period_s == pytest.approx(period_s)
 
 
+def test_a_clock_that_is_too_coarse_for_a_cycle_is_borne() -> None:
+    found = CycleTime(0.0, 0.0, 0.01, 1000)
+    assert found.shortest_period_s == pytest.approx(1.3e-6)  # 1/0.8 = 1.25
+    assert found.in_words().startswith("0 s in the median")
+
+
 @pytest.mark.usefixtures("clock")
 def test_a_period_that_is_too_short_is_a_warning_with_what_helps(monkeypatch: pytest.MonkeyPatch) -> None:
     path = Path("valve.toml")

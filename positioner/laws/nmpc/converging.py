@@ -223,12 +223,10 @@ class ConvergingLaw:
 
     def _timed(self, memory: ConvergingMemory, stem: StemState, time_s: float) -> ConvergingMemory:
         """Return the memory with how long predictive moves last: from their begin until the stem has stopped."""
-        if memory.begun_s is None:
+        if memory.begun_s is None or stem.stuck != memory.slid:  # it has not begun to slide yet, or still slides
             return memory
-        if not stem.stuck:
-            return memory if memory.slid else replace(memory, slid=True)
         if not memory.slid:
-            return memory
+            return replace(memory, slid=True)
         return replace(memory, begun_s=None, slid=False, lasts_s=time_s - memory.begun_s)
 
     def _is_small(self, memory: ConvergingMemory, stem: StemState, setpoint_m: float) -> bool:

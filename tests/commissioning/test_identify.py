@@ -88,12 +88,15 @@ def test_the_fit_finds_spring_friction_lags_dead_time_and_noise(memory: Identify
 def test_a_valve_whose_air_is_limited_in_its_rate_is_no_result() -> None:
     """40 kPa/s is 7.7 mA/s: the quickest strokes run at 8 mA/s, and no lag explains them.
 
-    Which values it finds, and which parts of the record are far from them, depends on the minimum in which it ends.
+    In which minimum the fit ends depends on the last digits of the processor's linear algebra. This holds in each.
     """
     settings = plant(fill_time_constant_s=0.05, vent_time_constant_s=0.05, slew_pa_per_s=40e3)
     memory, _ = experiment_on(settings, Experiment.of(BELIEVED, LIMITS, PERIOD_S), 7)
     found = identify(memory.stretches, BELIEVED, LIMITS, PERIOD_S)
-    assert found.unexplained
+    unexplained = {str(each) for each in found.unexplained}
+    assert {"breakaways, in the slip, opening", "breakaways, in the slip, closing"} <= unexplained
+    assert found.coulomb_friction_n.value < 0.9 * 1423.0
+    assert found.fill_time_constant_s.value > 4.0 * 0.05
 
 
 def test_a_part_of_the_record_is_explained_within_twice_its_noise_and_a_tenth_of_the_friction() -> None:

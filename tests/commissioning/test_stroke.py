@@ -283,12 +283,12 @@ def test_a_first_reading_that_is_far_off_is_no_new_setpoint(off_m: float) -> Non
 
 
 def test_a_host_that_asks_for_another_place_from_the_begin_gets_it_before_any_stroke() -> None:
-    played, found = stroked(host=Host(0, Setpoint(0.07)))
+    played, found = stroked(host=Host(0, Setpoint(0.06)))
     assert found.cause == "new setpoint"
     assert played.stopped is not None
     assert played.stopped * PERIOD_S < 0.2
     assert max(played.stem_m) - START_M < 0.05 * 0.127
-    assert played.stem_m[-1] == pytest.approx(0.07, abs=0.01 * 0.127)
+    assert played.stem_m[-1] == pytest.approx(0.06, abs=0.01 * 0.127)
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 from loop_helpers import Loop
 
+from positioner.cycle.trust_events import PushFailed
 from positioner.cycle.vain_pushes import (
     FAILED,
     LONG_ENOUGH_S,
@@ -137,9 +138,9 @@ def _frozen(loop: Loop, frame: CanFrame, kept: list[float]) -> CanFrame:
     return loop.codec.encode(replace(message, position_m=kept[0]), counter or 0)
 
 
-def looped(sensor: dict[str, float], period_s: float, **valve: float) -> Loop:
+def looped(sensor: dict[str, float], period_s: float, law: str = "nmpc", **valve: float) -> Loop:
     plant: dict[str, Any] = {"sensor": sensor, "valve": valve}
-    return Loop(sample_period_s=period_s, setpoint_period_s=max(0.01, period_s), plant=plant)
+    return Loop(law, sample_period_s=period_s, setpoint_period_s=max(0.01, period_s), plant=plant)
 
 
 @pytest.mark.parametrize(
@@ -148,7 +149,7 @@ def looped(sensor: dict[str, float], period_s: float, **valve: float) -> Loop:
 def test_a_clean_sensor_that_freezes_while_pushes_are_in_vain_is_told(
     sensor: dict[str, float], period_s: float
 ) -> None:
-    loop = looped(sensor, period_s)
+    loop = looped(sensor, period_s, "nmpc-predictive")
     loop.run(3.0, HERE_M)
     frozen(loop)
     loop.run(6.0, HERE_M + 0.001)  # less than a deviation: nothing else tells it
@@ -164,6 +165,21 @@ def test_a_clean_sensor_that_freezes_while_pushes_are_in_vain_is_told(
     loop.to_positioner = lambda frames: frames
     loop.run(0.5, HERE_M + 0.01)
     assert not loop.state.guard.conditions.no_motion
+
+
+@pytest.mark.parametrize(
+    ("sensor", "period_s"), [({**CLEAN, "resolution_m": 5e-4}, 0.01), (CLEAN, 0.005), (CLEAN, 0.02)], ids=str
+)
+def test_a_clean_sensor_that_freezes_under_quasi_static_moves_is_found_out(
+    sensor: dict[str, float], period_s: float
+) -> None:
+    loop = looped(sensor, period_s)  # a slip is over within a few samples: quasi-static moves come first
+    loop.run(3.0, HERE_M)
+    frozen(loop)
+    loop.run(6.0, HERE_M + 0.001)
+    guard = loop.state.guard
+    assert (guard.mode, guard.cause) == (Mode.FAILSAFE, Cause.FEEDBACK_FROZEN)
+    assert 8 <= len(loop.events_of(PushFailed)) <= 14  # two for each of seven moves
 
 
 def test_a_stem_that_is_stuck_under_a_noisy_sensor_is_told_from_an_error_on_that_is_no_deviation() -> None:

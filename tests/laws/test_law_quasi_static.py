@@ -15,6 +15,7 @@ from positioner.cycle.events import LawFellBack, MoveBegan
 from positioner.laws.estimator_settings import EstimatorSettings
 from positioner.laws.law import Observation
 from positioner.laws.quasi_static.belief import Landing, belief_of
+from positioner.laws.quasi_static.kept import lesson_of, taught
 from positioner.laws.quasi_static.law import QuasiStaticLaw, quasi_static_law
 from positioner.laws.quasi_static.move import Currents, Limits, Stage, Stem, boost_samples, is_worth_it, steps_to
 from positioner.laws.quasi_static.rest import NO_REST, Noise, Rest
@@ -22,7 +23,7 @@ from positioner.values import replace
 from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.pressure import pressure_model
-from positioner.valve.stiction import StictionTable
+from positioner.valve.stiction import Quantity, StictionTable
 from positioner.wire.messages import Cause, CurrentCommand
 
 if TYPE_CHECKING:
@@ -61,6 +62,47 @@ def errors_pct(run: InProcessRun, played: Scenario) -> list[float]:
         end = (number + 1) * played.samples_per_dwell
         found.append(float(np.abs(path_m[end - last : end] - setpoint_mm * 1e-3).mean()) / 1.27e-3)
     return found
+
+
+# -- what is kept over a restart
+
+
+def test_the_landings_that_a_table_has_kept_are_believed_again() -> None:
+    table, configured = StictionTable(), belief_of(VALVE)
+    for place_m, direction in ((0.07, 1.0), (0.09, -1.0), (0.08, 1.0), (0.07, -1.0)):
+        pressure_ma = configured.landing_ma(place_m, direction) + 0.4 + 0.2 * direction  # other bench set and friction
+        lesson = lesson_of(VALVE, Landing(place_m, direction, pressure_ma))
+        assert lesson.value == pytest.approx(-(0.4 + 0.2 * direction) / SPRING)
+        table = table.learned(lesson)
+    belief = taught(configured, VALVE, table, 1e-5)
+    assert belief.offset_ma == pytest.approx(configured.offset_ma + 0.4, abs=0.1)
+    assert belief.landing_ma(0.075, 1.0) == pytest.approx(configured.landing_ma(0.075, 1.0) + 0.6, abs=0.03)
+    assert belief.landing_ma(0.085, -1.0) == pytest.approx(configured.landing_ma(0.085, -1.0) + 0.2, abs=0.03)
+    assert taught(configured, VALVE, StictionTable(), 1e-5) == configured
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        {"coulomb_friction_n": 1000.0, "static_friction_n": 1200.0, "bench_set_n": 300.0},
+        {"coulomb_friction_n": 1700.0, "static_friction_n": 2100.0},
+        {"spring_rate_n_per_m": 45000.0},
+        {"bench_set_n": 400.0},
+    ],
+)
+def test_a_valve_that_is_told_wrongly_is_known_after_a_restart(told: dict[str, object]) -> None:
+    played = scenario(0.005, valve=told)
+    first = run_in_process(played)
+    assert {key.quantity for key, _ in first.table} == {Quantity.LANDING_BIAS}
+    again = run_in_process(played, first.table)
+    end, setpoint_m = played.samples_per_dwell, SETPOINTS_MM[0] * 1e-3
+    before_mm, after_mm = (
+        1e3 * float(np.abs(run.recording.true_position_m[:end] - setpoint_m).mean()) for run in (first, again)
+    )  # over the first dwell
+    assert 1.5 < before_mm < 6.0
+    assert 0.1 < after_mm / before_mm < 0.5
+    moves_before, moves_after = (sum(isinstance(each, MoveBegan) for each in run.events) for run in (first, again))
+    assert 8 <= moves_after < moves_before < 30
 
 
 # -- the belief

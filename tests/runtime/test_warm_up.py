@@ -31,7 +31,7 @@ def test_every_law_has_controlled_and_nmpc_has_moved_the_stem(
         return state, outbox, events
 
     monkeypatch.setattr(module, "step", watched)
-    warm_up(load_config(write_configuration(tmp_path, own_address(), control={"law": law})))
+    warm_up(load_config(write_configuration(tmp_path, own_address(), control={"law": law, "sample_period_s": 0.001})))
     assert {cycle.mode for cycle in cycles} == {Mode.ACTIVE}
     assert len(cycles) >= 50
     if law == "nmpc":

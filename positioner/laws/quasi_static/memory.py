@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from positioner.laws.quasi_static.move import Stage, Step
     from positioner.laws.quasi_static.rest import Noise, Rest
     from positioner.valve.pressure import PressureState
+    from positioner.valve.stiction import LearnedSample
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +52,8 @@ class QuasiStaticMemory:
     are still to be made. tries: to this setpoint; failed: pushes in a row that have not moved the stem.
     later_s: what rests are waited for beyond the model. more_lag_s: by how much the lag is longer than configured;
     behind_ma: the pressure behind it. lasts_s: how long the last move to a setpoint took. is_lag_known: a move has
-    shown it; hurries: and it was no shorter than believed.
+    shown it; hurries: and it was no shorter than believed. has_read: the stiction table, at the start; lessons: what it
+    is to learn.
     """
 
     belief: ValveBelief
@@ -75,3 +77,5 @@ class QuasiStaticMemory:
     behind_ma: float = 0.0
     lasts_s: float = 0.0
     failed: int = 0
+    has_read: bool = False
+    lessons: tuple[LearnedSample, ...] = ()

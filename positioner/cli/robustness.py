@@ -106,6 +106,8 @@ def _cases(arguments: argparse.Namespace) -> tuple[list[Case], str]:
     if arguments.valves is not None and arguments.valves < 1:
         raise UsageError(f"--valves {arguments.valves}: at least 1 is needed")
     if arguments.set is not None:
+        if arguments.short:
+            raise UsageError(f"--short is about random valves: --set {arguments.set} is shorter with --valves 1")
         count = arguments.valves or 3
         return list(SETS_BY_NAME[arguments.set](space, count)), f"Robustness: {arguments.set}"
     if arguments.plant is not None:

@@ -101,6 +101,7 @@ def test_the_worst_dwell_after_a_restart_is_replayed_after_what_taught_its_table
     ("arguments", "says"),
     [
         (("--valves", "0"), "--valves 0: at least 1 is needed"),
+        (("--set", "lags", "--short"), "--short is about random valves: --set lags is shorter with --valves 1"),
         (("--laws", "nmcp"), "nmpc"),
         (("--config", "missing.toml"), "missing.toml"),
     ],

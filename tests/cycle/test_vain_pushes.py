@@ -144,12 +144,18 @@ def looped(sensor: dict[str, float], period_s: float, law: str = "nmpc", **valve
 
 
 @pytest.mark.parametrize(
-    ("sensor", "period_s"), [(CLEAN, 0.001), ({**CLEAN, "resolution_m": 5e-4}, 0.01), (CLEAN, 0.02)], ids=str
+    ("law", "sensor", "period_s"),
+    [
+        ("nmpc", CLEAN, 0.001),
+        ("nmpc-predictive", {**CLEAN, "resolution_m": 5e-4}, 0.01),
+        ("nmpc-predictive", CLEAN, 0.02),
+    ],
+    ids=str,
 )
 def test_a_clean_sensor_that_freezes_while_pushes_are_in_vain_is_told(
-    sensor: dict[str, float], period_s: float
+    law: str, sensor: dict[str, float], period_s: float
 ) -> None:
-    loop = looped(sensor, period_s, "nmpc-predictive")
+    loop = looped(sensor, period_s, law)
     loop.run(3.0, HERE_M)
     frozen(loop)
     loop.run(6.0, HERE_M + 0.001)  # less than a deviation: nothing else tells it

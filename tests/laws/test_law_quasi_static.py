@@ -71,14 +71,14 @@ def test_the_landings_that_a_table_has_kept_are_believed_again() -> None:
     table, configured = StictionTable(), belief_of(VALVE)
     for place_m, direction in ((0.07, 1.0), (0.09, -1.0), (0.08, 1.0), (0.07, -1.0)):
         pressure_ma = configured.landing_ma(place_m, direction) + 0.4 + 0.2 * direction  # other bench set and friction
-        lesson = lesson_of(VALVE, Landing(place_m, direction, pressure_ma))
+        lesson = lesson_of(configured, Landing(place_m, direction, pressure_ma))
         assert lesson.value == pytest.approx(-(0.4 + 0.2 * direction) / SPRING)
         table = table.learned(lesson)
-    belief = taught(configured, VALVE, table, 1e-5)
+    belief = taught(configured, table, 1e-5)
     assert belief.offset_ma == pytest.approx(configured.offset_ma + 0.4, abs=0.1)
     assert belief.landing_ma(0.075, 1.0) == pytest.approx(configured.landing_ma(0.075, 1.0) + 0.6, abs=0.03)
     assert belief.landing_ma(0.085, -1.0) == pytest.approx(configured.landing_ma(0.085, -1.0) + 0.2, abs=0.03)
-    assert taught(configured, VALVE, StictionTable(), 1e-5) == configured
+    assert taught(configured, StictionTable(), 1e-5) == configured
 
 
 @pytest.mark.parametrize(

@@ -114,6 +114,11 @@ class ValveBelief:
         return (min(1.0 * math.sqrt(sliding + static), 0.5 * self.static_ma) + 0.02) / self.spring_ma_per_m
 
     @property
+    def as_configured(self) -> ValveBelief:
+        """The configured valve, of which nothing was seen."""
+        return replace(self, numbers=self.numbers.with_mean(self.configured), landings=())
+
+    @property
     def differs(self) -> bool:
         """Whether the valve is certainly another one than the configured one."""
         count = len(self.configured)
@@ -133,7 +138,7 @@ class ValveBelief:
 
     def beside_configured_m(self, start_m: float, target_m: float, direction: float) -> float:
         """Return how far from where the configured valve would do it a stem is freed or lands, whichever is farther."""
-        configured = replace(self, numbers=self.numbers.with_mean(self.configured), landings=())
+        configured = self.as_configured
         frees_ma = self.freeing_ma(start_m, direction) - configured.freeing_ma(start_m, direction)
         lands_ma = self.landing_ma(target_m, direction) - configured.landing_ma(target_m, direction)
         return max(abs(frees_ma), abs(lands_ma)) / self.spring_ma_per_m

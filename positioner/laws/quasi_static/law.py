@@ -168,8 +168,8 @@ class QuasiStaticLaw:
         area_m_s = move.area_m_s + (measured_m - move.start_m) * elapsed_s
         move = replace(move, since_s=move.since_s + elapsed_s, area_m_s=area_m_s)
         memory = replace(memory, pressure=pressure, smooth_m=smooth_m, move=move, sent_ma=sent_ma, behind_ma=behind_ma)
-        arrived = abs(behind_ma - move.level_ma) <= self._near_ma(memory)
-        memory = replace(memory, settled_s=memory.settled_s + elapsed_s if arrived else 0.0)
+        arrived, lessons = abs(behind_ma - move.level_ma) <= self._near_ma(memory), memory.lessons
+        memory = replace(memory, settled_s=memory.settled_s + elapsed_s if arrived else 0.0, lessons=())
         if memory.settled_s >= self._follows_s(memory):
             memory = self._rested(memory, measured_m, elapsed_s)
         if memory.rest.readings:
@@ -181,8 +181,7 @@ class QuasiStaticLaw:
             memory = replace(memory, position_m=position_m)
         direction = -1.0 if memory.move.direction < 0.0 else 1.0
         stuck = memory.move.stage is None
-        lessons = memory.lessons if self.keeps else ()
-        return replace(memory, lessons=()), Estimate(StemState(memory.position_m, 0.0, stuck, direction), lessons)
+        return memory, Estimate(StemState(memory.position_m, 0.0, stuck, direction), lessons)
 
     def _rested(self, memory: QuasiStaticMemory, measured_m: float, elapsed_s: float) -> QuasiStaticMemory:
         """Return the memory after a reading of a stem that should rest."""
@@ -229,7 +228,7 @@ class QuasiStaticLaw:
         del stem
         setpoint_m = observation.setpoint_m
         if self.keeps and not memory.has_read:
-            belief = taught(memory.belief, self.valve, table, self.sigma_m(memory.position_m))
+            belief = taught(memory.belief, table, self.sigma_m(memory.position_m))
             memory = replace(memory, belief=belief, has_read=True)
         if setpoint_m != memory.setpoint_m:
             memory = replace(memory, setpoint_m=setpoint_m, is_new=True, tries=0, pending=())
@@ -413,7 +412,8 @@ class QuasiStaticLaw:
                 other_ma = _OF_INERTIA * belief.spring_ma_per_m * move.inertia_m
             landing = Landing(position_m - move.inertia_m, direction, pressure_ma)
             belief = belief.landed(landing, memory.position_m2, gap_ma * gap_ma + other_ma * other_ma)
-            memory = replace(memory, lessons=(lesson_of(self.valve, landing),) if move.stage is Stage.LAND else ())
+            if self.keeps and move.stage is Stage.LAND:
+                memory = replace(memory, lessons=(lesson_of(belief, landing),))
         elif direction * (move.level_ma - belief.balance_ma(position_m)) > _PUSHED * belief.static_ma:
             memory = replace(memory, failed=memory.failed + 1)
             if abs(moved_m) < _MOVED * sigma_m + _MOVED_M + self.valve.backlash_m:

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-def add_law(parser: argparse.ArgumentParser, text: str, *more: str) -> None:
+def add_law(parser: argparse._ActionsContainer, text: str, *more: str, option: str = "--law") -> None:
     """Add `--law`, which `law_of` reads; a shell completes the names, and what `more` may stand there."""
-    action = parser.add_argument("--law", metavar="NAME|FILE.py:NAME", help=text)
+    action = parser.add_argument(option, metavar="NAME|FILE.py:NAME", help=text)
     suggest(action, lambda: (*law_names(), *more), "*.py")
 
 
@@ -49,6 +49,15 @@ def law_of(arguments: argparse.Namespace) -> str | None:
         UsageError: there is no such law.
     """
     return _known("--law", arguments.law, law_problem)
+
+
+def shadow_of(arguments: argparse.Namespace) -> str | None:
+    """Return the law that `--shadow` names, None without one.
+
+    Raises:
+        UsageError: there is no such law.
+    """
+    return _known("--shadow", arguments.shadow, law_problem)
 
 
 def plant_of(arguments: argparse.Namespace) -> str | None:

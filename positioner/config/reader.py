@@ -17,6 +17,7 @@ from positioner.inputs.nearest import check_name, nearest
 from positioner.inputs.plug_in import anchored
 from positioner.inputs.toml_lines import line_of, problem_at
 from positioner.laws.registry import is_outside, law_problem
+from positioner.laws.settings import ControlSettings
 from positioner.metrics.places import file_problem, socket_problem
 from positioner.metrics.settings import MetricsSettings
 from positioner.valve.parameters import ValveParameters, id_problem
@@ -192,8 +193,12 @@ def _anchor(tables: dict[str, Any], base: Path) -> None:
         if isinstance(found, dict) and isinstance(found.get(key), str):
             found[key] = str(base / found[key])
     control = tables.get("control")
+    if not isinstance(control, dict):
+        return
+    if control.get("shadow") == "":
+        del control["shadow"]
     for key in _LAW_KEYS:
-        if isinstance(control, dict) and isinstance(control.get(key), str):
+        if isinstance(control.get(key), str):
             control[key] = anchored(control[key], base)
 
 
@@ -215,6 +220,9 @@ def _law_problems(tables: dict[str, Any], text: str) -> list[Problem]:
     wrong = {key: law_problem(law, unknown="is no law") for key, law in named.items()}
     if any(wrong.values()):
         return [problem_at(text, f"control.{key} = '{named[key]}'", told) for key, told in wrong.items() if told]
+    if named.get("shadow") == named.get("law", ControlSettings().law):
+        told = "is the law that controls the valve; a shadow is another one, or leave it out"
+        return [problem_at(text, f"control.shadow = '{named['shadow']}'", told)]
     if control.get("parameters") and named and not any(is_outside(law) for law in named.values()):
         law = next(iter(named.values()))
         return [problem_at(text, "control.parameters", f"are for a law from outside; {law} has settings of its own")]

@@ -25,7 +25,7 @@ class ControlSettings(SettingsTable):
     """Settings of every law.
 
     law: the name of the control law; FILE.py:NAME is one in a file, beside the configuration if it is relative.
-    shadow: the name of a second law, which sees the same valve and sends nothing; the log says where they differ.
+    shadow: the name of another law, which sees the same valve and sends nothing; log and metrics say where they differ.
     sample_period_s: T_s, the period of the position frames.
     command_delay_s: time from a reading to the instant at which its command acts on the valve, up to a period.
     table_from_s: time since control began from which the stiction table is used (paper §6.3); the law always learns.

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from positioner.cycle.state import Setup
     from positioner.health.observed import ObservedCycle
     from positioner.replay.recorded import RecordedCycle
+    from positioner.replay.shadow import ReplayedShadow
     from positioner.valve.stiction import StictionTable
     from positioner.wire.codec import Codec
     from positioner.wire.messages import CanFrame, Cause, Mode
@@ -50,12 +51,13 @@ def replay_cycles(
     plays: bool = False,
     follows: bool = False,
     setup: Setup | None = None,
+    shadow: ReplayedShadow | None = None,
 ) -> Iterator[ReplayedCycle]:
     """Yield every cycle computed again; the first one starts with `table`.
 
     With `follows` the recorded command counts as sent after each cycle, instead of the computed one: another law then
     observes the valve with the current that really moved it. `setup` replaces that of the configuration; without it,
-    a plug-in is loaded only where the command `plays`.
+    a plug-in is loaded only where the command `plays`. `shadow` compares each cycle with that of another law.
 
     Raises:
         ConfigurationError: the law is a plug-in that may not be loaded, or cannot be.
@@ -68,6 +70,8 @@ def replay_cycles(
         observed = observed_cycle(cycle_input, before, state, outbox, events)
         if follows:
             state = _followed(setup.codec, state, cycle, outbox)
+        if shadow is not None:
+            shadow.cycle(cycle_input, before, state, events)
         yield ReplayedCycle(cycle, outbox, events, state.guard.mode, state.guard.cause, observed)
 
 

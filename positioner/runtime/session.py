@@ -109,7 +109,7 @@ class Session:
         self._state = CycleState(table=self.table.initial)
         self.health = ValveHealth(configuration, self.table, log, testing=options.procedure is not None)
         shadow = configuration.make_shadow() if procedure is None else None
-        self._shadow = Shadow(self.setup, shadow, log) if shadow else None
+        self.shadow = Shadow(self.setup, shadow, log, time) if shadow else None
         codec, self._period_s = self.setup.codec, self.setup.period_s
         # a dry run runs beside a controller: the commands of that controller are not foreign to it
         kinds = RECEIVED if options.dry_run else (*RECEIVED, CurrentCommand)
@@ -158,8 +158,8 @@ class Session:
         if not self._options.dry_run:
             self.health.cycle(cycle_input, before, self.state, outbox, events)
         self.table.record([event.sample for event in events if isinstance(event, Learned)])
-        if self._shadow is not None:
-            self._shadow.cycle(cycle_input, before, self._state, events)
+        if self.shadow is not None:
+            self.shadow.cycle(cycle_input, before, self._state, events)
         self._pass_time()
         self._other.check(events, now_ns, ever_armed=self.state.guard.arming.ever_armed)
 
@@ -185,6 +185,8 @@ class Session:
         if now_s >= self._poll_due_s:
             self._poll_due_s = now_s + _POLL_EVERY_S
             self.table.poll()
+            if self.shadow is not None:
+                self.shadow.flush()
             self._lines_dropped = dropped_lines()
 
     def _wait_s(self) -> float:
@@ -228,8 +230,8 @@ class Session:
     def close(self, timeout_s: float) -> str | None:
         """Save the table and end record and trace; return the error of the table, if there is one."""
         problem = self.table.close(timeout_s)
-        if self._shadow is not None:
-            self._shadow.tell()
+        if self.shadow is not None:
+            self.shadow.close()
         self._recorder.close()
         self._trace.close()
         return problem

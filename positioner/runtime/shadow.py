@@ -1,22 +1,16 @@
-"""A second law beside the acting one on a live valve: it sees the same frames, and nothing of it is sent. Shell.
+"""A second law beside the acting one on a live valve: its log, and its end where it fails. Shell.
 
-After each cycle of the acting law the same `step` is played again with the other law, from the same state: only what
-belongs to a law (its memory, its table, what it says of the valve) is the shadow's own. So it sees the readings, and
-the currents that really moved the valve. A push of its own that the acting law does not make is never made.
-
-It changes no command: an error in it ends the shadow with one line of the log.
+`positioner.shadow` compares the two. Its cycle is computed after the frames of the acting law's cycle were sent. It
+changes no command: an error in it ends the shadow with one line of the log.
 """
 
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from positioner.cycle.events import Controlled, LawFellBack, MoveBegan
-from positioner.cycle.state import ControlState
-from positioner.cycle.step import step
-from positioner.values import replace
+from positioner.machine.journal import Throttle
+from positioner.shadow.law import ShadowFailedError, ShadowLaw
 
 if TYPE_CHECKING:
     from positioner.cycle.events import Event
@@ -24,103 +18,57 @@ if TYPE_CHECKING:
     from positioner.cycle.state import CycleState, Setup
     from positioner.laws.law import Law
     from positioner.machine.journal import Log
+    from positioner.machine.time import TimePort
+    from positioner.shadow.differences import Differences
 
-TOLD_EVERY_NS = 60_000_000_000
-"""A line a minute: a person compares, and needs no row of each cycle (`positioner replay --law --out` has them)."""
-
-
-@dataclass(slots=True)
-class Differences:
-    """How the shadow's commands differ from those of the acting law: currents in mA, of cycles in which both answered.
-
-    largest: the difference with its sign, where the stem was in m, and where it was wanted.
-    moves, shadow_moves: how often each has begun one. fallbacks: how often the shadow could not do what it wanted, and
-    why it could not the last time.
-    """
-
-    cycles: int = 0
-    sum_ma: float = 0.0
-    largest: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    moves: int = 0
-    shadow_moves: int = 0
-    fallbacks: int = 0
-    why: str = ""
-
-    def add(self, acting: tuple[Event, ...], shadow: tuple[Event, ...]) -> None:
-        """Add one cycle by the events of both."""
-        self.moves += sum(isinstance(event, MoveBegan) for event in acting)
-        for event in shadow:
-            if isinstance(event, MoveBegan):
-                self.shadow_moves += 1
-            elif isinstance(event, LawFellBack):
-                self.fallbacks, self.why = self.fallbacks + 1, event.why
-        own, other = _controlled(acting), _controlled(shadow)
-        if own is None or other is None:
-            return
-        difference_ma = other.current_ma - own.current_ma
-        self.cycles += 1
-        self.sum_ma += abs(difference_ma)
-        if abs(difference_ma) > abs(self.largest[0]):
-            self.largest = difference_ma, own.measured_m, own.setpoint_m
-
-    def in_words(self) -> str:
-        """Return one line for the log."""
-        fallbacks = f", {self.fallbacks} fallbacks (the last: {self.why})" if self.fallbacks else ""
-        moves = f"{self.shadow_moves} moves where the acting law began {self.moves}"
-        text = f"{self.cycles} commands, {moves}{fallbacks}"
-        if not self.largest[0]:
-            return f"{text}; no current differs" if self.cycles else text
-        most_ma, here_mm, wanted_mm = self.largest[0], 1e3 * self.largest[1], 1e3 * self.largest[2]
-        most = f"most {most_ma:+.3f} mA, with the stem at {here_mm:.3f} mm for a setpoint of {wanted_mm:.3f} mm"
-        return f"{text}; current {self.sum_ma / self.cycles:.3f} mA off in the mean, {most}"
+TOLD_EVERY_S = 10.0
+"""Of setpoints that change more often than this the dwell with the largest difference is told, with their number."""
 
 
 class Shadow:
-    """The shadow of one valve's law; `setup` is that of the acting one."""
+    """The shadow of one valve's law; `setup` is that of the acting one. total: None before the first compared cycle."""
 
-    def __init__(self, setup: Setup, law: Law[object], log: Log) -> None:
-        """Begin; the shadow learns into a table of its own, which nobody keeps."""
-        self._setup, self._log = replace(setup, law=law), log
-        self._state: CycleState | None = None
-        self._ended = False
-        self._due_ns: int | None = None
-        self.differences = Differences()
+    def __init__(self, setup: Setup, law: Law[object], log: Log, time: TimePort) -> None:
+        """Begin."""
+        self._law, self._log = ShadowLaw(setup, law), log
+        self._throttle = Throttle(TOLD_EVERY_S, time, log)
+        self._is_dropped = False
         log.info("shadow %s: runs beside %s, and sends nothing", law.name, setup.law.name)
 
+    @property
+    def total(self) -> Differences | None:
+        """All that has been compared so far."""
+        return self._law.total
+
     def cycle(self, cycle_input: CycleInput, before: CycleState, after: CycleState, events: tuple[Event, ...]) -> None:
-        """Play one cycle, which the acting law has ended `after` its frames were sent."""
-        if self._ended:
+        """Compare one cycle, which the acting law has ended `after` its frames were sent."""
+        if self._is_dropped:
             return
         try:
-            self._state, _, own = step(self._setup, self._shadowed(before), cycle_input)
+            if (dwell := self._law.cycle(cycle_input, before, after, events)) is not None:
+                self._tell(dwell)
+        except ShadowFailedError as error:
+            self._drop(str(error))
         except Exception as error:  # noqa: BLE001 - a defect here must never end a control loop
-            self._log.error("shadow %s: ended: %s: %s", self._setup.law.name, type(error).__name__, error)
-            self._ended = True
-            return
-        if not after.guard.controls:
-            return
-        self.differences.add(events, own)
-        if self._due_ns is None:
-            self._due_ns = cycle_input.now_ns + TOLD_EVERY_NS
-        elif cycle_input.now_ns >= self._due_ns:
-            self._due_ns = cycle_input.now_ns + TOLD_EVERY_NS
-            self.tell()
+            self._drop(f"{type(error).__name__}: {error}")
 
-    def tell(self) -> None:
-        """Log how the shadow has differed since the last line."""
-        if self.differences.cycles or self.differences.fallbacks:
-            self._log.log(logging.INFO, "shadow %s: %s", self._setup.law.name, self.differences.in_words())
-        self.differences = Differences()
+    def flush(self) -> None:
+        """Log a dwell that was held back, once that is due."""
+        self._throttle.flush()
 
-    def _shadowed(self, before: CycleState) -> CycleState:
-        """Return the state of the acting law with what belongs to the shadow in its place."""
-        own = self._state
-        if own is None:
-            return replace(before, control=ControlState(), differs=False)
-        return replace(
-            before, control=own.control, table=own.table, credible_table=own.credible_table, differs=own.differs
-        )
+    def close(self) -> None:
+        """Log the last dwell, and all of them together."""
+        if self._law.dwell is not None:
+            self._tell(self._law.dwell)
+        self._throttle.flush(all_of_them=True)
+        if self._law.total is not None:
+            self._log.info("shadow %s: in all: %s", self._law.name, self._law.total.in_words())
 
+    def _tell(self, dwell: Differences) -> None:
+        where = f"at {1e3 * dwell.setpoint_m:.3f} mm for {1e-9 * (dwell.ended_ns - dwell.begun_ns):.1f} s"
+        line, size = f"shadow {self._law.name}: {where}: {dwell.in_words()}", abs(dwell.largest_ma)
+        self._throttle.log(logging.INFO, "dwell", line, size=size)
 
-def _controlled(events: tuple[Event, ...]) -> Controlled | None:
-    return next((event for event in events if isinstance(event, Controlled)), None)
+    def _drop(self, why: str) -> None:
+        self._is_dropped = True
+        self._log.error("shadow %s: dropped, and the valve is controlled as before: %s", self._law.name, why)

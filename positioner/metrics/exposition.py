@@ -88,6 +88,22 @@ def _kept(key: str) -> Callable[[Snapshot], Samples]:
     return samples
 
 
+def _shadow(key: str, factor: float = 1.0) -> Callable[[Snapshot], Samples]:
+    """Return the samples of one number of the law in the shadow, none where there is no such law."""
+
+    def samples(snapshot: Snapshot) -> Samples:
+        if snapshot["shadow"] is not None:
+            yield "", "", snapshot["shadow"][key] * factor if factor != 1.0 else snapshot["shadow"][key]
+
+    return samples
+
+
+def _shadow_moves(snapshot: Snapshot) -> Samples:
+    if snapshot["shadow"] is not None:
+        for name, count in snapshot["shadow"]["moves"].items():
+            yield "law", name, count
+
+
 def _one_of(key: str, label: str, names: Mapping[int, str]) -> Callable[[Snapshot], Samples]:
     """Return a sample for each value of a state."""
 
@@ -154,4 +170,14 @@ _METRICS = (
     _Metric("starts", "Starts of the positioner, kept.", _kept("starts"), is_counter=True),
     _Metric("stuck_seconds", "Time in which the stem stuck, kept.", _kept("stuck_s"), "seconds", is_counter=True),
     _Metric("mode_seconds", "Time in each mode, kept.", _mode_seconds, "seconds", is_counter=True),
+    _Metric("shadow_cycles", "Cycles in which a law in the shadow was compared.", _shadow("cycles"), is_counter=True),
+    _Metric(
+        "shadow_differing_cycles",
+        "Those of them in which its current differed by more than 0.1 mA.",
+        _shadow("apart"),
+        is_counter=True,
+    ),
+    _Metric("shadow_mean_difference_amperes", "Mean amount of the difference.", _shadow("mean_ma", _MA), "amperes"),
+    _Metric("shadow_largest_difference_amperes", "Largest difference, signed.", _shadow("largest_ma", _MA), "amperes"),
+    _Metric("shadow_moves", "Moves that each of the two laws began.", _shadow_moves, is_counter=True),
 )

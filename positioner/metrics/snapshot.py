@@ -10,6 +10,7 @@ from positioner.wire.messages import Mode
 if TYPE_CHECKING:
     from positioner.cycle.state import CycleState
     from positioner.health.monitor import HealthState
+    from positioner.shadow.differences import Differences
     from positioner.valve.parameters import ValveParameters
 
 MOST_BYTES = 1 << 20
@@ -22,8 +23,17 @@ _KEPT = (
 """Counters of the valve's health that are told as they are."""
 
 
-def snapshot_of(valve: ValveParameters, state: CycleState, health: HealthState | None, unix_s: float) -> dict[str, Any]:
-    """Return the state after a cycle at the wall-clock instant `unix_s`; None for what is not known."""
+def snapshot_of(
+    valve: ValveParameters,
+    state: CycleState,
+    health: HealthState | None,
+    unix_s: float,
+    shadow: Differences | None = None,
+) -> dict[str, Any]:
+    """Return the state after a cycle at the wall-clock instant `unix_s`; None for what is not known.
+
+    shadow: all that a law in the shadow was compared in, None without one.
+    """
     guard, link, counters, alarms = state.guard, state.link, state.counters, message_of(state.alarms)
     return {
         "valve": valve.id,
@@ -46,6 +56,18 @@ def snapshot_of(valve: ValveParameters, state: CycleState, health: HealthState |
         "events": {int(cause): count for cause, count in counters.by_cause.items()},
         "table_cells": len(state.table),
         "kept": None if health is None else _kept(health),
+        "shadow": None if shadow is None else _compared(shadow),
+    }
+
+
+def _compared(shadow: Differences) -> dict[str, Any]:
+    """Return where a law in the shadow has differed from the acting one, since the start."""
+    return {
+        "cycles": shadow.cycles,
+        "apart": shadow.apart,
+        "mean_ma": shadow.mean_ma,
+        "largest_ma": shadow.largest_ma,
+        "moves": {"acting": shadow.moves, "shadow": shadow.shadow_moves},
     }
 
 

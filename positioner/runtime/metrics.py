@@ -99,7 +99,12 @@ class Metrics:
         if self._channel is None:
             return None
         unix_s = time.time()
-        snapshots = [snapshot_of(each.setup.valve, each.state, each.health.state, unix_s) for each in self._sessions]
+        snapshots = [
+            snapshot_of(
+                each.setup.valve, each.state, each.health.state, unix_s, each.shadow.total if each.shadow else None
+            )
+            for each in self._sessions
+        ]
         try:
             self._channel.send(json.dumps(snapshots).encode())
         except BlockingIOError:

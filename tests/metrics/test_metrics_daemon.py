@@ -105,6 +105,20 @@ def test_a_daemon_tells_its_state_in_a_file_and_at_a_socket_until_it_ends(tmp_pa
     assert not list(tmp_path.glob("*.new"))
 
 
+def test_a_daemon_tells_how_a_law_in_its_shadow_differs(tmp_path: Path) -> None:
+    file = tmp_path / "positioner.prom"
+    with VirtualShell(tmp_path, control={"shadow": "paper"}, metrics={"file": file.name, "every_s": 0.5}) as shell:
+        shell.arm()
+        shell.cycle_for(1.0)
+        told = until(lambda: file.exists() and (found := values(file.read_text("utf-8"))) and found)
+        assert shell.session.shadow is not None
+        total = shell.session.shadow.total
+        assert total is not None
+        assert 10 < told["positioner_shadow_cycles_total"] <= total.cycles
+        assert told["positioner_shadow_differing_cycles_total"] <= total.apart
+        assert 0.0 < told["positioner_shadow_mean_difference_amperes"] < 0.016
+
+
 def sent_by(folder: Path, **tables: Any) -> list[Any]:
     folder.mkdir()
     with VirtualShell(folder, **tables) as shell:

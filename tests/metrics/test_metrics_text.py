@@ -15,6 +15,7 @@ from prometheus_client.parser import text_string_to_metric_families as read_prom
 from positioner.config.reader import parse_config
 from positioner.cycle.alarms import packed
 from positioner.cycle.counters import Counters
+from positioner.cycle.events import Controlled
 from positioner.cycle.link import FeedbackState, LastSetpoint, LinkState
 from positioner.cycle.plausibility import ReadingHistory
 from positioner.cycle.sent import OutputState, SentCommand
@@ -22,8 +23,13 @@ from positioner.cycle.state import CycleState
 from positioner.guard.state import GuardState
 from positioner.health.counters import Counters as Kept
 from positioner.health.monitor import begin_health
+from positioner.laws.bounds import Bounds
+from positioner.laws.law import Decision
+from positioner.laws.move_reason import Breakaway, MoveReason
 from positioner.metrics.exposition import text_of
 from positioner.metrics.snapshot import snapshot_of
+from positioner.shadow.differences import Differences
+from positioner.valve.state import StemState
 from positioner.wire.messages import Cause, Counted, Health, Mode
 
 CONFIGURATION = parse_config('[valve]\nid = "FV-101"\npreset = "paper"\n', "test", Path())
@@ -37,6 +43,36 @@ def snapshot(state: CycleState, valve: str = "FV-101", kept: Kept | None = None)
     made = snapshot_of(CONFIGURATION.valve, state, health if kept else None, 1.7e9) | {"valve": valve}
     told: dict[str, Any] = json.loads(json.dumps(made))
     return told
+
+
+def compared() -> Differences:
+    """Return the differences of three cycles, in two of which the shadow began a move: 0.05, -2 and 0.25 mA."""
+    found, bounds = Differences(0), Bounds(-1.0, 1.0, 4.0, 20.0)
+    reason, stem = MoveReason(1e-3, Breakaway(12.0), 0.06), StemState(0.05, 0.0, True, 1.0)
+    for number, (apart_ma, own, other) in enumerate(((0.05, None, reason), (-2.0, reason, reason), (0.25, None, None))):
+        acting, shadow = (
+            Controlled(0.0, 0.06, 0.05, stem, Decision(each_ma, bounds, reason=why), each_ma, Mode.ACTIVE, 0)
+            for each_ma, why in ((12.0, own), (12.0 + apart_ma, other))
+        )
+        found.add(number, acting, shadow)
+    return found
+
+
+def test_a_law_in_the_shadow_is_told_where_there_is_one() -> None:
+    assert not [name for name, _ in samples_of(text_of([snapshot(busy_state())], "1.2.3")) if "shadow" in name]
+    made = snapshot_of(CONFIGURATION.valve, busy_state(), None, 1.7e9, compared())
+    text = text_of([json.loads(json.dumps(made))], "1.2.3")
+    found = samples_of(text)
+    assert samples_of(text, read_prometheus) == found
+    own = frozenset({("valve", "FV-101")})
+    assert {name: value for (name, labels), value in found.items() if "shadow" in name and labels == own} == {
+        "positioner_shadow_cycles_total": 3.0,
+        "positioner_shadow_differing_cycles_total": 2.0,
+        "positioner_shadow_mean_difference_amperes": pytest.approx(2.3e-3 / 3),
+        "positioner_shadow_largest_difference_amperes": pytest.approx(-2e-3),
+    }
+    for law, moves in (("acting", 1.0), ("shadow", 2.0)):
+        assert found["positioner_shadow_moves_total", own | {("law", law)}] == moves
 
 
 def samples_of(text: str, read: Any = read_openmetrics) -> Samples:

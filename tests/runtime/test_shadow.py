@@ -13,6 +13,7 @@ from several_loop import SeveralLoop
 
 from positioner.cli.main import main
 from positioner.machine.journal import logger
+from positioner.runtime import shadow as runtime_shadow
 from positioner.shadow import law as shadow_law
 from positioner.valve.stiction import StictionTable
 
@@ -174,6 +175,24 @@ def test_the_log_tells_what_a_replay_of_the_record_tells(tmp_path: Path, capsys:
         assert f", {100 * told['share_apart']:.1f} % of them by more than 0.1 mA, " in line
         assert f"most {told['largest_difference_ma']:+.3f} mA, with the stem at " in line
     assert total.startswith(f"shadow pi: in all: {sum(dwell['cycles'] for dwell in dwells)} commands, ")
+
+
+def test_a_dwell_that_is_held_back_is_told_when_that_is_due(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runtime_shadow, "TOLD_EVERY_S", 0.2)
+    before = logger.level
+    logger.setLevel(logging.INFO)
+    try:
+        with SeveralLoop(tmp_path, ["FV-1"], control={"shadow": "pi"}, lockstep=False) as loop:
+            loop.run_to(SAMPLES)
+    finally:
+        logger.setLevel(before)
+    told = [
+        (now_ns, line) for now_ns, line in zip(loop.logged_ns, loop.lines, strict=True) if " mm for 0.1 s: " in line
+    ]
+    # dwells end after 0.15, 0.3, 0.45, 0.6 and 0.75 s: the second is told when the third has not ended yet
+    assert [line.split()[3] for _, line in told[:2]] == ["80.000", "87.000"]
+    assert told[1][0] - told[0][0] == pytest.approx(0.2e9, abs=0.025e9)
+    assert "more like it" not in told[1][1]
 
 
 def test_a_shadow_that_raises_is_dropped_with_one_line_and_the_valve_is_controlled_as_before(

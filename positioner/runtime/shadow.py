@@ -1,7 +1,8 @@
 """A second law beside the acting one on a live valve: its log, and its end where it fails. Shell.
 
 `positioner.shadow` compares the two. Its cycle is computed after the frames of the acting law's cycle were sent. It
-changes no command: an error in it ends the shadow with one line of the log.
+changes no command: an error in it ends the shadow with one line of the log, and so do cycles that are late again and
+again, since the time of both laws is one.
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 TOLD_EVERY_S = 10.0
 """Of setpoints that change more often than this the dwell with the largest difference is told, with their number."""
 
+MOST_LATE = 10
+"""Late cycles in a row: a machine that others use makes one late, or some; so many show that both laws do not fit."""
+
 
 class Shadow:
     """The shadow of one valve's law; `setup` is that of the acting one. total: None before the first compared cycle."""
@@ -32,7 +36,7 @@ class Shadow:
         """Begin."""
         self._law, self._log = ShadowLaw(setup, law), log
         self._throttle = Throttle(TOLD_EVERY_S, time, log)
-        self._is_dropped = False
+        self._is_dropped, self._late = False, 0
         log.info("shadow %s: runs beside %s, and sends nothing", law.name, setup.law.name)
 
     @property
@@ -43,6 +47,10 @@ class Shadow:
     def cycle(self, cycle_input: CycleInput, before: CycleState, after: CycleState, events: tuple[Event, ...]) -> None:
         """Compare one cycle, which the acting law has ended `after` its frames were sent."""
         if self._is_dropped:
+            return
+        self._late = self._late + 1 if cycle_input.late_ns else 0
+        if self._late >= MOST_LATE:
+            self._drop(f"{MOST_LATE} cycles in a row were late, and both laws share their time")
             return
         try:
             if (dwell := self._law.cycle(cycle_input, before, after, events)) is not None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NoReturn
 
 import pytest
-from several_loop import SeveralLoop
+from several_loop import PERIOD_S, SeveralLoop
 
 from positioner.cli.main import main
 from positioner.machine.journal import logger
@@ -20,6 +20,7 @@ from positioner.valve.stiction import StictionTable
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from positioner.cycle.input import CycleInput
     from positioner.runtime.session import Session
     from positioner.wire.messages import CanFrame
 
@@ -217,6 +218,30 @@ def test_a_defect_of_the_shadow_ends_it_with_one_line(
     run = played(tmp_path, shadow="pi")
     assert run.frames == alone.frames
     assert run.lines[1:] == ["shadow pi: dropped, and the valve is controlled as before: LookupError: a defect"]
+
+
+@pytest.mark.parametrize(("every", "dropped"), [(1, 1), (3, 0)])
+def test_a_shadow_that_makes_cycles_late_again_and_again_is_dropped(
+    every: int, dropped: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[int] = []
+    with SeveralLoop(tmp_path, ["FV-1"], control={"shadow": "pi"}, lockstep=False) as loop:
+
+        def slow(_: object, cycle_input: CycleInput, *__: object) -> None:
+            calls.append(cycle_input.late_ns)
+            if len(calls) % every == 0:
+                loop.time.sleep(1.5 * PERIOD_S)
+
+        monkeypatch.setattr(shadow_law.ShadowLaw, "cycle", slow)
+        loop.run_to(100)
+        lines = [line for line in loop.logged("shadow") if "dropped" in line]
+    assert len(lines) == dropped
+    if dropped:
+        told = "10 cycles in a row were late, and both laws share their time"
+        assert lines == [f"shadow pi: dropped, and the valve is controlled as before: {told}"]
+        assert len(calls) < 20
+    else:
+        assert sum(late_ns > 0 for late_ns in calls) > 10
 
 
 CONFIGURATION = '[valve]\nid = "v"\npreset = "paper"\n[bus]\ninterface = "virtual"\nchannel = "v"\n[control]\n'

@@ -153,7 +153,7 @@ def test_after_some_setpoints_the_predictive_law_is_tried_again_and_after_a_seco
         assert not memory_of(loop).is_other
         if len(taken_over(loop)) > before:
             failed_at.append((number, memory_of(loop).pause))
-    assert failed_at == [(0, 4), (5, 8), (14, 16)]
+    assert failed_at == [(0, 4), (5, 8), (15, 16)]
     assert all(" % of span off for " in why for why in taken_over(loop))
 
 

@@ -14,9 +14,10 @@ from positioner.bench.scenario import Scenario
 from positioner.cycle.events import LawFellBack, MoveBegan
 from positioner.laws.estimator_settings import EstimatorSettings
 from positioner.laws.law import Observation
-from positioner.laws.quasi_static.belief import Landing, belief_of
+from positioner.laws.quasi_static.belief import Landing, ValveBelief, belief_of
 from positioner.laws.quasi_static.kept import lesson_of, taught
 from positioner.laws.quasi_static.law import QuasiStaticLaw, quasi_static_law
+from positioner.laws.quasi_static.memory import QuasiStaticMemory
 from positioner.laws.quasi_static.move import Currents, Limits, Stage, Stem, boost_samples, is_worth_it, steps_to
 from positioner.laws.quasi_static.rest import NO_REST, Noise, Rest
 from positioner.values import replace
@@ -27,7 +28,6 @@ from positioner.valve.stiction import Quantity, StictionTable
 from positioner.wire.messages import Cause, CurrentCommand
 
 if TYPE_CHECKING:
-    from positioner.laws.quasi_static.memory import QuasiStaticMemory
     from positioner.wire.messages import CanFrame
 
 VALVE = ValveParameters(id="paper")
@@ -99,8 +99,9 @@ def test_a_valve_that_is_told_wrongly_is_known_after_a_restart(told: dict[str, o
     before_mm, after_mm = (
         1e3 * float(np.abs(run.recording.true_position_m[:end] - setpoint_m).mean()) for run in (first, again)
     )  # over the first dwell
-    assert 1.5 < before_mm < 6.0
-    assert 0.1 < after_mm / before_mm < 0.5
+    assert 1.2 < before_mm < 6.0
+    assert 0.4 < after_mm < 0.85
+    assert after_mm < 0.55 * before_mm
     moves_before, moves_after = (sum(isinstance(each, MoveBegan) for each in run.events) for run in (first, again))
     assert 8 <= moves_after < moves_before < 30
 
@@ -192,6 +193,39 @@ def test_a_force_that_comes_is_no_spring() -> None:
     assert belief.offset_ma == pytest.approx(1.5, abs=0.4)
     assert belief.spring_ma_per_m == pytest.approx(before, rel=0.02)
     assert belief.landings == ()
+
+
+def known_valve() -> ValveBelief:
+    belief = belief_of(VALVE)
+    for landing in true_landings(SPRING, 0.0, SLIDING) * 2:
+        belief = belief.landed(landing, 1e-10, 0.0)
+    return belief
+
+
+def test_friction_that_has_changed_is_told_from_a_force_by_a_landing_the_other_way() -> None:
+    belief, sliding = known_valve(), SLIDING - 1.0
+    for _ in range(2):
+        for direction in (1.0, -1.0):
+            landing = Landing(0.08, direction, SPRING * 0.08 + direction * sliding)
+            belief = belief.landed(landing, 1e-10, 0.0)
+    assert belief.sliding_ma == pytest.approx(sliding, abs=0.1)
+    assert belief.offset_ma == pytest.approx(0.0, abs=0.2)
+
+
+def test_what_moved_a_stem_under_a_current_that_stood_still_is_nothing_but_a_force() -> None:
+    moved = Landing(0.08, -1.0, SPRING * 0.08 - SLIDING + 2.0)
+    after = [known_valve().landed(moved, 1e-10, 0.0, is_force=is_force) for is_force in (True, False)]
+    assert abs(after[0].sliding_ma - SLIDING) < 0.02 < abs(after[1].sliding_ma - SLIDING)
+    assert after[0].landing_ma(0.08, -1.0) == pytest.approx(moved.pressure_ma, abs=0.3)
+
+
+def test_a_push_that_frees_a_stem_as_it_should_says_nothing_new_however_often() -> None:
+    belief = belief_of(VALVE)
+    strong_ma, weak_ma = (belief.freeing_ma(0.08, 1.0) + more_ma for more_ma in (2.0, -0.5))
+    for _ in range(20):
+        belief = belief.after_move().freed(0.08, 1.0, strong_ma)
+    assert belief.static_ma == STATIC == pytest.approx(belief_of(VALVE).static_ma)
+    assert belief.freed(0.08, 1.0, weak_ma).static_ma < STATIC - 0.1
 
 
 def test_a_stem_that_did_not_move_has_more_static_friction_than_the_push() -> None:
@@ -331,6 +365,14 @@ def test_mass_carries_a_stem_of_little_viscous_friction_beyond_its_balance() -> 
 
 # -- the loop
 
+QUIET = {"preset": "paper", "sensor": {"noise_of_reading": 0.0005}}
+
+
+def memory_of(loop: Loop) -> QuasiStaticMemory:
+    memory = loop.state.control.memory
+    assert isinstance(memory, QuasiStaticMemory)
+    return memory
+
 
 def test_on_the_valve_that_it_is_told_every_dwell_ends_within_a_fifth_of_a_percent() -> None:
     played = scenario()
@@ -402,6 +444,57 @@ def test_a_longer_period_is_served_alike(period_s: float) -> None:
 
     assert max(found) < 1.5
     assert float(np.mean(found)) < 0.5
+
+
+def test_a_lag_that_was_taken_for_friction_is_a_lag_once_it_is_seen() -> None:
+    lag = {"fill_time_constant_s": 0.2, "vent_time_constant_s": 0.2}
+    plant = {**QUIET, "actuator": lag, "valve": {"initial_position_m": 0.08}}
+    loop = Loop("quasi-static", sample_period_s=0.005, plant=plant)
+    static_ma = []
+    while (memory := memory_of(loop) if loop.sample else None) is None or memory.more_lag_s == 0.0:
+        loop.run(0.05, 0.079)
+        static_ma.append(memory_of(loop).belief.static_ma)
+    assert max(static_ma) > 1.05 * STATIC  # pushes in vain
+    assert static_ma[-1] == pytest.approx(STATIC, rel=0.08)
+    loop.run(6.0, 0.079)
+    assert 0.12 < memory_of(loop).more_lag_s < 0.3
+    assert loop.position_m == pytest.approx(0.079, abs=6e-4)
+
+
+def test_a_stem_that_a_force_has_moved_is_brought_back_by_a_move_that_knows_the_force() -> None:
+    valve = {"static_friction_n": 900.0, "coulomb_friction_n": 750.0}
+    loop = Loop("quasi-static", sample_period_s=0.005, plant={**QUIET, "valve": valve}, valve=valve)
+    for setpoint_m in (0.073, 0.087, 0.08):
+        loop.run(1.2, setpoint_m)
+    before = len(loop.events_of(MoveBegan))
+    loop.plant = replace(loop.plant, process=replace(loop.plant.process, force_n=1100.0))
+    loop.run(1.2, 0.08)
+    assert memory_of(loop).belief.offset_ma == pytest.approx(1100.0 / GAIN, abs=0.35)
+    assert len(loop.events_of(MoveBegan)) - before <= 3
+    assert loop.position_m == pytest.approx(0.08, abs=6e-4)
+
+
+def test_a_landing_teaches_also_where_the_way_to_it_was_short() -> None:
+    """A slip jump of 2 mm: the last move began where the stem was still seen to move."""
+    plant = {**QUIET, "valve": {"static_friction_n": 600.0, "coulomb_friction_n": 500.0}}
+    valve = {"static_friction_n": 600.0, "coulomb_friction_n": 350.0}
+    loop = Loop("quasi-static", sample_period_s=0.002, plant=plant, valve=valve)
+    for setpoint_m in (0.073, 0.08, 0.075):
+        loop.run(1.2, setpoint_m)
+    for setpoint_m in (0.0756, 0.0762, 0.0768):
+        before = len(memory_of(loop).belief.landings)
+        loop.run(1.2, setpoint_m)
+        assert len(memory_of(loop).belief.landings) == before + 1
+        assert loop.position_m == pytest.approx(setpoint_m, abs=3e-4)
+    assert memory_of(loop).belief.sliding_ma == pytest.approx(500.0 / GAIN, rel=0.1)
+
+
+def test_a_stem_at_its_stop_is_pulled_away_with_a_force_that_grows() -> None:
+    plant = {**QUIET, "valve": {"initial_position_m": 0.1397}}
+    valve = {"static_friction_n": 600.0, "coulomb_friction_n": 500.0, "spring_rate_n_per_m": 60000.0}
+    loop = Loop("quasi-static", sample_period_s=0.005, plant=plant, valve=valve)
+    loop.run(2.0, 0.125)
+    assert loop.position_m < 0.13  # 20 mA holds it there, which the configured valve needs at 125 mm
 
 
 def test_friction_that_is_gone_is_no_reason_to_swing() -> None:
@@ -477,21 +570,30 @@ def test_backlash_that_is_taken_up_is_no_motion() -> None:
     for setpoint_m in (0.06, 0.1):  # each turn takes the backlash up
         memory, more = standing(law, memory, 0.08, setpoint_m, 2.0)
         moves += more
-    assert moves > 20
-    assert memory.failed > 20  # none of them has moved the stem
+    assert 6 < moves < 12  # each waits longer than the one before, for a lag that nobody has told
+    assert memory.failed > 6  # none of them has moved the stem
 
 
-@pytest.mark.parametrize(("both_ways", "corrections"), [(True, 1), (False, 0)])
-def test_a_correction_is_worth_what_is_known_of_the_side_from_which_it_comes(both_ways: bool, corrections: int) -> None:
+@pytest.mark.parametrize("known", [1.0, -1.0])
+def test_a_correction_comes_from_the_side_from_which_landings_are_known(known: float) -> None:
     law = law_of()
     belief = law.begin(0.08).belief
     for landing in true_landings(SPRING, 0.0, SLIDING) * 4:
-        if both_ways or landing.direction < 0.0:
+        if landing.direction == known:
             belief = belief.landed(landing, 1e-12, 0.0)
-    setpoint_m = 0.0806  # half a percent above the stem, which came from above
-    begun = law.begin(0.08)
-    move = replace(begun.move, direction=-1.0)
-    memory = replace(begun, belief=belief, move=move, setpoint_m=setpoint_m)
+    for setpoint_m in (0.0795, 0.0805):
+        away, land = steps_to(belief, law.limits, 0.08, setpoint_m)
+        assert (away.direction, land.direction) == (-known, known)
+
+
+@pytest.mark.parametrize(("known", "corrections"), [(True, 1), (False, 0)])
+def test_a_correction_is_worth_what_is_known_of_its_landing(known: bool, corrections: int) -> None:
+    law = law_of()
+    belief = law.begin(0.08).belief
+    for landing in true_landings(SPRING, 0.0, SLIDING) * 4 if known else []:
+        belief = belief.landed(landing, 1e-12, 0.0)
+    setpoint_m = 0.0806  # half a percent above the stem
+    memory = replace(law.begin(0.08), belief=belief, setpoint_m=setpoint_m)
     _, moves = standing(law, memory, 0.08, setpoint_m, 0.2)
     assert min(moves, 1) == corrections
 

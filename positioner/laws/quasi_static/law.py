@@ -26,7 +26,8 @@ from positioner.laws.law import Decision, Estimate
 from positioner.laws.move_reason import Breakaway, MoveReason
 from positioner.laws.quasi_static.belief import Landing, belief_of
 from positioner.laws.quasi_static.kept import lesson_of, taught
-from positioner.laws.quasi_static.lag import more_lag_s, way_of
+from positioner.laws.quasi_static.lag import PATIENCE_S, more_lag_s, way_of
+from positioner.laws.quasi_static.landing import landing_of
 from positioner.laws.quasi_static.memory import Move, QuasiStaticMemory
 from positioner.laws.quasi_static.move import (
     LARGE,
@@ -36,6 +37,7 @@ from positioner.laws.quasi_static.move import (
     Stem,
     Step,
     boost_samples,
+    can_follow,
     is_worth_it,
     margin_m,
     steps_to,
@@ -88,11 +90,6 @@ _MOVED, _MOVED_M = 3.0, 1e-4
 _PUSHED, _CHANCE = 0.6, 2
 """Of F_s: a weaker push that moved nothing teaches nothing. More pushes in a row that have not moved the stem their way
 are no chance: the valve differs, as where the actuator is reversed."""
-_AT_STOP = 0.004
-"""Of the span: nearer to a stop the stop may hold the stem."""
-_OF_GAP, _OF_AWAY, _OF_INERTIA = 0.3, 0.04, 0.25
-"""Doubt of the balance: 30 % of what the pressure lacks, 4 % of the step of a move away (its pressure is not waited
-for), a quarter of what mass has added."""
 _LEFT: Final[Mapping[Stage | None, float]] = {Stage.AWAY: 0.1, Stage.LAND: 0.3}
 """Part of the way that is left for the level when a hurried pressure is released: a lag 20 % shorter than configured
 then still stays short of it."""
@@ -104,9 +101,6 @@ _TRACKING = 0.3
 """Weight of the newest reading in the position of a moving stem."""
 _SEEN, _OF_MOVE = 3.0, 0.25
 """σ of a lag, and the part of the move's length that it must be below for the move to show the lag."""
-_PATIENCE_S = 1.0
-"""How long the first push is held that should free the stem and does not, while no move has shown the lag: three of the
-longest, 0.3 s."""
 _STEP_S = 1e-3
 """Of the integration of a stem, whose time constants are some ms."""
 
@@ -133,17 +127,7 @@ class QuasiStaticLaw:
 
     def resumed(self, memory: QuasiStaticMemory, measured_m: float) -> QuasiStaticMemory:
         """Return the memory of a law that starts again at a place in m, and knows what it has learned of the valve."""
-        begun = self.begin(measured_m)
-        return replace(
-            begun,
-            belief=memory.belief,
-            noise=memory.noise,
-            hurries=memory.hurries,
-            later_s=memory.later_s,
-            more_lag_s=memory.more_lag_s,
-            is_lag_known=memory.is_lag_known,
-            has_read=memory.has_read,
-        )
+        return self.begin(measured_m).knowing(memory)
 
     # -- what a reading says
 
@@ -190,7 +174,10 @@ class QuasiStaticLaw:
         if not full or rest.moved_m(self.period_s, variance_m2, worth) == 0.0:
             return replace(memory, rest=rest)
         later_s = memory.later_s
-        if memory.move.stage is not None:
+        if memory.move.stage is None:
+            if memory.carried is None:
+                memory = replace(memory, carried=(memory.position_m, memory.position_m2))
+        else:
             later_s = min(max(_LATER * later_s, _FIRST_LATER * memory.move.since_s), _MOST_LATER_S)
         return replace(memory, rest=NO_REST, later_s=later_s)
 
@@ -238,7 +225,7 @@ class QuasiStaticLaw:
         if move.stage is None or (move.stage is Stage.RETURN and memory.is_new):
             memory, reason = self._considered(memory, setpoint_m)
         elif memory.pending and self._is_away(memory):
-            sigma_m = _OF_READING * self._noise_m(memory) + move.margin_m
+            sigma_m = _OF_READING * self._noise_m(memory)
             memory = replace(memory, position_m=memory.smooth_m, position_m2=sigma_m * sigma_m)
             memory, reason = self._next(memory, setpoint_m)
             memory = replace(memory, move=replace(memory.move, is_hurried=True))
@@ -263,6 +250,8 @@ class QuasiStaticLaw:
         """Return the memory after a move that has been judged, and why another one begins."""
         if memory.pending:
             step, *later = memory.pending
+            if memory.tries <= _MOST_MOVES and not can_follow(memory.belief, self._stem_m(memory), step):
+                return self._planned(memory, setpoint_m)
             return self._begun(replace(memory, pending=tuple(later)), step)
         if memory.move.stage is Stage.LAND:
             memory = replace(memory, lasts_s=memory.move.since_s)
@@ -276,6 +265,10 @@ class QuasiStaticLaw:
 
     def _considered(self, memory: QuasiStaticMemory, setpoint_m: float) -> tuple[QuasiStaticMemory, MoveReason | None]:
         """Return the memory of a resting stem, and why a move begins, if one does."""
+        if memory.carried is not None:
+            if not memory.is_new and (memory.rest.duration_s < _LAND_S or memory.rest.blocks < _LAND_BLOCKS):
+                return memory, None
+            memory = self._carried(memory)
         error_m = abs(setpoint_m - self._stem_m(memory))
         if memory.is_new:
             if error_m < _NEW_TOLERANCE * self.valve.span_m:
@@ -368,15 +361,15 @@ class QuasiStaticLaw:
         sigma_m = math.sqrt(memory.position_m2 + move.start_m2)
         if moved_m < self._least_m(sigma_m):
             freed = direction * (move.level_ma - belief.balance_ma(move.start_m)) > belief.static_ma
-            waits = freed and not memory.is_lag_known and move.since_s < _PATIENCE_S
-            known = replace(memory, is_lag_known=memory.is_lag_known or freed)
-            return replace(memory, rest=NO_REST, settled_s=0.0) if waits else known
+            waits = freed and not memory.is_lag_known and move.since_s < PATIENCE_S[memory.unpushed is not None]
+            return replace(memory, rest=NO_REST, settled_s=0.0) if waits else memory
         free_ma = direction * (belief.balance_ma(move.start_m) - move.from_ma) + belief.static_ma
         way = way_of(step_ma, free_ma, spring, moved_m, move.since_s)
         area_m_s = moved_m * move.since_s - direction * move.area_m_s
         noise_m2 = move.since_s * self.period_s * variance_m2 * worth
         sigma_s = way.sigma_s(math.sqrt(noise_m2 + move.since_s * move.since_s * sigma_m * sigma_m))
-        if _SEEN * sigma_s > _OF_MOVE * move.since_s:
+        is_blind = memory.unpushed is not None and step_ma < 2.0 * belief.sliding_ma  # on the way of the move before it
+        if is_blind or _SEEN * sigma_s > _OF_MOVE * move.since_s:
             return memory
         told_s, seen_s, before_s = self.valve.lag_s, way.lag_s(area_m_s), memory.more_lag_s
         memory = replace(memory, is_lag_known=True, hurries=seen_s > _SHORTER * (told_s + before_s))
@@ -384,18 +377,17 @@ class QuasiStaticLaw:
         if more_s == before_s == 0.0:
             return memory
         behind_ma = move.level_ma - direction * way.after_ma(told_s + more_s)
-        memory = replace(memory, more_lag_s=more_s, behind_ma=behind_ma, later_s=0.0)
+        memory = memory.behind(more_s, behind_ma)
         if abs(behind_ma - move.level_ma) <= self._near_ma(memory):
             return memory
         return replace(memory, rest=NO_REST, settled_s=0.0)
 
     def _learned(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
         """Return the memory with what the end of a move teaches: a landing, or a push that moved nothing."""
-        move, belief, pressure = memory.move, memory.belief, memory.pressure
-        position_m, near_m = self._stem_m(memory), _AT_STOP * self.valve.span_m
-        if pressure is None or not (self.valve.travel_min_m + near_m < position_m < self.valve.travel_max_m - near_m):
-            return memory
+        move, belief, position_m = memory.move, memory.belief, self._stem_m(memory)
         direction = 1.0 if move.level_ma > move.before_ma else -1.0
+        if memory.pressure is None or self.limits.holds(position_m, direction):
+            return memory
         moved_m, sigma_m = position_m - move.start_m, math.sqrt(memory.position_m2 + move.start_m2)
         push_ma = direction * (move.level_ma - belief.balance_ma(move.start_m))
         if direction * moved_m > self._least_m(sigma_m):
@@ -404,21 +396,27 @@ class QuasiStaticLaw:
             memory = replace(memory, failed=0, belief=belief)
             if push_ma <= _SLID * belief.sliding_ma:
                 return memory
-            pressure_ma = memory.behind_ma
-            gap_ma = _OF_GAP * (move.level_ma - pressure_ma)
-            if move.stage is Stage.AWAY:
-                other_ma = _OF_AWAY * (move.level_ma - move.before_ma)
-            else:
-                other_ma = _OF_INERTIA * belief.spring_ma_per_m * move.inertia_m
-            landing = Landing(position_m - move.inertia_m, direction, pressure_ma)
-            belief = belief.landed(landing, memory.position_m2, gap_ma * gap_ma + other_ma * other_ma)
+            landing, doubt_ma2 = landing_of(move, position_m, direction, memory.behind_ma, belief.spring_ma_per_m)
+            belief = belief.landed(landing, memory.position_m2, doubt_ma2)
             if self.keeps and move.stage is Stage.LAND:
                 memory = replace(memory, lessons=(lesson_of(belief, landing),))
         elif direction * (move.level_ma - belief.balance_ma(position_m)) > _PUSHED * belief.static_ma:
             memory = replace(memory, failed=memory.failed + 1)
             if abs(moved_m) < _MOVED * sigma_m + _MOVED_M + self.valve.backlash_m:
-                belief = belief.held(position_m, direction, move.level_ma)
+                return memory.held(belief.held(position_m, direction, move.level_ma))
         return replace(memory, belief=belief)
+
+    def _carried(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
+        """Return the memory after a force has moved a stem under a current that stood still: this is a landing, too."""
+        from_m, from_m2 = memory.carried or (memory.position_m, 0.0)
+        moved_m, sigma_m = memory.position_m - from_m, math.sqrt(memory.position_m2 + from_m2)
+        memory, direction = replace(memory, carried=None), 1.0 if moved_m > 0.0 else -1.0
+        position_m = memory.position_m + 0.5 * direction * self.valve.backlash_m
+        if abs(moved_m) < self._least_m(sigma_m) or self.limits.holds(position_m, direction):
+            return memory
+        landing = Landing(position_m, direction, memory.behind_ma)
+        belief = memory.belief.landed(landing, memory.position_m2, 0.0, is_force=True)
+        return replace(memory, belief=belief, move=replace(memory.move, direction=direction))
 
     def _planned(self, memory: QuasiStaticMemory, setpoint_m: float) -> tuple[QuasiStaticMemory, MoveReason | None]:
         """Return the memory in which the first move to the setpoint has begun, and why."""

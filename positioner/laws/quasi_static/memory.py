@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from positioner.values import dataclass
+from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
     from positioner.laws.quasi_static.belief import ValveBelief
@@ -52,8 +52,9 @@ class QuasiStaticMemory:
     are still to be made. tries: to this setpoint; failed: pushes in a row that have not moved the stem.
     later_s: what rests are waited for beyond the model. more_lag_s: by how much the lag is longer than configured;
     behind_ma: the pressure behind it. lasts_s: how long the last move to a setpoint took. is_lag_known: a move has
-    shown it; hurries: and it was no shorter than believed. has_read: the stiction table, at the start; lessons: what it
-    is to learn.
+    shown it; hurries: and it was no shorter than believed. carried: where a resting stem was before it moved under a
+    current that stood still, and the variance of that; None if it has not moved. has_read: the stiction table, at the
+    start; lessons: what it is to learn. unpushed: the belief before the pushes in vain while no move has shown the lag.
     """
 
     belief: ValveBelief
@@ -77,5 +78,31 @@ class QuasiStaticMemory:
     behind_ma: float = 0.0
     lasts_s: float = 0.0
     failed: int = 0
+    carried: tuple[float, float] | None = None
+    unpushed: ValveBelief | None = None
     has_read: bool = False
     lessons: tuple[LearnedSample, ...] = ()
+
+    def knowing(self, before: QuasiStaticMemory) -> QuasiStaticMemory:
+        """Return the memory with what another one has learned of the valve and of the sensor."""
+        return replace(
+            self,
+            belief=before.belief,
+            noise=before.noise,
+            hurries=before.hurries,
+            later_s=before.later_s,
+            more_lag_s=before.more_lag_s,
+            is_lag_known=before.is_lag_known,
+            unpushed=before.unpushed,
+            has_read=before.has_read,
+        )
+
+    def held(self, belief: ValveBelief) -> QuasiStaticMemory:
+        """Return the memory after a push in vain, which has led to a belief."""
+        unpushed = None if self.is_lag_known else self.unpushed or self.belief
+        return replace(self, belief=belief, unpushed=unpushed)
+
+    def behind(self, more_lag_s: float, behind_ma: float) -> QuasiStaticMemory:
+        """Return the memory of a longer lag than configured: what was pushed in vain was only pushed too short."""
+        belief = self.unpushed if self.unpushed and more_lag_s > self.more_lag_s else self.belief
+        return replace(self, belief=belief, unpushed=None, more_lag_s=more_lag_s, behind_ma=behind_ma, later_s=0.0)

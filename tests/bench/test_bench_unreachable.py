@@ -74,11 +74,10 @@ def test_a_spring_stiffer_than_configured_ends_the_reach_sooner(
     assert freed_mm - 0.1 < away_m[-1] * 1e3 < slides_mm + 0.05
     assert np.abs(np.diff(away_m[3000:])).sum() < 1e-4
     told = [event.why for event in run.events if isinstance(event, Deviates)]
-    assert len(told) == 1
-    place = re.search(r"out of reach: 20 mA do not move it from ([\d.]+) mm, by a stiffer spring or more", told[0])
+    assert 1 <= len(told) <= (1 if lag_s == 0.0 else 2)  # behind a lag also on its way from where pushes were in vain
+    place = re.search(r"out of reach: 20 mA do not move it from ([\d.]+) mm, by a stiffer spring or more", told[-1])
     assert place is not None
-    if lag_s == 0.0:  # behind a lag it may be on its way from where pushes were in vain
-        assert float(place.group(1)) == pytest.approx(away_m[-1] * 1e3, abs=0.3)
+    assert float(place.group(1)) == pytest.approx(away_m[-1] * 1e3, abs=0.3)
 
 
 @pytest.mark.parametrize(("law", "lag_s"), [("nmpc", 0.0), *slow(("nmpc", 0.3), ("pi", 0.3))])

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from positioner.laws.law import Law
 
 SETPOINTS_M = (0.073, 0.087, 0.08, 0.076, 0.077, 0.09)
+QUIET: dict[str, Any] = {"preset": "paper", "sensor": {"noise_of_reading": 0.0, "noise_of_span": 0.0005}}
 LAGGED: dict[str, Any] = {"preset": "paper", "actuator": {"fill_time_constant_s": 0.1, "vent_time_constant_s": 0.1}}
 
 
@@ -79,6 +80,25 @@ def test_where_a_slip_is_over_within_a_few_samples_quasi_static_moves_come_first
         loop.run(1.5, setpoint_m)
         assert memory_of(loop).acting is (Acting.QUASI_STATIC if is_coarse else Acting.PREDICTIVE)
         assert abs(loop.position_m - setpoint_m) < 0.005 * 0.127
+    assert not taken_over(loop)
+
+
+@pytest.mark.parametrize(
+    ("lag_s", "is_measured"),
+    [(0.0, False), (0.002, False), (0.003, True), (0.02, True), (0.04, True), (0.042, False)],  # 2.5 ms and 41 ms
+)
+def test_behind_a_quick_pressure_the_first_setpoints_measure_the_valve_for_predictive_moves(
+    lag_s: float, is_measured: bool
+) -> None:
+    lags = {"actuator": {"fill_time_constant_s": lag_s, "vent_time_constant_s": lag_s}}
+    loop = Loop("nmpc", plant={**QUIET, **lags}, valve=lags, estimator=QUIET["sensor"])
+    acting = []
+    for setpoint_m in SETPOINTS_M:
+        loop.run(1.0, setpoint_m)
+        acting.append(memory_of(loop).acting)
+    first = Acting.QUASI_STATIC if is_measured else Acting.PREDICTIVE
+    assert acting[:2] == [first, first]
+    assert acting[-1] is Acting.PREDICTIVE  # once both directions are known
     assert not taken_over(loop)
 
 
@@ -205,24 +225,27 @@ class Roundabout(Idle):
 
 
 @pytest.mark.parametrize(
-    ("error_m", "away_m", "ended", "is_made"),
+    ("error_m", "away_m", "ended", "aim_m", "is_made"),
     [
-        (0.0003, 0.0082, 0, True),  # 0.3 mm for 1.5 s, or 8.3 mm for the 54 ms that a move lasts
-        (0.0003, 0.0085, 0, False),
-        (0.0003, -0.0085, 0, False),
-        (0.0004, 0.02, 0, True),  # the first correction of more than 0.3 % of span
-        (0.0004, 0.02, 1, False),
-        (0.0008, 0.03, 1, False),
-        (0.0009, 0.03, 1, True),  # more than 0.7 %
+        (0.0003, 0.0082, 0, None, True),  # 0.3 mm for 1.5 s, or 8.3 mm for the 54 ms that a move lasts
+        (0.0003, 0.0085, 0, None, False),
+        (0.0003, -0.0085, 0, None, False),
+        (0.0004, 0.02, 0, None, True),  # the first move of more than 0.3 % of span
+        (0.0004, 0.02, 0, 0.08, False),  # it has been made
+        (0.0004, 0.02, 1, None, False),
+        (0.0008, 0.03, 1, None, False),
+        (0.0009, 0.03, 1, None, True),  # more than 0.7 %
     ],
 )
-def test_a_correction_is_made_where_it_pays(error_m: float, away_m: float, ended: int, is_made: bool) -> None:
+def test_a_correction_is_made_where_it_pays(
+    error_m: float, away_m: float, ended: int, aim_m: float | None, is_made: bool
+) -> None:
     law = Loop("nmpc").setup.law
     assert isinstance(law, ConvergingLaw)
     law = replace(law, predictive=Roundabout(error_m=error_m, away_m=away_m))
     memory = law.begin(0.08)
     assert memory.lasts_s == pytest.approx(0.5 * law.patience_s)
-    memory = replace(memory, lasts_s=0.054, dwell=Dwell(0.08 + error_m, ended=ended))
+    memory = replace(memory, lasts_s=0.054, dwell=Dwell(0.08 + error_m, ended=ended, aim_m=aim_m))
     seen = Observation(0.08, 12.0, 0.001, 0.08 + error_m, 0.0)
     memory, estimate = law.estimate(memory, seen)
     memory, decision = law.decide(memory, estimate.stem, seen, StictionTable())

@@ -18,7 +18,7 @@ from positioner.laws.quasi_static.belief import Landing, ValveBelief, belief_of
 from positioner.laws.quasi_static.kept import lesson_of, taught
 from positioner.laws.quasi_static.law import QuasiStaticLaw, quasi_static_law
 from positioner.laws.quasi_static.memory import QuasiStaticMemory
-from positioner.laws.quasi_static.move import Currents, Limits, Stage, Stem, boost_samples, is_worth_it, steps_to
+from positioner.laws.quasi_static.move import Currents, Limits, Stage, Stem, Step, boost_samples, is_worth_it, steps_to
 from positioner.laws.quasi_static.rest import NO_REST, Noise, Rest
 from positioner.values import replace
 from positioner.valve.actuator import ActuatorParameters
@@ -451,9 +451,11 @@ def test_a_lag_that_was_taken_for_friction_is_a_lag_once_it_is_seen() -> None:
     plant = {**QUIET, "actuator": lag, "valve": {"initial_position_m": 0.08}}
     loop = Loop("quasi-static", sample_period_s=0.005, plant=plant)
     static_ma = []
-    while (memory := memory_of(loop) if loop.sample else None) is None or memory.more_lag_s == 0.0:
+    for _ in range(200):
         loop.run(0.05, 0.079)
         static_ma.append(memory_of(loop).belief.static_ma)
+        if memory_of(loop).more_lag_s:
+            break
     assert max(static_ma) > 1.05 * STATIC  # pushes in vain
     assert static_ma[-1] == pytest.approx(STATIC, rel=0.08)
     loop.run(6.0, 0.079)
@@ -596,6 +598,21 @@ def test_a_correction_is_worth_what_is_known_of_its_landing(known: bool, correct
     memory = replace(law.begin(0.08), belief=belief, setpoint_m=setpoint_m)
     _, moves = standing(law, memory, 0.08, setpoint_m, 0.2)
     assert min(moves, 1) == corrections
+
+
+def test_a_move_away_that_was_too_short_is_made_again() -> None:
+    law = law_of()
+    begun = law.begin(0.08)
+    belief = begun.belief
+    level_ma = belief.freeing_ma(0.08, -1.0) - 0.05
+    move = replace(begun.move, stage=Stage.AWAY, direction=-1.0, target_m=0.07, level_ma=level_ma, before_ma=12.0)
+    pending = (Step(Stage.LAND, 0.0805, 1.0),)
+    memory = replace(begun, move=move, pending=pending, setpoint_m=0.0805, is_lag_known=True)
+    moves, seconds = 0, 0.0
+    while moves == 0 and seconds < 2.0:
+        memory, moves = standing(law, memory, 0.08, 0.0805, 0.001)
+        seconds += 0.001
+    assert (memory.move.stage, moves) == (Stage.AWAY, 1)
 
 
 @pytest.mark.parametrize(("beyond_m", "hurries"), [(0.0002, True), (0.005, False)])

@@ -7,6 +7,7 @@ take it, too. A state is a gauge for each of its values, 1 for the present one.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from positioner.metrics.names import ALARMS, CAUSES, EVENTS, HEALTH, MODES
@@ -78,24 +79,18 @@ def _number(key: str, factor: float = 1.0) -> Callable[[Snapshot], Samples]:
     return samples
 
 
-def _kept(key: str) -> Callable[[Snapshot], Samples]:
-    """Return the samples of one counter that outlives the daemon."""
+def _part(part: str, key: str, factor: float = 1.0) -> Callable[[Snapshot], Samples]:
+    """Return the samples of one number of a part of the snapshot, none where there is no such part."""
 
     def samples(snapshot: Snapshot) -> Samples:
-        if snapshot["kept"] is not None:
-            yield "", "", snapshot["kept"][key]
+        if (numbers := snapshot[part]) is not None:
+            yield "", "", numbers[key] * factor if factor != 1.0 else numbers[key]
 
     return samples
 
 
-def _shadow(key: str, factor: float = 1.0) -> Callable[[Snapshot], Samples]:
-    """Return the samples of one number of the law in the shadow, none where there is no such law."""
-
-    def samples(snapshot: Snapshot) -> Samples:
-        if snapshot["shadow"] is not None:
-            yield "", "", snapshot["shadow"][key] * factor if factor != 1.0 else snapshot["shadow"][key]
-
-    return samples
+_kept, _shadow = partial(_part, "kept"), partial(_part, "shadow")
+"""Counters that outlive the daemon, and what is known of the law in the shadow."""
 
 
 def _shadow_moves(snapshot: Snapshot) -> Samples:

@@ -22,7 +22,7 @@ _LEAST_GAP = 0.02
 _LONGER, _LESS, _NEW_LAG = 0.3, 0.4, 0.4
 """A lag that is seen 30 % longer than configured is another one, and one that is 40 % shorter: what is believed of
 spring and friction at first makes it up to 20 % wrong. Weight of the newest in the mean of those seen."""
-PATIENCE_S = 0.2, 1.0
+PATIENCE_S, MORE_PATIENCE_S = 0.2, 1.0
 """How long a push is held that should free the stem and does not, while no move has shown the lag: the first one, and
 each further one. Most such stems stick harder than configured, fewer are late: on all valves of the robustness test 1,
 0.5, 0.3 and 0.2 s for all of them lose 390, 378, 375 and 370 dwells (DESIGN.md, "The law `quasi-static`"). A pressure

@@ -26,7 +26,7 @@ from positioner.laws.law import Decision, Estimate
 from positioner.laws.move_reason import Breakaway, MoveReason
 from positioner.laws.quasi_static.belief import Landing, belief_of
 from positioner.laws.quasi_static.kept import lesson_of, taught
-from positioner.laws.quasi_static.lag import PATIENCE_S, more_lag_s, way_of
+from positioner.laws.quasi_static.lag import MORE_PATIENCE_S, PATIENCE_S, more_lag_s, way_of
 from positioner.laws.quasi_static.landing import landing_of
 from positioner.laws.quasi_static.memory import Move, QuasiStaticMemory
 from positioner.laws.quasi_static.move import (
@@ -268,7 +268,7 @@ class QuasiStaticLaw:
         if memory.carried is not None:
             if not memory.is_new and (memory.rest.duration_s < _LAND_S or memory.rest.blocks < _LAND_BLOCKS):
                 return memory, None
-            memory = self._carried(memory)
+            memory = self._carried(memory, *memory.carried)
         error_m = abs(setpoint_m - self._stem_m(memory))
         if memory.is_new:
             if error_m < _NEW_TOLERANCE * self.valve.span_m:
@@ -361,7 +361,8 @@ class QuasiStaticLaw:
         sigma_m = math.sqrt(memory.position_m2 + move.start_m2)
         if moved_m < self._least_m(sigma_m):
             freed = direction * (move.level_ma - belief.balance_ma(move.start_m)) > belief.static_ma
-            waits = freed and not memory.is_lag_known and move.since_s < PATIENCE_S[memory.unpushed is not None]
+            patience_s = PATIENCE_S if memory.unpushed is None else MORE_PATIENCE_S
+            waits = freed and not memory.is_lag_known and move.since_s < patience_s
             return replace(memory, rest=NO_REST, settled_s=0.0) if waits else memory
         free_ma = direction * (belief.balance_ma(move.start_m) - move.from_ma) + belief.static_ma
         way = way_of(step_ma, free_ma, spring, moved_m, move.since_s)
@@ -406,9 +407,8 @@ class QuasiStaticLaw:
                 return memory.held(belief.held(position_m, direction, move.level_ma))
         return replace(memory, belief=belief)
 
-    def _carried(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
+    def _carried(self, memory: QuasiStaticMemory, from_m: float, from_m2: float) -> QuasiStaticMemory:
         """Return the memory after a force has moved a stem under a current that stood still: this is a landing, too."""
-        from_m, from_m2 = memory.carried or (memory.position_m, 0.0)
         moved_m, sigma_m = memory.position_m - from_m, math.sqrt(memory.position_m2 + from_m2)
         memory, direction = replace(memory, carried=None), 1.0 if moved_m > 0.0 else -1.0
         position_m = memory.position_m + 0.5 * direction * self.valve.backlash_m

@@ -103,6 +103,6 @@ class QuasiStaticMemory:
         return replace(self, belief=belief, unpushed=unpushed)
 
     def behind(self, more_lag_s: float, behind_ma: float) -> QuasiStaticMemory:
-        """Return the memory of a longer lag than configured: what was pushed in vain was only pushed too short."""
+        """Return the memory of another lag; where it is longer, what was pushed in vain was only pushed too short."""
         belief = self.unpushed if self.unpushed and more_lag_s > self.more_lag_s else self.belief
         return replace(self, belief=belief, unpushed=None, more_lag_s=more_lag_s, behind_ma=behind_ma, later_s=0.0)

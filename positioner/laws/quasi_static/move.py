@@ -103,11 +103,11 @@ def steps_to(belief: ValveBelief, limits: Limits, position_m: float, setpoint_m:
     best: tuple[Step, ...] = ()
     steps: tuple[Step, ...]
     least = math.inf
+    jump_m, doubt_m, missed_m = belief.jump_m, belief.jump_doubt_m, _MISSED * (limits.high_m - limits.low_m)
+    begins_m = _AWAY * jump_m + doubt_m + _MORE_M
     for direction in (1.0, -1.0):
         land = Step(Stage.LAND, setpoint_m, direction)
         excess = _BEYOND * limits.excess_ma(belief.landing_ma(setpoint_m, direction))
-        jump_m, doubt_m = belief.jump_m, belief.jump_doubt_m
-        begins_m = _AWAY * jump_m + doubt_m + _MORE_M
         distance_m = direction * (setpoint_m - position_m)
         if distance_m > _FAR * jump_m + doubt_m:
             steps, way = (land,), distance_m + excess
@@ -122,8 +122,7 @@ def steps_to(belief: ValveBelief, limits: Limits, position_m: float, setpoint_m:
             steps = (Step(Stage.AWAY, away_m, -direction), land)
             way = abs(away_m - position_m) + abs(setpoint_m - away_m) + excess
             way += _BEYOND_TRAVEL * beyond_m + _BEYOND * limits.excess_ma(belief.landing_ma(away_m, -direction))
-        sigma_m, missed_m = belief.landing_sigma_m(setpoint_m, direction), _MISSED * (limits.high_m - limits.low_m)
-        way += 2.0 * begins_m * min(_MOST_MISSED, sigma_m / missed_m)
+        way += 2.0 * begins_m * min(_MOST_MISSED, belief.landing_sigma_m(setpoint_m, direction) / missed_m)
         if way < least:
             best, least = steps, way
     return best

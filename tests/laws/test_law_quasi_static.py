@@ -24,6 +24,7 @@ from positioner.values import replace
 from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.pressure import pressure_model
+from positioner.valve.state import StemState
 from positioner.valve.stiction import Quantity, StictionTable
 from positioner.wire.messages import Cause, CurrentCommand
 
@@ -321,18 +322,25 @@ def test_a_far_setpoint_takes_one_move_and_a_near_one_begins_by_moving_away() ->
 
 
 @pytest.mark.parametrize(
-    ("error_of_span", "lasts_s", "expected"),
-    [(0.004, 0.06, True), (0.004, 0.6, False), (0.008, 0.6, True), (0.0005, 0.06, False)],
+    ("error_of_span", "lasts_s", "tries", "expected"),
+    [
+        (0.004, 0.06, 1, True),
+        (0.004, 0.6, 1, False),
+        (0.004, 0.06, 2, False),
+        (0.004, 0.03, 2, True),
+        (0.008, 0.6, 10, True),
+        (0.0005, 0.06, 1, False),
+    ],
 )
 def test_a_correction_is_worth_while_where_it_pays_and_makes_the_error_smaller(
-    error_of_span: float, lasts_s: float, expected: bool
+    error_of_span: float, lasts_s: float, tries: int, expected: bool
 ) -> None:
     belief = belief_of(VALVE)
     for place_m, direction in ((0.06, 1.0), (0.1, -1.0), (0.07, 1.0), (0.065, -1.0), (0.095, 1.0)) * 4:
         landing = Landing(place_m, direction, belief_of(VALVE).landing_ma(place_m, direction))
         belief = belief.landed(landing, 1e-12, 0.0)
     setpoint_m = 0.08 + error_of_span * VALVE.span_m
-    assert is_worth_it(belief, LIMITS, 0.08, setpoint_m, VALVE.span_m, lasts_s) is expected
+    assert is_worth_it(belief, LIMITS, 0.08, setpoint_m, VALVE.span_m, lasts_s, tries) is expected
 
 
 def test_no_move_ends_at_a_stop() -> None:
@@ -463,6 +471,21 @@ def test_a_lag_that_was_taken_for_friction_is_a_lag_once_it_is_seen() -> None:
     assert loop.position_m == pytest.approx(0.079, abs=6e-4)
 
 
+def test_pushes_in_vain_are_believed_for_good_once_a_move_has_shown_that_the_lag_is_as_configured() -> None:
+    lag = {"actuator": {"fill_time_constant_s": 0.02, "vent_time_constant_s": 0.02}}
+    plant = {**QUIET, **lag, "valve": {"static_friction_n": 2200.0, "initial_position_m": 0.08}}
+    loop = Loop("quasi-static", plant=plant, valve=lag)
+    was_in_vain = False
+    for _ in range(40):
+        loop.run(0.05, 0.07)
+        was_in_vain = was_in_vain or memory_of(loop).unpushed is not None
+    memory = memory_of(loop)
+    assert was_in_vain
+    assert memory.is_lag_known
+    assert memory.more_lag_s == 0.0
+    assert memory.unpushed is None
+
+
 def test_a_stem_that_a_force_has_moved_is_brought_back_by_a_move_that_knows_the_force() -> None:
     valve = {"static_friction_n": 900.0, "coulomb_friction_n": 750.0}
     loop = Loop("quasi-static", sample_period_s=0.005, plant={**QUIET, "valve": valve}, valve=valve)
@@ -474,6 +497,20 @@ def test_a_stem_that_a_force_has_moved_is_brought_back_by_a_move_that_knows_the_
     assert memory_of(loop).belief.offset_ma == pytest.approx(1100.0 / GAIN, abs=0.35)
     assert len(loop.events_of(MoveBegan)) - before <= 3
     assert loop.position_m == pytest.approx(0.08, abs=6e-4)
+
+
+@pytest.mark.parametrize(("rested_s", "learns"), [(0.01, False), (0.1, True)])
+def test_a_stem_that_a_force_has_just_moved_teaches_nothing_where_the_setpoint_changes(
+    rested_s: float, learns: bool
+) -> None:
+    law = law_of()
+    memory, _ = standing(law, replace(law.begin(0.08), setpoint_m=0.08), 0.08, 0.08, rested_s)
+    memory = replace(memory, carried=(0.075, 1e-12))
+    seen = Observation(0.08, memory.sent_ma, 0.001, 0.09, 0.0)
+    after, decision = law.decide(memory, StemState(0.08, 0.0, True, 1.0), seen, StictionTable())
+    assert decision.reason is not None
+    assert after.carried is None
+    assert bool(after.belief.landings) is learns
 
 
 def test_a_landing_teaches_also_where_the_way_to_it_was_short() -> None:

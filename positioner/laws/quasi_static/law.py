@@ -266,9 +266,10 @@ class QuasiStaticLaw:
     def _considered(self, memory: QuasiStaticMemory, setpoint_m: float) -> tuple[QuasiStaticMemory, MoveReason | None]:
         """Return the memory of a resting stem, and why a move begins, if one does."""
         if memory.carried is not None:
-            if not memory.is_new and (memory.rest.duration_s < _LAND_S or memory.rest.blocks < _LAND_BLOCKS):
+            is_brief = memory.rest.duration_s < _LAND_S or memory.rest.blocks < _LAND_BLOCKS
+            if is_brief and not memory.is_new:
                 return memory, None
-            memory = self._carried(memory, *memory.carried)
+            memory = replace(memory, carried=None) if is_brief else self._carried(memory, *memory.carried)
         error_m = abs(setpoint_m - self._stem_m(memory))
         if memory.is_new:
             if error_m < _NEW_TOLERANCE * self.valve.span_m:
@@ -288,7 +289,8 @@ class QuasiStaticLaw:
         error_m = abs(setpoint_m - stem_m)
         if error_m <= max(self._tolerance_m(memory), _CERTAIN * math.sqrt(memory.position_m2)):
             return False
-        return is_worth_it(belief, self.limits, stem_m, setpoint_m, self.valve.span_m, memory.lasts_s)
+        span_m, lasts_s, tries = self.valve.span_m, memory.lasts_s, memory.tries
+        return is_worth_it(belief, self.limits, stem_m, setpoint_m, span_m, lasts_s, tries)
 
     def _tolerance_m(self, memory: QuasiStaticMemory) -> float:
         return _TOLERANCE * self.valve.span_m * (1.0 + _LOOSER * memory.tries)
@@ -376,7 +378,7 @@ class QuasiStaticLaw:
         memory = replace(memory, is_lag_known=True, hurries=seen_s > _SHORTER * (told_s + before_s))
         more_s = more_lag_s(told_s, seen_s, before_s, self.period_s + _SEEN * sigma_s)
         if more_s == before_s == 0.0:
-            return memory
+            return replace(memory, unpushed=None)
         behind_ma = move.level_ma - direction * way.after_ma(told_s + more_s)
         memory = memory.behind(more_s, behind_ma)
         if abs(behind_ma - move.level_ma) <= self._near_ma(memory):

@@ -129,15 +129,15 @@ def steps_to(belief: ValveBelief, limits: Limits, position_m: float, setpoint_m:
 
 
 def is_worth_it(
-    belief: ValveBelief, limits: Limits, position_m: float, setpoint_m: float, span_m: float, lasts_s: float
+    belief: ValveBelief, limits: Limits, position_m: float, setpoint_m: float, span_m: float, lasts_s: float, tries: int
 ) -> bool:
     """Return whether a correction pays (`laws.correction`), and makes the error smaller, as far as is known.
 
-    lasts_s: how long a move lasts.
+    lasts_s: how long a move lasts. tries: ways to this setpoint that were begun before.
     """
     first, *later = steps = steps_to(belief, limits, position_m, setpoint_m)
     error_m = abs(setpoint_m - position_m)
-    if later and error_m < LEFT * span_m and not pays(error_m, abs(first.target_m - setpoint_m), lasts_s):
+    if later and error_m < LEFT * span_m and not pays(error_m, abs(first.target_m - setpoint_m), lasts_s, tries):
         return False
     if error_m > LARGE * span_m:
         return error_m > _WORTH_LARGE * belief.scatter_m

@@ -186,8 +186,8 @@ class Roundabout(Idle):
         (0.0004, 0.02, 0, None, True),  # the first move of more than 0.3 % of span
         (0.0004, 0.02, 0, 0.08, False),  # it has been made
         (0.0004, 0.02, 1, None, False),
-        (0.0008, 0.04, 1, None, False),
-        (0.0009, 0.06, 1, None, True),  # more than 0.7 %
+        (0.001, 0.047, 1, None, False),
+        (0.0011, 0.06, 1, None, True),  # more than 0.85 %
     ],
 )
 def test_a_correction_is_made_where_it_pays(

@@ -328,7 +328,7 @@ def test_a_far_setpoint_takes_one_move_and_a_near_one_begins_by_moving_away() ->
         (0.004, 0.6, 1, False),
         (0.004, 0.06, 2, False),
         (0.004, 0.03, 2, True),
-        (0.008, 0.6, 10, True),
+        (0.009, 0.6, 10, True),
         (0.0005, 0.06, 1, False),
     ],
 )
@@ -637,11 +637,14 @@ def test_a_correction_is_worth_what_is_known_of_its_landing(known: bool, correct
     assert min(moves, 1) == corrections
 
 
-def test_a_move_away_that_was_too_short_is_made_again() -> None:
+@pytest.mark.parametrize(("is_at_limit", "stage"), [(False, Stage.AWAY), (True, Stage.LAND)])
+def test_a_move_away_that_was_too_short_is_made_again_unless_the_current_was_at_its_limit(
+    is_at_limit: bool, stage: Stage
+) -> None:
     law = law_of()
-    begun = law.begin(0.08)
+    begun, _ = standing(law, law.begin(0.08), 0.08, 0.08, 0.001)
     belief = begun.belief
-    level_ma = belief.freeing_ma(0.08, -1.0) - 0.05
+    level_ma = LIMITS.low_ma if is_at_limit else belief.freeing_ma(0.08, -1.0) - 0.05
     move = replace(begun.move, stage=Stage.AWAY, direction=-1.0, target_m=0.07, level_ma=level_ma, before_ma=12.0)
     pending = (Step(Stage.LAND, 0.0805, 1.0),)
     memory = replace(begun, move=move, pending=pending, setpoint_m=0.0805, is_lag_known=True)
@@ -649,7 +652,7 @@ def test_a_move_away_that_was_too_short_is_made_again() -> None:
     while moves == 0 and seconds < 2.0:
         memory, moves = standing(law, memory, 0.08, 0.0805, 0.001)
         seconds += 0.001
-    assert (memory.move.stage, moves) == (Stage.AWAY, 1)
+    assert (memory.move.stage, moves) == (stage, 1)
 
 
 @pytest.mark.parametrize(("beyond_m", "hurries"), [(0.0002, True), (0.005, False)])

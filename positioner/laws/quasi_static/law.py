@@ -250,7 +250,9 @@ class QuasiStaticLaw:
         """Return the memory after a move that has been judged, and why another one begins."""
         if memory.pending:
             step, *later = memory.pending
-            if memory.tries <= _MOST_MOVES and not can_follow(memory.belief, self._stem_m(memory), step):
+            goes_no_farther = memory.move.level_ma in (self.limits.low_ma, self.limits.high_ma)
+            is_near = not (goes_no_farther or can_follow(memory.belief, self._stem_m(memory), step))
+            if is_near and memory.tries <= _MOST_MOVES:
                 return self._planned(memory, setpoint_m)
             return self._begun(replace(memory, pending=tuple(later)), step)
         if memory.move.stage is Stage.LAND:

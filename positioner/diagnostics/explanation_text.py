@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from collections import Counter
 
     from positioner.diagnostics.explanation import ExplainedCommand, ExplainedMove
+    from positioner.laws.move_reason import Believed
 
 _MM = 1e3
 _MOTIONS = {
@@ -57,6 +58,8 @@ def command_lines(command: ExplainedCommand, cell_m: float) -> list[str]:
     ]
     if command.fallback:
         lines.append(f"fallback  {command.fallback}")
+    if decision.differs:
+        lines.append("valve     does not move as configured: identify it again")
     if move is not None:
         lines += _move_lines(move, cell_m)
     return lines
@@ -79,10 +82,20 @@ def _move_lines(move: ExplainedMove, cell_m: float) -> list[str]:
         f"Γ         {_gamma(move)}{where}",
         f"aim       {_mm(move.reason.aim_m)} mm",
     ]
+    if move.reason.believed is not None:
+        lines.append(f"believed  {_believed(move.reason.believed)}")
     if move.landed_m is None or move.ended_s is None:
         return [*lines, "landing   the log ends before it"]
     text = f"landing   {_mm(move.landed_m)} mm, {_off_mm(move):+.3f} mm from the aim, after "
     return [*lines, f"{text}{(move.ended_s - move.begun_s) * _MM:.1f} ms; {move.low_ma:.3f} to {move.high_ma:.3f} mA"]
+
+
+def _believed(valve: Believed) -> str:
+    """Return what the law believed of the valve, each number with σ."""
+    spring, spread = (number / _MM for number in valve.spring_n_per_m)
+    forces = ("F_0", valve.offset_n), ("F_s", valve.static_n), ("F_c", valve.coulomb_n)
+    told = ", ".join(f"{name} {force:.0f} ± {sigma:.0f} N" for name, (force, sigma) in forces)
+    return f"K {spring:.2f} ± {spread:.2f} N/mm, {told}; the move ends within ± {valve.ends_m * _MM:.2f} mm (σ)"
 
 
 def _bound_words(command: ExplainedCommand) -> str:

@@ -35,15 +35,32 @@ class Breakaway:
 
 
 @dataclass(frozen=True, slots=True)
+class Believed:
+    """What a law that measures the valve believes of it when a move begins: each number, and its σ.
+
+    spring_n_per_m: K; offset_n: bench set F_0 and the force of the process; static_n, coulomb_n: F_s and F_c; ends_m: σ
+    of the place where the move will end.
+    """
+
+    spring_n_per_m: tuple[float, float]
+    offset_n: tuple[float, float]
+    static_n: tuple[float, float]
+    coulomb_n: tuple[float, float]
+    ends_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class MoveReason:
     """The error in m that a move is to correct, and the breakaway current that the move begins with at least.
 
     aim_m: where the move is to end. It is not the setpoint where the move first backs off, or corrects a landing bias.
+    believed: what is believed of the valve, None where the law takes it for the configured one.
     """
 
     error_m: float
     breakaway: Breakaway
     aim_m: float
+    believed: Believed | None = None
 
     def __str__(self) -> str:
         """One sentence for the log and the trace; `source_in` and `current_in` read it."""

@@ -135,6 +135,28 @@ def test_the_table_of_moves_names_every_one_and_counts_all_commands(
     assert not any("mA from" in line for line in lines)  # the column says it
 
 
+def test_what_is_believed_of_a_valve_that_differs_is_told_with_its_doubt(tmp_path: Path, capsys: Output) -> None:
+    """The valve behind a lag that is not configured: quasi-static moves take over, and measure it."""
+    lag = {"fill_time_constant_s": 0.05, "vent_time_constant_s": 0.05}
+    scenario = replace(runs.scenario("nmpc", seconds=3.0), plant={"preset": "paper", "actuator": lag})
+    run_in_process(scenario).recording.write_log(tmp_path / "bus.log")
+    (tmp_path / "valve.toml").write_text(runs.text_of(scenario), encoding="utf-8")
+    assert explain(tmp_path, "--json") == 0
+    moves = json.loads(capsys.readouterr().out)["moves"]
+    assert moves[0]["reason"]["believed"] is None  # a predictive move takes the valve for the configured one
+    believed = moves[-1]["reason"]["believed"]
+    for name, true in (("spring_n_per_m", 52538.0), ("offset_n", 0.0), ("static_n", 1707.7), ("coulomb_n", 1423.0)):
+        mean, sigma = believed[name]
+        assert abs(mean - true) < 3.0 * sigma
+    first = next(move["reason"]["believed"] for move in moves if move["reason"]["believed"])
+    assert 0.0 < believed["ends_m"] < 0.5 * first["ends_m"]
+    assert explain(tmp_path, "--at", "8.9") == 0
+    told = capsys.readouterr().out
+    sliding, sigma = believed["coulomb_n"]
+    assert f"F_c {sliding:.0f} ± {sigma:.0f} N; the move ends within ± {1e3 * believed['ends_m']:.2f} mm (σ)" in told
+    assert "valve     does not move as configured: identify it again" in told
+
+
 def test_a_log_of_which_nothing_can_be_explained_is_told_to_hold_no_commands() -> None:
     assert counts_line(Counter()) == "no commands"
     assert counts_line(Counter(rest=3, current=1)) == "4 commands: 3 rest, 1 current"

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from positioner.laws.move_reason import Believed
 from positioner.values import dataclass, replace
 from positioner.valve.gaussian import Gaussian, gaussian_of
 
@@ -183,6 +184,16 @@ class ValveBelief:
     def scatter_m(self) -> float:
         """σ of the place where a move ends on a valve that is known: what no further move teaches."""
         return math.sqrt(self.scatter_ma2) / self.spring_ma_per_m
+
+    def told(self, gain_n_per_ma: float, target_m: float, direction: float) -> Believed:
+        """Return the numbers as forces, for people, with what is known of a move to a place."""
+        count = len(self.numbers.mean)
+        numbers = [
+            (gain_n_per_ma * mean, gain_n_per_ma * math.sqrt(self.numbers.covariance[place * (count + 1)]))
+            for place, mean in enumerate(self.numbers.mean)
+        ]
+        spring, offset, sliding, static = numbers
+        return Believed(spring, offset, static, sliding, self.landing_sigma_m(target_m, direction))
 
     def after_move(self) -> ValveBelief:
         """Return the belief before another move: friction and forces may have changed a little."""

@@ -163,8 +163,7 @@ class QuasiStaticLaw:
         else:
             position_m = memory.position_m + _TRACKING * (measured_m - memory.position_m)
             memory = replace(memory, position_m=position_m)
-        direction = -1.0 if memory.move.direction < 0.0 else 1.0
-        stuck = memory.move.stage is None
+        stuck, direction = memory.move.stage is None, -1.0 if memory.move.direction < 0.0 else 1.0
         return memory, Estimate(StemState(memory.position_m, 0.0, stuck, direction), lessons)
 
     def _rested(self, memory: QuasiStaticMemory, measured_m: float, elapsed_s: float) -> QuasiStaticMemory:
@@ -450,7 +449,9 @@ class QuasiStaticLaw:
                 beyond_m = direction * self.stem.beyond_m(self.model, pressure, belief, start_m, currents)
                 level_ma = self.limits.clipped(move.level_ma - belief.spring_ma_per_m * beyond_m)
                 move = replace(move, inertia_m=beyond_m, level_ma=level_ma)
-        reason = MoveReason(step.target_m - start_m, Breakaway(belief.freeing_ma(start_m, direction)), step.target_m)
+        believed = belief.told(self.valve.force_gain_n_per_ma, step.target_m, direction)
+        breakaway = Breakaway(belief.freeing_ma(start_m, direction))
+        reason = MoveReason(step.target_m - start_m, breakaway, step.target_m, believed)
         return replace(memory, move=move, rest=NO_REST, settled_s=0.0), reason
 
     def _commanded(

@@ -94,7 +94,7 @@ def _believed(valve: Believed) -> str:
     """Return what the law believed of the valve, each number with σ."""
     spring, spread = (number / _MM for number in valve.spring_n_per_m)
     forces = ("F_0", valve.offset_n), ("F_s", valve.static_n), ("F_c", valve.coulomb_n)
-    told = ", ".join(f"{name} {force:.0f} ± {sigma:.0f} N" for name, (force, sigma) in forces)
+    told = ", ".join(f"{name} {round(force)} ± {sigma:.0f} N" for name, (force, sigma) in forces)
     return f"K {spring:.2f} ± {spread:.2f} N/mm, {told}; the move ends within ± {valve.ends_m * _MM:.2f} mm (σ)"
 
 

@@ -153,7 +153,7 @@ def test_what_is_believed_of_a_valve_that_differs_is_told_with_its_doubt(tmp_pat
     assert explain(tmp_path, "--at", "8.9") == 0
     told = capsys.readouterr().out
     sliding, sigma = believed["coulomb_n"]
-    assert f"F_c {sliding:.0f} ± {sigma:.0f} N; the move ends within ± {1e3 * believed['ends_m']:.2f} mm (σ)" in told
+    assert f"F_c {round(sliding)} ± {sigma:.0f} N; the move ends within ± {1e3 * believed['ends_m']:.2f} mm (σ)" in told
     assert "valve     does not move as configured: identify it again" in told
 
 

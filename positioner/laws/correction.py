@@ -9,9 +9,10 @@ the third one three times: those before did not do what was expected of them.
 from __future__ import annotations
 
 LEFT = 0.0085
-"""Of the span: a larger error is corrected at any price; from 1 % on a dwell is lost (docs/robustness.md), and a place is
-seen to 0.15 % after some readings. On all valves of the robustness test 0.7, 0.85 and 1 % lose 298, 260 and 249 dwells;
-with 1 % a valve that is told exactly, behind a lag of 100 ms and read with 2 % noise, is left up to 0.81 % off."""
+"""Of the span: a larger error is corrected at any price. From 1 % on a dwell is lost (docs/robustness.md), and a place
+is seen to 0.15 % after some readings. On all valves of the robustness test 0.7, 0.85 and 1 % lose 298, 260 and 249
+dwells; with 1 % a valve that is told exactly, behind a lag of 100 ms and read with 2 % noise, is left up to 0.81 % off.
+"""
 STAYS_S = 2.5
 """How long a setpoint is expected to stay. Chosen by the robustness test and the league of real valves: with 4 s more
 dwells are lost, with 1.5 s a valve that is told exactly, behind a lag of 100 ms and read with 2 % noise, is left 0.22

@@ -38,6 +38,11 @@ class Gaussian:
             total += weight * spread[index]
         return max(total, _LEAST_VARIANCE)
 
+    @property
+    def variances(self) -> tuple[float, ...]:
+        """Return the variance of each number."""
+        return self.covariance[:: len(self.mean) + 1]
+
     def widened(self, index: int, variance: float) -> Gaussian:
         """Return the belief in which one number is less certain by this variance."""
         covariance = list(self.covariance)

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from positioner.laws.law import Law
 
 SETPOINTS_M = (0.073, 0.087, 0.08, 0.076, 0.077, 0.09)
-QUIET: dict[str, Any] = {"preset": "paper", "sensor": {"noise_of_reading": 0.0, "noise_of_span": 0.0005}}
 LAGGED: dict[str, Any] = {"preset": "paper", "actuator": {"fill_time_constant_s": 0.1, "vent_time_constant_s": 0.1}}
 
 

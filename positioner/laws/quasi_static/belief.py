@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from positioner.laws.move_reason import Believed
+from positioner.laws.move_reason import Believed, Breakaway, MoveReason
 from positioner.values import dataclass, replace
 from positioner.valve.gaussian import Gaussian, gaussian_of
 
@@ -115,10 +115,10 @@ class ValveBelief:
 
     @property
     def jump_doubt_m(self) -> float:
-        """Two σ of the slip jump, at most half of F_s/K, and a fiftieth of a mA of what is not known."""
-        count = len(self.numbers.mean)
-        sliding, static = (self.numbers.covariance[place * (count + 1)] for place in (_SLIDING, _STATIC))
-        return (min(1.0 * math.sqrt(sliding + static), 0.5 * self.static_ma) + 0.02) / self.spring_ma_per_m
+        """σ of the slip jump, at most half of F_s/K, and a fiftieth of a mA of what is not known."""
+        variances = self.numbers.variances
+        doubt_ma = min(math.sqrt(variances[_SLIDING] + variances[_STATIC]), 0.5 * self.static_ma)
+        return (doubt_ma + 0.02) / self.spring_ma_per_m
 
     @property
     def as_configured(self) -> ValveBelief:
@@ -128,9 +128,9 @@ class ValveBelief:
     @property
     def differs(self) -> bool:
         """Whether the valve is certainly another one than the configured one."""
-        count = len(self.configured)
-        for place, (now, told) in enumerate(zip(self.numbers.mean, self.configured, strict=True)):
-            doubt = _CERTAINLY * math.sqrt(self.numbers.covariance[place * (count + 1)])
+        numbers = zip(self.numbers.mean, self.configured, self.numbers.variances, strict=True)
+        for place, (now, told, variance) in enumerate(numbers):
+            doubt = _CERTAINLY * math.sqrt(variance)
             if abs(now - told) > (_OTHER_MA if place == _OFFSET else _OTHER * told + _FRICTION_MA) + doubt:
                 return True
         return False
@@ -185,15 +185,14 @@ class ValveBelief:
         """σ of the place where a move ends on a valve that is known: what no further move teaches."""
         return math.sqrt(self.scatter_ma2) / self.spring_ma_per_m
 
-    def told(self, gain_n_per_ma: float, target_m: float, direction: float) -> Believed:
-        """Return the numbers as forces, for people, with what is known of a move to a place."""
-        count = len(self.numbers.mean)
-        numbers = [
-            (gain_n_per_ma * mean, gain_n_per_ma * math.sqrt(self.numbers.covariance[place * (count + 1)]))
-            for place, mean in enumerate(self.numbers.mean)
-        ]
-        spring, offset, sliding, static = numbers
-        return Believed(spring, offset, static, sliding, self.landing_sigma_m(target_m, direction))
+    def reason(self, start_m: float, target_m: float, direction: float, gain_n_per_ma: float) -> MoveReason:
+        """Return why a move from one place to another begins, with what is believed of the valve, as forces."""
+        spring, offset, sliding, static = (
+            (gain_n_per_ma * mean, gain_n_per_ma * math.sqrt(variance))
+            for mean, variance in zip(self.numbers.mean, self.numbers.variances, strict=True)
+        )
+        believed = Believed(spring, offset, static, sliding, self.landing_sigma_m(target_m, direction))
+        return MoveReason(target_m - start_m, Breakaway(self.freeing_ma(start_m, direction)), target_m, believed)
 
     def after_move(self) -> ValveBelief:
         """Return the belief before another move: friction and forces may have changed a little."""

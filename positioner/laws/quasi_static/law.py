@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING, Final
 from positioner.laws.bounds import Bounds
 from positioner.laws.estimator_settings import measurement_sigma_m
 from positioner.laws.law import Decision, Estimate
-from positioner.laws.move_reason import Breakaway, MoveReason
 from positioner.laws.quasi_static.belief import Landing, belief_of
 from positioner.laws.quasi_static.kept import lesson_of, taught
 from positioner.laws.quasi_static.lag import MORE_PATIENCE_S, PATIENCE_S, more_lag_s, way_of
@@ -54,6 +53,7 @@ if TYPE_CHECKING:
 
     from positioner.laws.estimator_settings import EstimatorSettings
     from positioner.laws.law import Observation
+    from positioner.laws.move_reason import MoveReason
     from positioner.valve.parameters import ValveParameters
     from positioner.valve.stiction import StictionTable
 
@@ -163,7 +163,8 @@ class QuasiStaticLaw:
         else:
             position_m = memory.position_m + _TRACKING * (measured_m - memory.position_m)
             memory = replace(memory, position_m=position_m)
-        stuck, direction = memory.move.stage is None, -1.0 if memory.move.direction < 0.0 else 1.0
+        direction = -1.0 if memory.move.direction < 0.0 else 1.0
+        stuck = memory.move.stage is None
         return memory, Estimate(StemState(memory.position_m, 0.0, stuck, direction), lessons)
 
     def _rested(self, memory: QuasiStaticMemory, measured_m: float, elapsed_s: float) -> QuasiStaticMemory:
@@ -449,9 +450,7 @@ class QuasiStaticLaw:
                 beyond_m = direction * self.stem.beyond_m(self.model, pressure, belief, start_m, currents)
                 level_ma = self.limits.clipped(move.level_ma - belief.spring_ma_per_m * beyond_m)
                 move = replace(move, inertia_m=beyond_m, level_ma=level_ma)
-        believed = belief.told(self.valve.force_gain_n_per_ma, step.target_m, direction)
-        breakaway = Breakaway(belief.freeing_ma(start_m, direction))
-        reason = MoveReason(step.target_m - start_m, breakaway, step.target_m, believed)
+        reason = belief.reason(start_m, step.target_m, direction, self.valve.force_gain_n_per_ma)
         return replace(memory, move=move, rest=NO_REST, settled_s=0.0), reason
 
     def _commanded(

@@ -311,8 +311,8 @@ def test_noise_is_worth_what_its_correlation_leaves(correlation: float) -> None:
 def test_a_far_setpoint_takes_one_move_and_a_near_one_begins_by_moving_away() -> None:
     belief = belief_of(VALVE)
 
-    far = steps_to(belief, LIMITS, 0.06, 0.09)
-    near = steps_to(belief, LIMITS, 0.08, 0.081)
+    far = steps_to(belief, LIMITS, 0.06, 0.09, 1.0)
+    near = steps_to(belief, LIMITS, 0.08, 0.081, 1.0)
 
     assert [step.stage for step in far] == [Stage.LAND]
     assert [step.stage for step in near] == [Stage.AWAY, Stage.LAND]
@@ -340,14 +340,15 @@ def test_a_correction_is_worth_while_where_it_pays_and_makes_the_error_smaller(
         landing = Landing(place_m, direction, belief_of(VALVE).landing_ma(place_m, direction))
         belief = belief.landed(landing, 1e-12, 0.0)
     setpoint_m = 0.08 + error_of_span * VALVE.span_m
-    assert is_worth_it(belief, LIMITS, 0.08, setpoint_m, VALVE.span_m, lasts_s, tries) is expected
+    steps = steps_to(belief, LIMITS, 0.08, setpoint_m, 1.0)
+    assert is_worth_it(belief, steps, 0.08, setpoint_m, VALVE.span_m, lasts_s, tries) is expected
 
 
 def test_no_move_ends_at_a_stop() -> None:
     belief = belief_of(VALVE)
 
     for setpoint_m, here_m in ((0.139, 0.1385), (0.001, 0.0015)):
-        for step in steps_to(belief, LIMITS, here_m, setpoint_m):
+        for step in steps_to(belief, LIMITS, here_m, setpoint_m, 1.0):
             assert 0.0 < step.target_m < 0.1397
 
 
@@ -369,6 +370,52 @@ def test_mass_carries_a_stem_of_little_viscous_friction_beyond_its_balance() -> 
     swing_m = quick.beyond_m(model, model.at_rest(11.0), belief, 0.07, Currents(1.0, level_ma))
     # ζ = 200/(2√(1.361·52538)) = 0.374: e^(-πζ/√(1-ζ²)) = 28 % of the way from the start, 20 mm
     assert swing_m == pytest.approx(0.28 * 0.02, rel=0.05)
+
+
+def first_slip_ends_short(ratio: float, lags: float, jumps: float) -> float:
+    """Return how far short of its balance the first slip ends, in slip jumps: m = K = F_s - F_c = 1, Euler steps."""
+    step, position, speed, push = 1e-3, 0.0, 0.0, 1.0  # push: the pressure less F_c, from where it frees the stem
+    while jumps - push > 1e-3:
+        push += step * (jumps - push) / lags
+        speed += step * (push - position - 2.0 * ratio * speed)
+        if speed <= 0.0:
+            break
+        position += step * speed
+    return jumps - position
+
+
+@pytest.mark.parametrize("lags", [10.0, 20.0, 40.0])
+@pytest.mark.parametrize("ratio", [0.55, 0.65, 0.75])
+def test_a_light_stem_behind_a_slow_pressure_slides_through_from_so_many_slip_jumps_on(
+    ratio: float, lags: float
+) -> None:
+    spring, mass = SPRING, 1.361 / GAIN
+    stem = Stem(mass, 2.0 * ratio * math.sqrt(mass * spring), 1e-3, 1)
+    jumps = stem.slides_through(spring, lags * math.sqrt(mass / spring))
+
+    assert 1.1 < jumps < 4.0
+    assert first_slip_ends_short(ratio, lags, jumps) < 0.03
+    assert first_slip_ends_short(ratio, lags, 1.0 + 0.75 * (jumps - 1.0)) > 0.05
+
+
+@pytest.mark.parametrize(
+    ("viscous", "lag_s", "expected"), [(1.0, 0.1, 1.0), (0.3, 0.01, 1.0), (0.0, 0.1, 4.0)], ids=str
+)
+def test_a_stem_slides_through_where_it_is_damped_or_the_pressure_quick(
+    viscous: float, lag_s: float, expected: float
+) -> None:
+    mass = 1.361 / GAIN
+    stem = Stem(mass, 2.0 * viscous * math.sqrt(mass * SPRING), 1e-3, 1)
+    assert stem.slides_through(SPRING, lag_s) == expected
+
+
+def test_a_move_that_must_slide_through_begins_farther_away() -> None:
+    belief = belief_of(VALVE)
+    for through in (1.0, 2.5):
+        away, land = steps_to(belief, LIMITS, 0.08, 0.081, through)
+        assert land.direction * (land.target_m - away.target_m) > (through + 0.15) * JUMP_M
+    assert [step.stage for step in steps_to(belief, LIMITS, 0.06, 0.076, 1.0)] == [Stage.LAND]
+    assert [step.stage for step in steps_to(belief, LIMITS, 0.06, 0.076, 2.5)] == [Stage.AWAY, Stage.LAND]
 
 
 # -- the loop
@@ -469,6 +516,22 @@ def test_a_lag_that_was_taken_for_friction_is_a_lag_once_it_is_seen() -> None:
     loop.run(6.0, 0.079)
     assert 0.12 < memory_of(loop).more_lag_s < 0.3
     assert loop.position_m == pytest.approx(0.079, abs=6e-4)
+
+
+def test_a_light_stem_behind_a_slow_pressure_stops_where_it_should() -> None:
+    light = {"viscous_friction_n_s_per_m": 0.6 * 2.0 * math.sqrt(1.361 * 52538.0)}
+    lag = {"actuator": {"fill_time_constant_s": 0.1, "vent_time_constant_s": 0.1}}
+    played = scenario(2e-3, dwell_s=3.0, plant={"valve": light, **lag}, valve={**light, **lag})
+
+    assert 0.002 < max(errors_pct(run_in_process(played), played)) < 0.5
+
+
+def test_a_push_in_vain_says_nothing_of_how_long_moves_last() -> None:
+    plant = {**QUIET, "valve": {"static_friction_n": 1e4, "initial_position_m": 0.08}}
+    loop = Loop("quasi-static", plant=plant)
+    loop.run(3.0, 0.07)
+    assert memory_of(loop).belief.static_ma > 1.05 * STATIC  # pushes in vain
+    assert memory_of(loop).lasts_s == 0.0
 
 
 def test_pushes_in_vain_are_believed_for_good_once_a_move_has_shown_that_the_lag_is_as_configured() -> None:
@@ -621,7 +684,7 @@ def test_a_correction_comes_from_the_side_from_which_landings_are_known(known: f
         if landing.direction == known:
             belief = belief.landed(landing, 1e-12, 0.0)
     for setpoint_m in (0.0795, 0.0805):
-        away, land = steps_to(belief, law.limits, 0.08, setpoint_m)
+        away, land = steps_to(belief, law.limits, 0.08, setpoint_m, 1.0)
         assert (away.direction, land.direction) == (-known, known)
 
 

@@ -18,7 +18,7 @@ A correction is made where it is worth while (`move.is_worth_it`). After seven m
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from positioner.laws.bounds import Bounds
 from positioner.laws.estimator_settings import measurement_sigma_m
@@ -30,6 +30,7 @@ from positioner.laws.quasi_static.landing import landing_of
 from positioner.laws.quasi_static.memory import Move, QuasiStaticMemory
 from positioner.laws.quasi_static.move import (
     LARGE,
+    LEFT_OF_STEP,
     Currents,
     Limits,
     Stage,
@@ -40,6 +41,7 @@ from positioner.laws.quasi_static.move import (
     is_worth_it,
     margin_m,
     steps_to,
+    tolerance_m,
 )
 from positioner.laws.quasi_static.rest import NO_REST, Noise
 from positioner.values import dataclass, replace
@@ -49,16 +51,12 @@ from positioner.valve.state import StemState
 from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from positioner.laws.estimator_settings import EstimatorSettings
     from positioner.laws.law import Observation
     from positioner.laws.move_reason import MoveReason
     from positioner.valve.parameters import ValveParameters
     from positioner.valve.stiction import StictionTable
 
-_TOLERANCE, _LOOSER = 0.0015, 0.25
-"""Of the span: an error that is left; each move to the same setpoint makes it looser by a quarter."""
 _NEW_TOLERANCE = 0.0007
 """Of the span: a new setpoint that is nearer than this needs no move."""
 _CERTAIN = 2.2
@@ -90,9 +88,6 @@ _MOVED, _MOVED_M = 3.0, 1e-4
 _PUSHED, _CHANCE = 0.6, 2
 """Of F_s: a weaker push that moved nothing teaches nothing. More pushes in a row that have not moved the stem their way
 are no chance: the valve differs, as where the actuator is reversed."""
-_LEFT: Final[Mapping[Stage | None, float]] = {Stage.AWAY: 0.1, Stage.LAND: 0.3}
-"""Part of the way that is left for the level when a hurried pressure is released: a lag 20 % shorter than configured
-then still stays short of it."""
 _LAG_SAMPLES, _SHORTER = 4.0, 0.8
 """A lag of fewer samples is not hurried, nor one of which less than 80 % is seen."""
 _SMOOTHING, _OF_READING = 0.35, 0.5
@@ -251,12 +246,13 @@ class QuasiStaticLaw:
         if memory.pending:
             step, *later = memory.pending
             goes_no_farther = memory.move.level_ma in (self.limits.low_ma, self.limits.high_ma)
-            is_near = not (goes_no_farther or can_follow(memory.belief, self._stem_m(memory), step))
-            if is_near and memory.tries <= _MOST_MOVES:
+            is_far = can_follow(memory.belief, self._stem_m(memory), step, self._through(memory))
+            if not (goes_no_farther or is_far) and memory.tries <= _MOST_MOVES:
                 return self._planned(memory, setpoint_m)
             return self._begun(replace(memory, pending=tuple(later)), step)
         if memory.move.stage is Stage.LAND:
-            memory = replace(memory, lasts_s=memory.move.since_s)
+            if memory.failed == 0:
+                memory = replace(memory, lasts_s=memory.move.since_s)
             if self._is_worth_it(memory, setpoint_m) and memory.tries <= _MOST_MOVES:
                 return self._planned(memory, setpoint_m)
             memory, noise = replace(memory, is_new=False), memory.noise.after(memory.rest)
@@ -287,15 +283,20 @@ class QuasiStaticLaw:
 
     def _is_worth_it(self, memory: QuasiStaticMemory, setpoint_m: float) -> bool:
         """Whether an error is seen, and a correction of it is worth while."""
-        belief, stem_m = memory.belief, self._stem_m(memory)
-        error_m = abs(setpoint_m - stem_m)
-        if error_m <= max(self._tolerance_m(memory), _CERTAIN * math.sqrt(memory.position_m2)):
+        stem_m, span_m, tries = self._stem_m(memory), self.valve.span_m, memory.tries
+        if abs(setpoint_m - stem_m) <= max(tolerance_m(span_m, tries), _CERTAIN * math.sqrt(memory.position_m2)):
             return False
-        span_m, lasts_s, tries = self.valve.span_m, memory.lasts_s, memory.tries
-        return is_worth_it(belief, self.limits, stem_m, setpoint_m, span_m, lasts_s, tries)
+        steps = self._steps_to(memory, setpoint_m)
+        return is_worth_it(memory.belief, steps, stem_m, setpoint_m, span_m, memory.lasts_s, tries)
 
-    def _tolerance_m(self, memory: QuasiStaticMemory) -> float:
-        return _TOLERANCE * self.valve.span_m * (1.0 + _LOOSER * memory.tries)
+    def _steps_to(self, memory: QuasiStaticMemory, setpoint_m: float) -> tuple[Step, ...]:
+        """Return the moves that lead to a setpoint."""
+        return steps_to(memory.belief, self.limits, self._stem_m(memory), setpoint_m, self._through(memory))
+
+    def _through(self, memory: QuasiStaticMemory) -> float:
+        """Return the slip jumps from which on a stem slides through, behind the slower one of the lags."""
+        lag_s = self.valve.actuator.slower_lag_s + memory.more_lag_s
+        return self.stem.slides_through(memory.belief.spring_ma_per_m, lag_s)
 
     def _is_judged(self, memory: QuasiStaticMemory, setpoint_m: float) -> bool:
         """Whether the readings since the end of a move are enough to go on."""
@@ -305,8 +306,8 @@ class QuasiStaticLaw:
         if rest.duration_s < _LAND_S or rest.blocks < _LAND_BLOCKS:
             return False
         error_m, sigma_m = abs(setpoint_m - self._stem_m(memory)), math.sqrt(memory.position_m2)
-        is_exact = sigma_m < max(_OF_TOLERANCE * self._tolerance_m(memory), _OF_SEEN * error_m)
-        return is_exact or rest.duration_s > _ENOUGH_S
+        least_m = max(_OF_TOLERANCE * tolerance_m(self.valve.span_m, memory.tries), _OF_SEEN * error_m)
+        return sigma_m < least_m or rest.duration_s > _ENOUGH_S
 
     def _is_away(self, memory: QuasiStaticMemory) -> bool:
         """Whether a stem that moves away is far enough for the next move, and its end is not to be measured."""
@@ -324,7 +325,7 @@ class QuasiStaticLaw:
         """Whether the reading shows that a hurried pressure is as far as it should be hurried."""
         move = memory.move
         step_ma = abs(move.level_ma - move.from_ma)
-        return self._is_seen_within(memory, _LEFT[move.stage] * step_ma / memory.belief.spring_ma_per_m)
+        return self._is_seen_within(memory, LEFT_OF_STEP[move.stage] * step_ma / memory.belief.spring_ma_per_m)
 
     def _is_seen_within(self, memory: QuasiStaticMemory, left_m: float) -> bool:
         """Whether the reading shows that the stem has at most this way left to the target of its move."""
@@ -431,7 +432,7 @@ class QuasiStaticLaw:
             noise=memory.noise.after(memory.rest),
             belief=memory.belief.after_move(),
         )
-        step, *later = steps_to(memory.belief, self.limits, self._stem_m(memory), setpoint_m)
+        step, *later = self._steps_to(memory, setpoint_m)
         return self._begun(replace(memory, pending=tuple(later)), step)
 
     def _begun(self, memory: QuasiStaticMemory, step: Step) -> tuple[QuasiStaticMemory, MoveReason | None]:
@@ -471,7 +472,7 @@ class QuasiStaticLaw:
             return move
         boost_ma = self.limits.high_ma if fills else self.limits.low_ma
         whole_ma, step_ma = boost_ma - move.from_ma, move.level_ma - move.from_ma
-        samples = boost_samples(lag_s, self.period_s, whole_ma, step_ma, _LEFT[move.stage])
+        samples = boost_samples(lag_s, self.period_s, whole_ma, step_ma, LEFT_OF_STEP[move.stage])
         return replace(move, boost_ma=boost_ma, boosted=samples, is_hurried=samples > 0)
 
 

@@ -3,25 +3,30 @@
 A stem can be stopped at a place r without measuring anything on the way: held at the pressure that balances spring and
 sliding friction at r, it slides until it is there (the first of the two moves of Srinivasan and Rengaswamy 2008). Where
 that pressure would not free it, because r is nearer than the slip jump, the stem is first moved away, to either side.
+
+A light stem behind a slow pressure does not slide there at once: it jumps, sticks and jumps again, and its last jump
+ends anywhere. From far enough on it slides through (`Stem.slides_through`), so its moves begin farther away.
 """
 
 from __future__ import annotations
 
 import math
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from positioner.laws.correction import LEFT, pays
 from positioner.values import dataclass
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from positioner.laws.quasi_static.belief import ValveBelief
     from positioner.valve.pressure import PressureModel, PressureState
 
-_FAR = 1.05
-"""A setpoint that is so many slip jumps away is reached by one move."""
-_AWAY, _BACK = 1.15, 1.1
-"""Slip jumps from which the last move begins, and which the first one needs itself."""
+_FAR = 0.05
+"""A setpoint that is farther away than a stem slides through by this part of the slip jump is reached by one move."""
+_AWAY, _BACK = 0.15, 0.1
+"""Slip jumps beyond that way from which the last move begins, and which the first one needs itself."""
 _MORE_M = 0.0005
 """What readings may be wrong by, beside what is believed."""
 _MARGIN = 0.15
@@ -36,6 +41,8 @@ costs up to three of them. On all valves of the robustness test 1 and 3 lose 313
 are lost instead of 340 (DESIGN.md, "The law `quasi-static`")."""
 _EDGE, _AT_STOP = 0.002, 0.004
 """Of the travel: nearer to a stop no move ends on purpose, and nearer the stop may be what holds a stem."""
+_TOLERANCE, _LOOSER = 0.0015, 0.25
+"""Of the span: an error that is left; each move to the same setpoint makes it looser by a quarter."""
 LARGE, _WORTH_LARGE, _WORTH_SMALL = 0.005, 1.2, 2.0
 """An error above 0.5 % of span is corrected where it exceeds 1.2 σ of the scatter of landings (then a move makes it
 smaller in three of four cases, and teaches what is not known of the valve), a smaller one where it exceeds 2 σ of the
@@ -50,6 +57,13 @@ _ARRIVED_MA, _NEAR_MA = 0.02, 0.005
 """So near to its level the pressure no longer moves a stem that has stopped, and one that has not begun."""
 
 
+_QUICK, _DAMPED = 4.0, 0.99
+"""Of √(m/K): a pressure that arrives sooner is over before the stem has swung once. From this damping ratio on no swing
+is left, e^(-π ζ/ρ) < 10⁻⁹."""
+_MOST_JUMPS = 4.0
+"""A way of more slip jumps than that leaves no room in the travel."""
+
+
 class Stage(Enum):
     """What a move is for."""
 
@@ -59,6 +73,11 @@ class Stage(Enum):
     """To the setpoint."""
     RETURN = "return"
     """Of the pressure to the middle of the stick band; the stem stays."""
+
+
+LEFT_OF_STEP: Final[Mapping[Stage | None, float]] = {Stage.AWAY: 0.1, Stage.LAND: 0.3}
+"""Part of the way that is left for the level when a hurried pressure is released: a lag 20 % shorter than configured
+then still stays short of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,22 +117,27 @@ class Limits:
         return min(max(current_ma, self.low_ma), self.high_ma)
 
 
-def steps_to(belief: ValveBelief, limits: Limits, position_m: float, setpoint_m: float) -> tuple[Step, ...]:
-    """Return the moves of the shortest way to a setpoint that the currents allow, with what a miss would add to it."""
+def steps_to(
+    belief: ValveBelief, limits: Limits, position_m: float, setpoint_m: float, through: float
+) -> tuple[Step, ...]:
+    """Return the moves of the shortest way to a setpoint that the currents allow, with what a miss would add to it.
+
+    through: the slip jumps from which on a stem slides through.
+    """
     best: tuple[Step, ...] = ()
     steps: tuple[Step, ...]
     least = math.inf
     jump_m, doubt_m, missed_m = belief.jump_m, belief.jump_doubt_m, _MISSED * (limits.high_m - limits.low_m)
-    begins_m = _AWAY * jump_m + doubt_m + _MORE_M
+    begins_m = (through + _AWAY) * jump_m + doubt_m + _MORE_M
     for direction in (1.0, -1.0):
         land = Step(Stage.LAND, setpoint_m, direction)
         excess = _BEYOND * limits.excess_ma(belief.landing_ma(setpoint_m, direction))
         distance_m = direction * (setpoint_m - position_m)
-        if distance_m > _FAR * jump_m + doubt_m:
+        if distance_m > (through + _FAR) * jump_m + doubt_m:
             steps, way = (land,), distance_m + excess
         else:
             away_m = setpoint_m - direction * begins_m
-            needed_m = _BACK * jump_m + doubt_m
+            needed_m = (through + _BACK) * jump_m + doubt_m
             if direction * (position_m - away_m) < needed_m:
                 away_m = position_m - direction * needed_m
             low_m, high_m = limits.low_m + limits.edge_m, limits.high_m - limits.edge_m
@@ -129,13 +153,19 @@ def steps_to(belief: ValveBelief, limits: Limits, position_m: float, setpoint_m:
 
 
 def is_worth_it(
-    belief: ValveBelief, limits: Limits, position_m: float, setpoint_m: float, span_m: float, lasts_s: float, tries: int
+    belief: ValveBelief,
+    steps: tuple[Step, ...],
+    position_m: float,
+    setpoint_m: float,
+    span_m: float,
+    lasts_s: float,
+    tries: int,
 ) -> bool:
     """Return whether a correction pays (`laws.correction`), and makes the error smaller, as far as is known.
 
-    lasts_s: how long a move lasts. tries: ways to this setpoint that were begun before.
+    steps: its moves. lasts_s: how long a move lasts. tries: ways to this setpoint that were begun before.
     """
-    first, *later = steps = steps_to(belief, limits, position_m, setpoint_m)
+    first, *later = steps
     error_m = abs(setpoint_m - position_m)
     if later and error_m < LEFT * span_m and not pays(error_m, abs(first.target_m - setpoint_m), lasts_s, tries):
         return False
@@ -144,9 +174,14 @@ def is_worth_it(
     return error_m > _WORTH_SMALL * belief.landing_sigma_m(setpoint_m, steps[-1].direction)
 
 
-def can_follow(belief: ValveBelief, position_m: float, step: Step) -> bool:
+def tolerance_m(span_m: float, tries: int) -> float:
+    """Return an error that is left after so many ways to a setpoint."""
+    return _TOLERANCE * span_m * (1.0 + _LOOSER * tries)
+
+
+def can_follow(belief: ValveBelief, position_m: float, step: Step, through: float) -> bool:
     """Return whether a move that begins at a place is long enough for the stem to stop at its target."""
-    return step.direction * (step.target_m - position_m) > belief.jump_m + 0.5 * belief.jump_doubt_m
+    return step.direction * (step.target_m - position_m) > through * belief.jump_m + 0.5 * belief.jump_doubt_m
 
 
 def margin_m(belief: ValveBelief) -> float:
@@ -195,10 +230,32 @@ class Stem:
     def swings(self, spring_ma_per_m: float, lag_s: float) -> bool:
         """Return whether mass carries the stem noticeably beyond its balance.
 
-        It does at a damping ratio below 1.2, where the pressure does not arrive in more than four of √(m/K).
+        It does at a damping ratio below 1.2, where the pressure arrives in less than four of √(m/K).
         """
         is_free = self.viscous * self.viscous < 6.0 * self.mass * spring_ma_per_m
-        return is_free and lag_s * lag_s * spring_ma_per_m < 16.0 * self.mass
+        return is_free and not self._is_quick(spring_ma_per_m, lag_s)
+
+    def slides_through(self, spring_ma_per_m: float, lag_s: float) -> float:
+        """Return from how many slip jumps on a move behind a slow pressure ends in its first slip, at least 1.
+
+        A stem that is freed swings around its balance, which goes on at the speed (D - J)/τ e^(-t/τ), D the length of
+        the move, J the slip jump. With ω = √(K/m), the damping ratio ζ and ρ = √(1 - ζ²) it is slowest against it at
+        ρ ω t = π + acos ζ = φ, by J ω e^(-φ ζ/ρ). It does not stop there if
+
+            D/J > 1 + ω τ e^(-φ (ζ - 1/(ω τ))/ρ)
+        """
+        if self._is_quick(spring_ma_per_m, lag_s):
+            return 1.0
+        ratio = 0.5 * self.viscous / math.sqrt(self.mass * spring_ma_per_m)
+        if ratio >= _DAMPED:
+            return 1.0
+        lags, phase = lag_s * math.sqrt(spring_ma_per_m / self.mass), math.pi + math.acos(ratio)
+        jumps = 1.0 + lags * math.exp(-phase * (ratio - 1.0 / lags) / math.sqrt(1.0 - ratio * ratio))
+        return min(jumps, _MOST_JUMPS)
+
+    def _is_quick(self, spring_ma_per_m: float, lag_s: float) -> bool:
+        """Whether the pressure arrives in less than four of √(m/K), so that the first slip ends after it."""
+        return lag_s * lag_s * spring_ma_per_m < _QUICK * _QUICK * self.mass
 
     def beyond_m(
         self, model: PressureModel, state: PressureState, belief: ValveBelief, position_m: float, move: Currents

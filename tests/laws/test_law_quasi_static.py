@@ -372,6 +372,15 @@ def test_mass_carries_a_stem_of_little_viscous_friction_beyond_its_balance() -> 
     assert swing_m == pytest.approx(0.28 * 0.02, rel=0.05)
 
 
+@pytest.mark.parametrize(
+    ("viscous", "lags", "expected"), [(0.4, 0.0, True), (0.4, 3.9, True), (0.4, 4.1, False), (1.3, 1.0, False)]
+)
+def test_mass_matters_where_a_stem_is_light_and_the_pressure_quick(viscous: float, lags: float, expected: bool) -> None:
+    mass = 1.361 / GAIN
+    stem = Stem(mass, 2.0 * viscous * math.sqrt(mass * SPRING), 1e-3, 1)
+    assert stem.swings(SPRING, lags * math.sqrt(mass / SPRING)) is expected
+
+
 def first_slip_ends_short(ratio: float, lags: float, jumps: float) -> float:
     """Return how far short of its balance the first slip ends, in slip jumps: m = K = F_s - F_c = 1, Euler steps."""
     step, position, speed, push = 1e-3, 0.0, 0.0, 1.0  # push: the pressure less F_c, from where it frees the stem
@@ -664,6 +673,19 @@ def standing(
         memory, decision = law.decide(memory, estimate.stem, seen, StictionTable())
         current_ma, moves = decision.current_ma, moves + (decision.reason is not None)
     return memory, moves
+
+
+@pytest.mark.parametrize(
+    ("way_m", "more_lag_s", "stage"),
+    [(0.015, 0.0, Stage.AWAY), (0.015, -0.2, Stage.LAND), (0.012, -0.2, Stage.AWAY)],  # 12.4 mm go straight without lag
+)
+def test_a_light_stem_whose_lag_is_seen_to_be_absent_moves_as_without_one(
+    way_m: float, more_lag_s: float, stage: Stage
+) -> None:
+    law = law_of(lag_s=0.1)
+    law = replace(law, stem=replace(law.stem, viscous=0.5 * law.stem.viscous))  # ζ = 0.57
+    memory, _ = standing(law, replace(law.begin(0.07), more_lag_s=more_lag_s), 0.07, 0.07 + way_m, 0.001)
+    assert memory.move.stage is stage
 
 
 def test_backlash_that_is_taken_up_is_no_motion() -> None:

@@ -55,8 +55,6 @@ _STOPPED_M_PER_S = 1e-4
 """Below this speed a stem has stopped, as in the configured `stick_velocity_m_per_s` of the paper."""
 _ARRIVED_MA, _NEAR_MA = 0.02, 0.005
 """So near to its level the pressure no longer moves a stem that has stopped, and one that has not begun."""
-
-
 _QUICK, _DAMPED = 4.0, 0.99
 """Of √(m/K): a pressure that arrives sooner is over before the stem has swung once. From this damping ratio on no swing
 is left, e^(-π ζ/ρ) < 10⁻⁹."""
@@ -233,7 +231,7 @@ class Stem:
         It does at a damping ratio below 1.2, where the pressure arrives in less than four of √(m/K).
         """
         is_free = self.viscous * self.viscous < 6.0 * self.mass * spring_ma_per_m
-        return is_free and not self._is_quick(spring_ma_per_m, lag_s)
+        return is_free and self._is_quick(spring_ma_per_m, lag_s)
 
     def slides_through(self, spring_ma_per_m: float, lag_s: float) -> float:
         """Return from how many slip jumps on a move behind a slow pressure ends in its first slip, at least 1.

@@ -295,7 +295,7 @@ class QuasiStaticLaw:
 
     def _through(self, memory: QuasiStaticMemory) -> float:
         """Return the slip jumps from which on a stem slides through, behind the slower one of the lags."""
-        lag_s = max(self.valve.actuator.slower_lag_s + memory.more_lag_s, 0.0)  # what was seen has others in it
+        lag_s = self.valve.actuator.slower_lag_s + memory.more_lag_s
         return self.stem.slides_through(memory.belief.spring_ma_per_m, lag_s)
 
     def _is_judged(self, memory: QuasiStaticMemory, setpoint_m: float) -> bool:

@@ -253,7 +253,7 @@ class Stem:
 
     def _is_quick(self, spring_ma_per_m: float, lag_s: float) -> bool:
         """Whether the pressure arrives in less than four of √(m/K), so that the first slip ends after it."""
-        return lag_s * lag_s * spring_ma_per_m < _QUICK * _QUICK * self.mass
+        return lag_s < _QUICK * math.sqrt(self.mass / spring_ma_per_m)
 
     def beyond_m(
         self, model: PressureModel, state: PressureState, belief: ValveBelief, position_m: float, move: Currents

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from positioner.values import dataclass
+from positioner.values import dataclass, replace
 from positioner.valve.actuator import left_of_lag
 
 if TYPE_CHECKING:
@@ -50,6 +50,11 @@ class PressureModel:
     def at_rest(self, current_ma: float) -> PressureState:
         """Return the state in which this current has acted for long."""
         return PressureState((current_ma,) * self.waiting, current_ma, current_ma)
+
+    def with_lag(self, times: float) -> PressureModel:
+        """Return the model whose own lags are so many times as long."""
+        power = 1.0 / times
+        return replace(self, fill=self.fill**power, vent=self.vent**power)
 
     def after(self, state: PressureState, current_ma: float) -> PressureState:
         """Return the state one sample later, if this current is commanded at its beginning."""

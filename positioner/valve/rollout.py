@@ -1,0 +1,116 @@
+"""How a stem moves under commanded currents: the pressure follows them, frees the stem, moves and stops it. Pure.
+
+    ṗ as in `valve.pressure`
+    stuck:    x stays while |B p - K x - F_0| ≤ F_s
+    sliding:  m v̇ = B p - K x - F_0 - s F_c - F_v v, s = ±1, until v = 0 (`valve.motion`, exact for a held pressure)
+
+A sample is divided into steps in which the mean of the pressure is held. A step in which the stem is freed counts from
+that instant on, so the place of a stop has no jumps of a step.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from positioner.values import dataclass
+from positioner.valve.motion import Load, MotionModel
+from positioner.valve.pressure import PressureState, pressure_model
+from positioner.valve.slide import Slide, slide_of
+from positioner.valve.state import StemState
+
+if TYPE_CHECKING:
+    from positioner.valve.parameters import ValveParameters
+    from positioner.valve.pressure import PressureModel
+
+_STEP_S = 1e-3
+"""A fifth of √(m/K) of the paper's valve, and less than a lag that matters."""
+
+
+@dataclass(frozen=True, slots=True)
+class Numbers:
+    """What a move depends on. K, F_0, F_c and F_s over B, in mA and m; factors of the configured lag and of F_v."""
+
+    spring_ma_per_m: float
+    offset_ma: float
+    sliding_ma: float
+    static_ma: float
+    lag: float = 1.0
+    viscous: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Moving:
+    """A stem and the pressure that moves it; shift_ma: what pushes it beside that, in this slip."""
+
+    pressure: PressureState
+    stem: StemState
+    shift_ma: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Plant:
+    """The configured valve, as far as `Numbers` do not say it: m/B, F_v/B, the actuator in steps of a sample."""
+
+    mass: float
+    viscous: float
+    actuator: PressureModel
+    steps: int
+    step_s: float
+
+    def rollout(self, numbers: Numbers) -> Rollout:
+        """Return the motion of the valve that has these numbers."""
+        pressure = self.actuator.with_lag(numbers.lag)
+        motion = MotionModel(self.mass, 1.0, numbers.offset_ma)
+        load = Load(numbers.spring_ma_per_m, numbers.sliding_ma, self.viscous * numbers.viscous)
+        up, down = (slide_of(motion, load, direction, self.step_s, 0.0) for direction in (1.0, -1.0))
+        return Rollout(pressure, self.steps, numbers, up, down)
+
+
+@dataclass(frozen=True, slots=True)
+class Rollout:
+    """The motion of a valve, sample by sample."""
+
+    pressure: PressureModel
+    steps: int
+    numbers: Numbers
+    up: Slide
+    down: Slide
+
+    def after(self, moving: Moving, current_ma: float) -> Moving:
+        """Return the motion one sample later, if this current is commanded at its beginning."""
+        pressure, stem = moving.pressure, moving.stem
+        for _ in range(self.steps):
+            before_ma = pressure.pressure_ma
+            pressure = self.pressure.after(pressure, current_ma)
+            stem = self._stepped(stem, before_ma + moving.shift_ma, pressure.pressure_ma + moving.shift_ma)
+        return Moving(pressure, stem, moving.shift_ma)
+
+    def _stepped(self, stem: StemState, before_ma: float, after_ma: float) -> StemState:
+        """Return the stem after a step in which the pressure goes from one value to another."""
+        numbers, x, v, direction = self.numbers, stem.position_m, stem.velocity_m_per_s, stem.direction
+        mean_ma = 0.5 * (before_ma + after_ma)
+        if stem.stuck:
+            balance_ma = numbers.spring_ma_per_m * x + numbers.offset_ma
+            push_ma = after_ma - balance_ma
+            if abs(push_ma) <= numbers.static_ma:
+                return stem
+            direction = 1.0 if push_ma > 0.0 else -1.0
+            held_ma = numbers.static_ma - direction * (before_ma - balance_ma)
+            slide = self.up if direction > 0.0 else self.down
+            if held_ma > 0.0:
+                part = 1.0 - held_ma / (direction * (after_ma - before_ma))
+                mean_ma = 0.5 * (balance_ma + direction * numbers.static_ma + after_ma)
+                end = slide.model.step(x, 0.0, mean_ma, slide.load, direction, part * slide.period_s)
+                return StemState(end.x, end.v, end.stopped, direction)
+        slide = self.up if direction > 0.0 else self.down
+        x, v = slide.after(x, v, mean_ma)
+        return StemState(x, v, direction * v <= 0.0, direction)
+
+
+def plant_of(valve: ValveParameters, period_s: float, delay_s: float) -> Plant:
+    """Return the configured valve; `delay_s` passes from a reading until its command acts."""
+    steps = max(1, math.ceil(period_s / _STEP_S - 1e-9))
+    gain = valve.force_gain_n_per_ma
+    actuator = pressure_model(valve, period_s / steps, delay_s)
+    return Plant(valve.mass_kg / gain, valve.viscous_friction_n_s_per_m / gain, actuator, steps, period_s / steps)

@@ -78,17 +78,20 @@ def _paper(name: str, parts: Ingredients, *, use_table: bool) -> PaperLaw:
 
 
 def _nmpc(parts: Ingredients) -> ConvergingLaw:
+    return _converging("nmpc", parts, _nmpc_predictive(parts), brakes=False)
+
+
+def _nmpc_braked(parts: Ingredients) -> ConvergingLaw:
+    brakes = not parts.valve.actuator.is_immediate
+    predictive = nmpc_immediate(parts) if brakes else _nmpc_predictive(parts)
+    return _converging("nmpc-braked", parts, predictive, brakes=brakes)
+
+
+def _converging(name: str, parts: Ingredients, predictive: NmpcLaw | LaggedLaw, *, brakes: bool) -> ConvergingLaw:
     guard, period_s = parts.guard, parts.control.sample_period_s
     currents_ma = guard.current_low_ma, guard.current_high_ma
-    return converging_law(
-        "nmpc",
-        _nmpc_predictive(parts),
-        _quasi_static(parts),
-        parts.valve,
-        currents_ma,
-        period_s,
-        guard.max_rate_ma_per_s,
-    )
+    quasi_static = _quasi_static(parts, brakes=brakes)
+    return converging_law(name, predictive, quasi_static, parts.valve, currents_ma, period_s, guard.max_rate_ma_per_s)
 
 
 def _nmpc_predictive(parts: Ingredients) -> NmpcLaw | LaggedLaw:
@@ -165,10 +168,11 @@ def _two_move(name: str, parts: Ingredients, *, retries: bool) -> TwoMoveLaw:
     return TwoMoveLaw(name, parts.valve, moves, retry, parts.guard.current_low_ma, parts.guard.current_high_ma)
 
 
-def _quasi_static(parts: Ingredients) -> QuasiStaticLaw:
+def _quasi_static(parts: Ingredients, *, brakes: bool = False) -> QuasiStaticLaw:
     control, guard = parts.control, parts.guard
-    currents_ma = guard.current_low_ma, guard.current_high_ma
-    return quasi_static_law(parts.valve, parts.estimator, currents_ma, control.sample_period_s, control.command_delay_s)
+    currents_ma, period_s = (guard.current_low_ma, guard.current_high_ma), control.sample_period_s
+    delay_s = control.command_delay_s
+    return quasi_static_law(parts.valve, parts.estimator, currents_ma, period_s, delay_s, brakes=brakes)
 
 
 LAWS: Mapping[str, tuple[str, Callable[[Ingredients], Law[Any]]]] = MappingProxyType(
@@ -176,6 +180,10 @@ LAWS: Mapping[str, tuple[str, Callable[[Ingredients], Law[Any]]]] = MappingProxy
         "nmpc": (
             "NMPC with an adaptive filter and the movable bound; where its moves do not converge, quasi-static ones",
             _nmpc,
+        ),
+        "nmpc-braked": (
+            "nmpc without lag; behind one, quasi-static moves and braked ones that are planned on the whole motion",
+            _nmpc_braked,
         ),
         "nmpc-predictive": (
             "the predictive moves of nmpc alone, also where they do not converge",

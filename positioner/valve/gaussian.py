@@ -90,7 +90,7 @@ class Gaussian:
         found = []
         for row in range(count):
             total = 0.0
-            for column in range(count):
+            for column in range(len(line)):
                 total += self.covariance[row * count + column] * line[column]
             found.append(total)
         return tuple(found)

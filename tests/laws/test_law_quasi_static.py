@@ -153,7 +153,7 @@ def test_the_belief_is_as_sure_as_it_is_right() -> None:
             seen = Landing(landing.position_m, landing.direction, landing.pressure_ma + 0.0313 * chance.normal())
             belief = belief.landed(seen, 1e-12, 0.0)
         error = np.array([spring, offset, sliding]) - np.array(belief.numbers.mean[:3])
-        covariance = np.array(belief.numbers.covariance).reshape(4, 4)[:3, :3]
+        covariance = np.array(belief.numbers.covariance).reshape(6, 6)[:3, :3]
         squares.append(float(error @ np.linalg.solve(covariance, error)) / 3.0)
 
     assert 0.5 < float(np.mean(squares)) < 1.6
@@ -177,8 +177,9 @@ def test_what_was_measured_is_compared_with_what_is_configured_where_a_stem_is_f
     offset_ma: float, sliding_ma: float, static_ma: float, beside_ma: float
 ) -> None:
     configured = belief_of(VALVE)
-    spring, offset, sliding, static = configured.configured
-    numbers = configured.numbers.with_mean((spring, offset + offset_ma, sliding + sliding_ma, static + static_ma))
+    spring, offset, sliding, static, *others = configured.configured
+    mean = (spring, offset + offset_ma, sliding + sliding_ma, static + static_ma, *others)
+    numbers = configured.numbers.with_mean(mean)
     measured = replace(configured, numbers=numbers)
     assert measured.beside_configured_m(0.07, 0.09, 1.0) == pytest.approx(beside_ma / SPRING, abs=1e-12)
 
@@ -683,7 +684,8 @@ def test_a_light_stem_whose_lag_is_seen_to_be_absent_moves_as_without_one(
     way_m: float, more_lag_s: float, stage: Stage
 ) -> None:
     law = law_of(lag_s=0.1)
-    law = replace(law, stem=replace(law.stem, viscous=0.5 * law.stem.viscous))  # ζ = 0.57
+    stem = replace(law.judge.stem, viscous=0.5 * law.judge.stem.viscous)  # ζ = 0.57
+    law = replace(law, judge=replace(law.judge, stem=stem))
     memory, _ = standing(law, replace(law.begin(0.07), more_lag_s=more_lag_s), 0.07, 0.07 + way_m, 0.001)
     assert memory.move.stage is stage
 

@@ -233,7 +233,7 @@ class ConvergingLaw:
         """Return the memory after the reading has been compared with what the predictive law believes."""
         elapsed_s = observation.elapsed_s
         astray_m = _smoothed_m(memory.astray_m, observation.measured_m - stem.position_m, elapsed_s)
-        is_astray = abs(astray_m) > _MISS * self.span_m + _ASTRAY * self.quasi_static.sigma_m(stem.position_m)
+        is_astray = abs(astray_m) > _MISS * self.span_m + _ASTRAY * self.quasi_static.judge.sigma_m(stem.position_m)
         return replace(memory, astray_m=astray_m, astray_s=memory.astray_s + elapsed_s if is_astray else 0.0)
 
     def _timed(self, memory: ConvergingMemory, stem: StemState, time_s: float) -> ConvergingMemory:
@@ -388,5 +388,6 @@ def converging_law(
     reach_m, stem_s = valve.reach_m(*currents_ma), math.sqrt(valve.mass_kg / valve.spring_rate_n_per_m)
     late_s = valve.actuator.slower_lag_s + valve.actuator.dead_time_s
     is_coarse = late_s < _QUICK * stem_s and period_s > _COARSE * stem_s
+    is_coarse = is_coarse or quasi_static.braking is not None
     quasi_static = replace(quasi_static, keeps=is_coarse)  # else predictive moves teach the table
     return ConvergingLaw(name, predictive, quasi_static, valve.span_m, patience_s, reach_m, is_coarse)

@@ -24,8 +24,14 @@ from positioner.valve.gaussian import Gaussian, gaussian_of
 if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters
 
-_SPRING, _OFFSET, _SLIDING, _STATIC = range(4)
-"""Places of k, c, f_c and f_s in the Gaussian."""
+_SPRING, _OFFSET, _SLIDING, _STATIC, _LAG, _VISCOUS = range(6)
+"""Places of k, c, f_c, f_s, ln λ and ln ν in the Gaussian; λ and ν are lag and viscous friction over the configured."""
+_FORCES = 4
+"""The first four are those of a balance; only the whole way of a move shows the others."""
+_DOUBT_LAG, _DOUBT_VISCOUS = 0.12, 0.3
+"""σ of ln λ and ln ν: a configured lag is as sure as a spring; viscous friction is seldom measured."""
+_MOST_LOG = 0.7
+"""Of ln λ and ln ν: half or twice what is configured."""
 
 _DOUBT_SPRING = 0.12
 """σ of k over k: a configured spring rate and a configured area are each within 20 %, evenly: 0.2/√3 = 0.115 each."""
@@ -77,9 +83,10 @@ class Landing:
 
 @dataclass(frozen=True, slots=True)
 class ValveBelief:
-    """The Gaussian over k, c, f_c and f_s (mA/m and mA), the variance of a landing in mA², and the last landings.
+    """The Gaussian over k, c, f_c, f_s (mA/m and mA), ln λ and ln ν; variance and last ones of landings.
 
-    configured: k, c, f_c and f_s of the configuration. least_scatter_ma2: of the best packing.
+    scatter_ma2: variance of a landing; least_scatter_ma2: of one on the best packing. configured: the mean by what the
+    configuration says.
     """
 
     numbers: Gaussian
@@ -109,6 +116,16 @@ class ValveBelief:
         return self.numbers.mean[_STATIC]
 
     @property
+    def lag(self) -> float:
+        """The lag over what is configured."""
+        return math.exp(self.numbers.mean[_LAG])
+
+    @property
+    def lag_sigma(self) -> float:
+        """σ of the lag over the lag."""
+        return math.sqrt(self.numbers.variances[_LAG])
+
+    @property
     def jump_m(self) -> float:
         """The slip jump (F_s - F_c)/K: how far a stem slides at least once it is free."""
         return (self.static_ma - self.sliding_ma) / self.spring_ma_per_m
@@ -128,7 +145,8 @@ class ValveBelief:
     @property
     def differs(self) -> bool:
         """Whether the valve is certainly another one than the configured one."""
-        numbers = zip(self.numbers.mean, self.configured, self.numbers.variances, strict=True)
+        forces = (self.numbers.mean[:_FORCES], self.configured[:_FORCES], self.numbers.variances[:_FORCES])
+        numbers = zip(*forces, strict=True)
         for place, (now, told, variance) in enumerate(numbers):
             doubt = _CERTAINLY * math.sqrt(variance)
             if abs(now - told) > (_OTHER_MA if place == _OFFSET else _OTHER * told + _FRICTION_MA) + doubt:
@@ -189,7 +207,7 @@ class ValveBelief:
         """Return why a move from one place to another begins, with what is believed of the valve, as forces."""
         spring, offset, sliding, static = (
             (gain_n_per_ma * mean, gain_n_per_ma * math.sqrt(variance))
-            for mean, variance in zip(self.numbers.mean, self.numbers.variances, strict=True)
+            for mean, variance in zip(self.numbers.mean[:_FORCES], self.numbers.variances[:_FORCES], strict=True)
         )
         believed = Believed(spring, offset, static, sliding, self.landing_sigma_m(target_m, direction))
         return MoveReason(target_m - start_m, Breakaway(self.freeing_ma(start_m, direction)), target_m, believed)
@@ -225,7 +243,7 @@ class ValveBelief:
             seen_ma2 = min(max(square_ma2 - known_ma2, 0.0), _MOST_SCATTER * scatter_ma2)
             scatter_ma2 = max(scatter_ma2 + _FORGOTTEN * (seen_ma2 - scatter_ma2), self.least_scatter_ma2)
         numbers = numbers.updated(line, innovation_ma, noise_ma2 + self.scatter_ma2 + doubt_ma2)
-        return replace(self, numbers=self._within(numbers), scatter_ma2=scatter_ma2, landings=landings)
+        return replace(self, numbers=self.within(numbers), scatter_ma2=scatter_ma2, landings=landings)
 
     def held(self, position_m: float, direction: float, pressure_ma: float) -> ValveBelief:
         """Return the belief after a stem has not moved under a pressure that pushed in `direction`."""
@@ -241,16 +259,17 @@ class ValveBelief:
         if numbers.expected(line) - bound_ma > _BELIEVED * math.sqrt(numbers.variance(line)):
             return self
         doubt_ma = _BOUND_OF_STATIC * self.static_ma + _BOUND_MA
-        return replace(self, numbers=self._within(numbers.bounded(line, bound_ma, doubt_ma * doubt_ma)))
+        return replace(self, numbers=self.within(numbers.bounded(line, bound_ma, doubt_ma * doubt_ma)))
 
-    def _within(self, numbers: Gaussian) -> Gaussian:
+    def within(self, numbers: Gaussian) -> Gaussian:
         """Return the numbers with a mean that a valve may have."""
-        spring, offset, sliding, static = numbers.mean
+        spring, offset, sliding, static, lag, viscous = numbers.mean
+        lag, viscous = min(max(lag, -_MOST_LOG), _MOST_LOG), min(max(viscous, -_MOST_LOG), _MOST_LOG)
         configured = self.configured[_SPRING]
         spring = min(max(spring, _LEAST_SPRING * configured), _MOST_SPRING * configured)
         sliding = max(sliding, 0.0)
         static = max(static, sliding * _LEAST_RATIO + _LEAST_GAP_MA)
-        return numbers.with_mean((spring, offset, sliding, static))
+        return numbers.with_mean((spring, offset, sliding, static, lag, viscous))
 
 
 def belief_of(valve: ValveParameters) -> ValveBelief:
@@ -263,7 +282,9 @@ def belief_of(valve: ValveParameters) -> ValveBelief:
         _DOUBT_OFFSET_MA,
         _DOUBT_FRICTION * sliding + _FRICTION_MA,
         _DOUBT_FRICTION * static + _FRICTION_MA,
+        _DOUBT_LAG,
+        _DOUBT_VISCOUS,
     )
     scatter_ma = _SCATTER * sliding + _SCATTER_MA
-    numbers = gaussian_of((spring, offset, sliding, static), sigmas)
+    numbers = gaussian_of((spring, offset, sliding, static, 0.0, 0.0), sigmas)
     return ValveBelief(numbers, scatter_ma * scatter_ma, numbers.mean, scatter_ma * scatter_ma)

@@ -10,6 +10,9 @@ if TYPE_CHECKING:
     from positioner.laws.quasi_static.belief import ValveBelief
     from positioner.laws.quasi_static.move import Stage, Step
     from positioner.laws.quasi_static.rest import Noise, Rest
+    from positioner.laws.quasi_static.slip import SlipPlan
+    from positioner.laws.quasi_static.study import Way
+    from positioner.laws.quasi_static.track import Track
     from positioner.valve.pressure import PressureState
     from positioner.valve.stiction import LearnedSample
 
@@ -22,7 +25,8 @@ class Move:
     stem was, and the variance of that. boost_ma, boosted: the limit, and for how many samples more it is commanded.
     inertia_m: how far mass was expected to carry the stem beyond its balance, with the sign of the direction.
     margin_m: how far from its target a move away may end. since_s: its age. area_m_s: the integral of the readings from
-    where it began. is_hurried: it began at the limit of the current.
+    where it began. is_hurried: it began at the limit of the current. slip: of a braked move; sent: its samples,
+    counted anew from the brake on.
     """
 
     stage: Stage | None
@@ -40,6 +44,30 @@ class Move:
     since_s: float = 0.0
     area_m_s: float = 0.0
     is_hurried: bool = False
+    slip: SlipPlan | None = None
+    sent: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Braked:
+    """What braked moves carry.
+
+    planned_m2, reading_m2: variance of stops that are planned, and of those that are braked by reading. from_m: how far
+    away from the setpoint the latter begin. way: of the move; track: of a braked one.
+    """
+
+    planned_m2: float = 0.0
+    reading_m2: float = 0.0
+    from_m: float = 0.0
+    way: Way | None = None
+    track: Track | None = None
+
+    def missed(self, missed_m: float, *, by_reading: bool) -> Braked:
+        """Return this after a stop that was so far from its place that nothing else is to be learned of it."""
+        square_m2 = missed_m * missed_m
+        if by_reading:
+            return replace(self, reading_m2=max(self.reading_m2, square_m2))
+        return replace(self, planned_m2=max(self.planned_m2, square_m2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +83,7 @@ class QuasiStaticMemory:
     shown it; hurries: and it was no shorter than believed. carried: where a resting stem was before it moved under a
     current that stood still, and the variance of that; None if it has not moved. has_read: the stiction table, at the
     start; lessons: what it is to learn. unpushed: the belief before the pushes in vain while no move has shown the lag.
+    braked: what braked moves carry.
     """
 
     belief: ValveBelief
@@ -80,6 +109,7 @@ class QuasiStaticMemory:
     failed: int = 0
     carried: tuple[float, float] | None = None
     unpushed: ValveBelief | None = None
+    braked: Braked = Braked()
     has_read: bool = False
     lessons: tuple[LearnedSample, ...] = ()
 
@@ -94,6 +124,7 @@ class QuasiStaticMemory:
             more_lag_s=before.more_lag_s,
             is_lag_known=before.is_lag_known,
             unpushed=before.unpushed,
+            braked=replace(before.braked, way=None, track=None),
             has_read=before.has_read,
         )
 

@@ -69,6 +69,8 @@ class Stage(Enum):
     """To where the next move can begin."""
     LAND = "land"
     """To the setpoint."""
+    SLIP = "slip"
+    """To the setpoint, and braked on the way."""
     RETURN = "return"
     """Of the pressure to the middle of the stick band; the stem stays."""
 
@@ -116,17 +118,17 @@ class Limits:
 
 
 def steps_to(
-    belief: ValveBelief, limits: Limits, position_m: float, setpoint_m: float, through: float
+    belief: ValveBelief, limits: Limits, position_m: float, setpoint_m: float, through: float, from_m: float = 0.0
 ) -> tuple[Step, ...]:
     """Return the moves of the shortest way to a setpoint that the currents allow, with what a miss would add to it.
 
-    through: the slip jumps from which on a stem slides through.
+    through: the slip jumps from which on a stem slides through. from_m: how far away the last move begins at least.
     """
     best: tuple[Step, ...] = ()
     steps: tuple[Step, ...]
     least = math.inf
     jump_m, doubt_m, missed_m = belief.jump_m, belief.jump_doubt_m, _MISSED * (limits.high_m - limits.low_m)
-    begins_m = (through + _AWAY) * jump_m + doubt_m + _MORE_M
+    begins_m = max((through + _AWAY) * jump_m + doubt_m + _MORE_M, from_m)
     for direction in (1.0, -1.0):
         land = Step(Stage.LAND, setpoint_m, direction)
         excess = _BEYOND * limits.excess_ma(belief.landing_ma(setpoint_m, direction))

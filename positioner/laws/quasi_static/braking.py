@@ -1,0 +1,267 @@
+"""Braked moves behind a pressure that lags: when one is made, when its brake begins, and what it teaches. Pure.
+
+A move is braked (`slip`) where its stop is sure, or where its readings say when to brake: then enough of the way must
+be left once the stem is seen to move, and a setpoint that is nearer is approached from farther away. Where the valve is
+not known well enough yet, moves are quasi-static.
+
+The whole way of each move teaches (`study`). A braked stop that was missed makes the next ones less sure, until it is
+one quasi-static move after the other; each new setpoint forgets some of that.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from positioner.laws.quasi_static.judging import CERTAIN
+from positioner.laws.quasi_static.memory import Braked
+from positioner.laws.quasi_static.move import Stage, tolerance_m
+from positioner.laws.quasi_static.slip import Task, numbers_of, shortest_m, slip_plan, steered
+from positioner.laws.quasi_static.study import Study, Way
+from positioner.laws.quasi_static.track import Track
+from positioner.values import dataclass, replace
+from positioner.valve.actuator import left_of_lag
+from positioner.valve.rollout import Moving
+from positioner.valve.state import StemState
+
+if TYPE_CHECKING:
+    from positioner.laws.quasi_static.belief import ValveBelief
+    from positioner.laws.quasi_static.judging import Judge
+    from positioner.laws.quasi_static.memory import Move, QuasiStaticMemory
+    from positioner.laws.quasi_static.move import Limits
+    from positioner.laws.quasi_static.slip import SlipPlan
+    from positioner.valve.pressure import PressureState
+    from positioner.valve.rollout import Plant, Rollout
+
+_FORGIVEN = 0.7
+"""Of the variance of braked stops each new setpoint forgets 30 %, so that they are tried again."""
+_SURPRISE, _NEWEST = 9.0, 0.3
+"""Squared miss over its variance from which on a braked stop is no longer what was believed; weight of the newest."""
+_OWN, _SURE, _CLOSE = 0.001, 0.01, 0.0003
+"""Of span: the least σ of a braked stop, the largest one with which it is tried, and how near it must be planned."""
+_BY_READING, _SURE_BY_READING = 0.005, 0.015
+"""Of span: σ of a stop that is braked by reading before one was seen, and the largest one with which it is tried."""
+_UNEXPLAINED, _DOUBTFUL = 1.0, 0.03
+"""A way that is farther from the rollout than its σ teaches nothing but that braked stops are off by 3 % of span."""
+_MOST_OF_WAY = 0.3
+"""A move that ends before 30 % of its way was stopped by something else."""
+_LAG_KNOWN = 0.1
+"""σ of ln λ below which a lag that looks longer is a force that came late."""
+_TOLERANCE, _WORTH = 0.5, 2.0
+"""A braked correction needs no way there and back: it is made at half the tolerance, and beyond two of its σ."""
+_LATE = 0.4
+"""Of √(m/K): readings that are older see the stem when its slip is half over. With 0.8 instead of 0.4, dead times and
+sensors' lags of some ms make braked moves miss (DESIGN.md, "Braked moves")."""
+_SEEN = 10.0
+"""Twice the σ of a reading, 5, that a stem must have moved to be seen."""
+_FARTHER, _FARTHEST = 1.1, 0.4
+"""A move that is braked by reading begins a tenth farther away than needed; beyond 40 % of span none does."""
+
+
+@dataclass(frozen=True, slots=True)
+class Braking:
+    """The constants of one valve. late_s: the age of a reading when the command that it leads to acts."""
+
+    judge: Judge
+    limits: Limits
+    plant: Plant
+    late_s: float
+
+    # -- before a move
+
+    def begun(self) -> Braked:
+        """Return what is carried at the start."""
+        sigma_m = _BY_READING * self.judge.valve.span_m
+        return Braked(reading_m2=sigma_m * sigma_m)
+
+    def aimed(self, memory: QuasiStaticMemory, setpoint_m: float) -> QuasiStaticMemory:
+        """Return the memory at a new setpoint."""
+        braked = memory.braked
+        planned_m2, reading_m2 = _FORGIVEN * braked.planned_m2, _FORGIVEN * braked.reading_m2
+        braked = replace(braked, planned_m2=planned_m2, reading_m2=reading_m2)
+        return self.prepared(replace(memory, braked=braked), setpoint_m)
+
+    def knows_lag(self, memory: QuasiStaticMemory) -> bool:
+        """Whether the whole way of a move has shown the lag."""
+        return memory.is_lag_known and memory.more_lag_s == 0.0 and memory.belief.lag_sigma < _LAG_KNOWN
+
+    def prepared(self, memory: QuasiStaticMemory, setpoint_m: float) -> QuasiStaticMemory:
+        """Return the memory with how far away a move to a setpoint must begin to be braked by its readings."""
+        braked, belief, from_m = memory.braked, memory.belief, 0.0
+        if memory.pressure is not None and self._may_read(memory):
+            rollout, rests = self.plant.rollout(numbers_of(belief.numbers.mean)), belief.balance_ma(setpoint_m)
+            task = self._task(belief, rollout.pressure.at_rest(rests), setpoint_m, setpoint_m + self.judge.valve.span_m)
+            if task is not None:
+                task = replace(task, hold_ma=self.limits.clipped(rests))
+                from_m = _FARTHER * shortest_m(rollout, task, self._seen_after(memory))
+        if from_m > _FARTHEST * self.judge.valve.span_m:
+            from_m = 0.0
+        return replace(memory, braked=replace(braked, from_m=from_m))
+
+    def plan(self, memory: QuasiStaticMemory, setpoint_m: float) -> tuple[SlipPlan, float] | None:
+        """Return the braked move to a setpoint and σ of its stop in m, None where there is none that is sure."""
+        pressure, belief, start_m = memory.pressure, memory.belief, self.judge.stem_m(memory)
+        if pressure is None or memory.more_lag_s != 0.0 or start_m == setpoint_m:
+            return None
+        task = self._task(belief, pressure, start_m, setpoint_m)
+        if task is None:
+            return None
+        span_m, theta = self.judge.valve.span_m, belief.numbers.mean
+        found = slip_plan(self.plant, theta, belief.local_ma(setpoint_m, task.direction), task, _CLOSE * span_m)
+        if found is None:
+            return None
+        if self._may_read(memory) and found.boosted >= found.stop.freed + self._seen_after(memory):
+            return replace(found, by_reading=True), math.sqrt(memory.braked.reading_m2)
+        variance_m2 = belief.numbers.variance(found.line) + belief.scatter_ma2 * found.line[1] * found.line[1]
+        sigma_m = math.sqrt(variance_m2 + memory.position_m2 + self._planned_m2(memory))
+        return (found, sigma_m) if sigma_m <= _SURE * span_m else None
+
+    def _task(self, belief: ValveBelief, pressure: PressureState, start_m: float, target_m: float) -> Task | None:
+        """Return the task of a move, None where the pressure does not lag."""
+        actuator, upwards = self.judge.valve.actuator, target_m > start_m
+        rises_s, falls_s = (belief.lag * actuator.lag_s(fills=fills) for fills in (upwards, not upwards))
+        if min(rises_s, falls_s) <= 0.0:
+            return None
+        boost_ma, brake_ma = self.limits.high_ma, self.limits.low_ma
+        if not upwards:
+            boost_ma, brake_ma = brake_ma, boost_ma
+        hold_ma = self.limits.clipped(belief.balance_ma(target_m))
+        return Task(pressure, start_m, target_m, boost_ma, brake_ma, hold_ma, rises_s, falls_s, self.judge.period_s)
+
+    def _may_read(self, memory: QuasiStaticMemory) -> bool:
+        """Whether readings come in time to say when to brake, and have said it well."""
+        most_m = _SURE_BY_READING * self.judge.valve.span_m
+        is_late = self.late_s > _LATE * math.sqrt(self.judge.stem.mass / memory.belief.spring_ma_per_m)
+        return self.knows_lag(memory) and not is_late and memory.braked.reading_m2 <= most_m * most_m
+
+    def _seen_after(self, memory: QuasiStaticMemory) -> int:
+        """Return after how many samples a stem that is freed is seen to move.
+
+        With the acceleration a of the first instant it has moved 5 σ of the mean of n readings, 5 s/√n, once
+        a (n T)²/2 is as much: n = (10 s/(a T²))^0.4. One sample more passes until the command acts.
+        """
+        belief, period_s = memory.belief, self.judge.period_s
+        acceleration = (belief.static_ma - belief.sliding_ma) / self.judge.stem.mass
+        samples: float = (_SEEN * self.judge.noise_m(memory) / (acceleration * period_s * period_s)) ** 0.4
+        return 1 + math.ceil(samples)
+
+    def _planned_m2(self, memory: QuasiStaticMemory) -> float:
+        """Return the variance of a planned stop, beside what is not known of the valve."""
+        least_m = _OWN * self.judge.valve.span_m
+        return max(memory.braked.planned_m2, least_m * least_m)
+
+    def is_worth_it(self, memory: QuasiStaticMemory, setpoint_m: float) -> bool:
+        """Whether a braked move corrects an error that was just seen."""
+        if memory.move.stage is None:
+            return False
+        error_m = abs(setpoint_m - self.judge.stem_m(memory))
+        tolerable_m = _TOLERANCE * tolerance_m(self.judge.valve.span_m, memory.tries)
+        if error_m <= max(tolerable_m, CERTAIN * math.sqrt(memory.position_m2)):
+            return False
+        found = self.plan(memory, setpoint_m)
+        return found is not None and error_m > _WORTH * found[1]
+
+    def with_way(self, memory: QuasiStaticMemory, *, goes_on: bool) -> QuasiStaticMemory:
+        """Return the memory of a move that begins; goes_on: the stem may still be on its way."""
+        pressure = memory.pressure
+        way = None if goes_on or pressure is None else Way(pressure, memory.move.start_m)
+        return replace(memory, braked=replace(memory.braked, way=way, track=None))
+
+    def with_track(self, memory: QuasiStaticMemory, plan: SlipPlan) -> QuasiStaticMemory:
+        """Return the memory of a braked move that begins."""
+        task, belief = plan.task, memory.belief
+        push_ma2 = belief.numbers.variance((task.target_m, 1.0, task.direction, 0.0)) + belief.scatter_ma2
+        moving = Moving(task.pressure, StemState(task.start_m, 0.0, True, task.direction))
+        memory = self.with_way(memory, goes_on=False)
+        return replace(memory, braked=replace(memory.braked, track=Track(moving, memory.position_m2, pp=push_ma2)))
+
+    # -- on the way
+
+    def read(self, memory: QuasiStaticMemory, measured_m: float) -> QuasiStaticMemory:
+        """Return the memory with the reading of a moving stem."""
+        move, braked, way, track = memory.move, memory.braked, memory.braked.way, memory.braked.track
+        if move.slip is not None and track is not None:
+            variance_m2, worth = memory.noise.of(self.judge.sigma_m(measured_m))
+            track = track.after(self._rollout(memory), memory.sent_ma, measured_m, variance_m2 * worth, move.direction)
+        if way is not None and move.stage not in (None, Stage.RETURN):
+            way = way.read(memory.sent_ma, measured_m)
+        return replace(memory, braked=replace(braked, way=way, track=track))
+
+    def _rollout(self, memory: QuasiStaticMemory) -> Rollout:
+        move, belief = memory.move, memory.belief
+        local_ma = belief.local_ma(move.target_m, move.direction)
+        return self.plant.rollout(numbers_of(belief.numbers.mean, local_ma))
+
+    def sent(self, memory: QuasiStaticMemory, move: Move, plan: SlipPlan) -> tuple[Move, float]:
+        """Return the move, and the current in mA of its next sample."""
+        track, sent = memory.braked.track, move.sent
+        if not plan.is_braking and track is not None:
+            waits = plan.latest if plan.by_reading else plan.boosted
+            found: SlipPlan | None = None
+            if sent >= waits or not track.moving.stem.stuck:
+                found = steered(self._rollout(memory), plan, track.moving, sent)
+            if found is None:
+                return replace(move, sent=sent + 1), plan.task.boost_ma
+            plan, sent = found, 0
+        if sent >= len(plan.currents):
+            return replace(move, slip=plan), plan.task.hold_ma
+        return replace(move, slip=plan, sent=sent + 1), plan.currents[sent]
+
+    # -- after a move
+
+    def studied(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
+        """Return the memory with what the whole way of a move teaches, where the stem has gone most of it."""
+        way, belief, move, judge = memory.braked.way, memory.belief, memory.move, self.judge
+        memory = replace(memory, braked=replace(memory.braked, way=None))
+        if way is None or not way.is_whole or memory.more_lag_s != 0.0:
+            return memory
+        end_m, period_s = judge.stem_m(memory), judge.period_s
+        least_m = judge.least_m(math.sqrt(memory.position_m2 + move.start_m2))
+        way_m = move.direction * (move.target_m - way.start_m)
+        if move.direction * (end_m - way.start_m) < max(least_m, _MOST_OF_WAY * way_m):
+            return memory
+        variance_m2, worth = memory.noise.of(judge.sigma_m(memory.position_m))
+        left_of_sensor = left_of_lag(period_s, judge.valve.sensor_time_constant_s)
+        study = Study(self.plant, way, belief.local_ma(move.target_m, move.direction), left_of_sensor)
+        numbers, unexplained = study.of(belief.numbers, belief.within, end_m, variance_m2 * worth)
+        if unexplained > _UNEXPLAINED:
+            doubt_m = _DOUBTFUL * judge.valve.span_m
+            return replace(memory, braked=memory.braked.missed(doubt_m, by_reading=False))
+        return replace(memory, belief=replace(belief, numbers=numbers), is_lag_known=True, unpushed=None)
+
+    def slipped(self, memory: QuasiStaticMemory, plan: SlipPlan) -> QuasiStaticMemory:
+        """Return the memory with what the stop of a braked move teaches."""
+        move, belief, position_m = memory.move, memory.belief, self.judge.stem_m(memory)
+        if self.limits.holds(position_m, move.direction):
+            return memory
+        moved_m, sigma_m = position_m - move.start_m, math.sqrt(memory.position_m2 + move.start_m2)
+        if move.direction * moved_m <= self.judge.least_m(sigma_m):
+            braked = memory.braked.missed(move.target_m - move.start_m, by_reading=plan.by_reading)
+            memory = replace(memory, failed=memory.failed + 1, braked=braked)
+            if abs(moved_m) < self.judge.least_m(sigma_m):
+                return memory.held(belief.held(position_m, move.direction, plan.stop.peak_ma))
+            return memory
+        memory = replace(memory, failed=0)
+        if plan.by_reading:
+            return self._read_stop(memory, position_m - move.target_m)
+        return self._planned_stop(memory, plan, position_m - plan.stop.position_m)
+
+    def _read_stop(self, memory: QuasiStaticMemory, missed_m: float) -> QuasiStaticMemory:
+        """Return the memory after a stop that was braked by reading."""
+        least_m, square_m2, now_m2 = _OWN * self.judge.valve.span_m, missed_m * missed_m, memory.braked.reading_m2
+        after_m2 = square_m2 if square_m2 > _SURPRISE * now_m2 else now_m2 + _NEWEST * (square_m2 - now_m2)
+        return replace(memory, braked=replace(memory.braked, reading_m2=max(after_m2, least_m * least_m)))
+
+    def _planned_stop(self, memory: QuasiStaticMemory, plan: SlipPlan, missed_m: float) -> QuasiStaticMemory:
+        """Return the memory after a stop that was planned: it is a measurement of the valve."""
+        belief, own_m2, square_m2 = memory.belief, self._planned_m2(memory), missed_m * missed_m
+        scatter_m2 = belief.scatter_ma2 * plan.line[1] * plan.line[1]
+        variance_m2 = memory.position_m2 + memory.move.start_m2 + own_m2 + scatter_m2
+        total_m2 = belief.numbers.variance(plan.line) + variance_m2
+        if square_m2 > _SURPRISE * total_m2:
+            variance_m2, planned_m2 = variance_m2 + square_m2, square_m2
+        else:
+            planned_m2 = own_m2 + _NEWEST * (max(square_m2 - total_m2 + own_m2, 0.0) - own_m2)
+        numbers = belief.within(belief.numbers.updated(plan.line, missed_m, variance_m2))
+        braked = replace(memory.braked, planned_m2=planned_m2)
+        return replace(memory, braked=braked, belief=replace(belief, numbers=numbers))

@@ -1,0 +1,212 @@
+"""A move whose pressure rises as fast as it can and falls again in time for the stem to stop at its target. Pure.
+
+The current stays at its limit, then at the other one until the pressure is in the middle of the stick band of the
+target, and then there. How long it stays at the first one decides where the stem stops, and is found by bisection on
+the rollout (`valve.rollout`). While the stem follows the pressure this is the time-optimal move, and it may be shorter
+than the slip jump. Its stop depends on lag and viscous friction, too, and its σ says how sure it is.
+
+On the way the readings say when to brake (`steered`): a move of which enough is left when its stem is seen to move
+needs no certain friction.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from positioner.values import dataclass, replace
+from positioner.valve.rollout import Moving, Numbers
+from positioner.valve.state import StemState
+
+if TYPE_CHECKING:
+    from positioner.valve.pressure import PressureState
+    from positioner.valve.rollout import Plant, Rollout
+
+DIFFERENCES = (0.01, 0.02, 0.02, 0.02, 0.02, 0.05)
+"""Steps of the derivatives by k (relative), c, f_c, f_s (mA), ln λ and ln ν: σ of what is known well."""
+_BISECTIONS, _PART_BISECTIONS = 18, 8
+"""Of eight lags to 0.03 ms at a lag of 1 s, and of a sample to 0.4 %."""
+_LONGEST = 4000
+"""Samples after which a motion is no longer computed: 4 s at 1 ms, a move behind a lag of 0.5 s."""
+_ARRIVED_MA = 0.05
+"""So near to its level the pressure no longer frees a stem that rests: a hundredth of F_s."""
+_LAGS = 8.0
+"""The pressure is at the limit after so many lags."""
+_CLOSE = 0.2
+"""Of the distance within which a stop counts as at the target: nearer than this, no better one is looked for."""
+_LATER = 4
+"""The brake comes at the latest a quarter later than planned: friction is seldom more than that beyond the believed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """From where to where, and with which currents: `boost_ma` frees the stem, `brake_ma` stops it, `hold_ma` holds it.
+
+    rises_s, falls_s: lags of the pressure on its way to the first and to the second.
+    """
+
+    pressure: PressureState
+    start_m: float
+    target_m: float
+    boost_ma: float
+    brake_ma: float
+    hold_ma: float
+    rises_s: float
+    falls_s: float
+    period_s: float
+
+    @property
+    def direction(self) -> float:
+        """Of the move, ±1."""
+        return 1.0 if self.target_m > self.start_m else -1.0
+
+    def currents(self, boost_s: float) -> tuple[float, ...]:
+        """Return the mean current in mA of each sample, until the pressure is where it is held; at least one."""
+        peak_ma = self.boost_ma + (self.pressure.pressure_ma - self.boost_ma) * math.exp(-boost_s / self.rises_s)
+        gap_ma = self.hold_ma - self.brake_ma
+        over = (peak_ma - self.brake_ma) / gap_ma if abs(gap_ma) > _ARRIVED_MA else 1.0
+        ends_s = boost_s + (self.falls_s * math.log(over) if over > 1.0 else 0.0)
+        found: list[float] = []
+        for sample in range(math.ceil(ends_s / self.period_s - 1e-9)):
+            begin_s, end_s = sample * self.period_s, (sample + 1) * self.period_s
+            boosts_s = max(min(end_s, boost_s) - begin_s, 0.0)
+            brakes_s = max(min(end_s, ends_s) - max(begin_s, boost_s), 0.0)
+            holds_s = self.period_s - boosts_s - brakes_s
+            total = boosts_s * self.boost_ma + brakes_s * self.brake_ma + holds_s * self.hold_ma
+            found.append(total / self.period_s)
+        return tuple(found) or (self.hold_ma,)
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Where a stem stops; in which sample it was freed, -1 if not; whether it then rests; the pressure's peak in mA."""
+
+    position_m: float
+    freed: int
+    is_held: bool
+    peak_ma: float
+
+
+@dataclass(frozen=True, slots=True)
+class SlipPlan:
+    """A braked move: its stop, and how that depends on k, c, f_c, f_s, ln λ and ln ν.
+
+    currents: of the samples, at first as planned; from the brake on, those that the readings have led to. boosted:
+    samples before the brake. by_reading: nothing but readings says when to brake. is_braking: the brake has begun.
+    """
+
+    task: Task
+    currents: tuple[float, ...]
+    boosted: int
+    stop: Stop
+    line: tuple[float, ...]
+    by_reading: bool = False
+    is_braking: bool = False
+
+    @property
+    def latest(self) -> int:
+        """The sample at which the brake comes at the latest."""
+        later = self.boosted + self.boosted // _LATER + 2
+        return later + self.stop.freed if self.by_reading else later
+
+
+def numbers_of(theta: tuple[float, ...], local_ma: float = 0.0) -> Numbers:
+    """Return the numbers of θ = (k, c, f_c, f_s, ln λ, ln ν); local_ma: what the friction near the target adds to c."""
+    spring, offset, sliding, static, lag, viscous = theta
+    return Numbers(spring, offset + local_ma, sliding, static, math.exp(lag), math.exp(viscous))
+
+
+def beside(theta: tuple[float, ...], place: int, differences: tuple[float, ...]) -> tuple[float, tuple[float, ...]]:
+    """Return a step of one of the numbers, and θ with that step; the step of k is relative."""
+    change = differences[place] * theta[0] if place == 0 else differences[place]
+    return change, (*theta[:place], theta[place] + change, *theta[place + 1 :])
+
+
+def stop_of(rollout: Rollout, task: Task, currents: tuple[float, ...], begun: Moving | None = None) -> Stop:
+    """Return where the stem stops under these currents; begun: where it is now, at rest at the start if None."""
+    direction, static_ma = task.direction, rollout.numbers.static_ma
+    moving = begun or Moving(task.pressure, StemState(task.start_m, 0.0, True, direction))
+    peak_ma, freed, stopped = direction * moving.pressure.pressure_ma, -1 if moving.stem.stuck else 0, False
+    all_sent = len(currents) + rollout.pressure.waiting // rollout.steps
+    for sample in range(_LONGEST):
+        moving = rollout.after(moving, currents[sample] if sample < len(currents) else task.hold_ma)
+        stem, pressure_ma = moving.stem, moving.pressure.pressure_ma
+        peak_ma = max(peak_ma, direction * pressure_ma)
+        if stopped and not stem.stuck:
+            return Stop(stem.position_m, freed, False, direction * peak_ma)
+        if freed < 0 and stem.position_m != task.start_m:
+            freed = sample
+        stopped = freed >= 0 and stem.stuck
+        if stem.stuck and sample >= all_sent and abs(pressure_ma - task.hold_ma) < min(_ARRIVED_MA, static_ma):
+            return Stop(stem.position_m, freed, True, direction * peak_ma)
+    return Stop(moving.stem.position_m, freed, False, direction * peak_ma)
+
+
+def _beyond_m(stop: Stop, task: Task) -> float:
+    """Return how far beyond its target a stem stops; one that is not freed is short of it."""
+    return task.direction * (stop.position_m - task.target_m) if stop.freed >= 0 else -math.inf
+
+
+def slip_plan(plant: Plant, theta: tuple[float, ...], local_ma: float, task: Task, within_m: float) -> SlipPlan | None:
+    """Return the move that stops at its target, None where no move stops within `within_m` of it.
+
+    Args:
+        plant: the configured valve.
+        theta: k, c, f_c, f_s, ln λ and ln ν.
+        local_ma: what the friction near the target adds to c.
+        task: the move.
+        within_m: how far from the target it may stop.
+    """
+    rollout = plant.rollout(numbers_of(theta, local_ma))
+    low_s, high_s = 0.0, _LAGS * task.rises_s + 4.0 * task.period_s
+    best, boost_of_s = Stop(math.inf, -1, False, 0.0), 0.0
+    for _ in range(_BISECTIONS):
+        boost_s = 0.5 * (low_s + high_s)
+        stop = stop_of(rollout, task, task.currents(boost_s))
+        beyond_m = _beyond_m(stop, task)
+        if beyond_m < 0.0:
+            low_s = boost_s
+        else:
+            high_s = boost_s
+        if abs(beyond_m) < abs(best.position_m - task.target_m):
+            best, boost_of_s = stop, boost_s
+            if abs(beyond_m) < _CLOSE * within_m:
+                break
+    if not best.is_held or abs(best.position_m - task.target_m) > within_m:
+        return None
+    currents = task.currents(boost_of_s)
+    line: list[float] = []
+    for place in range(len(theta)):
+        change, higher = beside(theta, place, DIFFERENCES)
+        _, lower = beside(theta, place, tuple([-difference for difference in DIFFERENCES]))
+        up, down = (stop_of(plant.rollout(numbers_of(one, local_ma)), task, currents) for one in (higher, lower))
+        line.append((up.position_m - down.position_m) / (2.0 * change))
+    return SlipPlan(task, currents, int(boost_of_s / task.period_s), best, tuple(line))
+
+
+def shortest_m(rollout: Rollout, task: Task, seen: int) -> float:
+    """Return the way of a stem that is braked `seen` samples after it was freed; inf if it is not freed."""
+    whole = stop_of(rollout, task, (task.boost_ma,) * int(_LAGS * task.rises_s / task.period_s + 1.0))
+    if whole.freed < 0:
+        return math.inf
+    stop = stop_of(rollout, task, task.currents((whole.freed + seen) * task.period_s))
+    return abs(stop.position_m - task.start_m)
+
+
+def steered(rollout: Rollout, plan: SlipPlan, moving: Moving, sent: int) -> SlipPlan | None:
+    """Return the plan from the brake on, for a stem that is here after `sent` samples; None where that is for later."""
+    task = replace(plan.task, pressure=moving.pressure)
+    longer = stop_of(rollout, task, task.currents(task.period_s), moving)
+    if _beyond_m(longer, task) < 0.0 and sent < plan.latest:
+        return None
+    low, high, part = 0.0, 1.0, 0.0
+    if moving.stem.stuck or _beyond_m(stop_of(rollout, task, task.currents(0.0), moving), task) <= 0.0:
+        for _ in range(_PART_BISECTIONS):
+            part = 0.5 * (low + high)
+            if _beyond_m(stop_of(rollout, task, task.currents(part * task.period_s), moving), task) < 0.0:
+                low = part
+            else:
+                high = part
+    currents = task.currents(part * task.period_s)
+    stop = stop_of(rollout, task, currents, moving)
+    return replace(plan, currents=currents, stop=replace(stop, peak_ma=plan.stop.peak_ma), is_braking=True)

@@ -1,0 +1,151 @@
+"""What the whole way of a move teaches: spring, offset, friction, lag and viscous friction in one step. Pure.
+
+The rollout of `valve.rollout` says where the stem is at each reading, for each value of the numbers
+
+    θ = (k, c, f_c, f_s, ln λ, ln ν),    λ, ν: lag and viscous friction over what is configured.
+
+Readings z of the way, in at most 64 blocks, are a measurement z = h(θ) + noise. What is believed of θ is a Gaussian, so
+θ is found by Gauss-Newton steps from it (iterated extended Kalman filter, Bell and Cathey 1993), with derivatives of
+the rollout by differences.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from positioner.laws.quasi_static.slip import DIFFERENCES, beside, numbers_of
+from positioner.values import dataclass, replace
+from positioner.valve.rollout import Moving
+from positioner.valve.state import StemState
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from positioner.valve.gaussian import Gaussian
+    from positioner.valve.pressure import PressureState
+    from positioner.valve.rollout import Plant
+
+_BLOCKS = 64
+"""Of readings; when they are full, two become one."""
+_MOST_RUNS = 400
+"""Changes of the current in one move; a move with more of them is not studied."""
+_STEPS = 3
+"""Gauss-Newton steps; after three the mean no longer changes by more than a tenth of σ."""
+_OWN_M, _OWN = 0.0005, 0.05
+"""σ of the rollout itself: 0.5 mm, and 5 % of the way, for what it does not know (Stribeck friction, flow, forces)."""
+_LEAST, _MORE = 0.1, 2.0
+"""What the way itself shows of the rollout's σ counts, at least a tenth of what was expected; twice its variance, since
+the numbers were fitted to it."""
+_INDEPENDENT = 6.0
+"""What the rollout does not know is alike in neighbouring blocks: all of them count as six."""
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """What was commanded and read since a move began.
+
+    begun: the pressure then; start_m: the stem. runs: currents in mA, and for how many samples each. sums: of the
+    readings in each block; size: readings in a block; filled: in the last one.
+    """
+
+    begun: PressureState
+    start_m: float
+    runs: tuple[tuple[float, int], ...] = ()
+    sums: tuple[float, ...] = ()
+    size: int = 1
+    filled: int = 1
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all of it was kept."""
+        return len(self.runs) < _MOST_RUNS
+
+    def read(self, current_ma: float, measured_m: float) -> Way:
+        """Return the way after a sample under a current, at whose end a reading came."""
+        if not self.is_whole:
+            return self
+        runs, sums, size = self.runs, self.sums, self.size
+        if runs and runs[-1][0] == current_ma:
+            runs = (*runs[:-1], (current_ma, runs[-1][1] + 1))
+        else:
+            runs = (*runs, (current_ma, 1))
+        if self.filled < size and sums:
+            return replace(self, runs=runs, sums=(*sums[:-1], sums[-1] + measured_m), filled=self.filled + 1)
+        if len(sums) == _BLOCKS:
+            sums, size = tuple([sums[i] + sums[i + 1] for i in range(0, _BLOCKS, 2)]), 2 * size
+        return replace(self, runs=runs, sums=(*sums, measured_m), size=size, filled=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """One way, and how it was seen.
+
+    local_ma: what the friction near its end takes more than that of the whole valve. left_of_sensor: e^(-T/τ) of the
+    sensor's lag.
+    """
+
+    plant: Plant
+    way: Way
+    local_ma: float
+    left_of_sensor: float
+
+    def of(
+        self, numbers: Gaussian, within: Callable[[Gaussian], Gaussian], end_m: float, reading_m2: float
+    ) -> tuple[Gaussian, float]:
+        """Return what is believed after a move, and the mean square of what is left of its way, in variances of it.
+
+        Args:
+            numbers: θ before the move.
+            within: puts a mean inside its limits.
+            end_m: where the stem rests.
+            reading_m2: variance of a reading.
+        """
+        noise_m2, own_m = reading_m2 / self.way.size, _OWN_M + _OWN * abs(end_m - self.way.start_m)
+        least_m2, own_m2, found = (_LEAST * own_m) ** 2, own_m * own_m, numbers
+        for _ in range(_STEPS):
+            found = within(self._stepped(numbers, found.mean, noise_m2 + own_m2))
+        left_m2 = self._left_m2(found.mean)
+        shown_m2 = min(max(_MORE * (left_m2 - noise_m2), least_m2), own_m2)
+        found = within(self._stepped(numbers, found.mean, noise_m2 + shown_m2))
+        return found, left_m2 / (noise_m2 + own_m2)
+
+    def blocks(self, theta: tuple[float, ...]) -> list[float]:
+        """Return the means of the full blocks as θ has them."""
+        rollout, way = self.plant.rollout(numbers_of(theta, self.local_ma)), self.way
+        moving = Moving(way.begun, StemState(way.start_m, 0.0, True, 1.0))
+        found: list[float] = []
+        total_m, filled, seen_m = 0.0, 0, way.start_m
+        for current_ma, count in way.runs:
+            for _ in range(count):
+                moving = rollout.after(moving, current_ma)
+                seen_m = moving.stem.position_m + (seen_m - moving.stem.position_m) * self.left_of_sensor
+                total_m, filled = total_m + seen_m, filled + 1
+                if filled == way.size:
+                    found.append(total_m / filled)
+                    total_m, filled = 0.0, 0
+        return found
+
+    def _left_m2(self, theta: tuple[float, ...]) -> float:
+        """Return the mean square in m² of what θ leaves of the way."""
+        total_m2, blocks = 0.0, self.blocks(theta)
+        for block, expected_m in enumerate(blocks):
+            miss_m = self.way.sums[block] / self.way.size - expected_m
+            total_m2 += miss_m * miss_m
+        return total_m2 / max(len(blocks), 1)
+
+    def _stepped(self, prior: Gaussian, theta: tuple[float, ...], variance_m2: float) -> Gaussian:
+        """Return what is believed after a Gauss-Newton step: the way is linear in θ around `theta`."""
+        nominal, columns = self.blocks(theta), []
+        for place in range(len(theta)):
+            change, higher = beside(theta, place, DIFFERENCES)
+            _, lower = beside(theta, place, tuple([-difference for difference in DIFFERENCES]))
+            ups, downs = self.blocks(higher), self.blocks(lower)
+            columns.append([(up - down) / (2.0 * change) for up, down in zip(ups, downs, strict=True)])
+        numbers, weight = prior, max(1.0, len(nominal) / _INDEPENDENT)
+        for block, expected_m in enumerate(nominal):
+            line = tuple([column[block] for column in columns])
+            innovation_m = self.way.sums[block] / self.way.size - expected_m
+            for place, slope in enumerate(line):
+                innovation_m += slope * (theta[place] - numbers.mean[place])
+            numbers = numbers.updated(line, innovation_m, variance_m2 * weight)
+        return numbers

@@ -33,11 +33,11 @@ class EulerValve:
             self._step(current_ma)
         return self.x
 
-    def play(self, currents_ma: Iterable[float], hold_ma: float, samples: int = 0) -> float:
-        """Return where the stem is after these currents and `samples` of the last one, eight lags and more if 0."""
+    def play(self, currents_ma: Iterable[float], hold_ma: float) -> float:
+        """Return where the stem is after these currents, and eight lags and 60 ms of the last one."""
         for current_ma in currents_ma:
             self.sample(current_ma)
-        for _ in range(samples or round((8.0 * max(self.fill_s, self.vent_s) + 0.06) / self.period_s)):
+        for _ in range(round((8.0 * max(self.fill_s, self.vent_s) + 0.06) / self.period_s)):
             self.sample(hold_ma)
         return self.x
 

@@ -85,7 +85,7 @@ class Gaussian:
         return Gaussian(tuple(mean), tuple(covariance))
 
     def _spread(self, line: tuple[float, ...]) -> tuple[float, ...]:
-        """Return Ph."""
+        """Return Ph; the numbers behind the end of a short line are not in it."""
         count = len(self.mean)
         found = []
         for row in range(count):

@@ -52,7 +52,7 @@ class PressureModel:
         return PressureState((current_ma,) * self.waiting, current_ma, current_ma)
 
     def with_lag(self, times: float) -> PressureModel:
-        """Return the model whose own lags are so many times as long."""
+        """Return the model whose own lags are so many times as long, above 0; dead time and converter stay."""
         power = 1.0 / times
         return replace(self, fill=self.fill**power, vent=self.vent**power)
 

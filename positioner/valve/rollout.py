@@ -29,7 +29,10 @@ _STEP_S = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Numbers:
-    """What a move depends on. K, F_0, F_c and F_s over B, in mA and m; factors of the configured lag and of F_v."""
+    """What a move depends on: K/B in mA/m, F_0/B, F_c/B and F_s/B in mA.
+
+    lag, viscous: above 0, factors of the configured lag and of F_v.
+    """
 
     spring_ma_per_m: float
     offset_ma: float
@@ -41,7 +44,10 @@ class Numbers:
 
 @dataclass(frozen=True, slots=True)
 class Moving:
-    """A stem and the pressure that moves it; shift_ma: what pushes it beside that, in this slip."""
+    """A stem and the pressure that moves it; shift_ma: what pushes it upwards beside that, in this slip.
+
+    The pressure's dead time is in steps of the `Plant`, not in samples.
+    """
 
     pressure: PressureState
     stem: StemState
@@ -50,7 +56,10 @@ class Moving:
 
 @dataclass(frozen=True, slots=True)
 class Plant:
-    """The configured valve, as far as `Numbers` do not say it: m/B, F_v/B, the actuator in steps of a sample."""
+    """The configured valve, as far as `Numbers` do not say it.
+
+    mass, viscous: m/B and F_v/B, in mA s²/m and mA s/m. actuator: in steps of `step_s`, of which a sample has `steps`.
+    """
 
     mass: float
     viscous: float

@@ -44,11 +44,11 @@ def theta_of(valve: ValveParameters) -> tuple[float, ...]:
     return belief_of(valve).numbers.mean
 
 
-def task_of(valve: ValveParameters, start_m: float, target_m: float, from_ma: float | None = None) -> Task:
-    """Return a move from rest, the pressure in the middle of the stick band or at `from_ma`."""
+def task_of(valve: ValveParameters, start_m: float, target_m: float) -> Task:
+    """Return a move from rest, the pressure in the middle of the stick band."""
     spring, offset, *_ = theta_of(valve)
     lag_s, model = valve.actuator.fill_time_constant_s, plant_of(valve, PERIOD_S, 0.0).actuator
-    at_ma = spring * start_m + offset if from_ma is None else from_ma
+    at_ma = spring * start_m + offset
     boost_ma, brake_ma = (20.0, 4.0) if target_m > start_m else (4.0, 20.0)
     hold_ma = spring * target_m + offset
     return Task(model.at_rest(at_ma), start_m, target_m, boost_ma, brake_ma, hold_ma, lag_s, lag_s, PERIOD_S)
@@ -116,21 +116,21 @@ def test_a_later_brake_means_a_longer_way() -> None:
 def moved(valve: ValveParameters, friction: float, noise_m: float, seed: int, *, steers: bool) -> float:
     """Return how far from its target a move of 14 mm ends where friction differs from what is believed."""
     task = task_of(valve, 0.07, 0.084)
-    plan, plant = replace(plan_of(valve, task), by_reading=True), plant_of(valve, PERIOD_S, 0.0)
-    rollout, true = plant.rollout(numbers_of(theta_of(valve))), EulerValve(valve, 0.07, task.pressure.pressure_ma)
+    plan = replace(plan_of(valve, task), by_reading=True)
+    true = EulerValve(valve, 0.07, task.pressure.pressure_ma)
     true.static, true.sliding = friction * true.static, friction * true.sliding
     if not steers:
         return true.play(plan.currents, task.hold_ma) - task.target_m
     chance = np.random.default_rng(seed)
     track, sent = Track(Moving(task.pressure, StemState(0.07, 0.0, True, 1.0)), 1e-9, pp=0.15), 0
     while not plan.is_braking:
-        found = steered(rollout, plan, track.moving, sent) if not track.moving.stem.stuck else None
+        found = steered(plan, track.moving, sent) if not track.moving.stem.stuck else None
         if found is not None:
             plan = found
             assert plan.stop.position_m == pytest.approx(task.target_m, abs=2e-4)  # by the rollout
             break
         read_m = true.sample(task.boost_ma) + noise_m * chance.normal()
-        track, sent = track.after(rollout, task.boost_ma, read_m, noise_m * noise_m, 1.0), sent + 1
+        track, sent = track.after(plan.rollout, task.boost_ma, read_m, noise_m * noise_m, 1.0), sent + 1
         assert sent < 400
     return true.play(plan.currents, task.hold_ma) - task.target_m
 

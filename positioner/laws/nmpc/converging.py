@@ -13,7 +13,7 @@ happens again; and as long as what it has measured says that a predictive move o
 the stem is freed or lands differs by more than 1 % of span, or is not known so well.
 A predictive move brakes the stem while it slides. Where a slip is over within a few samples there is nothing to brake
 by; if the pressure is quick, too, a quasi-static move does not take long, and the quasi-static law comes first at every
-setpoint (`ConvergingLaw.is_coarse`).
+setpoint (`ConvergingLaw.quasi_static_first`).
 A predictive correction is made where it pays (`laws.correction`), and after some moves to a setpoint where the next
 one is expected to halve the error, as they have ended: a correction is another slip, and takes the stem away before it
 brings it back.
@@ -136,8 +136,8 @@ class ConvergingMemory:
 class ConvergingLaw:
     """The law.
 
-    patience_s: how long a stem may be away from its setpoint. reach_m: where the configured valve can go. is_coarse:
-    quasi-static moves come first at each setpoint.
+    patience_s: how long a stem may be away from its setpoint. reach_m: where the configured valve can go.
+    quasi_static_first: quasi-static moves come first at each setpoint.
     """
 
     name: str
@@ -146,7 +146,7 @@ class ConvergingLaw:
     span_m: float
     patience_s: float
     reach_m: tuple[float, float]
-    is_coarse: bool
+    quasi_static_first: bool
 
     def begin(self, measured_m: float) -> ConvergingMemory:
         """Return the memory of a law that starts at this reading, in m."""
@@ -172,7 +172,7 @@ class ConvergingLaw:
             is_due = not memory.left and self._leads(memory)
             if memory.acting is Acting.QUASI_STATIC and is_due and memory.quasi_static.move.stage is None:
                 return self._predictive_begins(memory, Acting.PREDICTIVE, observation, table)
-            if memory.acting is not Acting.QUASI_STATIC and (memory.left or self.is_coarse):
+            if memory.acting is not Acting.QUASI_STATIC and (memory.left or self.quasi_static_first):
                 return self._quasi_static_begins(memory, observation, table)
         if memory.acting is Acting.QUASI_STATIC:
             quasi_static, decision = self.quasi_static.decide(memory.quasi_static, stem, observation, table)
@@ -303,7 +303,7 @@ class ConvergingLaw:
 
     def _leads(self, memory: ConvergingMemory) -> bool:
         """Return whether the configured model leads a predictive move to the setpoint, as far as has been measured."""
-        if self.is_coarse:
+        if self.quasi_static_first:
             return False
         belief, here_m, setpoint_m = memory.quasi_static.belief, memory.smooth_m, memory.dwell.setpoint_m
         direction, miss_m = 1.0 if setpoint_m > here_m else -1.0, _MISS * self.span_m
@@ -388,6 +388,6 @@ def converging_law(
     reach_m, stem_s = valve.reach_m(*currents_ma), math.sqrt(valve.mass_kg / valve.spring_rate_n_per_m)
     late_s = valve.actuator.slower_lag_s + valve.actuator.dead_time_s
     is_coarse = late_s < _QUICK * stem_s and period_s > _COARSE * stem_s
-    is_coarse = is_coarse or quasi_static.braking is not None
-    quasi_static = replace(quasi_static, keeps=is_coarse)  # else predictive moves teach the table
-    return ConvergingLaw(name, predictive, quasi_static, valve.span_m, patience_s, reach_m, is_coarse)
+    first = is_coarse or quasi_static.braking is not None
+    quasi_static = replace(quasi_static, keeps=first)  # else predictive moves teach the table
+    return ConvergingLaw(name, predictive, quasi_static, valve.span_m, patience_s, reach_m, first)

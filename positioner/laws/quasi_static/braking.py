@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from positioner.laws.quasi_static.move import Limits
     from positioner.laws.quasi_static.slip import SlipPlan
     from positioner.valve.pressure import PressureState
-    from positioner.valve.rollout import Plant, Rollout
+    from positioner.valve.rollout import Plant
 
 _FORGIVEN = 0.7
 """Of the variance of braked stops each new setpoint forgets 30 %, so that they are tried again."""
@@ -179,18 +179,16 @@ class Braking:
 
     def read(self, memory: QuasiStaticMemory, measured_m: float) -> QuasiStaticMemory:
         """Return the memory with the reading of a moving stem."""
-        move, braked, way, track = memory.move, memory.braked, memory.braked.way, memory.braked.track
-        if move.slip is not None and track is not None:
+        move, way, track = memory.move, memory.braked.way, memory.braked.track
+        if move.stage in (None, Stage.RETURN):
+            return memory
+        if move.slip is not None and track is not None and not move.slip.is_braking:  # a brake is not taken back
             variance_m2, worth = memory.noise.of(self.judge.sigma_m(measured_m))
-            track = track.after(self._rollout(memory), memory.sent_ma, measured_m, variance_m2 * worth, move.direction)
-        if way is not None and move.stage not in (None, Stage.RETURN):
+            reading_m2 = variance_m2 * worth
+            track = track.after(move.slip.rollout, memory.sent_ma, measured_m, reading_m2, move.direction)
+        if way is not None:
             way = way.read(memory.sent_ma, measured_m)
-        return replace(memory, braked=replace(braked, way=way, track=track))
-
-    def _rollout(self, memory: QuasiStaticMemory) -> Rollout:
-        move, belief = memory.move, memory.belief
-        local_ma = belief.local_ma(move.target_m, move.direction)
-        return self.plant.rollout(numbers_of(belief.numbers.mean, local_ma))
+        return replace(memory, braked=replace(memory.braked, way=way, track=track))
 
     def sent(self, memory: QuasiStaticMemory, move: Move, plan: SlipPlan) -> tuple[Move, float]:
         """Return the move, and the current in mA of its next sample."""
@@ -199,7 +197,7 @@ class Braking:
             waits = plan.latest if plan.by_reading else plan.boosted
             found: SlipPlan | None = None
             if sent >= waits or not track.moving.stem.stuck:
-                found = steered(self._rollout(memory), plan, track.moving, sent)
+                found = steered(plan, track.moving, sent)
             if found is None:
                 return replace(move, sent=sent + 1), plan.task.boost_ma
             plan, sent = found, 0

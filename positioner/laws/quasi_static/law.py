@@ -78,8 +78,6 @@ _TRACKING = 0.3
 """Weight of the newest reading in the position of a moving stem."""
 _SEEN, _OF_MOVE = 3.0, 0.25
 """σ of a lag, and the part of the move's length that it must be below for the move to show the lag."""
-_STEP_S = 1e-3
-"""Of the integration of a stem, whose time constants are some ms."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -442,11 +440,9 @@ def quasi_static_law(
         delay_s: from a reading until its command acts.
         brakes: whether braked moves are made behind a lag.
     """
-    gain, (low_ma, high_ma) = valve.force_gain_n_per_ma, currents_ma
-    steps = max(1, math.ceil(period_s / _STEP_S - 1e-9))
-    limits = Limits(low_ma, high_ma, valve.travel_min_m, valve.travel_max_m)
-    stem = Stem(valve.mass_kg / gain, valve.viscous_friction_n_s_per_m / gain, period_s / steps, steps)
+    plant, limits = plant_of(valve, period_s, delay_s), Limits(*currents_ma, valve.travel_min_m, valve.travel_max_m)
+    stem = Stem(plant.mass, plant.viscous, plant.step_s, plant.steps)
     judge, model = Judge(valve, estimator, stem, period_s), pressure_model(valve, period_s, delay_s)
     late_s = (model.waiting + 1) * period_s + valve.sensor_time_constant_s
-    braking = Braking(judge, limits, plant_of(valve, period_s, delay_s), late_s) if brakes else None
+    braking = Braking(judge, limits, plant, late_s) if brakes else None
     return QuasiStaticLaw("quasi-static", judge, limits, model, braking=braking)

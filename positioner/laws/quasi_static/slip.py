@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Plant, Rollout
 
-DIFFERENCES = (0.01, 0.02, 0.02, 0.02, 0.02, 0.05)
+_DIFFERENCES = (0.01, 0.02, 0.02, 0.02, 0.02, 0.05)
 """Steps of the derivatives by k (relative), c, f_c, f_s (mA), ln λ and ln ν: σ of what is known well."""
 _BISECTIONS, _PART_BISECTIONS = 18, 8
 """Of eight lags to 0.03 ms at a lag of 1 s, and of a sample to 0.4 %."""
@@ -91,11 +91,13 @@ class Stop:
 class SlipPlan:
     """A braked move: its stop, and how that depends on k, c, f_c, f_s, ln λ and ln ν.
 
-    currents: of the samples, at first as planned; from the brake on, those that the readings have led to. boosted:
-    samples before the brake. by_reading: nothing but readings says when to brake. is_braking: the brake has begun.
+    rollout: by which it was planned, and is steered. currents: of the samples, at first as planned; from the brake on,
+    those that the readings have led to. boosted: samples before the brake. by_reading: nothing but readings says when
+    to brake. is_braking: the brake has begun.
     """
 
     task: Task
+    rollout: Rollout
     currents: tuple[float, ...]
     boosted: int
     stop: Stop
@@ -116,10 +118,11 @@ def numbers_of(theta: tuple[float, ...], local_ma: float = 0.0) -> Numbers:
     return Numbers(spring, offset + local_ma, sliding, static, math.exp(lag), math.exp(viscous))
 
 
-def beside(theta: tuple[float, ...], place: int, differences: tuple[float, ...]) -> tuple[float, tuple[float, ...]]:
-    """Return a step of one of the numbers, and θ with that step; the step of k is relative."""
-    change = differences[place] * theta[0] if place == 0 else differences[place]
-    return change, (*theta[:place], theta[place] + change, *theta[place + 1 :])
+def both_sides(theta: tuple[float, ...], place: int) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
+    """Return a step of one of the numbers, and θ with that step up and down, for a central difference."""
+    change = _DIFFERENCES[place] * theta[0] if place == 0 else _DIFFERENCES[place]
+    before, after = theta[:place], theta[place + 1 :]
+    return change, (*before, theta[place] + change, *after), (*before, theta[place] - change, *after)
 
 
 def stop_of(rollout: Rollout, task: Task, currents: tuple[float, ...], begun: Moving | None = None) -> Stop:
@@ -177,11 +180,10 @@ def slip_plan(plant: Plant, theta: tuple[float, ...], local_ma: float, task: Tas
     currents = task.currents(boost_of_s)
     line: list[float] = []
     for place in range(len(theta)):
-        change, higher = beside(theta, place, DIFFERENCES)
-        _, lower = beside(theta, place, tuple([-difference for difference in DIFFERENCES]))
+        change, higher, lower = both_sides(theta, place)
         up, down = (stop_of(plant.rollout(numbers_of(one, local_ma)), task, currents) for one in (higher, lower))
         line.append((up.position_m - down.position_m) / (2.0 * change))
-    return SlipPlan(task, currents, int(boost_of_s / task.period_s), best, tuple(line))
+    return SlipPlan(task, rollout, currents, int(boost_of_s / task.period_s), best, tuple(line))
 
 
 def shortest_m(rollout: Rollout, task: Task, seen: int) -> float:
@@ -193,9 +195,9 @@ def shortest_m(rollout: Rollout, task: Task, seen: int) -> float:
     return abs(stop.position_m - task.start_m)
 
 
-def steered(rollout: Rollout, plan: SlipPlan, moving: Moving, sent: int) -> SlipPlan | None:
+def steered(plan: SlipPlan, moving: Moving, sent: int) -> SlipPlan | None:
     """Return the plan from the brake on, for a stem that is here after `sent` samples; None where that is for later."""
-    task = replace(plan.task, pressure=moving.pressure)
+    task, rollout = replace(plan.task, pressure=moving.pressure), plan.rollout
     longer = stop_of(rollout, task, task.currents(task.period_s), moving)
     if _beyond_m(longer, task) < 0.0 and sent < plan.latest:
         return None

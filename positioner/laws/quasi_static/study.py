@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from positioner.laws.quasi_static.slip import DIFFERENCES, beside, numbers_of
+from positioner.laws.quasi_static.slip import both_sides, numbers_of
 from positioner.values import dataclass, replace
 from positioner.valve.rollout import Moving
 from positioner.valve.state import StemState
@@ -137,8 +137,7 @@ class Study:
         """Return what is believed after a Gauss-Newton step: the way is linear in θ around `theta`."""
         nominal, columns = self.blocks(theta), []
         for place in range(len(theta)):
-            change, higher = beside(theta, place, DIFFERENCES)
-            _, lower = beside(theta, place, tuple([-difference for difference in DIFFERENCES]))
+            change, higher, lower = both_sides(theta, place)
             ups, downs = self.blocks(higher), self.blocks(lower)
             columns.append([(up - down) / (2.0 * change) for up, down in zip(ups, downs, strict=True)])
         numbers, weight = prior, max(1.0, len(nominal) / _INDEPENDENT)

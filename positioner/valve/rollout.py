@@ -13,18 +13,20 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from positioner.values import dataclass
+from positioner.values import dataclass, replace
 from positioner.valve.motion import Load, MotionModel
-from positioner.valve.pressure import PressureState, pressure_model
+from positioner.valve.pressure import pressure_model
 from positioner.valve.slide import Slide, slide_of
 from positioner.valve.state import StemState
 
 if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters
-    from positioner.valve.pressure import PressureModel
+    from positioner.valve.pressure import PressureModel, PressureState
 
 _STEP_S = 1e-3
 """A fifth of √(m/K) of the paper's valve, and less than a lag that matters."""
+_NEARLY_ONE = 0.999
+"""Of a longer lag the mean is a half to 1e-4, and the difference of two large numbers would say so no better."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +48,7 @@ class Numbers:
 class Moving:
     """A stem and the pressure that moves it; shift_ma: what pushes it upwards beside that, in this slip.
 
-    The pressure's dead time is in steps of the `Plant`, not in samples.
+    The pressure's dead time is in steps of the `Plant` (`Plant.in_steps`).
     """
 
     pressure: PressureState
@@ -67,24 +69,39 @@ class Plant:
     steps: int
     step_s: float
 
+    def in_steps(self, pressure: PressureState, lag: float) -> PressureState:
+        """Return a pressure whose dead time is counted in samples, rounded up, with the dead time counted in steps.
+
+        lag: as in `Numbers`; by the rounding the pressure has come farther.
+        """
+        line_ma = tuple([current_ma for current_ma in pressure.line_ma for _ in range(self.steps)])
+        acted = len(line_ma) - self.actuator.waiting
+        actuator, arrived = self.actuator.with_lag(lag), replace(pressure, line_ma=())
+        for current_ma in line_ma[:acted]:
+            arrived = actuator.after(arrived, current_ma)
+        return replace(arrived, line_ma=line_ma[acted:])
+
     def rollout(self, numbers: Numbers) -> Rollout:
         """Return the motion of the valve that has these numbers."""
         pressure = self.actuator.with_lag(numbers.lag)
+        filling, venting = (_part_of_mean(left**pressure.steps, pressure) for left in (pressure.fill, pressure.vent))
         motion = MotionModel(self.mass, 1.0, numbers.offset_ma)
         load = Load(numbers.spring_ma_per_m, numbers.sliding_ma, self.viscous * numbers.viscous)
         up, down = (slide_of(motion, load, direction, self.step_s, 0.0) for direction in (1.0, -1.0))
-        return Rollout(pressure, self.steps, numbers, up, down)
+        return Rollout(pressure, self.steps, numbers, up, down, filling, venting)
 
 
 @dataclass(frozen=True, slots=True)
 class Rollout:
-    """The motion of a valve, sample by sample."""
+    """The motion of a valve, sample by sample; filling, venting: the part of a step's change in its mean."""
 
     pressure: PressureModel
     steps: int
     numbers: Numbers
     up: Slide
     down: Slide
+    filling: float
+    venting: float
 
     def after(self, moving: Moving, current_ma: float) -> Moving:
         """Return the motion one sample later, if this current is commanded at its beginning."""
@@ -98,7 +115,8 @@ class Rollout:
     def _stepped(self, stem: StemState, before_ma: float, after_ma: float) -> StemState:
         """Return the stem after a step in which the pressure goes from one value to another."""
         numbers, x, v, direction = self.numbers, stem.position_m, stem.velocity_m_per_s, stem.direction
-        mean_ma = 0.5 * (before_ma + after_ma)
+        change_ma = after_ma - before_ma
+        mean_ma = before_ma + (self.filling if change_ma > 0.0 else self.venting) * change_ma
         if stem.stuck:
             balance_ma = numbers.spring_ma_per_m * x + numbers.offset_ma
             push_ma = after_ma - balance_ma
@@ -108,13 +126,24 @@ class Rollout:
             held_ma = numbers.static_ma - direction * (before_ma - balance_ma)
             slide = self.up if direction > 0.0 else self.down
             if held_ma > 0.0:
-                part = 1.0 - held_ma / (direction * (after_ma - before_ma))
+                part = 1.0 - held_ma / (direction * change_ma)
                 mean_ma = 0.5 * (balance_ma + direction * numbers.static_ma + after_ma)
                 end = slide.model.step(x, 0.0, mean_ma, slide.load, direction, part * slide.period_s)
                 return StemState(end.x, end.v, end.stopped, direction)
         slide = self.up if direction > 0.0 else self.down
         x, v = slide.after(x, v, mean_ma)
         return StemState(x, v, direction * v <= 0.0, direction)
+
+
+def _part_of_mean(left: float, pressure: PressureModel) -> float:
+    """Return (mean - before)/(after - before) of e^(-t/τ) over a step that leaves e^(-h/τ): 1/(1 - e^(-h/τ)) - τ/h.
+
+    A half where the pressure does not follow one exponential.
+    """
+    if left <= 0.0:
+        return 1.0
+    is_exponential = pressure.converter == 0.0 and pressure.most_ma == 0.0 and left < _NEARLY_ONE
+    return 1.0 / (1.0 - left) + 1.0 / math.log(left) if is_exponential else 0.5
 
 
 def plant_of(valve: ValveParameters, period_s: float, delay_s: float) -> Plant:

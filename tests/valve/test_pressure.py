@@ -72,3 +72,32 @@ def test_converter_slew_limit_and_lag_together_follow_the_equations(period_s: fl
     # the converter is held within a step: a fifth of its lag, 4 ms or less, comes too early by half of a step
     assert max(abs(one - other) for one, other in zip(found, expected, strict=True)) < 0.25
     assert found[-1] == pytest.approx(expected[-1], abs=0.05)
+
+
+@pytest.mark.parametrize("times", [0.5, 1.6, 3.0])
+@pytest.mark.parametrize(("to_ma", "lag_s"), [(16.0, 0.05), (4.0, 0.08)])
+def test_a_lag_that_is_so_many_times_as_long_is_the_exponential_of_that_lag(
+    times: float, to_ma: float, lag_s: float
+) -> None:
+    model = model_of(fill_time_constant_s=0.05, vent_time_constant_s=0.08).with_lag(times)
+
+    found = played(model, 10.0, [to_ma] * 40)
+
+    expected = [to_ma + (10.0 - to_ma) * math.exp(-(number + 1) * PERIOD_S / (times * lag_s)) for number in range(40)]
+    assert found == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("times", [0.7, 1.6])
+@pytest.mark.parametrize("slew_ma_per_s", [0.0, 60.0])
+def test_a_longer_lag_leaves_converter_slew_limit_and_dead_time_as_they_are(times: float, slew_ma_per_s: float) -> None:
+    # the converter's lag is the shortest one in both, so that they have the same steps
+    others = {"converter_time_constant_s": 0.02, "dead_time_s": 0.004, "slew_ma_per_s": slew_ma_per_s}
+    scaled = model_of(5e-3, fill_time_constant_s=0.1, vent_time_constant_s=0.06, **others).with_lag(times)
+    configured = model_of(5e-3, fill_time_constant_s=0.1 * times, vent_time_constant_s=0.06 * times, **others)
+    currents_ma = [18.0] * 30 + [5.0] * 30
+
+    assert played(scaled, 10.0, currents_ma) == pytest.approx(played(configured, 10.0, currents_ma), rel=1e-9)
+
+
+def test_no_lag_stays_none_however_often_it_is_taken() -> None:
+    assert played(model_of().with_lag(3.0), 8.0, [12.0, 5.0, 20.0]) == [12.0, 5.0, 20.0]

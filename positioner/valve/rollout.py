@@ -103,6 +103,11 @@ class Rollout:
     filling: float
     venting: float
 
+    @property
+    def jump_m(self) -> float:
+        """The slip jump (F_s - F_c)/K."""
+        return (self.numbers.static_ma - self.numbers.sliding_ma) / self.numbers.spring_ma_per_m
+
     def after(self, moving: Moving, current_ma: float) -> Moving:
         """Return the motion one sample later, if this current is commanded at its beginning."""
         pressure, stem = moving.pressure, moving.stem

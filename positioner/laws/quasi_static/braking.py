@@ -18,7 +18,7 @@ from positioner.laws.quasi_static.memory import Braked
 from positioner.laws.quasi_static.move import Stage, tolerance_m
 from positioner.laws.quasi_static.slip import Task, numbers_of, shortest_m, slip_plan, steered
 from positioner.laws.quasi_static.study import Study, Way
-from positioner.laws.quasi_static.track import Track
+from positioner.laws.quasi_static.track import Reading, Track
 from positioner.values import dataclass, replace
 from positioner.valve.actuator import left_of_lag
 from positioner.valve.rollout import Moving
@@ -41,17 +41,14 @@ _OWN, _SURE, _CLOSE = 0.001, 0.01, 0.0003
 """Of span: the least σ of a braked stop, the largest one with which it is tried, and how near it must be planned."""
 _BY_READING, _SURE_BY_READING = 0.005, 0.015
 """Of span: σ of a stop that is braked by reading before one was seen, and the largest one with which it is tried."""
-_UNEXPLAINED, _DOUBTFUL = 1.0, 0.03
-"""A way that is farther from the rollout than its σ teaches nothing but that braked stops are off by 3 % of span."""
 _MOST_OF_WAY = 0.3
 """A move that ends before 30 % of its way was stopped by something else."""
 _LAG_KNOWN = 0.1
 """σ of ln λ below which a lag that looks longer is a force that came late."""
 _TOLERANCE, _WORTH = 0.5, 2.0
 """A braked correction needs no way there and back: it is made at half the tolerance, and beyond two of its σ."""
-_LATE = 0.4
-"""Of √(m/K): readings that are older see the stem when its slip is half over. Without a limit 348 of 9,891 dwells are
-lost, with 0.8 and 0.4 244 and 221, as played with a bank of hypotheses (DESIGN.md, "Braked moves")."""
+_FRICTION = 0.15
+"""Of F_s: what misses make the track doubt of static friction is at most what a configured one is doubted."""
 _SEEN = 10.0
 """Twice the σ of a reading, 5, that a stem must have moved to be seen."""
 _FARTHER, _FARTHEST = 1.1, 0.4
@@ -60,12 +57,16 @@ _FARTHER, _FARTHEST = 1.1, 0.4
 
 @dataclass(frozen=True, slots=True)
 class Braking:
-    """The constants of one valve. late_s: the age of a reading when the command that it leads to acts."""
+    """The constants of one valve."""
 
     judge: Judge
     limits: Limits
     plant: Plant
-    late_s: float
+
+    @property
+    def left_of_sensor(self) -> float:
+        """What the sensor's lag leaves of a difference in a sample."""
+        return left_of_lag(self.judge.period_s, self.judge.valve.sensor_time_constant_s)
 
     # -- before a move
 
@@ -103,7 +104,7 @@ class Braking:
         pressure, belief, start_m = memory.pressure, memory.belief, self.judge.stem_m(memory)
         if pressure is None or memory.more_lag_s != 0.0 or start_m == setpoint_m:
             return None
-        task = self._task(belief, pressure, start_m, setpoint_m)
+        task = self._task(belief, self.plant.in_steps(pressure, belief.lag), start_m, setpoint_m)
         if task is None:
             return None
         span_m, theta = self.judge.valve.span_m, belief.numbers.mean
@@ -131,8 +132,7 @@ class Braking:
     def _may_read(self, memory: QuasiStaticMemory) -> bool:
         """Whether readings come in time to say when to brake, and have said it well."""
         most_m = _SURE_BY_READING * self.judge.valve.span_m
-        is_late = self.late_s > _LATE * math.sqrt(self.judge.stem.mass / memory.belief.spring_ma_per_m)
-        return self.knows_lag(memory) and not is_late and memory.braked.reading_m2 <= most_m * most_m
+        return self.knows_lag(memory) and memory.braked.reading_m2 <= most_m * most_m
 
     def _seen_after(self, memory: QuasiStaticMemory) -> int:
         """Return after how many samples a stem that is freed is seen to move.
@@ -143,7 +143,7 @@ class Braking:
         belief, period_s = memory.belief, self.judge.period_s
         acceleration = (belief.static_ma - belief.sliding_ma) / self.judge.stem.mass
         samples: float = (_SEEN * self.judge.noise_m(memory) / (acceleration * period_s * period_s)) ** 0.4
-        return 1 + math.ceil(samples)
+        return 1 + math.ceil(samples + self.judge.valve.sensor_time_constant_s / period_s)
 
     def _planned_m2(self, memory: QuasiStaticMemory) -> float:
         """Return the variance of a planned stop, beside what is not known of the valve."""
@@ -171,9 +171,13 @@ class Braking:
         """Return the memory of a braked move that begins."""
         task, belief = plan.task, memory.belief
         push_ma2 = belief.numbers.variance((task.target_m, 1.0, task.direction, 0.0)) + belief.scatter_ma2
+        static_ma2 = belief.numbers.variance((task.start_m, 1.0, 0.0, task.direction)) + belief.scatter_ma2
+        missed_m2, most_ma = max(self._planned_m2(memory), memory.braked.reading_m2), _FRICTION * belief.static_ma
+        static_ma2 += missed_m2 / max(plan.line[3] * plan.line[3], missed_m2 / (most_ma * most_ma))
         moving = Moving(task.pressure, StemState(task.start_m, 0.0, True, task.direction))
+        track = Track(moving, memory.position_m2, push_ma2, static_ma2, task.start_m)
         memory = self.with_way(memory, goes_on=False)
-        return replace(memory, braked=replace(memory.braked, track=Track(moving, memory.position_m2, pp=push_ma2)))
+        return replace(memory, braked=replace(memory.braked, track=track))
 
     # -- on the way
 
@@ -184,8 +188,8 @@ class Braking:
             return memory
         if move.slip is not None and track is not None and not move.slip.is_braking:  # a brake is not taken back
             variance_m2, worth = memory.noise.of(self.judge.sigma_m(measured_m))
-            reading_m2 = variance_m2 * worth
-            track = track.after(move.slip.rollout, memory.sent_ma, measured_m, reading_m2, move.direction)
+            reading = Reading(memory.sent_ma, measured_m, variance_m2 * worth, self.left_of_sensor)
+            track = track.after(move.slip.rollout, reading)
         if way is not None:
             way = way.read(memory.sent_ma, measured_m)
         return replace(memory, braked=replace(memory.braked, way=way, track=track))
@@ -194,9 +198,11 @@ class Braking:
         """Return the move, and the current in mA of its next sample."""
         track, sent = memory.braked.track, move.sent
         if not plan.is_braking and track is not None:
-            waits = plan.latest if plan.by_reading else plan.boosted
             found: SlipPlan | None = None
-            if sent >= waits or not track.moving.stem.stuck:
+            if track.moving.stem.stuck and not plan.by_reading:
+                if sent >= plan.boosted:
+                    found = replace(plan, currents=plan.currents[plan.boosted :], is_braking=True)
+            elif sent >= plan.latest or not track.moving.stem.stuck:
                 found = steered(plan, track.moving, sent)
             if found is None:
                 return replace(move, sent=sent + 1), plan.task.boost_ma
@@ -213,18 +219,17 @@ class Braking:
         memory = replace(memory, braked=replace(memory.braked, way=None))
         if way is None or not way.is_whole or memory.more_lag_s != 0.0:
             return memory
-        end_m, period_s = judge.stem_m(memory), judge.period_s
+        end_m = judge.stem_m(memory)
         least_m = judge.least_m(math.sqrt(memory.position_m2 + move.start_m2))
         way_m = move.direction * (move.target_m - way.start_m)
         if move.direction * (end_m - way.start_m) < max(least_m, _MOST_OF_WAY * way_m):
             return memory
         variance_m2, worth = memory.noise.of(judge.sigma_m(memory.position_m))
-        left_of_sensor = left_of_lag(period_s, judge.valve.sensor_time_constant_s)
-        study = Study(self.plant, way, belief.local_ma(move.target_m, move.direction), left_of_sensor)
-        numbers, unexplained = study.of(belief.numbers, belief.within, end_m, variance_m2 * worth)
-        if unexplained > _UNEXPLAINED:
-            doubt_m = _DOUBTFUL * judge.valve.span_m
-            return replace(memory, braked=memory.braked.missed(doubt_m, by_reading=False))
+        study = Study(self.plant, way, belief.local_ma(move.target_m, move.direction), self.left_of_sensor)
+        numbers, left_m2, is_explained = study.of(belief.numbers, belief.within, end_m, variance_m2 * worth)
+        memory = replace(memory, braked=memory.braked.missed(math.sqrt(left_m2), by_reading=False))
+        if not is_explained:
+            return memory
         return replace(memory, belief=replace(belief, numbers=numbers), is_lag_known=True, unpushed=None)
 
     def slipped(self, memory: QuasiStaticMemory, plan: SlipPlan) -> QuasiStaticMemory:

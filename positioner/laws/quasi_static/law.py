@@ -443,6 +443,5 @@ def quasi_static_law(
     plant, limits = plant_of(valve, period_s, delay_s), Limits(*currents_ma, valve.travel_min_m, valve.travel_max_m)
     stem = Stem(plant.mass, plant.viscous, plant.step_s, plant.steps)
     judge, model = Judge(valve, estimator, stem, period_s), pressure_model(valve, period_s, delay_s)
-    late_s = (model.waiting + 1) * period_s + valve.sensor_time_constant_s
-    braking = Braking(judge, limits, plant, late_s) if brakes else None
+    braking = Braking(judge, limits, plant) if brakes else None
     return QuasiStaticLaw("quasi-static", judge, limits, model, braking=braking)

@@ -91,8 +91,10 @@ class Study:
 
     def of(
         self, numbers: Gaussian, within: Callable[[Gaussian], Gaussian], end_m: float, reading_m2: float
-    ) -> tuple[Gaussian, float]:
-        """Return what is believed after a move, and the mean square of what is left of its way, in variances of it.
+    ) -> tuple[Gaussian, float, bool]:
+        """Return what is believed after a move, what that leaves of its way, and whether it explains the way.
+
+        What is left is a mean square in m², beside noise; a way is explained within σ of the rollout.
 
         Args:
             numbers: θ before the move.
@@ -107,12 +109,13 @@ class Study:
         left_m2 = self._left_m2(found.mean)
         shown_m2 = min(max(_MORE * (left_m2 - noise_m2), least_m2), own_m2)
         found = within(self._stepped(numbers, found.mean, noise_m2 + shown_m2))
-        return found, left_m2 / (noise_m2 + own_m2)
+        return found, max(left_m2 - noise_m2, 0.0), left_m2 < noise_m2 + own_m2
 
     def blocks(self, theta: tuple[float, ...]) -> list[float]:
         """Return the means of the full blocks as θ has them."""
         rollout, way = self.plant.rollout(numbers_of(theta, self.local_ma)), self.way
-        moving = Moving(way.begun, StemState(way.start_m, 0.0, True, 1.0))
+        begun = self.plant.in_steps(way.begun, rollout.numbers.lag)
+        moving = Moving(begun, StemState(way.start_m, 0.0, True, 1.0))
         found: list[float] = []
         total_m, filled, seen_m = 0.0, 0, way.start_m
         for current_ma, count in way.runs:

@@ -1,8 +1,9 @@
 """Where a stem is in a slip, by readings and by the rollout: a Kalman filter over x, v and the push. Pure.
 
-The push is what moves the stem beside the pressure: a force, or friction that differs in this slip. While the stem is
-stuck only the readings say whether it was freed: once they are 5 σ beyond its place it slides, from there on with the
-acceleration of a stem that has just been freed.
+The push is what moves the stem beside the pressure: a force, or friction that differs in this slip. Readings alone say
+whether a stem was freed: once one is 5 σ beyond its place, it slides, and static friction was as large as it must have
+been for the rollout to bring it there by now. Where readings are so noisy that 5 σ are more than a slip jump, they come
+too late, and the stem is freed by the friction that is believed.
 """
 
 from __future__ import annotations
@@ -10,63 +11,132 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from positioner.values import dataclass
+from positioner.values import dataclass, replace
 from positioner.valve.rollout import Moving
 from positioner.valve.state import StemState
 
 if TYPE_CHECKING:
+    from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Rollout
 
 _FREED, _FREED_M = 5.0, 1e-4
-"""σ of a reading that a stem which was not expected to move must have moved, and its least."""
+"""σ of a reading, and its least, by which a stem must have moved to be seen to slide."""
 _OWN_M2 = 1e-10
 """Variance that a sample adds to the place: 0.01 mm, the motion within a step of the rollout."""
 _LEAST_MA2 = 1e-8
 """Least variance of the push: 0.1 μA, less than any current is resolved to."""
 _SLOWEST_M_PER_S = 1e-6
 """A stem that slides by the rollout goes on in its direction: readings do not turn it around."""
+_WINDOW_S = 0.04
+"""A slip that is now seen has begun within it: a slip of the paper's valve is over after 0.016 s."""
+_BISECTIONS, _BESIDE_MA = 10, 0.02
+"""Of static friction, to a thousandth of what the pressure rises in the window; its step for derivatives."""
+_NOT_FREED_M = 1e-7
+"""What the sensor shows changes by less where static friction does not matter: the pressure has freed nothing."""
+_SURPRISE = 9.0
+"""Squared difference of static friction over its variance that is no chance."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What comes with a cycle: the current in mA that was commanded, and the reading at the end of the sample.
+
+    variance_m2: of the reading. left: e^(-T/τ) of the sensor's lag.
+    """
+
+    current_ma: float
+    measured_m: float
+    variance_m2: float
+    left: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """x in m, v in m/s and the push in mA (in `moving`), and their covariance."""
+    """x in m, v in m/s and the push in mA (in `moving`), and their covariance.
+
+    ss: variance in mA² of the static friction that is believed, above 0. last_m: the newest reading. before: while the
+    stem is stuck and the push exceeds F_c, the pressure before each of the newest samples.
+    """
 
     moving: Moving
     xx: float
+    pp: float
+    ss: float
+    last_m: float
     xv: float = 0.0
     xp: float = 0.0
     vv: float = 0.0
     vp: float = 0.0
-    pp: float = 0.0
+    before: tuple[PressureState, ...] = ()
 
-    def after(
-        self, rollout: Rollout, current_ma: float, measured_m: float, reading_m2: float, direction: float
-    ) -> Track:
-        """Return the track one sample later.
+    def after(self, rollout: Rollout, reading: Reading) -> Track:
+        """Return the track one sample later; while the stem is stuck, the current is the same in all samples."""
+        moving, measured_m = self.moving, reading.measured_m
+        stem, least_m = moving.stem, _FREED * math.sqrt(self.xx + reading.variance_m2) + _FREED_M
+        if not stem.stuck or least_m > rollout.jump_m:
+            return self._slid(rollout, rollout.after(moving, reading.current_ma), reading)
+        held = _with_static(rollout, math.inf).after(moving, reading.current_ma)
+        longest = math.ceil(_WINDOW_S / (rollout.steps * rollout.up.period_s))
+        may_slide = _push_ma(rollout, held.pressure, stem) > rollout.numbers.sliding_ma
+        before = (*self.before, moving.pressure)[-longest:] if may_slide else ()
+        track = replace(self, moving=held, last_m=measured_m, before=before)
+        gone_m = stem.direction * (measured_m - stem.position_m)
+        if gone_m <= least_m:
+            return track
+        return track.freed(rollout, reading, gone_m)
 
-        Args:
-            rollout: the motion of the valve.
-            current_ma: commanded during the sample.
-            measured_m: the reading at its end.
-            reading_m2: variance of a reading.
-            direction: of the move, ±1.
-        """
-        moving = rollout.after(self.moving, current_ma)
-        stem = moving.stem
-        if not stem.stuck:
-            return self._slid(rollout, moving, measured_m, reading_m2)
-        gone_m = direction * (measured_m - stem.position_m)
-        if self.moving.stem.stuck and gone_m > _FREED * math.sqrt(self.xx + reading_m2) + _FREED_M:
-            numbers = rollout.numbers
+    def freed(self, rollout: Rollout, reading: Reading, gone_m: float) -> Track:
+        """Return the track of a stem that is first seen to slide, so far: what static friction has brought it there?"""
+        numbers, stem, pp, low_ma = rollout.numbers, self.moving.stem, self.pp, rollout.numbers.sliding_ma
+        direction, seen_m, beside_m = stem.direction, stem.position_m, stem.position_m
+        if self.before:
+            low_ma, high_ma = (_push_ma(rollout, of, stem) for of in (self.before[0], self.moving.pressure))
+            low_ma = max(low_ma, numbers.sliding_ma)
+            for _ in range(_BISECTIONS):
+                static_ma = 0.5 * (low_ma + high_ma)
+                if direction * (self._slip(rollout, reading, static_ma)[1] - reading.measured_m) > 0.0:
+                    low_ma = static_ma
+                else:
+                    high_ma = static_ma
+            seen_m, beside_m = (self._slip(rollout, reading, of_ma)[1] for of_ma in (low_ma, low_ma + _BESIDE_MA))
+        if abs(seen_m - beside_m) < _NOT_FREED_M:  # no friction explains it, but a force
             speed = math.sqrt(2.0 * gone_m * (numbers.static_ma - numbers.sliding_ma) / rollout.up.model.mass_kg)
-            stem = StemState(measured_m, direction * speed, False, direction)
-            moving = Moving(moving.pressure, stem, moving.shift_ma)
-            return Track(moving, reading_m2, 0.0, 0.0, speed * speed, 0.0, self.pp)
-        return Track(moving, self.xx, self.xv, self.xp, self.vv, self.vp, max(self.pp, _LEAST_MA2))
+            moving = replace(self.moving, stem=StemState(reading.measured_m, direction * speed, False, direction))
+            return replace(self, moving=moving, xx=reading.variance_m2, vv=speed * speed, before=())
+        slope = (beside_m - seen_m) / _BESIDE_MA
+        ss, more_ma = reading.variance_m2 / (slope * slope), low_ma - numbers.static_ma
+        if more_ma * more_ma > _SURPRISE * (self.ss + ss):  # another friction than is believed, or a force
+            pp = max(pp, more_ma * more_ma)
+        else:
+            gain = self.ss / (self.ss + ss)
+            more_ma, ss = gain * more_ma, gain * ss
+        static_ma = numbers.static_ma + more_ma
+        (found, _), (beside, _) = (self._slip(rollout, reading, of) for of in (static_ma, static_ma + _BESIDE_MA))
+        x, v = found.position_m, found.velocity_m_per_s
+        x_s, v_s = (beside.position_m - x) / _BESIDE_MA, (beside.velocity_m_per_s - v) / _BESIDE_MA
+        v_p = 0.5 * abs(v) / max(static_ma - numbers.sliding_ma, _BESIDE_MA)
+        v = direction * max(direction * v, _SLOWEST_M_PER_S)
+        moving = replace(self.moving, stem=StemState(x, v, False, direction))
+        xx, xv, vv = x_s * x_s * ss, x_s * v_s * ss, v_s * v_s * ss + v_p * v_p * pp
+        return replace(self, moving=moving, xx=xx, xv=xv, vv=vv, vp=v_p * pp, pp=pp, before=())
 
-    def _slid(self, rollout: Rollout, moving: Moving, measured_m: float, reading_m2: float) -> Track:
-        """Return the track of a stem that slides, after a reading: the covariance in the steps of the rollout."""
+    def _slip(self, rollout: Rollout, reading: Reading, static_ma: float) -> tuple[StemState, float]:
+        """Return the stem, and what the sensor shows of it, if static friction was so large before this slip."""
+        free, moving = _with_static(rollout, static_ma), Moving(self.before[0], self.moving.stem)
+        seen_m = moving.stem.position_m
+        for _ in self.before:
+            moving = free.after(moving, reading.current_ma)
+            seen_m = moving.stem.position_m + (seen_m - moving.stem.position_m) * reading.left
+        return moving.stem, seen_m
+
+    def _slid(self, rollout: Rollout, moving: Moving, reading: Reading) -> Track:
+        """Return the track of a stem that slides, after a reading: the covariance in the steps of the rollout.
+
+        What the sensor's lag does is undone: x = (z - left z')/(1 - left), z' the reading before.
+        """
         stem, xx, xv, xp, vv, vp, pp = moving.stem, self.xx, self.xv, self.xp, self.vv, self.vp, self.pp
+        if stem.stuck:
+            return replace(self, moving=moving, last_m=reading.measured_m)
         slide = rollout.up if stem.direction > 0.0 else rollout.down
         fx, fv, fp, gx, gv, gp = slide.x_x, slide.x_v, slide.x_ma, slide.v_x, slide.v_v, slide.v_ma
         for _ in range(rollout.steps):
@@ -75,13 +145,26 @@ class Track:
             xx, xv, xp = a0 * fx + a1 * fv + a2 * fp, a0 * gx + a1 * gv + a2 * gp, a2
             vv, vp = b0 * gx + b1 * gv + b2 * gp, b2
         xx += _OWN_M2
-        innovation_m = measured_m - stem.position_m
+        left, part = reading.left, 1.0 - reading.left
+        innovation_m = (reading.measured_m - left * self.last_m) / part - stem.position_m
+        reading_m2 = reading.variance_m2 * (1.0 + left * left) / (part * part)
         gain_x, gain_v, gain_p = (of / (xx + reading_m2) for of in (xx, xv, xp))
         velocity = stem.velocity_m_per_s + gain_v * innovation_m
         if stem.direction * velocity <= 0.0:
             velocity = _SLOWEST_M_PER_S * stem.direction
         stem = StemState(stem.position_m + gain_x * innovation_m, velocity, False, stem.direction)
         moving = Moving(moving.pressure, stem, moving.shift_ma + gain_p * innovation_m)
-        vv, vp, pp = vv - gain_v * xv, vp - gain_v * xp, pp - gain_p * xp
+        vv, vp, pp = max(vv - gain_v * xv, 0.0), vp - gain_v * xp, max(pp - gain_p * xp, _LEAST_MA2)
         xx, xv, xp = xx - gain_x * xx, xv - gain_x * xv, xp - gain_x * xp
-        return Track(moving, xx, xv, xp, max(vv, 0.0), vp, max(pp, _LEAST_MA2))
+        return Track(moving, xx, pp, self.ss, reading.measured_m, xv, xp, vv, vp)
+
+
+def _push_ma(rollout: Rollout, pressure: PressureState, stem: StemState) -> float:
+    """Return how much of the pressure pushes a stem in its direction, beyond its balance."""
+    balance_ma = rollout.numbers.spring_ma_per_m * stem.position_m + rollout.numbers.offset_ma
+    return stem.direction * (pressure.pressure_ma - balance_ma)
+
+
+def _with_static(rollout: Rollout, static_ma: float) -> Rollout:
+    """Return the motion of the same valve with another static friction."""
+    return replace(rollout, numbers=replace(rollout.numbers, static_ma=static_ma))

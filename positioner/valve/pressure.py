@@ -56,6 +56,17 @@ class PressureModel:
         power = 1.0 / times
         return replace(self, fill=self.fill**power, vent=self.vent**power)
 
+    def from_longer(self, state: PressureState, times: int) -> PressureState:
+        """Return the state of a model of the same valve whose samples are so many times as long.
+
+        That one rounds the dead time up to its own samples, so by this one the pressure has come farther.
+        """
+        line_ma = tuple([current_ma for current_ma in state.line_ma for _ in range(times)])
+        acted, arrived = len(line_ma) - self.waiting, replace(state, line_ma=())
+        for current_ma in line_ma[:acted]:
+            arrived = self.after(arrived, current_ma)
+        return replace(arrived, line_ma=line_ma[acted:])
+
     def after(self, state: PressureState, current_ma: float) -> PressureState:
         """Return the state one sample later, if this current is commanded at its beginning."""
         line_ma = state.line_ma

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from positioner.values import dataclass, replace
+from positioner.values import dataclass
 from positioner.valve.motion import Load, MotionModel
 from positioner.valve.pressure import pressure_model
 from positioner.valve.slide import Slide, slide_of
@@ -43,12 +43,21 @@ class Numbers:
     lag: float = 1.0
     viscous: float = 1.0
 
+    @property
+    def jump_m(self) -> float:
+        """The slip jump (F_s - F_c)/K."""
+        return (self.static_ma - self.sliding_ma) / self.spring_ma_per_m
+
+    def balance_ma(self, position_m: float) -> float:
+        """Return k x + c: the middle of the stick band."""
+        return self.spring_ma_per_m * position_m + self.offset_ma
+
 
 @dataclass(frozen=True, slots=True)
 class Moving:
     """A stem and the pressure that moves it; shift_ma: what pushes it upwards beside that, in this slip.
 
-    The pressure's dead time is in steps of the `Plant` (`Plant.in_steps`).
+    The pressure's dead time is in steps of the `Plant` (`PressureModel.from_longer`).
     """
 
     pressure: PressureState
@@ -68,18 +77,6 @@ class Plant:
     actuator: PressureModel
     steps: int
     step_s: float
-
-    def in_steps(self, pressure: PressureState, lag: float) -> PressureState:
-        """Return a pressure whose dead time is counted in samples, rounded up, with the dead time counted in steps.
-
-        lag: as in `Numbers`; by the rounding the pressure has come farther.
-        """
-        line_ma = tuple([current_ma for current_ma in pressure.line_ma for _ in range(self.steps)])
-        acted = len(line_ma) - self.actuator.waiting
-        actuator, arrived = self.actuator.with_lag(lag), replace(pressure, line_ma=())
-        for current_ma in line_ma[:acted]:
-            arrived = actuator.after(arrived, current_ma)
-        return replace(arrived, line_ma=line_ma[acted:])
 
     def rollout(self, numbers: Numbers) -> Rollout:
         """Return the motion of the valve that has these numbers."""
@@ -103,11 +100,6 @@ class Rollout:
     filling: float
     venting: float
 
-    @property
-    def jump_m(self) -> float:
-        """The slip jump (F_s - F_c)/K."""
-        return (self.numbers.static_ma - self.numbers.sliding_ma) / self.numbers.spring_ma_per_m
-
     def after(self, moving: Moving, current_ma: float) -> Moving:
         """Return the motion one sample later, if this current is commanded at its beginning."""
         pressure, stem = moving.pressure, moving.stem
@@ -123,7 +115,7 @@ class Rollout:
         change_ma = after_ma - before_ma
         mean_ma = before_ma + (self.filling if change_ma > 0.0 else self.venting) * change_ma
         if stem.stuck:
-            balance_ma = numbers.spring_ma_per_m * x + numbers.offset_ma
+            balance_ma = numbers.balance_ma(x)
             push_ma = after_ma - balance_ma
             if abs(push_ma) <= numbers.static_ma:
                 return stem

@@ -280,7 +280,7 @@ def test_a_dead_time_of_samples_is_the_same_in_steps(delay_s: float, lag: float)
         seen = by_samples.after(seen, current_ma)
         for _ in range(plant.steps):
             expected = by_steps.after(expected, current_ma)
-    found = plant.in_steps(seen, lag)
+    found = by_steps.from_longer(seen, plant.steps)
     assert found.line_ma == expected.line_ma
     assert found.pressure_ma == pytest.approx(expected.pressure_ma, abs=1e-9)
 

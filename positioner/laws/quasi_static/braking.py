@@ -4,8 +4,8 @@ A move is braked (`slip`) where its stop is sure, or where its readings say when
 be left once the stem is seen to move, and a setpoint that is nearer is approached from farther away. Where the valve is
 not known well enough yet, moves are quasi-static.
 
-The whole way of each move teaches (`study`). A braked stop that was missed makes the next ones less sure, until it is
-one quasi-static move after the other; each new setpoint forgets some of that.
+The whole way of each move teaches (`study`). A braked stop that was missed, or a way that is not explained, makes the
+next ones less sure, until it is one quasi-static move after the other; each new setpoint forgets some of that.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from positioner.laws.quasi_static.slip import Task, numbers_of, shortest_m, slip
 from positioner.laws.quasi_static.study import Study, Way
 from positioner.laws.quasi_static.track import Reading, Track
 from positioner.values import dataclass, replace
-from positioner.valve.actuator import left_of_lag
 from positioner.valve.rollout import Moving
 from positioner.valve.state import StemState
 
@@ -57,16 +56,12 @@ _FARTHER, _FARTHEST = 1.1, 0.4
 
 @dataclass(frozen=True, slots=True)
 class Braking:
-    """The constants of one valve."""
+    """The constants of one valve. left_of_sensor: e^(-T/τ) of the sensor's lag."""
 
     judge: Judge
     limits: Limits
     plant: Plant
-
-    @property
-    def left_of_sensor(self) -> float:
-        """What the sensor's lag leaves of a difference in a sample."""
-        return left_of_lag(self.judge.period_s, self.judge.valve.sensor_time_constant_s)
+    left_of_sensor: float
 
     # -- before a move
 
@@ -104,7 +99,8 @@ class Braking:
         pressure, belief, start_m = memory.pressure, memory.belief, self.judge.stem_m(memory)
         if pressure is None or memory.more_lag_s != 0.0 or start_m == setpoint_m:
             return None
-        task = self._task(belief, self.plant.in_steps(pressure, belief.lag), start_m, setpoint_m)
+        pressure = self.plant.actuator.with_lag(belief.lag).from_longer(pressure, self.plant.steps)
+        task = self._task(belief, pressure, start_m, setpoint_m)
         if task is None:
             return None
         span_m, theta = self.judge.valve.span_m, belief.numbers.mean
@@ -130,7 +126,7 @@ class Braking:
         return Task(pressure, start_m, target_m, boost_ma, brake_ma, hold_ma, rises_s, falls_s, self.judge.period_s)
 
     def _may_read(self, memory: QuasiStaticMemory) -> bool:
-        """Whether readings come in time to say when to brake, and have said it well."""
+        """Whether readings have said well when to brake."""
         most_m = _SURE_BY_READING * self.judge.valve.span_m
         return self.knows_lag(memory) and memory.braked.reading_m2 <= most_m * most_m
 
@@ -138,7 +134,8 @@ class Braking:
         """Return after how many samples a stem that is freed is seen to move.
 
         With the acceleration a of the first instant it has moved 5 σ of the mean of n readings, 5 s/√n, once
-        a (n T)²/2 is as much: n = (10 s/(a T²))^0.4. One sample more passes until the command acts.
+        a (n T)²/2 is as much: n = (10 s/(a T²))^0.4. The sensor is late by its lag, and one sample more passes until
+        the command acts.
         """
         belief, period_s = memory.belief, self.judge.period_s
         acceleration = (belief.static_ma - belief.sliding_ma) / self.judge.stem.mass
@@ -187,8 +184,8 @@ class Braking:
         if move.stage in (None, Stage.RETURN):
             return memory
         if move.slip is not None and track is not None and not move.slip.is_braking:  # a brake is not taken back
-            variance_m2, worth = memory.noise.of(self.judge.sigma_m(measured_m))
-            reading = Reading(memory.sent_ma, measured_m, variance_m2 * worth, self.left_of_sensor)
+            variance_m2 = self.judge.reading_m2(memory, measured_m)
+            reading = Reading(memory.sent_ma, measured_m, variance_m2, self.left_of_sensor)
             track = track.after(move.slip.rollout, reading)
         if way is not None:
             way = way.read(memory.sent_ma, measured_m)
@@ -224,9 +221,9 @@ class Braking:
         way_m = move.direction * (move.target_m - way.start_m)
         if move.direction * (end_m - way.start_m) < max(least_m, _MOST_OF_WAY * way_m):
             return memory
-        variance_m2, worth = memory.noise.of(judge.sigma_m(memory.position_m))
+        reading_m2 = judge.reading_m2(memory, memory.position_m)
         study = Study(self.plant, way, belief.local_ma(move.target_m, move.direction), self.left_of_sensor)
-        numbers, left_m2, is_explained = study.of(belief.numbers, belief.within, end_m, variance_m2 * worth)
+        numbers, left_m2, is_explained = study.of(belief.numbers, belief.within, end_m, reading_m2)
         memory = replace(memory, braked=memory.braked.missed(math.sqrt(left_m2), by_reading=False))
         if not is_explained:
             return memory

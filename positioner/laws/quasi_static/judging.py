@@ -57,6 +57,11 @@ class Judge:
         variance_m2, _ = memory.noise.of(self.sigma_m(memory.smooth_m))
         return math.sqrt(variance_m2)
 
+    def reading_m2(self, memory: QuasiStaticMemory, position_m: float) -> float:
+        """Return the variance of a reading at a place, of which many make a mean, as the rests have shown it."""
+        variance_m2, worth = memory.noise.of(self.sigma_m(position_m))
+        return variance_m2 * worth
+
     def stem_m(self, memory: QuasiStaticMemory) -> float:
         """Return the place of the stem: backlash is taken up in the direction of the last move."""
         return memory.position_m + 0.5 * memory.move.direction * self.valve.backlash_m

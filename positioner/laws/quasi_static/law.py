@@ -143,8 +143,8 @@ class QuasiStaticLaw:
             memory = self.judge.rested(memory, measured_m, elapsed_s)
         if memory.rest.readings:
             mean_m = memory.rest.mean_m
-            variance_m2, worth = memory.noise.of(self.judge.sigma_m(mean_m))
-            memory = replace(memory, position_m=mean_m, position_m2=variance_m2 * worth / memory.rest.readings)
+            mean_m2 = self.judge.reading_m2(memory, mean_m) / memory.rest.readings
+            memory = replace(memory, position_m=mean_m, position_m2=mean_m2)
         else:
             position_m = memory.position_m + _TRACKING * (measured_m - memory.position_m)
             memory = replace(memory, position_m=position_m)
@@ -443,5 +443,6 @@ def quasi_static_law(
     plant, limits = plant_of(valve, period_s, delay_s), Limits(*currents_ma, valve.travel_min_m, valve.travel_max_m)
     stem = Stem(plant.mass, plant.viscous, plant.step_s, plant.steps)
     judge, model = Judge(valve, estimator, stem, period_s), pressure_model(valve, period_s, delay_s)
-    braking = Braking(judge, limits, plant) if brakes else None
+    left_of_sensor = left_of_lag(period_s, valve.sensor_time_constant_s)
+    braking = Braking(judge, limits, plant, left_of_sensor) if brakes else None
     return QuasiStaticLaw("quasi-static", judge, limits, model, braking=braking)

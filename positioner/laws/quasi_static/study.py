@@ -114,7 +114,7 @@ class Study:
     def blocks(self, theta: tuple[float, ...]) -> list[float]:
         """Return the means of the full blocks as θ has them."""
         rollout, way = self.plant.rollout(numbers_of(theta, self.local_ma)), self.way
-        begun = self.plant.in_steps(way.begun, rollout.numbers.lag)
+        begun = rollout.pressure.from_longer(way.begun, rollout.steps)
         moving = Moving(begun, StemState(way.start_m, 0.0, True, 1.0))
         found: list[float] = []
         total_m, filled, seen_m = 0.0, 0, way.start_m

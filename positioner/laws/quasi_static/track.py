@@ -73,7 +73,7 @@ class Track:
         """Return the track one sample later; while the stem is stuck, the current is the same in all samples."""
         moving, measured_m = self.moving, reading.measured_m
         stem, least_m = moving.stem, _FREED * math.sqrt(self.xx + reading.variance_m2) + _FREED_M
-        if not stem.stuck or least_m > rollout.jump_m:
+        if not stem.stuck or least_m > rollout.numbers.jump_m:
             return self._slid(rollout, rollout.after(moving, reading.current_ma), reading)
         held = _with_static(rollout, math.inf).after(moving, reading.current_ma)
         longest = math.ceil(_WINDOW_S / (rollout.steps * rollout.up.period_s))
@@ -161,8 +161,7 @@ class Track:
 
 def _push_ma(rollout: Rollout, pressure: PressureState, stem: StemState) -> float:
     """Return how much of the pressure pushes a stem in its direction, beyond its balance."""
-    balance_ma = rollout.numbers.spring_ma_per_m * stem.position_m + rollout.numbers.offset_ma
-    return stem.direction * (pressure.pressure_ma - balance_ma)
+    return stem.direction * (pressure.pressure_ma - rollout.numbers.balance_ma(stem.position_m))
 
 
 def _with_static(rollout: Rollout, static_ma: float) -> Rollout:

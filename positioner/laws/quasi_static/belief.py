@@ -212,12 +212,30 @@ class ValveBelief:
         believed = Believed(spring, offset, static, sliding, self.landing_sigma_m(target_m, direction))
         return MoveReason(target_m - start_m, Breakaway(self.freeing_ma(start_m, direction)), target_m, believed)
 
-    def after_move(self) -> ValveBelief:
-        """Return the belief before another move: friction and forces may have changed a little."""
+    def after_move(self, spread: float = 1.0) -> ValveBelief:
+        """Return the belief before another move: friction and forces may have changed a little.
+
+        spread: what the variance of such changes was found to be, over what is expected.
+        """
+        offset_ma2, sliding_ma2, static_ma2 = self._changes_ma2()
+        numbers = self.numbers.widened(_OFFSET, spread * offset_ma2).widened(_SLIDING, spread * sliding_ma2)
+        return replace(self, numbers=numbers.widened(_STATIC, spread * static_ma2))
+
+    def change_m2(self, line: tuple[float, ...]) -> float:
+        """Return the variance of a stop by what a move is expected to change; line: its derivatives."""
+        offset_ma2, sliding_ma2, static_ma2 = self._changes_ma2()
+        return line[1] * line[1] * offset_ma2 + line[2] * line[2] * sliding_ma2 + line[3] * line[3] * static_ma2
+
+    @property
+    def roams_ma2_per_m(self) -> float:
+        """How fast friction is expected to change on the way: a first-order process over the travel (`_NEAR_M`)."""
+        return 2.0 * self._changes_ma2()[1] / _NEAR_M
+
+    def _changes_ma2(self) -> tuple[float, float, float]:
+        """Return the variances of what a move is expected to change of c, f_c and f_s."""
         offset = _OFFSET_DRIFT_MA + _DRIFT * self.sliding_ma
         sliding, static = (_DRIFT * friction + _DRIFT_MA for friction in (self.sliding_ma, self.static_ma))
-        numbers = self.numbers.widened(_OFFSET, offset * offset).widened(_SLIDING, sliding * sliding)
-        return replace(self, numbers=numbers.widened(_STATIC, static * static))
+        return offset * offset, sliding * sliding, static * static
 
     def landed(self, landing: Landing, reading_m2: float, doubt_ma2: float, *, is_force: bool = False) -> ValveBelief:
         """Return the belief after a landing.

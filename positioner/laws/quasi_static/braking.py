@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from positioner.laws.quasi_static.judging import CERTAIN
 from positioner.laws.quasi_static.memory import Braked
 from positioner.laws.quasi_static.move import Stage, tolerance_m
-from positioner.laws.quasi_static.slip import Task, numbers_of, shortest_m, slip_plan, steered
+from positioner.laws.quasi_static.slip import Task, numbers_of, over, shortest_m, slip_plan, steered
 from positioner.laws.quasi_static.study import Study, Way
 from positioner.laws.quasi_static.track import Reading, Track
 from positioner.values import dataclass, replace
@@ -36,8 +36,9 @@ _FORGIVEN = 0.7
 """Of the variance of braked stops each new setpoint forgets 30 %, so that they are tried again."""
 _SURPRISE, _NEWEST = 9.0, 0.3
 """Squared miss over its variance from which on a braked stop is no longer what was believed; weight of the newest."""
-_OWN, _SURE, _CLOSE = 0.001, 0.01, 0.0003
-"""Of span: the least σ of a braked stop, the largest one with which it is tried, and how near it must be planned."""
+_OWN, _SURE, _CLOSE = 0.0002, 0.01, 0.0003
+"""Of span: the least σ of a braked stop, about what the readings of a rest show of its place; the largest one with
+which it is tried; and how near it must be planned."""
 _BY_READING, _SURE_BY_READING = 0.005, 0.015
 """Of span: σ of a stop that is braked by reading before one was seen, and the largest one with which it is tried."""
 _MOST_OF_WAY = 0.3
@@ -48,6 +49,12 @@ _TOLERANCE, _WORTH = 0.5, 2.0
 """A braked correction needs no way there and back: it is made at half the tolerance, and beyond two of its σ."""
 _FRICTION = 0.15
 """Of F_s: what misses make the track doubt of static friction is at most what a configured one is doubted."""
+_LEAST_PART = 0.0004
+"""Of the rollout's variance, what is always expected to be left of a way: 2 % of its σ, less than noise shows."""
+_LEAST_TIMES, _MOST_TIMES = 0.01, 100.0
+"""Limits of what changes of friction may be over what is expected, as variances: a tenth and ten times."""
+_ENOUGH = 4
+"""Readings of a slip that say how friction changes on the way; fewer are those at which it was first seen."""
 _SEEN = 10.0
 """Twice the σ of a reading, 5, that a stem must have moved to be seen."""
 _FARTHER, _FARTHEST = 1.1, 0.4
@@ -107,10 +114,12 @@ class Braking:
         found = slip_plan(self.plant, theta, belief.local_ma(setpoint_m, task.direction), task, _CLOSE * span_m)
         if found is None:
             return None
-        if self._may_read(memory) and found.boosted >= found.stop.freed + self._seen_after(memory):
-            return replace(found, by_reading=True), math.sqrt(memory.braked.reading_m2)
-        variance_m2 = belief.numbers.variance(found.line) + belief.scatter_ma2 * found.line[1] * found.line[1]
+        variance_m2 = belief.numbers.variance(found.line)
         sigma_m = math.sqrt(variance_m2 + memory.position_m2 + self._planned_m2(memory))
+        if self._may_read(memory) and found.boosted >= found.stop.freed + self._seen_after(memory):
+            read_m = math.sqrt(memory.braked.reading_m2)
+            if read_m < sigma_m:
+                return replace(found, by_reading=True), read_m
         return (found, sigma_m) if sigma_m <= _SURE * span_m else None
 
     def _task(self, belief: ValveBelief, pressure: PressureState, start_m: float, target_m: float) -> Task | None:
@@ -169,10 +178,11 @@ class Braking:
         task, belief = plan.task, memory.belief
         push_ma2 = belief.numbers.variance((task.target_m, 1.0, task.direction, 0.0)) + belief.scatter_ma2
         static_ma2 = belief.numbers.variance((task.start_m, 1.0, 0.0, task.direction)) + belief.scatter_ma2
-        missed_m2, most_ma = max(self._planned_m2(memory), memory.braked.reading_m2), _FRICTION * belief.static_ma
+        missed_m2, most_ma = self._planned_m2(memory), _FRICTION * belief.static_ma
         static_ma2 += missed_m2 / max(plan.line[3] * plan.line[3], missed_m2 / (most_ma * most_ma))
         moving = Moving(task.pressure, StemState(task.start_m, 0.0, True, task.direction))
-        track = Track(moving, memory.position_m2, push_ma2, static_ma2, task.start_m)
+        roams_ma2_per_m = memory.braked.roams * belief.roams_ma2_per_m
+        track = Track(moving, memory.position_m2, push_ma2, static_ma2, task.start_m, roams_ma2_per_m)
         memory = self.with_way(memory, goes_on=False)
         return replace(memory, braked=replace(memory.braked, track=track))
 
@@ -183,7 +193,7 @@ class Braking:
         move, way, track = memory.move, memory.braked.way, memory.braked.track
         if move.stage in (None, Stage.RETURN):
             return memory
-        if move.slip is not None and track is not None and not move.slip.is_braking:  # a brake is not taken back
+        if move.slip is not None and track is not None and not move.slip.is_over:
             variance_m2 = self.judge.reading_m2(memory, measured_m)
             reading = Reading(memory.sent_ma, measured_m, variance_m2, self.left_of_sensor)
             track = track.after(move.slip.rollout, reading)
@@ -194,13 +204,17 @@ class Braking:
     def sent(self, memory: QuasiStaticMemory, move: Move, plan: SlipPlan) -> tuple[Move, float]:
         """Return the move, and the current in mA of its next sample."""
         track, sent = memory.braked.track, move.sent
-        if not plan.is_braking and track is not None:
+        if track is not None and not plan.is_over:
+            since = round(move.since_s / self.judge.period_s)
             found: SlipPlan | None = None
-            if track.moving.stem.stuck and not plan.by_reading:
-                if sent >= plan.boosted:
-                    found = replace(plan, currents=plan.currents[plan.boosted :], is_braking=True)
-            elif sent >= plan.latest or not track.moving.stem.stuck:
-                found = steered(plan, track.moving, sent)
+            if not track.moving.stem.stuck:
+                found = steered(plan, track, since)
+            elif plan.is_braking:
+                found = over(plan, track.moving)
+            elif plan.by_reading:
+                found = steered(plan, track, since) if since >= plan.latest else None
+            elif since >= plan.boosted:
+                found = replace(plan, currents=plan.currents[plan.boosted :], is_braking=True)
             if found is None:
                 return replace(move, sent=sent + 1), plan.task.boost_ma
             plan, sent = found, 0
@@ -223,11 +237,30 @@ class Braking:
             return memory
         reading_m2 = judge.reading_m2(memory, memory.position_m)
         study = Study(self.plant, way, belief.local_ma(move.target_m, move.direction), self.left_of_sensor)
-        numbers, left_m2, is_explained = study.of(belief.numbers, belief.within, end_m, reading_m2)
-        memory = replace(memory, braked=memory.braked.missed(math.sqrt(left_m2), by_reading=False))
-        if not is_explained:
+        found = study.of(belief.numbers, belief.within, end_m, reading_m2, memory.braked.left_part)
+        memory = self._missed(memory, found.missed_m, found.line)
+        braked = memory.braked.missed(math.sqrt(found.left_m2), by_reading=False)
+        left_part = braked.left_part + _NEWEST * (found.left_part - braked.left_part)
+        memory = replace(memory, braked=replace(braked, left_part=max(left_part, _LEAST_PART)))
+        if not found.is_explained:
             return memory
-        return replace(memory, belief=replace(belief, numbers=numbers), is_lag_known=True, unpushed=None)
+        return replace(memory, belief=replace(belief, numbers=found.numbers), is_lag_known=True, unpushed=None)
+
+    def _missed(self, memory: QuasiStaticMemory, missed_m: float, line: tuple[float, ...]) -> QuasiStaticMemory:
+        """Return the memory after a stop that was so far from where it was expected; line: its derivatives.
+
+        The part of its variance that changes from move to move is scaled by what is seen of it (Mehra 1972).
+        """
+        belief, braked, own_m2, square_m2 = memory.belief, memory.braked, self._planned_m2(memory), missed_m * missed_m
+        known_m2 = belief.numbers.variance(line) + memory.position_m2 + memory.move.start_m2
+        total_m2 = known_m2 + own_m2
+        if square_m2 > _SURPRISE * total_m2:
+            planned_m2 = square_m2
+        else:
+            planned_m2 = own_m2 + _NEWEST * (max(square_m2 - known_m2, 0.0) - own_m2)
+        part = min(braked.changes * belief.change_m2(line) / total_m2, 1.0)
+        changes = _scaled(braked.changes, part, square_m2 / total_m2)
+        return replace(memory, braked=replace(braked, planned_m2=planned_m2, changes=changes))
 
     def slipped(self, memory: QuasiStaticMemory, plan: SlipPlan) -> QuasiStaticMemory:
         """Return the memory with what the stop of a braked move teaches."""
@@ -242,9 +275,17 @@ class Braking:
                 return memory.held(belief.held(position_m, move.direction, plan.stop.peak_ma))
             return memory
         memory = replace(memory, failed=0)
+        track = memory.braked.track
+        if track is not None and track.read > _ENOUGH:
+            roams = _scaled(memory.braked.roams, 1.0, track.misfit / track.read)
+            memory = replace(memory, braked=replace(memory.braked, roams=roams))
+        missed_m = position_m - move.target_m
         if plan.by_reading:
-            return self._read_stop(memory, position_m - move.target_m)
-        return self._planned_stop(memory, plan, position_m - plan.stop.position_m)
+            return self._read_stop(memory, missed_m)
+        known_m2 = belief.numbers.variance(plan.line) + memory.position_m2 + move.start_m2 + self._planned_m2(memory)
+        if missed_m * missed_m > _SURPRISE * known_m2:
+            return replace(memory, braked=memory.braked.missed(missed_m, by_reading=False))
+        return memory
 
     def _read_stop(self, memory: QuasiStaticMemory, missed_m: float) -> QuasiStaticMemory:
         """Return the memory after a stop that was braked by reading."""
@@ -252,16 +293,11 @@ class Braking:
         after_m2 = square_m2 if square_m2 > _SURPRISE * now_m2 else now_m2 + _NEWEST * (square_m2 - now_m2)
         return replace(memory, braked=replace(memory.braked, reading_m2=max(after_m2, least_m * least_m)))
 
-    def _planned_stop(self, memory: QuasiStaticMemory, plan: SlipPlan, missed_m: float) -> QuasiStaticMemory:
-        """Return the memory after a stop that was planned: it is a measurement of the valve."""
-        belief, own_m2, square_m2 = memory.belief, self._planned_m2(memory), missed_m * missed_m
-        scatter_m2 = belief.scatter_ma2 * plan.line[1] * plan.line[1]
-        variance_m2 = memory.position_m2 + memory.move.start_m2 + own_m2 + scatter_m2
-        total_m2 = belief.numbers.variance(plan.line) + variance_m2
-        if square_m2 > _SURPRISE * total_m2:
-            variance_m2, planned_m2 = variance_m2 + square_m2, square_m2
-        else:
-            planned_m2 = own_m2 + _NEWEST * (max(square_m2 - total_m2 + own_m2, 0.0) - own_m2)
-        numbers = belief.within(belief.numbers.updated(plan.line, missed_m, variance_m2))
-        braked = replace(memory.braked, planned_m2=planned_m2)
-        return replace(memory, braked=braked, belief=replace(belief, numbers=numbers))
+
+def _scaled(times: float, part: float, square: float) -> float:
+    """Return by how much a variance exceeds what is expected, after a square over its expectation.
+
+    part: of that expectation which is due to this variance.
+    """
+    times *= 1.0 + _NEWEST * part * (min(square, _SURPRISE) - 1.0)
+    return min(max(times, _LEAST_TIMES), _MOST_TIMES)

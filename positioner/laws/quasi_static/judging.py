@@ -89,6 +89,8 @@ class Judge:
         """Return how long after the pressure has arrived the stem and its sensor have followed."""
         stem = self.stem
         follows_s = stem.viscous / memory.belief.spring_ma_per_m + stem.mass / stem.viscous
+        if memory.move.stage is Stage.SLIP:  # it is braked
+            return follows_s + _FOLLOWED * self.valve.sensor_time_constant_s + memory.later_s
         return _FOLLOWED * (follows_s + self.valve.sensor_time_constant_s) + _FOLLOWED_S + memory.later_s
 
     def rested(self, memory: QuasiStaticMemory, measured_m: float, elapsed_s: float) -> QuasiStaticMemory:

@@ -204,7 +204,8 @@ class QuasiStaticLaw:
         if memory.move.stage not in (Stage.LAND, Stage.SLIP):
             return self._considered(replace(memory, move=replace(memory.move, stage=None)), setpoint_m)
         if memory.failed == 0:
-            memory = replace(memory, lasts_s=memory.move.since_s)
+            rested_s = memory.rest.duration_s if memory.move.stage is Stage.SLIP else 0.0
+            memory = replace(memory, lasts_s=memory.move.since_s - rested_s)
         if self._is_worth_it(memory, setpoint_m) and memory.tries <= _MOST_MOVES:
             return self._planned(memory, setpoint_m)
         return self._left(replace(memory, is_new=False)), None
@@ -257,7 +258,8 @@ class QuasiStaticLaw:
         if abs(setpoint_m - stem_m) <= max(tolerance_m(span_m, tries), CERTAIN * math.sqrt(memory.position_m2)):
             return False
         steps = self._steps_to(memory, setpoint_m)
-        return is_worth_it(memory.belief, steps, stem_m, setpoint_m, span_m, memory.lasts_s, tries)
+        read_m = memory.braked.read_m
+        return is_worth_it(memory.belief, steps, stem_m, setpoint_m, span_m, memory.lasts_s, tries, read_m)
 
     def _steps_to(self, memory: QuasiStaticMemory, setpoint_m: float) -> tuple[Step, ...]:
         """Return the moves that lead to a setpoint."""
@@ -354,7 +356,7 @@ class QuasiStaticLaw:
             is_new=False,
             tries=memory.tries + 1,
             noise=memory.noise.after(memory.rest),
-            belief=memory.belief.after_move(),
+            belief=memory.belief.after_move(memory.braked.changes),
         )
         if (braked := self._braked(memory, setpoint_m)) is not None:
             return braked

@@ -46,7 +46,8 @@ _TOLERANCE, _LOOSER = 0.0015, 0.25
 LARGE, _WORTH_LARGE, _WORTH_SMALL = 0.005, 1.2, 2.0
 """An error above 0.5 % of span is corrected where it exceeds 1.2 σ of the scatter of landings (then a move makes it
 smaller in three of four cases, and teaches what is not known of the valve), a smaller one where it exceeds 2 σ of the
-landing of the correction (then it is halved on average)."""
+landing of the correction (then it is halved on average). σ of stops that are braked by reading is measured on such
+stops alone, so 1.2 of it are enough for any error."""
 _ALL = 0.999
 """Of the way to a limit: e⁻⁷, so at most seven lags are hurried through."""
 _LONGEST = 400
@@ -160,18 +161,22 @@ def is_worth_it(
     span_m: float,
     lasts_s: float,
     tries: int,
+    read_m: float = math.inf,
 ) -> bool:
     """Return whether a correction pays (`laws.correction`), and makes the error smaller, as far as is known.
 
-    steps: its moves. lasts_s: how long a move lasts. tries: ways to this setpoint that were begun before.
+    steps: its moves. lasts_s: how long a move lasts. tries: ways to this setpoint that were begun before. read_m: σ of
+    a stop that is braked by reading, infinite where none is made.
     """
     first, *later = steps
     error_m = abs(setpoint_m - position_m)
     if later and error_m < LEFT * span_m and not pays(error_m, abs(first.target_m - setpoint_m), lasts_s, tries):
         return False
     if error_m > LARGE * span_m:
-        return error_m > _WORTH_LARGE * belief.scatter_m
-    return error_m > _WORTH_SMALL * belief.landing_sigma_m(setpoint_m, steps[-1].direction)
+        least_m = _WORTH_LARGE * belief.scatter_m
+    else:
+        least_m = _WORTH_SMALL * belief.landing_sigma_m(setpoint_m, steps[-1].direction)
+    return error_m > min(least_m, _WORTH_LARGE * read_m)
 
 
 def tolerance_m(span_m: float, tries: int) -> float:

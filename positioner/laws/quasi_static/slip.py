@@ -19,6 +19,7 @@ from positioner.valve.rollout import Moving, Numbers
 from positioner.valve.state import StemState
 
 if TYPE_CHECKING:
+    from positioner.laws.quasi_static.track import Track
     from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Plant, Rollout
 
@@ -34,6 +35,8 @@ _LAGS = 8.0
 """The pressure is at the limit after so many lags."""
 _CLOSE = 0.2
 """Of the distance within which a stop counts as at the target: nearer than this, no better one is looked for."""
+_FASTER_M_PER_S, _PUSHED_MA = 0.01, 0.02
+"""Steps of the derivatives of a stop by speed and push: a hundredth of a usual speed, and σ of a known push."""
 _LATER = 4
 """The brake comes at the latest a quarter later than planned: friction is seldom more than that beyond the believed."""
 
@@ -93,7 +96,7 @@ class SlipPlan:
 
     rollout: by which it was planned, and is steered. currents: of the samples, at first as planned; from the brake on,
     those that the readings have led to. boosted: samples before the brake. by_reading: nothing but readings says when
-    to brake. is_braking: the brake has begun.
+    to brake. is_braking: the brake has begun; is_over: the stem has stopped.
     """
 
     task: Task
@@ -104,6 +107,7 @@ class SlipPlan:
     line: tuple[float, ...]
     by_reading: bool = False
     is_braking: bool = False
+    is_over: bool = False
 
     @property
     def latest(self) -> int:
@@ -195,9 +199,16 @@ def shortest_m(rollout: Rollout, task: Task, seen: int) -> float:
     return abs(stop.position_m - task.start_m)
 
 
-def steered(plan: SlipPlan, moving: Moving, sent: int) -> SlipPlan | None:
-    """Return the plan from the brake on, for a stem that is here after `sent` samples; None where that is for later."""
+def steered(plan: SlipPlan, track: Track, sent: int) -> SlipPlan | None:
+    """Return the plan from here on, for a stem that is tracked so after `sent` samples; None: another boosted sample.
+
+    The brake begins as if the target were nearer by one σ of the stop. From then on the stop is steered to the target:
+    a brake can be taken back in part, but it cannot be made stronger.
+    """
+    moving = track.moving
     task, rollout = replace(plan.task, pressure=moving.pressure), plan.rollout
+    if not (plan.is_braking or moving.stem.stuck):
+        task = replace(task, target_m=task.target_m - task.direction * _sigma_m(rollout, task, track))
     longer = stop_of(rollout, task, task.currents(task.period_s), moving)
     if _beyond_m(longer, task) < 0.0 and sent < plan.latest:
         return None
@@ -212,3 +223,24 @@ def steered(plan: SlipPlan, moving: Moving, sent: int) -> SlipPlan | None:
     currents = task.currents(part * task.period_s)
     stop = stop_of(rollout, task, currents, moving)
     return replace(plan, currents=currents, stop=replace(stop, peak_ma=plan.stop.peak_ma), is_braking=True)
+
+
+def over(plan: SlipPlan, moving: Moving) -> SlipPlan:
+    """Return the plan of a stem that has stopped: the pressure goes to where it holds the stem."""
+    task = replace(plan.task, pressure=moving.pressure)
+    return replace(plan, currents=task.currents(0.0), is_over=True)
+
+
+def _sigma_m(rollout: Rollout, task: Task, track: Track) -> float:
+    """Return σ of the stop of a stem that is braked now, by what its track and its friction on the way are doubted."""
+    moving, currents, direction = track.moving, task.currents(0.0), task.direction
+    stem = moving.stem
+    faster = replace(stem, velocity_m_per_s=stem.velocity_m_per_s + direction * _FASTER_M_PER_S)
+    pushed = replace(moving, shift_ma=moving.shift_ma + direction * _PUSHED_MA)
+    stop_m, faster_m, pushed_m = (
+        stop_of(rollout, task, currents, one).position_m for one in (moving, replace(moving, stem=faster), pushed)
+    )
+    by_v, by_p = direction * (faster_m - stop_m) / _FASTER_M_PER_S, direction * (pushed_m - stop_m) / _PUSHED_MA
+    pp = track.pp + track.roams_ma2_per_m * abs(task.target_m - stem.position_m)
+    variance_m2 = track.xx + by_v * (2.0 * track.xv + by_v * track.vv) + by_p * (2.0 * track.xp + by_p * pp)
+    return math.sqrt(max(variance_m2 + 2.0 * by_v * by_p * track.vp, 0.0))

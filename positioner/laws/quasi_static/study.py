@@ -33,9 +33,9 @@ _STEPS = 3
 """Gauss-Newton steps; after three the mean no longer changes by more than a tenth of σ."""
 _OWN_M, _OWN = 0.0005, 0.05
 """σ of the rollout itself: 0.5 mm, and 5 % of the way, for what it does not know (Stribeck friction, flow, forces)."""
-_LEAST, _MORE = 0.1, 2.0
-"""What the way itself shows of the rollout's σ counts, at least a tenth of what was expected; twice its variance, since
-the numbers were fitted to it."""
+_MORE = 2.0
+"""What the way itself shows of the rollout's variance counts twice, since the numbers were fitted to it; at least as
+much as the ways before have shown."""
 _INDEPENDENT = 6.0
 """What the rollout does not know is alike in neighbouring blocks: all of them count as six."""
 
@@ -77,6 +77,23 @@ class Way:
 
 
 @dataclass(frozen=True, slots=True)
+class Studied:
+    """What a way has taught: the numbers, and whether they explain it.
+
+    left_m2: mean square of what they leave of the way, beside noise; left_part: over the variance of the rollout, at
+    most 1. missed_m: the end of the way less where it was expected before the move; line: how that depends on the
+    numbers.
+    """
+
+    numbers: Gaussian
+    is_explained: bool
+    left_m2: float
+    left_part: float
+    missed_m: float
+    line: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Study:
     """One way, and how it was seen.
 
@@ -90,26 +107,35 @@ class Study:
     left_of_sensor: float
 
     def of(
-        self, numbers: Gaussian, within: Callable[[Gaussian], Gaussian], end_m: float, reading_m2: float
-    ) -> tuple[Gaussian, float, bool]:
-        """Return what is believed after a move, what that leaves of its way, and whether it explains the way.
-
-        What is left is a mean square in m², beside noise; a way is explained within σ of the rollout.
+        self,
+        numbers: Gaussian,
+        within: Callable[[Gaussian], Gaussian],
+        end_m: float,
+        reading_m2: float,
+        left_part: float,
+    ) -> Studied:
+        """Return what is believed after a move; a way is explained within σ of the rollout.
 
         Args:
             numbers: θ before the move.
             within: puts a mean inside its limits.
             end_m: where the stem rests.
             reading_m2: variance of a reading.
+            left_part: part of the rollout's variance that is expected to be left of the way.
         """
         noise_m2, own_m = reading_m2 / self.way.size, _OWN_M + _OWN * abs(end_m - self.way.start_m)
-        least_m2, own_m2, found = (_LEAST * own_m) ** 2, own_m * own_m, numbers
-        for _ in range(_STEPS):
-            found = within(self._stepped(numbers, found.mean, noise_m2 + own_m2))
-        left_m2 = self._left_m2(found.mean)
-        shown_m2 = min(max(_MORE * (left_m2 - noise_m2), least_m2), own_m2)
-        found = within(self._stepped(numbers, found.mean, noise_m2 + shown_m2))
-        return found, max(left_m2 - noise_m2, 0.0), left_m2 < noise_m2 + own_m2
+        own_m2 = own_m * own_m
+        expected, columns = self.blocks(numbers.mean), self._columns(numbers.mean)
+        missed_m, line = end_m - expected[-1], tuple([column[-1] for column in columns])
+        found = within(self._stepped(numbers, numbers.mean, expected, columns, noise_m2 + own_m2))
+        for _ in range(_STEPS - 1):
+            expected, columns = self.blocks(found.mean), self._columns(found.mean)
+            found = within(self._stepped(numbers, found.mean, expected, columns, noise_m2 + own_m2))
+        expected, columns = self.blocks(found.mean), self._columns(found.mean)
+        left_m2 = max(self._left_m2(expected) - noise_m2, 0.0)
+        shown_m2 = min(max(_MORE * left_m2, left_part * own_m2), own_m2)
+        found = within(self._stepped(numbers, found.mean, expected, columns, noise_m2 + shown_m2))
+        return Studied(found, left_m2 < own_m2, left_m2, min(left_m2 / own_m2, 1.0), missed_m, line)
 
     def blocks(self, theta: tuple[float, ...]) -> list[float]:
         """Return the means of the full blocks as θ has them."""
@@ -128,23 +154,34 @@ class Study:
                     total_m, filled = 0.0, 0
         return found
 
-    def _left_m2(self, theta: tuple[float, ...]) -> float:
-        """Return the mean square in m² of what θ leaves of the way."""
-        total_m2, blocks = 0.0, self.blocks(theta)
-        for block, expected_m in enumerate(blocks):
+    def _left_m2(self, expected: list[float]) -> float:
+        """Return the mean square in m² of what is left of the way, where this was expected of its blocks."""
+        total_m2 = 0.0
+        for block, expected_m in enumerate(expected):
             miss_m = self.way.sums[block] / self.way.size - expected_m
             total_m2 += miss_m * miss_m
-        return total_m2 / max(len(blocks), 1)
+        return total_m2 / max(len(expected), 1)
 
-    def _stepped(self, prior: Gaussian, theta: tuple[float, ...], variance_m2: float) -> Gaussian:
-        """Return what is believed after a Gauss-Newton step: the way is linear in θ around `theta`."""
-        nominal, columns = self.blocks(theta), []
+    def _columns(self, theta: tuple[float, ...]) -> list[list[float]]:
+        """Return the derivatives of the blocks by each number, by differences."""
+        columns = []
         for place in range(len(theta)):
             change, higher, lower = both_sides(theta, place)
             ups, downs = self.blocks(higher), self.blocks(lower)
             columns.append([(up - down) / (2.0 * change) for up, down in zip(ups, downs, strict=True)])
-        numbers, weight = prior, max(1.0, len(nominal) / _INDEPENDENT)
-        for block, expected_m in enumerate(nominal):
+        return columns
+
+    def _stepped(
+        self,
+        prior: Gaussian,
+        theta: tuple[float, ...],
+        expected: list[float],
+        columns: list[list[float]],
+        variance_m2: float,
+    ) -> Gaussian:
+        """Return what is believed after a Gauss-Newton step: the way is linear in θ around `theta`."""
+        numbers, weight = prior, max(1.0, len(expected) / _INDEPENDENT)
+        for block, expected_m in enumerate(expected):
             line = tuple([column[block] for column in columns])
             innovation_m = self.way.sums[block] / self.way.size - expected_m
             for place, slope in enumerate(line):

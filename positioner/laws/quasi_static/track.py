@@ -55,7 +55,8 @@ class Track:
     """x in m, v in m/s and the push in mA (in `moving`), and their covariance.
 
     ss: variance in mA² of the static friction that is believed, above 0. last_m: the newest reading. before: while the
-    stem is stuck and the push exceeds F_c, the pressure before each of the newest samples.
+    stem is stuck and the push exceeds F_c, the pressure before each of the newest samples. roams_ma2_per_m: variance
+    that the push gains on the way. misfit, read: sum of squared innovations over their variances, and their number.
     """
 
     moving: Moving
@@ -63,11 +64,14 @@ class Track:
     pp: float
     ss: float
     last_m: float
+    roams_ma2_per_m: float = 0.0
     xv: float = 0.0
     xp: float = 0.0
     vv: float = 0.0
     vp: float = 0.0
     before: tuple[PressureState, ...] = ()
+    misfit: float = 0.0
+    read: int = 0
 
     def after(self, rollout: Rollout, reading: Reading) -> Track:
         """Return the track one sample later; while the stem is stuck, the current is the same in all samples."""
@@ -145,9 +149,11 @@ class Track:
             xx, xv, xp = a0 * fx + a1 * fv + a2 * fp, a0 * gx + a1 * gv + a2 * gp, a2
             vv, vp = b0 * gx + b1 * gv + b2 * gp, b2
         xx += _OWN_M2
+        pp += self.roams_ma2_per_m * abs(moving.stem.position_m - self.moving.stem.position_m)
         left, part = reading.left, 1.0 - reading.left
         innovation_m = (reading.measured_m - left * self.last_m) / part - stem.position_m
         reading_m2 = reading.variance_m2 * (1.0 + left * left) / (part * part)
+        misfit = self.misfit + innovation_m * innovation_m / (xx + reading_m2)
         gain_x, gain_v, gain_p = (of / (xx + reading_m2) for of in (xx, xv, xp))
         velocity = stem.velocity_m_per_s + gain_v * innovation_m
         if stem.direction * velocity <= 0.0:
@@ -156,7 +162,19 @@ class Track:
         moving = Moving(moving.pressure, stem, moving.shift_ma + gain_p * innovation_m)
         vv, vp, pp = max(vv - gain_v * xv, 0.0), vp - gain_v * xp, max(pp - gain_p * xp, _LEAST_MA2)
         xx, xv, xp = xx - gain_x * xx, xv - gain_x * xv, xp - gain_x * xp
-        return Track(moving, xx, pp, self.ss, reading.measured_m, xv, xp, vv, vp)
+        return replace(
+            self,
+            moving=moving,
+            xx=xx,
+            xv=xv,
+            xp=xp,
+            vv=vv,
+            vp=vp,
+            pp=pp,
+            last_m=reading.measured_m,
+            misfit=misfit,
+            read=self.read + 1,
+        )
 
 
 def _push_ma(rollout: Rollout, pressure: PressureState, stem: StemState) -> float:

@@ -203,6 +203,26 @@ def test_a_stem_that_did_not_move_bounds_the_friction_by_the_peak_of_the_pressur
     assert after.belief.static_ma >= before.belief.static_ma
 
 
+def test_a_stop_is_not_steered_for_ever_where_noise_was_taken_for_a_slip() -> None:
+    law = quasi_static_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, brakes=True)
+    assert law.braking is not None
+    plan = replace(plan_of(valve_of(0.1), task_of(valve_of(0.1), 0.07, 0.084)), by_reading=True)
+    memory = replace(law.begin(0.07), pressure=law.model.at_rest(11.0))
+    memory = law.braking.with_track(replace(memory, position_m2=1e-10), plan)
+    move, sent, slides = replace(memory.move, stage=Stage.SLIP, direction=1.0, target_m=0.084, slip=plan), 0, 0
+    while move.slip is not None and not move.slip.is_over:
+        move = replace(move, since_s=sent * PERIOD_S)
+        read_m = 0.074 if sent == 80 else 0.07  # a single reading
+        memory = law.braking.read(replace(memory, move=move), read_m)
+        assert memory.braked.track is not None
+        slides += not memory.braked.track.moving.stem.stuck
+        move, current_ma = law.braking.sent(memory, move, move.slip)
+        memory, sent = replace(memory, sent_ma=current_ma), sent + 1
+        assert sent < 600
+    assert slides > 0
+    assert memory.sent_ma < 20.0
+
+
 def test_a_way_keeps_every_reading_and_every_current() -> None:
     way, readings = Way(plant_of(valve_of(0.1), PERIOD_S, 0.0).actuator.at_rest(10.0), 0.07), 0.0
     for sample in range(1000):

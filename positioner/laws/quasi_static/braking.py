@@ -207,10 +207,10 @@ class Braking:
         if track is not None and not plan.is_over:
             since = round(move.since_s / self.judge.period_s)
             found: SlipPlan | None = None
-            if not track.moving.stem.stuck:
-                found = steered(plan, track, since)
-            elif plan.is_braking:
+            if since >= plan.ends or (plan.is_braking and track.moving.stem.stuck):
                 found = over(plan, track.moving)
+            elif not track.moving.stem.stuck:
+                found = steered(plan, track, since)
             elif plan.by_reading:
                 found = steered(plan, track, since) if since >= plan.latest else None
             elif since >= plan.boosted:

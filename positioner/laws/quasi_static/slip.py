@@ -39,6 +39,8 @@ _FASTER_M_PER_S, _PUSHED_MA = 0.01, 0.02
 """Steps of the derivatives of a stop by speed and push: a hundredth of a usual speed, and σ of a known push."""
 _LATER = 4
 """The brake comes at the latest a quarter later than planned: friction is seldom more than that beyond the believed."""
+_ENDS = 2
+"""A slip is over after twice the time until its latest brake: braking takes no longer than the boost before it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +116,11 @@ class SlipPlan:
         """The sample at which the brake comes at the latest."""
         later = self.boosted + self.boosted // _LATER + 2
         return later + self.stop.freed if self.by_reading else later
+
+    @property
+    def ends(self) -> int:
+        """The sample from which on a stop is no longer steered: what is tracked then is no stem that slides."""
+        return _ENDS * self.latest
 
 
 def numbers_of(theta: tuple[float, ...], local_ma: float = 0.0) -> Numbers:
@@ -222,7 +229,7 @@ def steered(plan: SlipPlan, track: Track, sent: int) -> SlipPlan | None:
                 high = part
     currents = task.currents(part * task.period_s)
     stop = stop_of(rollout, task, currents, moving)
-    return replace(plan, currents=currents, stop=replace(stop, peak_ma=plan.stop.peak_ma), is_braking=True)
+    return replace(plan, currents=currents, stop=replace(plan.stop, position_m=stop.position_m), is_braking=True)
 
 
 def over(plan: SlipPlan, moving: Moving) -> SlipPlan:

@@ -210,13 +210,14 @@ def test_a_stop_is_not_steered_for_ever_where_noise_was_taken_for_a_slip() -> No
     memory = replace(law.begin(0.07), pressure=law.model.at_rest(11.0))
     memory = law.braking.with_track(replace(memory, position_m2=1e-10), plan)
     move, sent, slides = replace(memory.move, stage=Stage.SLIP, direction=1.0, target_m=0.084, slip=plan), 0, 0
-    while move.slip is not None and not move.slip.is_over:
+    while not plan.is_over:
         move = replace(move, since_s=sent * PERIOD_S)
         read_m = 0.074 if sent == 80 else 0.07  # a single reading
         memory = law.braking.read(replace(memory, move=move), read_m)
         assert memory.braked.track is not None
         slides += not memory.braked.track.moving.stem.stuck
-        move, current_ma = law.braking.sent(memory, move, move.slip)
+        move, current_ma = law.braking.sent(memory, move, plan)
+        plan = move.slip or plan
         memory, sent = replace(memory, sent_ma=current_ma), sent + 1
         assert sent < 600
     assert slides > 0

@@ -90,11 +90,11 @@ class QuasiStaticMemory:
     place of the stem, and its variance. smooth_m: the smoothed reading. sent_ma: the last current. pending: moves that
     are still to be made. tries: to this setpoint; failed: pushes in a row that have not moved the stem.
     later_s: what rests are waited for beyond the model. more_lag_s: by how much the lag is longer than configured;
-    behind_ma: the pressure behind it. lasts_s: how long the last move to a setpoint took. is_lag_known: a move has
-    shown it; hurries: and it was no shorter than believed. carried: where a resting stem was before it moved under a
-    current that stood still, and the variance of that; None if it has not moved. has_read: the stiction table, at the
-    start; lessons: what it is to learn. unpushed: the belief before the pushes in vain while no move has shown the lag.
-    braked: what braked moves carry.
+    behind_ma: the pressure behind it. lasts_s: how long the last move to a setpoint took, a braked one until the stem
+    rested. is_lag_known: a move has shown it; hurries: and it was no shorter than believed. carried: where a resting
+    stem was before it moved under a current that stood still, and the variance of that; None if it has not moved.
+    has_read: the stiction table, at the start; lessons: what it is to learn. unpushed: the belief before the pushes in
+    vain while no move has shown the lag. braked: what braked moves carry.
     """
 
     belief: ValveBelief

@@ -224,6 +224,29 @@ def test_a_stop_is_not_steered_for_ever_where_noise_was_taken_for_a_slip() -> No
     assert memory.sent_ma < 20.0
 
 
+@pytest.mark.parametrize("dead_s", [0.0, 0.025, 0.05])
+@pytest.mark.parametrize("way_m", [0.002, 0.005, 0.014])
+def test_a_planned_move_ends_at_its_target_through_a_dead_time_too(dead_s: float, way_m: float) -> None:
+    """Its brake begins while commands of the boost are on their way, before the stem moves."""
+    valve = replace(valve_of(0.02), actuator=replace(valve_of(0.02).actuator, dead_time_s=dead_s))
+    estimator = EstimatorSettings(noise_of_span=0.0005, noise_of_reading=0.0)
+    law = quasi_static_law(valve, estimator, (4.0, 20.0), PERIOD_S, 0.0, brakes=True)
+    assert law.braking is not None
+    plan = plan_of(valve, task_of(valve, 0.07, 0.07 + way_m))
+    begun_ma, chance = plan.task.pressure.pressure_ma, np.random.default_rng(1)
+    memory = replace(law.begin(0.07), pressure=law.model.at_rest(begun_ma), position_m2=1e-10)
+    memory = law.braking.with_track(memory, plan)
+    move = replace(memory.move, stage=Stage.SLIP, direction=1.0, target_m=0.07 + way_m, slip=plan)
+    stem, on_the_way = EulerValve(valve, 0.07, begun_ma), [begun_ma] * round(dead_s / PERIOD_S)
+    for sample in range(300):
+        move, current_ma = law.braking.sent(memory, move, move.slip or plan)
+        on_the_way.append(current_ma)
+        read_m = stem.sample(on_the_way.pop(0)) + 7e-5 * chance.normal()
+        move = replace(move, since_s=(sample + 1) * PERIOD_S)
+        memory = law.braking.read(replace(memory, move=move, sent_ma=current_ma), read_m)
+    assert abs(stem.x - 0.07 - way_m) < 0.002 * SPAN_M
+
+
 def test_a_way_keeps_every_reading_and_every_current() -> None:
     way, readings = Way(plant_of(valve_of(0.1), PERIOD_S, 0.0).actuator.at_rest(10.0), 0.07), 0.0
     for sample in range(1000):

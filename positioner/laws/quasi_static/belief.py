@@ -212,14 +212,14 @@ class ValveBelief:
         believed = Believed(spring, offset, static, sliding, self.landing_sigma_m(target_m, direction))
         return MoveReason(target_m - start_m, Breakaway(self.freeing_ma(start_m, direction)), target_m, believed)
 
-    def after_move(self, spread: float = 1.0) -> ValveBelief:
+    def after_move(self, changes: float = 1.0) -> ValveBelief:
         """Return the belief before another move: friction and forces may have changed a little.
 
-        spread: what the variance of such changes was found to be, over what is expected.
+        changes: what the variance of that was found to be, over what is expected.
         """
         offset_ma2, sliding_ma2, static_ma2 = self._changes_ma2()
-        numbers = self.numbers.widened(_OFFSET, spread * offset_ma2).widened(_SLIDING, spread * sliding_ma2)
-        return replace(self, numbers=numbers.widened(_STATIC, spread * static_ma2))
+        numbers = self.numbers.widened(_OFFSET, changes * offset_ma2).widened(_SLIDING, changes * sliding_ma2)
+        return replace(self, numbers=numbers.widened(_STATIC, changes * static_ma2))
 
     def change_m2(self, line: tuple[float, ...]) -> float:
         """Return the variance of a stop by what a move is expected to change; line: its derivatives."""

@@ -214,9 +214,9 @@ class Braking:
             elif plan.by_reading:
                 found = steered(plan, track, since) if since >= plan.latest else None
             elif since >= plan.boosted:
-                found = replace(plan, currents=plan.currents[plan.boosted :], is_braking=True)
+                found = replace(plan, currents=plan.currents[plan.boosted :], is_braking=True, is_over=True)
             if found is None:
-                return replace(move, sent=sent + 1), plan.task.boost_ma
+                return move, plan.task.boost_ma
             plan, sent = found, 0
         if sent >= len(plan.currents):
             return replace(move, slip=plan), plan.task.hold_ma
@@ -253,11 +253,7 @@ class Braking:
         """
         belief, braked, own_m2, square_m2 = memory.belief, memory.braked, self._planned_m2(memory), missed_m * missed_m
         known_m2 = belief.numbers.variance(line) + memory.position_m2 + memory.move.start_m2
-        total_m2 = known_m2 + own_m2
-        if square_m2 > _SURPRISE * total_m2:
-            planned_m2 = square_m2
-        else:
-            planned_m2 = own_m2 + _NEWEST * (max(square_m2 - known_m2, 0.0) - own_m2)
+        total_m2, planned_m2 = known_m2 + own_m2, _after_miss(own_m2, square_m2, known_m2)
         part = min(braked.changes * belief.change_m2(line) / total_m2, 1.0)
         changes = _scaled(braked.changes, part, square_m2 / total_m2)
         return replace(memory, braked=replace(braked, planned_m2=planned_m2, changes=changes))
@@ -289,9 +285,15 @@ class Braking:
 
     def _read_stop(self, memory: QuasiStaticMemory, missed_m: float) -> QuasiStaticMemory:
         """Return the memory after a stop that was braked by reading."""
-        least_m, square_m2, now_m2 = _OWN * self.judge.valve.span_m, missed_m * missed_m, memory.braked.reading_m2
-        after_m2 = square_m2 if square_m2 > _SURPRISE * now_m2 else now_m2 + _NEWEST * (square_m2 - now_m2)
+        least_m, after_m2 = _OWN * self.judge.valve.span_m, _after_miss(memory.braked.reading_m2, missed_m * missed_m)
         return replace(memory, braked=replace(memory.braked, reading_m2=max(after_m2, least_m * least_m)))
+
+
+def _after_miss(own_m2: float, square_m2: float, known_m2: float = 0.0) -> float:
+    """Return the variance of braked stops after a squared miss; known_m2: what of it was expected beside."""
+    if square_m2 > _SURPRISE * (known_m2 + own_m2):
+        return square_m2
+    return own_m2 + _NEWEST * (max(square_m2 - known_m2, 0.0) - own_m2)
 
 
 def _scaled(times: float, part: float, square: float) -> float:

@@ -26,8 +26,8 @@ class Move:
     stem was, and the variance of that. boost_ma, boosted: the limit, and for how many samples more it is commanded.
     inertia_m: how far mass was expected to carry the stem beyond its balance, with the sign of the direction.
     margin_m: how far from its target a move away may end. since_s: its age. area_m_s: the integral of the readings from
-    where it began. is_hurried: it began at the limit of the current. slip: of a braked move; sent: its samples,
-    counted anew from the brake on.
+    where it began. is_hurried: it began at the limit of the current. slip: of a braked move; sent: how many
+    of its currents.
     """
 
     stage: Stage | None

@@ -98,7 +98,8 @@ class SlipPlan:
 
     rollout: by which it was planned, and is steered. currents: of the samples, at first as planned; from the brake on,
     those that the readings have led to. boosted: samples before the brake. by_reading: nothing but readings says when
-    to brake. is_braking: the brake has begun; is_over: the stem has stopped.
+    to brake. is_braking: the brake has begun; is_over: it is steered no longer, since the stem has stopped, or was
+    braked before it was seen to move.
     """
 
     task: Task

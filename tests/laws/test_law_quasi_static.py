@@ -345,6 +345,17 @@ def test_a_correction_is_worth_while_where_it_pays_and_makes_the_error_smaller(
     assert is_worth_it(belief, steps, 0.08, setpoint_m, VALVE.span_m, lasts_s, tries) is expected
 
 
+@pytest.mark.parametrize(("error_of_sigma", "expected"), [(1.1, False), (1.3, True)])
+def test_a_correction_that_is_braked_by_reading_is_worth_while_by_the_sigma_of_such_stops(
+    error_of_sigma: float, expected: bool
+) -> None:
+    belief, read_m = belief_of(VALVE), 0.001 * VALVE.span_m  # the landing of a quasi-static move is not known so well
+    setpoint_m = 0.08 + error_of_sigma * read_m
+    steps = steps_to(belief, LIMITS, 0.08, setpoint_m, 1.0)
+    assert is_worth_it(belief, steps, 0.08, setpoint_m, VALVE.span_m, 0.01, 1, read_m) is expected
+    assert not is_worth_it(belief, steps, 0.08, setpoint_m, VALVE.span_m, 0.01, 1)
+
+
 def test_no_move_ends_at_a_stop() -> None:
     belief = belief_of(VALVE)
 

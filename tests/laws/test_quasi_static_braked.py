@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import TYPE_CHECKING
 
@@ -146,6 +147,47 @@ def test_readings_stop_a_stem_whose_friction_differs_nearer_to_its_target(fricti
 
 def test_with_friction_as_believed_readings_change_little() -> None:
     assert abs(moved(valve_of(0.1), 1.0, 7e-5, 1, steers=True)) < 0.004 * SPAN_M
+
+
+def test_a_brake_begins_a_sigma_early_and_is_taken_back_where_the_stem_would_stop_short() -> None:
+    valve, variance_m2 = valve_of(0.02), 1e-8
+    task = task_of(valve, 0.07, 0.084)
+    plan = replace(plan_of(valve, task), by_reading=True)
+    true, sent, short_m = EulerValve(valve, 0.07, task.pressure.pressure_ma), 0, math.inf
+    moving = Moving(task.pressure, StemState(0.07, 0.0, True, 1.0))
+    track = Track(moving, 1e-9, 0.15, 1.0, 0.07, roams_ma2_per_m=10.0)
+    while not (plan.is_braking and track.moving.stem.stuck):
+        found = None if track.moving.stem.stuck else steered(plan, track, sent)
+        if found is not None and not plan.is_braking:
+            assert 0.002 * SPAN_M < task.target_m - found.stop.position_m < 0.02 * SPAN_M
+            short_m = task.target_m - copy.copy(true).play(found.currents, task.hold_ma)
+        plan = found or plan
+        current_ma = found.currents[0] if found else task.boost_ma
+        track = track.after(plan.rollout, Reading(current_ma, true.sample(current_ma), variance_m2))
+        sent += 1
+    assert short_m > 0.002 * SPAN_M  # as the brake began
+    assert abs(true.play(over(plan, track.moving).currents, task.hold_ma) - task.target_m) < 0.5 * short_m
+
+
+@pytest.mark.parametrize(
+    ("misfit", "least", "most"), [(0.1, 0.7, 0.8), (1.0, 0.99, 1.01), (3.0, 1.5, 1.7), (90.0, 3.3, 3.5)]
+)
+def test_innovations_of_a_slip_say_how_much_friction_changes_on_the_way(
+    misfit: float, least: float, most: float
+) -> None:
+    before, _ = slipped(0.0, 0.0002, by_reading=True)
+    law = quasi_static_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, brakes=True)
+    plan = before.move.slip
+    assert law.braking is not None
+    assert plan is not None
+    with_track = law.braking.with_track(before, plan)
+    assert with_track.braked.track is not None
+    track = replace(with_track.braked.track, misfit=20.0 * misfit, read=20)
+    after = law.braking.slipped(replace(before, braked=replace(before.braked, track=track)), plan)
+    assert least < after.braked.roams < most
+    doubled = law.braking.with_track(replace(before, braked=replace(before.braked, roams=2.0)), plan).braked.track
+    assert doubled is not None
+    assert doubled.roams_ma2_per_m == 2.0 * track.roams_ma2_per_m
 
 
 def slipped(missed_m: float, planned_m: float, *, by_reading: bool) -> tuple[QuasiStaticMemory, QuasiStaticMemory]:

@@ -11,6 +11,7 @@ from euler_valve import EulerValve
 from positioner.laws.quasi_static.belief import belief_of
 from positioner.laws.quasi_static.slip import numbers_of
 from positioner.laws.quasi_static.track import Reading, Track
+from positioner.values import replace
 from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.rollout import Moving, Rollout, plant_of
@@ -135,6 +136,20 @@ def test_a_track_finds_the_force_that_pushes_a_sliding_stem() -> None:
         track = track.after(rollout, Reading(19.0, true.sample(19.0), 2.5e-9))
     assert track.moving.shift_ma == pytest.approx(0.3, abs=0.05)
     assert track.moving.stem.position_m == pytest.approx(true.x, abs=2e-4)
+
+
+def test_a_push_that_changes_on_the_way_is_followed_the_faster_the_more_it_is_expected_to() -> None:
+    valve, off_ma = valve_of(0.02), []
+    rollout = rollout_of(valve, 1e-3)
+    for roams_ma2_per_m in (0.0, 1.0, 100.0):
+        track = replace(begun(rollout, 0.05, 1.0, 0.1, 1.0), roams_ma2_per_m=roams_ma2_per_m)
+        true = EulerValve(valve, 0.05, track.moving.pressure.pressure_ma)
+        for sample in range(45):
+            true.offset -= 0.4 if sample == 30 else 0.0
+            track = track.after(rollout, Reading(19.0, true.sample(19.0), 2.5e-9))
+        off_ma.append(abs(track.moving.shift_ma - 0.4))
+    assert off_ma[0] > 2.0 * off_ma[1]
+    assert off_ma[2] < 0.05
 
 
 def test_noise_frees_no_stem_and_a_motion_does() -> None:

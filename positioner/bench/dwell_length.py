@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 
 from positioner.bench.metrics import ERROR_WINDOW_S
 from positioner.reach.case import Case
-from positioner.reach.corrections import corrections
-from positioner.reach.large_moves import durations
-from positioner.reach.small_moves import smallest_jump
+from positioner.reach.expected import corrections
+from positioner.reach.moves import durations
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -59,8 +58,7 @@ def _needed_s(case: Case, move_m: float) -> float:
     """Return how long a move and one correction take, in s; `reach` computes moves around the middle of the range."""
     low_m, high_m = case.valve.restartable_m(case.low_ma, case.high_ma)
     move_m = min(move_m, _OF_RANGE * (high_m - low_m))
-    jump = max((smallest_jump(case, direction) for direction in (1.0, -1.0)), key=lambda each: each.jump_m)
-    moved_s = durations(case, move_m, jump.rate_ma_per_s).law_s + corrections(case, jump).correction_s
+    moved_s = durations(case, move_m).law_s + corrections(case).correction_s
     return moved_s if math.isfinite(moved_s) else 0.0  # a current too weak for the move: no dwell is long enough
 
 

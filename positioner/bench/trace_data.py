@@ -84,10 +84,10 @@ def picture_data(
     every = windows(trend.position_m, trend.span_m, recording.period_s)
     shown = telling(every, trend.span_m, MOST_MOVES)
     slides, estimate = columns["stuck"] == 0.0, (columns["position_m"], columns["velocity_m_per_s"])
-    predicted = []
+    begun, predicted = np.array([row["reason"] != "" for row in rows]), []
     for window in shown:
         known = believed(configuration, _table_at(table, samples, float(time_s[window.begin])))
-        path_m = known.path_m(estimate, slides, trend.current_ma, window.first, window.last)
+        path_m = known.path_m(estimate, known.begins_of(slides, begun), trend.current_ma, window.first, window.last)
         predicted.append(Predicted(path_m, known.shift_s))
     breakaways = [
         Breakaway(float(begun_s), current_ma, source)

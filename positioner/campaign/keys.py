@@ -54,7 +54,7 @@ def _kind(hint: Any) -> type | None:
     """Return the kind of a value with this type hint, None where no campaign can change it."""
     if isinstance(hint, type) and issubclass(hint, StrEnum):
         return str
-    if get_origin(hint) is tuple:
+    if get_origin(hint) in (tuple, dict):
         return None
     return next((kind for kind in _KINDS if hint is kind or kind in get_args(hint)), None)
 

@@ -169,6 +169,7 @@ def warnings(configuration: Configuration) -> tuple[str, ...]:
             f"beyond {duration(longest_s, 3)} the actuator goes to its fail position before HOLD, which comes after "
             f"{guard.feedback_hold_periods} periods without feedback, repeats a command"
         )
+    lines += configuration.retired
     if _is_too_much(configuration):
         lines.append(f"bus load: {_load(configuration)}")
     return tuple(lines)

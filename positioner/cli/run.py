@@ -85,6 +85,9 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     for session in daemon.sessions:
         if isinstance(session.setup.law, OutsideLaw):
             session.announcer.log.warning("%s", session.setup.law.in_words())
+    for session, configuration in zip(daemon.sessions, configurations, strict=False):
+        for line in configuration.retired:
+            session.announcer.log.warning("%s", line)
     lock_memory()
     for configuration in configurations:
         warm_up(configuration)

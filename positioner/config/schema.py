@@ -94,6 +94,13 @@ class Configuration(SettingsTable):
         return Path()
 
     @property
+    def retired(self) -> tuple[str, ...]:
+        """A line where the file has settings of an older version, which have no effect."""
+        keys = self.control.nmpc.lagged
+        line = f"[control.nmpc.lagged] is of an older version and has no effect; leave it out: {', '.join(keys)}"
+        return (line,) if keys else ()
+
+    @property
     def limits(self) -> Limits:
         """The values that its law can learn; other values in a stiction table of this valve are not credible."""
         own = self.control.nmpc

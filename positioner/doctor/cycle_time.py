@@ -22,11 +22,12 @@ from positioner.cycle.state import CycleState
 from positioner.cycle.step import step
 from positioner.doctor.finding import Finding, Level
 from positioner.inputs.durations import duration
-from positioner.laws.nmpc.lagged.valve import is_lagged
 from positioner.laws.registry import is_outside
 from positioner.machine.build import is_compiled
-from positioner.reach.case import Case, slip_of
+from positioner.reach.case import Case
 from positioner.valve.actuator import ActuatorParameters
+from positioner.valve.rollout import Moving
+from positioner.valve.state import StemState
 from positioner.valve.stiction import StictionTable
 from positioner.wire.messages import CurrentCommand, Quality, Setpoint, StemPosition
 
@@ -114,7 +115,7 @@ def _finding(configuration: Configuration, measured: CycleTime) -> Finding:
     law, valve = configuration.control.law, configuration.valve
     if law == "nmpc":
         lags = "sensor lag or backlash" if valve.actuator.is_immediate else valve.actuator.in_words()
-        law += f" with {lags}" if is_lagged(valve) else " without lag"
+        law += " without lag" if valve.is_immediate else f" with {lags}"
     build = "compiled" if is_compiled() else "interpreted"
     return Finding(Level.OK, "cycle", f"{law}, {build}: {measured.in_words()}")
 
@@ -156,32 +157,27 @@ def measure(configuration: Configuration) -> CycleTime:
 
 
 class _Stem:
-    """The stem of the law's model, in whole sample periods; it slips from the start of the one in which it is freed."""
+    """The stem of the law's model, in whole sample periods."""
 
     def __init__(self, case: Case) -> None:
-        self._own = case.lagged()
-        self.middle_m, self.sigma_m = case.middle_m, case.sigma_m
-        self.x, self._v, self._direction = case.middle_m, 0.0, 0.0
-        self._pressure_ma = self._converter_ma = self._own.model.pressure_ma(self._own.spring_n_per_m * self.x)
-        self._slips = {direction: slip_of(self._own, direction) for direction in (1.0, -1.0)}
+        self._rollout, self.middle_m, self.sigma_m = case.rollout(), case.middle_m, case.sigma_m
+        pressure = self._rollout.pressure.at_rest(self._rollout.numbers.balance_ma(self.middle_m))
+        self._moving = Moving(pressure, StemState(self.middle_m, 0.0, True, 1.0))
+
+    @property
+    def x(self) -> float:
+        """Where the stem is, in m."""
+        return self._moving.stem.position_m
 
     def move(self, current_ma: float) -> None:
         """Let a period pass under this current."""
-        own, before = self._own, (self._pressure_ma, self._converter_ma)
-        self._pressure_ma, self._converter_ma = own.drive.after(*before, current_ma)
-        if not self._direction:
-            net_n = own.model.net_n(self._pressure_ma, own.spring_n_per_m, self.x)
-            self._direction = math.copysign(1.0, net_n) if abs(net_n) > own.static_n else 0.0
-        if self._direction:
-            slip = self._slips[self._direction]
-            self.x, self._v, _, _, stopped = slip.after(self.x, self._v, *before, current_ma)
-            self._direction = 0.0 if stopped else self._direction
+        self._moving = self._rollout.after(self._moving, current_ma)
 
 
 def _with_other_lag(configuration: Configuration) -> Configuration:
     """Return the configuration without lag where there is one, else with one."""
     actuator = ActuatorParameters()
-    if not is_lagged(configuration.valve):
+    if configuration.valve.is_immediate:
         actuator = replace(actuator, fill_time_constant_s=_LAG_S, vent_time_constant_s=_LAG_S)
     valve = replace(configuration.valve, actuator=actuator, sensor_time_constant_s=0.0, backlash_m=0.0)
     return replace(configuration, valve=valve)

@@ -4,38 +4,33 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from positioner.laws.nmpc.lagged.drive import Drive, drive_of
-from positioner.laws.nmpc.lagged.pipeline import Pipeline, pipeline_at
 from positioner.values import dataclass
+from positioner.valve.pressure import pressure_model
 
 if TYPE_CHECKING:
     from positioner.valve.actuator import ActuatorParameters
-
-_HIGHEST_MA = 1e3
+    from positioner.valve.pressure import PressureModel, PressureState
 
 
 @dataclass(frozen=True, slots=True)
 class PressureSettings:
-    """K_p, dead time and lags of the actuator; `drive` is None where the pressure is the current at once."""
+    """K_p and the actuator; `model` is None where the pressure is the current at once."""
 
     gain_pa_per_ma: float
-    dead_time_s: float
-    period_s: float
-    drive: Drive | None
+    model: PressureModel | None
 
     @classmethod
     def of(cls, gain_pa_per_ma: float, actuator: ActuatorParameters, period_s: float) -> PressureSettings:
         """Return the settings of a configured actuator."""
-        drive = None if actuator.is_immediate else drive_of(actuator, period_s, 0.0, _HIGHEST_MA)
-        return cls(gain_pa_per_ma, actuator.dead_time_s, period_s, drive)
+        return cls(gain_pa_per_ma, None if actuator.is_immediate else pressure_model(actuator, period_s))
 
 
 @dataclass(slots=True)
 class Pressure:
-    """The newest measured pressure, and the actuator's model; `acted_ma` changes them in place."""
+    """The newest measured pressure, and the pressure by the actuator's model; `acted_ma` changes them in place."""
 
     measured_ma: float | None = None
-    pipeline: Pipeline | None = None
+    modelled: PressureState | None = None
 
 
 def acted_ma(
@@ -51,15 +46,14 @@ def acted_ma(
         before_ma = now_ma if state.measured_ma is None else state.measured_ma
         state.measured_ma = now_ma
         return 0.5 * (before_ma + now_ma)
-    if settings.drive is None:
+    model = settings.model
+    if model is None:
         return current_ma
-    pipeline = state.pipeline
-    if pipeline is None:
-        pipeline = pipeline_at(current_ma, 0.0, settings.dead_time_s, settings.period_s)
+    modelled = state.modelled or model.at_rest(current_ma)
     total_ma = 0.0
     for _ in range(periods):
-        before_ma = pipeline.pressure_ma
-        pipeline = pipeline.after(settings.drive, current_ma)
-        total_ma += 0.5 * (before_ma + pipeline.pressure_ma)
-    state.pipeline = pipeline
+        before_ma = modelled.pressure_ma
+        modelled = model.after(modelled, current_ma)
+        total_ma += 0.5 * (before_ma + modelled.pressure_ma)
+    state.modelled = modelled
     return total_ma / periods

@@ -24,8 +24,6 @@ from positioner.inputs.plug_in import (
 )
 from positioner.laws.nmpc.converging import ConvergingLaw, converging_law
 from positioner.laws.nmpc.filter import AdaptiveFilter
-from positioner.laws.nmpc.lagged.law import LaggedLaw
-from positioner.laws.nmpc.lagged.valve import is_lagged, lagged_valve
 from positioner.laws.nmpc.law import NmpcLaw
 from positioner.laws.outside import OutsideLaw
 from positioner.laws.paper.law import PaperLaw
@@ -35,6 +33,7 @@ from positioner.laws.rivals.pi import NoCompensator, PiLaw
 from positioner.laws.rivals.pid import PidController
 from positioner.laws.rivals.reinforcement import Reinforcement
 from positioner.laws.rivals.two_move import TwoMoveLaw
+from positioner.values import replace
 from positioner.valve.motion import Load, MotionModel
 
 if TYPE_CHECKING:
@@ -77,29 +76,16 @@ def _paper(name: str, parts: Ingredients, *, use_table: bool) -> PaperLaw:
     )
 
 
-def _nmpc(parts: Ingredients) -> ConvergingLaw:
-    return _converging("nmpc", parts, _nmpc_predictive(parts), brakes=False)
+def _nmpc(parts: Ingredients) -> ConvergingLaw | QuasiStaticLaw:
+    quasi_static = _quasi_static(parts, brakes=not parts.valve.actuator.is_immediate)
+    if not parts.valve.is_immediate:
+        return replace(quasi_static, name="nmpc")
+    period_s, rate_ma_per_s = parts.control.sample_period_s, parts.guard.max_rate_ma_per_s
+    return converging_law("nmpc", nmpc_predictive(parts), quasi_static, parts.valve, period_s, rate_ma_per_s)
 
 
-def _nmpc_braked(parts: Ingredients) -> ConvergingLaw:
-    brakes = not parts.valve.actuator.is_immediate
-    predictive = nmpc_immediate(parts) if brakes else _nmpc_predictive(parts)
-    return _converging("nmpc-braked", parts, predictive, brakes=brakes)
-
-
-def _converging(name: str, parts: Ingredients, predictive: NmpcLaw | LaggedLaw, *, brakes: bool) -> ConvergingLaw:
-    guard, period_s = parts.guard, parts.control.sample_period_s
-    currents_ma = guard.current_low_ma, guard.current_high_ma
-    quasi_static = _quasi_static(parts, brakes=brakes)
-    return converging_law(name, predictive, quasi_static, parts.valve, currents_ma, period_s, guard.max_rate_ma_per_s)
-
-
-def _nmpc_predictive(parts: Ingredients) -> NmpcLaw | LaggedLaw:
-    return _nmpc_lagged(parts) if is_lagged(parts.valve) else nmpc_immediate(parts)
-
-
-def nmpc_immediate(parts: Ingredients) -> NmpcLaw:
-    """Return the law `nmpc` of an actuator that acts at once."""
+def nmpc_predictive(parts: Ingredients) -> NmpcLaw:
+    """Return the predictive moves of the law `nmpc`, to which an actuator acts at once."""
     settings, valve = parts.control.nmpc, parts.valve
     steps = settings.approach
     return NmpcLaw(
@@ -115,27 +101,6 @@ def nmpc_immediate(parts: Ingredients) -> NmpcLaw:
         command_delay_s=parts.control.command_delay_s,
         table_from_s=parts.control.table_from_s,
         table_cell_m=parts.control.table_cell_m,
-    )
-
-
-def _nmpc_lagged(parts: Ingredients) -> LaggedLaw:
-    control, guard = parts.control, parts.guard
-    constants = lagged_valve(
-        control.nmpc.lagged,
-        parts.valve,
-        control.sample_period_s,
-        control.command_delay_s,
-        guard.current_low_ma,
-        guard.current_high_ma,
-    )
-    return LaggedLaw(
-        name="nmpc-predictive",
-        valve=parts.valve,
-        settings=control.nmpc,
-        estimator=parts.estimator,
-        lagged=constants,
-        table_from_s=control.table_from_s,
-        table_cell_m=control.table_cell_m,
     )
 
 
@@ -178,16 +143,12 @@ def _quasi_static(parts: Ingredients, *, brakes: bool = False) -> QuasiStaticLaw
 LAWS: Mapping[str, tuple[str, Callable[[Ingredients], Law[Any]]]] = MappingProxyType(
     {
         "nmpc": (
-            "NMPC with an adaptive filter and the movable bound; where its moves do not converge, quasi-static ones",
+            "predictive moves within the movable bound, braked ones behind a lag; where they miss, quasi-static ones",
             _nmpc,
         ),
-        "nmpc-braked": (
-            "nmpc without lag; behind one, quasi-static moves and braked ones that are planned on the whole motion",
-            _nmpc_braked,
-        ),
         "nmpc-predictive": (
-            "the predictive moves of nmpc alone, also where they do not converge",
-            _nmpc_predictive,
+            "the predictive moves of nmpc alone, also where they do not converge, and as if no pressure lagged",
+            nmpc_predictive,
         ),
         "quasi-static": (
             "moves that end where spring and friction balance the pressure; each rest teaches both",

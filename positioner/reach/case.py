@@ -1,4 +1,4 @@
-"""One case: a valve with its sensor, its period and the limits of its current, and the motions that follow. Pure."""
+"""One case: a valve with its sensor, its period and the limits of its current, and how it moves. Pure."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from positioner.laws.estimator_settings import measurement_sigma_m
-from positioner.laws.nmpc.lagged.slip import Slip
-from positioner.laws.nmpc.lagged.valve import LaggedValve, is_lagged, lagged_valve
+from positioner.laws.quasi_static.belief import belief_of
+from positioner.laws.quasi_static.slip import numbers_of
+from positioner.valve.rollout import plant_of
 
 if TYPE_CHECKING:
     from positioner.config.schema import Configuration
     from positioner.laws.estimator_settings import EstimatorSettings
     from positioner.laws.nmpc.settings import NmpcSettings
     from positioner.valve.parameters import ValveParameters
+    from positioner.valve.rollout import Numbers, Plant, Rollout
 
 
 _REST_S = 1.0
@@ -61,35 +63,27 @@ class Case:
 
     @property
     def tolerance_m(self) -> float:
-        """The error that the law does not correct, in m; on a valve without lag, after a second at rest."""
-        own = self.settings.lagged
-        if is_lagged(self.valve):
-            return math.hypot(own.tolerance_of_span * self.valve.span_m, own.tolerance_of_noise * self.sigma_m)
-        return self.settings.tolerance_m + self.settings.doubt_sigma * self.sigma_m * math.sqrt(self.period_s / _REST_S)
+        """The error that is not corrected after a second at rest, in m."""
+        return self.settings.tolerance_m + self.settings.doubt_sigma * self.averaged_m
 
-    def lagged(self, period_s: float = 0.0) -> LaggedValve:
-        """Return the law's model of the valve, in samples of `period_s`; 0 is the case's own."""
-        return lagged_valve(
-            self.settings.lagged, self.valve, period_s or self.period_s, self.delay_s, self.low_ma, self.high_ma
-        )
+    @property
+    def averaged_m(self) -> float:
+        """Standard deviation of the mean of the readings of one second at rest, in m."""
+        return self.sigma_m * math.sqrt(self.period_s / _REST_S)
+
+    @property
+    def numbers(self) -> Numbers:
+        """The configured spring and friction."""
+        return numbers_of(belief_of(self.valve).numbers.mean)
+
+    def plant(self, period_s: float = 0.0) -> Plant:
+        """Return how the valve moves, in samples of `period_s`; 0 is the case's own."""
+        return plant_of(self.valve, period_s or self.period_s, self.delay_s)
+
+    def rollout(self, period_s: float = 0.0) -> Rollout:
+        """Return the motion of the configured valve, in samples of `period_s`; 0 is the case's own."""
+        return self.plant(period_s).rollout(self.numbers)
 
     def with_valve(self, **changes: object) -> Case:
         """Return the case with other parameters of the valve."""
         return replace(self, valve=replace(self.valve, **changes))  # type: ignore[arg-type]
-
-
-def slip_of(lagged: LaggedValve, direction: float) -> Slip:
-    """Return the motion of a stem that slips in `direction` (±1)."""
-    sliding_n = min(lagged.sliding_n, lagged.static_n)
-    return Slip(lagged.model, lagged.drive, direction, lagged.spring_n_per_m, lagged.static_n, sliding_n)
-
-
-def freeing_ma(slip: Slip, x: float) -> float:
-    """Return the pressure in mA that frees the stem at x (m)."""
-    return slip.model.pressure_ma(slip.spring_n_per_m * x + slip.direction * slip.static_n)
-
-
-def brake_ma(case: Case, slip: Slip, x: float) -> float:
-    """Return the pressure in mA that brakes the stem before x (m), inside the stick band there."""
-    share_n = slip.direction * case.settings.lagged.brake_share * slip.static_n
-    return slip.drive.limited(slip.model.pressure_ma(slip.spring_n_per_m * x - share_n))

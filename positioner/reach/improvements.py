@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _FAST_S = 1e-3
 _WORTH = 0.95
-"""A change is worth a line if it brings the resolution or the duration below this part."""
+"""A change is worth a line if it brings σ of a first move, the mean error or the duration below this part."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,14 +28,18 @@ class Improvement:
 
 
 def improvements(case: Case, today: Figures) -> tuple[Improvement, ...]:
-    """Return the changes that improve resolution or duration, the best for the resolution first."""
+    """Return the changes that improve σ of a first move, mean error or duration, the best for the first one first."""
     found = [Improvement(change, figures_of(changed)) for change, changed in _changes(case)]
     worth = [each for each in found if _gain(each.figures, today) < _WORTH]
-    return tuple(sorted(worth, key=lambda each: (each.figures.resolution_m, each.figures.mean_s)))
+    return tuple(sorted(worth, key=lambda each: (each.figures.first_m, each.figures.mean_s)))
 
 
 def _gain(changed: Figures, today: Figures) -> float:
-    pairs = ((changed.resolution_m, today.resolution_m), (changed.mean_s, today.mean_s))
+    pairs = (
+        (changed.first_m, today.first_m),
+        (changed.error_m, today.error_m),
+        (changed.mean_s, today.mean_s),
+    )
     return min(after / before if 0.0 < before < math.inf else 1.0 for after, before in pairs)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from positioner.inputs.durations import duration
 from positioner.reach.figures import MOVE_OF_SPAN
-from positioner.reach.large_moves import SETTLED_OF_SPAN
+from positioner.reach.moves import SETTLED_OF_SPAN
 from positioner.report.table import Table
 
 if TYPE_CHECKING:
@@ -26,15 +26,13 @@ def as_values(case: Case, figures: Figures, changes: Sequence[Improvement]) -> d
         "valve": case.valve.id,
         "sample_period_s": case.period_s,
         "noise_m": case.sigma_m,
-        "tolerance_m": case.tolerance_m,
         **_finite(figures),
         "improvements": [{"change": each.change, **_finite(each.figures)} for each in changes],
     }
 
 
 def _finite(figures: Figures) -> dict[str, float | None]:
-    values = {**asdict(figures), "resolution_m": figures.resolution_m}
-    return {key: value if math.isfinite(value) else None for key, value in values.items()}
+    return {key: value if math.isfinite(value) else None for key, value in asdict(figures).items()}
 
 
 def blocks(case: Case, figures: Figures, changes: Sequence[Improvement], bus_load: str) -> Iterator[Block]:
@@ -47,11 +45,11 @@ def blocks(case: Case, figures: Figures, changes: Sequence[Improvement], bus_loa
     if not changes:
         yield "nothing of what was tried would improve it: noise, period, lags, dead time, packing"
         return
-    head = ("change", "resolution, mm", "resolution, %", "mean error, mm", "mean error, %", "duration, ms")
+    head = ("change", "first move, 1 σ, mm", "in %", "mean error, mm", "in %", "duration, ms")
     helped = [
         (
             each.change,
-            *_cells(each.figures.resolution_m, case),
+            *_cells(each.figures.first_m, case),
             *_cells(each.figures.error_m, case),
             _milliseconds(each.figures.mean_s),
         )
@@ -74,23 +72,15 @@ def _sections(case: Case, found: Figures, bus_load: str) -> Iterator[tuple[str, 
         [
             ("natural jump (F_s - F_c)/K", _length(found.natural_jump_m, case)),
             (f"push of one period, {case.period_s * 1e3:g} ms", _length(found.push_m, case)),
-            (
-                "jump that the readings show",
-                f"{_length(found.jump_m, case)}, {_duration(found.noticed_s)} after the slip",
-            ),
         ],
     )
     yield (
         "the error that is left",
         [
             ("noise of a reading, 1 σ", _length(case.sigma_m, case)),
-            ("of an average", f"{_length(found.averaging_m, case)}, after {_duration(found.averaging_s)} at rest"),
-            ("repeatability of a landing", f"{_length(found.landing_m, case)}, once its friction is known"),
-            ("resolution, 1 σ of both", _length(found.resolution_m, case)),
-            (
-                "mean error to expect",
-                f"{_length(found.error_m, case)}; less than {_length(case.tolerance_m, case)} is not corrected",
-            ),
+            ("of the mean of one second", _length(found.averaged_m, case)),
+            ("of the end of a first move", f"{_length(found.first_m, case)}, once friction and lag are known"),
+            ("mean error to expect", _length(found.error_m, case)),
         ],
     )
     yield (
@@ -100,7 +90,6 @@ def _sections(case: Case, found: Figures, bus_load: str) -> Iterator[tuple[str, 
             ("of the law, without correction", _duration(found.law_s)),
             ("a correction adds", f"{_duration(found.correction_s)}, in {found.share:.0%} of the moves"),
             ("mean, with corrections", _duration(found.mean_s)),
-            ("moves until none is worth it", f"{found.moves:.1f} on average"),
         ],
     )
     yield ("the bus", [("load", bus_load)])

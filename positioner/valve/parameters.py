@@ -89,6 +89,11 @@ class ValveParameters(SettingsTable):
             + self.sensor_time_constant_s
         )
 
+    @property
+    def is_immediate(self) -> bool:
+        """Whether a reading shows at once what a current does: nothing is late, and nothing has play."""
+        return self.actuator.is_immediate and self.sensor_time_constant_s == 0.0 and self.backlash_m == 0.0
+
     def balance_current_ma(self, position_m: float) -> float:
         """Return the current in mA that balances the spring at rest: the middle of the stick band."""
         return (self.spring_rate_n_per_m * position_m + self.bench_set_n) / self.force_gain_n_per_ma

@@ -15,7 +15,7 @@ from positioner.values import dataclass, replace
 from positioner.valve.actuator import left_of_lag
 
 if TYPE_CHECKING:
-    from positioner.valve.parameters import ValveParameters
+    from positioner.valve.actuator import ActuatorParameters
 
 _SHORTEST_S = 1e-4
 _OF_LAG = 0.2
@@ -83,9 +83,8 @@ class PressureModel:
         return PressureState(line_ma, converter_ma, pressure_ma)
 
 
-def pressure_model(valve: ValveParameters, period_s: float, delay_s: float = 0.0) -> PressureModel:
+def pressure_model(actuator: ActuatorParameters, period_s: float, delay_s: float = 0.0) -> PressureModel:
     """Return the model for samples of this period; `delay_s` passes from a reading until its command acts."""
-    actuator = valve.actuator
     lags_s = (actuator.converter_time_constant_s, actuator.fill_time_constant_s, actuator.vent_time_constant_s)
     present_s = [lag_s for lag_s in lags_s if lag_s > 0.0]
     steps = 1

@@ -147,5 +147,5 @@ def plant_of(valve: ValveParameters, period_s: float, delay_s: float) -> Plant:
     """Return the configured valve; `delay_s` passes from a reading until its command acts."""
     steps = max(1, math.ceil(period_s / _STEP_S - 1e-9))
     gain = valve.force_gain_n_per_ma
-    actuator = pressure_model(valve, period_s / steps, delay_s)
+    actuator = pressure_model(valve.actuator, period_s / steps, delay_s)
     return Plant(valve.mass_kg / gain, valve.viscous_friction_n_s_per_m / gain, actuator, steps, period_s / steps)

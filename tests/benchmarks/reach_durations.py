@@ -1,4 +1,4 @@
-"""`positioner reach` against a closed loop: duration and moves of an opening or closing by a tenth of the span.
+"""`positioner reach` against a closed loop: duration and error of an opening or closing by a tenth of the span.
 
     PYTHONPATH=tests python -m benchmarks.reach_durations [--setpoints 31] [--dwell 3]
 
@@ -20,10 +20,9 @@ from tqdm import tqdm
 from benchmarks.tables import table
 from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import Scenario
-from positioner.cycle.events import MoveBegan
 from positioner.reach.case import Case
 from positioner.reach.figures import MOVE_OF_SPAN, figures_of
-from positioner.reach.large_moves import SETTLED_OF_SPAN
+from positioner.reach.moves import SETTLED_OF_SPAN
 from positioner.studies.real_valves.valves import LAGS_S, NOISE_NAMES, NOISES, lag_table
 
 if TYPE_CHECKING:
@@ -32,14 +31,15 @@ if TYPE_CHECKING:
     from positioner.reach.figures import Figures
 
 _LOW_MM, _SPAN_MM = 70.0, 127.0
+_LAST_S = 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """Durations in s of the dwells, and the moves of a dwell."""
+    """Durations in s of the dwells, and the mean error in m of their last 0.3 s."""
 
     durations_s: tuple[float, ...]
-    moves: float
+    error_m: float
 
 
 def scenario(lag_s: float, noise: str, setpoints: int, dwell_s: float) -> Scenario:
@@ -66,8 +66,8 @@ def played(wanted: Scenario) -> Measured:
     error_m = np.abs(run.recording.true_position_m - goal_m).reshape(count, samples)[1:]
     outside = error_m > SETTLED_OF_SPAN * _SPAN_MM * 1e-3
     ends = [int(np.flatnonzero(dwell)[-1]) + 1 for dwell in outside]
-    moves = sum(isinstance(event, MoveBegan) for event in run.events)
-    return Measured(tuple(end * wanted.sample_period_s for end in ends), moves / count)
+    left_m = float(error_m[:, -round(_LAST_S / wanted.sample_period_s) :].mean())
+    return Measured(tuple(end * wanted.sample_period_s for end in ends), left_m)
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -94,7 +94,7 @@ _HEAD = (
     "measured",
     "corrected",
     "measured",
-    "moves",
+    "error, %",
     "measured",
 )
 
@@ -103,11 +103,12 @@ def _columns(told: Figures, found: Measured) -> tuple[str, ...]:
     """Return the shortest duration, then each figure as computed and as measured."""
     median_s, mean_s = statistics.median(found.durations_s), statistics.fmean(found.durations_s)
     corrected = sum(duration_s > _CORRECTED * median_s for duration_s in found.durations_s) / len(found.durations_s)
+    per_span = 1e5 / _SPAN_MM
     pairs = (
         (f"{told.law_s * 1e3:.0f}", f"{median_s * 1e3:.0f}"),
         (f"{told.mean_s * 1e3:.0f}", f"{mean_s * 1e3:.0f}"),
         (f"{told.share:.0%}", f"{corrected:.0%}"),
-        (f"{told.moves:.1f}", f"{found.moves:.1f}"),
+        (f"{told.error_m * per_span:.3f}", f"{found.error_m * per_span:.3f}"),
     )
     return (f"{told.shortest_s * 1e3:.0f}", *(text for pair in pairs for text in pair))
 

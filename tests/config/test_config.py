@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
 import pytest
 
+from positioner.cli.check import warnings
 from positioner.config.reader import load_config, parse_config
 from positioner.config.schema import Configuration
 from positioner.errors import ConfigurationError, ExitCode
@@ -20,6 +21,7 @@ from positioner.wire.messages import StemPosition
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+RETIRED = {"control.nmpc.lagged"}
 DBC = """VERSION ""
 BU_: PLANT POSITIONER
 BO_ 512 VALVE_FEEDBACK: 8 PLANT
@@ -51,6 +53,17 @@ def test_an_id_and_the_name_of_a_valve_are_all_it_takes() -> None:
     assert configuration.make_codec().by_kind[StemPosition].arbitration_id == 0x110
 
 
+def test_settings_of_an_older_version_have_no_effect_and_are_told_in_one_line() -> None:
+    minimal = '[valve]\nid = "FV-101"\npreset = "real-valve"\n'
+    found = parse_config(minimal + "[control.nmpc.lagged]\nlag_doubt = 0.3\nsettle_s = 9.0\n", "valve.toml", Path())
+    (line,) = found.retired
+    assert line == "[control.nmpc.lagged] is of an older version and has no effect; leave it out: lag_doubt, settle_s"
+    assert line in warnings(found)
+    plain = parse_config(minimal, "valve.toml", Path())
+    assert plain.retired == ()
+    assert found.make_law() == plain.make_law()
+
+
 def test_the_commented_example_shows_the_defaults() -> None:
     text = (resources.files("positioner") / "example.toml").read_text(encoding="utf-8")
     minimal = parse_config('[valve]\nid = "FV-101"\npreset = "paper"\n', "valve.toml", Path())
@@ -59,7 +72,7 @@ def test_the_commented_example_shows_the_defaults() -> None:
 
 def test_the_commented_example_shows_every_key_and_no_other() -> None:
     text = (resources.files("positioner") / "example.toml").read_text(encoding="utf-8")
-    keys = {".".join(key) for key in keys_of(Configuration)} | {"valve.preset"}
+    keys = ({".".join(key) for key in keys_of(Configuration)} | {"valve.preset"}) - RETIRED
     # a key without a default stands behind a comment, with an example
     uncommented = re.sub(r"^# (\w+ = |\[)", r"\1", text, flags=re.MULTILINE)
     shown = set(shown_keys(tomllib.loads(uncommented), (), keys))

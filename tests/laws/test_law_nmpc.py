@@ -23,7 +23,7 @@ from positioner.laws.law import Observation
 from positioner.laws.move_reason import BreakawaySource
 from positioner.laws.nmpc.filter import Resting, Sliding
 from positioner.laws.pushes import MOST_FAILED
-from positioner.laws.registry import Ingredients, nmpc_immediate
+from positioner.laws.registry import Ingredients, nmpc_predictive
 from positioner.laws.settings import ControlSettings
 from positioner.optimization.solver import QpSolver
 from positioner.valve.parameters import ValveParameters
@@ -49,7 +49,7 @@ def make_law(solver: Solver | None = None, command_delay_s: float = 0.0, **valve
         config.guard,
         lambda inputs, steps: solver or QpSolver(inputs, steps),
     )
-    return nmpc_immediate(parts)
+    return nmpc_predictive(parts)
 
 
 def cycle(

@@ -72,14 +72,14 @@ def test_the_landings_that_a_table_has_kept_are_believed_again() -> None:
     table, configured = StictionTable(), belief_of(VALVE)
     for place_m, direction in ((0.07, 1.0), (0.09, -1.0), (0.08, 1.0), (0.07, -1.0)):
         pressure_ma = configured.landing_ma(place_m, direction) + 0.4 + 0.2 * direction  # other bench set and friction
-        lesson = lesson_of(configured, Landing(place_m, direction, pressure_ma))
+        lesson = lesson_of(configured, Landing(place_m, direction, pressure_ma), VALVE)
         assert lesson.value == pytest.approx(-(0.4 + 0.2 * direction) / SPRING)
         table = table.learned(lesson)
-    belief = taught(configured, table, 1e-5)
+    belief = taught(configured, table, VALVE, 1e-5)
     assert belief.offset_ma == pytest.approx(configured.offset_ma + 0.4, abs=0.1)
     assert belief.landing_ma(0.075, 1.0) == pytest.approx(configured.landing_ma(0.075, 1.0) + 0.6, abs=0.03)
     assert belief.landing_ma(0.085, -1.0) == pytest.approx(configured.landing_ma(0.085, -1.0) + 0.2, abs=0.03)
-    assert taught(configured, StictionTable(), 1e-5) == configured
+    assert taught(configured, StictionTable(), VALVE, 1e-5) == configured
 
 
 @pytest.mark.parametrize(
@@ -373,7 +373,7 @@ def test_a_hurried_pressure_stays_short_of_its_level_also_where_the_lag_is_a_fif
 
 
 def test_mass_carries_a_stem_of_little_viscous_friction_beyond_its_balance() -> None:
-    belief, model = belief_of(VALVE), pressure_model(VALVE, 1e-3)
+    belief, model = belief_of(VALVE), pressure_model(VALVE.actuator, 1e-3)
     level_ma = belief.landing_ma(0.09, 1.0)
     slow = Stem(1.361 / GAIN, 612.9 / GAIN, 1e-3, 1)
     quick = Stem(1.361 / GAIN, 200.0 / GAIN, 1e-3, 1)

@@ -14,7 +14,8 @@ from positioner.bench.inprocess import run_in_process
 from positioner.bench.metrics import dwell_metrics
 from positioner.bench.scenario import Scenario
 from positioner.laws.estimator_settings import EstimatorSettings
-from positioner.laws.quasi_static.belief import belief_of
+from positioner.laws.quasi_static.belief import Landing, belief_of
+from positioner.laws.quasi_static.kept import lesson_of, taught
 from positioner.laws.quasi_static.law import quasi_static_law
 from positioner.laws.quasi_static.move import Stage
 from positioner.laws.quasi_static.slip import SlipPlan, Task, numbers_of, over, shortest_m, slip_plan, steered, stop_of
@@ -26,6 +27,7 @@ from positioner.valve.parameters import ValveParameters
 from positioner.valve.pressure import pressure_model
 from positioner.valve.rollout import Moving, plant_of
 from positioner.valve.state import StemState
+from positioner.valve.stiction import StictionTable
 
 if TYPE_CHECKING:
     from positioner.laws.quasi_static.memory import QuasiStaticMemory
@@ -364,7 +366,7 @@ def test_an_area_that_is_told_wrongly_is_outvoted(area: float) -> None:
 def test_a_dead_time_at_a_long_period_is_not_taken_for_lag_or_friction(dead_s: float) -> None:
     period_s, actuator = 5e-3, replace(valve_of(0.1).actuator, dead_time_s=dead_s)
     told = replace(valve_of(0.1), actuator=actuator)
-    belief, plant, model = belief_of(told), plant_of(told, period_s, 0.0), pressure_model(told, period_s)
+    belief, plant, model = belief_of(told), plant_of(told, period_s, 0.0), pressure_model(told.actuator, period_s)
     numbers, theta = belief.numbers, theta_of(told)
     stem = EulerValve(told, 0.06, theta[0] * 0.06, period_s=period_s)
     before_ma = stem.p
@@ -500,7 +502,7 @@ def played(of: Scenario) -> list[tuple[float, float | None]]:
 
 @pytest.mark.parametrize(("lag_s", "most_s"), [(0.02, 0.06), (0.1, 0.2)])
 def test_once_a_valve_is_known_a_braked_move_is_several_times_as_fast(lag_s: float, most_s: float) -> None:
-    braked, plain = (played(scenario(law, lag_s, lag_s))[1:5] for law in ("nmpc-braked", "quasi-static"))
+    braked, plain = (played(scenario(law, lag_s, lag_s))[1:5] for law in ("nmpc", "quasi-static"))
     assert all(settling_s is not None and settling_s < most_s for _, settling_s in braked)
     assert all(error_pct < 0.3 for error_pct, _ in (*braked, *plain))
     slowest_s = sorted(settling_s or math.inf for _, settling_s in plain)[1]
@@ -509,22 +511,58 @@ def test_once_a_valve_is_known_a_braked_move_is_several_times_as_fast(lag_s: flo
 
 @pytest.mark.parametrize("told", [0.6, 1.6])
 def test_a_lag_that_is_told_wrongly_costs_no_dwell(told: float) -> None:
-    found = played(scenario("nmpc-braked", 0.1, 0.1 * told))
+    found = played(scenario("nmpc", 0.1, 0.1 * told))
     assert max(error_pct for error_pct, _ in found[1:]) < 0.6
 
 
 def test_where_friction_scatters_readings_say_when_to_brake() -> None:
-    found = played(scenario("nmpc-braked", 0.1, 0.1, stochastic={"friction_fraction": 0.1}))
+    found = played(scenario("nmpc", 0.1, 0.1, stochastic={"friction_fraction": 0.1}))
     assert max(error_pct for error_pct, _ in found[1:]) < 1.0
     assert sum(settling_s is not None and settling_s < 0.25 for _, settling_s in found) >= 5
 
 
-def test_without_lag_it_is_the_law_nmpc() -> None:
-    moves = [played(scenario(law, 0.0, 0.0)) for law in ("nmpc-braked", "nmpc")]
-    assert moves[0] == moves[1]
+@pytest.mark.parametrize(("part", "differs"), [(1.0, False), (0.4, True)])
+def test_a_valve_that_was_measured_to_be_another_one_is_told(part: float, differs: bool) -> None:
+    friction = {"static_friction_n": part * 1707.7, "coulomb_friction_n": part * 1423.0}
+    run = run_in_process(scenario("nmpc", 0.02, 0.02, valve=friction))
+    assert any(cycle.decision.differs for cycle in run.cycles) is differs
+
+
+def test_static_friction_and_lag_are_believed_again_after_a_restart() -> None:
+    valve, configured = valve_of(0.1), belief_of(valve_of(0.1))
+    numbers = configured.numbers.updated((0.0, 0.0, 0.0, 1.0), 0.9, 1e-3).updated((0.0,) * 4 + (1.0,), 0.2, 1e-4)
+    known = replace(configured, numbers=numbers)
+    landing = Landing(0.08, 1.0, known.landing_ma(0.08, 1.0))
+    lesson = lesson_of(known, landing, valve)
+    assert lesson.fit is not None
+    assert lesson.fit.fill_s == pytest.approx(0.1 * known.lag)
+    assert lesson.fit.static_n == pytest.approx(valve.force_gain_n_per_ma * known.static_ma)
+    belief = taught(configured, StictionTable().learned(lesson), valve, 1e-5)
+    assert belief.static_ma == pytest.approx(known.static_ma, abs=0.05)
+    assert belief.lag == pytest.approx(known.lag, rel=0.02)
+    assert 0.02 < belief.lag_sigma < 0.03  # a restart adds 2 %
+
+
+def test_the_first_move_after_a_restart_is_braked() -> None:
+    of = scenario("nmpc", 0.1, 0.1)
+    first = run_in_process(of)
+    again = run_in_process(replace(of, setpoints_mm=of.setpoints_mm[:2]), first.table)
+    settled_s = [
+        dwell_metrics(run.recording.trace, of.dwell_edges_s[:2], SPAN_M)[0].settle_1pct_s or math.inf
+        for run in (first, again)
+    ]
+    assert settled_s[1] < 0.5 * settled_s[0] < math.inf
+
+
+@pytest.mark.parametrize(("jumps", "learns"), [(0.3, False), (0.7, True)])
+def test_a_force_is_learned_where_a_stem_has_moved_by_half_a_slip_jump(jumps: float, learns: bool) -> None:
+    law = quasi_static_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0)
+    memory = replace(law.begin(0.08), position_m=0.08, position_m2=1e-10, behind_ma=12.0)
+    after = law._carried(memory, 0.08 - jumps * memory.belief.jump_m, 1e-10)
+    assert (after.belief.offset_ma != memory.belief.offset_ma) is learns
 
 
 def test_where_friction_scatters_errors_are_corrected_where_that_pays() -> None:
-    found = played(scenario("nmpc-braked", 0.02, 0.02, stochastic={"friction_fraction": 0.1}))
+    found = played(scenario("nmpc", 0.02, 0.02, stochastic={"friction_fraction": 0.1}))
     assert max(error_pct for error_pct, _ in found) < 0.4
     assert sum(settling_s is not None and settling_s < 0.1 for _, settling_s in found) >= 5

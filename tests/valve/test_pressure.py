@@ -20,7 +20,7 @@ PERIOD_S = 1e-3
 
 def model_of(period_s: float = PERIOD_S, delay_s: float = 0.0, **actuator: float) -> PressureModel:
     valve = ValveParameters(id="x", actuator=ActuatorParameters(**actuator))
-    return pressure_model(valve, period_s, delay_s)
+    return pressure_model(valve.actuator, period_s, delay_s)
 
 
 def played(model: PressureModel, begin_ma: float, currents_ma: list[float]) -> list[float]:

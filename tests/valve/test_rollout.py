@@ -273,7 +273,8 @@ def test_a_sample_has_the_fewest_steps_of_a_millisecond_at_most(period_s: float,
 @pytest.mark.parametrize("lag", [1.0, 0.7])
 def test_a_dead_time_of_samples_is_the_same_in_steps(delay_s: float, lag: float) -> None:
     period_s, valve = 5e-3, valve_of(0.02, 0.03)
-    plant, by_samples = plant_of(valve, period_s, delay_s), pressure_model(valve, period_s, delay_s).with_lag(lag)
+    plant = plant_of(valve, period_s, delay_s)
+    by_samples = pressure_model(valve.actuator, period_s, delay_s).with_lag(lag)
     by_steps, currents_ma = plant.actuator.with_lag(lag), (18.0, 18.0, 6.0, 11.0, 19.0, 4.0, 9.0)
     seen, expected = by_samples.at_rest(12.0), by_steps.at_rest(12.0)
     for current_ma in currents_ma:

@@ -1,8 +1,8 @@
-"""Predictive moves while they converge, quasi-static ones where they do not: the law `nmpc`. Pure.
+"""Predictive moves while they converge, quasi-static ones where they do not: the law `nmpc` without lag. Pure.
 
 A predictive move is fast, and ends where its model says as long as the model is right. A quasi-static one ends where
-spring and friction balance the pressure, whatever lag, dead time and speed are; it takes longer. So the
-predictive law moves the stem until it does not keep the contract of convergence:
+spring and friction balance the pressure, whatever the speed of the stem is; it takes longer. So the predictive law
+moves the stem until it does not keep the contract of convergence:
 
     at one setpoint no more than one move misses its aim by more than 1 % of span;
     the stem does not stay away from its setpoint for longer than a move and its correction take;
@@ -12,8 +12,7 @@ Then the quasi-static law takes this setpoint over, and the next ones, four at f
 happens again; and as long as what it has measured says that a predictive move of the configured model would miss: where
 the stem is freed or lands differs by more than 1 % of span, or is not known so well.
 A predictive move brakes the stem while it slides. Where a slip is over within a few samples there is nothing to brake
-by; if the pressure is quick, too, a quasi-static move does not take long, and the quasi-static law comes first at every
-setpoint (`ConvergingLaw.quasi_static_first`).
+by, and the quasi-static law comes first at every setpoint (`ConvergingLaw.quasi_static_first`).
 A predictive correction is made where it pays (`laws.correction`), and after some moves to a setpoint where the next
 one is expected to halve the error, as they have ended: a correction is another slip, and takes the stem away before it
 brings it back.
@@ -64,12 +63,11 @@ _SMOOTHING_S = 0.02
 _FIRST_PAUSE, _LONGEST_PAUSE = 4, 64
 """Setpoints for which the quasi-static law moves the stem after a failure of the predictive one."""
 _SIGNAL_MA = 16.0
-"""4 to 20 mA: the longest way of the current, which a slew limit makes slow."""
-_COARSE, _QUICK = 0.6, 8.0
+"""4 to 20 mA: the longest way of the current, which a limit of its change makes slow."""
+_COARSE = 0.6
 """Times √(m/K), the time of a free stem. A slip lasts half a swing, π √(m/K): with a longer period than 0.6 √(m/K) it
-is over within five samples. Lag and dead time of less than 8 √(m/K) are quick. On all valves of the robustness test
-0.4, 0.6, 0.8 and 1.2 lose 380, 380, 402 and 426 dwells, and 4, 8 and 16 lose 422, 380 and 390 (DESIGN.md, "Who moves
-when")."""
+is over within five samples. On all valves of the robustness test 0.4, 0.6, 0.8 and 1.2 lose 380, 380, 402 and 426
+dwells (DESIGN.md, "Who moves when")."""
 
 
 class Acting(Enum):
@@ -110,10 +108,10 @@ class ConvergingMemory:
     """What the law carries: both memories, which one acts, the smoothed reading in m, and the present dwell.
 
     pause, left: setpoints that the last failure gave to the quasi-static law, and those of them that are still to come.
-    taken_over_m: where the quasi-static law took the stem over. is_other: it has measured another valve than the
-    configured one. astray_m: how far the smoothed readings are from the stem that the predictive law believes in, and
-    astray_s for how long that is too far. begun_s: when the last predictive move began, None once it has ended; slid:
-    whether the stem has slid since. lasts_s: how long the last such move took.
+    taken_over_m: where the quasi-static law took the stem over. astray_m: how far the smoothed readings are from the
+    stem that the predictive law believes in, and astray_s for how long that is too far. begun_s: when the last
+    predictive move began, None once it has ended; slid: whether the stem has slid since. lasts_s: how long the last
+    such move took.
     """
 
     predictive: Any
@@ -125,7 +123,6 @@ class ConvergingMemory:
     pause: int = 0
     left: int = 0
     taken_over_m: float = 0.0
-    is_other: bool = False
     astray_m: float = 0.0
     astray_s: float = 0.0
     begun_s: float | None = None
@@ -181,10 +178,7 @@ class ConvergingLaw:
             dwell = self._waited(memory, observation, counts=rests and sees)
             if dwell.away_s > self.patience_s + _LAGS * max(quasi_static.more_lag_s, 0.0):
                 return self._predictive_begins(memory, Acting.AGAIN, observation, table)
-            is_other = memory.is_other
-            if quasi_static.belief is not memory.quasi_static.belief:
-                is_other = quasi_static.more_lag_s != 0.0 or quasi_static.belief.differs
-            memory = replace(memory, quasi_static=quasi_static, dwell=dwell, is_other=is_other)
+            memory = replace(memory, quasi_static=quasi_static, dwell=dwell)
             return memory, self._told(memory, decision)
         memory = self._timed(self._compared(memory, stem, observation), stem, observation.time_s)
         is_left = memory.dwell.left_m == setpoint_m and self._is_small(memory, stem, setpoint_m)
@@ -296,7 +290,7 @@ class ConvergingLaw:
 
         That predictive moves fail may be chance: noise, a setpoint that moves on, a load that has changed.
         """
-        differs = memory.is_other or memory.dwell.lost_s > self.patience_s
+        differs = memory.quasi_static.is_other or memory.dwell.lost_s > self.patience_s
         return replace(decision, differs=True) if differs else decision
 
     # -- who moves the stem
@@ -308,7 +302,8 @@ class ConvergingLaw:
         belief, here_m, setpoint_m = memory.quasi_static.belief, memory.smooth_m, memory.dwell.setpoint_m
         direction, miss_m = 1.0 if setpoint_m > here_m else -1.0, _MISS * self.span_m
         is_sure = belief.landing_sigma_m(setpoint_m, direction) <= miss_m
-        return not memory.is_other and is_sure and belief.beside_configured_m(here_m, setpoint_m, direction) < miss_m
+        is_other = memory.quasi_static.is_other
+        return not is_other and is_sure and belief.beside_configured_m(here_m, setpoint_m, direction) < miss_m
 
     def _at_new_setpoint(self, memory: ConvergingMemory, setpoint_m: float) -> ConvergingMemory:
         """Return the memory at another setpoint: what the last dwell says of the predictive law."""
@@ -368,26 +363,21 @@ def converging_law(
     predictive: Law[Any],
     quasi_static: QuasiStaticLaw,
     valve: ValveParameters,
-    currents_ma: tuple[float, float],
     period_s: float,
     rate_ma_per_s: float,
 ) -> ConvergingLaw:
-    """Return the law of a valve.
+    """Return the law of a valve whose readings show at once what a current does.
 
     Args:
         name: of the law in a configuration.
         predictive: moves the stem while it keeps the contract.
         quasi_static: moves it where the other one does not.
         valve: as configured.
-        currents_ma: the lowest and the highest current.
         period_s: of the readings.
-        rate_ma_per_s: limit of the command's change.
+        rate_ma_per_s: limit of the command's change, 0 is none.
     """
-    slowest_ma_per_s = min(valve.actuator.slew_ma_per_s or math.inf, rate_ma_per_s or math.inf)
-    patience_s = _REST_S + _LAGS * (valve.lag_s + period_s) + _SIGNAL_MA / slowest_ma_per_s
-    reach_m, stem_s = valve.reach_m(*currents_ma), math.sqrt(valve.mass_kg / valve.spring_rate_n_per_m)
-    late_s = valve.actuator.slower_lag_s + valve.actuator.dead_time_s
-    is_coarse = late_s < _QUICK * stem_s and period_s > _COARSE * stem_s
-    first = is_coarse or quasi_static.braking is not None
+    patience_s = _REST_S + _LAGS * (valve.lag_s + period_s) + (_SIGNAL_MA / rate_ma_per_s if rate_ma_per_s else 0.0)
+    reach_m = valve.reach_m(quasi_static.limits.low_ma, quasi_static.limits.high_ma)
+    first = period_s > _COARSE * math.sqrt(valve.mass_kg / valve.spring_rate_n_per_m)
     quasi_static = replace(quasi_static, keeps=first)  # else predictive moves teach the table
     return ConvergingLaw(name, predictive, quasi_static, valve.span_m, patience_s, reach_m, first)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Any
 
 from annotated_types import Interval
 
 from positioner.inputs.table import SettingsTable
-from positioner.laws.nmpc.lagged_settings import LaggedSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +93,7 @@ class VerificationSettings(SettingsTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NmpcSettings(SettingsTable):
-    """Settings of the law `nmpc`.
+    """Settings of the predictive moves of the law `nmpc`.
 
     tolerance_m: error that is not worth a correction, however certain it is.
     doubt_sigma: the law corrects an error once it exceeds the tolerance by so many σ of the average.
@@ -109,8 +108,8 @@ class NmpcSettings(SettingsTable):
     adaptation: how far the valve may differ from its configuration, and how its friction wanders.
     breakaway: which samples of the stiction table a push uses.
     watch: whether a push has moved the stem.
-    lagged: the same law where `[valve.actuator]` has a lag.
     settle_s: time after a stop until the stem counts as resting.
+    lagged: settings of an older version, which have no effect.
     """
 
     tolerance_m: Annotated[float, Interval(ge=1e-6, le=0.05)] = 5e-5
@@ -128,4 +127,4 @@ class NmpcSettings(SettingsTable):
     adaptation: AdaptationSettings = field(default_factory=AdaptationSettings)
     breakaway: BreakawaySettings = field(default_factory=BreakawaySettings)
     watch: VerificationSettings = field(default_factory=VerificationSettings)
-    lagged: LaggedSettings = field(default_factory=LaggedSettings)
+    lagged: dict[str, Any] = field(default_factory=dict)

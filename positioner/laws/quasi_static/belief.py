@@ -24,7 +24,7 @@ from positioner.valve.gaussian import Gaussian, gaussian_of
 if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters
 
-_SPRING, _OFFSET, _SLIDING, _STATIC, _LAG, _VISCOUS = range(6)
+SPRING, OFFSET, SLIDING, STATIC, LAG, VISCOUS = range(6)
 """Places of k, c, f_c, f_s, ln λ and ln ν in the Gaussian; λ and ν are lag and viscous friction over the configured."""
 _FORCES = 4
 """The first four are those of a balance; only the whole way of a move shows the others."""
@@ -98,32 +98,32 @@ class ValveBelief:
     @property
     def spring_ma_per_m(self) -> float:
         """K/B."""
-        return self.numbers.mean[_SPRING]
+        return self.numbers.mean[SPRING]
 
     @property
     def offset_ma(self) -> float:
         """F_0/B."""
-        return self.numbers.mean[_OFFSET]
+        return self.numbers.mean[OFFSET]
 
     @property
     def sliding_ma(self) -> float:
         """F_c/B."""
-        return self.numbers.mean[_SLIDING]
+        return self.numbers.mean[SLIDING]
 
     @property
     def static_ma(self) -> float:
         """F_s/B."""
-        return self.numbers.mean[_STATIC]
+        return self.numbers.mean[STATIC]
 
     @property
     def lag(self) -> float:
         """The lag over what is configured."""
-        return math.exp(self.numbers.mean[_LAG])
+        return math.exp(self.numbers.mean[LAG])
 
     @property
     def lag_sigma(self) -> float:
         """σ of the lag over the lag."""
-        return math.sqrt(self.numbers.variances[_LAG])
+        return math.sqrt(self.numbers.variances[LAG])
 
     @property
     def jump_m(self) -> float:
@@ -134,7 +134,7 @@ class ValveBelief:
     def jump_doubt_m(self) -> float:
         """σ of the slip jump, at most half of F_s/K, and a fiftieth of a mA of what is not known."""
         variances = self.numbers.variances
-        doubt_ma = min(math.sqrt(variances[_SLIDING] + variances[_STATIC]), 0.5 * self.static_ma)
+        doubt_ma = min(math.sqrt(variances[SLIDING] + variances[STATIC]), 0.5 * self.static_ma)
         return (doubt_ma + 0.02) / self.spring_ma_per_m
 
     @property
@@ -149,7 +149,7 @@ class ValveBelief:
         numbers = zip(*forces, strict=True)
         for place, (now, told, variance) in enumerate(numbers):
             doubt = _CERTAINLY * math.sqrt(variance)
-            if abs(now - told) > (_OTHER_MA if place == _OFFSET else _OTHER * told + _FRICTION_MA) + doubt:
+            if abs(now - told) > (_OTHER_MA if place == OFFSET else _OTHER * told + _FRICTION_MA) + doubt:
                 return True
         return False
 
@@ -218,8 +218,8 @@ class ValveBelief:
         changes: what the variance of that was found to be, over what is expected.
         """
         offset_ma2, sliding_ma2, static_ma2 = self._changes_ma2()
-        numbers = self.numbers.widened(_OFFSET, changes * offset_ma2).widened(_SLIDING, changes * sliding_ma2)
-        return replace(self, numbers=numbers.widened(_STATIC, changes * static_ma2))
+        numbers = self.numbers.widened(OFFSET, changes * offset_ma2).widened(SLIDING, changes * sliding_ma2)
+        return replace(self, numbers=numbers.widened(STATIC, changes * static_ma2))
 
     def change_m2(self, line: tuple[float, ...]) -> float:
         """Return the variance of a stop by what a move is expected to change; line: its derivatives."""
@@ -236,6 +236,11 @@ class ValveBelief:
         offset = _OFFSET_DRIFT_MA + _DRIFT * self.sliding_ma
         sliding, static = (_DRIFT * friction + _DRIFT_MA for friction in (self.sliding_ma, self.static_ma))
         return offset * offset, sliding * sliding, static * static
+
+    def measured(self, line: tuple[float, ...], value: float, variance: float) -> ValveBelief:
+        """Return the belief after a sum of its numbers, weighted by `line`, was measured with this variance."""
+        numbers = self.numbers.updated(line, value - self.numbers.expected(line), variance)
+        return replace(self, numbers=self.within(numbers))
 
     def landed(self, landing: Landing, reading_m2: float, doubt_ma2: float, *, is_force: bool = False) -> ValveBelief:
         """Return the belief after a landing.
@@ -255,8 +260,8 @@ class ValveBelief:
         square_ma2, total_ma2 = innovation_ma * innovation_ma, known_ma2 + scatter_ma2 + doubt_ma2
         if square_ma2 > _SURPRISE * total_ma2:  # what was learned of places held with another force
             more_ma2, part = 0.5 * square_ma2 - total_ma2, 0.0 if is_force else _IS_FRICTION
-            numbers, landings = numbers.widened(_OFFSET, (1.0 - part) * more_ma2), ()
-            numbers = numbers.widened(_SLIDING, part * more_ma2)
+            numbers, landings = numbers.widened(OFFSET, (1.0 - part) * more_ma2), ()
+            numbers = numbers.widened(SLIDING, part * more_ma2)
         else:
             seen_ma2 = min(max(square_ma2 - known_ma2, 0.0), _MOST_SCATTER * scatter_ma2)
             scatter_ma2 = max(scatter_ma2 + _FORGOTTEN * (seen_ma2 - scatter_ma2), self.least_scatter_ma2)
@@ -283,7 +288,7 @@ class ValveBelief:
         """Return the numbers with a mean that a valve may have."""
         spring, offset, sliding, static, lag, viscous = numbers.mean
         lag, viscous = min(max(lag, -_MOST_LOG), _MOST_LOG), min(max(viscous, -_MOST_LOG), _MOST_LOG)
-        configured = self.configured[_SPRING]
+        configured = self.configured[SPRING]
         spring = min(max(spring, _LEAST_SPRING * configured), _MOST_SPRING * configured)
         sliding = max(sliding, 0.0)
         static = max(static, sliding * _LEAST_RATIO + _LEAST_GAP_MA)

@@ -84,6 +84,10 @@ class Braking:
         braked = replace(braked, planned_m2=planned_m2, reading_m2=reading_m2)
         return self.prepared(replace(memory, braked=braked), setpoint_m)
 
+    def taught(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
+        """Return the memory of a law that has read its table: the lag may be known from before a restart."""
+        return replace(memory, is_lag_known=memory.belief.lag_sigma < _LAG_KNOWN)
+
     def knows_lag(self, memory: QuasiStaticMemory) -> bool:
         """Whether the whole way of a move has shown the lag."""
         return memory.is_lag_known and memory.more_lag_s == 0.0 and memory.belief.lag_sigma < _LAG_KNOWN

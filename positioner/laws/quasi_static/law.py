@@ -70,6 +70,9 @@ _SLID = 0.9
 _PUSHED, _CHANCE = 0.6, 2
 """Of F_s: a weaker push that moved nothing teaches nothing. More pushes in a row that have not moved the stem their way
 are no chance: the valve differs, as where the actuator is reversed."""
+_FREED = 0.5
+"""Of the slip jump: a stem that a force frees slides at least through it, as far as F_s and F_c are known. Noise that
+is alike from reading to reading moves a rest by less, and would be taken for a force of several mA."""
 _LAG_SAMPLES, _SHORTER = 4.0, 0.8
 """A lag of fewer samples is not hurried, nor one of which less than 80 % is seen."""
 _SMOOTHING = 0.35
@@ -161,14 +164,15 @@ class QuasiStaticLaw:
         del stem
         setpoint_m = observation.setpoint_m
         if self.keeps and not memory.has_read:
-            belief = taught(memory.belief, table, self.judge.sigma_m(memory.position_m))
+            belief = taught(memory.belief, table, self.valve, self.judge.sigma_m(memory.position_m))
             memory = replace(memory, belief=belief, has_read=True)
+            memory = memory if self.braking is None else self.braking.taught(memory)
         if setpoint_m != memory.setpoint_m:
             memory = replace(memory, setpoint_m=setpoint_m, is_new=True, tries=0, pending=())
             memory = memory if self.braking is None else self.braking.aimed(memory, setpoint_m)
         setpoint_m = memory.belief.reachable_m(setpoint_m, self.limits.low_ma, self.limits.high_ma)
         reason: MoveReason | None = None
-        move, failed = memory.move, memory.failed
+        move, failed, belief = memory.move, memory.failed, memory.belief
         if move.stage is None or (move.stage is Stage.RETURN and memory.is_new):
             memory, reason = self._considered(memory, setpoint_m)
         elif memory.pending and self.judge.is_away(memory):
@@ -185,7 +189,9 @@ class QuasiStaticLaw:
         motion = Motion.REST if move.stage is None else Motion.MOVE
         memory = replace(memory, move=move, sent_ma=current_ma)
         failed = memory.failed if memory.failed > failed else 0
-        differs = memory.failed > _CHANCE
+        if memory.belief is not belief:
+            memory = replace(memory, is_other=memory.more_lag_s != 0.0 or memory.belief.differs)
+        differs = memory.is_other or memory.failed > _CHANCE
         return memory, Decision(current_ma, bounds, motion, reason=reason, failed_pushes=failed, differs=differs)
 
     def _sent(self, memory: QuasiStaticMemory) -> tuple[Move, float]:
@@ -311,7 +317,13 @@ class QuasiStaticLaw:
         if self.braking is None:
             return self._landed(memory)
         memory, slip = self.braking.studied(memory), memory.move.slip
-        memory = self._landed(memory) if slip is None else self.braking.slipped(memory, slip)
+        if slip is None:
+            return self.braking.prepared(self._landed(memory), setpoint_m)
+        memory = self.braking.slipped(memory, slip)
+        if self.keeps:
+            position_m, direction = self.judge.stem_m(memory), slip.task.direction
+            landing = Landing(position_m, direction, memory.belief.landing_ma(position_m, direction))
+            memory = replace(memory, lessons=(lesson_of(memory.belief, landing, self.valve),))
         return self.braking.prepared(memory, setpoint_m)
 
     def _landed(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
@@ -331,7 +343,7 @@ class QuasiStaticLaw:
             landing, doubt_ma2 = landing_of(move, position_m, direction, memory.behind_ma, belief.spring_ma_per_m)
             belief = belief.landed(landing, memory.position_m2, doubt_ma2)
             if self.keeps and move.stage is Stage.LAND:
-                memory = replace(memory, lessons=(lesson_of(belief, landing),))
+                memory = replace(memory, lessons=(lesson_of(belief, landing, self.valve),))
         elif direction * (move.level_ma - belief.balance_ma(position_m)) > _PUSHED * belief.static_ma:
             memory = replace(memory, failed=memory.failed + 1)
             if self.judge.stands(moved_m, sigma_m):
@@ -343,7 +355,8 @@ class QuasiStaticLaw:
         moved_m, sigma_m = memory.position_m - from_m, math.sqrt(memory.position_m2 + from_m2)
         memory, direction = replace(memory, carried=None), 1.0 if moved_m > 0.0 else -1.0
         position_m = memory.position_m + 0.5 * direction * self.valve.backlash_m
-        if abs(moved_m) < self.judge.least_m(sigma_m) or self.limits.holds(position_m, direction):
+        least_m = max(self.judge.least_m(sigma_m), _FREED * memory.belief.jump_m)
+        if abs(moved_m) < least_m or self.limits.holds(position_m, direction):
             return memory
         landing = Landing(position_m, direction, memory.behind_ma)
         belief = memory.belief.landed(landing, memory.position_m2, 0.0, is_force=True)
@@ -444,7 +457,7 @@ def quasi_static_law(
     """
     plant, limits = plant_of(valve, period_s, delay_s), Limits(*currents_ma, valve.travel_min_m, valve.travel_max_m)
     stem = Stem(plant.mass, plant.viscous, plant.step_s, plant.steps)
-    judge, model = Judge(valve, estimator, stem, period_s), pressure_model(valve, period_s, delay_s)
+    judge, model = Judge(valve, estimator, stem, period_s), pressure_model(valve.actuator, period_s, delay_s)
     left_of_sensor = left_of_lag(period_s, valve.sensor_time_constant_s)
     braking = Braking(judge, limits, plant, left_of_sensor) if brakes else None
     return QuasiStaticLaw("quasi-static", judge, limits, model, braking=braking)

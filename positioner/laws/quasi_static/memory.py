@@ -94,7 +94,8 @@ class QuasiStaticMemory:
     rested. is_lag_known: a move has shown it; hurries: and it was no shorter than believed. carried: where a resting
     stem was before it moved under a current that stood still, and the variance of that; None if it has not moved.
     has_read: the stiction table, at the start; lessons: what it is to learn. unpushed: the belief before the pushes in
-    vain while no move has shown the lag. braked: what braked moves carry.
+    vain while no move has shown the lag. is_other: another valve than the configured one was measured. braked: what
+    braked moves carry.
     """
 
     belief: ValveBelief
@@ -118,6 +119,7 @@ class QuasiStaticMemory:
     behind_ma: float = 0.0
     lasts_s: float = 0.0
     failed: int = 0
+    is_other: bool = False
     carried: tuple[float, float] | None = None
     unpushed: ValveBelief | None = None
     braked: Braked = Braked()
@@ -134,6 +136,7 @@ class QuasiStaticMemory:
             later_s=before.later_s,
             more_lag_s=before.more_lag_s,
             is_lag_known=before.is_lag_known,
+            is_other=before.is_other,
             unpushed=before.unpushed,
             braked=replace(before.braked, way=None, track=None),
             has_read=before.has_read,

@@ -24,7 +24,7 @@ from positioner.studies.limit import optimal_move
 from positioner.studies.pool import Workers
 from positioner.studies.real_valves import league
 from positioner.studies.real_valves.bouts import RIVALS, RealBout, RealLeagueSettings, play
-from positioner.studies.real_valves.conditions import AS_TOLD, CONDITIONS
+from positioner.studies.real_valves.conditions import AS_CONFIGURED, CONDITIONS
 from positioner.studies.real_valves.goals import judged
 from positioner.studies.real_valves.identification import Identification, identify
 from positioner.studies.real_valves.results import Cell, Results
@@ -58,7 +58,7 @@ def _cell(error_pct: float, **changes: object) -> Cell:
         plant=NOMINAL,
         lag_s=0.0,
         noise="0.05",
-        condition=AS_TOLD,
+        condition=AS_CONFIGURED,
         dwells=2,
         mean_pct=error_pct,
         percentile_95_pct=error_pct,
@@ -73,7 +73,7 @@ def _cell(error_pct: float, **changes: object) -> Cell:
 
 
 def test_a_whole_league_has_the_dwells_that_its_goals_count() -> None:
-    main_part = [bout for bout in FULL.bouts() if bout.condition == AS_TOLD and bout.plant != GRAPHITE]
+    main_part = [bout for bout in FULL.bouts() if bout.condition == AS_CONFIGURED and bout.plant != GRAPHITE]
     ours = [bout for bout in main_part if bout.law == "nmpc" and bout.noise == "2"]
     assert sum(bout.setpoints for bout in ours) == 1152
     assert {bout.dwell_s for bout in ours if bout.lag_s <= 0.1} == {6.0}
@@ -83,21 +83,21 @@ def test_a_whole_league_has_the_dwells_that_its_goals_count() -> None:
     assert len(set(keys)) == len(keys)
 
 
-def test_every_bout_can_be_played_by_a_law_that_knows_the_plant_or_is_told_otherwise() -> None:
+def test_every_bout_can_be_played_by_a_law_that_knows_the_plant_or_is_configured_otherwise() -> None:
     for bout in {(bout.plant, bout.lag_s, bout.noise, bout.condition): bout for bout in FULL.bouts()}.values():
         scenario = bout.scenario
         configuration = configure(scenario)
         plant = check_playable(scenario, configuration)  # raises where some setpoint is out of reach
         known = told(plant)
         own = configuration.valve
-        is_told = (
+        is_configured = (
             own.spring_rate_n_per_m == known["spring_rate_n_per_m"]
             and own.static_friction_n == known["static_friction_n"]
             and own.sensor_time_constant_s == known["sensor_time_constant_s"]
             and own.backlash_m == known["backlash_m"]
             and asdict(own.actuator) == known["actuator"]
         )
-        assert is_told != bout.condition.startswith(("untold", "no-lag-told")), bout.title
+        assert is_configured != bout.condition.endswith("not-configured"), bout.title
 
 
 def test_the_nominal_valve_visits_the_setpoints_of_the_league_and_others_the_same_places_of_their_range() -> None:
@@ -128,7 +128,7 @@ def test_goals_are_judged_by_the_worst_lag_and_the_best_rival() -> None:
             _cell(0.20, lag_s=0.02, plant="stochastic", law="knocker"),
             _cell(0.01, lag_s=0.02, plant="stochastic", law=WITHOUT_TABLE),
             _cell(0.10, lag_s=0.02, law="pi", median_settle_1pct_s=0.12),
-            _cell(0.055, condition="untold-vent-0.6"),
+            _cell(0.055, condition="vent-0.6-not-configured"),
         ),
         optimal_settle_s={0.0: 0.005, 0.02: 0.028},
     )
@@ -143,7 +143,7 @@ def test_goals_are_judged_by_the_worst_lag_and_the_best_rival() -> None:
     assert rivals.figure == pytest.approx(0.20 / 0.05)  # our law without its table is no rival
     assert rivals.is_met is False
     assert found["best rival over ours: settling, nominal, lag ≥ 5 ms"].figure == pytest.approx(3.0)
-    assert found["not told: lag ± 30 %, vent 0.6 of fill, one sample of dead time"].figure == 0.055
+    assert found["not configured: lag ± 30 %, vent 0.6 of fill, one sample of dead time"].figure == 0.055
     assert found["lag 1 s"].is_met is None
 
 
@@ -154,8 +154,17 @@ def test_the_other_laws_can_have_fewer_plants() -> None:
 
 
 def test_without_its_table_the_law_learns_and_never_uses_it() -> None:
-    bout = RealBout(law=WITHOUT_TABLE, plant=NOMINAL, lag_s=0.0, noise="0.05", seed=1, condition=AS_TOLD, setpoints=1,
-                    dwell_s=0.1, period_s=0.001)  # fmt: skip
+    bout = RealBout(
+        law=WITHOUT_TABLE,
+        plant=NOMINAL,
+        lag_s=0.0,
+        noise="0.05",
+        seed=1,
+        condition=AS_CONFIGURED,
+        setpoints=1,
+        dwell_s=0.1,
+        period_s=0.001,
+    )
     scenario = bout.scenario
     assert (scenario.law, configure(scenario).control.table_from_s) == ("nmpc", 1e9)
     assert len(play(bout)) == 1
@@ -164,7 +173,7 @@ def test_without_its_table_the_law_learns_and_never_uses_it() -> None:
 @pytest.mark.slow(short="test_goals_are_judged_by_the_worst_lag_and_the_best_rival")
 def test_the_command_plays_a_part_and_resumes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["league", "--real-valves", "--short", "--laws", "nmpc,two-move-retry,pi", "--tau", "0,20", "--dwell",
-               "0.2", "--conditions", "no-lag-told", "--out", str(tmp_path), "--workers", "1",
+               "0.2", "--conditions", "lag-not-configured", "--out", str(tmp_path), "--workers", "1",
                "--markdown", "--report", str(tmp_path / "page.html")]  # fmt: skip
     assert main(command) == ExitCode.OK
     text = capsys.readouterr().out
@@ -188,7 +197,7 @@ def test_the_command_plays_a_part_and_resumes_it(tmp_path: Path, capsys: pytest.
         (["--rival-plants", "paper"], "--rival-plants needs --real-valves"),
         (["--real-valves", "--tau", "x"], "tau 'x' is no number"),
         (["--real-valves", "--noise", "3"], "noise '3' is unknown"),
-        (["--real-valves", "--conditions", "untold"], "condition 'untold' is unknown"),
+        (["--real-valves", "--conditions", "unheard"], "condition 'unheard' is unknown"),
         (["--real-valves", "--plants", "mars"], "plant 'mars' is unknown"),
         (["--real-valves", "--setpoints", "80"], "--setpoints does not go with --real-valves"),
         (["--real-valves", "--tau", "-1"], "fill_time_constant_s = -0.001: must be greater than or equal to 0"),
@@ -201,7 +210,7 @@ def test_mistakes_of_the_command_line_get_one_clear_line(
     assert expected in capsys.readouterr().err
 
 
-def test_an_identified_valve_is_what_every_law_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_identified_valve_is_what_every_law_is_configured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     known: object = {
         "valve": {**told(plant_settings(NOMINAL)), "spring_rate_n_per_m": 51234.0},
         "estimator": NOISES["2"],
@@ -221,7 +230,7 @@ def test_an_identified_valve_is_what_every_law_is_told(tmp_path: Path, monkeypat
     assert len(asked) == len(PLANTS) + 1  # once for all seeds
 
 
-@pytest.mark.slow(short="test_an_identified_valve_is_what_every_law_is_told")
+@pytest.mark.slow(short="test_an_identified_valve_is_what_every_law_is_configured")
 def test_the_identification_of_the_league_finds_spring_friction_and_lag() -> None:
     found = identify(Identification("spring-20", 0.02, "0.05", 0.004))
     assert found["valve"]["spring_rate_n_per_m"] == pytest.approx(42030.4, rel=0.005)

@@ -19,7 +19,7 @@ from positioner.errors import BenchError
 from positioner.studies.bouts import file_name, law_failure
 from positioner.studies.direct import play_directly
 from positioner.studies.entrants import OURS, entered
-from positioner.studies.real_valves.conditions import AS_TOLD, CONDITIONS, Condition
+from positioner.studies.real_valves.conditions import AS_CONFIGURED, CONDITIONS, Condition
 from positioner.studies.real_valves.tuned import rival_tables
 from positioner.studies.real_valves.valves import GRAPHITE, NOISES, NOMINAL, plant_tables, setpoints_mm
 
@@ -61,7 +61,7 @@ class RealLeagueSettings:
             for plant in self.plants if law.startswith(OURS) else self.rival_plants:
                 lags_s = (own_lag_s(plant),) if plant == GRAPHITE else self.lags_s
                 for lag_s in lags_s:
-                    yield from self._each(law, plant, lag_s, AS_TOLD)
+                    yield from self._each(law, plant, lag_s, AS_CONFIGURED)
         if OURS in self.laws:
             for name in self.conditions:
                 for lag_s in CONDITIONS[name].lags_s:
@@ -70,7 +70,7 @@ class RealLeagueSettings:
     def _each(self, law: str, plant: str, lag_s: float, name: str) -> Iterator[RealBout]:
         condition = CONDITIONS.get(name)
         noises = self.noises if condition is None else [noise for noise in self.noises if noise in condition.goal_pct]
-        other = condition or Condition(text=AS_TOLD, goal_pct={})
+        other = condition or Condition(text=AS_CONFIGURED, goal_pct={})
         longer_s = LONG_DWELL_S / 6.0 * self.dwell_s if lag_s > LONG_LAG_S else self.dwell_s
         for noise in noises:
             for seed in self.seeds:
@@ -108,7 +108,7 @@ class RealBout:
     @property
     def title(self) -> str:
         """What the progress bar shows."""
-        where = self.plant if self.condition == AS_TOLD else self.condition
+        where = self.plant if self.condition == AS_CONFIGURED else self.condition
         return f"{self.law} on {where}, lag {self.lag_s * 1e3:g} ms, noise {self.noise} %"
 
     @property
@@ -121,7 +121,7 @@ class RealBout:
     @property
     def scenario(self) -> Scenario:
         """The scenario of the bout."""
-        condition = CONDITIONS.get(self.condition) or Condition(text=AS_TOLD, goal_pct={})
+        condition = CONDITIONS.get(self.condition) or Condition(text=AS_CONFIGURED, goal_pct={})
         true = plant_tables(self.plant, self.lag_s, self.noise, condition.true(self.lag_s))
         believed = plant_tables(self.plant, self.lag_s, self.noise, condition.believed(self.lag_s))
         known = {"valve": told(plant_settings(overrides=believed)), "estimator": dict(NOISES[self.noise])}

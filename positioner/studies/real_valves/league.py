@@ -11,7 +11,7 @@ from positioner.bench.scenario import check_scenario
 from positioner.studies.bouts import computed, played
 from positioner.studies.pool import EVERY_CORE
 from positioner.studies.real_valves.bouts import play
-from positioner.studies.real_valves.conditions import AS_TOLD
+from positioner.studies.real_valves.conditions import AS_CONFIGURED
 from positioner.studies.real_valves.identification import Identification, as_text, identify
 from positioner.studies.real_valves.results import results_of
 
@@ -56,7 +56,7 @@ def _identified(bouts: Sequence[RealBout], folder: Path, workers: Workers) -> li
     items = {
         bout: Identification(bout.plant, bout.lag_s, bout.noise, bout.period_s)
         for bout in bouts
-        if bout.condition == AS_TOLD
+        if bout.condition == AS_CONFIGURED
     }
     found = computed(list(dict.fromkeys(items.values())), identify, folder, workers)
     return [replace(bout, identified=as_text(found[items[bout]])) if bout in items else bout for bout in bouts]

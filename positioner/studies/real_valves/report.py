@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from positioner.pictures.files import save
 from positioner.report.table import Table
 from positioner.report.text import markdown
-from positioner.studies.real_valves.conditions import AS_TOLD, CONDITIONS
+from positioner.studies.real_valves.conditions import AS_CONFIGURED, CONDITIONS
 from positioner.studies.real_valves.goals import LOW, judged
 from positioner.studies.real_valves.picture import real_valves_figure
 from positioner.studies.real_valves.valves import GRAPHITE, NOISE_NAMES, NOMINAL
@@ -109,11 +109,11 @@ def _others(results: Results) -> list[Block]:
     lines: list[Block] = []
     for title, cells in (
         (f"`{GRAPHITE}`", [cell for cell in main if cell.plant == GRAPHITE]),
-        ("Conditions", [cell for cell in results.cells if cell.condition != AS_TOLD]),
+        ("Conditions", [cell for cell in results.cells if cell.condition != AS_CONFIGURED]),
     ):
         groups: dict[tuple[str, str], list[Cell]] = {}
         for cell in cells:
-            name = f"`{cell.law}`" if cell.condition == AS_TOLD else CONDITIONS[cell.condition].text
+            name = f"`{cell.law}`" if cell.condition == AS_CONFIGURED else CONDITIONS[cell.condition].text
             groups.setdefault((name, cell.noise), []).append(cell)
         rows = [(name, NOISE_NAMES[noise], *_by_column(some)) for (name, noise), some in groups.items()]
         if rows:

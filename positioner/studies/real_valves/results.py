@@ -16,7 +16,7 @@ import numpy as np
 from plant_emulator.presets import plant_settings
 from positioner.bench.metrics import median_settling_s
 from positioner.studies.limit import optimal_move
-from positioner.studies.real_valves.conditions import AS_TOLD, CONDITIONS
+from positioner.studies.real_valves.conditions import AS_CONFIGURED, CONDITIONS
 from positioner.studies.real_valves.valves import NOMINAL, plant_tables, setpoints_mm
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class Results:
     cells: tuple[Cell, ...]
     optimal_settle_s: Mapping[float, float]
 
-    def chosen(self, *choices: Choice, condition: str = AS_TOLD) -> tuple[Cell, ...]:
+    def chosen(self, *choices: Choice, condition: str = AS_CONFIGURED) -> tuple[Cell, ...]:
         """Return the cells of a condition that meet every choice."""
         return tuple(cell for cell in self.cells if cell.condition == condition and all(each(cell) for each in choices))
 
@@ -75,7 +75,7 @@ def results_of(played: Mapping[RealBout, Sequence[DwellMetrics]], setpoints: int
         key = (bout.law, bout.plant, bout.lag_s, bout.noise, bout.condition)
         groups.setdefault(key, []).extend(judged)
     cells = tuple(_cell(*key, dwells) for key, dwells in groups.items())
-    nominal = {cell.lag_s for cell in cells if cell.plant == NOMINAL and cell.condition == AS_TOLD}
+    nominal = {cell.lag_s for cell in cells if cell.plant == NOMINAL and cell.condition == AS_CONFIGURED}
     return Results(
         cells=cells, optimal_settle_s={lag_s: optimal_settle_s(lag_s, setpoints) for lag_s in sorted(nominal)}
     )

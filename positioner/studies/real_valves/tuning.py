@@ -19,7 +19,7 @@ from tqdm import tqdm
 from positioner.laws.settings import ControlSettings
 from positioner.laws.tuned import table_name
 from positioner.studies.real_valves.bouts import RealBout
-from positioner.studies.real_valves.conditions import AS_TOLD
+from positioner.studies.real_valves.conditions import AS_CONFIGURED
 from positioner.studies.real_valves.tuned import rival_tables
 from positioner.studies.real_valves.valves import NOMINAL, STOCHASTIC
 from positioner.studies.searches import SEARCHES, Range
@@ -143,7 +143,7 @@ def _cost(task: Task, plant: str, values: Sequence[float], limit: float) -> floa
         lag_s=task.lag_s,
         noise=task.noise,
         seed=task.seed,
-        condition=AS_TOLD,
+        condition=AS_CONFIGURED,
         setpoints=SETPOINTS,
         dwell_s=round(DWELL_S + _DWELL_LAGS * task.lag_s, 1),
         period_s=0.001,

@@ -69,7 +69,8 @@ class Believed:
             current = float(current_ma[sample])
             if begins[sample]:
                 x, v, predicts = float(estimate[0][sample]), float(estimate[1][sample]), True
-                later = v or float(estimate[1][min(sample + 1, last)])
+                push_ma = current - self.rollout.numbers.balance_ma(x)
+                later = v or float(estimate[1][min(sample + 1, last)]) or push_ma
                 rests = v == 0.0 and self.samples_before > 0
                 moving = Moving(moving.pressure, StemState(x, v, rests, 1.0 if later >= 0.0 else -1.0))
             if predicts and sample >= first:

@@ -2,8 +2,8 @@
 
     ẇ = (u(t - T_d) - w)/τ_c    and    ṗ = (w - p)/τ within ± the slew limit, τ = fill or vent by the sign of w - p
 
-as in `valve.actuator`, pressures in mA. Within a step the converter is held, so each step is exact for one of the two
-lags alone. A step is about a fifth of the shortest lag, but there are at most twenty in a sample.
+as in `valve.actuator`, pressures in mA. Within a step the mean of the converter's output is held, so each step is exact
+for one of the two lags alone. A step is about a fifth of the shortest lag, but there are at most twenty in a sample.
 """
 
 from __future__ import annotations
@@ -74,8 +74,9 @@ class PressureModel:
             line_ma, current_ma = (*line_ma[1:], current_ma), line_ma[0]
         converter_ma, pressure_ma = state.converter_ma, state.pressure_ma
         for _ in range(self.steps):
-            converter_ma = current_ma + (converter_ma - current_ma) * self.converter
-            gap_ma = converter_ma - pressure_ma
+            before_ma, converter_ma = converter_ma, current_ma + (converter_ma - current_ma) * self.converter
+            driving_ma = 0.5 * (before_ma + converter_ma) if self.converter > 0.0 else converter_ma
+            gap_ma = driving_ma - pressure_ma
             step_ma = gap_ma * (1.0 - (self.fill if gap_ma > 0.0 else self.vent))
             if self.most_ma > 0.0:
                 step_ma = min(max(step_ma, -self.most_ma), self.most_ma)

@@ -26,6 +26,7 @@ from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.pressure import pressure_model
 from positioner.valve.rollout import Moving, plant_of
+from positioner.valve.sensor import NO_LAG
 from positioner.valve.state import StemState
 from positioner.valve.stiction import StictionTable
 
@@ -318,7 +319,7 @@ def studied(
         way = Way(plant.actuator.at_rest(stem.p), stem.x)
         for _ in range(700):
             way = way.read(level_ma, stem.sample(level_ma) + noise_m * chance.normal())
-        found = Study(plant, way, 0.0, 0.0).of(numbers, belief.within, stem.x, noise_m * noise_m, 0.01)
+        found = Study(plant, way, 0.0, NO_LAG).of(numbers, belief.within, stem.x, noise_m * noise_m, 0.01)
         numbers = found.numbers
     viscous = math.log(true.viscous_friction_n_s_per_m / told.viscous_friction_n_s_per_m)
     error = np.array(numbers.mean) - np.array((*theta_of(true)[:4], math.log(lag), viscous))
@@ -357,7 +358,7 @@ def test_an_area_that_is_told_wrongly_is_outvoted(area: float) -> None:
         way = Way(plant.actuator.at_rest(stem.p), stem.x)
         for _ in range(500):
             way = way.read(level_ma, stem.sample(level_ma))
-        numbers = Study(plant, way, 0.0, 0.0).of(numbers, belief.within, stem.x, 4.9e-9, 0.01).numbers
+        numbers = Study(plant, way, 0.0, NO_LAG).of(numbers, belief.within, stem.x, 4.9e-9, 0.01).numbers
         assert abs(numbers.mean[0] - spring) < 2.5 * math.sqrt(numbers.variances[0])
     assert math.sqrt(numbers.variances[0]) < 0.06 * spring  # 12 % before
 
@@ -375,7 +376,7 @@ def test_a_dead_time_at_a_long_period_is_not_taken_for_lag_or_friction(dead_s: f
         for sample in range(140):
             acting_ma = before_ma if sample < round(dead_s / period_s) else level_ma
             way = way.read(level_ma, stem.sample(acting_ma))
-        numbers = Study(plant, way, 0.0, 0.0).of(numbers, belief.within, stem.x, 4.9e-9, 0.01).numbers
+        numbers = Study(plant, way, 0.0, NO_LAG).of(numbers, belief.within, stem.x, 4.9e-9, 0.01).numbers
         before_ma = level_ma
     assert numbers.mean[4] == pytest.approx(0.0, abs=0.005)
     assert numbers.mean[3] == pytest.approx(theta[3], abs=0.02)
@@ -389,7 +390,7 @@ def test_a_way_that_no_valve_like_this_goes_is_not_explained() -> None:
     for sample in range(700):
         read_m = stem.sample(19.0)
         way = way.read(19.0, read_m if sample < 300 else 0.06)  # it goes back by itself
-    found = Study(plant, way, 0.0, 0.0).of(belief.numbers, belief.within, 0.085, 1e-9, 0.01)
+    found = Study(plant, way, 0.0, NO_LAG).of(belief.numbers, belief.within, 0.085, 1e-9, 0.01)
     assert not found.is_explained
     assert found.left_part == 1.0
     assert math.sqrt(found.left_m2) > 0.003
@@ -402,7 +403,7 @@ def test_ways_that_are_explained_well_make_the_next_ones_more_certain() -> None:
     way = Way(plant.actuator.at_rest(stem.p), stem.x)
     for _ in range(400):
         way = way.read(18.0, stem.sample(18.0))
-    study = Study(plant, way, 0.0, 0.0)
+    study = Study(plant, way, 0.0, NO_LAG)
     usual, known = (study.of(belief.numbers, belief.within, stem.x, 1e-12, part) for part in (0.01, 0.0004))
     assert known.left_part < 0.001
     ratios = [after / before for before, after in zip(usual.numbers.variances, known.numbers.variances, strict=True)]

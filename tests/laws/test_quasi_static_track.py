@@ -15,6 +15,7 @@ from positioner.values import replace
 from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.rollout import Moving, Rollout, plant_of
+from positioner.valve.sensor import sensor_lag
 from positioner.valve.state import StemState
 
 BOOST_MA = {1.0: 20.0, -1.0: 4.0}
@@ -40,15 +41,15 @@ def seen(
     period_s: float, lag_s: float, direction: float, friction: float, *, sensor_s: float = 0.0
 ) -> tuple[Track, EulerValve]:
     """Return the track, and the valve, in the sample that first shows the stem slide; friction: F_s over the told."""
-    valve, left = valve_of(lag_s), math.exp(-period_s / sensor_s) if sensor_s else 0.0
+    valve, sensor = valve_of(lag_s), sensor_lag(sensor_s, period_s)
     rollout = rollout_of(valve, period_s)
     track, boost_ma = begun(rollout, 0.09, direction, 0.01, 1.0), BOOST_MA[direction]
     true = EulerValve(valve, 0.09, track.moving.pressure.pressure_ma, period_s=period_s)
     true.static *= friction
     seen_m = true.x
     for _ in range(400):
-        seen_m = true.sample(boost_ma) + (seen_m - true.x) * left
-        track = track.after(rollout, Reading(boost_ma, seen_m, 1e-10, left))
+        seen_m = sensor.after(true.x, true.sample(boost_ma), seen_m)
+        track = track.after(rollout, Reading(boost_ma, seen_m, 1e-10, sensor))
         if not track.moving.stem.stuck:
             return track, true
     raise AssertionError("never seen to slide")

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from positioner.laws.quasi_static.slip import SlipPlan
     from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Plant
+    from positioner.valve.sensor import SensorLag
 
 _FORGIVEN = 0.7
 """Of the variance of braked stops each new setpoint forgets 30 %, so that they are tried again."""
@@ -63,12 +64,12 @@ _FARTHER, _FARTHEST = 1.1, 0.4
 
 @dataclass(frozen=True, slots=True)
 class Braking:
-    """The constants of one valve. left_of_sensor: e^(-T/τ) of the sensor's lag."""
+    """The constants of one valve."""
 
     judge: Judge
     limits: Limits
     plant: Plant
-    left_of_sensor: float
+    sensor: SensorLag
 
     # -- before a move
 
@@ -199,7 +200,7 @@ class Braking:
             return memory
         if move.slip is not None and track is not None and not move.slip.is_over:
             variance_m2 = self.judge.reading_m2(memory, measured_m)
-            reading = Reading(memory.sent_ma, measured_m, variance_m2, self.left_of_sensor)
+            reading = Reading(memory.sent_ma, measured_m, variance_m2, self.sensor)
             track = track.after(move.slip.rollout, reading)
         if way is not None:
             way = way.read(memory.sent_ma, measured_m)
@@ -240,7 +241,7 @@ class Braking:
         if move.direction * (end_m - way.start_m) < max(least_m, _MOST_OF_WAY * way_m):
             return memory
         reading_m2 = judge.reading_m2(memory, memory.position_m)
-        study = Study(self.plant, way, belief.local_ma(move.target_m, move.direction), self.left_of_sensor)
+        study = Study(self.plant, way, belief.local_ma(move.target_m, move.direction), self.sensor)
         found = study.of(belief.numbers, belief.within, end_m, reading_m2, memory.braked.left_part)
         memory = self._missed(memory, found.missed_m, found.line)
         braked = memory.braked.missed(math.sqrt(found.left_m2), by_reading=False)

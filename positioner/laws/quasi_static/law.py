@@ -48,6 +48,7 @@ from positioner.values import dataclass, replace
 from positioner.valve.actuator import left_of_lag
 from positioner.valve.pressure import PressureModel, pressure_model
 from positioner.valve.rollout import plant_of
+from positioner.valve.sensor import sensor_lag
 from positioner.valve.state import StemState
 from positioner.wire.messages import Motion
 
@@ -458,6 +459,6 @@ def quasi_static_law(
     plant, limits = plant_of(valve, period_s, delay_s), Limits(*currents_ma, valve.travel_min_m, valve.travel_max_m)
     stem = Stem(plant.mass, plant.viscous, plant.step_s, plant.steps)
     judge, model = Judge(valve, estimator, stem, period_s), pressure_model(valve.actuator, period_s, delay_s)
-    left_of_sensor = left_of_lag(period_s, valve.sensor_time_constant_s)
-    braking = Braking(judge, limits, plant, left_of_sensor) if brakes else None
+    sensor = sensor_lag(valve.sensor_time_constant_s, period_s)
+    braking = Braking(judge, limits, plant, sensor) if brakes else None
     return QuasiStaticLaw("quasi-static", judge, limits, model, braking=braking)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from positioner.valve.gaussian import Gaussian
     from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Plant
+    from positioner.valve.sensor import SensorLag
 
 _BLOCKS = 64
 """Of readings; when they are full, two become one."""
@@ -97,14 +98,13 @@ class Studied:
 class Study:
     """One way, and how it was seen.
 
-    local_ma: what the friction near its end takes more than that of the whole valve. left_of_sensor: e^(-T/τ) of the
-    sensor's lag.
+    local_ma: what the friction near its end takes more than that of the whole valve.
     """
 
     plant: Plant
     way: Way
     local_ma: float
-    left_of_sensor: float
+    sensor: SensorLag
 
     def of(
         self,
@@ -146,8 +146,8 @@ class Study:
         total_m, filled, seen_m = 0.0, 0, way.start_m
         for current_ma, count in way.runs:
             for _ in range(count):
-                moving = rollout.after(moving, current_ma)
-                seen_m = moving.stem.position_m + (seen_m - moving.stem.position_m) * self.left_of_sensor
+                before_m, moving = moving.stem.position_m, rollout.after(moving, current_ma)
+                seen_m = self.sensor.after(before_m, moving.stem.position_m, seen_m)
                 total_m, filled = total_m + seen_m, filled + 1
                 if filled == way.size:
                     found.append(total_m / filled)

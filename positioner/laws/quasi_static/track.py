@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING
 
 from positioner.values import dataclass, replace
 from positioner.valve.rollout import Moving
+from positioner.valve.sensor import NO_LAG
 from positioner.valve.state import StemState
 
 if TYPE_CHECKING:
     from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Rollout
+    from positioner.valve.sensor import SensorLag
 
 _FREED, _FREED_M = 5.0, 1e-4
 """σ of a reading, and its least, by which a stem must have moved to be seen to slide."""
@@ -41,13 +43,13 @@ _SURPRISE = 9.0
 class Reading:
     """What comes with a cycle: the current in mA that was commanded, and the reading at the end of the sample.
 
-    variance_m2: of the reading. left: e^(-T/τ) of the sensor's lag.
+    variance_m2: of the reading. sensor: its lag.
     """
 
     current_ma: float
     measured_m: float
     variance_m2: float
-    left: float = 0.0
+    sensor: SensorLag = NO_LAG
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,14 +131,14 @@ class Track:
         free, moving = _with_static(rollout, static_ma), Moving(self.before[0], self.moving.stem)
         seen_m = moving.stem.position_m
         for _ in self.before:
-            moving = free.after(moving, reading.current_ma)
-            seen_m = moving.stem.position_m + (seen_m - moving.stem.position_m) * reading.left
+            before_m, moving = moving.stem.position_m, free.after(moving, reading.current_ma)
+            seen_m = reading.sensor.after(before_m, moving.stem.position_m, seen_m)
         return moving.stem, seen_m
 
     def _slid(self, rollout: Rollout, moving: Moving, reading: Reading) -> Track:
         """Return the track of a stem that slides, after a reading: the covariance in the steps of the rollout.
 
-        What the sensor's lag does is undone: x = (z - left z')/(1 - left), z' the reading before.
+        What the sensor's lag does is undone: (z - e z')/(1 - e), z' the reading before, is between x before and now.
         """
         stem, xx, xv, xp, vv, vp, pp = moving.stem, self.xx, self.xv, self.xp, self.vv, self.vp, self.pp
         if stem.stuck:
@@ -150,8 +152,9 @@ class Track:
             vv, vp = b0 * gx + b1 * gv + b2 * gp, b2
         xx += _OWN_M2
         pp += self.roams_ma2_per_m * abs(moving.stem.position_m - self.moving.stem.position_m)
-        left, part = reading.left, 1.0 - reading.left
-        innovation_m = (reading.measured_m - left * self.last_m) / part - stem.position_m
+        left, part = reading.sensor.left, 1.0 - reading.sensor.left
+        shown_m = reading.sensor.shown_m(self.moving.stem.position_m, stem.position_m)
+        innovation_m = (reading.measured_m - left * self.last_m) / part - shown_m
         reading_m2 = reading.variance_m2 * (1.0 + left * left) / (part * part)
         misfit = self.misfit + innovation_m * innovation_m / (xx + reading_m2)
         gain_x, gain_v, gain_p = (of / (xx + reading_m2) for of in (xx, xv, xp))

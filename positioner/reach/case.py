@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from positioner.laws.estimator_settings import measurement_sigma_m
 from positioner.laws.quasi_static.belief import belief_of
+from positioner.laws.quasi_static.move import Limits
 from positioner.laws.quasi_static.slip import numbers_of
 from positioner.valve.rollout import plant_of
 
@@ -15,8 +16,9 @@ if TYPE_CHECKING:
     from positioner.config.schema import Configuration
     from positioner.laws.estimator_settings import EstimatorSettings
     from positioner.laws.nmpc.settings import NmpcSettings
+    from positioner.laws.quasi_static.belief import ValveBelief
     from positioner.valve.parameters import ValveParameters
-    from positioner.valve.rollout import Numbers, Plant, Rollout
+    from positioner.valve.rollout import Plant, Rollout
 
 
 _REST_S = 1.0
@@ -72,9 +74,14 @@ class Case:
         return self.sigma_m * math.sqrt(self.period_s / _REST_S)
 
     @property
-    def numbers(self) -> Numbers:
-        """The configured spring and friction."""
-        return numbers_of(belief_of(self.valve).numbers.mean)
+    def belief(self) -> ValveBelief:
+        """What a law that starts believes of the valve."""
+        return belief_of(self.valve)
+
+    @property
+    def limits(self) -> Limits:
+        """The limits of its moves."""
+        return Limits(self.low_ma, self.high_ma, self.valve.travel_min_m, self.valve.travel_max_m)
 
     def plant(self, period_s: float = 0.0) -> Plant:
         """Return how the valve moves, in samples of `period_s`; 0 is the case's own."""
@@ -82,7 +89,7 @@ class Case:
 
     def rollout(self, period_s: float = 0.0) -> Rollout:
         """Return the motion of the configured valve, in samples of `period_s`; 0 is the case's own."""
-        return self.plant(period_s).rollout(self.numbers)
+        return self.plant(period_s).rollout(numbers_of(self.belief.numbers.mean))
 
     def with_valve(self, **changes: object) -> Case:
         """Return the case with other parameters of the valve."""

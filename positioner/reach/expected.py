@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from positioner.inputs.durations import duration
 from positioner.reach.case import Case
-from positioner.reach.moves import SETTLED_OF_SPAN, durations, natural_jump_m, slip_s, smallest_push_m
+from positioner.reach.moves import SETTLED_OF_SPAN, durations, slip_s, smallest_push_m
 
 if TYPE_CHECKING:
     from positioner.config.schema import Configuration
@@ -51,13 +51,13 @@ def corrections(case: Case) -> Corrections:
         first_m = math.hypot(_FIRST_OF_SPAN * case.valve.span_m, _FIRST_OF_NOISE * case.sigma_m)
     share = math.erfc(near_m / (math.sqrt(2.0) * first_m))
     judged_s = max(_JUDGED_S, _JUDGED_READINGS * case.period_s)
-    return Corrections(first_m, share, judged_s + _WAYS * durations(case, natural_jump_m(case) + near_m).law_s)
+    return Corrections(first_m, share, judged_s + _WAYS * durations(case, case.belief.jump_m + near_m).law_s)
 
 
 def mean_error_m(case: Case) -> float:
     """Return the mean error of the law `nmpc`, in m."""
     if is_too_slow(case):
-        return natural_jump_m(case)
+        return case.belief.jump_m
     if case.valve.is_immediate:
         return case.tolerance_m / 2.0
     return math.hypot(_OF_SPAN * case.valve.span_m, _OF_NOISE * case.sigma_m)
@@ -85,7 +85,7 @@ def in_words(configuration: Configuration) -> tuple[str, str]:
 
 def _paper_in_words(name: str, case: Case) -> tuple[str, str]:
     if not case.valve.is_immediate:
-        lost = _percent(_WITHOUT_LAG * natural_jump_m(case), case)
+        lost = _percent(_WITHOUT_LAG * case.belief.jump_m, case)
         return f"about {lost}", f"the law {name} knows no lag, and this valve has one; take nmpc"
     push_m, period = max(smallest_push_m(case, s) for s in (1.0, -1.0)), duration(case.period_s)
     if push_m <= _PUSH_OF_SPAN * case.valve.span_m:

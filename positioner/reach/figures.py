@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from positioner.reach.expected import corrections, mean_error_m
-from positioner.reach.moves import durations, natural_jump_m, smallest_push_m
+from positioner.reach.moves import durations, smallest_push_m
 
 if TYPE_CHECKING:
     from positioner.reach.case import Case
@@ -56,7 +56,7 @@ def figures_of(case: Case) -> Figures:
         high_m=high_m,
         low_reach_m=low_reach_m,
         high_reach_m=high_reach_m,
-        natural_jump_m=natural_jump_m(case),
+        natural_jump_m=case.belief.jump_m,
         push_m=max(smallest_push_m(case, direction) for direction in (1.0, -1.0)),
         averaged_m=case.averaged_m,
         first_m=more.first_m,

@@ -13,9 +13,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from positioner.laws.quasi_static.belief import belief_of
-from positioner.laws.quasi_static.slip import Task, slip_plan, stop_of
-from positioner.values import replace
+from positioner.laws.quasi_static.slip import slip_plan, task_of
 from positioner.valve.rollout import Moving
 from positioner.valve.state import StemState
 
@@ -34,6 +32,8 @@ _PLANNED_OF_SPAN = 0.002
 _NEARLY = 0.95
 """A slip is nearly over after this part of the natural jump."""
 _SLIP_STEP_S = 1e-3
+_ARRIVED_MA = 0.05
+"""So near to its level a pressure frees no stem that rests: a hundredth of F_s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,33 +44,37 @@ class Durations:
     law_s: float
 
 
-def natural_jump_m(case: Case) -> float:
-    """Return (F_s - F_c)/K in m: the slip under a pressure that is held."""
-    return case.numbers.jump_m
-
-
 def slip_s(case: Case) -> float:
     """Return after how long in s a slip is nearly over, under the pressure that freed the stem."""
-    rollout, moving = case.rollout(_SLIP_STEP_S), _freed(case, 1.0)
-    over_m, current_ma, t = case.middle_m + _NEARLY * natural_jump_m(case), moving.pressure.pressure_ma, 0.0
-    while not moving.stem.stuck and moving.stem.position_m < over_m and t < _LONGEST_S:
-        moving = rollout.after(moving, current_ma)
-        t += _SLIP_STEP_S
+    rollout = case.rollout(_SLIP_STEP_S)
+    freed = _freed(rollout, case.middle_m, 1.0)
+    over_m = case.middle_m + _NEARLY * case.belief.jump_m
+    for sample, moving in enumerate(_path(rollout, freed, (freed.pressure.pressure_ma,)), start=1):
+        t = sample * _SLIP_STEP_S
+        if moving.stem.stuck or moving.stem.position_m >= over_m or t >= _LONGEST_S:
+            break
     return t
 
 
 def smallest_push_m(case: Case, direction: float) -> float:
     """Return how far a stem moves that is freed in `direction` (±1) for one period and the dead time, then braked."""
-    rollout, moving = case.rollout(), _freed(case, direction)
-    freeing_ma, hold_ma = moving.pressure.pressure_ma, rollout.numbers.balance_ma(case.middle_m)
-    moving = rollout.after(moving, freeing_ma)
-    if moving.stem.stuck:
-        return direction * (moving.stem.position_m - case.middle_m)
-    task = _task(case, moving.stem.position_m, case.middle_m + direction, freeing_ma)
-    task = replace(task, pressure=moving.pressure, hold_ma=hold_ma)
-    brakes = task.currents(0.0) if min(task.rises_s, task.falls_s) > 0.0 else (hold_ma,)
-    stop = stop_of(rollout, task, brakes, moving)
-    return direction * (stop.position_m - case.middle_m)
+    rollout, belief, middle_m = case.rollout(), case.belief, case.middle_m
+    moving = _freed(rollout, middle_m, direction)
+    moving = rollout.after(moving, moving.pressure.pressure_ma)
+    task = task_of(
+        belief,
+        case.valve.actuator,
+        case.limits,
+        moving.pressure,
+        middle_m - direction * case.valve.span_m,
+        middle_m,
+        case.period_s,
+    )
+    brakes = (*task.currents(0.0), task.hold_ma) if task else (belief.balance_ma(middle_m),)
+    path = _path(rollout, moving, brakes)
+    while not moving.stem.stuck:
+        moving = next(path)
+    return direction * (moving.stem.position_m - middle_m)
 
 
 def durations(case: Case, move_m: float) -> Durations:
@@ -82,34 +86,19 @@ def durations(case: Case, move_m: float) -> Durations:
     return Durations(shortest_s, max(_of_the_law_s(case, start_m, move_m), shortest_s))
 
 
-def _freed(case: Case, direction: float) -> Moving:
-    """Return a stem in the middle that has just been freed by a pressure that does not change."""
-    rollout = case.rollout()
-    numbers, x = rollout.numbers, case.middle_m
-    freeing_ma = numbers.balance_ma(x) + direction * numbers.static_ma
-    return Moving(rollout.pressure.at_rest(freeing_ma), StemState(x, 0.0, False, direction))
-
-
-def _task(case: Case, start_m: float, target_m: float, pressure_ma: float) -> Task:
-    """Return the law's task: from this place and pressure to a target."""
-    rollout, actuator, upwards = case.rollout(), case.valve.actuator, target_m > start_m
-    rises_s, falls_s = (actuator.lag_s(fills=fills) for fills in (upwards, not upwards))
-    ends_ma = (case.high_ma, case.low_ma) if upwards else (case.low_ma, case.high_ma)
-    hold_ma = min(max(rollout.numbers.balance_ma(target_m), case.low_ma), case.high_ma)
-    pressure = rollout.pressure.at_rest(pressure_ma)
-    return Task(pressure, start_m, target_m, *ends_ma, hold_ma, rises_s, falls_s, case.period_s)
-
-
 def _of_the_law_s(case: Case, start_m: float, move_m: float) -> float:
     """Return how long the law's move takes behind a lag."""
-    rollout, target_m, belief = case.rollout(), start_m + move_m, belief_of(case.valve)
-    task, plan = _task(case, start_m, target_m, rollout.numbers.balance_ma(start_m)), None
+    rollout, target_m, belief = case.rollout(), start_m + move_m, case.belief
+    rests, plan = _at_rest(rollout, start_m), None
     near_m, closely_m = SETTLED_OF_SPAN * case.valve.span_m, _PLANNED_OF_SPAN * case.valve.span_m
-    if min(task.rises_s, task.falls_s) > 0.0:
+    task = task_of(
+        belief, case.valve.actuator, case.limits, rests.pressure, start_m, target_m, case.period_s
+    )  # fmt: skip
+    if task is not None:
         plan = slip_plan(case.plant(), belief.numbers.mean, 0.0, task, closely_m)
-    level_ma = min(max(belief.landing_ma(target_m, 1.0), case.low_ma), case.high_ma)
-    currents, settled = (*plan.currents, task.hold_ma) if plan else (level_ma,), 1
-    for sample, moving in enumerate(_path(rollout, start_m, currents), start=1):
+    level_ma = case.limits.clipped(belief.landing_ma(target_m, 1.0))
+    currents, settled = (*plan.currents, plan.task.hold_ma) if plan else (level_ma,), 1
+    for sample, moving in enumerate(_path(rollout, rests, currents), start=1):
         if abs(moving.stem.position_m - target_m) > near_m:
             settled = sample + 1
         arrived = sample >= len(currents) and abs(moving.pressure.pressure_ma - currents[-1]) < _ARRIVED_MA
@@ -145,7 +134,8 @@ def _thrown(
     both_ma = part * case.high_ma + (1.0 - part) * case.low_ma  # the sample in which the current changes
     near_m, is_free, settled = SETTLED_OF_SPAN * case.valve.span_m, False, 0
     late = whole + rollout.pressure.waiting // rollout.steps + 1
-    for sample, moving in enumerate(_path(rollout, start_m, (case.high_ma,) * whole + (both_ma, case.low_ma)), start=1):
+    currents = (case.high_ma,) * whole + (both_ma, case.low_ma)
+    for sample, moving in enumerate(_path(rollout, _at_rest(rollout, start_m), currents), start=1):
         stem = moving.stem
         is_free = is_free or stem.position_m != start_m
         if abs(stem.position_m - target_m) > near_m:
@@ -155,13 +145,19 @@ def _thrown(
     return stem.position_m, settled * step_s
 
 
-def _path(rollout: Rollout, start_m: float, currents: Sequence[float]) -> Iterator[Moving]:
-    """Yield the motion after each sample of a stem that rests in the middle of its band; the last current stays."""
-    rests_ma = rollout.numbers.balance_ma(start_m)
-    moving = Moving(rollout.pressure.at_rest(rests_ma), StemState(start_m, 0.0, True, 1.0))
+def _at_rest(rollout: Rollout, x: float) -> Moving:
+    """Return a stem that rests in the middle of its stick band."""
+    return Moving(rollout.pressure.at_rest(rollout.numbers.balance_ma(x)), StemState(x, 0.0, True, 1.0))
+
+
+def _freed(rollout: Rollout, x: float, direction: float) -> Moving:
+    """Return a stem that has just been freed by a pressure that does not change."""
+    freeing_ma = rollout.numbers.balance_ma(x) + direction * rollout.numbers.static_ma
+    return Moving(rollout.pressure.at_rest(freeing_ma), StemState(x, 0.0, False, direction))
+
+
+def _path(rollout: Rollout, moving: Moving, currents: Sequence[float]) -> Iterator[Moving]:
+    """Yield the motion after each sample under these currents, of which the last one stays."""
     for sample in itertools.count():
         moving = rollout.after(moving, currents[min(sample, len(currents) - 1)])
         yield moving
-
-
-_ARRIVED_MA = 0.05

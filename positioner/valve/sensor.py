@@ -6,9 +6,8 @@ z_1 = e z_0 + (1 - e)(w x_0 + (1 - w) x_1),    e = e^(-T/τ),    w = τ/T - e/(1
 
 from __future__ import annotations
 
-import math
-
 from positioner.values import dataclass
+from positioner.valve.actuator import left_of_lag
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,5 +34,5 @@ def sensor_lag(time_constant_s: float, period_s: float) -> SensorLag:
     """Return the lag of a sensor in samples of this period."""
     if time_constant_s <= 0.0:
         return NO_LAG
-    left = math.exp(-period_s / time_constant_s)
+    left = left_of_lag(period_s, time_constant_s)
     return SensorLag(left, time_constant_s / period_s - left / (1.0 - left))

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from positioner.laws.quasi_static.judging import CERTAIN
 from positioner.laws.quasi_static.memory import Braked
 from positioner.laws.quasi_static.move import Stage, tolerance_m
-from positioner.laws.quasi_static.slip import Task, numbers_of, over, shortest_m, slip_plan, steered
+from positioner.laws.quasi_static.slip import numbers_of, over, shortest_m, slip_plan, steered, task_of
 from positioner.laws.quasi_static.study import Study, Way
 from positioner.laws.quasi_static.track import Reading, Track
 from positioner.values import dataclass, replace
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from positioner.laws.quasi_static.judging import Judge
     from positioner.laws.quasi_static.memory import Move, QuasiStaticMemory
     from positioner.laws.quasi_static.move import Limits
-    from positioner.laws.quasi_static.slip import SlipPlan
+    from positioner.laws.quasi_static.slip import SlipPlan, Task
     from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Plant
     from positioner.valve.sensor import SensorLag
@@ -129,15 +129,8 @@ class Braking:
 
     def _task(self, belief: ValveBelief, pressure: PressureState, start_m: float, target_m: float) -> Task | None:
         """Return the task of a move, None where the pressure does not lag."""
-        actuator, upwards = self.judge.valve.actuator, target_m > start_m
-        rises_s, falls_s = (belief.lag * actuator.lag_s(fills=fills) for fills in (upwards, not upwards))
-        if min(rises_s, falls_s) <= 0.0:
-            return None
-        boost_ma, brake_ma = self.limits.high_ma, self.limits.low_ma
-        if not upwards:
-            boost_ma, brake_ma = brake_ma, boost_ma
-        hold_ma = self.limits.clipped(belief.balance_ma(target_m))
-        return Task(pressure, start_m, target_m, boost_ma, brake_ma, hold_ma, rises_s, falls_s, self.judge.period_s)
+        actuator, period_s = self.judge.valve.actuator, self.judge.period_s
+        return task_of(belief, actuator, self.limits, pressure, start_m, target_m, period_s)
 
     def _may_read(self, memory: QuasiStaticMemory) -> bool:
         """Whether readings have said well when to brake."""

@@ -19,7 +19,10 @@ from positioner.valve.rollout import Moving, Numbers
 from positioner.valve.state import StemState
 
 if TYPE_CHECKING:
+    from positioner.laws.quasi_static.belief import ValveBelief
+    from positioner.laws.quasi_static.move import Limits
     from positioner.laws.quasi_static.track import Track
+    from positioner.valve.actuator import ActuatorParameters
     from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Plant, Rollout
 
@@ -80,6 +83,37 @@ class Task:
             total = boosts_s * self.boost_ma + brakes_s * self.brake_ma + holds_s * self.hold_ma
             found.append(total / self.period_s)
         return tuple(found) or (self.hold_ma,)
+
+
+def task_of(
+    belief: ValveBelief,
+    actuator: ActuatorParameters,
+    limits: Limits,
+    pressure: PressureState,
+    start_m: float,
+    target_m: float,
+    period_s: float,
+) -> Task | None:
+    """Return the task of a move, None where the pressure does not lag.
+
+    Args:
+        belief: of the valve.
+        actuator: as configured.
+        limits: of the current.
+        pressure: at the start.
+        start_m: where the stem rests.
+        target_m: where it is to stop.
+        period_s: of a sample.
+    """
+    upwards = target_m > start_m
+    rises_s, falls_s = (belief.lag * actuator.lag_s(fills=fills) for fills in (upwards, not upwards))
+    if min(rises_s, falls_s) <= 0.0:
+        return None
+    boost_ma, brake_ma = limits.high_ma, limits.low_ma
+    if not upwards:
+        boost_ma, brake_ma = brake_ma, boost_ma
+    hold_ma = limits.clipped(belief.balance_ma(target_m))
+    return Task(pressure, start_m, target_m, boost_ma, brake_ma, hold_ma, rises_s, falls_s, period_s)
 
 
 @dataclass(frozen=True, slots=True)

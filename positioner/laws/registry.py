@@ -137,7 +137,8 @@ def _quasi_static(parts: Ingredients, *, brakes: bool = False) -> QuasiStaticLaw
     control, guard = parts.control, parts.guard
     currents_ma, period_s = (guard.current_low_ma, guard.current_high_ma), control.sample_period_s
     delay_s = control.command_delay_s
-    return quasi_static_law(parts.valve, parts.estimator, currents_ma, period_s, delay_s, brakes=brakes)
+    law = quasi_static_law(parts.valve, parts.estimator, currents_ma, period_s, delay_s, brakes=brakes)
+    return replace(law, table_from_s=control.table_from_s)
 
 
 LAWS: Mapping[str, tuple[str, Callable[[Ingredients], Law[Any]]]] = MappingProxyType(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,9 +12,11 @@ from loop_helpers import Loop
 
 from positioner.bench.inprocess import InProcessRun, run_in_process
 from positioner.bench.scenario import Scenario
+from positioner.config.reader import parse_config
 from positioner.cycle.events import LawFellBack, MoveBegan
 from positioner.laws.estimator_settings import EstimatorSettings
 from positioner.laws.law import Observation
+from positioner.laws.nmpc.converging import ConvergingLaw
 from positioner.laws.quasi_static.belief import Landing, ValveBelief, belief_of
 from positioner.laws.quasi_static.kept import lesson_of, taught
 from positioner.laws.quasi_static.law import QuasiStaticLaw, quasi_static_law
@@ -80,6 +83,23 @@ def test_the_landings_that_a_table_has_kept_are_believed_again() -> None:
     assert belief.landing_ma(0.075, 1.0) == pytest.approx(configured.landing_ma(0.075, 1.0) + 0.6, abs=0.03)
     assert belief.landing_ma(0.085, -1.0) == pytest.approx(configured.landing_ma(0.085, -1.0) + 0.2, abs=0.03)
     assert taught(configured, StictionTable(), VALVE, 1e-5) == configured
+
+
+@pytest.mark.parametrize("valve", ["paper", "real-valve"])  # nmpc reads it behind a lag, or where samples are few
+def test_the_table_is_believed_from_its_time_on(valve: str) -> None:
+    text = f'[valve]\nid = "v"\npreset = "{valve}"\n[control]\nsample_period_s = 0.01\ntable_from_s = 3.0\n'
+    configuration = parse_config(text, "valve.toml", Path())
+    found = configuration.make_law()
+    law = found.quasi_static if isinstance(found, ConvergingLaw) else found
+    assert isinstance(law, QuasiStaticLaw)
+    configured = belief_of(configuration.valve)
+    landing = Landing(0.08, 1.0, configured.landing_ma(0.08, 1.0) + 0.4)
+    table, memory = StictionTable().learned(lesson_of(configured, landing, configuration.valve)), law.begin(0.08)
+    for time_s, believes in ((0.0, False), (2.99, False), (3.0, True)):
+        observation = Observation(0.08, 12.0, 0.01, 0.08, time_s)
+        memory, estimate = law.estimate(memory, observation)
+        memory, _ = law.decide(memory, estimate.stem, observation, table)
+        assert (memory.has_read, memory.belief != configured) == (believes, believes)
 
 
 @pytest.mark.parametrize(

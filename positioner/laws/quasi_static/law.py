@@ -88,7 +88,8 @@ _SEEN, _OF_MOVE = 3.0, 0.25
 class QuasiStaticLaw:
     """The law of one valve; the constants of a cycle.
 
-    keeps: the stiction table learns where moves end (`kept`). braking: of braked moves, None where none are made.
+    keeps: the stiction table learns where moves end (`kept`), and is read at `table_from_s`, in s since control began.
+    braking: of braked moves, None where none are made.
     """
 
     name: str
@@ -97,6 +98,7 @@ class QuasiStaticLaw:
     model: PressureModel
     keeps: bool = True
     braking: Braking | None = None
+    table_from_s: float = 0.0
 
     @property
     def valve(self) -> ValveParameters:
@@ -164,7 +166,7 @@ class QuasiStaticLaw:
         """Return the memory after the decision, and the decision; the stiction table is read once."""
         del stem
         setpoint_m = observation.setpoint_m
-        if self.keeps and not memory.has_read:
+        if self.keeps and not memory.has_read and observation.time_s >= self.table_from_s:
             belief = taught(memory.belief, table, self.valve, self.judge.sigma_m(memory.position_m))
             memory = replace(memory, belief=belief, has_read=True)
             memory = memory if self.braking is None else self.braking.taught(memory)

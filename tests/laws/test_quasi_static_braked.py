@@ -26,9 +26,9 @@ from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.pressure import pressure_model
 from positioner.valve.rollout import Moving, plant_of
-from positioner.valve.sensor import NO_LAG
+from positioner.valve.sensor import NO_LAG, sensor_lag
 from positioner.valve.state import StemState
-from positioner.valve.stiction import StictionTable
+from positioner.valve.stiction import Quantity, StictionTable
 
 if TYPE_CHECKING:
     from positioner.laws.quasi_static.memory import QuasiStaticMemory
@@ -307,6 +307,22 @@ def test_a_way_keeps_every_reading_and_every_current() -> None:
     assert not way.is_whole
 
 
+@pytest.mark.parametrize("sensor_s", [0.002, 0.02])
+def test_the_lag_of_a_sensor_is_taken_for_no_lag_of_the_pressure(sensor_s: float) -> None:
+    valve = valve_of(0.02)
+    plant, belief = plant_of(valve, PERIOD_S, 0.0), belief_of(valve)
+    stem = EulerValve(valve, 0.06, belief.balance_ma(0.06), sensor_s=sensor_s)
+    way = Way(plant.actuator.at_rest(stem.p), stem.x)
+    for _ in range(300):
+        stem.sample(18.0)
+        way = way.read(18.0, stem.seen)
+    study = Study(plant, way, 0.0, sensor_lag(sensor_s, PERIOD_S))
+    found = study.of(belief.numbers, belief.within, stem.x, 1e-10, 0.01)
+    assert found.is_explained
+    assert found.numbers.mean[4] == pytest.approx(0.0, abs=0.01)
+    assert math.sqrt(found.left_m2) < 3e-5
+
+
 def studied(
     true: ValveParameters, told: ValveParameters, lag: float, noise_m: float, seed: int
 ) -> tuple[float, float, float, bool]:
@@ -553,6 +569,20 @@ def test_the_first_move_after_a_restart_is_braked() -> None:
         for run in (first, again)
     ]
     assert settled_s[1] < 0.5 * settled_s[0] < math.inf
+    taught_by = sum(cell.count for key, cell in first.table if key.quantity is Quantity.LANDING_BIAS)
+    assert taught_by >= len(of.setpoints_mm) - 1  # each move, braked or not
+
+
+def test_what_is_kept_of_static_friction_and_lag_is_kept_together() -> None:
+    valve, configured = valve_of(0.1), belief_of(valve_of(0.1))
+    together = configured.numbers.updated((0.0, 0.0, 0.0, 1.0, 2.0), 0.1, 1e-6)  # only F_s/B + 2 ln λ is known
+    known = replace(configured, numbers=together)
+    lesson = lesson_of(known, Landing(0.08, 1.0, known.landing_ma(0.08, 1.0)), valve)
+    belief = taught(configured, StictionTable().learned(lesson), valve, 1e-5)
+    apart = [belief.numbers.variance((0.0, 0.0, 0.0, 1.0, two)) for two in (2.0, -2.0)]
+    assert apart[0] < 0.2 * apart[1]  # a restart adds 2 % to both
+    sums = [of.numbers.expected((0.0, 0.0, 0.0, 1.0, 2.0)) for of in (belief, known, configured)]
+    assert sums[0] == pytest.approx(sums[1], abs=0.1 * abs(sums[1] - sums[2]))
 
 
 @pytest.mark.parametrize(("jumps", "learns"), [(0.3, False), (0.7, True)])

@@ -44,12 +44,11 @@ def seen(
     valve, sensor = valve_of(lag_s), sensor_lag(sensor_s, period_s)
     rollout = rollout_of(valve, period_s)
     track, boost_ma = begun(rollout, 0.09, direction, 0.01, 1.0), BOOST_MA[direction]
-    true = EulerValve(valve, 0.09, track.moving.pressure.pressure_ma, period_s=period_s)
+    true = EulerValve(valve, 0.09, track.moving.pressure.pressure_ma, period_s=period_s, sensor_s=sensor_s)
     true.static *= friction
-    seen_m = true.x
     for _ in range(400):
-        seen_m = sensor.after(true.x, true.sample(boost_ma), seen_m)
-        track = track.after(rollout, Reading(boost_ma, seen_m, 1e-10, sensor))
+        true.sample(boost_ma)
+        track = track.after(rollout, Reading(boost_ma, true.seen, 1e-10, sensor))
         if not track.moving.stem.stuck:
             return track, true
     raise AssertionError("never seen to slide")
@@ -124,6 +123,18 @@ def test_a_friction_that_a_reading_rules_out_is_a_push_that_is_not_known() -> No
         track = track.after(rollout, Reading(20.0, true.sample(20.0), 1e-10))
     assert track.moving.stem.position_m == pytest.approx(true.x, abs=3e-5)
     assert math.sqrt(track.pp) == pytest.approx(0.12 * rollout.numbers.static_ma, rel=0.1)
+
+
+@pytest.mark.parametrize(("sensor_s", "period_s"), [(0.002, 1e-3), (0.02, 1e-3), (0.004, 5e-3)])
+def test_behind_the_lag_of_a_sensor_a_sliding_stem_is_where_it_is(sensor_s: float, period_s: float) -> None:
+    track, true = seen(period_s, 0.05, 1.0, 1.0, sensor_s=sensor_s)
+    rollout, sensor = rollout_of(valve_of(0.05), period_s), sensor_lag(sensor_s, period_s)
+    track = replace(track, pp=1.0)  # the readings count
+    for _ in range(round(0.02 / period_s)):
+        true.sample(20.0)
+        track = track.after(rollout, Reading(20.0, true.seen, 1e-12, sensor))
+    assert true.v > 0.1
+    assert track.moving.stem.position_m == pytest.approx(true.x, abs=3e-5)  # half a sample of motion is 50 μm and more
 
 
 def test_a_track_finds_the_force_that_pushes_a_sliding_stem() -> None:

@@ -731,6 +731,17 @@ def test_backlash_that_is_taken_up_is_no_motion() -> None:
     assert memory.failed > 6  # none of them has moved the stem
 
 
+@pytest.mark.parametrize(
+    ("level_ma", "before_ma", "direction", "pushes"),
+    [(12.0, 9.0, -1.0, 1.0), (9.0, 12.0, 1.0, -1.0), (12.0, 12.0, 1.0, 1.0), (12.0, 12.0, -1.0, -1.0)],
+)
+def test_a_level_pushes_away_from_the_one_before_it_and_the_same_one_pushes_on(
+    level_ma: float, before_ma: float, direction: float, pushes: float
+) -> None:
+    move = replace(law_of().begin(0.08).move, level_ma=level_ma, before_ma=before_ma, direction=direction)
+    assert move.pushes == pushes
+
+
 @pytest.mark.parametrize("known", [1.0, -1.0])
 def test_a_correction_comes_from_the_side_from_which_landings_are_known(known: float) -> None:
     law = law_of()

@@ -332,7 +332,7 @@ class QuasiStaticLaw:
     def _landed(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
         """Return the memory with what the end of a move teaches: a landing, or a push that moved nothing."""
         move, belief, position_m = memory.move, memory.belief, self.judge.stem_m(memory)
-        direction = 1.0 if move.level_ma > move.before_ma else -1.0
+        direction = move.pushes
         if memory.pressure is None or self.limits.holds(position_m, direction):
             return memory
         moved_m, sigma_m = position_m - move.start_m, math.sqrt(memory.position_m2 + move.start_m2)

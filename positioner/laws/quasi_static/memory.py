@@ -48,6 +48,12 @@ class Move:
     slip: SlipPlan | None = None
     sent: int = 0
 
+    @property
+    def pushes(self) -> float:
+        """Direction in which its level pushes the stem, ±1; the same level again pushes on."""
+        change_ma = self.level_ma - self.before_ma
+        return math.copysign(1.0, change_ma) if change_ma else self.direction
+
 
 @dataclass(frozen=True, slots=True)
 class Braked:

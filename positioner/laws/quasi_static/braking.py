@@ -205,9 +205,9 @@ class Braking:
         if track is not None and not plan.is_over:
             since = round(move.since_s / self.judge.period_s)
             found: SlipPlan | None = None
-            if since >= plan.ends or (plan.is_braking and track.moving.stem.stuck):
+            if since >= plan.ends or (plan.is_braking and track.may_rest):
                 found = over(plan, track.moving)
-            elif not track.moving.stem.stuck:
+            elif not track.has_stuck:
                 found = steered(plan, track, since)
             elif plan.by_reading:
                 found = steered(plan, track, since) if since >= plan.latest else None
@@ -262,14 +262,14 @@ class Braking:
         if self.limits.holds(position_m, move.direction):
             return memory
         moved_m, sigma_m = position_m - move.start_m, math.sqrt(memory.position_m2 + move.start_m2)
+        track = memory.braked.track
         if move.direction * moved_m <= self.judge.least_m(sigma_m):
             braked = memory.braked.missed(move.target_m - move.start_m, by_reading=plan.by_reading)
             memory = replace(memory, failed=memory.failed + 1, braked=braked)
-            if abs(moved_m) < self.judge.least_m(sigma_m):
+            if abs(moved_m) < self.judge.least_m(sigma_m) and (track is None or track.has_stuck):
                 return memory.held(belief.held(position_m, move.direction, plan.stop.peak_ma))
             return memory
         memory = replace(memory, failed=0)
-        track = memory.braked.track
         if track is not None and track.read > _ENOUGH:
             roams = _scaled(memory.braked.roams, 1.0, track.misfit / track.read)
             memory = replace(memory, braked=replace(memory.braked, roams=roams))

@@ -38,8 +38,8 @@ _LAGS = 8.0
 """The pressure is at the limit after so many lags."""
 _CLOSE = 0.2
 """Of the distance within which a stop counts as at the target: nearer than this, no better one is looked for."""
-_FASTER_M_PER_S, _PUSHED_MA = 0.01, 0.02
-"""Steps of the derivatives of a stop by speed and push: a hundredth of a usual speed, and σ of a known push."""
+_SHORTER = math.sqrt(2.0 / math.pi)
+"""σ that the largest value of a random walk is expected to be, if σ is that of its last one."""
 _LATER = 4
 """The brake comes at the latest a quarter later than planned: friction is seldom more than that beyond the believed."""
 _ENDS = 2
@@ -244,13 +244,16 @@ def shortest_m(rollout: Rollout, task: Task, seen: int) -> float:
 def steered(plan: SlipPlan, track: Track, sent: int) -> SlipPlan | None:
     """Return the plan from here on, for a stem that is tracked so after `sent` samples; None: another boosted sample.
 
-    The brake begins as if the target were nearer by one σ of the stop. From then on the stop is steered to the target:
-    a brake can be taken back in part, but it cannot be made stronger.
+    A brake can be taken back in part, but it cannot be made stronger: a stop that later readings put beyond the target
+    stays there, and one that they put short of it is steered on. Aimed at the target it would come to rest beyond it by
+    what is expected of the largest of these changes, 0.8 σ of all of them (reflection principle, Lévy 1948). So it is
+    aimed shorter by that.
     """
     moving = track.moving
     task, rollout = replace(plan.task, pressure=moving.pressure), plan.rollout
-    if not (plan.is_braking or moving.stem.stuck):
-        task = replace(task, target_m=task.target_m - task.direction * _sigma_m(rollout, task, track))
+    if not moving.stem.stuck:
+        shown_m = math.sqrt(track.shown_m2(rollout, task.currents(0.0), task.hold_ma))
+        task = replace(task, target_m=task.target_m - task.direction * _SHORTER * shown_m)
     longer = stop_of(rollout, task, task.currents(task.period_s), moving)
     if _beyond_m(longer, task) < 0.0 and sent < plan.latest:
         return None
@@ -271,18 +274,3 @@ def over(plan: SlipPlan, moving: Moving) -> SlipPlan:
     """Return the plan of a stem that has stopped: the pressure goes to where it holds the stem."""
     task = replace(plan.task, pressure=moving.pressure)
     return replace(plan, currents=task.currents(0.0), is_over=True)
-
-
-def _sigma_m(rollout: Rollout, task: Task, track: Track) -> float:
-    """Return σ of the stop of a stem that is braked now, by what its track and its friction on the way are doubted."""
-    moving, currents, direction = track.moving, task.currents(0.0), task.direction
-    stem = moving.stem
-    faster = replace(stem, velocity_m_per_s=stem.velocity_m_per_s + direction * _FASTER_M_PER_S)
-    pushed = replace(moving, shift_ma=moving.shift_ma + direction * _PUSHED_MA)
-    stop_m, faster_m, pushed_m = (
-        stop_of(rollout, task, currents, one).position_m for one in (moving, replace(moving, stem=faster), pushed)
-    )
-    by_v, by_p = direction * (faster_m - stop_m) / _FASTER_M_PER_S, direction * (pushed_m - stop_m) / _PUSHED_MA
-    pp = track.pp + track.roams_ma2_per_m * abs(task.target_m - stem.position_m)
-    variance_m2 = track.xx + by_v * (2.0 * track.xv + by_v * track.vv) + by_p * (2.0 * track.xp + by_p * pp)
-    return math.sqrt(max(variance_m2 + 2.0 * by_v * by_p * track.vp, 0.0))

@@ -35,6 +35,10 @@ _BISECTIONS, _BESIDE_MA = 10, 0.02
 """Of static friction, to a thousandth of what the pressure rises in the window; its step for derivatives."""
 _NOT_FREED_M = 1e-7
 """What the sensor shows changes by less where static friction does not matter: the pressure has freed nothing."""
+_LONGEST = 4000
+"""Samples after which a slip is no longer foreseen (`slip`)."""
+_MOVES = 2.0
+"""σ of its speed by which a stem moves for certain."""
 _SURPRISE = 9.0
 """Squared difference of static friction over its variance that is no chance."""
 
@@ -51,6 +55,12 @@ class Reading:
     variance_m2: float
     sensor: SensorLag = NO_LAG
 
+    @property
+    def own_m2(self) -> float:
+        """Variance of what the reading says of the place, where the sensor's lag is undone."""
+        left, part = self.sensor.left, 1.0 - self.sensor.left
+        return self.variance_m2 * (1.0 + left * left) / (part * part)
+
 
 @dataclass(frozen=True, slots=True)
 class Track:
@@ -58,7 +68,8 @@ class Track:
 
     ss: variance in mA² of the static friction that is believed, above 0. last_m: the newest reading. before: while the
     stem is stuck and the push exceeds F_c, the pressure before each of the newest samples. roams_ma2_per_m: variance
-    that the push gains on the way. misfit, read: sum of squared innovations over their variances, and their number.
+    that the push gains on the way. reading_m2: `own_m2` of the newest reading. misfit, read: sum of squared innovations
+    over their variances, and their number.
     """
 
     moving: Moving
@@ -67,6 +78,7 @@ class Track:
     ss: float
     last_m: float
     roams_ma2_per_m: float = 0.0
+    reading_m2: float = 0.0
     xv: float = 0.0
     xp: float = 0.0
     vv: float = 0.0
@@ -74,6 +86,17 @@ class Track:
     before: tuple[PressureState, ...] = ()
     misfit: float = 0.0
     read: int = 0
+
+    @property
+    def has_stuck(self) -> bool:
+        """Whether the stem has not been seen to move since the begin."""
+        return self.moving.stem.stuck and not self.read
+
+    @property
+    def may_rest(self) -> bool:
+        """Whether the stem may have stopped by now: once it has, more pressure lets it jump."""
+        stem = self.moving.stem
+        return stem.stuck or stem.velocity_m_per_s * stem.velocity_m_per_s < _MOVES * _MOVES * self.vv
 
     def after(self, rollout: Rollout, reading: Reading) -> Track:
         """Return the track one sample later; while the stem is stuck, the current is the same in all samples."""
@@ -85,7 +108,7 @@ class Track:
         longest = math.ceil(_WINDOW_S / (rollout.steps * rollout.up.period_s))
         may_slide = _push_ma(rollout, held.pressure, stem) > rollout.numbers.sliding_ma
         before = (*self.before, moving.pressure)[-longest:] if may_slide else ()
-        track = replace(self, moving=held, last_m=measured_m, before=before)
+        track = replace(self, moving=held, last_m=measured_m, reading_m2=reading.own_m2, before=before)
         gone_m = stem.direction * (measured_m - stem.position_m)
         if gone_m <= least_m:
             return track
@@ -136,45 +159,69 @@ class Track:
         return moving.stem, seen_m
 
     def _slid(self, rollout: Rollout, moving: Moving, reading: Reading) -> Track:
-        """Return the track of a stem that slides, after a reading: the covariance in the steps of the rollout.
+        """Return the track of a stem that slides, after a reading.
 
         What the sensor's lag does is undone: (z - e z')/(1 - e), z' the reading before, is between x before and now.
         """
-        stem, xx, xv, xp, vv, vp, pp = moving.stem, self.xx, self.xv, self.xp, self.vv, self.vp, self.pp
-        if stem.stuck:
+        if moving.stem.stuck:
             return replace(self, moving=moving, last_m=reading.measured_m)
-        slide = rollout.up if stem.direction > 0.0 else rollout.down
+        left, part = reading.sensor.left, 1.0 - reading.sensor.left
+        shown_m = reading.sensor.shown_m(self.moving.stem.position_m, moving.stem.position_m)
+        innovation_m = (reading.measured_m - left * self.last_m) / part - shown_m
+        track = replace(self.ahead(rollout, moving), last_m=reading.measured_m, reading_m2=reading.own_m2)
+        return track.seen(innovation_m)
+
+    def shown_m2(self, rollout: Rollout, currents: tuple[float, ...], hold_ma: float) -> float:
+        """Return the variance of what the readings on the way will change of the stop, under these currents.
+
+        That is what is doubted of the place where the stem stops if it is not read, less what is doubted if it is. The
+        last readings do not count: what they lead to acts after the stop.
+        """
+        path: list[Moving] = []
+        moving = self.moving
+        while not moving.stem.stuck and len(path) < _LONGEST:
+            moving = rollout.after(moving, currents[len(path)] if len(path) < len(currents) else hold_ma)
+            path.append(moving)
+        read = unread = self
+        late = len(path) - 1 - rollout.pressure.waiting // rollout.steps
+        for sample, moving in enumerate(path):
+            read, unread = read.ahead(rollout, moving), unread.ahead(rollout, moving)
+            if sample < late:
+                read = read.seen(0.0)
+        return max(unread.xx - read.xx, 0.0)
+
+    def ahead(self, rollout: Rollout, moving: Moving) -> Track:
+        """Return the track of a stem that slides, a sample later: the covariance in the steps of the rollout."""
+        xx, xv, xp, vv, vp, pp = self.xx, self.xv, self.xp, self.vv, self.vp, self.pp
+        slide = rollout.up if moving.stem.direction > 0.0 else rollout.down
         fx, fv, fp, gx, gv, gp = slide.x_x, slide.x_v, slide.x_ma, slide.v_x, slide.v_v, slide.v_ma
         for _ in range(rollout.steps):
             a0, a1, a2 = fx * xx + fv * xv + fp * xp, fx * xv + fv * vv + fp * vp, fx * xp + fv * vp + fp * pp
             b0, b1, b2 = gx * xx + gv * xv + gp * xp, gx * xv + gv * vv + gp * vp, gx * xp + gv * vp + gp * pp
             xx, xv, xp = a0 * fx + a1 * fv + a2 * fp, a0 * gx + a1 * gv + a2 * gp, a2
             vv, vp = b0 * gx + b1 * gv + b2 * gp, b2
-        xx += _OWN_M2
         pp += self.roams_ma2_per_m * abs(moving.stem.position_m - self.moving.stem.position_m)
-        left, part = reading.sensor.left, 1.0 - reading.sensor.left
-        shown_m = reading.sensor.shown_m(self.moving.stem.position_m, stem.position_m)
-        innovation_m = (reading.measured_m - left * self.last_m) / part - shown_m
-        reading_m2 = reading.variance_m2 * (1.0 + left * left) / (part * part)
+        return replace(self, moving=moving, xx=xx + _OWN_M2, xv=xv, xp=xp, vv=vv, vp=vp, pp=pp)
+
+    def seen(self, innovation_m: float) -> Track:
+        """Return the track after a reading that exceeds by so much what was expected."""
+        reading_m2, stem, shift_ma = self.reading_m2, self.moving.stem, self.moving.shift_ma
+        xx, xv, xp, vv, vp, pp = self.xx, self.xv, self.xp, self.vv, self.vp, self.pp
         misfit = self.misfit + innovation_m * innovation_m / (xx + reading_m2)
         gain_x, gain_v, gain_p = (of / (xx + reading_m2) for of in (xx, xv, xp))
         velocity = stem.velocity_m_per_s + gain_v * innovation_m
         if stem.direction * velocity <= 0.0:
             velocity = _SLOWEST_M_PER_S * stem.direction
         stem = StemState(stem.position_m + gain_x * innovation_m, velocity, False, stem.direction)
-        moving = Moving(moving.pressure, stem, moving.shift_ma + gain_p * innovation_m)
-        vv, vp, pp = max(vv - gain_v * xv, 0.0), vp - gain_v * xp, max(pp - gain_p * xp, _LEAST_MA2)
-        xx, xv, xp = xx - gain_x * xx, xv - gain_x * xv, xp - gain_x * xp
         return replace(
             self,
-            moving=moving,
-            xx=xx,
-            xv=xv,
-            xp=xp,
-            vv=vv,
-            vp=vp,
-            pp=pp,
-            last_m=reading.measured_m,
+            moving=Moving(self.moving.pressure, stem, shift_ma + gain_p * innovation_m),
+            xx=xx - gain_x * xx,
+            xv=xv - gain_x * xv,
+            xp=xp - gain_x * xp,
+            vv=max(vv - gain_v * xv, 0.0),
+            vp=vp - gain_v * xp,
+            pp=max(pp - gain_p * xp, _LEAST_MA2),
             misfit=misfit,
             read=self.read + 1,
         )

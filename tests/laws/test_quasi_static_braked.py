@@ -217,15 +217,22 @@ def test_innovations_of_a_slip_say_how_much_friction_changes_on_the_way(
     assert doubled.roams_ma2_per_m == 2.0 * track.roams_ma2_per_m
 
 
-def slipped(missed_m: float, planned_m: float, *, by_reading: bool) -> tuple[QuasiStaticMemory, QuasiStaticMemory]:
-    """Return the memory before and after a stop that was missed; planned_m: σ that misses before it have left."""
+def slipped(
+    missed_m: float, planned_m: float, *, by_reading: bool, read: int = 0
+) -> tuple[QuasiStaticMemory, QuasiStaticMemory]:
+    """Return the memory before and after a stop that was missed.
+
+    planned_m: σ that misses before it have left. read: readings of a stem that moved.
+    """
     law = quasi_static_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, brakes=True)
     assert law.braking is not None
     plan = replace(plan_of(valve_of(0.1), task_of(valve_of(0.1), 0.07, 0.084)), by_reading=by_reading)
     begun = law.begin(0.07)
     move = replace(begun.move, stage=Stage.SLIP, direction=1.0, target_m=0.084, start_m2=1e-10, slip=plan)
     place_m = 0.084 + missed_m
-    braked = replace(begun.braked, planned_m2=planned_m * planned_m)
+    moving = Moving(plan.task.pressure, StemState(place_m, 0.0, True, 1.0))
+    track = Track(moving, 1e-9, 0.15, 1.0, place_m, read=read)
+    braked = replace(begun.braked, planned_m2=planned_m * planned_m, track=track)
     known = begun.belief.numbers
     for place, variance in enumerate(known.variances):  # a valve that is known to a hundredth of what is configured
         known = known.widened(place, -0.9999 * variance)
@@ -269,7 +276,22 @@ def test_a_stem_that_did_not_move_bounds_the_friction_by_the_peak_of_the_pressur
     before, after = slipped(-0.014, 0.0, by_reading=False)
     assert after.failed == 1
     assert math.sqrt(after.braked.planned_m2) == pytest.approx(0.014, rel=1e-3)
-    assert after.belief.static_ma >= before.belief.static_ma
+    assert after.belief.static_ma > before.belief.static_ma + 0.001
+    before, after = slipped(-0.014, 0.0, by_reading=False, read=3)  # the brake has pushed it back
+    assert after.failed == 1
+    assert after.belief == before.belief
+
+
+@pytest.mark.parametrize(("speed_m_per_s", "sigma_m_per_s", "may_rest"), [(0.1, 0.04, False), (-0.1, 0.06, True)])
+def test_a_stem_may_rest_once_its_speed_is_within_two_sigma(
+    speed_m_per_s: float, sigma_m_per_s: float, may_rest: bool
+) -> None:
+    task = task_of(valve_of(0.1), 0.07, 0.084)
+    moving = Moving(task.pressure, StemState(0.08, speed_m_per_s, False, 1.0))
+    track = Track(moving, 1e-9, 0.15, 1.0, 0.08, vv=sigma_m_per_s * sigma_m_per_s, read=3)
+    assert (track.may_rest, track.has_stuck) == (may_rest, False)
+    stuck = replace(track, moving=replace(moving, stem=StemState(0.08, 0.0, True, 1.0)))
+    assert (stuck.may_rest, stuck.has_stuck) == (True, False)  # it has moved before
 
 
 def test_a_stop_is_not_steered_for_ever_where_noise_was_taken_for_a_slip() -> None:

@@ -8,19 +8,18 @@ short as it can be.
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from positioner.laws.quasi_static.slip import slip_plan, task_of
+from positioner.laws.quasi_static.slip import ARRIVED_MA, slip_plan, task_of
 from positioner.valve.rollout import Moving
 from positioner.valve.state import StemState
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
+    from positioner.laws.quasi_static.slip import Task
     from positioner.reach.case import Case
+    from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Rollout
 
 SETTLED_OF_SPAN = 0.01
@@ -32,8 +31,6 @@ _PLANNED_OF_SPAN = 0.002
 _NEARLY = 0.95
 """A slip is nearly over after this part of the natural jump."""
 _SLIP_STEP_S = 1e-3
-_ARRIVED_MA = 0.05
-"""So near to its level a pressure frees no stem that rests: a hundredth of F_s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +46,7 @@ def slip_s(case: Case) -> float:
     rollout = case.rollout(_SLIP_STEP_S)
     freed = _freed(rollout, case.middle_m, 1.0)
     over_m = case.middle_m + _NEARLY * case.belief.jump_m
-    for sample, moving in enumerate(_path(rollout, freed, (freed.pressure.pressure_ma,)), start=1):
+    for sample, moving in enumerate(rollout.path(freed, (freed.pressure.pressure_ma,)), start=1):
         t = sample * _SLIP_STEP_S
         if moving.stem.stuck or moving.stem.position_m >= over_m or t >= _LONGEST_S:
             break
@@ -58,20 +55,12 @@ def slip_s(case: Case) -> float:
 
 def smallest_push_m(case: Case, direction: float) -> float:
     """Return how far a stem moves that is freed in `direction` (±1) for one period and the dead time, then braked."""
-    rollout, belief, middle_m = case.rollout(), case.belief, case.middle_m
+    rollout, middle_m = case.rollout(), case.middle_m
     moving = _freed(rollout, middle_m, direction)
     moving = rollout.after(moving, moving.pressure.pressure_ma)
-    task = task_of(
-        belief,
-        case.valve.actuator,
-        case.limits,
-        moving.pressure,
-        middle_m - direction * case.valve.span_m,
-        middle_m,
-        case.period_s,
-    )
-    brakes = (*task.currents(0.0), task.hold_ma) if task else (belief.balance_ma(middle_m),)
-    path = _path(rollout, moving, brakes)
+    task = _task(case, moving.pressure, middle_m - direction * case.valve.span_m, middle_m)
+    brakes = (*task.currents(0.0), task.hold_ma) if task else (case.belief.balance_ma(middle_m),)
+    path = rollout.path(moving, brakes)
     while not moving.stem.stuck:
         moving = next(path)
     return direction * (moving.stem.position_m - middle_m)
@@ -91,17 +80,15 @@ def _of_the_law_s(case: Case, start_m: float, move_m: float) -> float:
     rollout, target_m, belief = case.rollout(), start_m + move_m, case.belief
     rests, plan = _at_rest(rollout, start_m), None
     near_m, closely_m = SETTLED_OF_SPAN * case.valve.span_m, _PLANNED_OF_SPAN * case.valve.span_m
-    task = task_of(
-        belief, case.valve.actuator, case.limits, rests.pressure, start_m, target_m, case.period_s
-    )  # fmt: skip
+    task = _task(case, rests.pressure, start_m, target_m)
     if task is not None:
         plan = slip_plan(case.plant(), belief.numbers.mean, 0.0, task, closely_m)
     level_ma = case.limits.clipped(belief.landing_ma(target_m, 1.0))
     currents, settled = (*plan.currents, plan.task.hold_ma) if plan else (level_ma,), 1
-    for sample, moving in enumerate(_path(rollout, rests, currents), start=1):
+    for sample, moving in enumerate(rollout.path(rests, currents), start=1):
         if abs(moving.stem.position_m - target_m) > near_m:
             settled = sample + 1
-        arrived = sample >= len(currents) and abs(moving.pressure.pressure_ma - currents[-1]) < _ARRIVED_MA
+        arrived = sample >= len(currents) and abs(moving.pressure.pressure_ma - currents[-1]) < ARRIVED_MA
         if (moving.stem.stuck and arrived) or sample * case.period_s > _LONGEST_S:
             break
     return settled * case.period_s
@@ -135,7 +122,7 @@ def _thrown(
     near_m, is_free, settled = SETTLED_OF_SPAN * case.valve.span_m, False, 0
     late = whole + rollout.pressure.waiting // rollout.steps + 1
     currents = (case.high_ma,) * whole + (both_ma, case.low_ma)
-    for sample, moving in enumerate(_path(rollout, _at_rest(rollout, start_m), currents), start=1):
+    for sample, moving in enumerate(rollout.path(_at_rest(rollout, start_m), currents), start=1):
         stem = moving.stem
         is_free = is_free or stem.position_m != start_m
         if abs(stem.position_m - target_m) > near_m:
@@ -143,6 +130,11 @@ def _thrown(
         if stem.stuck and (is_free or sample > late):
             break
     return stem.position_m, settled * step_s
+
+
+def _task(case: Case, pressure: PressureState, start_m: float, target_m: float) -> Task | None:
+    """Return the law's task of a move, None where the pressure does not lag."""
+    return task_of(case.belief, case.valve.actuator, case.limits, pressure, start_m, target_m, case.period_s)
 
 
 def _at_rest(rollout: Rollout, x: float) -> Moving:
@@ -154,10 +146,3 @@ def _freed(rollout: Rollout, x: float, direction: float) -> Moving:
     """Return a stem that has just been freed by a pressure that does not change."""
     freeing_ma = rollout.numbers.balance_ma(x) + direction * rollout.numbers.static_ma
     return Moving(rollout.pressure.at_rest(freeing_ma), StemState(x, 0.0, False, direction))
-
-
-def _path(rollout: Rollout, moving: Moving, currents: Sequence[float]) -> Iterator[Moving]:
-    """Yield the motion after each sample under these currents, of which the last one stays."""
-    for sample in itertools.count():
-        moving = rollout.after(moving, currents[min(sample, len(currents) - 1)])
-        yield moving

@@ -10,6 +10,7 @@ that instant on, so the place of a stop has no jumps of a step.
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,8 @@ from positioner.valve.slide import Slide, slide_of
 from positioner.valve.state import StemState
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
     from positioner.valve.parameters import ValveParameters
     from positioner.valve.pressure import PressureModel, PressureState
 
@@ -108,6 +111,12 @@ class Rollout:
             pressure = self.pressure.after(pressure, current_ma)
             stem = self._stepped(stem, before_ma + moving.shift_ma, pressure.pressure_ma + moving.shift_ma)
         return Moving(pressure, stem, moving.shift_ma)
+
+    def path(self, moving: Moving, currents: Sequence[float]) -> Iterator[Moving]:
+        """Yield the motion after each sample under these currents, of which the last one stays."""
+        for sample in itertools.count():
+            moving = self.after(moving, currents[min(sample, len(currents) - 1)])
+            yield moving
 
     def _stepped(self, stem: StemState, before_ma: float, after_ma: float) -> StemState:
         """Return the stem after a step in which the pressure goes from one value to another."""

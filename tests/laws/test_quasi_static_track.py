@@ -10,7 +10,7 @@ from euler_valve import EulerValve
 
 from positioner.laws.quasi_static.belief import belief_of
 from positioner.laws.quasi_static.slip import numbers_of
-from positioner.laws.quasi_static.track import Reading, Track
+from positioner.laws.quasi_static.track import Doubt, Reading, Track
 from positioner.values import replace
 from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
@@ -34,7 +34,9 @@ def rollout_of(valve: ValveParameters, period_s: float) -> Rollout:
 def begun(rollout: Rollout, start_m: float, direction: float, push_ma2: float, static_ma2: float) -> Track:
     """Return the track of a stem that rests, the pressure in the middle of the stick band."""
     pressure = rollout.pressure.at_rest(rollout.numbers.spring_ma_per_m * start_m + rollout.numbers.offset_ma)
-    return Track(Moving(pressure, StemState(start_m, 0.0, True, direction)), 1e-10, push_ma2, static_ma2, start_m)
+    return Track(
+        Moving(pressure, StemState(start_m, 0.0, True, direction)), Doubt(1e-10, push_ma2), static_ma2, start_m
+    )
 
 
 def seen(
@@ -91,10 +93,10 @@ def noisy(static_ma2: float, off_m: float) -> tuple[Track, float]:
 def test_a_friction_that_is_known_well_is_believed_more_than_a_reading_that_is_noisy() -> None:
     known, x = noisy(1e-6, -0.001)
     assert known.moving.stem.position_m == pytest.approx(x, abs=2e-4)
-    assert math.sqrt(known.xx) < 2e-4
+    assert math.sqrt(known.doubt.xx) < 2e-4
     unknown, x = noisy(1.0, -0.001)
     assert unknown.moving.stem.position_m == pytest.approx(x - 0.001, abs=2e-4)
-    assert 0.0007 < math.sqrt(unknown.xx) < 0.0011
+    assert 0.0007 < math.sqrt(unknown.doubt.xx) < 0.0011
 
 
 @pytest.mark.parametrize(("noise_m", "frees"), [(1e-4, False), (0.0016, True)])
@@ -122,14 +124,14 @@ def test_a_friction_that_a_reading_rules_out_is_a_push_that_is_not_known() -> No
     while track.moving.stem.stuck:
         track = track.after(rollout, Reading(20.0, true.sample(20.0), 1e-10))
     assert track.moving.stem.position_m == pytest.approx(true.x, abs=3e-5)
-    assert math.sqrt(track.pp) == pytest.approx(0.12 * rollout.numbers.static_ma, rel=0.1)
+    assert math.sqrt(track.doubt.pp) == pytest.approx(0.12 * rollout.numbers.static_ma, rel=0.1)
 
 
 @pytest.mark.parametrize(("sensor_s", "period_s"), [(0.002, 1e-3), (0.02, 1e-3), (0.004, 5e-3)])
 def test_behind_the_lag_of_a_sensor_a_sliding_stem_is_where_it_is(sensor_s: float, period_s: float) -> None:
     track, true = seen(period_s, 0.05, 1.0, 1.0, sensor_s=sensor_s)
     rollout, sensor = rollout_of(valve_of(0.05), period_s), sensor_lag(sensor_s, period_s)
-    track = replace(track, pp=1.0)  # the readings count
+    track = replace(track, doubt=replace(track.doubt, pp=1.0))  # the readings count
     for _ in range(round(0.02 / period_s)):
         true.sample(20.0)
         track = track.after(rollout, Reading(20.0, true.seen, 1e-12, sensor))

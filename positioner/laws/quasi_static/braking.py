@@ -18,7 +18,7 @@ from positioner.laws.quasi_static.memory import Braked
 from positioner.laws.quasi_static.move import Stage, tolerance_m
 from positioner.laws.quasi_static.slip import numbers_of, over, shortest_m, slip_plan, steered, task_of
 from positioner.laws.quasi_static.study import Study, Way
-from positioner.laws.quasi_static.track import Reading, Track
+from positioner.laws.quasi_static.track import Doubt, Reading, Track
 from positioner.values import dataclass, replace
 from positioner.valve.rollout import Moving
 from positioner.valve.state import StemState
@@ -180,7 +180,7 @@ class Braking:
         static_ma2 += missed_m2 / max(plan.line[3] * plan.line[3], missed_m2 / (most_ma * most_ma))
         moving = Moving(task.pressure, StemState(task.start_m, 0.0, True, task.direction))
         roams_ma2_per_m = memory.braked.roams * belief.roams_ma2_per_m
-        track = Track(moving, memory.position_m2, push_ma2, static_ma2, task.start_m, roams_ma2_per_m)
+        track = Track(moving, Doubt(memory.position_m2, push_ma2), static_ma2, task.start_m, roams_ma2_per_m)
         memory = self.with_way(memory, goes_on=False)
         return replace(memory, braked=replace(memory.braked, track=track))
 
@@ -207,7 +207,7 @@ class Braking:
             found: SlipPlan | None = None
             if since >= plan.ends or (plan.is_braking and track.may_rest):
                 found = over(plan, track.moving)
-            elif not track.has_stuck:
+            elif not track.has_not_slid:
                 found = steered(plan, track, since)
             elif plan.by_reading:
                 found = steered(plan, track, since) if since >= plan.latest else None
@@ -266,7 +266,7 @@ class Braking:
         if move.direction * moved_m <= self.judge.least_m(sigma_m):
             braked = memory.braked.missed(move.target_m - move.start_m, by_reading=plan.by_reading)
             memory = replace(memory, failed=memory.failed + 1, braked=braked)
-            if abs(moved_m) < self.judge.least_m(sigma_m) and (track is None or track.has_stuck):
+            if abs(moved_m) < self.judge.least_m(sigma_m) and (track is None or track.has_not_slid):
                 return memory.held(belief.held(position_m, move.direction, plan.stop.peak_ma))
             return memory
         memory = replace(memory, failed=0)

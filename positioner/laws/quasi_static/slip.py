@@ -32,7 +32,7 @@ _BISECTIONS, _PART_BISECTIONS = 18, 8
 """Of eight lags to 0.03 ms at a lag of 1 s, and of a sample to 0.4 %."""
 _LONGEST = 4000
 """Samples after which a motion is no longer computed: 4 s at 1 ms, a move behind a lag of 0.5 s."""
-_ARRIVED_MA = 0.05
+ARRIVED_MA = 0.05
 """So near to its level the pressure no longer frees a stem that rests: a hundredth of F_s."""
 _LAGS = 8.0
 """The pressure is at the limit after so many lags."""
@@ -72,7 +72,7 @@ class Task:
         """Return the mean current in mA of each sample, until the pressure is where it is held; at least one."""
         peak_ma = self.boost_ma + (self.pressure.pressure_ma - self.boost_ma) * math.exp(-boost_s / self.rises_s)
         gap_ma = self.hold_ma - self.brake_ma
-        over = (peak_ma - self.brake_ma) / gap_ma if abs(gap_ma) > _ARRIVED_MA else 1.0
+        over = (peak_ma - self.brake_ma) / gap_ma if abs(gap_ma) > ARRIVED_MA else 1.0
         ends_s = boost_s + (self.falls_s * math.log(over) if over > 1.0 else 0.0)
         found: list[float] = []
         for sample in range(math.ceil(ends_s / self.period_s - 1e-9)):
@@ -186,7 +186,7 @@ def stop_of(rollout: Rollout, task: Task, currents: tuple[float, ...], begun: Mo
         if freed < 0 and stem.position_m != task.start_m:
             freed = sample
         stopped = freed >= 0 and stem.stuck
-        if stem.stuck and sample >= all_sent and abs(pressure_ma - task.hold_ma) < min(_ARRIVED_MA, static_ma):
+        if stem.stuck and sample >= all_sent and abs(pressure_ma - task.hold_ma) < min(ARRIVED_MA, static_ma):
             return Stop(stem.position_m, freed, True, direction * peak_ma)
     return Stop(moving.stem.position_m, freed, False, direction * peak_ma)
 

@@ -8,6 +8,7 @@ too late, and the stem is freed by the friction that is believed.
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Rollout
     from positioner.valve.sensor import SensorLag
+    from positioner.valve.slide import Slide
 
 _FREED, _FREED_M = 5.0, 1e-4
 """σ of a reading, and its least, by which a stem must have moved to be seen to slide."""
@@ -63,8 +65,38 @@ class Reading:
 
 
 @dataclass(frozen=True, slots=True)
+class Doubt:
+    """The covariance of x in m, v in m/s and the push p in mA."""
+
+    xx: float
+    pp: float
+    xv: float = 0.0
+    xp: float = 0.0
+    vv: float = 0.0
+    vp: float = 0.0
+
+    def ahead(self, slide: Slide, steps: int, roams_ma2: float) -> Doubt:
+        """Return the covariance after so many steps of a slide, in which the push gains the variance roams_ma2."""
+        xx, xv, xp, vv, vp, pp = self.xx, self.xv, self.xp, self.vv, self.vp, self.pp
+        fx, fv, fp, gx, gv, gp = slide.x_x, slide.x_v, slide.x_ma, slide.v_x, slide.v_v, slide.v_ma
+        for _ in range(steps):
+            a0, a1, a2 = fx * xx + fv * xv + fp * xp, fx * xv + fv * vv + fp * vp, fx * xp + fv * vp + fp * pp
+            b0, b1, b2 = gx * xx + gv * xv + gp * xp, gx * xv + gv * vv + gp * vp, gx * xp + gv * vp + gp * pp
+            xx, xv, xp = a0 * fx + a1 * fv + a2 * fp, a0 * gx + a1 * gv + a2 * gp, a2
+            vv, vp = b0 * gx + b1 * gv + b2 * gp, b2
+        return Doubt(xx + _OWN_M2, pp + roams_ma2, xv, xp, vv, vp)
+
+    def read(self, reading_m2: float) -> Doubt:
+        """Return the covariance after a reading of x that has this variance."""
+        xx, xv, xp = self.xx, self.xv, self.xp
+        gain_x, gain_v, gain_p = (of / (xx + reading_m2) for of in (xx, xv, xp))
+        vv, pp = max(self.vv - gain_v * xv, 0.0), max(self.pp - gain_p * xp, _LEAST_MA2)
+        return Doubt(xx - gain_x * xx, pp, xv - gain_x * xv, xp - gain_x * xp, vv, self.vp - gain_v * xp)
+
+
+@dataclass(frozen=True, slots=True)
 class Track:
-    """x in m, v in m/s and the push in mA (in `moving`), and their covariance.
+    """x in m, v in m/s and the push in mA (in `moving`), and how far they are doubted.
 
     ss: variance in mA² of the static friction that is believed, above 0. last_m: the newest reading. before: while the
     stem is stuck and the push exceeds F_c, the pressure before each of the newest samples. roams_ma2_per_m: variance
@@ -73,35 +105,30 @@ class Track:
     """
 
     moving: Moving
-    xx: float
-    pp: float
+    doubt: Doubt
     ss: float
     last_m: float
     roams_ma2_per_m: float = 0.0
     reading_m2: float = 0.0
-    xv: float = 0.0
-    xp: float = 0.0
-    vv: float = 0.0
-    vp: float = 0.0
     before: tuple[PressureState, ...] = ()
     misfit: float = 0.0
     read: int = 0
 
     @property
-    def has_stuck(self) -> bool:
-        """Whether the stem has not been seen to move since the begin."""
+    def has_not_slid(self) -> bool:
+        """Whether the stem is stuck, and no reading was taken while it slid."""
         return self.moving.stem.stuck and not self.read
 
     @property
     def may_rest(self) -> bool:
         """Whether the stem may have stopped by now: once it has, more pressure lets it jump."""
         stem = self.moving.stem
-        return stem.stuck or stem.velocity_m_per_s * stem.velocity_m_per_s < _MOVES * _MOVES * self.vv
+        return stem.stuck or stem.velocity_m_per_s * stem.velocity_m_per_s < _MOVES * _MOVES * self.doubt.vv
 
     def after(self, rollout: Rollout, reading: Reading) -> Track:
         """Return the track one sample later; while the stem is stuck, the current is the same in all samples."""
         moving, measured_m = self.moving, reading.measured_m
-        stem, least_m = moving.stem, _FREED * math.sqrt(self.xx + reading.variance_m2) + _FREED_M
+        stem, least_m = moving.stem, _FREED * math.sqrt(self.doubt.xx + reading.variance_m2) + _FREED_M
         if not stem.stuck or least_m > rollout.numbers.jump_m:
             return self._slid(rollout, rollout.after(moving, reading.current_ma), reading)
         held = _with_static(rollout, math.inf).after(moving, reading.current_ma)
@@ -116,7 +143,7 @@ class Track:
 
     def freed(self, rollout: Rollout, reading: Reading, gone_m: float) -> Track:
         """Return the track of a stem that is first seen to slide, so far: what static friction has brought it there?"""
-        numbers, stem, pp, low_ma = rollout.numbers, self.moving.stem, self.pp, rollout.numbers.sliding_ma
+        numbers, stem, doubt, low_ma = rollout.numbers, self.moving.stem, self.doubt, rollout.numbers.sliding_ma
         direction, seen_m, beside_m = stem.direction, stem.position_m, stem.position_m
         if self.before:
             low_ma, high_ma = (_push_ma(rollout, of, stem) for of in (self.before[0], self.moving.pressure))
@@ -131,9 +158,10 @@ class Track:
         if abs(seen_m - beside_m) < _NOT_FREED_M:  # no friction explains it, but a force
             speed = math.sqrt(2.0 * gone_m * (numbers.static_ma - numbers.sliding_ma) / rollout.up.model.mass_kg)
             moving = replace(self.moving, stem=StemState(reading.measured_m, direction * speed, False, direction))
-            return replace(self, moving=moving, xx=reading.variance_m2, vv=speed * speed, before=())
+            doubt = replace(doubt, xx=reading.variance_m2, vv=speed * speed)
+            return replace(self, moving=moving, doubt=doubt, before=())
         slope = (beside_m - seen_m) / _BESIDE_MA
-        ss, more_ma = reading.variance_m2 / (slope * slope), low_ma - numbers.static_ma
+        pp, ss, more_ma = doubt.pp, reading.variance_m2 / (slope * slope), low_ma - numbers.static_ma
         if more_ma * more_ma > _SURPRISE * (self.ss + ss):  # another friction than is believed, or a force
             pp = max(pp, more_ma * more_ma)
         else:
@@ -147,7 +175,8 @@ class Track:
         v = direction * max(direction * v, _SLOWEST_M_PER_S)
         moving = replace(self.moving, stem=StemState(x, v, False, direction))
         xx, xv, vv = x_s * x_s * ss, x_s * v_s * ss, v_s * v_s * ss + v_p * v_p * pp
-        return replace(self, moving=moving, xx=xx, xv=xv, vv=vv, vp=v_p * pp, pp=pp, before=())
+        doubt = replace(doubt, xx=xx, xv=xv, vv=vv, vp=v_p * pp, pp=pp)
+        return replace(self, moving=moving, doubt=doubt, before=())
 
     def _slip(self, rollout: Rollout, reading: Reading, static_ma: float) -> tuple[StemState, float]:
         """Return the stem, and what the sensor shows of it, if static friction was so large before this slip."""
@@ -168,8 +197,22 @@ class Track:
         left, part = reading.sensor.left, 1.0 - reading.sensor.left
         shown_m = reading.sensor.shown_m(self.moving.stem.position_m, moving.stem.position_m)
         innovation_m = (reading.measured_m - left * self.last_m) / part - shown_m
-        track = replace(self.ahead(rollout, moving), last_m=reading.measured_m, reading_m2=reading.own_m2)
-        return track.seen(innovation_m)
+        ahead, reading_m2 = self._ahead(self.doubt, rollout, self.moving, moving), reading.own_m2
+        gain_x, gain_v, gain_p = (of / (ahead.xx + reading_m2) for of in (ahead.xx, ahead.xv, ahead.xp))
+        stem = moving.stem
+        velocity = stem.velocity_m_per_s + gain_v * innovation_m
+        if stem.direction * velocity <= 0.0:
+            velocity = _SLOWEST_M_PER_S * stem.direction
+        stem = StemState(stem.position_m + gain_x * innovation_m, velocity, False, stem.direction)
+        return replace(
+            self,
+            moving=Moving(moving.pressure, stem, moving.shift_ma + gain_p * innovation_m),
+            doubt=ahead.read(reading_m2),
+            last_m=reading.measured_m,
+            reading_m2=reading_m2,
+            misfit=self.misfit + innovation_m * innovation_m / (ahead.xx + reading_m2),
+            read=self.read + 1,
+        )
 
     def shown_m2(self, rollout: Rollout, currents: tuple[float, ...], hold_ma: float) -> float:
         """Return the variance of what the readings on the way will change of the stop, under these currents.
@@ -177,54 +220,24 @@ class Track:
         That is what is doubted of the place where the stem stops if it is not read, less what is doubted if it is. The
         last readings do not count: what they lead to acts after the stop.
         """
-        path: list[Moving] = []
-        moving = self.moving
-        while not moving.stem.stuck and len(path) < _LONGEST:
-            moving = rollout.after(moving, currents[len(path)] if len(path) < len(currents) else hold_ma)
+        path = [self.moving]
+        for moving in rollout.path(self.moving, (*currents, hold_ma)):
             path.append(moving)
-        read = unread = self
-        late = len(path) - 1 - rollout.pressure.waiting // rollout.steps
-        for sample, moving in enumerate(path):
-            read, unread = read.ahead(rollout, moving), unread.ahead(rollout, moving)
+            if moving.stem.stuck or len(path) > _LONGEST:
+                break
+        read = unread = self.doubt
+        late = len(path) - 2 - rollout.pressure.waiting // rollout.steps
+        for sample, (before, moving) in enumerate(itertools.pairwise(path)):
+            read, unread = (self._ahead(doubt, rollout, before, moving) for doubt in (read, unread))
             if sample < late:
-                read = read.seen(0.0)
+                read = read.read(self.reading_m2)
         return max(unread.xx - read.xx, 0.0)
 
-    def ahead(self, rollout: Rollout, moving: Moving) -> Track:
-        """Return the track of a stem that slides, a sample later: the covariance in the steps of the rollout."""
-        xx, xv, xp, vv, vp, pp = self.xx, self.xv, self.xp, self.vv, self.vp, self.pp
+    def _ahead(self, doubt: Doubt, rollout: Rollout, before: Moving, moving: Moving) -> Doubt:
+        """Return how far a stem is doubted that slides from one place to another in a sample."""
         slide = rollout.up if moving.stem.direction > 0.0 else rollout.down
-        fx, fv, fp, gx, gv, gp = slide.x_x, slide.x_v, slide.x_ma, slide.v_x, slide.v_v, slide.v_ma
-        for _ in range(rollout.steps):
-            a0, a1, a2 = fx * xx + fv * xv + fp * xp, fx * xv + fv * vv + fp * vp, fx * xp + fv * vp + fp * pp
-            b0, b1, b2 = gx * xx + gv * xv + gp * xp, gx * xv + gv * vv + gp * vp, gx * xp + gv * vp + gp * pp
-            xx, xv, xp = a0 * fx + a1 * fv + a2 * fp, a0 * gx + a1 * gv + a2 * gp, a2
-            vv, vp = b0 * gx + b1 * gv + b2 * gp, b2
-        pp += self.roams_ma2_per_m * abs(moving.stem.position_m - self.moving.stem.position_m)
-        return replace(self, moving=moving, xx=xx + _OWN_M2, xv=xv, xp=xp, vv=vv, vp=vp, pp=pp)
-
-    def seen(self, innovation_m: float) -> Track:
-        """Return the track after a reading that exceeds by so much what was expected."""
-        reading_m2, stem, shift_ma = self.reading_m2, self.moving.stem, self.moving.shift_ma
-        xx, xv, xp, vv, vp, pp = self.xx, self.xv, self.xp, self.vv, self.vp, self.pp
-        misfit = self.misfit + innovation_m * innovation_m / (xx + reading_m2)
-        gain_x, gain_v, gain_p = (of / (xx + reading_m2) for of in (xx, xv, xp))
-        velocity = stem.velocity_m_per_s + gain_v * innovation_m
-        if stem.direction * velocity <= 0.0:
-            velocity = _SLOWEST_M_PER_S * stem.direction
-        stem = StemState(stem.position_m + gain_x * innovation_m, velocity, False, stem.direction)
-        return replace(
-            self,
-            moving=Moving(self.moving.pressure, stem, shift_ma + gain_p * innovation_m),
-            xx=xx - gain_x * xx,
-            xv=xv - gain_x * xv,
-            xp=xp - gain_x * xp,
-            vv=max(vv - gain_v * xv, 0.0),
-            vp=vp - gain_v * xp,
-            pp=max(pp - gain_p * xp, _LEAST_MA2),
-            misfit=misfit,
-            read=self.read + 1,
-        )
+        roams_ma2 = self.roams_ma2_per_m * abs(moving.stem.position_m - before.stem.position_m)
+        return doubt.ahead(slide, rollout.steps, roams_ma2)
 
 
 def _push_ma(rollout: Rollout, pressure: PressureState, stem: StemState) -> float:

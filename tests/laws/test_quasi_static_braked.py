@@ -284,6 +284,33 @@ def test_a_stem_may_rest_once_its_speed_is_within_two_sigma(
     assert (stuck.may_rest, stuck.has_not_slid) == (True, False)  # it has moved before
 
 
+@pytest.mark.parametrize(("read", "brakes"), [(0, False), (3, True)])
+def test_a_stem_that_sticks_near_its_target_on_its_way_is_braked_before_it_jumps_on(read: int, brakes: bool) -> None:
+    stuck = StemState(0.0838, 0.0, True, 1.0)
+    assert sent_on(stuck, Doubt(1e-9, 0.15), read, is_braking=False).is_braking is brakes
+
+
+@pytest.mark.parametrize(("sigma_m_per_s", "is_over"), [(0.02, False), (0.03, True)])
+def test_a_stem_that_may_have_stopped_is_boosted_no_longer(sigma_m_per_s: float, is_over: bool) -> None:
+    doubt = Doubt(1e-9, 0.15, vv=sigma_m_per_s * sigma_m_per_s)
+    assert sent_on(StemState(0.08, 0.05, False, 1.0), doubt, 3, is_braking=True).is_over is is_over
+
+
+def sent_on(stem: StemState, doubt: Doubt, read: int, *, is_braking: bool) -> SlipPlan:
+    """Return the plan after the next cycle of a move by reading, under a pressure that nearly frees the stem."""
+    law = quasi_static_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, brakes=True)
+    assert law.braking is not None
+    plan = replace(plan_of(valve_of(0.1), task_of(valve_of(0.1), 0.07, 0.084)), by_reading=True, is_braking=is_braking)
+    numbers = plan.rollout.numbers
+    pressure = plan.rollout.pressure.at_rest(numbers.balance_ma(stem.position_m) + numbers.static_ma - 0.01)
+    track = Track(Moving(pressure, stem), doubt, 1.0, stem.position_m, reading_m2=1e-9, read=read)
+    begun = law.begin(0.07)
+    move = replace(begun.move, stage=Stage.SLIP, direction=1.0, target_m=0.084, slip=plan, since_s=PERIOD_S)
+    move, _ = law.braking.sent(replace(begun, braked=replace(begun.braked, track=track)), move, plan)
+    assert move.slip is not None
+    return move.slip
+
+
 def test_a_stop_is_not_steered_for_ever_where_noise_was_taken_for_a_slip() -> None:
     law = quasi_static_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, brakes=True)
     assert law.braking is not None

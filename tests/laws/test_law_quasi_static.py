@@ -250,6 +250,30 @@ def test_a_push_that_frees_a_stem_as_it_should_says_nothing_new_however_often() 
     assert belief.freed(0.08, 1.0, weak_ma).static_ma < STATIC - 0.1
 
 
+def test_a_stem_that_ran_into_a_stop_would_have_landed_there_or_beyond() -> None:
+    belief, stop_m = belief_of(VALVE), 0.1397
+    expected_ma = belief.landing_ma(stop_m, 1.0)
+    after = belief.ran_on(Landing(stop_m, 1.0, expected_ma - 1.5))
+    assert expected_ma - 3.6 < after.landing_ma(stop_m, 1.0) < expected_ma - 1.5
+    assert belief.ran_on(Landing(stop_m, 1.0, expected_ma + 4.0)) == belief  # it was to run on
+    low_ma = belief.landing_ma(0.0, -1.0)
+    assert belief.ran_on(Landing(0.0, -1.0, low_ma + 1.5)).landing_ma(0.0, -1.0) > low_ma + 1.5
+
+
+@pytest.mark.parametrize("setpoints_mm", [(80.0, 93.0, 92.0, 93.0), (80.0, 61.0, 62.0, 61.0)])
+@pytest.mark.parametrize("law", ["quasi-static", "nmpc"])
+def test_a_stem_that_overshoots_into_a_stop_is_not_sent_there_again(law: str, setpoints_mm: tuple[float, ...]) -> None:
+    """It is told a third more friction, so a landing would be beyond the stop."""
+    stops = {"travel_min_m": 0.058, "travel_max_m": 0.096}
+    lag = {"actuator": {"fill_time_constant_s": 0.02, "vent_time_constant_s": 0.02}} if law == "nmpc" else {}
+    told = {"static_friction_n": 1.33 * 1707.7, "coulomb_friction_n": 1.33 * 1423.0, **stops, **lag}
+    played = replace(scenario(valve=told, plant={"valve": {**stops, "initial_position_m": 0.08}, **lag}), law=law, setpoints_mm=setpoints_mm)
+    run = run_in_process(played)
+    assert max(errors_pct(run, played)[2:]) < 0.5
+    at_stop = (run.recording.true_position_m < 0.0581) | (run.recording.true_position_m > 0.0959)
+    assert np.count_nonzero(np.diff(at_stop.astype(int)) == 1) < 3  # times that it is sent there
+
+
 def test_a_stem_that_did_not_move_has_more_static_friction_than_the_push() -> None:
     belief = belief_of(VALVE)
     pushed_ma = 1.3 * STATIC
@@ -645,7 +669,7 @@ def test_friction_that_is_gone_is_no_reason_to_swing() -> None:
     played = scenario(4e-3, dwell_s=2.0, plant={"valve": valve})
     run = run_in_process(played)
 
-    assert max(errors_pct(run, played)[1:]) < 1.0
+    assert max(errors_pct(run, played)[2:]) < 0.5
     moves = [event for event in run.events if isinstance(event, MoveBegan)]
     assert len(moves) < 6 * len(SETPOINTS_MM)
 

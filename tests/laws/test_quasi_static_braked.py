@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 PERIOD_S = 1e-3
 SPAN_M = ValveParameters(id="paper").span_m
+TRAVEL_M = (0.0, 0.1397)
 SETPOINTS_MM = (73.0, 87.0, 80.0, 73.5, 81.5, 83.0, 75.0, 85.5)
 LAGS_S = (0.005, 0.02, 0.1)
 
@@ -379,7 +380,7 @@ def test_the_lag_of_a_sensor_is_taken_for_no_lag_of_the_pressure(sensor_s: float
     for _ in range(300):
         stem.sample(18.0)
         way = way.read(18.0, stem.seen)
-    study = Study(plant, way, 0.0, sensor_lag(sensor_s, PERIOD_S))
+    study = Study(plant, way, 0.0, sensor_lag(sensor_s, PERIOD_S), TRAVEL_M)
     found = study.of(belief.numbers, belief.within, stem.x, 1e-10, 0.01)
     assert found.is_explained
     assert found.numbers.mean[4] == pytest.approx(0.0, abs=0.01)
@@ -398,7 +399,7 @@ def studied(
         way = Way(plant.actuator.at_rest(stem.p), stem.x)
         for _ in range(700):
             way = way.read(level_ma, stem.sample(level_ma) + noise_m * chance.normal())
-        found = Study(plant, way, 0.0, NO_LAG).of(numbers, belief.within, stem.x, noise_m * noise_m, 0.01)
+        found = Study(plant, way, 0.0, NO_LAG, TRAVEL_M).of(numbers, belief.within, stem.x, noise_m * noise_m, 0.01)
         numbers = found.numbers
     viscous = math.log(true.viscous_friction_n_s_per_m / told.viscous_friction_n_s_per_m)
     error = np.array(numbers.mean) - np.array((*theta_of(true)[:4], math.log(lag), viscous))
@@ -437,7 +438,7 @@ def test_an_area_that_is_told_wrongly_is_outvoted(area: float) -> None:
         way = Way(plant.actuator.at_rest(stem.p), stem.x)
         for _ in range(500):
             way = way.read(level_ma, stem.sample(level_ma))
-        numbers = Study(plant, way, 0.0, NO_LAG).of(numbers, belief.within, stem.x, 4.9e-9, 0.01).numbers
+        numbers = Study(plant, way, 0.0, NO_LAG, TRAVEL_M).of(numbers, belief.within, stem.x, 4.9e-9, 0.01).numbers
         assert abs(numbers.mean[0] - spring) < 2.5 * math.sqrt(numbers.variances[0])
     assert math.sqrt(numbers.variances[0]) < 0.06 * spring  # 12 % before
 
@@ -455,7 +456,7 @@ def test_a_dead_time_at_a_long_period_is_not_taken_for_lag_or_friction(dead_s: f
         for sample in range(140):
             acting_ma = before_ma if sample < round(dead_s / period_s) else level_ma
             way = way.read(level_ma, stem.sample(acting_ma))
-        numbers = Study(plant, way, 0.0, NO_LAG).of(numbers, belief.within, stem.x, 4.9e-9, 0.01).numbers
+        numbers = Study(plant, way, 0.0, NO_LAG, TRAVEL_M).of(numbers, belief.within, stem.x, 4.9e-9, 0.01).numbers
         before_ma = level_ma
     assert numbers.mean[4] == pytest.approx(0.0, abs=0.005)
     assert numbers.mean[3] == pytest.approx(theta[3], abs=0.02)
@@ -469,10 +470,24 @@ def test_a_way_that_no_valve_like_this_goes_is_not_explained() -> None:
     for sample in range(700):
         read_m = stem.sample(19.0)
         way = way.read(19.0, read_m if sample < 300 else 0.06)  # it goes back by itself
-    found = Study(plant, way, 0.0, NO_LAG).of(belief.numbers, belief.within, 0.085, 1e-9, 0.01)
+    found = Study(plant, way, 0.0, NO_LAG, TRAVEL_M).of(belief.numbers, belief.within, 0.085, 1e-9, 0.01)
     assert not found.is_explained
     assert found.left_part == 1.0
     assert math.sqrt(found.left_m2) > 0.003
+
+
+def test_a_way_into_the_end_of_the_travel_is_explained_by_the_valve_that_goes_it() -> None:
+    told = valve_of(0.05)
+    true = replace(told, coulomb_friction_n=0.6 * told.coulomb_friction_n)
+    plant, belief, stem = plant_of(told, PERIOD_S, 0.0), belief_of(told), EulerValve(true, 0.08, 11.0)
+    way, high_m = Way(plant.actuator.at_rest(stem.p), stem.x), 0.105
+    for _ in range(500):
+        way = way.read(20.0, min(stem.sample(20.0), high_m))
+    found = Study(plant, way, 0.0, NO_LAG, (0.0, high_m)).of(belief.numbers, belief.within, high_m, 1e-9, 0.01)
+    assert stem.x > high_m + 0.003
+    assert found.is_explained
+    assert math.sqrt(found.left_m2) < 5e-4
+    assert found.numbers.mean[1] + found.numbers.mean[2] < theta_of(told)[1] + theta_of(told)[2] - 0.5
 
 
 def test_ways_that_are_explained_well_make_the_next_ones_more_certain() -> None:
@@ -482,7 +497,7 @@ def test_ways_that_are_explained_well_make_the_next_ones_more_certain() -> None:
     way = Way(plant.actuator.at_rest(stem.p), stem.x)
     for _ in range(400):
         way = way.read(18.0, stem.sample(18.0))
-    study = Study(plant, way, 0.0, NO_LAG)
+    study = Study(plant, way, 0.0, NO_LAG, TRAVEL_M)
     usual, known = (study.of(belief.numbers, belief.within, stem.x, 1e-12, part) for part in (0.01, 0.0004))
     assert known.left_part < 0.001
     ratios = [after / before for before, after in zip(usual.numbers.variances, known.numbers.variances, strict=True)]

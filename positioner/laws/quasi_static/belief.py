@@ -268,6 +268,11 @@ class ValveBelief:
         numbers = numbers.updated(line, innovation_ma, noise_ma2 + self.scatter_ma2 + doubt_ma2)
         return replace(self, numbers=self.within(numbers), scatter_ma2=scatter_ma2, landings=landings)
 
+    def ran_on(self, landing: Landing) -> ValveBelief:
+        """Return the belief after a stem that slid was held by a stop: it would have landed there or beyond."""
+        direction = landing.direction
+        return self._pushed((-direction * landing.position_m, -direction, -1.0, 0.0), -direction * landing.pressure_ma)
+
     def held(self, position_m: float, direction: float, pressure_ma: float) -> ValveBelief:
         """Return the belief after a stem has not moved under a pressure that pushed in `direction`."""
         return self._pushed((direction * position_m, direction, 0.0, 1.0), direction * pressure_ma)

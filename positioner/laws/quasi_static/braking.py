@@ -234,7 +234,8 @@ class Braking:
         if move.direction * (end_m - way.start_m) < max(least_m, _MOST_OF_WAY * way_m):
             return memory
         reading_m2 = judge.reading_m2(memory, memory.position_m)
-        study = Study(self.plant, way, belief.local_ma(move.target_m, move.direction), self.sensor)
+        local_ma, stops_m = belief.local_ma(move.target_m, move.direction), (self.limits.low_m, self.limits.high_m)
+        study = Study(self.plant, way, local_ma, self.sensor, stops_m)
         found = study.of(belief.numbers, belief.within, end_m, reading_m2, memory.braked.left_part)
         memory = self._missed(memory, found.missed_m, found.line)
         braked = memory.braked.missed(math.sqrt(found.left_m2), by_reading=False)
@@ -259,11 +260,11 @@ class Braking:
     def slipped(self, memory: QuasiStaticMemory, plan: SlipPlan) -> QuasiStaticMemory:
         """Return the memory with what the stop of a braked move teaches."""
         move, belief, position_m = memory.move, memory.belief, self.judge.stem_m(memory)
-        if self.limits.holds(position_m, move.direction):
-            return memory
         moved_m, sigma_m = position_m - move.start_m, math.sqrt(memory.position_m2 + move.start_m2)
         track = memory.braked.track
         if move.direction * moved_m <= self.judge.least_m(sigma_m):
+            if self.limits.holds(position_m, move.direction):
+                return memory
             braked = memory.braked.missed(move.target_m - move.start_m, by_reading=plan.by_reading)
             memory = replace(memory, failed=memory.failed + 1, braked=braked)
             if abs(moved_m) < self.judge.least_m(sigma_m) and (track is None or track.has_not_slid):

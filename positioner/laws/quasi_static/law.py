@@ -333,17 +333,22 @@ class QuasiStaticLaw:
         """Return the memory with what the end of a move teaches: a landing, or a push that moved nothing."""
         move, belief, position_m = memory.move, memory.belief, self.judge.stem_m(memory)
         direction = move.pushes
-        if memory.pressure is None or self.limits.holds(position_m, direction):
+        if memory.pressure is None:
             return memory
         moved_m, sigma_m = position_m - move.start_m, math.sqrt(memory.position_m2 + move.start_m2)
         push_ma = direction * (move.level_ma - belief.balance_ma(move.start_m))
-        if direction * moved_m > self.judge.least_m(sigma_m):
+        is_held, has_moved = self.limits.holds(position_m, direction), direction * moved_m > self.judge.least_m(sigma_m)
+        if is_held and not has_moved:
+            return memory
+        if has_moved:
             if not move.is_hurried:
                 belief = belief.freed(move.start_m, direction, move.level_ma)
             memory = replace(memory, failed=0, belief=belief)
             if push_ma <= _SLID * belief.sliding_ma:
                 return memory
             landing, doubt_ma2 = landing_of(move, position_m, direction, memory.behind_ma, belief.spring_ma_per_m)
+            if is_held:
+                return replace(memory, belief=belief.ran_on(landing))
             belief = belief.landed(landing, memory.position_m2, doubt_ma2)
             if self.keeps and move.stage is Stage.LAND:
                 memory = replace(memory, lessons=(lesson_of(belief, landing, self.valve),))

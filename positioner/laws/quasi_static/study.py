@@ -98,13 +98,15 @@ class Studied:
 class Study:
     """One way, and how it was seen.
 
-    local_ma: what the friction near its end takes more than that of the whole valve.
+    local_ma: what the friction near its end takes more than that of the whole valve. stops_m: the ends of the travel,
+    beyond which no stem is seen.
     """
 
     plant: Plant
     way: Way
     local_ma: float
     sensor: SensorLag
+    stops_m: tuple[float, float]
 
     def of(
         self,
@@ -143,11 +145,13 @@ class Study:
         begun = rollout.pressure.from_longer(way.begun, rollout.steps)
         moving = Moving(begun, StemState(way.start_m, 0.0, True, 1.0))
         found: list[float] = []
-        total_m, filled, seen_m = 0.0, 0, way.start_m
+        total_m, filled, seen_m, (low_m, high_m) = 0.0, 0, way.start_m, self.stops_m
+        stem_m = way.start_m
         for current_ma, count in way.runs:
             for _ in range(count):
-                before_m, moving = moving.stem.position_m, rollout.after(moving, current_ma)
-                seen_m = self.sensor.after(before_m, moving.stem.position_m, seen_m)
+                before_m, moving = stem_m, rollout.after(moving, current_ma)
+                stem_m = min(max(moving.stem.position_m, low_m), high_m)
+                seen_m = self.sensor.after(before_m, stem_m, seen_m)
                 total_m, filled = total_m + seen_m, filled + 1
                 if filled == way.size:
                     found.append(total_m / filled)

@@ -136,6 +136,11 @@ class Judge:
             return False
         return self._is_seen_within(memory, move.margin_m)
 
+    def is_moving(self, memory: QuasiStaticMemory) -> bool:
+        """Whether the smoothed reading shows that the stem has left the place where its move began."""
+        least_m = self.least_m(OF_READING * self.noise_m(memory))
+        return abs(memory.smooth_m - memory.move.start_m) > least_m
+
     def is_near(self, memory: QuasiStaticMemory) -> bool:
         """Whether the reading shows that a hurried pressure is as far as it should be hurried."""
         move = memory.move

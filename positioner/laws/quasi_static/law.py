@@ -202,6 +202,11 @@ class QuasiStaticLaw:
         move = memory.move
         if move.slip is not None and self.braking is not None:
             return self.braking.sent(memory, move, move.slip)
+        if move.waits > 0:
+            move = replace(move, waits=move.waits - 1)
+            if self.judge.is_moving(memory):
+                return replace(move, waits=0), move.level_ma
+            return move if move.waits else self._boosted(memory, move), move.level_ma
         if move.boosted > 0 and not self.judge.is_near(memory):
             return replace(move, boosted=move.boosted - 1), move.boost_ma
         return replace(move, boosted=0) if move.boosted else move, self.limits.clipped(move.level_ma)
@@ -433,13 +438,25 @@ class QuasiStaticLaw:
         return Move(stage, direction, target_m, level_ma, before_ma, from_ma, start_m, memory.position_m2, near_m)
 
     def _hurried(self, memory: QuasiStaticMemory, move: Move) -> Move:
-        """Return the move with the samples in which the current stays at its limit, where the lag is known."""
-        fills = move.level_ma > move.from_ma
+        """Return the move whose current stays at its limit at first, where the pressure lags.
+
+        While no move has shown the lag, the level is commanded before it: it moves a stem at once where none is there.
+        """
+        if memory.is_lag_known or not memory.hurries:
+            return self._boosted(memory, move)
+        judge = self.judge
+        shows_s = judge.stem.shows_after_s(memory.belief.spring_ma_per_m) + judge.valve.sensor_time_constant_s
+        return replace(move, waits=2 + math.ceil(shows_s / judge.period_s))
+
+    def _boosted(self, memory: QuasiStaticMemory, move: Move) -> Move:
+        """Return the move with the samples in which the current stays at its limit."""
+        from_ma = memory.behind_ma
+        fills = move.level_ma > from_ma
         lag_s = self.valve.actuator.lag_s(fills=fills) + memory.more_lag_s if memory.hurries else 0.0
         if lag_s <= _LAG_SAMPLES * self.judge.period_s:
             return move
         boost_ma = self.limits.high_ma if fills else self.limits.low_ma
-        whole_ma, step_ma = boost_ma - move.from_ma, move.level_ma - move.from_ma
+        whole_ma, step_ma = boost_ma - from_ma, move.level_ma - from_ma
         samples = boost_samples(lag_s, self.judge.period_s, whole_ma, step_ma, LEFT_OF_STEP[move.stage])
         return replace(move, boost_ma=boost_ma, boosted=samples, is_hurried=samples > 0)
 

@@ -23,11 +23,11 @@ class Move:
     """The move that is made; at rest, in the middle of the stick band, the last one without its stage.
 
     level_ma, before_ma: the level, and the one before it. from_ma: pressure at the begin. start_m, start_m2: where the
-    stem was, and the variance of that. boost_ma, boosted: the limit, and for how many samples more it is commanded.
-    inertia_m: how far mass was expected to carry the stem beyond its balance, with the sign of the direction.
-    margin_m: how far from its target a move away may end. since_s: its age. area_m_s: the integral of the readings from
-    where it began. is_hurried: it began at the limit of the current. slip: of a braked move; sent: how many
-    of its currents.
+    stem was, and the variance of that. boost_ma, boosted: the limit, and for how many samples more it is commanded;
+    waits: for how many its level is commanded before that, to see whether the pressure lags at all. inertia_m: how far
+    mass was expected to carry the stem beyond its balance, with the sign of the direction. margin_m: how far from its
+    target a move away may end. since_s: its age. area_m_s: the integral of the readings from where it began.
+    is_hurried: it began at the limit of the current. slip: of a braked move; sent: how many of its currents.
     """
 
     stage: Stage | None
@@ -41,6 +41,7 @@ class Move:
     margin_m: float
     boost_ma: float = 0.0
     boosted: int = 0
+    waits: int = 0
     inertia_m: float = 0.0
     since_s: float = 0.0
     area_m_s: float = 0.0

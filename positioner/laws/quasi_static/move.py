@@ -240,6 +240,10 @@ class Stem:
         is_free = self.viscous * self.viscous < 6.0 * self.mass * spring_ma_per_m
         return is_free and self._is_quick(spring_ma_per_m, lag_s)
 
+    def shows_after_s(self, spring_ma_per_m: float) -> float:
+        """Return after what time a stem that no lag holds back has gone through its slip jump: a quarter of a swing."""
+        return 0.5 * math.pi * math.sqrt(self.mass / spring_ma_per_m)
+
     def slides_through(self, spring_ma_per_m: float, lag_s: float) -> float:
         """Return from how many slip jumps on a move behind a slow pressure ends in its first slip, at least 1.
 

@@ -98,13 +98,13 @@ def test_the_law_moves_the_stem_of_the_model_to_its_setpoints(valve: str, monkey
 
     monkeypatch.setattr(cycle_time._Stem, "move", noted)
     # long dwells: at 2 % noise a stem that slips too far once waits for its correction
-    monkeypatch.setattr(cycle_time, "_EVERY", 300)
-    monkeypatch.setattr(cycle_time, "CYCLES", 1198)
+    monkeypatch.setattr(cycle_time, "_EVERY", 400)
+    monkeypatch.setattr(cycle_time, "CYCLES", 1598)
     monkeypatch.setattr(cycle_time, "LONGEST_S", math.inf)
     configuration = configured(valve=valve)
     measure(configuration)
     middle_m = Case.of(configuration).middle_m
-    ends = [places[cycle] - middle_m for cycle in (599, 899, 1199)]  # the first move measures the valve
+    ends = [places[cycle] - middle_m for cycle in (799, 1199, 1599)]  # the first move measures the valve
     assert ends == pytest.approx([0.00635, 0.0, 0.00635], abs=0.0015)
 
 

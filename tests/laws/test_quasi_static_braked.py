@@ -242,6 +242,14 @@ def test_a_stop_that_was_missed_by_far_makes_the_next_ones_as_unsure() -> None:
     assert after.belief.numbers == before.belief.numbers
 
 
+@pytest.mark.parametrize("by_reading", [True, False])
+def test_a_braked_stem_that_ran_into_the_end_of_the_travel_has_missed(by_reading: bool) -> None:
+    missed_m = TRAVEL_M[1] - 0.084
+    _, after = slipped(missed_m, 0.0002, by_reading=by_reading)
+    trusted_m2 = after.braked.reading_m2 if by_reading else after.braked.planned_m2
+    assert math.sqrt(trusted_m2) == pytest.approx(missed_m, rel=1e-6)
+
+
 def test_stops_by_reading_that_are_hit_are_trusted_step_by_step() -> None:
     _, after = slipped(0.0, 0.001, by_reading=True)
     assert after.braked.reading_m2 == pytest.approx(0.7 * (0.005 * SPAN_M) ** 2)

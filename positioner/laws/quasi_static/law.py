@@ -10,7 +10,8 @@ A move commands one level, at which the model of the valve stops the stem at its
 rests there: neither the lag of the actuator nor the speed of the stem enters, so a wrong lag costs time and no place.
 Then the current goes to the middle of the stick band, where no force of either sign frees the stem easily. What is
 learned of the valve is learned at rest (`belief`). A lag that was seen to be no shorter than configured is hurried
-through: the current stays at its limit until seven tenths of the way are done.
+through: the current stays at its limit until seven tenths of the way are done. With braked moves the first ones are
+hurried, too, once the stem was seen to stand still under the level: a pressure that is there at once is not.
 
 A correction is made where it is worth while (`move.is_worth_it`). After seven moves to one setpoint the stem is left.
 """

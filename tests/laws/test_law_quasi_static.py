@@ -814,18 +814,18 @@ def test_a_move_away_that_was_too_short_is_made_again_unless_the_current_was_at_
 
 
 @pytest.mark.parametrize(
-    ("lag_s", "moves_after", "is_lag_known", "level_samples"),
+    ("moves_after", "is_lag_known", "level_samples"),
     [
-        (0.1, 999, False, 10),  # 2 and a quarter of a swing, 8 ms
-        (0.1, 999, True, 0),
-        (0.1, 3, False, 999),  # it moves at once: nothing lags
-        (0.1, 100, False, 10),
+        (999, False, 10),  # 2 and a quarter of a swing, 8 ms
+        (999, True, 0),
+        (3, False, 60),  # it moves at once: nothing lags
+        (100, False, 10),
     ],
 )
 def test_the_first_current_at_its_limit_waits_until_a_pressure_without_lag_would_have_moved_the_stem(
-    lag_s: float, moves_after: int, is_lag_known: bool, level_samples: int
+    moves_after: int, is_lag_known: bool, level_samples: int
 ) -> None:
-    law = law_of(lag_s=lag_s)
+    law = law_of(lag_s=0.1)
     memory = replace(law.begin(0.07), hurries=True, is_lag_known=is_lag_known)
     current_ma, at_level = memory.belief.balance_ma(0.07), 0
     for cycle in range(60):
@@ -838,7 +838,7 @@ def test_the_first_current_at_its_limit_waits_until_a_pressure_without_lag_would
             break
         assert current_ma == memory.move.level_ma < 20.0
         at_level += 1
-    assert at_level == min(level_samples, 60)
+    assert at_level == level_samples
 
 
 @pytest.mark.parametrize(("beyond_m", "hurries"), [(0.0002, True), (0.005, False)])

@@ -282,7 +282,7 @@ class ValveBelief:
         return self._pushed((-direction * position_m, -direction, 0.0, -1.0), -direction * pressure_ma)
 
     def _pushed(self, line: tuple[float, ...], bound_ma: float) -> ValveBelief:
-        """Return the belief after a push has shown that the line is above a bound, where that was not known."""
+        """Return the belief after a move has shown that the line is above a bound, where that was not known."""
         numbers = self.numbers
         if numbers.expected(line) - bound_ma > _BELIEVED * math.sqrt(numbers.variance(line)):
             return self

@@ -344,8 +344,6 @@ class QuasiStaticLaw:
         moved_m, sigma_m = position_m - move.start_m, math.sqrt(memory.position_m2 + move.start_m2)
         push_ma = direction * (move.level_ma - belief.balance_ma(move.start_m))
         is_held, has_moved = self.limits.holds(position_m, direction), direction * moved_m > self.judge.least_m(sigma_m)
-        if is_held and not has_moved:
-            return memory
         if has_moved:
             if not move.is_hurried:
                 belief = belief.freed(move.start_m, direction, move.level_ma)
@@ -358,7 +356,7 @@ class QuasiStaticLaw:
             belief = belief.landed(landing, memory.position_m2, doubt_ma2)
             if self.keeps and move.stage is Stage.LAND:
                 memory = replace(memory, lessons=(lesson_of(belief, landing, self.valve),))
-        elif direction * (move.level_ma - belief.balance_ma(position_m)) > _PUSHED * belief.static_ma:
+        elif not is_held and direction * (move.level_ma - belief.balance_ma(position_m)) > _PUSHED * belief.static_ma:
             memory = replace(memory, failed=memory.failed + 1)
             if self.judge.stands(moved_m, sigma_m):
                 return memory.held(belief.held(position_m, direction, move.level_ma))

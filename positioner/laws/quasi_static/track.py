@@ -86,10 +86,15 @@ class Doubt:
             vv, vp = b0 * gx + b1 * gv + b2 * gp, b2
         return Doubt(xx + _OWN_M2, pp + roams_ma2, xv, xp, vv, vp)
 
+    def gains(self, reading_m2: float) -> tuple[float, float, float]:
+        """Return by how much x, v and p follow a reading of x that has this variance."""
+        total_m2 = self.xx + reading_m2
+        return self.xx / total_m2, self.xv / total_m2, self.xp / total_m2
+
     def read(self, reading_m2: float) -> Doubt:
-        """Return the covariance after a reading of x that has this variance."""
+        """Return the covariance after such a reading."""
         xx, xv, xp = self.xx, self.xv, self.xp
-        gain_x, gain_v, gain_p = (of / (xx + reading_m2) for of in (xx, xv, xp))
+        gain_x, gain_v, gain_p = self.gains(reading_m2)
         vv, pp = max(self.vv - gain_v * xv, 0.0), max(self.pp - gain_p * xp, _LEAST_MA2)
         return Doubt(xx - gain_x * xx, pp, xv - gain_x * xv, xp - gain_x * xp, vv, self.vp - gain_v * xp)
 
@@ -198,7 +203,7 @@ class Track:
         shown_m = reading.sensor.shown_m(self.moving.stem.position_m, moving.stem.position_m)
         innovation_m = (reading.measured_m - left * self.last_m) / part - shown_m
         ahead, reading_m2 = self._ahead(self.doubt, rollout, self.moving, moving), reading.own_m2
-        gain_x, gain_v, gain_p = (of / (ahead.xx + reading_m2) for of in (ahead.xx, ahead.xv, ahead.xp))
+        gain_x, gain_v, gain_p = ahead.gains(reading_m2)
         stem = moving.stem
         velocity = stem.velocity_m_per_s + gain_v * innovation_m
         if stem.direction * velocity <= 0.0:

@@ -750,6 +750,17 @@ def test_a_light_stem_whose_lag_is_seen_to_be_absent_moves_as_without_one(
     assert memory.move.stage is stage
 
 
+@pytest.mark.parametrize(("position_m", "failed"), [(0.1394, 0), (0.137, 1)])
+def test_a_push_into_a_stop_is_not_in_vain(position_m: float, failed: int) -> None:
+    law = law_of()
+    begun = law.begin(position_m)
+    level_ma = begun.belief.freeing_ma(position_m, 1.0) + 0.5
+    move = replace(begun.move, stage=Stage.LAND, direction=1.0, level_ma=level_ma, start_m2=1e-10)
+    after = law._landed(replace(begun, move=move, pressure=law.model.at_rest(level_ma), position_m2=1e-10))
+    assert after.failed == failed
+    assert (after.belief == begun.belief) is (failed == 0)
+
+
 def test_backlash_that_is_taken_up_is_no_motion() -> None:
     law = law_of(backlash_m=1e-3)
     memory, moves = law.begin(0.08), 0

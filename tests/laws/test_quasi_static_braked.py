@@ -250,6 +250,16 @@ def test_a_braked_stem_that_ran_into_the_end_of_the_travel_has_missed(by_reading
     assert math.sqrt(trusted_m2) == pytest.approx(missed_m, rel=1e-6)
 
 
+@pytest.mark.parametrize(("start_m", "failed"), [(TRAVEL_M[1] - 0.0003, 0), (TRAVEL_M[1] - 0.003, 1)])
+def test_a_braked_push_into_the_end_of_the_travel_is_not_in_vain(start_m: float, failed: int) -> None:
+    law = quasi_static_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, brakes=True)
+    assert law.braking is not None
+    plan, begun = plan_of(valve_of(0.1), task_of(valve_of(0.1), 0.07, 0.084)), law.begin(start_m)
+    move = replace(begun.move, stage=Stage.SLIP, direction=1.0, target_m=TRAVEL_M[1], start_m2=1e-10, slip=plan)
+    after = law.braking.slipped(replace(begun, move=move, position_m2=1e-10), plan)
+    assert after.failed == failed
+
+
 def test_stops_by_reading_that_are_hit_are_trusted_step_by_step() -> None:
     _, after = slipped(0.0, 0.001, by_reading=True)
     assert after.braked.reading_m2 == pytest.approx(0.7 * (0.005 * SPAN_M) ** 2)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from positioner.robustness.study import Study
 
 _FOLDER = Path("robustness")
-SETS = ("conditions", "forces", "lags", "periods", "physics", "restart", "wear")
+SETS = ("conditions", "forces", "lags", "periods", "physics", "rates", "restart", "wear")
 """Names of `robustness.sets`, which a help need not load."""
 _SHORT_VALVES, _SHORT_DWELLS, _SHORT_BEYOND = 16, 8, 4
 """Of the short form: 16 valves of each of four classes with 8 dwells are 512 dwells."""

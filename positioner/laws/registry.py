@@ -5,6 +5,7 @@ A new law of this package is one file and one entry here. Others have the name o
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +29,7 @@ from positioner.laws.nmpc.law import NmpcLaw
 from positioner.laws.outside import OutsideLaw
 from positioner.laws.paper.law import PaperLaw
 from positioner.laws.quasi_static.law import QuasiStaticLaw, quasi_static_law
+from positioner.laws.quasi_static.programme import KNOTS
 from positioner.laws.rivals.knocker import Knocker, KnockerMemory
 from positioner.laws.rivals.pi import NoCompensator, PiLaw
 from positioner.laws.rivals.pid import PidController
@@ -137,7 +139,11 @@ def _quasi_static(parts: Ingredients, *, brakes: bool = False) -> QuasiStaticLaw
     control, guard = parts.control, parts.guard
     currents_ma, period_s = (guard.current_low_ma, guard.current_high_ma), control.sample_period_s
     delay_s = control.command_delay_s
-    law = quasi_static_law(parts.valve, parts.estimator, currents_ma, period_s, delay_s, brakes=brakes)
+    solver = parts.make_solver(KNOTS, KNOTS) if brakes else None
+    rate_ma_per_s = guard.max_rate_ma_per_s or math.inf
+    law = quasi_static_law(
+        parts.valve, parts.estimator, currents_ma, period_s, delay_s, solver=solver, rate_ma_per_s=rate_ma_per_s
+    )
     return replace(law, table_from_s=control.table_from_s)
 
 

@@ -12,12 +12,13 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from positioner.laws.quasi_static.slip import ARRIVED_MA, slip_plan, task_of
+from positioner.laws.quasi_static.slip import slip_plan, task_of
+from positioner.laws.quasi_static.stop import ARRIVED_MA
 from positioner.valve.rollout import Moving
 from positioner.valve.state import StemState
 
 if TYPE_CHECKING:
-    from positioner.laws.quasi_static.slip import Task
+    from positioner.laws.quasi_static.stop import Task
     from positioner.reach.case import Case
     from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Rollout

@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     from positioner.laws.quasi_static.judging import Judge
     from positioner.laws.quasi_static.memory import Move, QuasiStaticMemory
     from positioner.laws.quasi_static.move import Limits
-    from positioner.laws.quasi_static.slip import SlipPlan, Task
+    from positioner.laws.quasi_static.programme import StopPlanner
+    from positioner.laws.quasi_static.slip import SlipPlan
+    from positioner.laws.quasi_static.stop import Task
     from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Plant
     from positioner.valve.sensor import SensorLag
@@ -70,6 +72,8 @@ class Braking:
     limits: Limits
     plant: Plant
     sensor: SensorLag
+    planner: StopPlanner
+    step_ma: float = math.inf
 
     # -- before a move
 
@@ -98,7 +102,9 @@ class Braking:
         braked, belief, from_m = memory.braked, memory.belief, 0.0
         if memory.pressure is not None and self._may_read(memory):
             rollout, rests = self.plant.rollout(numbers_of(belief.numbers.mean)), belief.balance_ma(setpoint_m)
-            task = self._task(belief, rollout.pressure.at_rest(rests), setpoint_m, setpoint_m + self.judge.valve.span_m)
+            task = self._task(
+                belief, rollout.pressure.at_rest(rests), setpoint_m, setpoint_m + self.judge.valve.span_m, rests
+            )
             if task is not None:
                 task = replace(task, hold_ma=self.limits.clipped(rests))
                 from_m = _FARTHER * shortest_m(rollout, task, self._seen_after(memory))
@@ -112,7 +118,7 @@ class Braking:
         if pressure is None or memory.more_lag_s != 0.0 or start_m == setpoint_m:
             return None
         pressure = self.plant.actuator.with_lag(belief.lag).from_longer(pressure, self.plant.steps)
-        task = self._task(belief, pressure, start_m, setpoint_m)
+        task = self._task(belief, pressure, start_m, setpoint_m, memory.sent_ma)
         if task is None:
             return None
         span_m, theta = self.judge.valve.span_m, belief.numbers.mean
@@ -127,10 +133,12 @@ class Braking:
                 return replace(found, by_reading=True), read_m
         return (found, sigma_m) if sigma_m <= _SURE * span_m else None
 
-    def _task(self, belief: ValveBelief, pressure: PressureState, start_m: float, target_m: float) -> Task | None:
+    def _task(
+        self, belief: ValveBelief, pressure: PressureState, start_m: float, target_m: float, before_ma: float
+    ) -> Task | None:
         """Return the task of a move, None where the pressure does not lag."""
         actuator, period_s = self.judge.valve.actuator, self.judge.period_s
-        return task_of(belief, actuator, self.limits, pressure, start_m, target_m, period_s)
+        return task_of(belief, actuator, self.limits, pressure, start_m, target_m, period_s, before_ma, self.step_ma)
 
     def _may_read(self, memory: QuasiStaticMemory) -> bool:
         """Whether readings have said well when to brake."""
@@ -208,9 +216,10 @@ class Braking:
             if since >= plan.ends or (plan.is_braking and track.may_rest):
                 found = over(plan, track.moving)
             elif not track.has_not_slid:
-                found = steered(plan, track, since)
+                found = steered(plan, track, since, memory.sent_ma, self.planner)
             elif plan.by_reading:
-                found = steered(plan, track, since) if since >= plan.latest else None
+                if since >= plan.latest:
+                    found = steered(plan, track, since, memory.sent_ma, self.planner)
             elif since >= plan.boosted:
                 found = replace(plan, currents=plan.currents[plan.boosted :], is_braking=True, is_over=True)
             if found is None:

@@ -44,6 +44,7 @@ from positioner.laws.quasi_static.move import (
     steps_to,
     tolerance_m,
 )
+from positioner.laws.quasi_static.programme import NEAR, StopPlanner
 from positioner.laws.quasi_static.rest import NO_REST, Noise
 from positioner.values import dataclass, replace
 from positioner.valve.actuator import left_of_lag
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
     from positioner.laws.estimator_settings import EstimatorSettings
     from positioner.laws.law import Observation
     from positioner.laws.move_reason import MoveReason
+    from positioner.optimization.qp import Solver
     from positioner.valve.parameters import ValveParameters
     from positioner.valve.stiction import StictionTable
 
@@ -100,6 +102,7 @@ class QuasiStaticLaw:
     keeps: bool = True
     braking: Braking | None = None
     table_from_s: float = 0.0
+    rate_ma_per_s: float = math.inf
 
     @property
     def valve(self) -> ValveParameters:
@@ -189,6 +192,8 @@ class QuasiStaticLaw:
             if memory.settled_s:
                 memory, reason = self._next(self._learned(memory, setpoint_m), setpoint_m)
         move, current_ma = self._sent(memory)
+        step_ma = self.rate_ma_per_s * self.judge.period_s
+        current_ma = min(max(current_ma, memory.sent_ma - step_ma), memory.sent_ma + step_ma)
         bounds = Bounds(-math.inf, math.inf, self.limits.low_ma, self.limits.high_ma)
         motion = Motion.REST if move.stage is None else Motion.MOVE
         memory = replace(memory, move=move, sent_ma=current_ma)
@@ -467,7 +472,8 @@ def quasi_static_law(
     period_s: float,
     delay_s: float,
     *,
-    brakes: bool = False,
+    solver: Solver | None = None,
+    rate_ma_per_s: float = math.inf,
 ) -> QuasiStaticLaw:
     """Return the law of a valve.
 
@@ -477,11 +483,15 @@ def quasi_static_law(
         currents_ma: the lowest and the highest current.
         period_s: of the readings.
         delay_s: from a reading until its command acts.
-        brakes: whether braked moves are made behind a lag.
+        solver: of the braked moves behind a lag; None where none are made.
+        rate_ma_per_s: the largest rate of the current.
     """
     plant, limits = plant_of(valve, period_s, delay_s), Limits(*currents_ma, valve.travel_min_m, valve.travel_max_m)
     stem = Stem(plant.mass, plant.viscous, plant.step_s, plant.steps)
     judge, model = Judge(valve, estimator, stem, period_s), pressure_model(valve.actuator, period_s, delay_s)
     sensor = sensor_lag(valve.sensor_time_constant_s, period_s)
-    braking = Braking(judge, limits, plant, sensor) if brakes else None
-    return QuasiStaticLaw("quasi-static", judge, limits, model, braking=braking)
+    braking = None
+    if solver is not None:
+        planner = StopPlanner(solver, limits, NEAR * valve.span_m)
+        braking = Braking(judge, limits, plant, sensor, planner, rate_ma_per_s * period_s)
+    return QuasiStaticLaw("quasi-static", judge, limits, model, braking=braking, rate_ma_per_s=rate_ma_per_s)

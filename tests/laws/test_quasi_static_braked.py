@@ -14,8 +14,8 @@ from positioner.bench.metrics import dwell_metrics
 from positioner.bench.scenario import Scenario
 from positioner.laws.estimator_settings import EstimatorSettings
 from positioner.laws.quasi_static.belief import Landing, belief_of
+from positioner.laws.quasi_static.factory import quasi_static_law
 from positioner.laws.quasi_static.kept import lesson_of, taught
-from positioner.laws.quasi_static.law import quasi_static_law
 from positioner.laws.quasi_static.move import Limits, Stage
 from positioner.laws.quasi_static.programme import KNOTS, NEAR, StopPlanner
 from positioner.laws.quasi_static.slip import SlipPlan, numbers_of, over, shortest_m, slip_plan, steered

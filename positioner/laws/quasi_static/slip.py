@@ -33,6 +33,8 @@ _BISECTIONS = 18
 """Of eight lags to 0.03 ms at a lag of 1 s."""
 _DEPTH = 0.5
 """Of a lag: how long the current may take from the brake's level back to where the stem is held."""
+_LEAST_LAG = 0.02
+"""Of a sample: a lag that is none."""
 _LAGS = 8.0
 """The pressure is at the limit after so many lags."""
 _CLOSE = 0.2
@@ -57,8 +59,8 @@ def task_of(
     period_s: float,
     before_ma: float = 0.0,
     step_ma: float = math.inf,
-) -> Task | None:
-    """Return the task of a move, None where the pressure does not lag.
+) -> Task:
+    """Return the task of a move.
 
     Args:
         belief: of the valve.
@@ -72,9 +74,9 @@ def task_of(
         step_ma: its largest change from sample to sample.
     """
     upwards = target_m > start_m
-    rises_s, falls_s = (belief.lag * actuator.lag_s(fills=fills) for fills in (upwards, not upwards))
-    if min(rises_s, falls_s) <= 0.0:
-        return None
+    rises_s, falls_s = (
+        max(belief.lag * actuator.lag_s(fills=fills), _LEAST_LAG * period_s) for fills in (upwards, not upwards)
+    )
     boost_ma, brake_ma = limits.high_ma, limits.low_ma
     if not upwards:
         boost_ma, brake_ma = brake_ma, boost_ma
@@ -143,7 +145,8 @@ def slip_plan(plant: Plant, theta: tuple[float, ...], local_ma: float, task: Tas
     """
     rollout = plant.rollout(numbers_of(theta, local_ma))
     ramp = abs(task.boost_ma - task.before_ma) / task.step_ma
-    low_s, high_s = 0.0, _LAGS * task.rises_s + (4.0 + ramp) * task.period_s
+    swing_s = 2.0 * math.pi * math.sqrt(plant.mass / theta[0])
+    low_s, high_s = 0.0, swing_s + _LAGS * task.rises_s + (4.0 + ramp) * task.period_s
     best, boost_of_s = Stop(math.inf, -1, False, 0.0), 0.0
     for _ in range(_BISECTIONS):
         boost_s = 0.5 * (low_s + high_s)
@@ -171,7 +174,7 @@ def slip_plan(plant: Plant, theta: tuple[float, ...], local_ma: float, task: Tas
 def shortest_m(rollout: Rollout, task: Task, seen: int) -> float:
     """Return the way of a stem that is braked `seen` samples after it was freed; inf if it is not freed."""
     whole = stop_of(
-        rollout, task, (task.boost_ma,) * int(_LAGS * task.rises_s / task.period_s + 1.0 + 16.0 / task.step_ma)
+        rollout, task, (task.boost_ma,) * int(_LAGS * task.rises_s / task.period_s + 3.0 + 16.0 / task.step_ma)
     )
     if whole.freed < 0:
         return math.inf

@@ -1,4 +1,4 @@
-"""Plans of recorded moves: the states at which `nmpc-predictive` planned, and its plan of one pass from each."""
+"""The plans of recorded moves: the states at which the law `nmpc` planned, and its plan of one pass from each."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from benchmarks.case import Play
 from benchmarks.cycles import record, scenario
 from positioner.bench.inprocess import configure
+from positioner.laws.nmpc.converging import ConvergingLaw
 from positioner.laws.nmpc.filter import Sliding
 from positioner.laws.nmpc.law import NmpcLaw
 from positioner.laws.nmpc.plan import plan_move
@@ -40,8 +41,9 @@ def one_pass(law: NmpcLaw) -> ApproachSettings:
 def immediate(configuration: Configuration) -> NmpcLaw:
     """Return the law that plans by quadratic programmes."""
     law = configuration.make_law()
-    assert isinstance(law, NmpcLaw)
-    return law
+    assert isinstance(law, ConvergingLaw)
+    assert isinstance(law.predictive, NmpcLaw)
+    return law.predictive
 
 
 def recorded_plans(horizon: int) -> tuple[NmpcLaw, list[Planned]]:
@@ -49,13 +51,14 @@ def recorded_plans(horizon: int) -> tuple[NmpcLaw, list[Planned]]:
 
     The first plan of a move is left out: its first input has other limits.
     """
-    wanted = replace(scenario(PERIOD_S, _SETPOINTS, _DWELL_S, _SEED, horizon), law="nmpc-predictive")
+    wanted = scenario(PERIOD_S, _SETPOINTS, _DWELL_S, _SEED, horizon)
     configuration = configure(wanted)
     law = immediate(configuration)
     planned: list[Planned] = []
     moving = False
     for cycle in record(wanted, configuration):
-        memory = cycle.after.control.memory
+        carried = cycle.after.control.memory
+        memory = None if carried is None else carried.predictive
         if memory is None or not isinstance(memory.stem, Sliding):
             moving = False
             continue
@@ -76,7 +79,7 @@ class PlanCase:
     def __init__(self, horizon: int) -> None:
         self._law, self._planned = recorded_plans(horizon)
         self._settings, self._model = one_pass(self._law), self._law.filter.model
-        self._configuration = configure(replace(scenario(PERIOD_S, 1, _DWELL_S, _SEED, horizon), law="nmpc-predictive"))
+        self._configuration = configure(scenario(PERIOD_S, 1, _DWELL_S, _SEED, horizon))
         self.labels = ("plan",) * len(self._planned)
 
     def play(self) -> Play:

@@ -165,7 +165,7 @@ class Case:
     optimal_moves: length of a dwell in units of the longest time-optimal move, where dwell_s is None.
     force_step_n: size of the steps of the process force, one in each dwell at a random instant; 0 is none.
     restart: whether a run before it has filled the stiction table. factors: what the case is binned by.
-    skipped: dwells at the beginning that are not judged. rate_ma_per_s: `guard.max_rate_ma_per_s`.
+    skipped: dwells at the beginning that are not judged.
     """
 
     group: str
@@ -181,10 +181,11 @@ class Case:
     force_step_n: float = 0.0
     restart: bool = False
     skipped: int = 0
-    rate_ma_per_s: float = 0.0
     factors: Mapping[str, float] = field(default_factory=dict)
     control: Mapping[str, Any] = field(default_factory=dict)
     """The `[control]` table of the judged law's positioner."""
+    guard: Mapping[str, Any] = field(default_factory=dict)
+    """The `[guard]` table of every positioner."""
 
     @property
     def label(self) -> str:

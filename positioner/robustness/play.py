@@ -150,7 +150,7 @@ def scenario_of(run: Run) -> Scenario:
         plant=true,
         valve={"preset": root_preset(case.true["preset"]), **valve},
         control=control,
-        guard={"max_rate_ma_per_s": case.rate_ma_per_s} if case.rate_ma_per_s else {},
+        guard=dict(case.guard),
         estimator={"noise_of_reading": noise, "noise_of_span": believed.sensor.noise_of_span},
     )
 

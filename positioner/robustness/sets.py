@@ -143,7 +143,8 @@ def _rates(space: Space, count: int) -> Iterator[Case]:
     for lag_s in (0.005, 0.02, 0.05, 0.1):
         for rate in (1000.0, 300.0, 100.0):
             text = f"{rate:g} mA/s, lag {lag_s * 1e3:g} ms"
-            yield from _cases(space, "rates", text, _lag(lag_s), _lag(lag_s), count, rate_ma_per_s=rate)
+            guard = {"max_rate_ma_per_s": rate}
+            yield from _cases(space, "rates", text, _lag(lag_s), _lag(lag_s), count, guard=guard)
 
 
 def _wear(space: Space, count: int) -> Iterator[Case]:
@@ -220,7 +221,7 @@ def _cases(
     dwells: int | None = None,
     force_step_n: float = 0.0,
     restart: bool = False,
-    rate_ma_per_s: float = 0.0,
+    guard: Tables | None = None,
 ) -> Iterator[Case]:
     """Yield `count` cases that differ in setpoints and noise; cases of equal number have equal setpoints."""
     base: Tables = {"preset": ROOT, "sensor": {"noise_of_reading": _NOISE}}
@@ -247,5 +248,5 @@ def _cases(
             least_s=2.0 * space.dwell.least_s,
             force_step_n=force_step_n,
             restart=restart,
-            rate_ma_per_s=rate_ma_per_s,
+            guard=guard or {},
         )

@@ -205,6 +205,15 @@ def test_a_time_optimal_move_takes_longer_behind_a_lag() -> None:
     assert all(0.001 <= each < 0.05 for each in quick_s)
 
 
+def test_the_rates_of_their_set_are_those_of_the_guard_and_no_other_case_has_one() -> None:
+    limits = {case.name: scenario_of(Run(case, "nmpc")).guard for case in SETS["rates"](SPACE, 1)}
+    assert len(limits) == 12
+    for name, guard in limits.items():
+        assert guard == {"max_rate_ma_per_s": float(name.partition(" mA/s")[0])}
+        assert guard["max_rate_ma_per_s"] > 0.0
+    assert all(not scenario_of(Run(case, "nmpc")).guard for case in SETS["lags"](SPACE, 1))
+
+
 def test_physics_plays_every_preset_that_does_not_move_as_the_laws_believe() -> None:
     cases = list(SETS["physics"](SPACE, 1))
     assert {case.true["preset"] for case in cases} == {

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from positioner.bench.moves import Breakaway, MovesData, Predicted, Window
+    from positioner.bench.moves import Breakaway, MovesData, Window
     from positioner.bench.trend import TrendData
 
     Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ _FEW, _MANY = 60, 4000
 """Samples of a window: below, dots are large; above, they are rasterised."""
 
 
-def draw_move(panels: Sequence[Axes], data: MovesData, window: Window, predicted: Predicted, *, names: bool) -> None:
+def draw_move(panels: Sequence[Axes], data: MovesData, window: Window, predicted: Array, *, names: bool) -> None:
     """Draw a move; with `names` the panels carry the names of their quantities."""
     trend = data.trend
     part = slice(window.first, window.last + 1)
@@ -42,7 +42,7 @@ def draw_move(panels: Sequence[Axes], data: MovesData, window: Window, predicted
     position, speed, current = panels
     _draw_position(position, trend, part, time_ms)
     position.plot(
-        time_ms + predicted.shift_s * 1e3, predicted.position_m * 1e3, color=BELIEF, linewidth=2.0, linestyle=PREDICTED,
+        time_ms, predicted * 1e3, color=BELIEF, linewidth=2.0, linestyle=PREDICTED,
         zorder=5.0,
     )  # fmt: skip
     _draw_speed(speed, trend, part, time_ms)

@@ -62,28 +62,18 @@ class Breakaway:
     source: BreakawaySource
 
 
-@dataclass(frozen=True, slots=True)
-class Predicted:
-    """The positions of a window by what the law knew when the move began, NaN where there is none.
-
-    shift_s: by how much later than its sample each of them is.
-    """
-
-    position_m: Array
-    shift_s: float
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MovesData:
     """The data of the picture: those of the trend, and of the moves.
 
-    shown: the windows of the moves in the picture; count: how many moves there are. predicted: one for each window.
+    shown: the windows of the moves in the picture; count: how many moves there are. predicted: for each window
+    the positions in m by what the law knew when the move began, NaN where there is none.
     """
 
     trend: TrendData
     shown: tuple[Window, ...]
     count: int
-    predicted: tuple[Predicted, ...]
+    predicted: tuple[Array, ...]
     breakaways: tuple[Breakaway, ...]
 
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import TypeAdapter
 
-from positioner.bench.moves import Breakaway, MovesData, Predicted, telling, windows
+from positioner.bench.moves import Breakaway, MovesData, telling, windows
 from positioner.bench.moves_picture import MOST_MOVES
-from positioner.bench.predicted import believed
+from positioner.bench.predicted import Begins, believed
 from positioner.bench.reasons import reasons
 from positioner.bench.trend import TrendData
 from positioner.laws.move_reason import current_in, source_in
@@ -84,11 +84,11 @@ def picture_data(
     every = windows(trend.position_m, trend.span_m, recording.period_s)
     shown = telling(every, trend.span_m, MOST_MOVES)
     slides, estimate = columns["stuck"] == 0.0, (columns["position_m"], columns["velocity_m_per_s"])
-    begun, predicted = np.array([row["reason"] != "" for row in rows]), []
+    begins, predicted = Begins.of(slides, np.array([row["reason"] != "" for row in rows])), []
     for window in shown:
         known = believed(configuration, _table_at(table, samples, float(time_s[window.begin])))
-        path_m = known.path_m(estimate, known.begins_of(slides, begun), trend.current_ma, window.first, window.last)
-        predicted.append(Predicted(path_m, known.shift_s))
+        path_m = known.path_m(estimate, begins, trend.current_ma, window.first, window.last)
+        predicted.append(path_m)
     breakaways = [
         Breakaway(float(begun_s), current_ma, source)
         for begun_s, row in zip(cycle_s, rows, strict=True)

@@ -5,6 +5,7 @@ A new law of this package is one file and one entry here. Others have the name o
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,12 +23,12 @@ from positioner.inputs.plug_in import (
     problem_of,
     text_of_error,
 )
-from positioner.laws.nmpc.converging import ConvergingLaw, converging_law
 from positioner.laws.nmpc.filter import AdaptiveFilter
 from positioner.laws.nmpc.law import NmpcLaw
 from positioner.laws.outside import OutsideLaw
 from positioner.laws.paper.law import PaperLaw
-from positioner.laws.quasi_static.law import QuasiStaticLaw, quasi_static_law
+from positioner.laws.quasi_static.factory import quasi_static_law
+from positioner.laws.quasi_static.programme import KNOTS
 from positioner.laws.rivals.knocker import Knocker, KnockerMemory
 from positioner.laws.rivals.pi import NoCompensator, PiLaw
 from positioner.laws.rivals.pid import PidController
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from positioner.guard.settings import GuardSettings
     from positioner.laws.estimator_settings import EstimatorSettings
     from positioner.laws.law import Law
+    from positioner.laws.quasi_static.law import QuasiStaticLaw
     from positioner.laws.rivals.pid import PidSettings
     from positioner.laws.settings import ControlSettings
     from positioner.optimization.qp import Solver
@@ -76,16 +78,12 @@ def _paper(name: str, parts: Ingredients, *, use_table: bool) -> PaperLaw:
     )
 
 
-def _nmpc(parts: Ingredients) -> ConvergingLaw | QuasiStaticLaw:
-    quasi_static = _quasi_static(parts, brakes=not parts.valve.actuator.is_immediate)
-    if not parts.valve.is_immediate:
-        return replace(quasi_static, name="nmpc")
-    period_s, rate_ma_per_s = parts.control.sample_period_s, parts.guard.max_rate_ma_per_s
-    return converging_law("nmpc", nmpc_predictive(parts), quasi_static, parts.valve, period_s, rate_ma_per_s)
+def _nmpc(parts: Ingredients) -> QuasiStaticLaw:
+    return replace(_quasi_static(parts, brakes=True), name="nmpc")
 
 
 def nmpc_predictive(parts: Ingredients) -> NmpcLaw:
-    """Return the predictive moves of the law `nmpc`, to which an actuator acts at once."""
+    """Return the law of predictive moves alone, to which an actuator acts at once."""
     settings, valve = parts.control.nmpc, parts.valve
     steps = settings.approach
     return NmpcLaw(
@@ -137,18 +135,22 @@ def _quasi_static(parts: Ingredients, *, brakes: bool = False) -> QuasiStaticLaw
     control, guard = parts.control, parts.guard
     currents_ma, period_s = (guard.current_low_ma, guard.current_high_ma), control.sample_period_s
     delay_s = control.command_delay_s
-    law = quasi_static_law(parts.valve, parts.estimator, currents_ma, period_s, delay_s, brakes=brakes)
+    solver = parts.make_solver(KNOTS, KNOTS) if brakes else None
+    rate_ma_per_s = guard.max_rate_ma_per_s or math.inf
+    law = quasi_static_law(
+        parts.valve, parts.estimator, currents_ma, period_s, delay_s, solver=solver, rate_ma_per_s=rate_ma_per_s
+    )
     return replace(law, table_from_s=control.table_from_s)
 
 
 LAWS: Mapping[str, tuple[str, Callable[[Ingredients], Law[Any]]]] = MappingProxyType(
     {
         "nmpc": (
-            "predictive moves within the movable bound, braked ones behind a lag; where they miss, quasi-static ones",
+            "moves that a quadratic programme stops at the setpoint, quasi-static ones until the valve is known",
             _nmpc,
         ),
         "nmpc-predictive": (
-            "the predictive moves of nmpc alone, also where they do not converge, and as if no pressure lagged",
+            "predictive moves within an exact movable bound, as if the current acted at once",
             nmpc_predictive,
         ),
         "quasi-static": (

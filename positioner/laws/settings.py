@@ -31,7 +31,7 @@ class ControlSettings(SettingsTable):
     table_from_s: time since control began from which the stiction table is used (paper §6.3); the law always learns.
     table_cell_m: width of a cell of the stiction table.
     planner, bounds: the paper's controller (Table 5, eqs 21-26).
-    nmpc: the law of that name.
+    nmpc: the law `nmpc-predictive`; of `nmpc`, nothing need be set.
     parameters: numbers by name for a law from outside, which gets them when it is made.
     pi, pi_deadband, knocker, constant_reinforcement, two_move, two_move_retry: the laws of those names; the packaged
         values are results of `positioner tune`. The parameters of one law belong together, so a table must give all of

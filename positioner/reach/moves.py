@@ -12,12 +12,13 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from positioner.laws.quasi_static.slip import ARRIVED_MA, slip_plan, task_of
+from positioner.laws.quasi_static.slip import slip_plan, task_of
+from positioner.laws.quasi_static.stop import ARRIVED_MA
 from positioner.valve.rollout import Moving
 from positioner.valve.state import StemState
 
 if TYPE_CHECKING:
-    from positioner.laws.quasi_static.slip import Task
+    from positioner.laws.quasi_static.stop import Task
     from positioner.reach.case import Case
     from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Rollout
@@ -59,8 +60,7 @@ def smallest_push_m(case: Case, direction: float) -> float:
     moving = _freed(rollout, middle_m, direction)
     moving = rollout.after(moving, moving.pressure.pressure_ma)
     task = _task(case, moving.pressure, middle_m - direction * case.valve.span_m, middle_m)
-    brakes = (*task.currents(0.0), task.hold_ma) if task else (case.belief.balance_ma(middle_m),)
-    path = rollout.path(moving, brakes)
+    path = rollout.path(moving, (*task.currents(0.0), task.hold_ma))
     while not moving.stem.stuck:
         moving = next(path)
     return direction * (moving.stem.position_m - middle_m)
@@ -78,11 +78,10 @@ def durations(case: Case, move_m: float) -> Durations:
 def _of_the_law_s(case: Case, start_m: float, move_m: float) -> float:
     """Return how long the law's move takes behind a lag."""
     rollout, target_m, belief = case.rollout(), start_m + move_m, case.belief
-    rests, plan = _at_rest(rollout, start_m), None
+    rests = _at_rest(rollout, start_m)
     near_m, closely_m = SETTLED_OF_SPAN * case.valve.span_m, _PLANNED_OF_SPAN * case.valve.span_m
     task = _task(case, rests.pressure, start_m, target_m)
-    if task is not None:
-        plan = slip_plan(case.plant(), belief.numbers.mean, 0.0, task, closely_m)
+    plan = slip_plan(case.plant(), belief.numbers.mean, 0.0, task, closely_m)
     level_ma = case.limits.clipped(belief.landing_ma(target_m, 1.0))
     currents, settled = (*plan.currents, plan.task.hold_ma) if plan else (level_ma,), 1
     for sample, moving in enumerate(rollout.path(rests, currents), start=1):
@@ -132,8 +131,8 @@ def _thrown(
     return stem.position_m, settled * step_s
 
 
-def _task(case: Case, pressure: PressureState, start_m: float, target_m: float) -> Task | None:
-    """Return the law's task of a move, None where the pressure does not lag."""
+def _task(case: Case, pressure: PressureState, start_m: float, target_m: float) -> Task:
+    """Return the law's task of a move."""
     return task_of(case.belief, case.valve.actuator, case.limits, pressure, start_m, target_m, case.period_s)
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from positioner.laws.nmpc.converging import ConvergingLaw, ConvergingMemory
 from positioner.laws.quasi_static.law import QuasiStaticLaw
 from positioner.laws.quasi_static.memory import QuasiStaticMemory
 from positioner.values import replace
@@ -22,8 +21,6 @@ def with_sent(memory: Any, current_ma: float | None) -> Any:
         return memory
     if isinstance(memory, QuasiStaticMemory):
         return memory if memory.sent_ma == current_ma else replace(memory, sent_ma=current_ma)
-    if isinstance(memory, ConvergingMemory):
-        return replace(memory, quasi_static=with_sent(memory.quasi_static, current_ma))
     return memory
 
 
@@ -33,6 +30,4 @@ def at_new_setpoint(law: Any, memory: Any, measured_m: float | None) -> Any:
         return memory
     if isinstance(law, QuasiStaticLaw) and memory.move.stage is not None:
         return law.resumed(memory, measured_m)
-    if isinstance(law, ConvergingLaw):
-        return replace(memory, quasi_static=at_new_setpoint(law.quasi_static, memory.quasi_static, measured_m))
     return memory

@@ -57,7 +57,12 @@ USED_MODULES = {
 """Modules that a bout runs, for each room of which it runs only some."""
 
 
-_FOLDERS = {"nmpc": ("nmpc", "quasi_static"), "quasi-static": ("quasi_static",), "paper": ("paper",)}
+_FOLDERS = {
+    "nmpc-predictive": ("nmpc",),
+    "nmpc": ("quasi_static",),
+    "quasi-static": ("quasi_static",),
+    "paper": ("paper",),
+}
 """Folders of `laws` whose code a law runs, by the beginning of its name."""
 _OTHERS = ("rivals",)
 """Of a law whose name begins otherwise."""

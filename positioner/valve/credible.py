@@ -8,9 +8,10 @@ move the stem by as much. So every sample must be possible for a valve whose spr
     B·Γ = k (K x + F_0) ± F with least ≤ k ≤ most and least·F_c ≤ F ≤ most·max(F_s, ratio_most·F_c) (eqs 25, 26).
 v_Ag: a stem is never faster than the largest net force F of the loop makes it, neither against viscous friction,
     v = F/F_v, nor over the whole travel without any, v = √(2 F (x_max - x_min)/m).
-Landing bias: the model that plans a stop has every force but the rise of friction from F_c to F_s as the stem comes to
-    rest (eq. 4). A missing force shifts the place of rest by force/K: (F_s - F_c)/K, with the most friction and the
-    least spring. A valve without that rise is allowed 1 % of its span, for its sensor and play.
+Landing bias: the place x of a stop, less the one at which its pressure would have stopped the configured valve,
+    x - (B p - F_0 - s F_c)/K with B p = k (K x + F_0) + s F: every credible valve stops somewhere else. F is
+    F_c between least and most, or differs by the rise F_s - F_c as the stem comes to rest (eq. 4). A valve without
+    friction is allowed 1 % of its span, for its sensor and play.
 """
 
 from __future__ import annotations
@@ -53,27 +54,32 @@ class Limits:
             case Quantity.STICK_SPEED:
                 return 0.0, self._fastest_m_per_s()
             case Quantity.LANDING_BIAS:
-                return -self.landing_m, self.landing_m
-
-    @property
-    def landing_m(self) -> float:
-        """How far beside its aim a planned stop can end, in m."""
-        valve = self.valve
-        rise_n = self.most * (valve.static_friction_n - valve.coulomb_friction_n)
-        return max(rise_n / (self.least * valve.spring_rate_n_per_m), _LANDING_OF_SPAN * valve.span_m)
+                return self._landing_m(position_m - reach_m, position_m + reach_m, direction.sign)
 
     def allows(self, sample: LearnedSample, reach_m: float = 0.0) -> bool:
         """Whether `sample`, learned within `reach_m` of its place, is credible."""
         low, high = self.range_of(sample.quantity, sample.position_m, sample.direction, reach_m)
         return low <= sample.value <= high
 
-    def _breakaway_ma(self, low_m: float, high_m: float, sign: float) -> tuple[float, float]:
+    def _landing_m(self, low_m: float, high_m: float, sign: float) -> tuple[float, float]:
+        valve, springs_n, least_m = self.valve, self._springs_n(low_m, high_m), _LANDING_OF_SPAN * self.valve.span_m
+        sliding_n, rise_n = valve.coulomb_friction_n, self.most * (valve.static_friction_n - valve.coulomb_friction_n)
+        frictions_n = (sign * (self.least * sliding_n - rise_n), sign * (self.most * sliding_n + rise_n))
+        rate, rests_n = valve.spring_rate_n_per_m, valve.bench_set_n + sign * sliding_n
+        lowest_m = low_m - (max(springs_n) + max(frictions_n) - rests_n) / rate
+        highest_m = high_m - (min(springs_n) + min(frictions_n) - rests_n) / rate
+        return min(lowest_m, -least_m), max(highest_m, least_m)
+
+    def _springs_n(self, low_m: float, high_m: float) -> list[float]:
         valve = self.valve
-        springs_n = [
+        return [
             share * (valve.spring_rate_n_per_m * place_m + valve.bench_set_n)
             for share in (self.least, self.most)
             for place_m in (low_m, high_m)
         ]
+
+    def _breakaway_ma(self, low_m: float, high_m: float, sign: float) -> tuple[float, float]:
+        valve, springs_n = self.valve, self._springs_n(low_m, high_m)
         most_n = self.most * max(valve.static_friction_n, self.ratio_most * valve.coulomb_friction_n)
         frictions_n = (sign * self.least * valve.coulomb_friction_n, sign * most_n)
         gain = valve.force_gain_n_per_ma

@@ -5,7 +5,7 @@
     sliding:  m v̇ = B p - K x - F_0 - s F_c - F_v v, s = ±1, until v = 0 (`valve.motion`, exact for a held pressure)
 
 A sample is divided into steps in which the mean of the pressure is held. A step in which the stem is freed counts from
-that instant on, so the place of a stop has no jumps of a step.
+that instant on, as the exponential of the lag has it, so the place of a stop has no jumps of a step.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class Plant:
     def rollout(self, numbers: Numbers) -> Rollout:
         """Return the motion of the valve that has these numbers."""
         pressure = self.actuator.with_lag(numbers.lag)
-        filling, venting = (_part_of_mean(left**pressure.steps, pressure) for left in (pressure.fill, pressure.vent))
+        filling, venting = (_within_step(left**pressure.steps, pressure) for left in (pressure.fill, pressure.vent))
         motion = MotionModel(self.mass, 1.0, numbers.offset_ma)
         load = Load(numbers.spring_ma_per_m, numbers.sliding_ma, self.viscous * numbers.viscous)
         up, down = (slide_of(motion, load, direction, self.step_s, 0.0) for direction in (1.0, -1.0))
@@ -92,16 +92,39 @@ class Plant:
 
 
 @dataclass(frozen=True, slots=True)
+class WithinStep:
+    """How the pressure changes within a step h: left: e^(-h/τ), 1 for a straight line.
+
+    part_of_mean: (mean - before)/(after - before).
+    """
+
+    left: float
+    part_of_mean: float
+
+    def rest_of(self, share: float) -> tuple[float, float]:
+        """Return the part of a step after this share of its change, and the part of the rest's change in its mean.
+
+        share: from 0 to below 1. By p(t) - before = change (1 - e^(-t/τ))/(1 - e^(-h/τ)).
+        """
+        if self.left >= 1.0:
+            return 1.0 - share, 0.5
+        if self.left <= 0.0:
+            return 1.0, 1.0
+        part = 1.0 - math.log(1.0 - share * (1.0 - self.left)) / math.log(self.left)
+        return part, _part_of_mean(self.left**part)
+
+
+@dataclass(frozen=True, slots=True)
 class Rollout:
-    """The motion of a valve, sample by sample; filling, venting: the part of a step's change in its mean."""
+    """The motion of a valve, sample by sample; filling, venting: the pressure within a step."""
 
     pressure: PressureModel
     steps: int
     numbers: Numbers
     up: Slide
     down: Slide
-    filling: float
-    venting: float
+    filling: WithinStep
+    venting: WithinStep
 
     def after(self, moving: Moving, current_ma: float) -> Moving:
         """Return the motion one sample later, if this current is commanded at its beginning."""
@@ -121,8 +144,8 @@ class Rollout:
     def _stepped(self, stem: StemState, before_ma: float, after_ma: float) -> StemState:
         """Return the stem after a step in which the pressure goes from one value to another."""
         numbers, x, v, direction = self.numbers, stem.position_m, stem.velocity_m_per_s, stem.direction
-        change_ma = after_ma - before_ma
-        mean_ma = before_ma + (self.filling if change_ma > 0.0 else self.venting) * change_ma
+        within = self.filling if after_ma > before_ma else self.venting
+        mean_ma = before_ma + within.part_of_mean * (after_ma - before_ma)
         if stem.stuck:
             balance_ma = numbers.balance_ma(x)
             push_ma = after_ma - balance_ma
@@ -132,8 +155,9 @@ class Rollout:
             held_ma = numbers.static_ma - direction * (before_ma - balance_ma)
             slide = self.up if direction > 0.0 else self.down
             if held_ma > 0.0:
-                part = 1.0 - held_ma / (direction * change_ma)
-                mean_ma = 0.5 * (balance_ma + direction * numbers.static_ma + after_ma)
+                at_ma = balance_ma + direction * numbers.static_ma
+                part, part_of_mean = within.rest_of(held_ma / (direction * (after_ma - before_ma)))
+                mean_ma = at_ma + part_of_mean * (after_ma - at_ma)
                 end = slide.model.step(x, 0.0, mean_ma, slide.load, direction, part * slide.period_s)
                 return StemState(end.x, end.v, end.stopped, direction)
         slide = self.up if direction > 0.0 else self.down
@@ -141,15 +165,17 @@ class Rollout:
         return StemState(x, v, direction * v <= 0.0, direction)
 
 
-def _part_of_mean(left: float, pressure: PressureModel) -> float:
-    """Return (mean - before)/(after - before) of e^(-t/τ) over a step that leaves e^(-h/τ): 1/(1 - e^(-h/τ)) - τ/h.
+def _within_step(left: float, pressure: PressureModel) -> WithinStep:
+    """Return how the pressure changes in a step that leaves `left`; in a line, where it follows no one exponential."""
+    is_exponential = pressure.converter == 0.0 and pressure.most_ma == 0.0
+    return WithinStep(left, _part_of_mean(left)) if is_exponential else WithinStep(1.0, 1.0 if left <= 0.0 else 0.5)
 
-    A half where the pressure does not follow one exponential.
-    """
+
+def _part_of_mean(left: float) -> float:
+    """Return (mean - before)/(after - before) of e^(-t/τ) over a time that leaves e^(-h/τ): 1/(1 - e^(-h/τ)) - τ/h."""
     if left <= 0.0:
         return 1.0
-    is_exponential = pressure.converter == 0.0 and pressure.most_ma == 0.0 and left < _NEARLY_ONE
-    return 1.0 / (1.0 - left) + 1.0 / math.log(left) if is_exponential else 0.5
+    return 1.0 / (1.0 - left) + 1.0 / math.log(left) if left < _NEARLY_ONE else 0.5
 
 
 def plant_of(valve: ValveParameters, period_s: float, delay_s: float) -> Plant:

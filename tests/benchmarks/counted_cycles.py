@@ -13,7 +13,7 @@ from positioner.cycle.step import step
 
 EMPTY = "nothing"
 """The label of what the counting itself takes."""
-_SETPOINTS, _DWELL_S, _SEED = 12, 0.04, 3
+_SETPOINTS, _DWELL_S, _SEED = 3, 0.6, 3
 
 
 def main() -> None:

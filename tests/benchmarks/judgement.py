@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-HELD = ("at rest", "in a move", "settling")
+HELD = ("at rest", "in a move")
 MOST = 0.05
 """The part by which an accepted count may change: ten times the difference between two runs."""
 

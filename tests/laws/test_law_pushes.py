@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -78,6 +79,21 @@ def test_a_stem_that_is_free_again_is_found_at_the_next_push() -> None:
     assert loop.position_m == pytest.approx(0.087, abs=1e-3)
     # a small correction may have failed since
     assert loop.state.control.memory.pushes.failed <= 2
+
+
+def test_nmpc_tries_a_jammed_stem_ever_more_seldom_and_finds_it_free_again() -> None:
+    loop = Loop("nmpc", plant=JAMMED, sample_period_s=0.005, setpoint_period_s=0.01)
+    loop.run(0.5, 0.08)
+    failed_s = [
+        0.1 * tenth for tenth in range(300) if any(isinstance(event, PushFailed) for event in loop.run(0.1, 0.087))
+    ]
+    assert 15 <= len(failed_s) <= 40
+    assert max(after - before for before, after in pairwise(failed_s)) > 2.0
+    free = Loop("nmpc", plant={"preset": "paper", "valve": {"initial_position_m": 0.08}})
+    loop.plant = free.plant
+    loop.device = replace(loop.device, plant=replace(free.device.plant, time_s=loop.device.plant.time_s))
+    loop.run(90.0, 0.087)
+    assert loop.position_m == pytest.approx(0.087, abs=1e-3)
 
 
 def test_a_breakaway_of_the_papers_law_fails_twenty_times_at_most() -> None:

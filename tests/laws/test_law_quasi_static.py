@@ -16,10 +16,10 @@ from positioner.config.reader import parse_config
 from positioner.cycle.events import LawFellBack, MoveBegan
 from positioner.laws.estimator_settings import EstimatorSettings
 from positioner.laws.law import Observation
-from positioner.laws.nmpc.converging import ConvergingLaw
 from positioner.laws.quasi_static.belief import Landing, ValveBelief, belief_of
+from positioner.laws.quasi_static.factory import quasi_static_law
 from positioner.laws.quasi_static.kept import lesson_of, taught
-from positioner.laws.quasi_static.law import QuasiStaticLaw, quasi_static_law
+from positioner.laws.quasi_static.law import QuasiStaticLaw
 from positioner.laws.quasi_static.memory import QuasiStaticMemory
 from positioner.laws.quasi_static.move import Currents, Limits, Stage, Stem, Step, boost_samples, is_worth_it, steps_to
 from positioner.laws.quasi_static.rest import NO_REST, Noise, Rest
@@ -85,12 +85,11 @@ def test_the_landings_that_a_table_has_kept_are_believed_again() -> None:
     assert taught(configured, StictionTable(), VALVE, 1e-5) == configured
 
 
-@pytest.mark.parametrize("valve", ["paper", "real-valve"])  # nmpc reads it behind a lag, or where samples are few
+@pytest.mark.parametrize("valve", ["paper", "real-valve"])
 def test_the_table_is_believed_from_its_time_on(valve: str) -> None:
     text = f'[valve]\nid = "v"\npreset = "{valve}"\n[control]\nsample_period_s = 0.01\ntable_from_s = 3.0\n'
     configuration = parse_config(text, "valve.toml", Path())
-    found = configuration.make_law()
-    law = found.quasi_static if isinstance(found, ConvergingLaw) else found
+    law = configuration.make_law()
     assert isinstance(law, QuasiStaticLaw)
     configured = belief_of(configuration.valve)
     landing = Landing(0.08, 1.0, configured.landing_ma(0.08, 1.0) + 0.4)

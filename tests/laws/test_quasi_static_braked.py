@@ -14,12 +14,15 @@ from positioner.bench.metrics import dwell_metrics
 from positioner.bench.scenario import Scenario
 from positioner.laws.estimator_settings import EstimatorSettings
 from positioner.laws.quasi_static.belief import Landing, belief_of
+from positioner.laws.quasi_static.factory import quasi_static_law
 from positioner.laws.quasi_static.kept import lesson_of, taught
-from positioner.laws.quasi_static.law import quasi_static_law
-from positioner.laws.quasi_static.move import Stage
-from positioner.laws.quasi_static.slip import SlipPlan, Task, numbers_of, over, shortest_m, slip_plan, steered, stop_of
+from positioner.laws.quasi_static.move import Limits, Stage
+from positioner.laws.quasi_static.programme import KNOTS, NEAR, StopPlanner
+from positioner.laws.quasi_static.slip import SlipPlan, numbers_of, over, shortest_m, slip_plan, steered
+from positioner.laws.quasi_static.stop import Task, stop_of
 from positioner.laws.quasi_static.study import Study, Way
 from positioner.laws.quasi_static.track import Doubt, Reading, Track
+from positioner.optimization.solver import QpSolver
 from positioner.values import replace
 from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
@@ -37,6 +40,7 @@ SPAN_M = ValveParameters(id="paper").span_m
 TRAVEL_M = (0.0, 0.1397)
 SETPOINTS_MM = (73.0, 87.0, 80.0, 73.5, 81.5, 83.0, 75.0, 85.5)
 LAGS_S = (0.005, 0.02, 0.1)
+LIMITS = Limits(4.0, 20.0, *TRAVEL_M)
 
 
 def valve_of(lag_s: float, **others: float) -> ValveParameters:
@@ -134,8 +138,9 @@ def steered_m(
     task = plan.task
     moving = Moving(task.pressure, StemState(0.07, 0.0, True, 1.0))
     track = Track(moving, Doubt(1e-9, 0.15), 1.0, 0.07, roams_ma2_per_m=roams_ma2_per_m)
+    planner, current_ma = StopPlanner(QpSolver(KNOTS, KNOTS), LIMITS, NEAR * SPAN_M), task.hold_ma
     while not (plan.is_braking and track.may_rest):
-        found = None if track.has_not_slid else steered(plan, track, sent)
+        found = None if track.has_not_slid else steered(plan, track, sent, current_ma, planner)
         if found is not None and not plan.is_braking:
             first_m = found.stop.position_m - task.target_m
         plan = found or plan
@@ -194,7 +199,9 @@ def test_innovations_of_a_slip_say_how_much_friction_changes_on_the_way(
     misfit: float, least: float, most: float
 ) -> None:
     before, _ = slipped(0.0, 0.0002, by_reading=True)
-    law = quasi_static_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, brakes=True)
+    law = quasi_static_law(
+        valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS)
+    )
     plan = before.move.slip
     assert law.braking is not None
     assert plan is not None
@@ -215,7 +222,9 @@ def slipped(
 
     planned_m: σ that misses before it have left. read: readings of a stem that moved.
     """
-    law = quasi_static_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, brakes=True)
+    law = quasi_static_law(
+        valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS)
+    )
     assert law.braking is not None
     plan = replace(plan_of(valve_of(0.1), task_of(valve_of(0.1), 0.07, 0.084)), by_reading=by_reading)
     begun = law.begin(0.07)
@@ -252,7 +261,9 @@ def test_a_braked_stem_that_ran_into_the_end_of_the_travel_has_missed(by_reading
 
 @pytest.mark.parametrize(("start_m", "failed"), [(TRAVEL_M[1] - 0.0003, 0), (TRAVEL_M[1] - 0.003, 1)])
 def test_a_braked_push_into_the_end_of_the_travel_is_not_in_vain(start_m: float, failed: int) -> None:
-    law = quasi_static_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, brakes=True)
+    law = quasi_static_law(
+        valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS)
+    )
     assert law.braking is not None
     plan, begun = plan_of(valve_of(0.1), task_of(valve_of(0.1), 0.07, 0.084)), law.begin(start_m)
     move = replace(begun.move, stage=Stage.SLIP, direction=1.0, target_m=TRAVEL_M[1], start_m2=1e-10, slip=plan)
@@ -266,7 +277,9 @@ def test_stops_by_reading_that_are_hit_are_trusted_step_by_step() -> None:
 
 
 def test_the_more_braked_stops_were_missed_the_less_a_track_relies_on_the_friction() -> None:
-    law = quasi_static_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, brakes=True)
+    law = quasi_static_law(
+        valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS)
+    )
     assert law.braking is not None
     plan, begun, doubts_ma = plan_of(valve_of(0.1), task_of(valve_of(0.1), 0.07, 0.073)), law.begin(0.07), []
     memory = replace(begun, pressure=law.model.at_rest(11.0))
@@ -317,7 +330,9 @@ def test_a_stem_that_may_have_stopped_is_boosted_no_longer(sigma_m_per_s: float,
 
 def sent_on(stem: StemState, doubt: Doubt, read: int, *, is_braking: bool) -> SlipPlan:
     """Return the plan after the next cycle of a move by reading, under a pressure that nearly frees the stem."""
-    law = quasi_static_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, brakes=True)
+    law = quasi_static_law(
+        valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS)
+    )
     assert law.braking is not None
     plan = replace(plan_of(valve_of(0.1), task_of(valve_of(0.1), 0.07, 0.084)), by_reading=True, is_braking=is_braking)
     numbers = plan.rollout.numbers
@@ -331,7 +346,9 @@ def sent_on(stem: StemState, doubt: Doubt, read: int, *, is_braking: bool) -> Sl
 
 
 def test_a_stop_is_not_steered_for_ever_where_noise_was_taken_for_a_slip() -> None:
-    law = quasi_static_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, brakes=True)
+    law = quasi_static_law(
+        valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS)
+    )
     assert law.braking is not None
     plan = replace(plan_of(valve_of(0.1), task_of(valve_of(0.1), 0.07, 0.084)), by_reading=True)
     memory = replace(law.begin(0.07), pressure=law.model.at_rest(11.0))
@@ -357,7 +374,7 @@ def test_a_planned_move_ends_at_its_target_through_a_dead_time_too(dead_s: float
     """Its brake begins while commands of the boost are on their way, before the stem moves."""
     valve = replace(valve_of(0.02), actuator=replace(valve_of(0.02).actuator, dead_time_s=dead_s))
     estimator = EstimatorSettings(noise_of_span=0.0005, noise_of_reading=0.0)
-    law = quasi_static_law(valve, estimator, (4.0, 20.0), PERIOD_S, 0.0, brakes=True)
+    law = quasi_static_law(valve, estimator, (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS))
     assert law.braking is not None
     plan = plan_of(valve, task_of(valve, 0.07, 0.07 + way_m))
     begun_ma, chance = plan.task.pressure.pressure_ma, np.random.default_rng(1)
@@ -531,7 +548,7 @@ def test_a_way_that_is_not_explained_well_makes_planned_stops_as_unsure(
     late_s: float, least_m: float, most_m: float
 ) -> None:
     estimator = EstimatorSettings(noise_of_span=0.0005, noise_of_reading=0.0)
-    law = quasi_static_law(valve_of(0.05), estimator, (4.0, 20.0), PERIOD_S, 0.0, brakes=True)
+    law = quasi_static_law(valve_of(0.05), estimator, (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS))
     assert law.braking is not None
     stem = EulerValve(valve_of(0.05), 0.06, theta_of(valve_of(0.05))[0] * 0.06)
     memory, before_ma = law.begin(0.06), stem.p
@@ -557,7 +574,12 @@ def test_how_much_friction_changes_from_move_to_move_is_learned(
     """Ways of a known valve whose sliding friction is another one in each move, or the same."""
     valve = valve_of(0.05)
     law = quasi_static_law(
-        valve, EstimatorSettings(noise_of_span=0.0005, noise_of_reading=0.0), (4.0, 20.0), PERIOD_S, 0.0, brakes=True
+        valve,
+        EstimatorSettings(noise_of_span=0.0005, noise_of_reading=0.0),
+        (4.0, 20.0),
+        PERIOD_S,
+        0.0,
+        solver=QpSolver(KNOTS, KNOTS),
     )
     assert law.braking is not None
     memory, spring = law.begin(0.06), theta_of(valve)[0]

@@ -6,10 +6,13 @@ import math
 import random
 
 import pytest
+from loop_helpers import Loop
 
 from positioner.laws.quasi_static.lag import Way
+from positioner.wire.messages import Cause, Health, HostRequest, Mode
 
 SPRING_MA_PER_M, STEP_S = 157.0, 1e-4
+LAGS = {"fill_time_constant_s": 0.1, "vent_time_constant_s": 0.1}
 
 
 def played(
@@ -55,3 +58,35 @@ def test_noise_of_the_readings_averages_out() -> None:
 
 def test_a_lag_is_at_most_as_long_as_the_move() -> None:
     assert Way(10.0, 5.0, SPRING_MA_PER_M, 0.04, 0.2).lag_s(1.0) == pytest.approx(0.2, rel=1e-6)
+
+
+@pytest.mark.parametrize("lag_s", [0.02, 0.1, 0.2])
+def test_behind_a_lag_that_nobody_has_told_moves_lead_to_the_setpoint(lag_s: float) -> None:
+    lags = {"fill_time_constant_s": lag_s, "vent_time_constant_s": lag_s}
+    loop, errors_pct = Loop("nmpc", plant={"preset": "paper", "actuator": lags}), list[float]()
+    for setpoint_m in (0.073, 0.087, 0.08, 0.076, 0.077, 0.09):
+        loop.run(4.0, setpoint_m)
+        errors_pct.append(100.0 * abs(loop.position_m - setpoint_m) / 0.127)
+    assert max(errors_pct) < 1.0
+    assert max(errors_pct[2:]) < 0.3
+    assert 0.5 * lag_s < loop.state.control.memory.more_lag_s < 2.0 * lag_s
+
+
+def test_a_valve_that_differs_from_its_configuration_is_out_of_specification() -> None:
+    loop = Loop("nmpc", plant={"preset": "paper", "actuator": LAGS})
+    loop.run(4.0, 0.073)
+    loop.run(4.0, 0.087)
+    guard = loop.state.guard
+    assert (guard.mode, guard.cause) == (Mode.ACTIVE, Cause.VALVE_DIFFERS)
+    assert guard.health(table_saved=True) is Health.OUT_OF_SPECIFICATION
+    loop.run(0.05, 0.087, HostRequest.DISARM)
+    assert not loop.state.differs
+
+
+def test_a_setpoint_out_of_reach_says_nothing_against_the_valve() -> None:
+    loop = Loop("nmpc")
+    loop.run(0.6, 0.08)
+    loop.run(3.0, 0.125)  # 20 mA open the valve to 99.9 mm
+    loop.run(0.5, 0.08)
+    assert not loop.state.differs
+    assert loop.position_m == pytest.approx(0.08, abs=7e-4)

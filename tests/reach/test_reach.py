@@ -79,7 +79,7 @@ def test_the_part_that_is_corrected_is_that_of_a_normal_distribution() -> None:
 def test_the_shortest_move_is_that_of_a_study_with_another_model(lag_s: float, expected_ms: float) -> None:
     # the study: 73 to 87 mm until the stem stops; here until it is within 1 % of span, which is 1.3 mm sooner
     found = durations(replace(case_of(lag_s), low_ma=4.0), 0.014)
-    assert 0.75 * expected_ms < found.shortest_s * 1e3 < 1.02 * expected_ms
+    assert 0.7 * expected_ms < found.shortest_s * 1e3 < 1.02 * expected_ms
     assert found.shortest_s <= found.law_s < found.shortest_s + 0.002
 
 

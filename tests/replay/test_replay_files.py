@@ -177,11 +177,11 @@ def test_a_wrong_configuration_ends_with_78(bench: tuple[Path, Path], tmp_path: 
 
 
 def taught(valve_id: str = "bench", cell_width_m: float = 0.005) -> StoredTable:
-    """Return a table with breakaway currents in it."""
+    """Return a table with landings in it."""
     stored = StoredTable(valve_id, StictionTable(cell_width_m=cell_width_m))
     for sample in range(40):
-        where_m, value = 0.070 + 0.005 * (sample % 4), 14.5 + 0.01 * sample
-        learned = LearnedSample(Quantity.BREAKAWAY_CURRENT, where_m, Direction.OPENING, value)
+        where_m, value = 0.070 + 0.005 * (sample % 4), 2e-3 + 1e-5 * sample
+        learned = LearnedSample(Quantity.LANDING_BIAS, where_m, Direction.OPENING, value)
         stored = stored.learned(learned, 1_700_000_000)
     return stored
 

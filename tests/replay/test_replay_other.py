@@ -73,7 +73,7 @@ def test_other_settings_are_asked_the_same_way(bench: tuple[Path, Path], capsys:
 
 
 def test_a_law_that_falls_back_is_reported_with_its_reasons(bench: tuple[Path, Path], capsys: Output) -> None:
-    assert ask(bench, "--law", "nmpc", "--set", "guard.current_high_ma=12") == 0
+    assert ask(bench, "--law", "nmpc-predictive", "--set", "guard.current_high_ma=12") == 0
     output = capsys.readouterr().out.splitlines()
     total = next(int(line.split()[1]) for line in output if line.startswith("fallbacks: "))
     reasons = [line for line in output if line.startswith("  ")]

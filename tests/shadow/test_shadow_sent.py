@@ -9,7 +9,6 @@ import pytest
 
 from positioner.config.reader import parse_config
 from positioner.laws.law import Observation
-from positioner.laws.quasi_static.move import Stage
 from positioner.shadow.sent import at_new_setpoint, with_sent
 from positioner.values import replace
 from positioner.valve.stiction import StictionTable
@@ -65,12 +64,3 @@ def test_a_move_that_was_not_made_is_given_up_with_what_was_learned() -> None:
     assert (given_up.more_lag_s, given_up.belief) == (0.02, memory.belief)
     assert at_new_setpoint(law, given_up, HERE_M) is given_up
     assert at_new_setpoint(law, memory, None) is memory
-
-
-def test_the_law_nmpc_is_told_through_its_quasi_static_part() -> None:
-    law = law_of("nmpc")
-    memory = law.begin(HERE_M)
-    within = replace(memory.quasi_static, sent_ma=15.0, move=replace(memory.quasi_static.move, stage=Stage.LAND))
-    memory = replace(memory, quasi_static=within)
-    assert with_sent(memory, 9.0).quasi_static.sent_ma == 9.0
-    assert at_new_setpoint(law, memory, HERE_M).quasi_static.move.stage is None

@@ -59,11 +59,30 @@ def test_whatever_the_filter_can_believe_of_a_valve_is_credible(
     assert high < max(forces_n) / VALVE.force_gain_n_per_ma + beyond_ma
 
 
-def test_a_landing_errs_by_no_more_than_the_friction_that_the_model_does_not_know() -> None:
-    # (1707.7 - 1423) N of 1.5 times, on 0.6 times 52538 N/m
-    assert LIMITS.landing_m == pytest.approx(13.55e-3, abs=1e-5)
-    flat = Limits(ValveParameters(id="flat", static_friction_n=1423.0))
-    assert flat.landing_m == pytest.approx(0.01 * VALVE.span_m)
+@given(
+    st.floats(VALVE.travel_min_m, VALVE.travel_max_m),
+    st.sampled_from(Direction),
+    st.floats(0.6, 1.5),
+    st.floats(0.6, 1.5),
+)
+def test_where_a_valve_stops_that_the_law_can_believe_is_credible(
+    x: float, direction: Direction, spring: float, friction: float
+) -> None:
+    rate, sliding_n = VALVE.spring_rate_n_per_m, VALVE.coulomb_friction_n
+    pressure_n = spring * (rate * x + VALVE.bench_set_n) + direction.sign * friction * sliding_n
+    bias_m = x - (pressure_n - VALVE.bench_set_n - direction.sign * sliding_n) / rate
+    index = StictionTable(WIDTH_M).index_of(x)
+    assert LIMITS.allows(LearnedSample(BIAS, index * WIDTH_M, direction, bias_m), WIDTH_M / 2.0)
+
+
+def test_a_landing_beyond_all_credible_valves_is_not_credible() -> None:
+    # at 80 mm: half of (52538 N/m 80 mm + 300 N), half of 1423 N of friction, and a rise of 1.5 (1707.7 - 1423) N
+    low, high = LIMITS.range_of(BIAS, 0.08, Direction.OPENING)
+    spring_n = 52538.0 * 0.08 + 300.0
+    assert low == pytest.approx(-(0.5 * spring_n + 0.5 * 1423.0 + 1.5 * 284.7) / 52538.0, rel=1e-4)
+    assert high == pytest.approx((0.4 * spring_n + 0.4 * 1423.0 + 1.5 * 284.7) / 52538.0, rel=1e-4)
+    free = Limits(ValveParameters(id="free", static_friction_n=0.0, coulomb_friction_n=0.0), least=1.0, most=1.0)
+    assert free.range_of(BIAS, 0.08, Direction.OPENING) == pytest.approx((-0.01 * VALVE.span_m, 0.01 * VALVE.span_m))
     assert not LIMITS.allows(LearnedSample(BIAS, 0.08, Direction.OPENING, -69.9e-3))
     assert LIMITS.allows(LearnedSample(BIAS, 0.08, Direction.OPENING, -13e-3))
 
@@ -152,19 +171,19 @@ def test_a_push_that_acts_late_teaches_no_landing_that_never_was(late: int) -> N
 
 @pytest.mark.parametrize(("aside_m", "kept"), [(0.0, True), (0.004, False), (-0.004, False)])
 def test_a_stop_that_is_not_at_the_planned_place_is_no_landing(aside_m: float, kept: bool) -> None:
-    loop = Loop("nmpc", plant={"sensor": {"noise_of_reading": 0.0005}})
+    loop = Loop("nmpc-predictive", plant={"sensor": {"noise_of_reading": 0.0005}})
     loop.run(0.5, 0.08)
     memory = loop.state.control.memory
-    while memory.predictive.monitor.landing is None:
+    while memory.monitor.landing is None:
         loop.run(0.001, 0.087)
         memory = loop.state.control.memory
-    monitor = memory.predictive.monitor
+    monitor = memory.monitor
     moved = replace(monitor, landing=replace(monitor.landing, aim_m=monitor.landing.aim_m + aside_m))
-    inner = replace(memory.predictive, monitor=moved)
-    loop.state = replace(loop.state, control=replace(loop.state.control, memory=replace(memory, predictive=inner)))
-    while loop.state.control.memory.predictive.motion is Motion.MOVE:
+    inner = replace(memory, monitor=moved)
+    loop.state = replace(loop.state, control=replace(loop.state.control, memory=inner))
+    while loop.state.control.memory.motion is Motion.MOVE:
         loop.run(0.001, 0.087)
-    assert (loop.state.control.memory.predictive.monitor.landing is not None) is kept
+    assert (loop.state.control.memory.monitor.landing is not None) is kept
 
 
 def test_what_physics_excludes_is_not_learned_but_reported() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from euler_valve import EulerValve
 
@@ -12,7 +13,7 @@ from positioner.values import replace
 from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.pressure import pressure_model
-from positioner.valve.rollout import Moving, Numbers, Rollout, plant_of
+from positioner.valve.rollout import Moving, Numbers, Rollout, WithinStep, plant_of
 from positioner.valve.state import StemState
 
 PAPER = ValveParameters(id="paper")
@@ -292,11 +293,39 @@ def test_the_mean_of_a_step_of_pressure_is_that_of_its_exponential(lag_s: float)
     rollout, parts = plant_of(valve, 1e-3, 0.0).rollout(numbers_of(PAPER)), 100_000
     left = [math.exp(-1e-3 * (part + 0.5) / parts / lag_s) for part in range(parts)]
     expected = (1.0 - sum(left) / parts) / (1.0 - math.exp(-1e-3 / lag_s))
-    assert rollout.filling == rollout.venting == pytest.approx(expected, abs=1e-6)
+    assert rollout.filling.part_of_mean == rollout.venting.part_of_mean == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize("of", [{"converter_time_constant_s": 0.01}, {"slew_ma_per_s": 50.0}])
 def test_the_mean_of_a_pressure_that_is_no_exponential_is_half_way(of: dict[str, float]) -> None:
     valve = valve_of(0.005, 0.005)
     rollout = plant_of(replace(valve, actuator=replace(valve.actuator, **of)), 1e-3, 0.0).rollout(numbers_of(PAPER))
-    assert rollout.filling == rollout.venting == 0.5
+    assert rollout.filling == rollout.venting == WithinStep(1.0, 0.5)
+    assert rollout.filling.rest_of(0.25) == (0.75, 0.5)
+
+
+@pytest.mark.parametrize("lag_s", [0.0002, 0.001, 0.005])
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.95])
+def test_the_rest_of_a_step_is_that_of_its_exponential(lag_s: float, share: float) -> None:
+    rollout, step_s = plant_of(valve_of(lag_s, lag_s), 1e-3, 0.0).rollout(numbers_of(PAPER)), 1e-3
+    part, part_of_mean = rollout.filling.rest_of(share)
+    end = 1.0 - math.exp(-step_s / lag_s)
+    begin_s = -lag_s * math.log(1.0 - share * end)
+    assert part == pytest.approx(1.0 - begin_s / step_s)
+    times_s = begin_s + (step_s - begin_s) * (np.arange(20_000) + 0.5) / 20_000
+    mean = float(np.mean((1.0 - np.exp(-times_s / lag_s)) / end))
+    assert part_of_mean == pytest.approx((mean - share) / (1.0 - share), rel=1e-4)
+
+
+def test_a_stem_that_a_short_lag_frees_goes_as_far_as_one_that_is_freed_at_once() -> None:
+    """A hundredth of a step of lag moves the end of a sample by no more than the sample is shorter by that."""
+    numbers, ends_m = numbers_of(PAPER), []
+    for lag_s in (0.0, 1e-5):
+        rollout = plant_of(valve_of(lag_s, lag_s), 1e-3, 0.0).rollout(numbers)
+        begun_ma = numbers.balance_ma(0.07)
+        ends_m.append(
+            ended(rollout, at_rest(rollout, 0.07, begun_ma), begun_ma + 1.02 * numbers.static_ma, 1).stem.position_m
+        )
+    gone_m = ends_m[0] - 0.07
+    assert gone_m > 1e-5
+    assert 0.9 * gone_m < ends_m[1] - 0.07 < gone_m

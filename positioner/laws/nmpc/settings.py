@@ -93,7 +93,7 @@ class VerificationSettings(SettingsTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NmpcSettings(SettingsTable):
-    """Settings of the predictive moves of the law `nmpc`.
+    """Settings of the law `nmpc-predictive`.
 
     tolerance_m: error that is not worth a correction, however certain it is.
     doubt_sigma: the law corrects an error once it exceeds the tolerance by so many σ of the average.

@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     from positioner.laws.quasi_static.judging import Judge
     from positioner.laws.quasi_static.memory import Move, QuasiStaticMemory
     from positioner.laws.quasi_static.move import Limits
-    from positioner.laws.quasi_static.slip import SlipPlan, Task
+    from positioner.laws.quasi_static.programme import StopPlanner
+    from positioner.laws.quasi_static.slip import SlipPlan
+    from positioner.laws.quasi_static.stop import Task
     from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Plant
     from positioner.valve.sensor import SensorLag
@@ -56,6 +58,12 @@ _LEAST_TIMES, _MOST_TIMES = 0.01, 100.0
 """Limits of what changes of friction may be over what is expected, as variances: a tenth and ten times."""
 _ENOUGH = 4
 """Readings of a slip that say how friction changes on the way; fewer are those at which it was first seen."""
+_PASSES = 3
+"""Until where a move begins no longer matters: each changes its way by a small part of the change before."""
+_SPARE_MA = 0.05
+"""Nearer than this to a limit of the current no move is braked."""
+_VISIBLE = 2.0
+"""A planned way of twice what says that the stem has moved would have been seen."""
 _SEEN = 10.0
 """Twice the σ of a reading, 5, that a stem must have moved to be seen."""
 _FARTHER, _FARTHEST = 1.1, 0.4
@@ -70,6 +78,8 @@ class Braking:
     limits: Limits
     plant: Plant
     sensor: SensorLag
+    planner: StopPlanner
+    step_ma: float = math.inf
 
     # -- before a move
 
@@ -91,30 +101,47 @@ class Braking:
 
     def knows_lag(self, memory: QuasiStaticMemory) -> bool:
         """Whether the whole way of a move has shown the lag."""
+        if self.judge.valve.actuator.slower_lag_s == 0.0:
+            return memory.is_lag_known and memory.more_lag_s == 0.0
         return memory.is_lag_known and memory.more_lag_s == 0.0 and memory.belief.lag_sigma < _LAG_KNOWN
 
     def prepared(self, memory: QuasiStaticMemory, setpoint_m: float) -> QuasiStaticMemory:
         """Return the memory with how far away a move to a setpoint must begin to be braked by its readings."""
-        braked, belief, from_m = memory.braked, memory.belief, 0.0
+        up_m = down_m = 0.0
         if memory.pressure is not None and self._may_read(memory):
-            rollout, rests = self.plant.rollout(numbers_of(belief.numbers.mean)), belief.balance_ma(setpoint_m)
-            task = self._task(belief, rollout.pressure.at_rest(rests), setpoint_m, setpoint_m + self.judge.valve.span_m)
-            if task is not None:
-                task = replace(task, hold_ma=self.limits.clipped(rests))
-                from_m = _FARTHER * shortest_m(rollout, task, self._seen_after(memory))
-        if from_m > _FARTHEST * self.judge.valve.span_m:
-            from_m = 0.0
-        return replace(memory, braked=replace(braked, from_m=from_m))
+            up_m, down_m = (self._begins_m(memory, setpoint_m, direction) for direction in (1.0, -1.0))
+        return replace(memory, braked=replace(memory.braked, from_m=(up_m, down_m)))
+
+    def _begins_m(self, memory: QuasiStaticMemory, setpoint_m: float, direction: float) -> float:
+        """Return how far away a move in a direction must begin to be braked by its readings, 0 where it cannot.
+
+        That depends on where it begins: near the end of the travel the pressure rises less. So it is found in passes.
+        """
+        belief, seen, span_m = memory.belief, self._seen_after(memory), self.judge.valve.span_m
+        rollout, way_m = self.plant.rollout(numbers_of(belief.numbers.mean)), 0.0
+        for _ in range(_PASSES):
+            start_m = setpoint_m - direction * way_m
+            rests_ma = belief.balance_ma(start_m)
+            pressure = rollout.pressure.at_rest(rests_ma)
+            task = self._task(belief, pressure, start_m, setpoint_m + direction * span_m, rests_ma)
+            hold_ma = self.limits.clipped(belief.balance_ma(setpoint_m))
+            way_m = shortest_m(rollout, replace(task, hold_ma=hold_ma), seen)
+            if _FARTHER * way_m > _FARTHEST * span_m:
+                return 0.0
+        return _FARTHER * way_m
 
     def plan(self, memory: QuasiStaticMemory, setpoint_m: float) -> tuple[SlipPlan, float] | None:
-        """Return the braked move to a setpoint and σ of its stop in m, None where there is none that is sure."""
+        """Return the braked move to a setpoint and σ of its stop in m, None where there is none that is sure.
+
+        After a push in vain there is none: a quasi-static one says how strong a push the stem needs.
+        """
         pressure, belief, start_m = memory.pressure, memory.belief, self.judge.stem_m(memory)
-        if pressure is None or memory.more_lag_s != 0.0 or start_m == setpoint_m:
+        if pressure is None or memory.more_lag_s != 0.0 or memory.failed > 0 or start_m == setpoint_m:
             return None
         pressure = self.plant.actuator.with_lag(belief.lag).from_longer(pressure, self.plant.steps)
-        task = self._task(belief, pressure, start_m, setpoint_m)
-        if task is None:
-            return None
+        task = self._task(belief, pressure, start_m, setpoint_m, memory.sent_ma)
+        if self.limits.excess_ma(belief.landing_ma(setpoint_m, task.direction) + _SPARE_MA * task.direction) > 0.0:
+            return None  # only a current at its limit shows whether the stem comes so far
         span_m, theta = self.judge.valve.span_m, belief.numbers.mean
         found = slip_plan(self.plant, theta, belief.local_ma(setpoint_m, task.direction), task, _CLOSE * span_m)
         if found is None:
@@ -127,10 +154,12 @@ class Braking:
                 return replace(found, by_reading=True), read_m
         return (found, sigma_m) if sigma_m <= _SURE * span_m else None
 
-    def _task(self, belief: ValveBelief, pressure: PressureState, start_m: float, target_m: float) -> Task | None:
-        """Return the task of a move, None where the pressure does not lag."""
+    def _task(
+        self, belief: ValveBelief, pressure: PressureState, start_m: float, target_m: float, before_ma: float
+    ) -> Task:
+        """Return the task of a move."""
         actuator, period_s = self.judge.valve.actuator, self.judge.period_s
-        return task_of(belief, actuator, self.limits, pressure, start_m, target_m, period_s)
+        return task_of(belief, actuator, self.limits, pressure, start_m, target_m, period_s, before_ma, self.step_ma)
 
     def _may_read(self, memory: QuasiStaticMemory) -> bool:
         """Whether readings have said well when to brake."""
@@ -208,9 +237,10 @@ class Braking:
             if since >= plan.ends or (plan.is_braking and track.may_rest):
                 found = over(plan, track.moving)
             elif not track.has_not_slid:
-                found = steered(plan, track, since)
+                found = steered(plan, track, since, memory.sent_ma, self.planner)
             elif plan.by_reading:
-                found = steered(plan, track, since) if since >= plan.latest else None
+                if since >= plan.latest:
+                    found = steered(plan, track, since, memory.sent_ma, self.planner)
             elif since >= plan.boosted:
                 found = replace(plan, currents=plan.currents[plan.boosted :], is_braking=True, is_over=True)
             if found is None:
@@ -267,7 +297,9 @@ class Braking:
                 return memory
             braked = memory.braked.missed(move.target_m - move.start_m, by_reading=plan.by_reading)
             memory = replace(memory, failed=memory.failed + 1, braked=braked)
-            if abs(moved_m) < self.judge.least_m(sigma_m) and (track is None or track.has_not_slid):
+            has_not_slid = track is None or track.has_not_slid
+            would_show = abs(move.target_m - move.start_m) > _VISIBLE * self.judge.least_m(sigma_m)
+            if abs(moved_m) < self.judge.least_m(sigma_m) and has_not_slid and would_show:
                 return memory.held(belief.held(position_m, move.direction, plan.stop.peak_ma))
             return memory
         memory = replace(memory, failed=0)

@@ -1,6 +1,4 @@
-"""The law `quasi-static`: moves that end where spring and sliding friction balance the pressure. Pure.
-
-In each cycle:
+"""The laws `quasi-static` and `nmpc`: moves that end where spring and sliding friction balance the pressure. Pure.
 
     estimate    the pressure follows the commands by the model; once it has arrived and the stem has had the time to
                 follow, the readings are a rest, and their mean is the position
@@ -13,7 +11,8 @@ learned of the valve is learned at rest (`belief`). A lag that was seen to be no
 through: the current stays at its limit until seven tenths of the way are done. With braked moves the first ones are
 hurried, too, once the stem was seen to stand still under the level: a pressure that is there at once is not.
 
-A correction is made where it is worth while (`move.is_worth_it`). After seven moves to one setpoint the stem is left.
+A correction is made where it is worth while (`move.is_worth_it`). After seven moves to one setpoint the stem is left,
+and tried again each second, and at last every 60 s. In the law `nmpc` moves are braked where they can be (`braking`).
 """
 
 from __future__ import annotations
@@ -22,20 +21,20 @@ import math
 from typing import TYPE_CHECKING
 
 from positioner.laws.bounds import Bounds
+from positioner.laws.correction import LEFT
 from positioner.laws.law import Decision, Estimate
 from positioner.laws.quasi_static.belief import Landing, belief_of
-from positioner.laws.quasi_static.braking import Braking
 from positioner.laws.quasi_static.judging import CERTAIN, LAND_BLOCKS, LAND_S, OF_READING, Judge
 from positioner.laws.quasi_static.kept import lesson_of, taught
 from positioner.laws.quasi_static.lag import MORE_PATIENCE_S, PATIENCE_S, more_lag_s, way_of
 from positioner.laws.quasi_static.landing import landing_of
 from positioner.laws.quasi_static.memory import Move, QuasiStaticMemory
 from positioner.laws.quasi_static.move import (
+    LARGE,
     LEFT_OF_STEP,
     Currents,
     Limits,
     Stage,
-    Stem,
     Step,
     boost_samples,
     can_follow,
@@ -43,21 +42,20 @@ from positioner.laws.quasi_static.move import (
     margin_m,
     steps_to,
     tolerance_m,
+    waits_s,
 )
 from positioner.laws.quasi_static.rest import NO_REST, Noise
 from positioner.values import dataclass, replace
 from positioner.valve.actuator import left_of_lag
-from positioner.valve.pressure import PressureModel, pressure_model
-from positioner.valve.rollout import plant_of
-from positioner.valve.sensor import sensor_lag
 from positioner.valve.state import StemState
 from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
-    from positioner.laws.estimator_settings import EstimatorSettings
     from positioner.laws.law import Observation
     from positioner.laws.move_reason import MoveReason
+    from positioner.laws.quasi_static.braking import Braking
     from positioner.valve.parameters import ValveParameters
+    from positioner.valve.pressure import PressureModel
     from positioner.valve.stiction import StictionTable
 
 _NEW_TOLERANCE = 0.0007
@@ -77,6 +75,8 @@ _FREED = 0.5
 is alike from reading to reading moves a rest by less, and would be taken for a force of several mA."""
 _LAG_SAMPLES, _SHORTER = 4.0, 0.8
 """A lag of fewer samples is not hurried, nor one of which less than 80 % is seen."""
+_AT_LIMIT_MA = 0.2
+"""So near to its limit a level pushes the stem as far as any."""
 _SMOOTHING = 0.35
 """Weight of the newest reading in the smoothed one."""
 _TRACKING = 0.3
@@ -100,6 +100,7 @@ class QuasiStaticLaw:
     keeps: bool = True
     braking: Braking | None = None
     table_from_s: float = 0.0
+    rate_ma_per_s: float = math.inf
 
     @property
     def valve(self) -> ValveParameters:
@@ -189,6 +190,8 @@ class QuasiStaticLaw:
             if memory.settled_s:
                 memory, reason = self._next(self._learned(memory, setpoint_m), setpoint_m)
         move, current_ma = self._sent(memory)
+        step_ma, sent_ma = self.rate_ma_per_s * self.judge.period_s, memory.sent_ma
+        current_ma = min(max(current_ma, sent_ma - step_ma), sent_ma + step_ma)
         bounds = Bounds(-math.inf, math.inf, self.limits.low_ma, self.limits.high_ma)
         motion = Motion.REST if move.stage is None else Motion.MOVE
         memory = replace(memory, move=move, sent_ma=current_ma)
@@ -237,12 +240,16 @@ class QuasiStaticLaw:
         return self._begun(replace(memory, pending=tuple(later)), step)
 
     def _left(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
-        """Return the memory of a stem that stays where it has landed: the pressure goes to the middle of its band."""
+        """Return the memory of a stem that stays: the pressure goes to the middle of its band, or stays at a limit."""
         move, noise = memory.move, memory.noise.after(memory.rest)
         if move.stage is Stage.SLIP:  # it is there
             return replace(memory, move=replace(move, stage=None))
-        middle_ma = move.level_ma - move.direction * memory.belief.sliding_ma
-        move = self._commanded(memory, Stage.RETURN, move.direction, move.target_m, middle_ma)
+        setpoint_m, ends_ma = memory.setpoint_m or 0.0, (self.limits.low_ma, self.limits.high_ma)
+        beyond_m = abs(setpoint_m - memory.belief.reachable_m(setpoint_m, *ends_ma))
+        stays = min(abs(move.level_ma - end_ma) for end_ma in ends_ma) < _AT_LIMIT_MA
+        stays = stays and beyond_m > LARGE * self.valve.span_m
+        rests_ma = move.level_ma - (0.0 if stays else move.direction * memory.belief.sliding_ma)
+        move = self._commanded(memory, Stage.RETURN, move.direction, move.target_m, rests_ma)
         return replace(memory, noise=noise, move=move, rest=NO_REST, settled_s=0.0)
 
     def _considered(self, memory: QuasiStaticMemory, setpoint_m: float) -> tuple[QuasiStaticMemory, MoveReason | None]:
@@ -253,27 +260,28 @@ class QuasiStaticLaw:
                 return memory, None
             memory = replace(memory, carried=None) if is_brief else self._carried(memory, *memory.carried)
         error_m = abs(setpoint_m - self.judge.stem_m(memory))
-        if memory.is_new:
-            if error_m < _NEW_TOLERANCE * self.valve.span_m:
-                return replace(memory, is_new=False), None
-        else:
-            if memory.rest.readings < 2 or not self._is_worth_it(memory, setpoint_m):  # noqa: PLR2004 - a mean
-                return memory, None
-            if error_m < _HASTY * math.sqrt(memory.position_m2) and memory.rest.duration_s < _LONG_S:
-                return memory, None
-        if memory.tries > _MOST_MOVES:
+        if memory.is_new and error_m < _NEW_TOLERANCE * self.valve.span_m:
+            return replace(memory, is_new=False), None
+        if not memory.is_new and (memory.rest.readings < 2 or not self._is_worth_it(memory, setpoint_m)):  # noqa: PLR2004
             return memory, None
+        sigma_m = math.sqrt(memory.position_m2) if memory.rest.readings else self.judge.noise_m(memory)
+        if memory.move.stage is None and error_m < _HASTY * sigma_m and memory.rest.duration_s < _LONG_S:
+            return memory, None
+        if memory.tries > _MOST_MOVES:  # it was left
+            is_due = memory.rest.duration_s > waits_s(memory.tries - _MOST_MOVES)
+            if not (is_due and error_m > LEFT * self.valve.span_m):
+                return memory, None
         return self._planned(memory, setpoint_m)
 
     def _is_worth_it(self, memory: QuasiStaticMemory, setpoint_m: float) -> bool:
         """Whether an error is seen, and a correction of it is worth while."""
-        stem_m, span_m, tries = self.judge.stem_m(memory), self.valve.span_m, memory.tries
+        stem_m, span_m, tries = self.judge.stem_m(memory), self.valve.span_m, min(memory.tries, _MOST_MOVES + 1)
         if self.braking is not None and self.braking.is_worth_it(memory, setpoint_m):
             return True
         if abs(setpoint_m - stem_m) <= max(tolerance_m(span_m, tries), CERTAIN * math.sqrt(memory.position_m2)):
             return False
         steps = self._steps_to(memory, setpoint_m)
-        read_m = memory.braked.read_m
+        read_m = memory.braked.read_m(steps[-1].direction)
         return is_worth_it(memory.belief, steps, stem_m, setpoint_m, span_m, memory.lasts_s, tries, read_m)
 
     def _steps_to(self, memory: QuasiStaticMemory, setpoint_m: float) -> tuple[Step, ...]:
@@ -290,7 +298,9 @@ class QuasiStaticLaw:
         """Return the memory with what a move shows of the lag; not settled where the pressure is still on its way."""
         move, belief = memory.move, memory.belief
         knows_lag = self.braking is not None and self.braking.knows_lag(memory)
-        if move.stage is Stage.RETURN or move.is_hurried or knows_lag:
+        is_jammed = memory.failed > 2 * _CHANCE
+        says_nothing = (move.is_hurried or knows_lag) and not is_jammed
+        if move.stage is Stage.RETURN or says_nothing:
             return replace(memory, hurries=False) if self.judge.is_beyond(memory) else memory
         direction = 1.0 if move.level_ma > move.from_ma else -1.0
         step_ma, spring = direction * (move.level_ma - move.from_ma), belief.spring_ma_per_m
@@ -299,9 +309,11 @@ class QuasiStaticLaw:
         sigma_m = math.sqrt(memory.position_m2 + move.start_m2)
         if moved_m < self.judge.least_m(sigma_m):
             freed = direction * (move.level_ma - belief.balance_ma(move.start_m)) > belief.static_ma
-            patience_s = PATIENCE_S if memory.unpushed is None else MORE_PATIENCE_S
-            waits = freed and not memory.is_lag_known and move.since_s < patience_s
+            patience_s = MORE_PATIENCE_S if memory.unpushed or is_jammed else PATIENCE_S
+            waits = (is_jammed or (freed and not memory.is_lag_known)) and move.since_s < patience_s
             return replace(memory, rest=NO_REST, settled_s=0.0) if waits else memory
+        if move.is_hurried or knows_lag:
+            return memory
         free_ma = direction * (belief.balance_ma(move.start_m) - move.from_ma) + belief.static_ma
         way = way_of(step_ma, free_ma, spring, moved_m, move.since_s)
         area_m_s = moved_m * move.since_s - direction * move.area_m_s
@@ -317,9 +329,8 @@ class QuasiStaticLaw:
             return replace(memory, unpushed=None)
         behind_ma = move.level_ma - direction * way.after_ma(told_s + more_s)
         memory = memory.behind(more_s, behind_ma)
-        if abs(behind_ma - move.level_ma) <= self.judge.near_ma(memory):
-            return memory
-        return replace(memory, rest=NO_REST, settled_s=0.0)
+        arrived = abs(behind_ma - move.level_ma) <= self.judge.near_ma(memory)
+        return memory if arrived else replace(memory, rest=NO_REST, settled_s=0.0)
 
     def _learned(self, memory: QuasiStaticMemory, setpoint_m: float) -> QuasiStaticMemory:
         """Return the memory with what a move teaches."""
@@ -458,30 +469,3 @@ class QuasiStaticLaw:
         whole_ma, step_ma = boost_ma - from_ma, move.level_ma - from_ma
         samples = boost_samples(lag_s, self.judge.period_s, whole_ma, step_ma, LEFT_OF_STEP[move.stage])
         return replace(move, boost_ma=boost_ma, boosted=samples, is_hurried=samples > 0)
-
-
-def quasi_static_law(
-    valve: ValveParameters,
-    estimator: EstimatorSettings,
-    currents_ma: tuple[float, float],
-    period_s: float,
-    delay_s: float,
-    *,
-    brakes: bool = False,
-) -> QuasiStaticLaw:
-    """Return the law of a valve.
-
-    Args:
-        valve: as configured.
-        estimator: the configured noise of its sensor.
-        currents_ma: the lowest and the highest current.
-        period_s: of the readings.
-        delay_s: from a reading until its command acts.
-        brakes: whether braked moves are made behind a lag.
-    """
-    plant, limits = plant_of(valve, period_s, delay_s), Limits(*currents_ma, valve.travel_min_m, valve.travel_max_m)
-    stem = Stem(plant.mass, plant.viscous, plant.step_s, plant.steps)
-    judge, model = Judge(valve, estimator, stem, period_s), pressure_model(valve.actuator, period_s, delay_s)
-    sensor = sensor_lag(valve.sensor_time_constant_s, period_s)
-    braking = Braking(judge, limits, plant, sensor) if brakes else None
-    return QuasiStaticLaw("quasi-static", judge, limits, model, braking=braking)

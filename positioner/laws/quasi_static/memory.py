@@ -61,24 +61,23 @@ class Braked:
     """What braked moves carry.
 
     planned_m2, reading_m2: variance of stops that are planned, and of those that are braked by reading. from_m: how far
-    away from the setpoint the latter begin. changes, roams: variance by which forces and friction change from move to
-    move, and friction on the way, over what is expected; left_part: of the rollout's variance, what is left of ways, at
-    first a tenth of its σ. way: of the move; track: of a braked one.
+    away from the setpoint the latter begin, upwards and downwards; 0 where none is made. changes, roams: variance by
+    which forces and friction change from move to move, and friction on the way, over what is expected; left_part: of
+    the rollout's variance, what is left of ways, at first a tenth of its σ. way: of the move; track: of a braked one.
     """
 
     planned_m2: float = 0.0
     reading_m2: float = 0.0
-    from_m: float = 0.0
+    from_m: tuple[float, float] = (0.0, 0.0)
     changes: float = 1.0
     roams: float = 1.0
     left_part: float = 0.01
     way: Way | None = None
     track: Track | None = None
 
-    @property
-    def read_m(self) -> float:
-        """σ of a stop that is braked by reading at the end of a way, infinite where none is."""
-        return math.sqrt(self.reading_m2) if self.from_m > 0.0 else math.inf
+    def read_m(self, direction: float) -> float:
+        """Return σ of a stop that is braked by reading at the end of a way in a direction, infinite where none is."""
+        return math.sqrt(self.reading_m2) if self.from_m[direction < 0.0] > 0.0 else math.inf
 
     def missed(self, missed_m: float, *, by_reading: bool) -> Braked:
         """Return this after a stop that was so far from its place that nothing else is to be learned of it."""

@@ -48,6 +48,9 @@ LARGE, _WORTH_LARGE, _WORTH_SMALL = 0.005, 1.2, 2.0
 smaller in three of four cases, and teaches what is not known of the valve), a smaller one where it exceeds 2 σ of the
 landing of the correction (then it is halved on average). σ of stops that are braked by reading is measured on such
 stops alone, so 1.2 of it are enough for any error."""
+_LONGEST_WAIT_S, _SOON = 60.0, 8
+"""More pushes of a stem that is jammed only wear the actuator; one in a minute finds it free again. Before that it is
+tried eight times after a second each, so that twenty pushes in vain are soon made, of which the guard tells."""
 _ALL = 0.999
 """Of the way to a limit: e⁻⁷, so at most seven lags are hurried through."""
 _LONGEST = 400
@@ -119,18 +122,24 @@ class Limits:
 
 
 def steps_to(
-    belief: ValveBelief, limits: Limits, position_m: float, setpoint_m: float, through: float, from_m: float = 0.0
+    belief: ValveBelief,
+    limits: Limits,
+    position_m: float,
+    setpoint_m: float,
+    through: float,
+    from_m: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Step, ...]:
     """Return the moves of the shortest way to a setpoint that the currents allow, with what a miss would add to it.
 
-    through: the slip jumps from which on a stem slides through. from_m: how far away the last move begins at least.
+    through: the slip jumps from which on a stem slides through. from_m: how far away the last move begins at
+    least, upwards and downwards.
     """
     best: tuple[Step, ...] = ()
     steps: tuple[Step, ...]
     least = math.inf
     jump_m, doubt_m, missed_m = belief.jump_m, belief.jump_doubt_m, _MISSED * (limits.high_m - limits.low_m)
-    begins_m = max((through + _AWAY) * jump_m + doubt_m + _MORE_M, from_m)
-    for direction in (1.0, -1.0):
+    for direction, least_m in zip((1.0, -1.0), from_m, strict=True):
+        begins_m = max((through + _AWAY) * jump_m + doubt_m + _MORE_M, least_m)
         land = Step(Stage.LAND, setpoint_m, direction)
         excess = _BEYOND * limits.excess_ma(belief.landing_ma(setpoint_m, direction))
         distance_m = direction * (setpoint_m - position_m)
@@ -182,6 +191,11 @@ def is_worth_it(
 def tolerance_m(span_m: float, tries: int) -> float:
     """Return an error that is left after so many ways to a setpoint."""
     return _TOLERANCE * span_m * (1.0 + _LOOSER * tries)
+
+
+def waits_s(number: int) -> float:
+    """Return for how long a stem that was left rests before it is tried for the nth time, from 1: 1 s, at last 60 s."""
+    return min(math.ldexp(1.0, min(max(number - _SOON, 0), 6)), _LONGEST_WAIT_S)
 
 
 def can_follow(belief: ValveBelief, position_m: float, step: Step, through: float) -> bool:

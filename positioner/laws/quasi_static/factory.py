@@ -1,0 +1,52 @@
+"""Makes the law of a valve. Pure, but for the solver passed in."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from positioner.laws.quasi_static.braking import Braking
+from positioner.laws.quasi_static.judging import Judge
+from positioner.laws.quasi_static.law import QuasiStaticLaw
+from positioner.laws.quasi_static.move import Limits, Stem
+from positioner.laws.quasi_static.programme import NEAR, StopPlanner
+from positioner.valve.pressure import pressure_model
+from positioner.valve.rollout import plant_of
+from positioner.valve.sensor import sensor_lag
+
+if TYPE_CHECKING:
+    from positioner.laws.estimator_settings import EstimatorSettings
+    from positioner.optimization.qp import Solver
+    from positioner.valve.parameters import ValveParameters
+
+
+def quasi_static_law(
+    valve: ValveParameters,
+    estimator: EstimatorSettings,
+    currents_ma: tuple[float, float],
+    period_s: float,
+    delay_s: float,
+    *,
+    solver: Solver | None = None,
+    rate_ma_per_s: float = math.inf,
+) -> QuasiStaticLaw:
+    """Return the law of a valve.
+
+    Args:
+        valve: as configured.
+        estimator: the configured noise of its sensor.
+        currents_ma: the lowest and the highest current.
+        period_s: of the readings.
+        delay_s: from a reading until its command acts.
+        solver: of the braked moves behind a lag; None where none are made.
+        rate_ma_per_s: the largest rate of the current.
+    """
+    plant, limits = plant_of(valve, period_s, delay_s), Limits(*currents_ma, valve.travel_min_m, valve.travel_max_m)
+    stem = Stem(plant.mass, plant.viscous, plant.step_s, plant.steps)
+    judge, model = Judge(valve, estimator, stem, period_s), pressure_model(valve.actuator, period_s, delay_s)
+    sensor = sensor_lag(valve.sensor_time_constant_s, period_s)
+    braking = None
+    if solver is not None:
+        planner = StopPlanner(solver, limits, NEAR * valve.span_m)
+        braking = Braking(judge, limits, plant, sensor, planner, rate_ma_per_s * period_s)
+    return QuasiStaticLaw("quasi-static", judge, limits, model, braking=braking, rate_ma_per_s=rate_ma_per_s)

@@ -84,7 +84,10 @@ def picture_data(
     every = windows(trend.position_m, trend.span_m, recording.period_s)
     shown = telling(every, trend.span_m, MOST_MOVES)
     slides, estimate = columns["stuck"] == 0.0, (columns["position_m"], columns["velocity_m_per_s"])
-    begins, predicted = Begins.of(slides, np.array([row["reason"] != "" for row in rows])), []
+    moves = np.zeros(len(time_s), dtype=bool)
+    begun_s = cycle_s[[row["reason"] != "" for row in rows]]
+    moves[np.searchsorted(time_s[:-1], begun_s - _TOLERANCE)] = True
+    begins, predicted = Begins.of(slides, moves), []
     for window in shown:
         known = believed(configuration, _table_at(table, samples, float(time_s[window.begin])))
         path_m = known.path_m(estimate, begins, trend.current_ma, window.first, window.last)
@@ -94,14 +97,14 @@ def picture_data(
         for begun_s, row in zip(cycle_s, rows, strict=True)
         if (current_ma := current_in(row["reason"])) is not None and (source := source_in(row["reason"])) is not None
     ]
-    moves = MovesData(
+    shown_moves = MovesData(
         trend=trend,
         shown=shown,
         count=len(every),
         predicted=tuple(predicted),
         breakaways=tuple(breakaways),
     )
-    return trend, moves
+    return trend, shown_moves
 
 
 def _table_at(

@@ -100,10 +100,12 @@ def test_a_move_lands_where_the_stem_was_when_the_next_one_began(
     folder, _, law = played
     explain(folder, "--json")
     moves = json.loads(capsys.readouterr().out)["moves"]
-    for move, after in pairwise(moves):
-        assert move["landed_m"] == pytest.approx(after["origin_m"], abs=2e-3)
+    rested = [(move["landed_m"], after["origin_m"]) for move, after in pairwise(moves) if move["landed_m"] is not None]
+    for landed_m, origin_m in rested:
+        assert landed_m == pytest.approx(origin_m, abs=2e-3)
     if law == "nmpc":
-        assert min(abs(move["landed_m"] - 0.087) for move in moves) < 0.5e-3
+        assert len(rested) >= 4  # a move away goes on at once
+        assert min(abs(landed_m - 0.087) for landed_m, _ in rested) < 0.5e-3
 
 
 def test_the_command_at_an_instant_is_told_in_words(played: tuple[Path, list[Any], str], capsys: Output) -> None:
@@ -136,19 +138,17 @@ def test_the_table_of_moves_names_every_one_and_counts_all_commands(
 
 
 def test_what_is_believed_of_a_valve_that_differs_is_told_with_its_doubt(tmp_path: Path, capsys: Output) -> None:
-    """The valve behind a lag that is not configured: quasi-static moves take over, and measure it."""
+    """The valve behind a lag that is not configured, which its moves measure."""
     lag = {"fill_time_constant_s": 0.05, "vent_time_constant_s": 0.05}
     scenario = replace(runs.scenario("nmpc", seconds=3.0), plant={"preset": "paper", "actuator": lag})
     run_in_process(scenario).recording.write_log(tmp_path / "bus.log")
     (tmp_path / "valve.toml").write_text(runs.text_of(scenario), encoding="utf-8")
     assert explain(tmp_path, "--json") == 0
     moves = json.loads(capsys.readouterr().out)["moves"]
-    assert moves[0]["reason"]["believed"] is None  # a predictive move takes the valve for the configured one
-    believed = moves[-1]["reason"]["believed"]
+    first, believed = moves[0]["reason"]["believed"], moves[-1]["reason"]["believed"]
     for name, true in (("spring_n_per_m", 52538.0), ("offset_n", 0.0), ("static_n", 1707.7), ("coulomb_n", 1423.0)):
         mean, sigma = believed[name]
         assert abs(mean - true) < 3.0 * sigma
-    first = next(move["reason"]["believed"] for move in moves if move["reason"]["believed"])
     assert 0.0 < believed["ends_m"] < 0.5 * first["ends_m"]
     assert explain(tmp_path, "--at", "8.9") == 0
     told = capsys.readouterr().out

@@ -769,7 +769,7 @@ def test_backlash_that_is_taken_up_is_no_motion() -> None:
         memory, more = standing(law, memory, 0.08, setpoint_m, 2.0)
         moves += more
     assert 6 < moves < 12  # each waits longer than the one before, for a lag that nobody has told
-    assert memory.failed > 6  # none of them has moved the stem
+    assert memory.failed > 4  # none of them has moved the stem
 
 
 @pytest.mark.parametrize(

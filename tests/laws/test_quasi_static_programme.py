@@ -137,7 +137,9 @@ def test_a_stop_that_currents_can_reach_is_placed_at_its_target(
     )
     # a target between the stops of a brake that comes now and of one that comes a sample later
     task = replace(task, target_m=0.6 * braked_m + 0.4 * boosted_m)
-    currents, stop = planner_within().placed(rollout, task, moving, task.currents(0.4 * period_s))
+    currents, stop, solved = planner_within().placed(rollout, task, moving, task.currents(0.4 * period_s))
+    near = abs(stop_of(rollout, task, task.currents(0.4 * period_s), moving).position_m - task.target_m) < NEAR * SPAN_M
+    assert solved == (not near)
     assert abs(boosted_m - braked_m) > NEAR * SPAN_M
     assert abs(stop.position_m - task.target_m) < NEAR * SPAN_M
     assert stop == stop_of(rollout, task, currents, moving)
@@ -155,7 +157,7 @@ def test_the_stem_of_another_integrator_stops_there_too() -> None:
         moving = rollout.after(moving, 20.0)
     task = replace(task, pressure=moving.pressure)
     task = replace(task, target_m=stop_of(rollout, task, task.currents(0.0), moving).position_m + 0.001)
-    currents, _ = planner_within().placed(rollout, task, moving, task.currents(0.0))
+    currents, _, _ = planner_within().placed(rollout, task, moving, task.currents(0.0))
     assert plant.play(currents, task.hold_ma) == pytest.approx(task.target_m, abs=0.001 * SPAN_M)
 
 
@@ -166,7 +168,7 @@ def test_no_current_changes_faster_than_its_rate(rate_ma_per_s: float, way_m: fl
     rollout, task, moving = begun(valve_of(0.05), 1e-3, way_m, step_ma)
     braked = stop_of(rollout, task, task.currents(0.0), moving)
     task = replace(task, target_m=braked.position_m + task.direction * 0.0005)
-    currents, stop = planner_within().placed(rollout, task, moving, task.currents(0.0))
+    currents, stop, _ = planner_within().placed(rollout, task, moving, task.currents(0.0))
     assert abs(stop.position_m - task.target_m) < NEAR * SPAN_M
     assert stop.is_held
     changes = [after - before for before, after in pairwise((task.before_ma, *currents))]
@@ -178,6 +180,30 @@ def test_where_no_current_reaches_the_target_the_stop_is_the_nearest() -> None:
     rollout, task, moving = begun(valve_of(0.05), 1e-3, 0.02)
     braked = stop_of(rollout, task, task.currents(0.0), moving)
     task = replace(task, target_m=braked.position_m - 0.002)  # the brake cannot be stronger
-    currents, stop = planner_within().placed(rollout, task, moving, task.currents(0.0))
+    currents, stop, _ = planner_within().placed(rollout, task, moving, task.currents(0.0))
     assert braked.position_m - 1e-4 < stop.position_m <= braked.position_m
     assert min(currents) > 4.0 - 1e-9
+
+
+class NoSolution:
+    """A solver that finds nothing."""
+
+    def solve(self, *_: object) -> None:
+        """Return that there is no solution."""
+
+
+def test_without_a_solution_the_planned_currents_stay() -> None:
+    rollout, task, moving = begun(valve_of(0.05), 1e-3, 0.02)
+    planned = task.currents(0.0)
+    stop = stop_of(rollout, task, planned, moving)
+    task = replace(task, target_m=stop.position_m + task.direction * 0.001)
+    planner = StopPlanner(NoSolution(), LIMITS, NEAR * SPAN_M)
+    assert planner.placed(rollout, task, moving, planned) == (planned, stop, 0)
+
+
+def test_a_stop_that_is_near_its_target_needs_no_programme() -> None:
+    rollout, task, moving = begun(valve_of(0.05), 1e-3, 0.02)
+    planned = task.currents(0.0)
+    stop = stop_of(rollout, task, planned, moving)
+    task = replace(task, target_m=stop.position_m + 0.5 * NEAR * SPAN_M)
+    assert planner_within().placed(rollout, task, moving, planned) == (planned, stop, 0)

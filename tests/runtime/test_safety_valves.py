@@ -66,7 +66,7 @@ def test_the_three_valves_move_and_learn(undisturbed: dict[str, list[CanFrame]])
     for number, frames in enumerate(undisturbed.values()):
         codec = make_codec(WireSettings(id_offset=0x80 * number))
         messages = [codec.decode(frame)[0] for frame in frames]
-        assert len({m.current_ma for m in messages if isinstance(m, CurrentCommand)}) > 5
+        assert len({m.current_ma for m in messages if isinstance(m, CurrentCommand)}) > 3
         assert max(m.learned_count for m in messages if isinstance(m, PositionerStatus)) > 0
 
 

@@ -36,4 +36,3 @@ def test_every_law_has_controlled_and_nmpc_has_moved_the_stem(
     assert len(cycles) >= 50
     if law == "nmpc":
         assert Motion.MOVE in {cycle.decision.motion for cycle in cycles}
-        assert max(cycle.decision.passes for cycle in cycles) >= 1

@@ -174,6 +174,24 @@ class ValveBelief:
         high_m = (high_ma - self.offset_ma - self.sliding_ma) / self.spring_ma_per_m
         return min(max(position_m, low_m), max(high_m, low_m))
 
+    def nearest_m(self, setpoint_m: float, here_m: float, low_ma: float, high_ma: float) -> float:
+        """Return the place nearest to a setpoint where a stem can be that is here.
+
+        That is a place to which slides both ways lead, one to which the next slide leads, or here.
+        """
+        found = self.reachable_m(setpoint_m, low_ma, high_ma)
+        if found == setpoint_m:
+            return found
+        direction = 1.0 if setpoint_m > here_m else -1.0
+        low_m, high_m = (
+            (end_ma - self.offset_ma - direction * self.sliding_ma) / self.spring_ma_per_m
+            for end_ma in (low_ma, high_ma)
+        )
+        next_m = min(max(setpoint_m, low_m), high_m)
+        if direction * (next_m - here_m) > self.jump_m and abs(next_m - setpoint_m) < abs(found - setpoint_m):
+            found = next_m
+        return here_m if abs(here_m - setpoint_m) < abs(found - setpoint_m) else found
+
     def landing_ma(self, position_m: float, direction: float) -> float:
         """Return the pressure under which a stem that slides in `direction` stops at a place."""
         plain_ma = self.balance_ma(position_m) + direction * self.sliding_ma

@@ -80,7 +80,7 @@ class Judge:
         if move.stage is Stage.AWAY:
             return _OF_MARGIN * spring * move.margin_m
         if move.stage is Stage.LAND:
-            if memory.rest.readings and memory.setpoint_m is not None:
+            if memory.rest.readings:
                 return max(_ARRIVED_MA, _OF_ERROR * spring * abs(memory.setpoint_m - memory.position_m))
             return _ARRIVED_MA + _OF_STEP * abs(move.level_ma - move.before_ma)
         return _ARRIVED_MA

@@ -108,11 +108,15 @@ class QuasiStaticLaw:
         return self.judge.valve
 
     def begin(self, measured_m: float) -> QuasiStaticMemory:
-        """Return the memory of a law that starts at this reading, in m, and knows what is configured."""
+        """Return the memory of a law whose first setpoint is this reading, in m, and that knows what is configured."""
         doubt_m = 0.1 * self.valve.span_m
         move = Move(None, 0.0, measured_m, 0.0, 0.0, 0.0, measured_m, doubt_m * doubt_m, 0.0)
         belief = belief_of(self.valve)
-        memory = QuasiStaticMemory(belief, Noise(), move, NO_REST, None, measured_m, doubt_m * doubt_m, measured_m)
+        memory = QuasiStaticMemory(
+            belief, Noise(), move, NO_REST, None, measured_m, doubt_m * doubt_m, measured_m, setpoint_m=measured_m
+        )
+        sigma_m = self.judge.sigma_m(measured_m)
+        memory = replace(memory, setpoint_m2=sigma_m * sigma_m)
         return memory if self.braking is None else replace(memory, hurries=True, braked=self.braking.begun())
 
     def resumed(self, memory: QuasiStaticMemory, measured_m: float) -> QuasiStaticMemory:
@@ -157,7 +161,7 @@ class QuasiStaticLaw:
             position_m = memory.position_m + _TRACKING * (measured_m - memory.position_m)
             memory = replace(memory, position_m=position_m)
         direction = -1.0 if memory.move.direction < 0.0 else 1.0
-        stuck = memory.move.stage is None
+        stuck = memory.move.stage is None or memory.rest.readings > 0
         return memory, Estimate(StemState(memory.position_m, 0.0, stuck, direction), lessons)
 
     # -- what to do
@@ -173,9 +177,10 @@ class QuasiStaticLaw:
             memory = replace(memory, belief=belief, has_read=True)
             memory = memory if self.braking is None else self.braking.taught(memory)
         if setpoint_m != memory.setpoint_m:
-            memory = replace(memory, setpoint_m=setpoint_m, is_new=True, tries=0, pending=())
+            memory = replace(memory, setpoint_m=setpoint_m, setpoint_m2=0.0, is_new=True, tries=0, pending=())
             memory = memory if self.braking is None else self.braking.aimed(memory, setpoint_m)
-        setpoint_m = memory.belief.reachable_m(setpoint_m, self.limits.low_ma, self.limits.high_ma)
+        here_m = self.judge.stem_m(memory)
+        setpoint_m = memory.belief.nearest_m(setpoint_m, here_m, self.limits.low_ma, self.limits.high_ma)
         reason: MoveReason | None = None
         move, failed, belief = memory.move, memory.failed, memory.belief
         if move.stage is None or (move.stage is Stage.RETURN and memory.is_new):
@@ -189,7 +194,7 @@ class QuasiStaticLaw:
             memory = self._followed(self.judge.settled(memory))
             if memory.settled_s:
                 memory, reason = self._next(self._learned(memory, setpoint_m), setpoint_m)
-        move, current_ma = self._sent(memory)
+        before, (move, current_ma) = memory.move.slip, self._sent(memory)
         step_ma, sent_ma = self.rate_ma_per_s * self.judge.period_s, memory.sent_ma
         current_ma = min(max(current_ma, sent_ma - step_ma), sent_ma + step_ma)
         bounds = Bounds(-math.inf, math.inf, self.limits.low_ma, self.limits.high_ma)
@@ -199,7 +204,10 @@ class QuasiStaticLaw:
         if memory.belief is not belief:
             memory = replace(memory, is_other=memory.more_lag_s != 0.0 or memory.belief.differs)
         differs = memory.is_other or memory.failed > _CHANCE
-        return memory, Decision(current_ma, bounds, motion, reason=reason, failed_pushes=failed, differs=differs)
+        passes = move.slip.solved - before.solved if move.slip is not None and before is not None else 0
+        return memory, Decision(
+            current_ma, bounds, motion, passes=passes, reason=reason, failed_pushes=failed, differs=differs
+        )
 
     def _sent(self, memory: QuasiStaticMemory) -> tuple[Move, float]:
         """Return the move, and the current in mA of the next sample."""
@@ -244,7 +252,7 @@ class QuasiStaticLaw:
         move, noise = memory.move, memory.noise.after(memory.rest)
         if move.stage is Stage.SLIP:  # it is there
             return replace(memory, move=replace(move, stage=None))
-        setpoint_m, ends_ma = memory.setpoint_m or 0.0, (self.limits.low_ma, self.limits.high_ma)
+        setpoint_m, ends_ma = memory.setpoint_m, (self.limits.low_ma, self.limits.high_ma)
         beyond_m = abs(setpoint_m - memory.belief.reachable_m(setpoint_m, *ends_ma))
         stays = min(abs(move.level_ma - end_ma) for end_ma in ends_ma) < _AT_LIMIT_MA
         stays = stays and beyond_m > LARGE * self.valve.span_m
@@ -268,7 +276,7 @@ class QuasiStaticLaw:
         if memory.move.stage is None and error_m < _HASTY * sigma_m and memory.rest.duration_s < _LONG_S:
             return memory, None
         if memory.tries > _MOST_MOVES:  # it was left
-            is_due = memory.rest.duration_s > waits_s(memory.tries - _MOST_MOVES)
+            is_due = memory.rest.duration_s > waits_s(memory.tries - _MOST_MOVES, moves=memory.failed == 0)
             if not (is_due and error_m > LEFT * self.valve.span_m):
                 return memory, None
         return self._planned(memory, setpoint_m)
@@ -278,7 +286,8 @@ class QuasiStaticLaw:
         stem_m, span_m, tries = self.judge.stem_m(memory), self.valve.span_m, min(memory.tries, _MOST_MOVES + 1)
         if self.braking is not None and self.braking.is_worth_it(memory, setpoint_m):
             return True
-        if abs(setpoint_m - stem_m) <= max(tolerance_m(span_m, tries), CERTAIN * math.sqrt(memory.position_m2)):
+        certain_m = CERTAIN * math.sqrt(memory.position_m2 + memory.setpoint_m2)
+        if abs(setpoint_m - stem_m) <= max(tolerance_m(span_m, tries), certain_m):
             return False
         steps = self._steps_to(memory, setpoint_m)
         read_m = memory.braked.read_m(steps[-1].direction)

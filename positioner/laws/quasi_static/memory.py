@@ -93,8 +93,9 @@ class QuasiStaticMemory:
 
     belief, noise: of the valve and of the sensor. pressure: of the model, None before the first command is known. rest:
     the readings since the stem rests. settled_s: for how long the pressure has arrived. position_m, position_m2: the
-    place of the stem, and its variance. smooth_m: the smoothed reading. sent_ma: the last current. pending: moves that
-    are still to be made. tries: to this setpoint; failed: pushes in a row that have not moved the stem.
+    place of the stem, and its variance. smooth_m: the smoothed reading. sent_ma: the last current. setpoint_m2: the
+    variance of the setpoint, where it is the reading with which control began. pending: moves that are still to be
+    made. tries: to this setpoint; failed: pushes in a row that have not moved the stem.
     later_s: what rests are waited for beyond the model. more_lag_s: by how much the lag is longer than configured;
     behind_ma: the pressure behind it. lasts_s: how long the last move to a setpoint took, a braked one until the stem
     rested. is_lag_known: a move has shown it; hurries: and it was no shorter than believed. carried: where a resting
@@ -114,7 +115,8 @@ class QuasiStaticMemory:
     smooth_m: float
     sent_ma: float = 0.0
     settled_s: float = 1.0
-    setpoint_m: float | None = None
+    setpoint_m: float = 0.0
+    setpoint_m2: float = 0.0
     is_new: bool = False
     tries: int = 0
     pending: tuple[Step, ...] = ()

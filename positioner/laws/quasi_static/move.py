@@ -50,7 +50,7 @@ landing of the correction (then it is halved on average). σ of stops that are b
 stops alone, so 1.2 of it are enough for any error."""
 _LONGEST_WAIT_S, _SOON = 60.0, 8
 """More pushes of a stem that is jammed only wear the actuator; one in a minute finds it free again. Before that it is
-tried eight times after a second each, so that twenty pushes in vain are soon made, of which the guard tells."""
+tried eight times after a second or two, so that twenty pushes in vain are soon made, of which the guard tells."""
 _ALL = 0.999
 """Of the way to a limit: e⁻⁷, so at most seven lags are hurried through."""
 _LONGEST = 400
@@ -193,9 +193,12 @@ def tolerance_m(span_m: float, tries: int) -> float:
     return _TOLERANCE * span_m * (1.0 + _LOOSER * tries)
 
 
-def waits_s(number: int) -> float:
-    """Return for how long a stem that was left rests before it is tried for the nth time, from 1: 1 s, at last 60 s."""
-    return min(math.ldexp(1.0, min(max(number - _SOON, 0), 6)), _LONGEST_WAIT_S)
+def waits_s(number: int, *, moves: bool) -> float:
+    """Return for how long a stem that was left rests before it is tried for the nth time, from 1; at last 60 s.
+
+    moves: the last push has moved it. Pauses of less than 1.5 s would be taken for hunting (`cycle/hunting`).
+    """
+    return min(math.ldexp(2.0 if moves else 1.0, min(max(number - _SOON, 0), 6)), _LONGEST_WAIT_S)
 
 
 def can_follow(belief: ValveBelief, position_m: float, step: Step, through: float) -> bool:

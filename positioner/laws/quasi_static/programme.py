@@ -54,8 +54,8 @@ class StopPlanner:
 
     def placed(
         self, rollout: Rollout, task: Task, begun: Moving, planned: tuple[float, ...]
-    ) -> tuple[tuple[float, ...], Stop]:
-        """Return the currents in mA that put the stop of a stem nearest to the target, and that stop.
+    ) -> tuple[tuple[float, ...], Stop, int]:
+        """Return the currents in mA that put the stop nearest to the target, that stop, and the programmes solved.
 
         Args:
             rollout: the motion of the valve.
@@ -66,12 +66,12 @@ class StopPlanner:
         stop = stop_of(rollout, task, planned, begun)
         error_m = stop.position_m - task.target_m
         if abs(error_m) < self.within_m:
-            return planned, stop
+            return planned, stop, 0
         line = Line.until(max(stop.ends, 1), limited(task, planned, stop.ends))
         changes = self._changes(rollout, task, begun, line, error_m)
         best = planned, stop
         if changes is None:
-            return best
+            return *best, 0
         ends, part, last = [(0.0, error_m), (math.inf, 0.0)], 1.0, -1
         for _ in range(_TRIALS):
             wanted = line.changed([part * change for change in changes])
@@ -89,7 +89,7 @@ class StopPlanner:
             ends[side], last = (part, missed_m), side
             (near, near_m), (far, far_m) = ends
             part = (near * far_m - far * near_m) / (far_m - near_m) if far < math.inf else 2.0 * part
-        return best
+        return *best, 1
 
     def _changes(self, rollout: Rollout, task: Task, begun: Moving, line: Line, error_m: float) -> list[float] | None:
         """Return by how much the currents are to change at the knots, None where they do not move the stop."""

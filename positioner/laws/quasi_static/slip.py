@@ -95,7 +95,7 @@ class SlipPlan:
     rollout: by which it was planned, and is steered. currents: of the samples, at first as planned; from the brake on,
     those that the readings have led to. boosted: samples before the brake. by_reading: nothing but readings says when
     to brake. is_braking: the brake has begun; is_over: it is steered no longer, since the stem has stopped, or was
-    braked before it was seen to move.
+    braked before it was seen to move. solved: quadratic programmes until now.
     """
 
     task: Task
@@ -107,6 +107,7 @@ class SlipPlan:
     by_reading: bool = False
     is_braking: bool = False
     is_over: bool = False
+    solved: int = 0
 
     @property
     def latest(self) -> int:
@@ -197,12 +198,14 @@ def steered(plan: SlipPlan, track: Track, sent: int, before_ma: float, planner: 
     longer = stop_of(rollout, task, task.currents(task.period_s), moving)
     if beyond_m(longer, task) < 0.0 and sent < plan.latest:
         return None
-    currents = task.currents(0.0)
+    currents, solved = task.currents(0.0), 0
     stop = stop_of(rollout, task, currents, moving)
     if moving.stem.stuck or beyond_m(stop, task) <= 0.0:
         later = (task.target_m - stop.position_m) / (longer.position_m - stop.position_m or math.inf)
-        currents, stop = planner.placed(rollout, task, moving, task.currents(min(max(later, 0.0), 1.0) * task.period_s))
-    return replace(plan, currents=currents, stop=replace(plan.stop, position_m=stop.position_m), is_braking=True)
+        planned = task.currents(min(max(later, 0.0), 1.0) * task.period_s)
+        currents, stop, solved = planner.placed(rollout, task, moving, planned)
+    stop, solved = replace(plan.stop, position_m=stop.position_m), plan.solved + solved
+    return replace(plan, currents=currents, stop=stop, solved=solved, is_braking=True)
 
 
 def over(plan: SlipPlan, moving: Moving) -> SlipPlan:
